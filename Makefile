@@ -1,0 +1,67 @@
+# `make demo` and `make test`: each, alone, sets up everything it needs in .venv and then does its job.
+# VENV=DIR puts the environment elsewhere; PYTHON=python3.12 picks the interpreter that a new one is made with.
+
+PYTHON ?= python3
+VENV ?= .venv
+EXTRAS ?= render,train,dev
+DEMO ?= results/demo
+BENCH ?= results/bench.jsonl
+
+RUN := $(VENV)/bin
+STAMP := $(VENV)/.set-up
+PIP := $(RUN)/python -m pip --disable-pip-version-check
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help setup demo test lint format bench clean
+
+help: ## list what make can do (the default)
+	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+setup: $(STAMP) ## set up the environment in .venv, and nothing else
+
+demo: $(STAMP) ## compare the shipped policies: 16 robots, a table, pictures and a video in results/demo
+	$(RUN)/warehouse demo --out $(DEMO)
+
+test: $(STAMP) ## run all tests
+	$(RUN)/python -m pytest -n auto
+
+lint: $(STAMP) ## ruff and strict mypy
+	$(RUN)/ruff check
+	$(RUN)/ruff format --check
+	$(RUN)/mypy
+
+format: $(STAMP) ## put imports and layout in order
+	$(RUN)/ruff check --fix
+	$(RUN)/ruff format
+
+bench: $(STAMP) ## measure the speeds that README gives
+	$(RUN)/warehouse bench --json $(BENCH)
+
+clean: ## remove the environment, caches and build products; results stay
+	rm -rf .venv .ci-venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find warehouse_env agents train tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# Torch comes first and alone, so that a wrong build of it is seen before the rest is installed; setuptools is pinned
+# too, hence no isolated build. An environment that no longer runs (its Python is gone) is made anew.
+$(STAMP): pyproject.toml constraints.txt
+	@$(RUN)/python -m pip --version >/dev/null 2>&1 || { \
+	  command -v $(PYTHON) >/dev/null || { \
+	    echo "$(PYTHON) was not found: install Python 3.11 or newer (Debian: apt install python3 python3-venv)," \
+	         "or name it: make setup PYTHON=python3.12" >&2; exit 1; }; \
+	  $(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	    echo "$(PYTHON) is $$($(PYTHON) --version 2>&1), but 3.11 or newer is needed:" \
+	         "name a newer one, as in make setup PYTHON=python3.12" >&2; exit 1; }; \
+	  $(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
+	    echo "$(PYTHON) cannot make virtual environments:" \
+	         "install its venv module (Debian: apt install python3-venv) and run make again" >&2; exit 1; }; \
+	  if [ -e $(VENV) ] && [ ! -f $(VENV)/pyvenv.cfg ]; then \
+	    echo "$(VENV) exists and is no virtual environment: remove it, or name another folder with VENV=" >&2; \
+	    exit 1; fi; \
+	  echo "Making a virtual environment in $(VENV)"; \
+	  rm -rf $(VENV) && $(PYTHON) -m venv $(VENV); }
+	@echo "Installing the pinned packages (a few minutes the first time)"
+	@$(PIP) install --quiet --constraint constraints.txt setuptools torch
+	@$(PIP) install --quiet --constraint constraints.txt --no-build-isolation --editable ".[$(EXTRAS)]"
+	@touch $@
+	@echo "Set up: $$($(RUN)/python --version) in $(VENV)"

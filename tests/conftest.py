@@ -1,0 +1,43 @@
+"""Settings for every test, put in place before anything heavy is imported."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+
+# Two Numba threads, so that "one thread equals two" is really tested; one for BLAS and torch, since pytest runs one
+# process per core already.
+os.environ["NUMBA_NUM_THREADS"] = "2"
+for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ[_name] = "1"
+# No window, no sound, no screen.
+os.environ["MPLBACKEND"] = "Agg"
+os.environ["SDL_VIDEODRIVER"] = "dummy"
+os.environ["SDL_AUDIODRIVER"] = "dummy"
+os.environ["PYGAME_HIDE_SUPPORT_PROMPT"] = "1"
+# Plain, wide text from the command line, whatever terminal the tests run in.
+os.environ["NO_COLOR"] = "1"
+os.environ["COLUMNS"] = "200"
+for _name in ("FORCE_COLOR", "WAREHOUSE_CACHE"):
+    os.environ.pop(_name, None)
+
+# Plans and fonts are cached in a folder of this session, shared with its worker processes, never in the user's own.
+_CACHE_MARK = "WAREHOUSE_TEST_CACHE"
+_owns_cache = _CACHE_MARK not in os.environ
+if _owns_cache:
+    os.environ[_CACHE_MARK] = tempfile.mkdtemp(prefix="warehouse-test-cache-")
+os.environ["XDG_CACHE_HOME"] = os.environ[_CACHE_MARK]
+
+import pytest  # noqa: E402
+from hypothesis import settings  # noqa: E402
+
+# The same examples in every run, and no deadline: the first call of a kernel compiles it.
+settings.register_profile("warehouse", derandomize=True, deadline=None, database=None)
+settings.load_profile("warehouse")
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Remove the session's cache folder; worker processes leave that to the process that made it."""
+    if _owns_cache:
+        shutil.rmtree(os.environ.pop(_CACHE_MARK), ignore_errors=True)
