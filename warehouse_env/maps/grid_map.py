@@ -2,30 +2,37 @@
 
 from __future__ import annotations
 
+import hashlib
+import math
+from collections import OrderedDict
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import MapError
 
 Cell = tuple[int, int]
+T = TypeVar("T", bound=np.generic)
 
 # The 8 moves of eq. 26 (paper 000) as (d_row, d_col), counter-clockwise from east; odd indices are diagonal.
 MOVES: NDArray[np.int64] = np.array(
     [(0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1)], dtype=np.int64
 )
 
+DISTANCE_FIELDS_KEPT = 128  # per map; 17 kB each on 46 x 46 cells
+
 
 @dataclass(frozen=True, eq=False)
 class GridMap:
-    """A warehouse floor.
+    """A warehouse floor; its arrays are checked, copied and made read-only (MapError if something is wrong).
 
     occupied: bool[H, W], True where a shelf stands; row 0 is the north edge.
-    height: float32[H, W], floor height [m].
-    picks, stations: int64[K, 2], endpoint cells (row, col) of lifelong tasks.
+    height: float32[H, W], floor height [m]; flat if not given.
     cell_size: side of a cell [m].
+    picks, stations: int64[K, 2], endpoint cells (row, col) of lifelong tasks; `default_endpoints` if not given.
     """
 
     occupied: NDArray[np.bool_]
@@ -35,7 +42,178 @@ class GridMap:
     stations: NDArray[np.int64] = field(default=None)  # type: ignore[assignment]
     name: str = "unnamed"
 
+    def __post_init__(self) -> None:
+        occupied = _checked_occupied(self.occupied)
+        object.__setattr__(self, "occupied", _frozen(occupied))
+        object.__setattr__(self, "height", _frozen(_checked_height(self.height, occupied.shape)))
+        size = self.cell_size
+        if isinstance(size, bool) or not isinstance(size, (int, float, np.number)) or not 0 < float(size) < math.inf:
+            raise MapError(f"cell_size={size!r} must be a finite number of metres above 0")
+        object.__setattr__(self, "cell_size", float(size))
+        if self.picks is None or self.stations is None:
+            from warehouse_env.maps.endpoints import default_endpoints
+
+            picks, stations = default_endpoints(occupied)
+            object.__setattr__(self, "picks", picks if self.picks is None else self.picks)
+            object.__setattr__(self, "stations", stations if self.stations is None else self.stations)
+        for what in ("picks", "stations"):
+            object.__setattr__(self, what, _frozen(self._checked_endpoints(getattr(self, what), what)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the fields only; the copy is checked and read-only again, its caches are empty."""
+        return GridMap, (self.occupied, self.height, self.cell_size, self.picks, self.stations, self.name)
+
+    def _checked_endpoints(self, cells: ArrayLike, what: str) -> NDArray[np.int64]:
+        array = np.asarray(cells)
+        if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0 or array.dtype.kind not in "iu":
+            raise MapError(f"{what} must be a list of one or more (row, column) cells, not shape {array.shape}")
+        seen: set[Cell] = set()
+        for row, column in array.tolist():
+            cell = self.check_cell((row, column), f"{what} cell")
+            if not self._region[cell]:
+                raise MapError(f"{what} cell {cell} cannot be reached from the largest free region; move or remove it")
+            if cell in seen:
+                raise MapError(f"{what} names cell {cell} twice")
+            seen.add(cell)
+        return array.astype(np.int64)
+
     @property
     def shape(self) -> tuple[int, int]:
         """(rows, columns)."""
         return self.occupied.shape  # type: ignore[return-value]
+
+    @cached_property
+    def key(self) -> str:
+        """Return 32 hex digits that name the content (shelves, heights, cell size), for caches of what depends on it."""
+        content = hashlib.blake2b(digest_size=16)
+        content.update(f"{self.shape} {self.cell_size!r} ".encode())
+        content.update(self.occupied.tobytes())
+        content.update(self.height.tobytes())
+        return content.hexdigest()
+
+    @cached_property
+    def _region(self) -> NDArray[np.bool_]:
+        """bool[H, W], the largest connected free region."""
+        from warehouse_env.maps.endpoints import largest_region
+
+        return _frozen(largest_region(~self.occupied))
+
+    @cached_property
+    def free_cells(self) -> NDArray[np.int64]:
+        """int64[F, 2], the cells of the largest free region connected by eq. 26 moves, in reading order."""
+        return _frozen(np.argwhere(self._region))
+
+    @cached_property
+    def legal_moves(self) -> NDArray[np.bool_]:
+        """bool[H, W, 8]: may a robot on this cell make MOVES[m] (eq. 26, paper 000)?
+
+        Start and target are free and inside; a diagonal also needs both orthogonal cells free. Symmetric.
+        """
+        rows, columns = self.shape
+        free = np.pad(~self.occupied, 1)
+
+        def seen(d_row: int, d_column: int) -> NDArray[np.bool_]:
+            return free[1 + d_row : 1 + d_row + rows, 1 + d_column : 1 + d_column + columns]
+
+        legal = np.empty((rows, columns, 8), dtype=np.bool_)
+        for m, (d_row, d_column) in enumerate(MOVES.tolist()):
+            legal[:, :, m] = seen(0, 0) & seen(d_row, d_column) & seen(d_row, 0) & seen(0, d_column)
+        return _frozen(legal)
+
+    def centre(self, cells: ArrayLike) -> NDArray[np.float64]:
+        """Return float64[..., 2], the centres (x east, y north) [m] of cells (row, col) int[..., 2]."""
+        array = np.asarray(cells)
+        x = (array[..., 1] + 0.5) * self.cell_size
+        y = (self.shape[0] - 1 - array[..., 0] + 0.5) * self.cell_size
+        return np.stack([x, y], axis=-1)
+
+    def cell(self, points: ArrayLike) -> NDArray[np.int64]:
+        """Return int64[..., 2], the cells (row, col) that hold the points (x, y) [m]; off the floor they lie outside."""
+        array = np.asarray(points, dtype=np.float64)
+        column = np.floor(array[..., 0] / self.cell_size)
+        row = self.shape[0] - 1 - np.floor(array[..., 1] / self.cell_size)
+        return np.stack([row, column], axis=-1).astype(np.int64)
+
+    @cached_property
+    def _distance_fields(self) -> OrderedDict[Cell, NDArray[np.float64]]:
+        return OrderedDict()
+
+    def distance_to(self, goal: Cell) -> NDArray[np.float64]:
+        """Return float64[H, W], the exact octile cost-to-go [cells] to `goal` by eq. 26 moves; inf where unreachable.
+
+        Read-only, and kept for the last `DISTANCE_FIELDS_KEPT` goals. MapError if the goal is outside or on a shelf.
+        """
+        goal = self.check_cell(goal, "goal")
+        fields = self._distance_fields
+        known = fields.get(goal)
+        if known is None:
+            from warehouse_env.maps.distance import distance_field
+
+            known = _frozen(distance_field(self.legal_moves, MOVES, goal[0], goal[1]))
+            fields[goal] = known
+            if len(fields) > DISTANCE_FIELDS_KEPT:
+                fields.popitem(last=False)
+        else:
+            fields.move_to_end(goal)
+        return known
+
+    def check_cell(self, cell: ArrayLike, what: str) -> Cell:
+        """Return `cell` as two Python ints; MapError, beginning with `what`, if it is outside or on a shelf."""
+        array = np.asarray(cell)
+        if array.shape != (2,) or array.dtype.kind not in "iu":
+            raise MapError(f"{what} {cell!r} must be two whole numbers (row, column)")
+        row, column = int(array[0]), int(array[1])
+        rows, columns = self.shape
+        if not (0 <= row < rows and 0 <= column < columns):
+            raise MapError(
+                f"{what} ({row}, {column}) is outside map {self.name!r}: rows 0..{rows - 1}, columns 0..{columns - 1}"
+            )
+        if self.occupied[row, column]:
+            raise MapError(f"{what} ({row}, {column}) is on a shelf of map {self.name!r}; choose a free cell")
+        return row, column
+
+    def text(self) -> list[str]:
+        """Return one line a row: `#` shelf, `p` pick, `s` station, `~` raised or sunken floor, `.` other floor."""
+        drawing = np.where(self.occupied, "#", np.where(self.height != 0, "~", "."))
+        drawing[tuple(self.picks.T)] = "p"
+        drawing[tuple(self.stations.T)] = "s"
+        return ["".join(row) for row in drawing]
+
+
+def _frozen(array: NDArray[T]) -> NDArray[T]:
+    array.setflags(write=False)
+    return array
+
+
+def _checked_occupied(occupied: ArrayLike) -> NDArray[np.bool_]:
+    """Return a C-ordered bool[H, W] copy with at least one free cell, or raise MapError."""
+    try:
+        array = np.array(occupied)
+    except ValueError:
+        raise MapError("occupied has rows of different lengths; all rows must be equally long") from None
+    if array.ndim != 2:
+        raise MapError(f"occupied must have 2 dimensions (rows, columns), not {array.ndim}")
+    if array.size == 0:
+        raise MapError(f"the map is empty: occupied has shape {array.shape}")
+    if array.dtype != np.bool_ and (array.dtype.kind not in "iuf" or not np.isin(array, (0, 1)).all()):
+        raise MapError("occupied must hold only True (shelf) and False (free), or 1 and 0")
+    checked = np.ascontiguousarray(array.astype(np.bool_))
+    if checked.all():
+        raise MapError("the map has no free cell; a robot needs at least one")
+    return checked
+
+
+def _checked_height(height: ArrayLike | None, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Return a C-ordered float32[H, W] copy, zeros if not given, or raise MapError."""
+    if height is None:
+        return np.zeros(shape, dtype=np.float32)
+    try:
+        array = np.array(height, dtype=np.float32, order="C")
+    except (ValueError, TypeError):
+        raise MapError("height must be a table of numbers [m]") from None
+    if array.shape != shape:
+        raise MapError(f"height has shape {array.shape} but the map has {shape}; give one height [m] a cell")
+    if not np.isfinite(array).all():
+        row, column = np.argwhere(~np.isfinite(array))[0].tolist()
+        raise MapError(f"height at cell ({row}, {column}) is {array[row, column]}; heights must be finite metres")
+    return array

@@ -1,0 +1,91 @@
+"""Numba kernels over the cells of a map: exact distance fields and connected regions.
+
+Imported only when first needed, because importing numba takes about 0.4 s.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+SQRT2 = float(np.sqrt(2.0))
+
+
+@njit(cache=True, error_model="numpy")
+def distance_field(legal: NDArray[np.bool_], moves: NDArray[np.int64], row: int, column: int) -> NDArray[np.float64]:
+    """Return float64[H, W]: length [cells] of the shortest walk of eq. 26 moves to (row, column), inf if there is none.
+
+    legal: bool[H, W, 8], `GridMap.legal_moves`; moves: int64[8, 2], odd indices diagonal (length sqrt 2).
+
+    Label setting with buckets of width 1 (Dial 1969): no move is shorter than 1, so a cell whose distance lies in the
+    bucket under work can no longer improve, and no heap is needed. A move reaches at most two buckets ahead, so three
+    lists suffice. A length is kept as its two counts, straight and diagonal: it does not depend on the order of adding.
+    """
+    rows, columns = legal.shape[0], legal.shape[1]
+    distance = np.full(rows * columns, np.inf)
+    straight = np.zeros(rows * columns, np.int32)
+    diagonal = np.zeros(rows * columns, np.int32)
+    buckets = np.empty((3, rows * columns), np.int32)
+    sizes = np.zeros(3, np.int64)
+    goal = row * columns + column
+    distance[goal] = 0.0
+    buckets[0, 0] = goal
+    sizes[0] = 1
+    level = 0
+    while sizes[0] + sizes[1] + sizes[2] > 0:
+        now = level % 3
+        for i in range(sizes[now]):
+            cell = buckets[now, i]
+            if distance[cell] < level:  # reached from an earlier bucket after it was put in this one
+                continue
+            r, c = cell // columns, cell % columns
+            for m in range(8):
+                if not legal[r, c, m]:  # eq. 26 is symmetric: what may be entered may be left
+                    continue
+                other = cell + moves[m, 0] * columns + moves[m, 1]
+                s = straight[cell] + 1 - m % 2
+                d = diagonal[cell] + m % 2
+                length = s + d * SQRT2
+                before = distance[other]
+                if length < before:
+                    distance[other] = length
+                    straight[other] = s
+                    diagonal[other] = d
+                    target = int(length)
+                    if before == np.inf or int(before) != target:  # once a bucket is enough
+                        buckets[target % 3, sizes[target % 3]] = other
+                        sizes[target % 3] += 1
+        sizes[now] = 0
+        level += 1
+    return distance.reshape((rows, columns))
+
+
+@njit(cache=True)
+def label_regions(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Return int32[H, W]: 0 outside the mask, else the number (from 1, in reading order) of the 4-connected region.
+
+    For free cells these are also the regions of eq. 26: its diagonals need both orthogonal cells free.
+    """
+    rows, columns = mask.shape
+    label = np.zeros((rows, columns), np.int32)
+    stack = np.empty((rows * columns, 2), np.int32)
+    count = 0
+    for start_row in range(rows):
+        for start_column in range(columns):
+            if not mask[start_row, start_column] or label[start_row, start_column] != 0:
+                continue
+            count += 1
+            label[start_row, start_column] = count
+            stack[0, 0], stack[0, 1] = start_row, start_column
+            size = 1
+            while size > 0:
+                size -= 1
+                r, c = stack[size, 0], stack[size, 1]
+                for dr, dc in ((0, 1), (-1, 0), (0, -1), (1, 0)):
+                    a, b = r + dr, c + dc
+                    if 0 <= a < rows and 0 <= b < columns and mask[a, b] and label[a, b] == 0:
+                        label[a, b] = count
+                        stack[size, 0], stack[size, 1] = a, b
+                        size += 1
+    return label

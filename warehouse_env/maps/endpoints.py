@@ -1,0 +1,96 @@
+"""Where robots fetch and bring goods on a map that does not say so itself."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+STATION_SPACING = 3  # [cells] between neighbouring stations: a 0.9 x 0.6 m robot stops at one and another passes
+
+
+def largest_region(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return bool[H, W]: the largest connected region of the free cells (the first in reading order of equals)."""
+    from warehouse_env.maps.distance import label_regions
+
+    label = label_regions(free)
+    sizes = np.bincount(label.ravel())
+    sizes[0] = 0
+    region: NDArray[np.bool_] = label == np.argmax(sizes)
+    return region & free
+
+
+def default_endpoints(occupied: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return (picks int64[K, 2], stations int64[S, 2]) for a map that names none; both hold at least one cell.
+
+    Stations stand along the west and the east rim, `STATION_SPACING` apart, off the wall where there is room.
+    Picks are the free cells orthogonally beside a shelf, or an even spread of the floor where there is no shelf.
+    The two are disjoint unless the map has a single reachable cell.
+    """
+    region = largest_region(~occupied)
+    stations = _rim_stations(region)
+    rest = region.copy()
+    rest[tuple(stations.T)] = False
+    lattice = np.zeros_like(region)
+    lattice[1::3, 1::3] = True
+    for wanted in (_beside(_shelves(occupied)), _beside(occupied), lattice, region):
+        picks = np.argwhere(rest & wanted)
+        if len(picks):
+            return picks, stations
+    return stations.copy(), stations
+
+
+def _rim_stations(region: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return int64[S, 2]: in each row the reachable cell nearest to the west and to the east rim, thinned out."""
+    roomy = _roomy(region)
+    columns = region.shape[1]
+    band = max(1, columns // 3)  # further in than this is no rim
+    accepted: list[tuple[int, int]] = []
+    for side in (slice(None), slice(None, None, -1)):
+        for row in range(region.shape[0]):
+            for mask in (roomy, region):
+                line = np.flatnonzero(mask[row, side])
+                if len(line) and line[0] < band:
+                    column = int(line[0]) if side.step is None else columns - 1 - int(line[0])
+                    if all(_apart(row, column, *other) >= STATION_SPACING for other in accepted):
+                        accepted.append((row, column))
+                    break
+    cells = np.argwhere(region)
+    if len(accepted) < 2:  # a floor too small or too odd for rims: the two ends of what is there
+        accepted = list(dict.fromkeys([(int(r), int(c)) for r, c in (cells[0], cells[-1])]))
+    if len(accepted) >= len(cells) > 1:  # leave a cell for the picks
+        accepted = accepted[:1]
+    return np.array(sorted(accepted), dtype=np.int64)
+
+
+def _apart(row: int, column: int, other_row: int, other_column: int) -> int:
+    return max(abs(row - other_row), abs(column - other_column))
+
+
+def _neighbourhood(mask: NDArray[np.bool_], offsets: list[tuple[int, int]]) -> NDArray[np.bool_]:
+    """Return bool[len(offsets), H, W]: the mask seen at each (d_row, d_column); False outside the map."""
+    rows, columns = mask.shape
+    padded = np.pad(mask, 1)
+    return np.array([padded[1 + a : 1 + a + rows, 1 + b : 1 + b + columns] for a, b in offsets])
+
+
+def _roomy(region: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return bool[H, W]: cells whose eight neighbours are reachable as well, so that a robot can turn there."""
+    around = [(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)]
+    result: NDArray[np.bool_] = _neighbourhood(region, around).all(axis=0)
+    return result
+
+
+def _beside(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return bool[H, W]: cells with an occupied cell orthogonally beside them."""
+    result: NDArray[np.bool_] = _neighbourhood(occupied, [(0, 1), (-1, 0), (0, -1), (1, 0)]).any(axis=0)
+    return result
+
+
+def _shelves(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return bool[H, W]: the occupied cells that are not part of a wall, i.e. not connected with the map's edge."""
+    from warehouse_env.maps.distance import label_regions
+
+    label = label_regions(occupied)
+    edge = np.concatenate([label[0], label[-1], label[:, 0], label[:, -1]])
+    result: NDArray[np.bool_] = occupied & ~np.isin(label, edge)
+    return result
