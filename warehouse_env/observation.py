@@ -1,0 +1,42 @@
+"""The observation's named slices: what every policy reads, and the simulator writes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from warehouse_env.config import EnvConfig
+
+EGO = 8  # speed, steering, follower's steering, bearing, lateral, remaining, contact time, waiting time
+NEIGHBOUR = 7  # x, y, cos, sin, vx, vy, present
+
+
+class ObservationLayout(NamedTuple):
+    """Names -> slices of the flat vector; `size` is its length."""
+
+    slices: dict[str, slice]
+    size: int
+
+
+def observation_layout(config: EnvConfig) -> ObservationLayout:
+    """Return the layout of one robot's observation, all in its own frame and scaled to about 1.
+
+    lidar[rays]: 1 / (1 + d), d [m] from the body's centre to a shelf or robot; ray k at 2 pi k / rays, counter-clockwise.
+    ego[8]: speed / max_speed, steering / max_steering, the path follower's steering / max_steering,
+        route direction minus heading / pi, metres left of the route, min(metres to go, 20) / 20,
+        min(seconds in touch, 5) / 5, min(seconds standing, 20) / 20.
+    route[2 x route_points]: (x, y) / 5 m of the route at route_spacing, 2 route_spacing, ... ahead.
+    neighbours[7 x neighbours], nearest first: (x, y) / lidar_range of the other body's centre from the own,
+        cos and sin of the relative heading, relative velocity (x, y) / max_speed, 1; all 0 where nobody is.
+    """
+    sensor = config.sensor
+    sizes = {
+        "lidar": sensor.rays,
+        "ego": EGO,
+        "route": 2 * sensor.route_points,
+        "neighbours": NEIGHBOUR * sensor.neighbours,
+    }
+    slices, start = {}, 0
+    for name, size in sizes.items():
+        slices[name] = slice(start, start + size)
+        start += size
+    return ObservationLayout(slices, start)

@@ -1,0 +1,137 @@
+"""The state of all robots: one structured array, and the named views of it that others read.
+
+One record a robot keeps a step's call cheap (one array instead of forty) and its data in one cache line or two.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import EnvConfig
+
+F, I, B = np.float32, np.int32, np.int8
+
+ROBOT = np.dtype(
+    [
+        # motion
+        ("x", F), ("y", F), ("heading", F),  # front axle [m], [m], [rad]
+        ("speed", F), ("steer", F),  # [m/s], [rad]
+        ("cos", F), ("sin", F),  # of the heading
+        # the motion tried within a substep
+        ("try_x", F), ("try_y", F), ("try_heading", F), ("try_cos", F), ("try_sin", F),
+        ("moving", B), ("blocked", B),
+        # command
+        ("target_speed", F), ("target_steer", F),  # [m/s], [rad], as commanded by the action
+        ("acceleration", F), ("steer_rate", F),  # [m/s^2], [rad/s], held over one physics step
+        ("previous_speed", F), ("previous_steer", F),  # the last env step's command, for smoothness
+        ("follow_steer", F),  # [rad], what the path follower would steer without an offset
+        ("gear", B), ("gear_distance", F),  # +1 forward, -1 backing out [m left]
+        # route
+        ("points", I), ("spacing", F), ("position", F),  # way-points, [m] between them, [m] of arc length reached
+        ("lateral", F), ("bearing", F),  # [m] left of the route; route direction minus heading [rad]
+        ("goal_x", F), ("goal_y", F), ("goal_row", I), ("goal_col", I),
+        ("alive", B),
+        # events of the last env step
+        ("progress", F), ("gap", F), ("arrived", B), ("touching", B),
+        ("hit_robot", I), ("hit_shelf", I), ("near_miss", I), ("shelf_contact", B),
+        ("contact_time", F), ("waiting_time", F), ("goal_time", F),  # [s] in touch, standing, since the last goal
+        # totals of the episode
+        ("distance", np.float64), ("planned", np.float64), ("driven_to_goals", np.float64),
+        ("distance_at_goal", np.float64), ("min_gap", F),
+        ("hits_robot", I), ("hits_shelf", I), ("near_misses", I), ("goals", I), ("finish_time", F),
+    ],
+    align=True,
+)  # fmt: skip
+
+PARAMETERS = np.dtype(
+    [
+        ("dt", F), ("time_step", F), ("substeps", I), ("repeat", I),
+        ("half_length", F), ("half_width", F), ("offset", F), ("radius", F),  # [m]; offset: front axle to centre
+        ("wheelbase", F), ("min_speed", F), ("max_speed", F), ("max_acceleration", F),
+        ("max_steer", F), ("max_steer_rate", F),
+        ("arrival_radius", F), ("near_miss_gap", F), ("pair_range", F),
+        ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
+        ("action_type", I), ("one_shot", B), ("max_offset", F), ("cruise", F),
+    ],
+    align=True,
+)  # fmt: skip
+
+ACTION_TYPES = ("discrete", "continuous", "raw")
+GAP_HORIZON = 0.5  # [m] up to which gaps between robots are measured
+_REACH = 0.3  # [m] two robots can close in one physics step, at default speeds; see pair_range below
+
+
+def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
+    """Return the record of numbers that the kernels take, as a [1] structured array."""
+    robot, sensor = config.robot, config.sensor
+    p = np.zeros(1, dtype=PARAMETERS)
+    half_length, half_width = robot.length / 2, robot.width / 2
+    radius = float(np.hypot(half_length, half_width))
+    fastest = max(robot.max_speed, -robot.min_speed)
+    values = {
+        "dt": config.time_step / config.substeps, "time_step": config.time_step,
+        "substeps": config.substeps, "repeat": config.action_repeat,
+        "half_length": half_length, "half_width": half_width,
+        "offset": robot.rear_reach - half_length, "radius": radius,
+        "wheelbase": robot.wheelbase, "min_speed": robot.min_speed, "max_speed": robot.max_speed,
+        "max_acceleration": robot.max_acceleration,
+        "max_steer": robot.max_steering, "max_steer_rate": robot.max_steering_rate,
+        "arrival_radius": config.arrival_radius, "near_miss_gap": config.near_miss_gap,
+        "pair_range": 2 * radius + GAP_HORIZON + 4 * fastest * config.time_step,
+        "cell": cell, "lidar_range": sensor.lidar_range, "rays": sensor.rays, "neighbours": sensor.neighbours,
+        "route_points": sensor.route_points, "route_spacing": sensor.route_spacing,
+        "action_type": ACTION_TYPES.index(config.action_type), "one_shot": config.tasks == "one_shot",
+        "max_offset": max(abs(o) for o in config.lateral_offsets), "cruise": max(config.speed_levels),
+    }  # fmt: skip
+    for name, value in values.items():
+        p[name] = value
+    return p
+
+
+class State(NamedTuple):
+    """Views of what the robots are; [B, N] and the trailing axes named. Read, do not write."""
+
+    pose: NDArray[np.float32]  # [B, N, 3]: front axle x [m], y [m], heading [rad]
+    speed: NDArray[np.float32]  # [m/s]
+    steer: NDArray[np.float32]  # [rad], rear wheels
+    goal: NDArray[np.int32]  # [B, N, 2]: cell (row, col)
+    alive: NDArray[np.int8]  # 0 once a one-shot robot has arrived
+    route_points: NDArray[np.int32]  # valid way-points of routes[B, N]
+    route_position: NDArray[np.float32]  # [m] along the route
+    goals: NDArray[np.int32]  # reached in this episode
+    distance: NDArray[np.float64]  # [m] driven in this episode
+
+
+class Events(NamedTuple):
+    """Views of what happened in the last env step; all [B, N]."""
+
+    progress: NDArray[np.float32]  # [m] along the route
+    gap: NDArray[np.float32]  # smallest to another robot [m], at most GAP_HORIZON
+    arrived: NDArray[np.int8]
+    touching: NDArray[np.int8]
+    hit_robot: NDArray[np.int32]  # contact episodes with robots that began; one for each robot of a pair
+    hit_shelf: NDArray[np.int32]
+    near_miss: NDArray[np.int32]
+
+
+def _columns(robots: NDArray[Any], first: str, count: int, dtype: Any) -> NDArray[Any]:
+    """View `count` neighbouring fields of equal type as a trailing axis."""
+    offset = robots.dtype.fields[first][1]  # type: ignore[index]
+    step = np.dtype(dtype).itemsize
+    return np.ndarray((*robots.shape, count), dtype, robots, offset, (*robots.strides, step))
+
+
+def state_of(robots: NDArray[Any]) -> State:
+    """Return the views of State onto the structured array [B, N]."""
+    return State(
+        _columns(robots, "x", 3, F), robots["speed"], robots["steer"], _columns(robots, "goal_row", 2, I),
+        robots["alive"], robots["points"], robots["position"], robots["goals"], robots["distance"],
+    )  # fmt: skip
+
+
+def events_of(robots: NDArray[Any]) -> Events:
+    """Return the views of Events onto the structured array [B, N]."""
+    return Events(*(robots[name] for name in Events._fields))
