@@ -1,0 +1,108 @@
+"""A warehouse of rear-steering robots: PettingZoo, Gymnasium and stable-baselines3 environments over one fast simulator.
+
+Importing this package registers "Warehouse-v0" with Gymnasium and loads nothing heavy: every public name below is
+imported when it is first used.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+
+if TYPE_CHECKING:
+    from warehouse_env.config import EnvConfig, RewardWeights, RobotSpec, SensorSpec
+    from warehouse_env.envs.parallel import WarehouseParallelEnv, aec_env, parallel_env
+    from warehouse_env.envs.single import WarehouseSingleEnv, single_env
+    from warehouse_env.envs.vector import WarehouseVecEnv, vec_env
+    from warehouse_env.errors import ActionError, ConfigError, MapError, PlanError, WarehouseError, WeightsError
+    from warehouse_env.maps.grid_map import GridMap
+    from warehouse_env.maps.layouts import LAYOUTS, make_layout
+    from warehouse_env.maps.movingai import read_map, read_scen, write_map, write_scen
+    from warehouse_env.observation import observation_layout
+    from warehouse_env.planning import PLANNERS, make_planner
+    from warehouse_env.simulation.simulator import Simulator
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "EnvConfig": "config",
+    "RewardWeights": "config",
+    "RobotSpec": "config",
+    "SensorSpec": "config",
+    "WarehouseParallelEnv": "envs.parallel",
+    "aec_env": "envs.parallel",
+    "parallel_env": "envs.parallel",
+    "WarehouseSingleEnv": "envs.single",
+    "single_env": "envs.single",
+    "WarehouseVecEnv": "envs.vector",
+    "vec_env": "envs.vector",
+    "ActionError": "errors",
+    "ConfigError": "errors",
+    "MapError": "errors",
+    "PlanError": "errors",
+    "WarehouseError": "errors",
+    "WeightsError": "errors",
+    "GridMap": "maps.grid_map",
+    "LAYOUTS": "maps.layouts",
+    "make_layout": "maps.layouts",
+    "read_map": "maps.movingai",
+    "read_scen": "maps.movingai",
+    "write_map": "maps.movingai",
+    "write_scen": "maps.movingai",
+    "observation_layout": "observation",
+    "PLANNERS": "planning",
+    "make_planner": "planning",
+    "Simulator": "simulation.simulator",
+}
+
+__all__ = [
+    "LAYOUTS",
+    "PLANNERS",
+    "ActionError",
+    "ConfigError",
+    "EnvConfig",
+    "GridMap",
+    "MapError",
+    "PlanError",
+    "RewardWeights",
+    "RobotSpec",
+    "SensorSpec",
+    "Simulator",
+    "WarehouseError",
+    "WarehouseParallelEnv",
+    "WarehouseSingleEnv",
+    "WarehouseVecEnv",
+    "WeightsError",
+    "__version__",
+    "aec_env",
+    "make_layout",
+    "make_planner",
+    "observation_layout",
+    "parallel_env",
+    "read_map",
+    "read_scen",
+    "single_env",
+    "vec_env",
+    "write_map",
+    "write_scen",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name from its module on first use and keep it."""
+    home = _HOME.get(name)
+    if home is None:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"{__name__}.{home}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(set(globals()) | set(__all__))
+
+
+if "Warehouse-v0" not in gymnasium.registry:  # importlib.reload must not warn
+    gymnasium.register("Warehouse-v0", entry_point="warehouse_env.envs.single:WarehouseSingleEnv")

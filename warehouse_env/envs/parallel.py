@@ -1,0 +1,159 @@
+"""PettingZoo: every robot is an agent; one Simulator of one world behind it."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from pettingzoo import AECEnv, ParallelEnv
+from pettingzoo.utils import parallel_to_aec
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.envs.actions import bad_action, blank_actions, write_actions
+from warehouse_env.envs.camera import RENDER_MODES, Camera, render_fps
+from warehouse_env.envs.infos import Rows, robot_infos
+from warehouse_env.errors import ActionError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.planning.plan import Planner
+from warehouse_env.simulation.simulator import Simulator
+
+Observations = dict[str, NDArray[np.float32]]
+Infos = dict[str, dict[str, Any]]
+
+
+class WarehouseParallelEnv(ParallelEnv):  # type: ignore[misc]  # pettingzoo ships no types
+    """Robots "robot_0".."robot_{N-1}" of one warehouse, stepped together.
+
+    Lifelong tasks: nobody terminates, all are truncated at `max_steps`. One-shot tasks: a robot that arrives
+    terminates and leaves `agents`; its body stays parked. Arrays given away are never overwritten later.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {
+        "name": "warehouse_v0",
+        "render_modes": list(RENDER_MODES),
+        "render_fps": render_fps(EnvConfig()),
+        "is_parallelizable": True,
+    }
+
+    def __init__(
+        self,
+        config: EnvConfig | None = None,
+        *,
+        render_mode: str | None = None,
+        grid: GridMap | None = None,
+        planner: Planner | None = None,
+        **changes: Any,
+    ) -> None:
+        """Build one world from `config` with `changes` put in; ConfigError or MapError says what cannot be used."""
+        self.config = (config or EnvConfig()).replace(**changes)
+        fps = render_fps(self.config)
+        self._camera = Camera(render_mode, fps)
+        self.render_mode = render_mode
+        self.metadata = {**type(self).metadata, "render_fps": fps}  # type: ignore[misc]
+        self.simulator = Simulator(self.config, 1, grid=grid, planner=planner)
+        self.possible_agents = [f"robot_{k}" for k in range(self.simulator.num_agents)]
+        self.agents: list[str] = []
+        # one instance a robot, so that seeding one robot's space leaves the others' alone
+        self.observation_spaces = {a: copy.deepcopy(self.simulator.observation_space) for a in self.possible_agents}
+        self.action_spaces = {a: copy.deepcopy(self.simulator.action_space) for a in self.possible_agents}
+        shape = self.simulator.global_state(0).shape
+        self.state_space = spaces.Box(-np.inf, np.inf, shape, np.float32)
+        self._actions = blank_actions(self.simulator.action_space, 1, self.simulator.num_agents)
+        self._rows: Rows = slice(None)  # of the live robots; a slice while that is all of them
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the robot's own space instance, the same one at every call."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the robot's own space instance, the same one at every call."""
+        return self.action_spaces[agent]
+
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observations, Infos]:
+        """Start an episode; a seed fixes it to the bit, without one the generators go on. `options` is not used."""
+        observation = self.simulator.reset(seed)
+        self.agents = list(self.possible_agents)
+        self._rows = slice(None)
+        if self.render_mode == "human":
+            self.render()
+        return dict(zip(self.agents, observation[0].copy(), strict=True)), {agent: {} for agent in self.agents}
+
+    def step(
+        self, actions: dict[str, Any]
+    ) -> tuple[Observations, dict[str, float], dict[str, bool], dict[str, bool], Infos]:
+        """Step every live robot once; `actions` holds one action for each of `agents` and none besides.
+
+        Raises ActionError, naming the robot, for a missing, superfluous, misshapen or non-finite action.
+        """
+        simulator, agents, rows = self.simulator, self.agents, self._rows
+        if not agents and not actions:
+            return {}, {}, {}, {}, {}
+        self._advance(actions)
+        observations = dict(zip(agents, simulator.observation[0][rows].copy(), strict=True))
+        rewards = dict(zip(agents, simulator.reward[0][rows].tolist(), strict=True))
+        ended = simulator.terminated[0][rows].tolist()
+        terminations = dict(zip(agents, ended, strict=True))
+        truncated = bool(simulator.truncated[0])
+        truncations = {agent: truncated and not over for agent, over in terminations.items()}
+        infos = dict(zip(agents, robot_infos(simulator, 0, rows), strict=True))
+        if truncated or True in ended:
+            self._dismiss(ended, truncated)
+        if self.render_mode == "human":
+            self.render()
+        return observations, rewards, terminations, truncations, infos
+
+    def _advance(self, actions: dict[str, Any]) -> None:
+        """Check and gather the live robots' actions, and step the Simulator."""
+        agents, space = self.agents, self.simulator.action_space
+        try:
+            given = [actions[agent] for agent in agents]
+        except KeyError as missing:
+            raise ActionError(f"no action given for {missing.args[0]}") from None
+        if len(actions) != len(agents):
+            extra = next(name for name in actions if name not in agents)
+            raise ActionError(f"action given for {extra!r}, which is not among the live agents (call reset()?)")
+        if isinstance(self._rows, slice):
+            write_actions(self._actions[0], given, agents, space)
+        else:
+            live = self._actions[0][self._rows]
+            write_actions(live, given, agents, space)
+            self._actions[0][self._rows] = live
+        try:
+            self.simulator.step(self._actions)
+        except ActionError:
+            raise bad_action(given, agents, space) from None
+
+    def _dismiss(self, ended: list[bool], truncated: bool) -> None:
+        """Take the robots whose episode is over out of `agents`."""
+        agents = [] if truncated else [agent for agent, over in zip(self.agents, ended, strict=True) if not over]
+        self._rows = np.array([self.possible_agents.index(agent) for agent in agents], dtype=np.int64)
+        self._actions[0] = 0  # a parked robot's action is not read, but must be valid
+        self.agents = agents
+
+    def state(self) -> NDArray[np.float32]:
+        """Return the global view of the world, for centralised critics (`Simulator.global_state`)."""
+        return np.array(self.simulator.global_state(0), dtype=np.float32)
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return the picture uint8[H, W, 3] ("rgb_array"), or show it ("human") and return None."""
+        return self._camera.shot(self.simulator)
+
+    def close(self) -> None:
+        """Close the window, if one is open."""
+        self._camera.close()
+
+
+def parallel_env(config: EnvConfig | None = None, **options: Any) -> WarehouseParallelEnv:
+    """Return the PettingZoo parallel env, e.g. `parallel_env(num_agents=8, layout="narrow")`.
+
+    Takes render_mode, grid and planner as `WarehouseParallelEnv` does, and any EnvConfig field by name.
+    """
+    return WarehouseParallelEnv(config, **options)
+
+
+def aec_env(config: EnvConfig | None = None, **options: Any) -> AECEnv:
+    """Return the same env for PettingZoo's turn-by-turn interface; the world moves once all have chosen."""
+    return parallel_to_aec(parallel_env(config, **options))

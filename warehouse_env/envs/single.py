@@ -1,0 +1,116 @@
+"""Gymnasium: robot 0 learns, the others follow a given rule."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.envs.actions import bad_action, blank_actions, write_actions
+from warehouse_env.envs.camera import RENDER_MODES, Camera, render_fps
+from warehouse_env.envs.infos import robot_infos
+from warehouse_env.errors import ActionError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.planning.plan import Planner
+from warehouse_env.simulation.simulator import Simulator
+
+Others = Callable[[NDArray[np.float32]], Any]
+
+
+class WarehouseSingleEnv(gymnasium.Env[NDArray[np.float32], Any]):
+    """One robot's view of a warehouse that it shares with others.
+
+    The episode terminates when robot 0 does (one-shot arrival) and is truncated at `max_steps`.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]  # gymnasium's is no ClassVar
+        "render_modes": list(RENDER_MODES),
+        "render_fps": render_fps(EnvConfig()),
+    }
+
+    def __init__(
+        self,
+        config: EnvConfig | None = None,
+        *,
+        others: Others | None = None,
+        render_mode: str | None = None,
+        grid: GridMap | None = None,
+        planner: Planner | None = None,
+        **changes: Any,
+    ) -> None:
+        """Build one world from `config` with `changes` put in.
+
+        `others` maps the other robots' observations float32[N-1, D] to their actions [N-1] or [N-1, 2];
+        by default each drives along its route and does not look. ConfigError or MapError says what cannot be used.
+        """
+        self.config = (config or EnvConfig()).replace(**changes)
+        fps = render_fps(self.config)
+        self._camera = Camera(render_mode, fps)
+        self.render_mode = render_mode
+        self.metadata = {**type(self).metadata, "render_fps": fps}  # type: ignore[misc]
+        self.simulator = Simulator(self.config, 1, grid=grid, planner=planner)
+        self.observation_space = self.simulator.observation_space
+        self.action_space = self.simulator.action_space
+        self._others = others
+        self._names = [f"robot_{k}" for k in range(self.simulator.num_agents)]
+        self._actions = blank_actions(self.simulator.action_space, 1, self.simulator.num_agents)
+        self._started = False
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start an episode; a seed fixes it to the bit, without one the generators go on. `options` is not used."""
+        super().reset(seed=seed)
+        observation = self.simulator.reset(seed)
+        self._started = True
+        if self.render_mode == "human":
+            self.render()
+        return observation[0, 0].copy(), {}
+
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Step the world once with robot 0's action; ActionError names the robot whose action cannot be used."""
+        if not self._started:
+            raise gymnasium.error.ResetNeeded("call reset() before step()")
+        simulator = self.simulator
+        given = [action, *self._actions_of_others()]
+        write_actions(self._actions[0], given, self._names, simulator.action_space)
+        try:
+            simulator.step(self._actions)
+        except ActionError:
+            raise bad_action(given, self._names, simulator.action_space) from None
+        if self.render_mode == "human":
+            self.render()
+        return (
+            simulator.observation[0, 0].copy(),
+            float(simulator.reward[0, 0]),
+            bool(simulator.terminated[0, 0]),
+            bool(simulator.truncated[0]),
+            robot_infos(simulator, 0, slice(0, 1))[0],
+        )
+
+    def _actions_of_others(self) -> list[Any]:
+        """Return one action for each robot but the first."""
+        count = self.simulator.num_agents - 1
+        if self._others is None or count == 0:
+            return [self.simulator.cruise_action] * count
+        actions = list(self._others(self.simulator.observation[0, 1:].copy()))
+        if len(actions) != count:
+            raise ActionError(f"`others` gave {len(actions)} actions for {count} robots")
+        return actions
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """Return the picture uint8[H, W, 3] ("rgb_array"), or show it ("human") and return None."""
+        return self._camera.shot(self.simulator)
+
+    def close(self) -> None:
+        """Close the window, if one is open."""
+        self._camera.close()
+
+
+def single_env(config: EnvConfig | None = None, **options: Any) -> WarehouseSingleEnv:
+    """Return the Gymnasium env, e.g. `single_env(num_agents=4, layout="open")`; options as `WarehouseSingleEnv`."""
+    return WarehouseSingleEnv(config, **options)

@@ -1,0 +1,259 @@
+"""stable-baselines3: a VecEnv whose rows are worlds x robots, all sharing one policy."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.envs.actions import blank_actions
+from warehouse_env.envs.camera import Camera, render_fps
+from warehouse_env.errors import ActionError, ConfigError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.planning.plan import Planner
+from warehouse_env.simulation.simulator import Simulator
+
+StepResult = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]
+
+
+class Block(NamedTuple):
+    """Consecutive rows that one Simulator fills: row = start + world * robots + robot."""
+
+    simulator: Simulator
+    start: int
+    actions: NDArray[Any]  # [B, N] or [B, N, 2], what the Simulator is given
+
+    @property
+    def rows(self) -> slice:
+        """All rows of the block."""
+        return slice(self.start, self.start + self.simulator.num_worlds * self.simulator.num_agents)
+
+    def world_rows(self, world: int) -> slice:
+        """The rows of one world."""
+        first = self.start + world * self.simulator.num_agents
+        return slice(first, first + self.simulator.num_agents)
+
+
+class WarehouseVecEnv(VecEnv):
+    """Many worlds side by side, one row for each robot; worlds start anew by themselves.
+
+    A world starts anew when it is truncated (`max_steps`) or when all its robots have terminated (one-shot tasks).
+    A robot that terminates earlier keeps its row until then: parked, done at every step, with reward 0 and
+    `infos[row]["padding"] = True`, so that no value leaks across its end.
+
+    A done row's info holds "terminal_observation" and "TimeLimit.truncated"; where an episode ended it also holds
+    "episode" (r: return, l: steps, t: seconds), and the first row of a world that starts anew holds
+    "world_metrics" (`Simulator.episode_metrics`). All other rows' infos are empty dicts, the same ones at each
+    step. Observations and rewards given away are never overwritten.
+    """
+
+    def __init__(self, simulators: Sequence[Simulator], render_mode: str | None = None) -> None:
+        """Put the simulators' rows one after another; ConfigError if their robots' spaces differ."""
+        first = simulators[0]
+        for other in simulators[1:]:
+            if other.observation_space != first.observation_space or other.action_space != first.action_space:
+                raise ConfigError(
+                    "all configs of one vec_env need the same observation and action spaces: "
+                    "give them the same sensor, action_type, speed_levels and lateral_offsets"
+                )
+        self._camera = Camera(render_mode, render_fps(first.config))
+        self._mode = render_mode
+        self.blocks: list[Block] = []
+        rows = 0
+        for simulator in simulators:
+            actions = blank_actions(first.action_space, simulator.num_worlds, simulator.num_agents)
+            self.blocks.append(Block(simulator, rows, actions))
+            rows += simulator.num_worlds * simulator.num_agents
+        self._owner = np.repeat(np.arange(len(self.blocks)), [b.rows.stop - b.start for b in self.blocks])
+        super().__init__(rows, first.observation_space, first.action_space)
+        self._blank_infos: list[dict[str, Any]] = [{} for _ in range(rows)]
+        self._parked = np.zeros(rows, dtype=np.bool_)
+        self._returns = np.zeros(rows, dtype=np.float64)
+        self._lengths = np.zeros(rows, dtype=np.int64)
+        self._begun = np.full(rows, time.perf_counter())
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Fix the next `reset`: the first simulator is reset with `seed` itself, later ones with seeds drawn from it.
+
+        Returns one number a row, as the base class does; None draws a seed from numpy's global generator.
+        """
+        return super().seed(seed)
+
+    def reset(self) -> NDArray[np.float32]:
+        """Start every world; returns observations float32[rows, D]. Without `seed` before, the generators go on."""
+        seed = self._seeds[0]
+        observation = np.empty((self.num_envs, *(self.observation_space.shape or ())), dtype=np.float32)
+        for k, block in enumerate(self.blocks):
+            block_seed = seed if seed is None or k == 0 else _seed_of_block(seed, k)
+            observation[block.rows] = _flat(block.simulator.reset(block_seed))
+        self._reset_seeds()
+        self._reset_options()
+        self._begin(slice(None))
+        return observation
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Take the actions [rows] or [rows, 2] of the next step; ActionError on a wrong shape or kind."""
+        actions = np.asarray(actions)
+        wanted = (self.num_envs, *(self.action_space.shape or ()))
+        whole = self.blocks[0].actions.dtype.kind in "iu"
+        if actions.shape != wanted or actions.dtype.kind not in ("iu" if whole else "fiu"):
+            kind = "whole numbers" if whole else "numbers"
+            raise ActionError(f"actions of shape {actions.shape} ({actions.dtype}) given, {wanted} {kind} needed")
+        for block in self.blocks:
+            block.actions[:] = actions[block.rows].reshape(block.actions.shape)
+
+    def step_wait(self) -> StepResult:
+        """Step all worlds; returns observations [rows, D], rewards [rows], dones [rows] and infos."""
+        observation = np.empty((self.num_envs, *(self.observation_space.shape or ())), dtype=np.float32)
+        reward = np.empty(self.num_envs, dtype=np.float32)
+        terminated = np.empty(self.num_envs, dtype=np.bool_)
+        truncated = np.empty(self.num_envs, dtype=np.bool_)
+        for block in self.blocks:
+            simulator = block.simulator
+            simulator.step(block.actions)
+            observation[block.rows] = _flat(simulator.observation)
+            reward[block.rows] = simulator.reward.ravel()
+            terminated[block.rows] = simulator.terminated.ravel()
+            truncated[block.rows] = np.repeat(simulator.truncated, simulator.num_agents)
+        self._returns += reward
+        self._lengths += 1
+        dones = terminated | truncated
+        infos = list(self._blank_infos)
+        if dones.any():
+            self._end_rows(infos, observation, terminated, dones)
+            self._restart_worlds(infos, observation, terminated, truncated)
+        return observation, reward, dones, infos
+
+    def _end_rows(
+        self,
+        infos: list[dict[str, Any]],
+        observation: NDArray[np.float32],
+        terminated: NDArray[np.bool_],
+        dones: NDArray[np.bool_],
+    ) -> None:
+        """Give every done row its info, and mark the terminated ones as parked."""
+        now = time.perf_counter()
+        ended = np.flatnonzero(dones)
+        final = observation[ended]  # a copy: the rows themselves may start anew below
+        for row, last in zip(ended.tolist(), final, strict=True):
+            over = bool(terminated[row])
+            infos[row] = {"terminal_observation": last, "TimeLimit.truncated": not over}
+            if self._parked[row]:
+                infos[row]["padding"] = True
+            else:
+                length, begun = int(self._lengths[row]), float(self._begun[row])
+                infos[row]["episode"] = {"r": float(self._returns[row]), "l": length, "t": round(now - begun, 6)}
+        self._parked |= terminated
+
+    def _restart_worlds(
+        self,
+        infos: list[dict[str, Any]],
+        observation: NDArray[np.float32],
+        terminated: NDArray[np.bool_],
+        truncated: NDArray[np.bool_],
+    ) -> None:
+        """Reset every world that is over and put its first observations in place of the last."""
+        for block, world in self._worlds():
+            rows = block.world_rows(world)
+            if not (truncated[rows.start] or terminated[rows].all()):
+                continue
+            infos[rows.start]["world_metrics"] = block.simulator.episode_metrics(world)
+            block.simulator.reset_world(world)
+            observation[rows] = block.simulator.observation[world]
+            self._begin(rows)
+
+    def _begin(self, rows: slice) -> None:
+        """Set the episode counters of some rows to a start."""
+        self._parked[rows] = False
+        self._returns[rows] = 0.0
+        self._lengths[rows] = 0
+        self._begun[rows] = time.perf_counter()
+
+    def _worlds(self) -> Iterator[tuple[Block, int]]:
+        """Yield (block, world) for every world."""
+        for block in self.blocks:
+            for world in range(block.simulator.num_worlds):
+                yield block, world
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """Return, for each chosen row, the attribute of its Simulator ("render_mode": of this env)."""
+        rows = list(self._get_indices(indices)) if hasattr(self, "num_envs") else range(len(self._owner))
+        if attr_name == "render_mode":
+            return [self._mode for _ in rows]
+        return [getattr(self.blocks[self._owner[row]].simulator, attr_name) for row in rows]
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Set an attribute of the Simulators that hold the chosen rows."""
+        for k in np.unique(self._owner[list(self._get_indices(indices))]):
+            setattr(self.blocks[k].simulator, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Call a method once on each Simulator that holds a chosen row; returns its result for each such row."""
+        rows = list(self._get_indices(indices))
+        results = {
+            k: getattr(self.blocks[k].simulator, method_name)(*method_args, **method_kwargs)
+            for k in np.unique(self._owner[rows]).tolist()
+        }
+        return [results[int(self._owner[row])] for row in rows]
+
+    def env_is_wrapped(
+        self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
+    ) -> list[bool]:
+        """Return False for each chosen row: there are no single envs to wrap."""
+        return [False for _ in self._get_indices(indices)]
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """Return one picture for each world (not row)."""
+        return [self._camera.shot(block.simulator, world) for block, world in self._worlds()]
+
+    def close(self) -> None:
+        """Close the window, if one is open."""
+        self._camera.close()
+
+
+def _flat(array: NDArray[np.float32]) -> NDArray[np.float32]:
+    """[B, N, D] as [B * N, D]."""
+    return array.reshape(-1, array.shape[-1])
+
+
+def _seed_of_block(seed: int, block: int) -> int:
+    """Return the seed of a later block, far from the seeds a user may give."""
+    return int(np.random.SeedSequence([seed, block]).generate_state(1)[0])
+
+
+def vec_env(
+    num_worlds: int | Sequence[int] = 1,
+    config: EnvConfig | None = None,
+    *,
+    configs: Sequence[EnvConfig] | None = None,
+    render_mode: str | None = None,
+    grid: GridMap | None = None,
+    planner: Planner | None = None,
+    **changes: Any,
+) -> WarehouseVecEnv:
+    """Return a VecEnv of `num_worlds` worlds, e.g. `vec_env(64, num_agents=16, layout="narrow")`.
+
+    `configs` mixes several warehouses (layouts, robot counts) in one VecEnv: `num_worlds` worlds of each, or a
+    list with one number for each. `changes` go into every config. ConfigError says what cannot be used.
+    """
+    if configs is not None and config is not None:
+        raise ConfigError("give either config or configs, not both")
+    chosen = list(configs) if configs is not None else [config or EnvConfig()]
+    counts = [num_worlds] * len(chosen) if isinstance(num_worlds, int) else list(num_worlds)
+    if not chosen or len(counts) != len(chosen):
+        raise ConfigError(f"num_worlds={num_worlds!r} needs one number for each of the {len(chosen)} configs")
+    if any(not isinstance(count, int) or count < 1 for count in counts):
+        raise ConfigError(f"num_worlds={num_worlds!r} must be whole numbers of at least 1")
+    simulators = [
+        Simulator(one.replace(**changes), count, grid=grid, planner=planner)
+        for one, count in zip(chosen, counts, strict=True)
+    ]
+    return WarehouseVecEnv(simulators, render_mode)
