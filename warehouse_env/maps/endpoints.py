@@ -76,14 +76,12 @@ def _neighbourhood(mask: NDArray[np.bool_], offsets: list[tuple[int, int]]) -> N
 def _roomy(region: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return bool[H, W]: cells whose eight neighbours are reachable as well, so that a robot can turn there."""
     around = [(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)]
-    result: NDArray[np.bool_] = _neighbourhood(region, around).all(axis=0)
-    return result
+    return np.asarray(_neighbourhood(region, around).all(axis=0))
 
 
 def _beside(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return bool[H, W]: cells with an occupied cell orthogonally beside them."""
-    result: NDArray[np.bool_] = _neighbourhood(occupied, [(0, 1), (-1, 0), (0, -1), (1, 0)]).any(axis=0)
-    return result
+    return np.asarray(_neighbourhood(occupied, [(0, 1), (-1, 0), (0, -1), (1, 0)]).any(axis=0))
 
 
 def _shelves(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections import OrderedDict
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -36,10 +36,10 @@ class GridMap:
     """
 
     occupied: NDArray[np.bool_]
-    height: NDArray[np.float32] = field(default=None)  # type: ignore[assignment]
+    height: NDArray[np.float32] = None  # type: ignore[assignment]
     cell_size: float = 1.0
-    picks: NDArray[np.int64] = field(default=None)  # type: ignore[assignment]
-    stations: NDArray[np.int64] = field(default=None)  # type: ignore[assignment]
+    picks: NDArray[np.int64] = None  # type: ignore[assignment]
+    stations: NDArray[np.int64] = None  # type: ignore[assignment]
     name: str = "unnamed"
 
     def __post_init__(self) -> None:
@@ -80,11 +80,11 @@ class GridMap:
     @property
     def shape(self) -> tuple[int, int]:
         """(rows, columns)."""
-        return self.occupied.shape  # type: ignore[return-value]
+        return self.occupied.shape
 
     @cached_property
     def key(self) -> str:
-        """Return 32 hex digits that name the content (shelves, heights, cell size), for caches of what depends on it."""
+        """Return 32 hex digits that stand for the content (shelves, heights, cell size), for caches."""
         content = hashlib.blake2b(digest_size=16)
         content.update(f"{self.shape} {self.cell_size!r} ".encode())
         content.update(self.occupied.tobytes())
@@ -128,7 +128,7 @@ class GridMap:
         return np.stack([x, y], axis=-1)
 
     def cell(self, points: ArrayLike) -> NDArray[np.int64]:
-        """Return int64[..., 2], the cells (row, col) that hold the points (x, y) [m]; off the floor they lie outside."""
+        """Return int64[..., 2], the cells (row, col) that hold points (x, y) [m]; off the floor they lie outside."""
         array = np.asarray(points, dtype=np.float64)
         column = np.floor(array[..., 0] / self.cell_size)
         row = self.shape[0] - 1 - np.floor(array[..., 1] / self.cell_size)
