@@ -1,0 +1,40 @@
+"""Global planners: from a map, a start and a goal to a path of cells. A new planner is one line in PLANNERS."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+from warehouse_env.config import check_names
+from warehouse_env.errors import ConfigError, unknown_name
+from warehouse_env.planning.graph_search import AStar, AStarTurns, Dijkstra, min_turns
+from warehouse_env.planning.plan import Plan, Planner, climb, path_length, turns, validate
+
+__all__ = [
+    "PLANNERS",
+    "Plan",
+    "Planner",
+    "climb",
+    "make_planner",
+    "min_turns",
+    "path_length",
+    "turns",
+    "validate",
+]
+
+PLANNERS: dict[str, Callable[..., Planner]] = {
+    "dijkstra": Dijkstra,
+    "astar": AStar,
+    "astar_turns": AStarTurns,
+}
+
+
+def make_planner(name: str, **parameters: Any) -> Planner:
+    """Build a planner of PLANNERS; ConfigError for an unknown name, an unknown parameter or a bad value."""
+    if name not in PLANNERS:
+        raise unknown_name("planner", name, PLANNERS)
+    if parameters and not inspect.signature(PLANNERS[name]).parameters:
+        raise ConfigError(f"planner {name} takes no parameters; leave out {', '.join(parameters)}")
+    check_names(f"{name} parameter", parameters, PLANNERS[name])
+    return PLANNERS[name](**parameters)

@@ -1,0 +1,238 @@
+"""Dijkstra, A* and turn-aware A* on the moves of eq. 26 (paper 000): the truth the other planners are held against.
+
+Costs are kept as whole numbers of straight and diagonal steps, and a length is computed from them once, as
+straight + sqrt(2) * diagonal. Equal lengths are thus equal numbers, whatever the order of the steps.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from warehouse_env.errors import PlanError
+from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
+from warehouse_env.planning.plan import Plan, check_endpoints, planner_key, turns
+
+_SQRT2 = math.sqrt(2.0)
+
+
+@njit(cache=True)
+def _push(first: Any, second: Any, node: Any, size: int, a: float, b: float, value: int) -> int:
+    """Put (a, b, value) on the binary heap held in the first `size` places of three arrays; return the new size."""
+    i = size
+    while i > 0:
+        parent = (i - 1) >> 1
+        if first[parent] < a or (first[parent] == a and second[parent] <= b):
+            break
+        first[i], second[i], node[i] = first[parent], second[parent], node[parent]
+        i = parent
+    first[i], second[i], node[i] = a, b, value
+    return size + 1
+
+
+@njit(cache=True)
+def _pop(first: Any, second: Any, node: Any, size: int) -> Any:
+    """Return the node with the smallest (first, second); the heap then holds size - 1 entries."""
+    top = node[0]
+    last = size - 1
+    a, b, value = first[last], second[last], node[last]
+    i = 0
+    while 2 * i + 1 < last:
+        child = 2 * i + 1
+        right = child + 1
+        if right < last and (
+            first[right] < first[child] or (first[right] == first[child] and second[right] < second[child])
+        ):
+            child = right
+        if a < first[child] or (a == first[child] and b <= second[child]):
+            break
+        first[i], second[i], node[i] = first[child], second[child], node[child]
+        i = child
+    first[i], second[i], node[i] = a, b, value
+    return top
+
+
+@njit(cache=True)
+def _search(legal: Any, start: int, goal: int, informed: bool) -> Any:
+    """Return the cell (flat index) before each on a shortest path, -1 where none. legal: bool[H, W, 8].
+
+    informed: A* with the octile distance, ties to the cell nearer the goal; otherwise Dijkstra.
+    """
+    rows, cols = legal.shape[0], legal.shape[1]
+    cells = rows * cols
+    straight = np.zeros(cells, np.int64)
+    diagonal = np.zeros(cells, np.int64)
+    length = np.full(cells, np.inf)
+    before = np.full(cells, -1, np.int64)
+    closed = np.zeros(cells, np.bool_)
+    first, second, node = np.empty(8 * cells + 1), np.empty(8 * cells + 1), np.empty(8 * cells + 1, np.int64)
+    goal_row, goal_col = goal // cols, goal % cols
+    length[start] = 0.0
+    size = _push(first, second, node, 0, 0.0, 0.0, start)
+    while size > 0:
+        cell = _pop(first, second, node, size)
+        size -= 1
+        if cell == goal:
+            break
+        if closed[cell]:
+            continue
+        closed[cell] = True
+        row, col = cell // cols, cell % cols
+        for move in range(8):
+            if not legal[row, col, move]:
+                continue
+            to_row, to_col = row + MOVES[move, 0], col + MOVES[move, 1]
+            to = to_row * cols + to_col
+            a = straight[cell] + 1 - move % 2
+            b = diagonal[cell] + move % 2
+            new_length = a + b * _SQRT2
+            if new_length < length[to]:
+                length[to], straight[to], diagonal[to], before[to] = new_length, a, b, cell
+                ahead_a, ahead_b = 0, 0
+                if informed:
+                    d_row, d_col = abs(to_row - goal_row), abs(to_col - goal_col)
+                    ahead_b = min(d_row, d_col)
+                    ahead_a = max(d_row, d_col) - ahead_b
+                estimate = (a + ahead_a) + (b + ahead_b) * _SQRT2
+                size = _push(first, second, node, size, estimate, ahead_a + ahead_b * _SQRT2, to)
+    return before
+
+
+@njit(cache=True)
+def _search_turns(legal: Any, start: int, goal: int) -> Any:
+    """A* on cell x arriving move with the cost (length, turns); return the state before each and the goal's state.
+
+    State = 9 * cell + move, move 8 at the start. legal: bool[H, W, 8].
+    """
+    rows, cols = legal.shape[0], legal.shape[1]
+    states = 9 * rows * cols
+    straight = np.zeros(states, np.int64)
+    diagonal = np.zeros(states, np.int64)
+    length = np.full(states, np.inf)
+    turned = np.zeros(states, np.int64)
+    before = np.full(states, -1, np.int64)
+    closed = np.zeros(states, np.bool_)
+    first, second, node = np.empty(8 * states + 1), np.empty(8 * states + 1), np.empty(8 * states + 1, np.int64)
+    goal_row, goal_col = goal // cols, goal % cols
+    size = _push(first, second, node, 0, 0.0, 0.0, 9 * start + 8)
+    length[9 * start + 8] = 0.0
+    while size > 0:
+        state = _pop(first, second, node, size)
+        size -= 1
+        cell, arrived = state // 9, state % 9
+        if cell == goal:
+            return before, state
+        if closed[state]:
+            continue
+        closed[state] = True
+        row, col = cell // cols, cell % cols
+        for move in range(8):
+            if not legal[row, col, move]:
+                continue
+            to_row, to_col = row + MOVES[move, 0], col + MOVES[move, 1]
+            to = 9 * (to_row * cols + to_col) + move
+            a = straight[state] + 1 - move % 2
+            b = diagonal[state] + move % 2
+            new_turns = turned[state] + (1 if arrived != 8 and arrived != move else 0)
+            new_length = a + b * _SQRT2
+            if new_length < length[to] or (new_length == length[to] and new_turns < turned[to]):
+                length[to], straight[to], diagonal[to] = new_length, a, b
+                turned[to], before[to] = new_turns, state
+                d_row, d_col = abs(to_row - goal_row), abs(to_col - goal_col)
+                b += min(d_row, d_col)
+                a += max(d_row, d_col) - min(d_row, d_col)
+                size = _push(first, second, node, size, a + b * _SQRT2, float(new_turns), to)
+    return before, -1
+
+
+def _shortest(legal: NDArray[np.bool_], start: int, goal: int, informed: bool) -> list[int]:
+    """Flat cells of a shortest path, empty where none."""
+    before = _search(legal, start, goal, informed)
+    path = [goal]
+    while path[-1] != start:
+        if before[path[-1]] < 0:
+            return []
+        path.append(int(before[path[-1]]))
+    return path[::-1]
+
+
+def _fewest_turns(legal: NDArray[np.bool_], start: int, goal: int) -> list[int]:
+    """Flat cells of a path with the fewest turns among the shortest, empty where none."""
+    before, state = _search_turns(legal, start, goal)
+    path = []
+    while state >= 0:
+        path.append(int(state) // 9)
+        state = before[state]
+    return path[::-1]
+
+
+def _plan(grid: GridMap, start: Cell, goal: Cell, search: Callable[..., list[int]], *options: bool) -> Plan:
+    begin = time.perf_counter()
+    start, goal = check_endpoints(grid, start, goal)
+    cols = grid.occupied.shape[1]
+    flat = search(grid.legal_moves, start[0] * cols + start[1], goal[0] * cols + goal[1], *options)
+    cells = np.stack(np.divmod(np.array(flat, dtype=np.int64), cols), axis=1)
+    return Plan(cells, np.empty(0), time.perf_counter() - begin)
+
+
+@dataclass(frozen=True)
+class Dijkstra:
+    """Shortest path without a heuristic (Dijkstra 1959)."""
+
+    name: ClassVar[str] = "dijkstra"
+
+    @property
+    def key(self) -> str:
+        """Name and parameters."""
+        return planner_key(self)
+
+    def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator) -> Plan:
+        """Search; `rng` is not used."""
+        return _plan(grid, start, goal, _shortest, False)
+
+
+@dataclass(frozen=True)
+class AStar:
+    """Shortest path with the octile distance as heuristic (Hart, Nilsson & Raphael 1968)."""
+
+    name: ClassVar[str] = "astar"
+
+    @property
+    def key(self) -> str:
+        """Name and parameters."""
+        return planner_key(self)
+
+    def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator) -> Plan:
+        """Search; `rng` is not used."""
+        return _plan(grid, start, goal, _shortest, True)
+
+
+@dataclass(frozen=True)
+class AStarTurns:
+    """The fewest turns among the shortest paths: A* on cell x direction with the cost (length, turns)."""
+
+    name: ClassVar[str] = "astar_turns"
+
+    @property
+    def key(self) -> str:
+        """Name and parameters."""
+        return planner_key(self)
+
+    def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator) -> Plan:
+        """Search; `rng` is not used."""
+        return _plan(grid, start, goal, _fewest_turns)
+
+
+def min_turns(grid: GridMap, start: Cell, goal: Cell) -> int:
+    """Fewest direction changes that a shortest path from start to goal can have; PlanError if there is no path."""
+    plan = _plan(grid, start, goal, _fewest_turns)
+    if not plan.found:
+        raise PlanError(f"no path from {tuple(start)} to {tuple(goal)}")
+    return turns(plan.cells)
