@@ -1,4 +1,4 @@
-"""A warehouse of rear-steering robots: PettingZoo, Gymnasium and stable-baselines3 environments over one fast simulator.
+"""A warehouse of rear-steering robots: PettingZoo, Gymnasium and SB3 environments over one fast simulator.
 
 Importing this package registers "Warehouse-v0" with Gymnasium and loads nothing heavy: every public name below is
 imported when it is first used.

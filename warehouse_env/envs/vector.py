@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -78,15 +78,12 @@ class WarehouseVecEnv(VecEnv):
         self._lengths = np.zeros(rows, dtype=np.int64)
         self._begun = np.full(rows, time.perf_counter())
 
-    def seed(self, seed: int | None = None) -> Sequence[int | None]:
-        """Fix the next `reset`: the first simulator is reset with `seed` itself, later ones with seeds drawn from it.
-
-        Returns one number a row, as the base class does; None draws a seed from numpy's global generator.
-        """
-        return super().seed(seed)
-
     def reset(self) -> NDArray[np.float32]:
-        """Start every world; returns observations float32[rows, D]. Without `seed` before, the generators go on."""
+        """Start every world; returns observations float32[rows, D].
+
+        After `seed(s)` the first simulator is reset with s itself and later ones with seeds drawn from it;
+        otherwise the generators go on.
+        """
         seed = self._seeds[0]
         observation = np.empty((self.num_envs, *(self.observation_space.shape or ())), dtype=np.float32)
         for k, block in enumerate(self.blocks):
@@ -127,7 +124,7 @@ class WarehouseVecEnv(VecEnv):
         infos = list(self._blank_infos)
         if dones.any():
             self._end_rows(infos, observation, terminated, dones)
-            self._restart_worlds(infos, observation, terminated, truncated)
+            self._restart_worlds(infos, observation, dones)
         return observation, reward, dones, infos
 
     def _end_rows(
@@ -152,21 +149,17 @@ class WarehouseVecEnv(VecEnv):
         self._parked |= terminated
 
     def _restart_worlds(
-        self,
-        infos: list[dict[str, Any]],
-        observation: NDArray[np.float32],
-        terminated: NDArray[np.bool_],
-        truncated: NDArray[np.bool_],
+        self, infos: list[dict[str, Any]], observation: NDArray[np.float32], dones: NDArray[np.bool_]
     ) -> None:
-        """Reset every world that is over and put its first observations in place of the last."""
-        for block, world in self._worlds():
-            rows = block.world_rows(world)
-            if not (truncated[rows.start] or terminated[rows].all()):
-                continue
-            infos[rows.start]["world_metrics"] = block.simulator.episode_metrics(world)
-            block.simulator.reset_world(world)
-            observation[rows] = block.simulator.observation[world]
-            self._begin(rows)
+        """Reset every world whose robots are all done and put its first observations in place of the last."""
+        for block in self.blocks:
+            over = dones[block.rows].reshape(block.simulator.num_worlds, -1).all(axis=1)
+            for world in np.flatnonzero(over).tolist():
+                rows = block.world_rows(world)
+                infos[rows.start]["world_metrics"] = block.simulator.episode_metrics(world)
+                block.simulator.reset_world(world)
+                observation[rows] = block.simulator.observation[world]
+                self._begin(rows)
 
     def _begin(self, rows: slice) -> None:
         """Set the episode counters of some rows to a start."""
@@ -174,12 +167,6 @@ class WarehouseVecEnv(VecEnv):
         self._returns[rows] = 0.0
         self._lengths[rows] = 0
         self._begun[rows] = time.perf_counter()
-
-    def _worlds(self) -> Iterator[tuple[Block, int]]:
-        """Yield (block, world) for every world."""
-        for block in self.blocks:
-            for world in range(block.simulator.num_worlds):
-                yield block, world
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """Return, for each chosen row, the attribute of its Simulator ("render_mode": of this env)."""
@@ -212,7 +199,11 @@ class WarehouseVecEnv(VecEnv):
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """Return one picture for each world (not row)."""
-        return [self._camera.shot(block.simulator, world) for block, world in self._worlds()]
+        return [
+            self._camera.shot(block.simulator, world)
+            for block in self.blocks
+            for world in range(block.simulator.num_worlds)
+        ]
 
     def close(self) -> None:
         """Close the window, if one is open."""

@@ -1,0 +1,200 @@
+"""Who may import whom, read from the source; and what `import warehouse_env` may load."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+import warehouse_env
+
+ROOT = Path(__file__).parent.parent
+PACKAGES = ("warehouse_env", "agents", "train")
+
+BASE = ("warehouse_env.errors", "warehouse_env.config")
+WORLD = (*BASE, "warehouse_env.observation", "warehouse_env.maps", "warehouse_env.planning")
+
+# The first prefix that fits a module says which of our own modules it may import.
+MAY_IMPORT: dict[str, tuple[str, ...]] = {
+    "warehouse_env.errors": (),
+    "warehouse_env.config": BASE,
+    "warehouse_env.observation": BASE,
+    "warehouse_env.maps": (*BASE, "warehouse_env.maps"),
+    "warehouse_env.planning": (*BASE, "warehouse_env.maps", "warehouse_env.planning"),
+    "warehouse_env.simulation": (*WORLD, "warehouse_env.simulation"),
+    "warehouse_env.render": (*BASE, "warehouse_env.maps", "warehouse_env.simulation.state", "warehouse_env.render"),
+    "warehouse_env.envs": (*WORLD, "warehouse_env.simulation", "warehouse_env.envs", "warehouse_env.render"),
+    "warehouse_env": ("warehouse_env",),
+    "agents": (*WORLD, "agents"),
+    "train": ("warehouse_env", "agents", "train"),
+}
+
+# A package that only these modules may import.
+ONLY_IN: dict[str, tuple[str, ...]] = {
+    "torch": ("agents.networks", "agents.learned", "train"),
+    "stable_baselines3": ("warehouse_env.envs.vector", "agents.learned", "train.ppo"),
+    "ray": ("train.distributed",),
+    "pygame": ("warehouse_env.render", "train.report"),
+    "matplotlib": ("warehouse_env.render", "train.report"),
+    "imageio": ("warehouse_env.render", "train.report"),
+    "imageio_ffmpeg": ("warehouse_env.render", "train.report"),
+}
+
+# Optional packages, and our own pictures: imported where they are used, never when a module is loaded.
+LAZY = ("pygame", "matplotlib", "imageio", "imageio_ffmpeg", "ray")
+LAZY_IN_ENVS = ("warehouse_env.render",)
+
+
+class Import(NamedTuple):
+    """One import: who, what, on which line, and whether loading the module runs it."""
+
+    module: str
+    target: str
+    line: int
+    at_load: bool
+
+
+def within(module: str, prefixes: tuple[str, ...]) -> bool:
+    return any(module == prefix or module.startswith(f"{prefix}.") for prefix in prefixes)
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports_of(module: str, source: str) -> Iterator[Import]:
+    """Yield every import of a module's source, `importlib.import_module("...")` and the like included."""
+    todo: list[tuple[ast.AST, bool]] = [(ast.parse(source), True)]
+    while todo:
+        node, at_load = todo.pop()
+        for target in _targets(node):
+            yield Import(module, target, getattr(node, "lineno", 0), at_load)
+        inside = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+        typing_only = isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+        todo += [(child, at_load and not inside and not typing_only) for child in ast.iter_child_nodes(node)]
+
+
+def _targets(node: ast.AST) -> list[str]:
+    """Return the modules that a node imports; names taken from the package itself count as their home module."""
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    if isinstance(node, ast.ImportFrom):
+        assert node.level == 0, f"relative import on line {node.lineno}: name the whole module"
+        homes = warehouse_env._HOME if node.module == "warehouse_env" else {}
+        whole = node.module in PACKAGES
+        return [
+            f"{node.module}.{homes.get(alias.name, alias.name)}" if whole else str(node.module) for alias in node.names
+        ]
+    if isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
+        name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+        if name in ("import_module", "__import__", "load") and isinstance(node.args[0].value, str):
+            return [node.args[0].value]
+    return []
+
+
+def faults(found: Iterator[Import]) -> list[str]:
+    """Return one sentence for each import that the rules forbid."""
+    sentences = []
+    for module, target, line, at_load in found:
+        where = f"{module} line {line} imports {target}"
+        rule = next(prefix for prefix in MAY_IMPORT if within(module, (prefix,)))
+        if target.split(".")[0] in PACKAGES and not within(target, MAY_IMPORT[rule]):
+            sentences.append(f"{where}, but {rule} may import only {', '.join(MAY_IMPORT[rule]) or 'none of ours'}")
+        for package, homes in ONLY_IN.items():
+            if within(target, (package,)) and not within(module, homes):
+                sentences.append(f"{where}, which only {', '.join(homes)} may")
+        lazy = LAZY + (LAZY_IN_ENVS if rule == "warehouse_env.envs" else ())
+        if at_load and within(target, lazy):
+            sentences.append(f"{where} when loaded; import it inside the function that uses it")
+    return sentences
+
+
+def test_every_import_is_allowed() -> None:
+    found = [
+        fault
+        for package in PACKAGES
+        for path in sorted((ROOT / package).rglob("*.py"))
+        for fault in faults(imports_of(module_name(path), path.read_text(encoding="utf-8")))
+    ]
+    assert not found, "\n" + "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    ("module", "source"),
+    [
+        ("warehouse_env.maps.grid_map", "from warehouse_env.planning import PLANNERS"),
+        ("warehouse_env.planning.aco", "import warehouse_env.simulation.step"),
+        ("warehouse_env.planning.aco", "from warehouse_env import Simulator"),
+        ("warehouse_env.simulation.step", "from warehouse_env.envs.parallel import parallel_env"),
+        ("warehouse_env.simulation.step", "def f():\n    import torch"),
+        ("warehouse_env.envs.parallel", "from warehouse_env.render.frame import draw"),
+        ("warehouse_env.envs.parallel", "import stable_baselines3"),
+        ("warehouse_env.render.frame", "import pygame"),
+        ("agents.brake", "from warehouse_env.simulation.simulator import Simulator"),
+        ("agents.brake", "from warehouse_env import Simulator"),
+        ("agents.learned", "from train.config import PPOConfig"),
+        ("agents.brake", "import importlib\nt = importlib.import_module('torch')"),
+        ("train.reinforce", "from stable_baselines3.common import vec_env"),
+        ("train.report", "import matplotlib.pyplot as plt"),
+    ],
+)
+def test_the_rules_catch(module: str, source: str) -> None:
+    assert faults(imports_of(module, source))
+
+
+@pytest.mark.parametrize(
+    ("module", "source"),
+    [
+        ("warehouse_env.envs.camera", "def f():\n    from warehouse_env.render.frame import draw"),
+        ("warehouse_env.envs.camera", "if TYPE_CHECKING:\n    from warehouse_env.render.window import Window"),
+        ("warehouse_env.envs.vector", "import stable_baselines3"),
+        ("agents.learned", "import torch"),
+        ("train.report", "def f():\n    import matplotlib"),
+    ],
+)
+def test_the_rules_let_through(module: str, source: str) -> None:
+    assert not faults(imports_of(module, source))
+
+
+IMPORT_TIME = """
+import time
+begun = time.process_time()
+import warehouse_env
+taken = time.process_time() - begun
+import sys
+heavy = {"torch", "stable_baselines3", "numba", "pettingzoo", "matplotlib", "pygame", "scipy"} & set(sys.modules)
+assert not heavy, heavy
+print(taken)
+"""
+
+
+def test_importing_the_package_is_light() -> None:
+    """Processor time, the least of three: a loaded machine must not fail this."""
+
+    def once() -> float:
+        run = subprocess.run([sys.executable, "-c", IMPORT_TIME], cwd=ROOT, capture_output=True, text=True, check=False)
+        assert run.returncode == 0, run.stderr
+        return float(run.stdout)
+
+    assert min(once() for _ in range(3)) < 0.5
+
+
+def test_every_public_name_exists() -> None:
+    assert set(warehouse_env.__all__) == {*warehouse_env._HOME, "__version__"}
+    for name in warehouse_env.__all__:
+        assert getattr(warehouse_env, name) is not None
+        assert name in dir(warehouse_env)
+    with pytest.raises(AttributeError, match="no_such_name"):
+        _ = warehouse_env.no_such_name
+
+
+def test_the_version_stands_once() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert "version" in project.get("dynamic", []) or project["version"] == warehouse_env.__version__
