@@ -1,0 +1,1 @@
+"""State in, picture out: frames, a window, videos and charts. Needs the extra `render`."""

@@ -1,0 +1,22 @@
+"""Imports of the optional packages that pictures need, with one clear sentence where one is missing."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from typing import Any
+
+from warehouse_env.errors import WarehouseError
+
+
+def load(module: str) -> Any:
+    """Import and return an optional module, e.g. "pygame" or "matplotlib.figure".
+
+    Raises WarehouseError where the package is not installed.
+    """
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")  # pygame greets on stdout, which may be a table or JSON
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        package = module.partition(".")[0]
+        raise WarehouseError(f"pictures need the package {package!r}; install warehouse-env[render]") from error

@@ -1,0 +1,178 @@
+"""The still part of every picture: floor, floor heights, shelves, pick faces and stations. Only numpy."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.maps.grid_map import GridMap
+
+Image = NDArray[np.float32]
+
+FLOOR = (246, 244, 239)
+_SEAM = (235, 232, 225)
+_PICK = (204, 198, 186)
+_STATION = (203, 224, 226)
+_STATION_EDGE = (112, 160, 166)
+_RACK = (112, 122, 135)
+_RACK_EDGE = (88, 97, 110)
+_BOX = np.array([(171, 180, 190), (163, 172, 183), (178, 186, 195), (167, 177, 189)], dtype=np.float32)
+_RAISED = (224, 168, 104)
+_SUNKEN = (120, 160, 205)
+_SHADE_DOWN, _SHADE_RIGHT, _SHADE_BLUR = 0.20, 0.14, 0.14  # [m], the shadow that shelves throw
+_DETAIL = 6.0  # [px per cell] below which seams, boxes and pick marks are left out
+
+
+def scale_for(grid: GridMap, longest: int = 1200, most: float = 16.0) -> float:
+    """Return the pixels per metre (at most `most`) at which the floor's longer side has at most `longest` pixels."""
+    return min(most, longest / (max(grid.shape) * grid.cell_size))
+
+
+@lru_cache(maxsize=8)
+def floor_image(grid: GridMap, pixels_per_metre: float) -> NDArray[np.uint8]:
+    """Draw the floor without robots -> read-only uint8[H, W, 3], north at the top."""
+    cell = grid.cell_size * pixels_per_metre
+    rows, columns = grid.shape
+    # Pixel centres in cells, from the north-west corner.
+    v = ((np.arange(max(1, round(rows * cell))) + 0.5) / cell).clip(0, rows - 1e-4)
+    u = ((np.arange(max(1, round(columns * cell))) + 0.5) / cell).clip(0, columns - 1e-4)
+    row, column = v.astype(np.int64), u.astype(np.int64)
+    across = np.abs(u - column - 0.5)[None, :].astype(np.float32)  # from the cell's centre line [cells]
+    down = np.abs(v - row - 0.5)[:, None].astype(np.float32)
+
+    image: Image = np.empty((len(v), len(u), 3), dtype=np.float32)
+    image[:] = FLOOR
+    if cell >= _DETAIL:
+        image[np.flatnonzero(np.diff(row)) + 1] = _SEAM
+        image[:, np.flatnonzero(np.diff(column)) + 1] = _SEAM
+    _tint_heights(image, grid, v, u)
+    _paint_endpoints(image, grid, row, column, across, down, cell)
+    shelf = grid.occupied[row][:, column]
+    image *= 1 - 0.26 * _shadow(shelf, pixels_per_metre)[..., None]
+    _paint_shelves(image, shelf, row, column, across, down, cell)
+    result = image.round().clip(0, 255).astype(np.uint8)
+    result.setflags(write=False)
+    return result
+
+
+def _blend(image: Image, cover: NDArray[np.float32], colour: tuple[int, int, int] | NDArray[np.float32]) -> None:
+    image += cover[..., None] * (np.asarray(colour, dtype=np.float32) - image)
+
+
+def _rounded(across: Image, down: Image, half: float, corner: float, cell: float) -> NDArray[np.float32]:
+    """Cover in [0, 1] of each pixel by its cell's rounded square of half-side `half` [cells], with a soft edge."""
+    x, y = across - (half - corner), down - (half - corner)
+    outside = np.hypot(x.clip(0), y.clip(0)) + np.minimum(np.maximum(x, y), 0) - corner
+    cover: NDArray[np.float32] = np.clip(0.5 - outside * cell, 0, 1)
+    return cover
+
+
+def _tint_heights(image: Image, grid: GridMap, v: NDArray[np.float64], u: NDArray[np.float64]) -> None:
+    """Warm where the floor is raised, cool where sunken, with light from the north-west; flat floors stay plain."""
+    height = np.asarray(grid.height, dtype=np.float64)
+    level = float(np.median(height[~grid.occupied])) if (~grid.occupied).any() else 0.0
+    relief = np.where(grid.occupied, 0.0, height - level)
+    span = float(np.abs(relief).max())
+    if span <= 0.0:
+        return
+    smooth = _bilinear(relief / span, v - 0.5, u - 0.5)
+    cover = (0.6 * np.abs(smooth)).astype(np.float32)
+    _blend(image, np.where(smooth > 0, cover, 0).astype(np.float32), _RAISED)
+    _blend(image, np.where(smooth < 0, cover, 0).astype(np.float32), _SUNKEN)
+    step = v[1] - v[0] if len(v) > 1 else 1.0
+    slope_down, slope_right = np.gradient(smooth, step) if min(smooth.shape) > 1 else (0.0, 0.0)
+    light = np.clip((slope_down + slope_right) * 0.08, -0.08, 0.06)
+    image *= (1 + light).astype(np.float32)[..., None]
+
+
+def _bilinear(values: NDArray[np.float64], v: NDArray[np.float64], u: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Interpolate values[H, W], given at whole numbers, at rows v and columns u (edges held)."""
+    v = v.clip(0, values.shape[0] - 1)
+    u = u.clip(0, values.shape[1] - 1)
+    v0, u0 = v.astype(np.int64), u.astype(np.int64)
+    v1, u1 = np.minimum(v0 + 1, values.shape[0] - 1), np.minimum(u0 + 1, values.shape[1] - 1)
+    right = (u - u0)[None, :]
+    below = (v - v0)[:, None]
+    upper = values[v0][:, u0] * (1 - right) + values[v0][:, u1] * right
+    lower = values[v1][:, u0] * (1 - right) + values[v1][:, u1] * right
+    result: NDArray[np.float64] = upper * (1 - below) + lower * below
+    return result
+
+
+def _paint_endpoints(
+    image: Image,
+    grid: GridMap,
+    row: NDArray[np.int64],
+    column: NDArray[np.int64],
+    across: Image,
+    down: Image,
+    cell: float,
+) -> None:
+    """Stations as pale rounded pads, pick faces as small dots."""
+    station = _cells_mask(grid, grid.stations)[row][:, column]
+    if station.any():
+        _blend(image, _rounded(across, down, 0.43, 0.14, cell) * station, _STATION_EDGE)
+        _blend(image, _rounded(across, down, 0.43 - max(0.05, 0.7 / cell), 0.10, cell) * station, _STATION)
+    pick = _cells_mask(grid, grid.picks)[row][:, column]
+    if pick.any() and cell >= _DETAIL:
+        dot = np.clip(0.5 + (0.09 - np.hypot(across, down)) * cell, 0, 1)
+        _blend(image, (dot * pick).astype(np.float32), _PICK)
+
+
+def _cells_mask(grid: GridMap, cells: NDArray[np.int64] | None) -> NDArray[np.bool_]:
+    mask = np.zeros(grid.shape, dtype=np.bool_)
+    if cells is not None and len(cells):
+        mask[cells[:, 0], cells[:, 1]] = True
+    return mask
+
+
+def _shadow(shelf: NDArray[np.bool_], pixels_per_metre: float) -> NDArray[np.float32]:
+    """Shelves moved down and right, with soft edges -> float32[H, W] in [0, 1]."""
+    down, right = round(_SHADE_DOWN * pixels_per_metre), round(_SHADE_RIGHT * pixels_per_metre)
+    shade = np.zeros(shelf.shape, dtype=np.float32)
+    shade[down:, right:] = shelf[: shelf.shape[0] - down, : shelf.shape[1] - right]
+    radius = round(_SHADE_BLUR * pixels_per_metre)
+    for axis in (0, 1, 0, 1):
+        shade = _box_blur(shade, radius, axis)
+    return shade
+
+
+def _box_blur(values: NDArray[np.float32], radius: int, axis: int) -> NDArray[np.float32]:
+    if radius < 1:
+        return values
+    pad = [(0, 0), (0, 0)]
+    pad[axis] = (radius + 1, radius)
+    total = np.cumsum(np.pad(values, pad, mode="edge"), axis=axis, dtype=np.float64)
+    size = values.shape[axis]
+    window = 2 * radius + 1
+    high = np.take(total, np.arange(window, window + size), axis=axis)
+    low = np.take(total, np.arange(size), axis=axis)
+    return ((high - low) / window).astype(np.float32)
+
+
+def _paint_shelves(
+    image: Image,
+    shelf: NDArray[np.bool_],
+    row: NDArray[np.int64],
+    column: NDArray[np.int64],
+    across: Image,
+    down: Image,
+    cell: float,
+) -> None:
+    """Racks seen from above: a frame, and a box a cell, no two neighbours quite alike."""
+    image[shelf] = _RACK
+    if cell >= _DETAIL:
+        tone = _BOX[(row[:, None] * 7 + column[None, :] * 5 + row[:, None] * column[None, :]) % len(_BOX)]
+        _blend(image, _rounded(across, down, 0.43, 0.08, cell) * shelf, tone)
+        lid = _rounded(across, down, 0.30, 0.05, cell) * shelf * np.float32(0.35)
+        _blend(image, lid, (255, 255, 255))
+    else:
+        image[shelf] = _BOX[0]
+    inside = shelf.copy()
+    inside[1:] &= shelf[:-1]
+    inside[:-1] &= shelf[1:]
+    inside[:, 1:] &= shelf[:, :-1]
+    inside[:, :-1] &= shelf[:, 1:]
+    image[shelf & ~inside] = _RACK_EDGE

@@ -1,0 +1,167 @@
+"""One moment of a warehouse as a picture. Draws on plain memory: no display is needed."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import RobotSpec
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.render.colours import RGB, mix, robot_colour
+from warehouse_env.render.extras import load
+from warehouse_env.render.floor import FLOOR, floor_image
+from warehouse_env.render.sprites import Tile, body_centre, paint_goal, paint_robot
+
+CAPTION_HEIGHT = 28  # [px], the strip below the floor
+_CAPTION_GROUND: RGB = (38, 44, 52)
+_CAPTION_INK: RGB = (236, 238, 240)
+_CAPTION_DIM: RGB = (168, 176, 186)
+
+
+class Scene(NamedTuple):
+    """What a picture shows of one world with N robots."""
+
+    grid: GridMap
+    robot: RobotSpec
+    pose: NDArray[np.float32]  # [N, 3] front axle x [m], y [m], heading [rad]
+    goal: NDArray[np.int64]  # [N, 2] cells
+    routes: list[NDArray[np.float32]]  # N x [R, 2], way-points ahead [m]
+    touching: NDArray[np.bool_]  # [N]
+    alive: NDArray[np.bool_]  # [N], False: parked
+    time: float  # [s]
+    text: str
+    steer: NDArray[np.float32] | None = None  # [N], angle of the rear wheels [rad]
+
+
+def scene_of(simulator: Any, world: int = 0) -> Scene:
+    """Copy one world of a Simulator (or of anything with its config, grid, state and events) into a Scene."""
+    config, state, events = simulator.config, simulator.state, simulator.events
+    pose = np.array(state.pose[world])
+    routes = [
+        route_ahead(state.route[world, i, : int(state.route_points[world, i])], float(state.route_position[world, i]))
+        for i in range(len(pose))
+    ]
+    return Scene(
+        grid=simulator.grid,
+        robot=config.robot,
+        pose=pose,
+        goal=np.array(state.goal[world]),
+        routes=routes,
+        touching=np.array(events.touching[world], dtype=np.bool_),
+        alive=np.array(state.alive[world], dtype=np.bool_),
+        time=float(state.step[world]) * config.time_step * config.action_repeat,
+        text=f"{simulator.grid.name}   {len(pose)} robots" if len(pose) > 1 else simulator.grid.name,
+        steer=np.array(state.steer[world]),
+    )
+
+
+def route_ahead(route: NDArray[np.float32], driven: float) -> NDArray[np.float32]:
+    """Return what remains of a route[R, 2] [m] after `driven` metres along it -> float32[K, 2], K <= R."""
+    if len(route) < 2:
+        return np.array(route, dtype=np.float32).reshape(-1, 2)
+    step = np.hypot(*np.diff(route.astype(np.float64), axis=0).T)
+    along = np.concatenate([[0.0], np.cumsum(step)])
+    driven = min(max(driven, 0.0), float(along[-1]))
+    here = [np.interp(driven, along, route[:, axis]) for axis in (0, 1)]
+    return np.concatenate([[here], route[along > driven]]).astype(np.float32)
+
+
+def draw(scene: Scene, pixels_per_metre: float = 16) -> NDArray[np.uint8]:
+    """Draw a scene -> uint8[H, W, 3], north at the top, a caption strip of CAPTION_HEIGHT below the floor.
+
+    Raises ConfigError for a scale that is no number above 0, WarehouseError where pygame is missing.
+    """
+    scale = float(pixels_per_metre)
+    if not (math.isfinite(scale) and scale > 0):
+        raise ConfigError(f"pixels_per_metre={pixels_per_metre!r} must be a finite number above 0")
+    pygame = load("pygame")
+    # 32 bits a pixel, since pygame's smooth lines misread 24; a canvas shares its array's memory.
+    ground = _ground(scene.grid, scale).copy()
+    height, columns, _ = ground.shape
+    rows = height - CAPTION_HEIGHT
+    canvas = pygame.image.frombuffer(ground, (columns, height), "RGBX")
+    canvas.set_clip((0, 0, columns, rows))
+    top = scene.grid.shape[0] * scene.grid.cell_size
+    _draw_routes(pygame, canvas, scene, top, scale)
+    _draw_goals(pygame, canvas, scene, top, scale)
+    _draw_robots(pygame, canvas, scene, top, scale)
+    canvas.set_clip(None)
+    _draw_caption(pygame, canvas, scene, rows)
+    frame = np.empty((height, columns, 3), dtype=np.uint8)
+    pygame.image.frombuffer(frame, (columns, height), "RGB").blit(canvas, (0, 0))
+    return frame
+
+
+@lru_cache(maxsize=4)
+def _ground(grid: GridMap, scale: float) -> NDArray[np.uint8]:
+    """Floor and empty caption strip -> uint8[H, W, 4], the fourth channel unused."""
+    floor = floor_image(grid, scale)
+    rows, columns, _ = floor.shape
+    ground = np.zeros((rows + CAPTION_HEIGHT, columns, 4), dtype=np.uint8)
+    ground[:rows, :, :3] = floor
+    ground[rows:, :, :3] = _CAPTION_GROUND
+    return ground
+
+
+def _draw_routes(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float) -> None:
+    for i, route in enumerate(scene.routes):
+        if len(route) < 2 or not scene.alive[i]:
+            continue
+        colour = mix(robot_colour(i), FLOOR, 0.35)
+        points = np.stack([route[:, 0], top - route[:, 1]], axis=1).astype(np.float64) * scale - 0.5
+        for shift in (-0.3, 0.3):  # two hair lines make one of about 1.6 px
+            pygame.draw.aalines(canvas, colour, False, (points + shift).tolist())
+
+
+def _draw_goals(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float) -> None:
+    centres = scene.grid.centre(np.asarray(scene.goal)).reshape(-1, 2)
+    for i in np.flatnonzero(scene.alive):
+        x, y = float(centres[i, 0]), float(centres[i, 1])
+        tile = Tile(pygame, (x, y), 0.45, top, scale)
+        paint_goal(tile, (x, y), robot_colour(int(i)))
+        tile.stamp(canvas)
+
+
+def _draw_robots(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float) -> None:
+    robot = scene.robot
+    reach = math.hypot(robot.length, robot.width) / 2 + 0.25  # with halo and shadow
+    # Parked robots first and those in contact last, so that what matters lies on top.
+    for i in np.lexsort((scene.touching, scene.alive)):
+        centre = body_centre(scene.pose[i], robot)
+        tile = Tile(pygame, centre, reach, top, scale)
+        steer = 0.0 if scene.steer is None else float(scene.steer[i])
+        colour = robot_colour(int(i))
+        paint_robot(tile, scene.pose[i], steer, robot, colour, bool(scene.touching[i]), bool(scene.alive[i]))
+        tile.stamp(canvas)
+
+
+def _draw_caption(pygame: Any, canvas: Any, scene: Scene, upper: int) -> None:
+    """Write the time at the right and the text at the left, cut short where it does not fit."""
+    font = _font(pygame)
+    width = canvas.get_width()
+    clock = font.render(f"{scene.time:.1f} s", True, _CAPTION_DIM)
+    room = width - clock.get_width() - 36
+    text = scene.text
+    while text and font.size(text)[0] > room:
+        text = text[:-2].rstrip() + "…" if len(text) > 2 else ""
+    for image, left in ((font.render(text, True, _CAPTION_INK), 12), (clock, width - clock.get_width() - 12)):
+        canvas.blit(image, (left, upper + (CAPTION_HEIGHT - image.get_height()) // 2))
+
+
+@lru_cache(maxsize=1)
+def _font(pygame: Any) -> Any:
+    """Return the typeface that matplotlib ships where it is installed, else pygame's own."""
+    pygame.font.init()
+    found = importlib.util.find_spec("matplotlib")
+    if found is not None and found.origin:
+        file = Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf"
+        if file.is_file():
+            return pygame.font.Font(str(file), 13)
+    return pygame.font.Font(None, 18)

@@ -1,0 +1,43 @@
+"""Files that are either complete or absent."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from warehouse_env.errors import WarehouseError
+
+
+def part_file(path: Path) -> Path:
+    """Create an empty file beside `path`, with its suffix, to be written and then moved over it.
+
+    Makes missing folders; raises WarehouseError where `path` cannot be written.
+    """
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(None, "it is a folder")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+    except OSError as error:
+        raise WarehouseError(f"cannot write {path}: {error.strerror or error}") from error
+    # mkstemp makes the file private; a picture gets the rights of any other new file.
+    mask = os.umask(0)
+    os.umask(mask)
+    os.fchmod(handle, 0o666 & ~mask)
+    os.close(handle)
+    return Path(name)
+
+
+@contextlib.contextmanager
+def complete_file(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield a file to write beside `path`; it takes that name at the end, or vanishes on an error."""
+    target = Path(path)
+    part = part_file(target)
+    try:
+        yield part
+        os.replace(part, target)
+    finally:
+        part.unlink(missing_ok=True)

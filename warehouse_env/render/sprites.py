@@ -1,0 +1,133 @@
+"""Small anti-aliased shapes: each is painted large on its own tile, then shrunk onto the frame."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import RobotSpec
+from warehouse_env.render.colours import CONTACT, GREY, RGB, mix
+
+Points = NDArray[np.float64]
+
+_OVERSAMPLE = 4
+_WHITE: RGB = (255, 255, 255)
+_WHEEL: RGB = (28, 31, 36)
+_CORNER_STEPS = np.linspace(0.0, math.pi / 2, 5)
+
+
+class Tile:
+    """A square of transparent ground around a point, painted in metres, `_OVERSAMPLE` times too large."""
+
+    def __init__(self, pygame: Any, centre: tuple[float, float], reach: float, top: float, scale: float) -> None:
+        """Cover `reach` [m] around `centre` [m]; `top` [m] is the floor's north edge, `scale` [px/m] the frame's."""
+        self._pygame = pygame
+        self._scale = scale
+        x, y = centre[0] * scale, (top - centre[1]) * scale
+        side = 2 * math.ceil(reach * scale) + 2
+        self.left, self.upper = math.floor(x) - side // 2, math.floor(y) - side // 2
+        # The metre origin in the tile's large pixels, less the half that pygame's rounding adds.
+        self._corner = (-self.left * _OVERSAMPLE - 0.5, (top * scale - self.upper) * _OVERSAMPLE - 0.5)
+        self.surface = pygame.Surface((side * _OVERSAMPLE, side * _OVERSAMPLE), pygame.SRCALPHA, 32)
+
+    def polygon(self, points: Points, colour: RGB, alpha: int = 255) -> None:
+        """Fill a polygon, points float[K, 2] in metres."""
+        fine = self._scale * _OVERSAMPLE
+        pixels = points * (fine, -fine) + self._corner
+        self._pygame.draw.polygon(self.surface, _ink(colour, alpha), pixels.tolist())
+
+    def circle(self, centre: tuple[float, float], radius: float, colour: RGB, alpha: int = 255) -> None:
+        """Fill a circle, in metres."""
+        fine = self._scale * _OVERSAMPLE
+        place = (centre[0] * fine + self._corner[0], -centre[1] * fine + self._corner[1])
+        self._pygame.draw.circle(self.surface, _ink(colour, alpha), place, radius * fine)
+
+    def stamp(self, canvas: Any) -> None:
+        """Shrink the tile and lay it over the frame's surface."""
+        side = self.surface.get_width() // _OVERSAMPLE
+        small = self._pygame.transform.smoothscale(self.surface, (side, side))
+        # Shapes lie on transparent black, so the shrunken colours are already multiplied by their cover.
+        canvas.blit(small, (self.left, self.upper), special_flags=self._pygame.BLEND_PREMULTIPLIED)
+
+
+def _ink(colour: RGB, alpha: int) -> tuple[int, int, int, int]:
+    red, green, blue = (channel * alpha // 255 for channel in colour)
+    return red, green, blue, alpha
+
+
+@lru_cache(maxsize=64)
+def rounded_box(rear: float, front: float, right: float, left: float, corner: float) -> Points:
+    """Outline of a rectangle with round corners: x ahead from rear to front, y to the left, in metres."""
+    corner = min(corner, (front - rear) / 2, (left - right) / 2)
+    arc = np.stack([np.cos(_CORNER_STEPS), np.sin(_CORNER_STEPS)], axis=1) * corner
+    quarter = np.array([[0.0, -1.0], [1.0, 0.0]])  # turns by 90 degrees
+    centres = [(front - corner, left - corner), (rear + corner, left - corner)]
+    centres += [(rear + corner, right + corner), (front - corner, right + corner)]
+    parts = []
+    for centre in centres:
+        parts.append(arc + centre)
+        arc = arc @ quarter.T
+    return np.concatenate(parts)
+
+
+def body_centre(pose: NDArray[np.float32], robot: RobotSpec) -> tuple[float, float]:
+    """Centre [m] of the body whose front axle stands at pose (x, y, heading)."""
+    x, y, heading = (float(value) for value in pose)
+    back = robot.rear_reach - robot.length / 2
+    return x - back * math.cos(heading), y - back * math.sin(heading)
+
+
+def paint_robot(
+    tile: Tile, pose: NDArray[np.float32], steer: float, robot: RobotSpec, colour: RGB, touching: bool, alive: bool
+) -> None:
+    """Paint one robot: pose (x [m], y [m], heading [rad]) of the front axle, steer [rad] of the rear wheels."""
+    x, y, heading = (float(value) for value in pose)
+    turn = _rotation(heading)
+
+    def put(points: Points, ink: RGB, alpha: int = 255, shift: tuple[float, float] = (0.0, 0.0)) -> None:
+        tile.polygon(points @ turn + (x + shift[0], y + shift[1]), ink, alpha)
+
+    def hull(inset: float, corner: float) -> Points:
+        half = robot.width / 2 - inset
+        return rounded_box(inset - robot.rear_reach, robot.front_overhang - inset, -half, half, corner)
+
+    if not alive:
+        colour = mix(GREY, _WHITE, 0.25)
+    if touching:
+        put(hull(-0.22, 0.3), CONTACT, 90)
+    put(hull(0.0, 0.12), (20, 24, 30), 70, (0.05, -0.06))
+    put(hull(0.0, 0.12), CONTACT if touching else mix(colour, (0, 0, 0), 0.45))
+    put(hull(0.09 if touching else 0.05, 0.08), colour)
+    _paint_wheels(put, robot, steer, mix(_WHEEL, _WHITE, 0.0 if alive else 0.35))
+    nose, half = robot.front_overhang - 0.05, robot.width / 2 - 0.13
+    plate = rounded_box(0.1 - robot.rear_reach, -0.26, -half, half, 0.05)
+    put(plate, mix(colour, _WHITE, 0.32))
+    put(np.array([[nose, 0.0], [-0.17, half + 0.03], [-0.17, -half - 0.03]]), _WHITE if alive else (225, 227, 230))
+
+
+def _paint_wheels(put: Any, robot: RobotSpec, steer: float, ink: RGB) -> None:
+    """Two fixed front wheels, two rear wheels turned by `steer`."""
+    wheel = rounded_box(-0.11, 0.11, -0.05, 0.05, 0.03)
+    turned = wheel @ _rotation(steer)
+    side = robot.width / 2 - 0.06
+    for left in (side, -side):
+        put(wheel + (0.0, left), ink)
+        put(turned + (-robot.wheelbase, left), ink)
+
+
+def _rotation(angle: float) -> Points:
+    """Matrix that turns row vectors by `angle` [rad], counter-clockwise."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    return np.array([[cos, sin], [-sin, cos]])
+
+
+def paint_goal(tile: Tile, centre: tuple[float, float], colour: RGB) -> None:
+    """Paint a target of the robot's colour around a cell's centre [m]."""
+    tile.circle(centre, 0.40, _WHITE, 200)
+    tile.circle(centre, 0.36, colour)
+    tile.circle(centre, 0.26, _WHITE, 235)
+    tile.circle(centre, 0.13, colour)
