@@ -32,7 +32,7 @@ def default_endpoints(occupied: NDArray[np.bool_]) -> tuple[NDArray[np.int64], N
     rest[tuple(stations.T)] = False
     lattice = np.zeros_like(region)
     lattice[1::3, 1::3] = True
-    for wanted in (_beside(_shelves(occupied)), _beside(occupied), lattice, region):
+    for wanted in (beside(_shelves(occupied)), beside(occupied), lattice, region):
         picks = np.argwhere(rest & wanted)
         if len(picks):
             return picks, stations
@@ -79,7 +79,7 @@ def _roomy(region: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(_neighbourhood(region, around).all(axis=0))
 
 
-def _beside(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def beside(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return bool[H, W]: cells with an occupied cell orthogonally beside them."""
     return np.asarray(_neighbourhood(occupied, [(0, 1), (-1, 0), (0, -1), (1, 0)]).any(axis=0))
 

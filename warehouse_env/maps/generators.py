@@ -1,0 +1,172 @@
+"""Generators of warehouse floors; each returns a checked GridMap, or raises ConfigError for a bad parameter."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.endpoints import beside, largest_region
+from warehouse_env.maps.grid_map import Cell, GridMap
+
+
+def blocks(
+    rows: int = 92,
+    columns: int = 92,
+    block_rows: int = 2,
+    block_columns: int = 3,
+    aisle: int = 3,
+    cross: int = 6,
+    zone_rows: int = 4,
+    zone_columns: int = 3,
+    rim_rows: int = 3,
+    rim_columns: int = 5,
+    station_spacing: int = 4,
+    corridor_stations: bool = True,
+) -> GridMap:
+    """Return a floor of storage zones: regular shelf blocks, parted by aisles, zones parted by cross corridors.
+
+    rows, columns: size of the floor. block_rows, block_columns: size of a shelf block. aisle: width between blocks.
+    zone_rows, zone_columns: blocks in a zone each way. cross: width between zones. rim_rows, rim_columns: least free
+    width along the north and south, and along the west and east edge. All in cells; what is left over widens the rims.
+    Stations stand along all rims every `station_spacing` cells, off the wall if the rim is 3 wide, and with
+    `corridor_stations` along the middle of the north-south cross corridors as well (for floors with many robots).
+    Picks are the cells beside a block that are not next to a station. 92 x 92 at these defaults suits 128 robots as well as
+    46 x 46 suits 32, and 260 x 260 suits 1024.
+    """
+    for what, value, least in (
+        ("rows", rows, 3),
+        ("columns", columns, 3),
+        ("block_rows", block_rows, 1),
+        ("block_columns", block_columns, 1),
+        ("aisle", aisle, 1),
+        ("cross", cross, 1),
+        ("zone_rows", zone_rows, 1),
+        ("zone_columns", zone_columns, 1),
+        ("rim_rows", rim_rows, 1),
+        ("rim_columns", rim_columns, 1),
+        ("station_spacing", station_spacing, 1),
+    ):
+        check_whole(what, value, least)
+    tops = _starts(rows, rim_rows, block_rows, aisle, cross, zone_rows)
+    lefts = _starts(columns, rim_columns, block_columns, aisle, cross, zone_columns)
+    if not tops or not lefts:
+        raise ConfigError(f"rows={rows}, columns={columns} leave no room for a shelf block inside the rims")
+    occupied = np.zeros((rows, columns), dtype=np.bool_)
+    for top in tops:
+        for left in lefts:
+            occupied[top : top + block_rows, left : left + block_columns] = True
+    offsets = (min(1, (tops[0] - 1) // 2), min(1, (lefts[0] - 1) // 2))
+    stations = rim_stations(rows, columns, offsets, station_spacing)
+    if corridor_stations:
+        gaps = itertools.pairwise(lefts)
+        middles = [(a + block_columns + b) // 2 for a, b in gaps if b - a - block_columns > aisle]
+        inner = range(tops[0], tops[-1] + block_rows, station_spacing)
+        stations += [(row, column) for column in middles for row in inner]
+    return _with_endpoints(occupied, stations, beside(occupied), "blocks")
+
+
+def _starts(length: int, rim: int, block: int, aisle: int, cross: int, zone: int) -> list[int]:
+    """Return the first cells of the blocks along one axis, centred on it."""
+    starts: list[int] = []
+    position = rim
+    while position + block <= length - rim:
+        starts.append(position)
+        position += block + (cross if len(starts) % zone == 0 else aisle)
+    spare = length - rim - (starts[-1] + block) if starts else 0
+    return [start + spare // 2 for start in starts]
+
+
+def rim_stations(rows: int, columns: int, offsets: tuple[int, int], spacing: int) -> list[Cell]:
+    """Return stations every `spacing` cells along the four rims.
+
+    offsets: distance of the stations from the north and south, and from the west and east edge [cells].
+    No station stands in a corner, where a robot could hardly turn, and no two lines crowd each other.
+    """
+    d_row, d_column = offsets
+    west_east = _spread(d_row + 2, rows - 3 - d_row, spacing)
+    north_south = _spread(d_column + spacing, columns - 1 - d_column - spacing, spacing)
+    cells = [(row, column) for column in (d_column, columns - 1 - d_column) for row in west_east]
+    cells += [(row, column) for row in (d_row, rows - 1 - d_row) for column in north_south]
+    return list(dict.fromkeys(cells))
+
+
+def _spread(first: int, last: int, spacing: int) -> list[int]:
+    """Return whole numbers from first to last, evenly spread and at least `spacing` apart."""
+    if last < first:
+        return []
+    return [int(number) for number in np.linspace(first, last, (last - first) // spacing + 1).round()]
+
+
+def single_lane(zone_rows: int = 5, lane: int = 16, rim: int = 4, cross: int = 4) -> GridMap:
+    """Return four zones of shelves two deep with aisles one cell wide: robots that meet must use a passing place.
+
+    zone_rows: aisles in a zone. lane: their length; in the middle of each a bay, 4 long and 1 deep, is cut out of the
+    shelf to its north. rim, cross: width of the rims and of the corridors between zones, at least 3, for a robot needs
+    room to turn into an aisle (the north-south corridor is 2 wider). In cells; the defaults give 46 x 46.
+    """
+    for what, value, least in (("zone_rows", zone_rows, 1), ("lane", lane, 8), ("rim", rim, 3), ("cross", cross, 3)):
+        check_whole(what, value, least)
+    zone_height = 3 * zone_rows + 2
+    rows = 2 * (rim + zone_height) + cross
+    columns = 2 * (rim + lane) + cross + 2
+    occupied = np.zeros((rows, columns), dtype=np.bool_)
+    lanes = np.zeros_like(occupied)
+    for top in (rim, rim + zone_height + cross):
+        for left in (rim, rim + lane + cross + 2):
+            occupied[top : top + zone_height, left : left + lane] = True
+            bay = slice(left + lane // 2 - 2, left + lane // 2 + 2)
+            for row in range(top + 2, top + zone_height, 3):
+                occupied[row, left : left + lane] = False
+                occupied[row - 1, bay] = False
+                lanes[row, left : left + lane] = True
+    return _with_endpoints(occupied, rim_stations(rows, columns, (1, 1), 4), lanes, "single_lane")
+
+
+def open_floor(rows: int = 40, columns: int = 40, spacing: int = 4) -> GridMap:
+    """Return a floor without shelves: stations along the rims, picks on an even lattice inside, `spacing` [cells]."""
+    for what, value, least in (("rows", rows, 9), ("columns", columns, 9), ("spacing", spacing, 1)):
+        check_whole(what, value, least)
+    lattice = np.zeros((rows, columns), dtype=np.bool_)
+    lattice[4 : rows - 4 : spacing, 4 : columns - 4 : spacing] = True
+    return _with_endpoints(
+        np.zeros_like(lattice), rim_stations(rows, columns, (1, 1), max(3, spacing)), lattice, "open"
+    )
+
+
+def random_floor(rows: int = 32, columns: int = 32, share: float = 0.1, seed: int = 0) -> GridMap:
+    """Return a floor with shelves on single cells drawn at random; what they cut off is filled, so all is one region.
+
+    share: part of the cells that is drawn, 0 to 0.6; seed: the same seed gives the same floor.
+    """
+    for what, value, least in (("rows", rows, 1), ("columns", columns, 1), ("seed", seed, 0)):
+        check_whole(what, value, least)
+    if isinstance(share, bool) or not isinstance(share, (int, float)) or not 0 <= share <= 0.6:
+        raise ConfigError(f"share={share!r} must be a number between 0 and 0.6")
+    drawn = np.random.default_rng(seed).permutation(rows * columns)[: int(share * rows * columns)]
+    occupied = np.zeros(rows * columns, dtype=np.bool_)
+    occupied[drawn] = True
+    occupied = ~largest_region(~occupied.reshape(rows, columns))
+    return GridMap(occupied, name="random")
+
+
+def _with_endpoints(occupied: NDArray[np.bool_], stations: list[Cell], picks: NDArray[np.bool_], name: str) -> GridMap:
+    """Return the map with its stations, where free, and with picks on the marked free cells.
+
+    No pick is at or next to a station, so that a robot at one leaves the other within reach.
+    """
+    free = sorted({cell for cell in stations if not occupied[cell]})
+    marked = picks & ~occupied
+    for row, column in free:
+        marked[max(0, row - 1) : row + 2, max(0, column - 1) : column + 2] = False
+    if not free or not marked.any():
+        raise ConfigError(f"this {name} floor of {occupied.shape} cells has no room for stations and picks; widen it")
+    return GridMap(occupied, picks=np.argwhere(marked), stations=np.array(free), name=name)
+
+
+def check_whole(what: str, value: object, least: int) -> None:
+    """Raise ConfigError unless the parameter is a whole number of at least `least`."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+        raise ConfigError(f"{what}={value!r} must be a whole number of at least {least}")

@@ -1,0 +1,122 @@
+"""The named layouts: a catalogue of floors, and tasks on them whose shortest lengths are known.
+
+`LAYOUTS` maps a name to a function that makes the floor; a new layout is one more line there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.errors import unknown_name
+from warehouse_env.maps.generators import blocks, open_floor, random_floor, single_lane
+from warehouse_env.maps.grid_map import Cell, GridMap
+
+
+class NamedTask(NamedTuple):
+    """A planning task with a known answer; optimal_length [cells] is the shortest by eq. 26 moves, heights ignored."""
+
+    start: Cell
+    goal: Cell
+    optimal_length: float
+
+
+def paper46() -> GridMap:
+    """Return the 46 x 46 warehouse of paper 000: four storage zones parted by wide cross corridors.
+
+    This is a reconstruction. The paper prints its map as a picture only; what it gives in numbers are the size, the
+    four zones, and the best lengths of its tables 1 and 2. Of all regular arrangements of blocks with 3-cell aisles
+    that we searched, this one (shelf blocks of 2 rows x 3 columns, 4 x 3 blocks a zone, corridors of 6 cells, rims of
+    3 and 5 cells) holds start-goal pairs of exactly these lengths, within a zone and across zones, with few turns:
+    see `NAMED_TASKS["paper46"]`. Stations stand along the rims, picks are all cells beside a block.
+    """
+    return dataclasses.replace(blocks(46, 46, corridor_stations=False), name="paper46")
+
+
+def paper46_rough() -> GridMap:
+    """Return `paper46` with an uneven floor, to see a planner choose gentle ground (eq. 12 of paper 000).
+
+    In the middle of the west-east corridor the floor is broken: bumps of 0.03 to 0.15 m on its four northern rows;
+    the two southern rows are smooth. In the north-south corridor a ramp climbs 0.2 m over its western half, south of
+    the centre, and descends as steeply; its eastern half is level. So the straight route of each task in
+    `NAMED_TASKS["paper46_rough"]` crosses rough ground, and a gentle one is at most 8 per cent longer.
+    """
+    return dataclasses.replace(paper46(), height=_rough_heights(), name="paper46_rough")
+
+
+def _rough_heights() -> NDArray[np.float32]:
+    """Return float32[46, 46], the floor heights [m] of `paper46_rough`."""
+    height = np.zeros((46, 46), dtype=np.float32)
+    # Steps of 7 and 11 modulo 13 scatter 0..12 over the patch: no two neighbours are equal, and no seed is needed.
+    row, column = np.mgrid[20:24, 12:34]
+    height[20:24, 12:34] = 0.03 + 0.01 * ((7 * row + 11 * column) % 13)
+    climb = np.minimum(np.arange(1, 13), np.arange(12, 0, -1))  # cells from the nearer foot, 1..6..1
+    height[29:41, 20:23] = (0.2 / 6 * climb)[:, None]
+    return height
+
+
+def narrow() -> GridMap:
+    """Return a dense 46 x 46 floor: 11 x 4 shelf blocks of 2 x 9 cells, aisles and rims of 2 cells."""
+    floor = blocks(
+        46,
+        46,
+        block_rows=2,
+        block_columns=9,
+        aisle=2,
+        cross=2,
+        zone_rows=11,
+        zone_columns=4,
+        rim_rows=2,
+        rim_columns=2,
+        corridor_stations=False,
+    )
+    return dataclasses.replace(floor, name="narrow")
+
+
+LAYOUTS: dict[str, Callable[..., GridMap]] = {
+    "paper46": paper46,
+    "paper46_rough": paper46_rough,
+    "narrow": narrow,
+    "single_lane": single_lane,
+    "open": open_floor,
+    "random": random_floor,
+    "blocks": blocks,
+}
+
+
+def _length(straight: int, diagonal: int) -> float:
+    return straight + diagonal * math.sqrt(2.0)
+
+
+# The first three lengths are the best of table 1 of paper 000 (26.3848, 26.9706, 27.5563), the other two of table 2
+# (59.4264, 62.5980).
+NAMED_TASKS: dict[str, dict[str, NamedTask]] = {
+    "paper46": {
+        "in_zone_1": NamedTask((22, 1), (5, 18), _length(8, 13)),
+        "in_zone_2": NamedTask((44, 45), (26, 29), _length(10, 12)),
+        "in_zone_3": NamedTask((23, 1), (42, 16), _length(12, 11)),
+        "cross_zone_1": NamedTask((1, 0), (37, 41), _length(17, 30)),
+        "cross_zone_2": NamedTask((43, 1), (2, 39), _length(23, 28)),
+    },
+    "paper46_rough": {
+        "broken_corridor": NamedTask((22, 6), (22, 39), _length(33, 0)),
+        "ramp": NamedTask((25, 22), (43, 22), _length(18, 0)),
+    },
+}
+
+
+def make_layout(name: str, **parameters: Any) -> GridMap:
+    """Return the named layout; ConfigError, with near matches, for an unknown name or an unknown parameter."""
+    if name not in LAYOUTS:
+        raise unknown_name("layout", name, LAYOUTS)
+    known = inspect.signature(LAYOUTS[name]).parameters
+    for parameter in parameters:
+        if parameter not in known:
+            raise unknown_name(f"parameter of layout {name!r}:", parameter, known or ["none"])
+    return LAYOUTS[name](**parameters)
