@@ -1,0 +1,26 @@
+"""Small configurations: every layout, action type and task mode, few robots, few steps, the fastest planner."""
+
+from __future__ import annotations
+
+import itertools
+from typing import get_args
+
+import pytest
+
+from warehouse_env.config import ActionType, EnvConfig, TaskMode
+from warehouse_env.maps.layouts import LAYOUTS
+
+CASES = list(itertools.product(sorted(LAYOUTS), get_args(ActionType), get_args(TaskMode)))
+
+
+@pytest.fixture(params=CASES, ids=["-".join(case) for case in CASES])
+def every_config(request: pytest.FixtureRequest) -> EnvConfig:
+    """One configuration of each kind there is."""
+    layout, action_type, tasks = request.param
+    return EnvConfig(layout=layout, action_type=action_type, tasks=tasks, num_agents=3, max_steps=12, planner="astar")
+
+
+@pytest.fixture
+def tiny() -> EnvConfig:
+    """Three robots on the open floor for twelve steps."""
+    return EnvConfig(layout="open", num_agents=3, max_steps=12, planner="astar")

@@ -1,0 +1,176 @@
+"""PettingZoo: its own test suites, the meaning of what is returned, and clear errors."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, render_test
+
+from warehouse_env import EnvConfig, Simulator, WarehouseParallelEnv, aec_env, parallel_env
+from warehouse_env.errors import ActionError, ConfigError
+from warehouse_env.simulation.rewards import REWARD_TERMS
+
+
+@pytest.mark.filterwarnings("error")
+def test_parallel_api(every_config: EnvConfig) -> None:
+    parallel_api_test(parallel_env(every_config), num_cycles=15)
+
+
+@pytest.mark.filterwarnings("error")
+def test_parallel_seed(every_config: EnvConfig) -> None:
+    parallel_seed_test(lambda: parallel_env(every_config), num_cycles=10)
+
+
+@pytest.mark.filterwarnings("error")
+def test_aec_api(every_config: EnvConfig) -> None:
+    api_test(aec_env(every_config), num_cycles=15)
+
+
+def test_render_modes(tiny: EnvConfig) -> None:
+    pytest.importorskip("pygame")
+    render_test(lambda render_mode: aec_env(tiny, render_mode=render_mode))
+
+
+def samples(env: WarehouseParallelEnv) -> dict[str, Any]:
+    return {agent: env.action_space(agent).sample() for agent in env.agents}
+
+
+def test_every_value_is_the_simulators(tiny: EnvConfig) -> None:
+    env, simulator = parallel_env(tiny), Simulator(tiny)
+    observations, infos = env.reset(seed=5)
+    expected = simulator.reset(5)
+    assert list(observations) == ["robot_0", "robot_1", "robot_2"] == list(infos)
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        np.testing.assert_array_equal(np.stack(list(observations.values())), expected[0])
+        actions = rng.integers(0, simulator.action_space.n, 3)  # type: ignore[attr-defined]
+        observations, rewards, terminations, truncations, infos = env.step(dict(zip(env.agents, actions, strict=True)))
+        expected = simulator.step(actions[None])
+        assert list(rewards.values()) == simulator.reward[0].tolist()
+        assert list(terminations.values()) == [False] * 3
+        assert list(truncations.values()) == [bool(simulator.truncated[0])] * 3
+        for robot, info in enumerate(infos.values()):
+            assert list(info["reward_terms"]) == list(REWARD_TERMS)
+            assert list(info["reward_terms"].values()) == simulator.reward_terms[0, robot].tolist()
+            assert info["collisions_robot"] == simulator.events.hit_robot[0, robot]
+            assert info["gap"] == simulator.events.gap[0, robot]
+    assert truncations["robot_0"]
+    assert env.agents == []
+    np.testing.assert_array_equal(env.state(), simulator.global_state(0))
+    assert env.state() in env.state_space
+
+
+def test_what_is_given_away_stays_as_it_was(tiny: EnvConfig) -> None:
+    env = parallel_env(tiny)
+    kept, _ = env.reset(seed=1)
+    copies = {agent: row.copy() for agent, row in kept.items()}
+    first_infos = env.step(samples(env))[4]
+    texts = {agent: str(info) for agent, info in first_infos.items()}
+    for _ in range(5):
+        env.step(samples(env))
+    for agent in kept:
+        np.testing.assert_array_equal(kept[agent], copies[agent])
+        assert str(first_infos[agent]) == texts[agent]
+
+
+def test_spaces_are_one_instance_a_robot(tiny: EnvConfig) -> None:
+    env = parallel_env(tiny)
+    assert env.action_space("robot_0") is env.action_space("robot_0")
+    assert env.action_space("robot_0") is not env.action_space("robot_1")
+    env.action_space("robot_0").seed(3)
+    alone = [env.action_space("robot_0").sample() for _ in range(5)]
+    env.action_space("robot_0").seed(3)
+    mixed = [(env.action_space("robot_1").sample(), env.action_space("robot_0").sample())[1] for _ in range(5)]
+    assert alone == mixed
+
+
+def cruise(env: WarehouseParallelEnv) -> dict[str, Any]:
+    return dict.fromkeys(env.agents, env.simulator.cruise_action)
+
+
+def test_an_arrived_robot_leaves_and_the_others_go_on(tiny: EnvConfig) -> None:
+    env = parallel_env(tiny, tasks="one_shot", max_steps=2000, num_agents=4)
+    env.reset(seed=2)
+    left: list[str] = []
+    while env.agents:
+        before = list(env.agents)
+        observations, rewards, terminations, truncations, infos = env.step(cruise(env))
+        assert before == list(observations) == list(rewards) == list(infos)
+        over = [agent for agent in before if terminations[agent] or truncations[agent]]
+        assert env.agents == [agent for agent in before if agent not in over]
+        left += [agent for agent in over if terminations[agent]]
+        assert all(infos[agent]["goals"] == 1 for agent in over if terminations[agent])
+    assert left, "nobody arrived, so this tests nothing"
+    assert sorted(set(left)) == sorted(left)
+
+
+def test_after_the_end_only_reset_helps(tiny: EnvConfig) -> None:
+    env = parallel_env(tiny, max_steps=1)
+    env.reset(seed=0)
+    actions = samples(env)
+    env.step(actions)
+    assert env.step({}) == ({}, {}, {}, {}, {})
+    with pytest.raises(ActionError, match="robot_0"):
+        env.step(actions)
+
+
+@pytest.mark.parametrize(
+    ("action_type", "bad"),
+    [
+        ("discrete", -1),
+        ("discrete", 20),
+        ("discrete", 1.5),
+        ("discrete", math.nan),
+        ("discrete", None),
+        ("discrete", "go"),
+        ("discrete", [1, 2]),
+        ("continuous", [math.nan, 0.0]),
+        ("continuous", [0.0, math.inf]),
+        ("continuous", 0.5),
+        ("continuous", [0.1, 0.2, 0.3]),
+        ("continuous", ["a", "b"]),
+        ("continuous", None),
+        ("raw", [[0.0, 0.0]]),
+        ("raw", [0.0, -math.inf]),
+    ],
+)
+def test_a_bad_action_is_named(tiny: EnvConfig, action_type: str, bad: object) -> None:
+    env = parallel_env(tiny, action_type=action_type)
+    env.reset(seed=0)
+    with pytest.raises(ActionError, match="robot_1"):
+        env.step({**samples(env), "robot_1": bad})
+    env.step(samples(env))  # and nothing is broken by it
+
+
+def test_missing_and_superfluous_actions_are_named(tiny: EnvConfig) -> None:
+    env = parallel_env(tiny)
+    env.reset(seed=0)
+    actions = samples(env)
+    with pytest.raises(ActionError, match="robot_9"):
+        env.step({**actions, "robot_9": 0})
+    del actions["robot_2"]
+    with pytest.raises(ActionError, match="robot_2"):
+        env.step(actions)
+
+
+def test_unknown_options_are_named(tiny: EnvConfig) -> None:
+    with pytest.raises(ConfigError, match="num_agents"):
+        parallel_env(tiny, num_agent=3)
+    with pytest.raises(ConfigError, match="rgb_array"):
+        parallel_env(tiny, render_mode="rgb_aray")
+
+
+def test_render_rate_is_real_time() -> None:
+    env = parallel_env(layout="open", num_agents=2, planner="astar", time_step=0.1, action_repeat=5)
+    assert env.metadata["render_fps"] == pytest.approx(2.0)
+
+
+def test_the_constructors_do_not_warn(tiny: EnvConfig) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parallel_env(tiny)
+        aec_env(tiny)

@@ -1,0 +1,114 @@
+"""Gymnasium: registration, both libraries' checkers, and who drives the other robots."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env as gymnasium_check
+from stable_baselines3.common.env_checker import check_env as sb3_check
+
+import warehouse_env
+from warehouse_env import EnvConfig, Simulator, single_env
+from warehouse_env.errors import ActionError, ConfigError
+
+
+@pytest.mark.filterwarnings("error")
+def test_gymnasium_and_sb3_check(every_config: EnvConfig) -> None:
+    made = gymnasium.make("Warehouse-v0", config=every_config)
+    gymnasium_check(made.unwrapped, skip_render_check=True)
+    sb3_check(made.unwrapped, skip_render_check=True)
+
+
+def test_gymnasium_check_with_rendering(tiny: EnvConfig) -> None:
+    pytest.importorskip("pygame")
+    env = gymnasium.make("Warehouse-v0", config=tiny, render_mode="rgb_array").unwrapped
+    gymnasium_check(env)
+    env.reset(seed=0)
+    frame = env.render()
+    assert isinstance(frame, np.ndarray)
+    assert frame.dtype == np.uint8
+    assert frame.ndim == 3
+
+
+def test_registered_by_the_import_alone() -> None:
+    code = (
+        "import gymnasium\n"
+        "env = gymnasium.make('warehouse_env:Warehouse-v0', layout='open', num_agents=2, planner='astar')\n"
+        "env.reset(seed=0)\n"
+        "env.step(env.action_space.sample())\n"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert "Warehouse-v0" in gymnasium.registry
+    assert warehouse_env.__name__ in sys.modules
+
+
+def test_others_cruise_by_default(tiny: EnvConfig) -> None:
+    env, simulator = single_env(tiny), Simulator(tiny)
+    env.reset(seed=4)
+    simulator.reset(4)
+    for _ in range(12):
+        observation, reward, terminated, truncated, _ = env.step(7)
+        simulator.step(np.array([[7, simulator.cruise_action, simulator.cruise_action]]))
+        np.testing.assert_array_equal(observation, simulator.observation[0, 0])
+        assert reward == simulator.reward[0, 0]
+    assert truncated
+    assert not terminated
+
+
+def test_others_see_their_own_observations(tiny: EnvConfig) -> None:
+    seen = []
+
+    def stand(observation: np.ndarray) -> np.ndarray:
+        seen.append(observation)
+        return np.full(len(observation), 5)
+
+    env, simulator = single_env(tiny, others=stand), Simulator(tiny)
+    env.reset(seed=4)
+    simulator.reset(4)
+    for _ in range(3):
+        now = simulator.observation[0, 1:].copy()
+        env.step(3)
+        simulator.step(np.array([[3, 5, 5]]))
+        np.testing.assert_array_equal(seen[-1], now)
+    np.testing.assert_array_equal(seen[0].shape, (2, *env.observation_space.shape))
+
+
+@pytest.mark.parametrize("action", [math.nan, 20, -1, 0.5, [0], None])
+def test_a_bad_action_is_named(tiny: EnvConfig, action: object) -> None:
+    env = single_env(tiny)
+    env.reset(seed=0)
+    with pytest.raises(ActionError, match="robot_0"):
+        env.step(action)
+
+
+def test_bad_others_are_named(tiny: EnvConfig) -> None:
+    env = single_env(tiny, others=lambda observation: [0, math.nan])
+    env.reset(seed=0)
+    with pytest.raises(ActionError, match="robot_2"):
+        env.step(0)
+    env = single_env(tiny, others=lambda observation: [0])
+    env.reset(seed=0)
+    with pytest.raises(ActionError, match="others"):
+        env.step(0)
+
+
+def test_unknown_options_are_named() -> None:
+    with pytest.raises(ConfigError, match="layout"):
+        single_env(layuot="open")
+
+
+def test_step_before_reset(tiny: EnvConfig) -> None:
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        single_env(tiny).step(0)
+
+
+def test_one_robot_alone(tiny: EnvConfig) -> None:
+    env = single_env(tiny, num_agents=1)
+    env.reset(seed=0)
+    assert env.step(0)[0].shape == env.observation_space.shape

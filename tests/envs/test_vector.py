@@ -1,0 +1,215 @@
+"""The VecEnv against a Simulator stepped by hand, and a short PPO."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+
+from warehouse_env import EnvConfig, Simulator, WarehouseVecEnv, vec_env
+from warehouse_env.errors import ActionError, ConfigError
+
+
+def random_actions(env: WarehouseVecEnv, rng: np.random.Generator) -> np.ndarray:
+    if env.action_space.shape:
+        return rng.uniform(-1, 1, (env.num_envs, *env.action_space.shape)).astype(np.float32)
+    return rng.integers(0, env.action_space.n, env.num_envs)  # type: ignore[attr-defined]
+
+
+def test_rows_are_worlds_times_robots(every_config: EnvConfig) -> None:
+    """Twelve steps end the episode in each mode; thirty go well into the third."""
+    env, simulator = vec_env(2, every_config), Simulator(every_config, 2)
+    rng = np.random.default_rng(0)
+    env.seed(3)
+    np.testing.assert_array_equal(env.reset(), simulator.reset(3).reshape(6, -1))
+    for _ in range(30):
+        actions = random_actions(env, rng)
+        observation, reward, dones, infos = env.step(actions)
+        simulator.step(actions.reshape(2, 3, *actions.shape[1:]))
+        terminated = simulator.terminated.copy()
+        over = simulator.truncated | terminated.all(axis=1)
+        assert dones.tolist() == (terminated | simulator.truncated[:, None]).ravel().tolist()
+        np.testing.assert_array_equal(reward, simulator.reward.ravel())
+        last = simulator.observation.reshape(6, -1).copy()
+        for world in np.flatnonzero(over):
+            simulator.reset_world(int(world))
+        np.testing.assert_array_equal(observation, simulator.observation.reshape(6, -1))
+        for row, info in enumerate(infos):
+            assert ("terminal_observation" in info) == dones[row]
+            if dones[row]:
+                np.testing.assert_array_equal(info["terminal_observation"], last[row])
+                assert info["TimeLimit.truncated"] == (not terminated.ravel()[row])
+            else:
+                assert info == {}
+
+
+def test_episode_infos_sum_up(tiny: EnvConfig) -> None:
+    env = vec_env(2, tiny)
+    env.seed(0)
+    env.reset()
+    rng = np.random.default_rng(0)
+    total = np.zeros(6)
+    for _ in range(12):
+        _, reward, dones, infos = env.step(random_actions(env, rng))
+        total += reward
+    assert dones.all()
+    for row, info in enumerate(infos):
+        assert info["episode"]["l"] == 12
+        assert info["episode"]["r"] == pytest.approx(total[row])
+        assert info["episode"]["t"] >= 0
+        assert ("world_metrics" in info) == (row % 3 == 0)
+    assert not env.step(random_actions(env, rng))[2].any()
+
+
+def test_a_parked_robot_keeps_its_row(tiny: EnvConfig) -> None:
+    """One-shot: after its end a row is done at each step, worth nothing, until the whole world starts anew."""
+    env = vec_env(1, tiny, tasks="one_shot", max_steps=2000)
+    env.seed(2)
+    env.reset()
+    cruise = env.get_attr("cruise_action")[0]
+    actions = np.stack([cruise] * 3)
+    ended = np.zeros(3, dtype=bool)
+    episodes = np.zeros(3, dtype=int)
+    padded = 0
+    for _ in range(2000):
+        _, reward, dones, infos = env.step(actions)
+        for row in range(3):
+            episodes[row] += "episode" in infos[row]
+            if ended[row]:
+                padded += 1
+                assert dones[row]
+                assert infos[row]["padding"] is True
+                assert reward[row] == 0.0
+                assert "episode" not in infos[row]
+            else:
+                assert "padding" not in infos[row]
+        ended |= dones
+        if ended.all():
+            break
+    assert episodes.tolist() == [1, 1, 1]
+    assert padded > 0, "all arrived at once, so this tests nothing"
+    assert not env.step(actions)[2].all()
+
+
+def test_what_is_given_away_stays_as_it_was(tiny: EnvConfig) -> None:
+    env = vec_env(2, tiny)
+    rng = np.random.default_rng(0)
+    env.reset()
+    given = env.step(random_actions(env, rng))
+    copies = [np.array(part) for part in given[:3]]
+    for _ in range(14):
+        env.step(random_actions(env, rng))
+    for part, copy in zip(given[:3], copies, strict=True):
+        np.testing.assert_array_equal(part, copy)
+    assert given[3] == [{}] * 6
+
+
+def test_mixed_configs(tiny: EnvConfig) -> None:
+    """Each config's rows are those of its own Simulator, whatever stands beside it."""
+    other = tiny.replace(layout="narrow", num_agents=2, max_steps=7)
+    env = vec_env([1, 2], configs=[tiny, other])
+    assert env.num_envs == 3 + 2 * 2
+    env.seed(9)
+    observation = env.reset()
+    first = Simulator(tiny, 1)
+    np.testing.assert_array_equal(observation[:3], first.reset(9)[0])
+    rng = np.random.default_rng(0)
+    ends = []
+    for _ in range(14):
+        actions = random_actions(env, rng)
+        observation, _, dones, _ = env.step(actions)
+        ends.append(dones.tolist())
+        if not dones[0]:
+            np.testing.assert_array_equal(observation[:3], first.step(actions[None, :3])[0])
+        else:
+            break
+    assert ends[6] == [False] * 3 + [True] * 4
+    assert ends[11] == [True] * 3 + [False] * 4
+
+
+def test_same_seed_same_rows(tiny: EnvConfig) -> None:
+    def run() -> list[np.ndarray]:
+        env = vec_env(2, configs=[tiny, tiny])
+        env.seed(11)
+        rng = np.random.default_rng(0)
+        return [env.reset(), *(env.step(random_actions(env, rng))[0] for _ in range(15))]
+
+    for one, two in zip(run(), run(), strict=True):
+        np.testing.assert_array_equal(one, two)
+    start = run()[0]
+    assert not np.array_equal(start[:6], start[6:]), "two blocks must not repeat each other"
+
+
+def test_attributes_and_methods(tiny: EnvConfig) -> None:
+    env = vec_env(configs=[tiny, tiny.replace(num_agents=2)])
+    env.reset()
+    assert env.get_attr("num_agents") == [3, 3, 3, 2, 2]
+    assert env.get_attr("num_agents", indices=[0, 4]) == [3, 2]
+    assert env.get_attr("render_mode") == [None] * 5
+    assert env.has_attr("config")
+    assert not env.has_attr("no_such_thing")
+    env.set_attr("note", "here", indices=3)
+    assert env.get_attr("note", indices=4) == ["here"]
+    with pytest.raises(AttributeError):
+        env.get_attr("note", indices=0)
+    assert len(env.env_method("global_state", 0, indices=[0, 3])) == 2
+    assert env.env_is_wrapped(VecMonitor) == [False] * 5  # type: ignore[arg-type]
+
+
+def test_pictures_are_one_a_world(tiny: EnvConfig) -> None:
+    pytest.importorskip("pygame")
+    env = vec_env(2, tiny, render_mode="rgb_array")
+    env.reset()
+    assert len(env.get_images()) == 2
+    picture = env.render()
+    assert picture is not None
+    assert picture.dtype == np.uint8
+    env.close()
+
+
+@pytest.mark.parametrize(
+    ("action_type", "actions"),
+    [
+        ("discrete", np.zeros(5, dtype=int)),
+        ("discrete", np.zeros((6, 1), dtype=int)),
+        ("discrete", np.zeros(6)),
+        ("discrete", np.full(6, 20)),
+        ("discrete", np.full(6, -1)),
+        ("discrete", [0, 0, 0, 0, 0, math.nan]),
+        ("continuous", np.zeros((6, 3))),
+        ("continuous", np.full((6, 2), math.nan)),
+        ("raw", np.full((6, 2), math.inf)),
+    ],
+)
+def test_bad_actions_are_refused(tiny: EnvConfig, action_type: str, actions: Any) -> None:
+    env = vec_env(2, tiny, action_type=action_type)
+    env.reset()
+    with pytest.raises(ActionError):
+        env.step(actions)
+
+
+def test_bad_options_are_named(tiny: EnvConfig) -> None:
+    with pytest.raises(ConfigError, match="action_type"):
+        vec_env(configs=[tiny, tiny.replace(action_type="raw")])
+    with pytest.raises(ConfigError, match="num_worlds"):
+        vec_env([1, 2, 3], configs=[tiny, tiny])
+    with pytest.raises(ConfigError, match="num_worlds"):
+        vec_env(0, tiny)
+    with pytest.raises(ConfigError, match="num_agents"):
+        vec_env(1, num_agnets=3)
+    with pytest.raises(ConfigError, match="configs"):
+        vec_env(1, tiny, configs=[tiny])
+
+
+@pytest.mark.parametrize("action_type", ["discrete", "continuous"])
+def test_ppo_learns_a_little(tiny: EnvConfig, action_type: str) -> None:
+    """A few hundred steps run through stable-baselines3 and its wrappers; two modes of tasks side by side."""
+    env = vec_env(2, configs=[tiny, tiny.replace(tasks="one_shot", layout="narrow")], action_type=action_type)
+    model = PPO("MlpPolicy", VecNormalize(env), n_steps=32, batch_size=64, n_epochs=1, seed=0, device="cpu")
+    model.learn(2 * 32 * env.num_envs)
+    assert model.num_timesteps == 2 * 32 * env.num_envs
+    assert len(model.ep_info_buffer or []) > 0
