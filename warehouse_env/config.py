@@ -47,9 +47,7 @@ class RobotSpec:
     payload: float = 500.0  # [kg], paper 000; for pictures and cards only
 
     def __post_init__(self) -> None:
-        _positive(
-            self, "length", "width", "height", "wheelbase", "max_speed", "max_acceleration", "max_steering_rate"
-        )
+        _positive(self, "length", "width", "height", "wheelbase", "max_speed", "max_acceleration", "max_steering_rate")
         _not_negative(self, "front_overhang", "payload")
         _require(self.front_overhang < self.length, "front_overhang", self.front_overhang, "less than the length")
         _require(self.min_speed <= 0 and math.isfinite(self.min_speed), "min_speed", self.min_speed, "0 or negative")

@@ -37,7 +37,8 @@ ROBOT = np.dtype(
         # events of the last env step
         ("progress", F), ("gap", F), ("arrived", B), ("touching", B),
         ("hit_robot", I), ("hit_shelf", I), ("near_miss", I), ("shelf_contact", B),
-        ("contact_time", F), ("waiting_time", F), ("goal_time", F),  # [s] in touch, standing, since the last goal
+        ("contact_time", F), ("waiting_time", F),  # [s] in touch, standing
+        ("milestone", F), ("stalled_time", F),  # [m] on the route; [s] since it was reached
         # totals of the episode
         ("distance", np.float64), ("planned", np.float64), ("driven_to_goals", np.float64),
         ("distance_at_goal", np.float64), ("min_gap", F),
@@ -61,7 +62,6 @@ PARAMETERS = np.dtype(
 
 ACTION_TYPES = ("discrete", "continuous", "raw")
 GAP_HORIZON = 0.5  # [m] up to which gaps between robots are measured
-_REACH = 0.3  # [m] two robots can close in one physics step, at default speeds; see pair_range below
 
 
 def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:

@@ -1,0 +1,129 @@
+"""From a path of cells to a drivable line: smooth, off the shelves, and in the right-hand lane.
+
+A lattice path runs beside shelves and turns on the spot; a rear-steer robot needs room for its tail, and
+robots that meet need a side each. The line is relaxed like an elastic band: every point is drawn to its
+lane, to its neighbours' middle, and away from shelves that are nearer than CLEARANCE.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+SPACING = 0.5  # [m] between way-points
+LANE_CLEARANCE = 0.55  # [m] from the right-hand wall in the narrowest two-way aisle
+CLEARANCE = 0.6  # [m] from shelves, where there is room
+SIGHT = 2.5  # [m] to either side within which a wall makes an aisle
+TWO_WAY = 1.4  # [m] of free width from which there are two lanes
+FADE = 1.5  # [m] at both ends over which the lane is reached
+ITERATIONS = 60
+PULL, SMOOTH, PUSH = 0.12, 0.45, 0.5  # shares of the way to lane, neighbours and clearance in one iteration
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _free_to(solid, x, y, ux, uy, cell):  # type: ignore[no-untyped-def]
+    """Distance [m] along (ux, uy) to the first shelf, at most SIGHT, in steps of 5 cm."""
+    steps = int(SIGHT / 0.05)
+    for k in range(1, steps + 1):
+        t = 0.05 * k
+        row = int(math.floor((y + t * uy) / cell)) + 1
+        column = int(math.floor((x + t * ux) / cell)) + 1
+        if row < 0 or column < 0 or row >= solid.shape[0] or column >= solid.shape[1] or solid[row, column]:
+            return t - 0.05
+    return SIGHT
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _lane_targets(points, solid, cell, keep_right, out):  # type: ignore[no-untyped-def]
+    """Write where each point should be: in the lane right of the middle, or in the middle where there is one lane."""
+    n = points.shape[0]
+    for k in range(n):
+        a, b = max(k - 2, 0), min(k + 2, n - 1)
+        dx, dy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+        norm = math.sqrt(dx * dx + dy * dy)
+        out[k] = points[k]
+        if norm < 1e-9:
+            continue
+        ux, uy = dx / norm, dy / norm
+        x, y = points[k, 0], points[k, 1]
+        right = _free_to(solid, x, y, uy, -ux, cell)
+        left = _free_to(solid, x, y, -uy, ux, cell)
+        width = left + right
+        if keep_right <= 0.0 or width < TWO_WAY:
+            shift = 0.5 * (right - left) if width < 2.0 * SIGHT and keep_right <= 0.0 or width < TWO_WAY else 0.0
+        elif right < SIGHT and left < SIGHT:
+            shift = right - min(max(0.25 * width, LANE_CLEARANCE), 2.0 * keep_right)
+        else:
+            shift = min(keep_right, right - LANE_CLEARANCE)
+        along = SPACING * min(k, n - 1 - k)
+        shift *= min(1.0, along / FADE)
+        out[k, 0] = x + shift * uy
+        out[k, 1] = y - shift * ux
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _nearest_shelf(solid, x, y, cell):  # type: ignore[no-untyped-def]
+    """Return (distance, unit vector away from it) of the nearest shelf among the 3 x 3 cells around a point."""
+    row, column = int(math.floor(y / cell)) + 1, int(math.floor(x / cell)) + 1
+    best, bx, by = 1e18, 0.0, 0.0
+    for i in range(max(row - 1, 0), min(row + 2, solid.shape[0])):
+        for j in range(max(column - 1, 0), min(column + 2, solid.shape[1])):
+            if solid[i, j]:
+                dx = x - min(max(x, (j - 1) * cell), j * cell)
+                dy = y - min(max(y, (i - 1) * cell), i * cell)
+                d = dx * dx + dy * dy
+                if d < best:
+                    best, bx, by = d, dx, dy
+    d = math.sqrt(best)
+    if d < 1e-9:
+        return d, 0.0, 0.0
+    return d, bx / d, by / d
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _relax(points, targets, solid, cell):  # type: ignore[no-untyped-def]
+    """Move the inner points in place until lane, smoothness and clearance balance."""
+    n = points.shape[0]
+    for _ in range(ITERATIONS):
+        for k in range(1, n - 1):
+            x, y = points[k, 0], points[k, 1]
+            mx = 0.5 * (points[k - 1, 0] + points[k + 1, 0])
+            my = 0.5 * (points[k - 1, 1] + points[k + 1, 1])
+            nx = x + PULL * (targets[k, 0] - x) + SMOOTH * (mx - x)
+            ny = y + PULL * (targets[k, 1] - y) + SMOOTH * (my - y)
+            d, ux, uy = _nearest_shelf(solid, nx, ny, cell)
+            if d < CLEARANCE:
+                nx += PUSH * (CLEARANCE - d) * ux
+                ny += PUSH * (CLEARANCE - d) * uy
+            points[k, 0], points[k, 1] = nx, ny
+
+
+def resample(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """Return the polyline float64[L, 2] [m] as evenly spaced points, nearest to `spacing` [m]; both ends are kept."""
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    arc = np.concatenate([[0.0], np.cumsum(steps)])
+    if arc[-1] <= 0.0:
+        return points[:1].copy()
+    count = max(round(arc[-1] / spacing), 1) + 1
+    at = np.linspace(0.0, arc[-1], count)
+    return np.column_stack([np.interp(at, arc, points[:, 0]), np.interp(at, arc, points[:, 1])])
+
+
+def drivable_line(
+    points: NDArray[np.float64], solid: NDArray[np.uint8], cell: float, keep_right: float
+) -> NDArray[np.float32]:
+    """Return way-points float32[R, 2] [m], evenly spaced about SPACING apart, from the first to the last point.
+
+    points: float64[L, 2] [m], the planned path's cell centres; solid: uint8[H + 2, W + 2], padded shelves, y up;
+    keep_right [m]: how far to the right on open floor, 0 for no lanes.
+    """
+    line = resample(points, SPACING)
+    if len(line) > 2:
+        targets = np.empty_like(line)
+        _lane_targets(line, solid, cell, keep_right, targets)
+        _relax(line, targets, solid, cell)
+        line = resample(line, SPACING)
+    return line.astype(np.float32)

@@ -1,0 +1,111 @@
+"""Routes: plans turned into way-points, and a cache of plans in memory and on disk.
+
+A plan depends on the map, the planner with its parameters, start, goal and seed, and on nothing else,
+so it is made once: an ant colony takes milliseconds, a look-up microseconds.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sqlite3
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from platformdirs import user_cache_dir
+
+from warehouse_env.errors import PlanError
+from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.planning.lanes import drivable_line
+from warehouse_env.planning.plan import Planner
+
+CACHE_FORMAT = 1  # raised whenever a planner's result changes for the same key
+WORTH_KEEPING = 0.002  # [s] a plan must have taken to be kept on disk
+MEMORY = 200_000  # routes kept in memory
+PENDING = 64  # plans written to disk at once
+
+
+def cache_directory() -> Path:
+    """Return the folder of the plan cache: $WAREHOUSE_CACHE_DIR, or the user's cache folder."""
+    return Path(os.environ.get("WAREHOUSE_CACHE_DIR") or user_cache_dir("warehouse_env"))
+
+
+class PlanStore:
+    """Plans on disk, shared by processes; a store that cannot be opened or is damaged is simply not used."""
+
+    def __init__(self, folder: Path) -> None:
+        self._pending: list[tuple[str, bytes]] = []
+        self._database: sqlite3.Connection | None = None
+        with contextlib.suppress(OSError, sqlite3.Error):
+            folder.mkdir(parents=True, exist_ok=True)
+            database = sqlite3.connect(folder / f"plans-{CACHE_FORMAT}.sqlite", timeout=5.0, check_same_thread=False)
+            database.execute("PRAGMA synchronous=OFF")
+            database.execute("CREATE TABLE IF NOT EXISTS plan (key TEXT PRIMARY KEY, cells BLOB) WITHOUT ROWID")
+            self._database = database
+
+    def get(self, key: str) -> NDArray[np.int64] | None:
+        """Return the cells int64[L, 2] kept under a key, or None."""
+        if self._database is None:
+            return None
+        try:
+            row = self._database.execute("SELECT cells FROM plan WHERE key = ?", (key,)).fetchone()
+        except sqlite3.Error:
+            return None
+        return None if row is None else np.frombuffer(row[0], dtype="<i4").reshape(-1, 2).astype(np.int64)
+
+    def put(self, key: str, cells: NDArray[np.int64]) -> None:
+        """Keep cells under a key."""
+        self._pending.append((key, cells.astype("<i4").tobytes()))
+        if len(self._pending) >= PENDING:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what is pending."""
+        if self._database is not None and self._pending:
+            with contextlib.suppress(sqlite3.Error), self._database:
+                self._database.executemany("INSERT OR REPLACE INTO plan VALUES (?, ?)", self._pending)
+        self._pending.clear()
+
+    def __del__(self) -> None:
+        with contextlib.suppress(Exception):
+            self.flush()
+
+
+class RouteBook:
+    """Routes on one map by one planner."""
+
+    def __init__(self, grid: GridMap, planner: Planner, *, keep_right: float = 0.5, seed: int = 0) -> None:
+        self.grid, self.planner = grid, planner
+        self._keep_right, self._seed = keep_right, seed
+        self._solid = np.pad(grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
+        self._routes: dict[tuple[Cell, Cell], NDArray[np.float32]] = {}
+        self._store = PlanStore(cache_directory())
+
+    def cells(self, start: Cell, goal: Cell) -> NDArray[np.int64]:
+        """Return the planned cells int64[L, 2]; PlanError where the planner finds no path."""
+        key = f"{self.grid.key} {self.planner.key} {start} {goal} {self._seed}"
+        known = self._store.get(key)
+        if known is not None:
+            return known
+        rng = np.random.default_rng([self._seed, *start, *goal])
+        plan = self.planner.plan(self.grid, start, goal, rng)
+        if not plan.found:
+            raise PlanError(
+                f"planner {self.planner.name} found no path from {start} to {goal} on map {self.grid.name!r}; "
+                "choose reachable cells or another planner"
+            )
+        if plan.seconds > WORTH_KEEPING:
+            self._store.put(key, plan.cells)
+        return plan.cells
+
+    def route(self, start: Cell, goal: Cell) -> NDArray[np.float32]:
+        """Return way-points float32[R, 2] [m] from start's centre to goal's centre; PlanError where there is no path."""
+        known = self._routes.get((start, goal))
+        if known is None:
+            points = self.grid.centre(self.cells(start, goal))
+            known = drivable_line(points, self._solid, self.grid.cell_size, self._keep_right)
+            if len(self._routes) >= MEMORY:
+                self._routes.pop(next(iter(self._routes)))
+            self._routes[start, goal] = known
+        return known

@@ -1,0 +1,91 @@
+"""The robot's body on the floor: does it, or its sweep along an arc, touch a shelf?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.simulation.floor import FINE, UNIT
+from warehouse_env.simulation.geometry import rectangles_touch
+from warehouse_env.simulation.kernel import inline
+from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, sin_cos
+
+_FINE = np.float32(FINE)
+_UNIT = np.float32(UNIT)
+_THIRD = np.float32(1.0 / 3.0)
+_TWO_THIRDS = np.float32(2.0 / 3.0)
+_SWEEP_STEP = np.float32(0.15)  # [m] of the front axle between two checked poses, on a gentle arc
+_SWEEP_TURN = np.float32(0.12)  # [rad] between two checked poses, on a sharp one
+
+
+@inline
+def clearance_at(x, y, clearance, cell):  # type: ignore[no-untyped-def]
+    """Return a lower bound of the distance [m] from a point to the nearest shelf, 0 outside the map."""
+    if x < ZERO or y < ZERO:
+        return ZERO
+    scale = _FINE / cell
+    row = int(y * scale)
+    column = int(x * scale)
+    if row >= clearance.shape[0] or column >= clearance.shape[1]:
+        return ZERO
+    return np.float32(clearance[row, column]) * _UNIT
+
+
+@inline
+def body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, cell):  # type: ignore[no-untyped-def]
+    """Return whether the closed rectangle at (cx, cy) [m] with heading (c, s) touches a shelf or the rim.
+
+    Three discs that cover the body settle most cases by the clearance field; the rest is exact.
+    """
+    third = half_length * _THIRD
+    radius = np.sqrt(third * third + half_width * half_width)
+    shift = half_length * _TWO_THIRDS
+    if (
+        clearance_at(cx, cy, clearance, cell) > radius
+        and clearance_at(cx + shift * c, cy + shift * s, clearance, cell) > radius
+        and clearance_at(cx - shift * c, cy - shift * s, clearance, cell) > radius
+    ):
+        return False
+    ex = half_length * abs(c) + half_width * abs(s)
+    ey = half_length * abs(s) + half_width * abs(c)
+    half = HALF * cell
+    rows, columns = solid.shape
+    first_row = max(int(np.ceil((cy - ey) / cell)), 0)
+    last_row = min(int(np.floor((cy + ey) / cell)) + 1, rows - 1)
+    first_column = max(int(np.ceil((cx - ex) / cell)), 0)
+    last_column = min(int(np.floor((cx + ex) / cell)) + 1, columns - 1)
+    for row in range(first_row, last_row + 1):
+        for column in range(first_column, last_column + 1):
+            if solid[row, column] != 0:
+                dx = (np.float32(column) - HALF) * cell - cx
+                dy = (np.float32(row) - HALF) * cell - cy
+                if rectangles_touch(dx, dy, c, s, half_length, half_width, ONE, ZERO, half, half):
+                    return True
+    return False
+
+
+@inline
+def sweep_is_free(x, y, c, s, bend, distance, margin, p, solid, clearance):  # type: ignore[no-untyped-def]
+    """Return whether the body keeps `margin` [m] from shelves along an arc of curvature `bend` [1/m].
+
+    (x, y) is the front axle, (c, s) its heading, `distance` [m] signed (negative: backwards).
+    The pose at the start is not checked: a robot that stands too close must be able to leave.
+    """
+    cell = p["cell"]
+    half_length = p["half_length"] + margin
+    half_width = p["half_width"] + margin
+    step = _SWEEP_STEP
+    if abs(bend) * step > _SWEEP_TURN:
+        step = _SWEEP_TURN / abs(bend)
+    count = int(abs(distance) / step) + 1
+    step = distance / np.float32(count)
+    turn_s, turn_c = sin_cos(step * bend)
+    half_s, half_c = sin_cos(HALF * step * bend)
+    for _ in range(count):
+        x += step * (c * half_c - s * half_s)
+        y += step * (s * half_c + c * half_s)
+        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+        if body_touches_shelf(
+            x - p["offset"] * c, y - p["offset"] * s, c, s, half_length, half_width, solid, clearance, cell
+        ):
+            return False
+    return True

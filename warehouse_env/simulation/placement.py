@@ -1,0 +1,64 @@
+"""Where robots stand at the start: on distinct endpoints, facing along their first route, touching nothing."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.simulation.floor import Floor
+from warehouse_env.simulation.footprint import body_touches_shelf
+from warehouse_env.simulation.geometry import rectangle_gap
+from warehouse_env.simulation.kernel import kernel
+from warehouse_env.simulation.trigonometry import sin_cos
+
+GAP = np.float32(0.15)  # [m] to shelves and robots at the start
+TURNS = (0, 1, -1, 2, -2, 3, -3, 4)  # eighths of a circle tried off the route's direction
+
+
+@kernel
+def _fits(robots, count, x, y, heading, p, solid, clearance, gap):  # type: ignore[no-untyped-def]
+    """Whether a body at (x, y, heading) keeps `gap` from shelves and from the first `count` robots."""
+    s, c = sin_cos(heading)
+    cx, cy = x - p["offset"] * c, y - p["offset"] * s
+    wide = np.float32(0.5) * gap
+    hl, hw = p["half_length"], p["half_width"]
+    if body_touches_shelf(cx, cy, c, s, hl + wide, hw + wide, solid, clearance, p["cell"]):
+        return False
+    for j in range(count):
+        o = robots[j]
+        dx = o["x"] - p["offset"] * o["cos"] - cx
+        dy = o["y"] - p["offset"] * o["sin"] - cy
+        reach = p["radius"] + p["radius"] + gap
+        if dx * dx + dy * dy < reach * reach:
+            if rectangle_gap(dx, dy, c, s, hl, hw, o["cos"], o["sin"], hl, hw) < gap:
+                return False
+    return True
+
+
+def place(
+    robots: NDArray[Any],
+    index: int,
+    point: NDArray[np.float64],
+    direction: NDArray[np.float32],
+    p: NDArray[Any],
+    floor: Floor,
+) -> bool:
+    """Put robot `index` of ROBOT[N] at `point` [m], facing `direction` as nearly as fits; False if nothing fits.
+
+    Robots 0..index-1 stand already.
+    """
+    x, y = np.float32(point[0]), np.float32(point[1])
+    along = math.atan2(float(direction[1]), float(direction[0]))
+    eighth = math.pi / 4
+    first = round(along / eighth) * eighth
+    for turn in TURNS:
+        heading = np.float32(math.remainder(first + turn * eighth, 2 * math.pi))
+        if _fits(robots, index, x, y, heading, p[0], floor.solid, floor.clearance, GAP):
+            r = robots[index]
+            r["x"], r["y"], r["heading"] = x, y, heading
+            r["sin"], r["cos"] = sin_cos(heading)
+            return True
+    return False

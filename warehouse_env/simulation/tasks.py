@@ -1,0 +1,54 @@
+"""Who goes where next: endpoints as starts and goals, distinct at any moment."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.grid_map import Cell, GridMap
+
+
+class Tasks:
+    """The goals of one world's robots. Lifelong robots alternate between a pick face and a station."""
+
+    def __init__(self, grid: GridMap, config: EnvConfig) -> None:
+        self._kinds = [[(int(r), int(c)) for r, c in cells] for cells in (grid.picks, grid.stations)]
+        self.places: list[Cell] = sorted({cell for cells in self._kinds for cell in cells})
+        robots = config.num_agents
+        if robots >= len(self.places) and not (robots == 1 and len(self.places) == 1):
+            raise ConfigError(
+                f"num_agents={robots} is too many for map {grid.name!r}: it has {len(self.places)} endpoints, and "
+                "goals are distinct; use fewer robots or a map with more picks and stations"
+            )
+        self._goals: list[Cell | None] = [None] * robots
+        self._next_kind = [0] * robots
+        self._taken: set[Cell] = set()
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget all goals; each robot's first is a pick face or a station, by chance."""
+        count = len(self._goals)
+        self._goals = [None] * count
+        self._next_kind = rng.integers(0, 2, count).tolist()
+        self._taken = set()
+
+    def next_goal(self, robot: int, at: Cell, rng: np.random.Generator) -> Cell:
+        """Give a robot its next goal, other than where it is and than all goals of others."""
+        old = self._goals[robot]
+        kind = self._next_kind[robot]
+        goal = self._draw(self._kinds[kind], at, rng) or self._draw(self.places, at, rng) or at
+        if old is not None:
+            self._taken.discard(old)
+        self._taken.add(goal)
+        self._goals[robot] = goal
+        self._next_kind[robot] = 1 - kind
+        return goal
+
+    def _draw(self, cells: list[Cell], at: Cell, rng: np.random.Generator) -> Cell | None:
+        """Return a free one of `cells` by chance, or None: a few blind draws first, then a full look."""
+        for _ in range(8):
+            cell = cells[int(rng.integers(len(cells)))]
+            if cell not in self._taken and cell != at:
+                return cell
+        free = [cell for cell in cells if cell not in self._taken and cell != at]
+        return free[int(rng.integers(len(free)))] if free else None

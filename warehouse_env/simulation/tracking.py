@@ -1,0 +1,191 @@
+"""The path follower under every discrete and continuous action: pure pursuit that respects the swept body.
+
+An action asks for a speed and a lateral offset from the route. The follower steers towards a point ahead
+(pure pursuit about the fixed front axle), slows down where it must steer, and takes a command only if the
+body, driven on and then braked, stays off the shelves: the map is known, so this needs no learning. Where it
+cannot go on forwards (a turn in a narrow aisle) it backs out with the opposite lock, as a driver would.
+Other robots are not its business.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.simulation.footprint import clearance_at, sweep_is_free
+from warehouse_env.simulation.kernel import inline
+from warehouse_env.simulation.kinematics import approach, curvature
+from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, wrap
+
+TWO = np.float32(2.0)
+LOOK_AHEAD = np.float32(0.55)  # [m] standing
+LOOK_AHEAD_TIME = np.float32(0.45)  # [s] of driving added to it
+CREEP = np.float32(0.35)  # [m/s] in the sharpest turns
+CREEP_CHECK = np.float32(0.12)  # [m] that must be free to creep on
+BEND_SCALE = np.float32(0.9)  # [rad] of steering at which the speed has come down to a creep
+MARGIN = np.float32(0.03)  # [m] the follower keeps from shelves
+LANE_CLEARANCE = np.float32(0.45)  # [m] a way-point moved sideways keeps from shelves
+OFFSET_FADE = np.float32(2.0)  # [m] before the goal in which offsets fade out
+BACK_OUT = np.float32(0.7)  # [m]
+BACK_SPEED = np.float32(-0.35)  # [m/s]
+ALIGNED = np.float32(0.5)  # [rad] to the target at which backing out may end
+READY = np.float32(0.25)  # [rad] of steering error with which creeping begins
+STANDING = np.float32(0.15)  # [m/s]
+_TRY_STEP = np.float32(0.35)  # [rad] between the steering angles tried when the wanted one is blocked
+
+
+@inline
+def locate(r, route):  # type: ignore[no-untyped-def]
+    """Project the robot onto its route near where it was; update position, lateral and bearing; return progress [m]."""
+    points = r["points"]
+    spacing = r["spacing"]
+    x, y = r["x"], r["y"]
+    before = r["position"]
+    if points < 2:
+        r["lateral"] = ZERO
+        r["bearing"] = ZERO
+        return ZERO
+    first = max(int(before / spacing) - 1, 0)
+    first = min(first, points - 2)
+    last = min(first + 6, points - 2)
+    best = np.float32(np.inf)
+    for k in range(first, last + 1):
+        ax, ay = route[k, 0], route[k, 1]
+        ux, uy = (route[k + 1, 0] - ax) / spacing, (route[k + 1, 1] - ay) / spacing
+        along = (x - ax) * ux + (y - ay) * uy
+        along = min(max(along, ZERO), spacing)
+        dx, dy = x - (ax + along * ux), y - (ay + along * uy)
+        squared = dx * dx + dy * dy
+        if squared < best:
+            best = squared
+            r["position"] = np.float32(k) * spacing + along
+            r["lateral"] = ux * (y - ay) - uy * (x - ax)
+            r["bearing"] = wrap(arc_tan2(uy, ux) - r["heading"])
+    return r["position"] - before
+
+
+@inline
+def way_point(r, route, ahead):  # type: ignore[no-untyped-def]
+    """Return the route's point `ahead` [m] of the robot and its direction (x, y, ux, uy); the goal at most."""
+    points = r["points"]
+    if points < 2:
+        return r["goal_x"], r["goal_y"], ONE, ZERO
+    spacing = r["spacing"]
+    at = (r["position"] + ahead) / spacing
+    k = min(int(at), points - 2)
+    part = min(at - np.float32(k), ONE)
+    dx, dy = route[k + 1, 0] - route[k, 0], route[k + 1, 1] - route[k, 1]
+    return route[k, 0] + part * dx, route[k, 1] + part * dy, dx / spacing, dy / spacing
+
+
+@inline
+def to_steering(bend, wheelbase, most):  # type: ignore[no-untyped-def]
+    """Return the rear-wheel angle [rad] that drives a curvature [1/m], within +-most."""
+    return min(max(-arc_tan(wheelbase * bend), -most), most)
+
+
+@inline
+def pursue(r, tx, ty, p):  # type: ignore[no-untyped-def]
+    """Return (steering [rad], angle to the target [rad]) of pure pursuit towards (tx, ty) [m]."""
+    dx, dy = tx - r["x"], ty - r["y"]
+    ahead = dx * r["cos"] + dy * r["sin"]
+    left = dy * r["cos"] - dx * r["sin"]
+    angle = arc_tan2(left, ahead)
+    if ahead <= ZERO:
+        return (-p["max_steer"] if left >= ZERO else p["max_steer"]), angle
+    squared = ahead * ahead + left * left
+    bend = TWO * left / max(squared, np.float32(0.01))
+    return to_steering(bend, p["wheelbase"], p["max_steer"]), angle
+
+
+@inline
+def _is_free(r, speed, steer, least, p, solid, clearance):  # type: ignore[no-untyped-def]
+    """Whether one step at `speed` with `steer` and then full braking, at least `least` [m], keeps off the shelves."""
+    distance = abs(speed) * p["time_step"] + HALF * speed * speed / p["max_acceleration"]
+    distance = max(distance, least)
+    bend = curvature(steer, p["wheelbase"])
+    signed = distance if speed >= ZERO else -distance
+    return sweep_is_free(r["x"], r["y"], r["cos"], r["sin"], bend, signed, MARGIN, p, solid, clearance)
+
+
+@inline
+def _creep(r, wanted, speed, p, solid, clearance):  # type: ignore[no-untyped-def]
+    """From a standstill: the free steering angle nearest to `wanted`; return (found, speed, steering)."""
+    tries = int(TWO * p["max_steer"] / _TRY_STEP) + 1
+    sign = ONE if wanted <= ZERO else -ONE  # first towards straight ahead
+    for k in range(2 * tries + 1):
+        shift = np.float32((k + 1) // 2) * _TRY_STEP * (sign if k % 2 == 1 else -sign)
+        steer = wanted + shift
+        if abs(steer) > p["max_steer"]:
+            continue
+        if _is_free(r, speed, steer, CREEP_CHECK, p, solid, clearance):
+            ready = abs(steer - r["steer"]) < READY
+            return True, (speed if ready else ZERO), steer
+    return False, ZERO, wanted
+
+
+@inline
+def _back_out(r, angle, p, solid, clearance):  # type: ignore[no-untyped-def]
+    """Reverse so that the nose turns towards the target; return (speed, steering)."""
+    most = p["max_steer"]
+    wanted = min(max(TWO * angle, -most), most)
+    found, speed, steer = _creep(r, wanted, BACK_SPEED, p, solid, clearance)
+    r["gear_distance"] += r["speed"] * p["time_step"]
+    forward = min(max(-TWO * angle, -most), most)
+    done = abs(angle) < ALIGNED and _is_free(r, CREEP, forward, np.float32(2.0) * CREEP_CHECK, p, solid, clearance)
+    if not found or done or r["gear_distance"] <= ZERO:
+        r["gear"] = 1
+    return speed, steer
+
+
+@inline
+def _forward(r, speed, steer, angle, p, solid, clearance):  # type: ignore[no-untyped-def]
+    """Return the (speed, steering) nearest to the wanted ones whose sweep is free; shift to reverse if none is."""
+    dt = p["time_step"]
+    next_steer = approach(r["steer"], steer, p["max_steer_rate"] * dt)
+    next_speed = approach(r["speed"], speed, p["max_acceleration"] * dt)
+    if _is_free(r, next_speed, next_steer, ZERO, p, solid, clearance):
+        return speed, steer
+    slower = approach(r["speed"], ZERO, p["max_acceleration"] * dt)
+    if r["speed"] > STANDING:
+        if not _is_free(r, slower, next_steer, ZERO, p, solid, clearance) and _is_free(
+            r, slower, r["steer"], ZERO, p, solid, clearance
+        ):
+            return ZERO, r["steer"]
+        return ZERO, steer
+    found, speed, steer = _creep(r, steer, min(speed, CREEP), p, solid, clearance)
+    if not found:
+        r["gear"] = -1
+        r["gear_distance"] = BACK_OUT
+    return speed, steer
+
+
+@inline
+def follow(r, route, wanted_speed, offset, p, solid, clearance):  # type: ignore[no-untyped-def]
+    """Set target_speed, target_steer and follow_steer from a wanted speed [m/s] and lateral offset [m]."""
+    ahead = LOOK_AHEAD + LOOK_AHEAD_TIME * max(r["speed"], ZERO)
+    tx, ty, ux, uy = way_point(r, route, ahead)
+    r["follow_steer"], angle = pursue(r, tx, ty, p)
+    steer = r["follow_steer"]
+    if offset != ZERO:
+        to_go = np.float32(r["points"] - 1) * r["spacing"] - r["position"]
+        offset *= min(ONE, to_go / OFFSET_FADE)
+        if clearance_at(tx - offset * uy, ty + offset * ux, clearance, p["cell"]) < LANE_CLEARANCE:
+            offset *= HALF
+            if clearance_at(tx - offset * uy, ty + offset * ux, clearance, p["cell"]) < LANE_CLEARANCE:
+                offset = ZERO
+        steer, angle = pursue(r, tx - offset * uy, ty + offset * ux, p)
+    speed = wanted_speed
+    if speed > ZERO:
+        if r["gear"] < 0:
+            speed, steer = _back_out(r, angle, p, solid, clearance)
+        else:
+            bend = max(abs(steer), abs(steer - r["steer"])) / BEND_SCALE
+            limit = CREEP + (p["max_speed"] - CREEP) * max(ZERO, ONE - bend)
+            speed, steer = _forward(r, min(speed, limit), steer, angle, p, solid, clearance)
+    elif speed < ZERO:
+        steer = min(max(r["bearing"], -p["max_steer"]), p["max_steer"])  # backing keeps the nose along the route
+        next_speed = approach(r["speed"], speed, p["max_acceleration"] * p["time_step"])
+        if not _is_free(r, min(next_speed, ZERO), steer, ZERO, p, solid, clearance):
+            speed = ZERO
+    r["target_speed"] = speed
+    r["target_steer"] = steer
