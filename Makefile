@@ -13,12 +13,13 @@ PIP := $(RUN)/python -m pip --disable-pip-version-check
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test lint format bench clean
+.PHONY: help setup demo test lint format bench clean missing
 
 help: ## list what make can do (the default)
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 setup: $(STAMP) ## set up the environment in .venv, and nothing else
+	@echo "Ready: $$($(RUN)/python --version) in $(VENV)"
 
 demo: $(STAMP) ## compare the shipped policies: 16 robots, a table, pictures and a video in results/demo
 	$(RUN)/warehouse demo --out $(DEMO)
@@ -42,9 +43,9 @@ clean: ## remove the environment, caches and build products; results stay
 	rm -rf .venv .ci-venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find warehouse_env agents train tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# Torch comes first and alone, so that a wrong build of it is seen before the rest is installed; setuptools is pinned
-# too, hence no isolated build. An environment that no longer runs (its Python is gone) is made anew.
-$(STAMP): pyproject.toml constraints.txt
+# Done again when a version changes or the environment's Python is gone. Torch comes first: the CUDA build, which pip
+# takes where it sees no CPU build, works as well but is 3 GB larger. Setuptools is pinned, so no isolated build.
+$(STAMP): pyproject.toml constraints.txt $(if $(wildcard $(RUN)/python),,missing)
 	@$(RUN)/python -m pip --version >/dev/null 2>&1 || { \
 	  command -v $(PYTHON) >/dev/null || { \
 	    echo "$(PYTHON) was not found: install Python 3.11 or newer (Debian: apt install python3 python3-venv)," \
@@ -61,7 +62,8 @@ $(STAMP): pyproject.toml constraints.txt
 	  echo "Making a virtual environment in $(VENV)"; \
 	  rm -rf $(VENV) && $(PYTHON) -m venv $(VENV); }
 	@echo "Installing the pinned packages (a few minutes the first time)"
-	@$(PIP) install --quiet --constraint constraints.txt setuptools torch
+	@$(PIP) install --quiet --constraint constraints.txt setuptools numpy torch
+	@$(RUN)/python -c 'import torch; print(f"torch {torch.__version__}" + (torch.version.cuda and \
+	  ", with CUDA; for the smaller CPU build name its index in PIP_EXTRA_INDEX_URL" or ""))'
 	@$(PIP) install --quiet --constraint constraints.txt --no-build-isolation --editable ".[$(EXTRAS)]"
 	@touch $@
-	@echo "Set up: $$($(RUN)/python --version) in $(VENV)"

@@ -15,19 +15,18 @@ for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 os.environ["MPLBACKEND"] = "Agg"
 os.environ["SDL_VIDEODRIVER"] = "dummy"
 os.environ["SDL_AUDIODRIVER"] = "dummy"
-os.environ["PYGAME_HIDE_SUPPORT_PROMPT"] = "1"
 # Plain, wide text from the command line, whatever terminal the tests run in.
 os.environ["NO_COLOR"] = "1"
 os.environ["COLUMNS"] = "200"
-for _name in ("FORCE_COLOR", "WAREHOUSE_CACHE"):
-    os.environ.pop(_name, None)
+os.environ.pop("FORCE_COLOR", None)
 
 # Plans and fonts are cached in a folder of this session, shared with its worker processes, never in the user's own.
-_CACHE_MARK = "WAREHOUSE_TEST_CACHE"
-_owns_cache = _CACHE_MARK not in os.environ
+_SESSION_CACHE = "WAREHOUSE_TEST_SESSION"
+_owns_cache = _SESSION_CACHE not in os.environ
 if _owns_cache:
-    os.environ[_CACHE_MARK] = tempfile.mkdtemp(prefix="warehouse-test-cache-")
-os.environ["XDG_CACHE_HOME"] = os.environ[_CACHE_MARK]
+    os.environ[_SESSION_CACHE] = tempfile.mkdtemp(prefix="warehouse-tests-")
+for _name in ("WAREHOUSE_CACHE_DIR", "XDG_CACHE_HOME"):
+    os.environ[_name] = os.environ[_SESSION_CACHE]
 
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
@@ -40,4 +39,4 @@ settings.load_profile("warehouse")
 def pytest_unconfigure(config: pytest.Config) -> None:
     """Remove the session's cache folder; worker processes leave that to the process that made it."""
     if _owns_cache:
-        shutil.rmtree(os.environ.pop(_CACHE_MARK), ignore_errors=True)
+        shutil.rmtree(os.environ.pop(_SESSION_CACHE), ignore_errors=True)

@@ -1,0 +1,172 @@
+"""What is installed: the pins, the wheel's contents, the command, and the sentences when set-up cannot work."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from importlib.metadata import EntryPoint, requires
+from pathlib import Path
+
+import pytest
+from packaging.markers import Marker
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).parent.parent
+PACKAGES = ("warehouse_env", "agents", "train")
+CUDA = re.compile(r"(nvidia|cuda|triton)")
+
+settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+project = settings["project"]
+needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+
+
+def pins() -> dict[str, str]:
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pairs = [line.split("==") for line in lines if not line.startswith("#")]
+    assert all(len(pair) == 2 for pair in pairs), "each line is one NAME==VERSION"
+    names = [canonicalize_name(name) for name, _ in pairs]
+    assert len(set(names)) == len(names), "a package is pinned twice"
+    return dict(zip(names, (version for _, version in pairs), strict=True))
+
+
+def installed_closure() -> set[str]:
+    """Names of everything that the project and its extras need, here, through all levels."""
+    todo = [Requirement(text) for text in project["dependencies"]]
+    todo += [Requirement(text) for extra in project["optional-dependencies"].values() for text in extra]
+    found: set[tuple[str, str]] = set()
+    while todo:
+        requirement = todo.pop()
+        for extra in ("", *sorted(requirement.extras)):
+            key = (canonicalize_name(requirement.name), extra)
+            if key not in found and not CUDA.match(key[0]):
+                found.add(key)
+                needs = [Requirement(text) for text in requires(key[0]) or []]
+                todo += [need for need in needs if _applies(need.marker, extra)]
+    return {name for name, _ in found}
+
+
+def _applies(marker: Marker | None, extra: str) -> bool:
+    return marker is None or marker.evaluate({"extra": extra})
+
+
+def data_files() -> set[str]:
+    """Paths of all that lies in the packages and is neither code nor compiled code, nor hidden."""
+    skip = (".py", ".pyc", ".nbi", ".nbc")
+    files = (path for package in PACKAGES for path in (ROOT / package).rglob("[!.]*"))
+    return {path.relative_to(ROOT).as_posix() for path in files if path.is_file() and path.suffix not in skip}
+
+
+def test_torch_is_pinned_and_nothing_of_cuda() -> None:
+    assert pins()["torch"] == "2.13.0"
+    assert not [name for name in pins() if CUDA.match(name)]
+
+
+def test_every_installed_package_is_pinned_and_no_other() -> None:
+    assert set(pins()) == installed_closure()
+
+
+def test_the_pins_meet_the_bounds() -> None:
+    extras = project["optional-dependencies"]
+    for text in [*project["dependencies"], *(text for extra in extras.values() for text in extra)]:
+        requirement = Requirement(text)
+        assert requirement.specifier.contains(pins()[canonicalize_name(requirement.name)]), text
+
+
+def test_the_extras_hold_what_is_rare() -> None:
+    core = {canonicalize_name(Requirement(text).name) for text in project["dependencies"]}
+    assert {"render", "train", "dev"} <= set(project["optional-dependencies"])
+    assert {"numpy", "numba", "gymnasium", "pettingzoo", "torch", "stable-baselines3", "safetensors"} <= core
+    assert not core & {"pygame", "matplotlib", "imageio-ffmpeg", "tensorboard", "pytest", "ray"}
+
+
+def test_the_command_resolves() -> None:
+    assert callable(EntryPoint("warehouse", project["scripts"]["warehouse"], "console_scripts").load())
+
+
+def test_every_folder_of_code_is_a_package() -> None:
+    folders = {path.parent for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
+    assert not [folder for folder in folders if not (folder / "__init__.py").is_file()]
+
+
+def test_every_data_glob_finds_something_and_every_file_is_found() -> None:
+    found: set[str] = set()
+    for package, globs in settings["tool"]["setuptools"]["package-data"].items():
+        for glob in globs:
+            files = {path.relative_to(ROOT).as_posix() for path in (ROOT / package).glob(glob) if path.is_file()}
+            assert files, f"{glob} of {package} finds nothing"
+            found |= files
+    assert found == data_files()
+
+
+def test_the_wheel_holds_the_packages_and_their_data_alone(tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    source.mkdir()
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source)
+    for name in (*PACKAGES, "tests"):
+        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+    build = f"from setuptools.build_meta import build_wheel; build_wheel({str(tmp_path)!r})"
+    subprocess.run([sys.executable, "-c", build], cwd=source, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    names = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+    code = {path.relative_to(ROOT).as_posix() for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
+    assert names == code | data_files()
+
+
+def make(*words: str, path: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run make in the project with `path` first on PATH, and without what an outer make has put in the environment."""
+    environment = {name: value for name, value in os.environ.items() if not re.match("MAKE|MFLAGS|VENV$|PYTHON$", name)}
+    if path is not None:
+        environment["PATH"] = f"{path}{os.pathsep}{environment['PATH']}"
+    return subprocess.run(["make", *words], cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+
+
+@needs_make
+@pytest.mark.parametrize(
+    ("script", "sentence"),
+    [
+        (
+            "case $2 in *version_info*) exit 1;; *) echo Python 3.9.2;; esac",
+            "Python 3.9.2, but 3.11 or newer is needed",
+        ),
+        ("case $2 in *ensurepip*) exit 1;; esac", "apt install python3-venv"),
+    ],
+)
+def test_set_up_says_what_is_missing(tmp_path: Path, script: str, sentence: str) -> None:
+    python = tmp_path / "python3"
+    python.write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
+    python.chmod(0o755)
+    run = make("setup", f"VENV={tmp_path / 'new'}", path=tmp_path)
+    assert run.returncode != 0
+    assert sentence in run.stderr
+    assert not (tmp_path / "new").exists()
+
+
+@needs_make
+def test_set_up_spares_a_folder_that_is_no_environment(tmp_path: Path) -> None:
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "letter.txt").write_text("dear", encoding="utf-8")
+    run = make("setup", f"VENV={mine}", f"PYTHON={sys.executable}")
+    assert run.returncode != 0
+    assert "is no virtual environment" in run.stderr
+    assert (mine / "letter.txt").exists()
+
+
+@needs_make
+@pytest.mark.parametrize(("target", "command"), [("demo", "warehouse"), ("test", "-m pytest")])
+def test_each_target_sets_up_first(tmp_path: Path, target: str, command: str) -> None:
+    plan = make("-n", target, f"VENV={tmp_path / 'new'}").stdout
+    assert -1 < plan.find("--constraint constraints.txt") < plan.find(command)
+
+
+def test_the_checks_of_a_change_can_run() -> None:
+    script = ROOT / ".ci" / "run"
+    assert os.access(script, os.X_OK)
+    subprocess.run(["bash", "-n", str(script)], check=True)
