@@ -24,6 +24,7 @@ def test_rows_are_worlds_times_robots(every_config: EnvConfig) -> None:
     """Twelve steps end the episode in each mode; thirty go well into the third."""
     env, simulator = vec_env(2, every_config), Simulator(every_config, 2)
     rng = np.random.default_rng(0)
+    parked = np.zeros(6, dtype=bool)
     env.seed(3)
     np.testing.assert_array_equal(env.reset(), simulator.reset(3).reshape(6, -1))
     for _ in range(30):
@@ -33,7 +34,8 @@ def test_rows_are_worlds_times_robots(every_config: EnvConfig) -> None:
         terminated = simulator.terminated.copy()
         over = simulator.truncated | terminated.all(axis=1)
         assert dones.tolist() == (terminated | simulator.truncated[:, None]).ravel().tolist()
-        np.testing.assert_array_equal(reward, simulator.reward.ravel())
+        np.testing.assert_array_equal(reward, np.where(parked, 0, simulator.reward.ravel()))
+        parked = (terminated & ~over[:, None]).ravel()
         last = simulator.observation.reshape(6, -1).copy()
         for world in np.flatnonzero(over):
             simulator.reset_world(int(world))

@@ -16,10 +16,10 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.envs.actions import bad_action, blank_actions, write_actions
 from warehouse_env.envs.camera import RENDER_MODES, Camera, render_fps
 from warehouse_env.envs.infos import Rows, robot_infos
+from warehouse_env.envs.options import build_simulator
 from warehouse_env.errors import ActionError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
-from warehouse_env.simulation.simulator import Simulator
 
 Observations = dict[str, NDArray[np.float32]]
 Infos = dict[str, dict[str, Any]]
@@ -45,16 +45,16 @@ class WarehouseParallelEnv(ParallelEnv):  # type: ignore[misc]  # pettingzoo shi
         *,
         render_mode: str | None = None,
         grid: GridMap | None = None,
-        planner: Planner | None = None,
+        planner: Planner | str | None = None,
         **changes: Any,
     ) -> None:
         """Build one world from `config` with `changes` put in; ConfigError or MapError says what cannot be used."""
-        self.config = (config or EnvConfig()).replace(**changes)
+        self.simulator = build_simulator(config, changes, grid=grid, planner=planner)
+        self.config = self.simulator.config
         fps = render_fps(self.config)
         self._camera = Camera(render_mode, fps)
         self.render_mode = render_mode
         self.metadata = {**type(self).metadata, "render_fps": fps}  # type: ignore[misc]
-        self.simulator = Simulator(self.config, 1, grid=grid, planner=planner)
         self.possible_agents = [f"robot_{k}" for k in range(self.simulator.num_agents)]
         self.agents: list[str] = []
         # one instance a robot, so that seeding one robot's space leaves the others' alone

@@ -13,10 +13,10 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.envs.actions import bad_action, blank_actions, write_actions
 from warehouse_env.envs.camera import RENDER_MODES, Camera, render_fps
 from warehouse_env.envs.infos import robot_infos
+from warehouse_env.envs.options import build_simulator
 from warehouse_env.errors import ActionError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
-from warehouse_env.simulation.simulator import Simulator
 
 Others = Callable[[NDArray[np.float32]], Any]
 
@@ -39,7 +39,7 @@ class WarehouseSingleEnv(gymnasium.Env[NDArray[np.float32], Any]):
         others: Others | None = None,
         render_mode: str | None = None,
         grid: GridMap | None = None,
-        planner: Planner | None = None,
+        planner: Planner | str | None = None,
         **changes: Any,
     ) -> None:
         """Build one world from `config` with `changes` put in.
@@ -47,12 +47,12 @@ class WarehouseSingleEnv(gymnasium.Env[NDArray[np.float32], Any]):
         `others` maps the other robots' observations float32[N-1, D] to their actions [N-1] or [N-1, 2];
         by default each drives along its route and does not look. ConfigError or MapError says what cannot be used.
         """
-        self.config = (config or EnvConfig()).replace(**changes)
+        self.simulator = build_simulator(config, changes, grid=grid, planner=planner)
+        self.config = self.simulator.config
         fps = render_fps(self.config)
         self._camera = Camera(render_mode, fps)
         self.render_mode = render_mode
         self.metadata = {**type(self).metadata, "render_fps": fps}  # type: ignore[misc]
-        self.simulator = Simulator(self.config, 1, grid=grid, planner=planner)
         self.observation_space = self.simulator.observation_space
         self.action_space = self.simulator.action_space
         self._others = others

@@ -14,6 +14,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 from warehouse_env.config import EnvConfig
 from warehouse_env.envs.actions import blank_actions
 from warehouse_env.envs.camera import Camera, render_fps
+from warehouse_env.envs.options import build_simulator
 from warehouse_env.errors import ActionError, ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
@@ -118,6 +119,7 @@ class WarehouseVecEnv(VecEnv):
             reward[block.rows] = simulator.reward.ravel()
             terminated[block.rows] = simulator.terminated.ravel()
             truncated[block.rows] = np.repeat(simulator.truncated, simulator.num_agents)
+        reward[self._parked] = 0.0
         self._returns += reward
         self._lengths += 1
         dones = terminated | truncated
@@ -227,7 +229,7 @@ def vec_env(
     configs: Sequence[EnvConfig] | None = None,
     render_mode: str | None = None,
     grid: GridMap | None = None,
-    planner: Planner | None = None,
+    planner: Planner | str | None = None,
     **changes: Any,
 ) -> WarehouseVecEnv:
     """Return a VecEnv of `num_worlds` worlds, e.g. `vec_env(64, num_agents=16, layout="narrow")`.
@@ -244,7 +246,7 @@ def vec_env(
     if any(not isinstance(count, int) or count < 1 for count in counts):
         raise ConfigError(f"num_worlds={num_worlds!r} must be whole numbers of at least 1")
     simulators = [
-        Simulator(one.replace(**changes), count, grid=grid, planner=planner)
+        build_simulator(one, changes, num_worlds=count, grid=grid, planner=planner)
         for one, count in zip(chosen, counts, strict=True)
     ]
     return WarehouseVecEnv(simulators, render_mode)
