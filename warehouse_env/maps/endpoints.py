@@ -40,26 +40,38 @@ def default_endpoints(occupied: NDArray[np.bool_]) -> tuple[NDArray[np.int64], N
 
 
 def _rim_stations(region: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return int64[S, 2]: in each row the reachable cell nearest to the west and to the east rim, thinned out."""
-    roomy = _roomy(region)
-    columns = region.shape[1]
+    """Return int64[S, 2]: in each row the cell nearest to the west and to the east rim, thinned out.
+
+    Cells with room around them are preferred; a floor with fewer than two near its rims takes what there is.
+    """
+    cells = np.argwhere(region)
+    for mask in (_roomy(region), region):
+        stations = _thin_rims(mask)
+        if len(stations) >= 2:
+            break
+    else:  # a floor too small or too odd for rims: the two ends of what is there
+        ends = cells[[0, -1]].tolist()
+        stations = [(ends[0][0], ends[0][1]), (ends[1][0], ends[1][1])][: min(2, len(cells))]
+    if len(stations) >= len(cells) > 1:  # leave a cell for the picks
+        stations = stations[:1]
+    return np.array(sorted(stations), dtype=np.int64)
+
+
+def _thin_rims(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return the marked cells nearest to the west and the east rim, at least `STATION_SPACING` apart."""
+    columns = mask.shape[1]
     band = max(1, columns // 3)  # further in than this is no rim
     accepted: list[tuple[int, int]] = []
-    for side in (slice(None), slice(None, None, -1)):
-        for row in range(region.shape[0]):
-            for mask in (roomy, region):
-                line = np.flatnonzero(mask[row, side])
-                if len(line) and line[0] < band:
-                    column = int(line[0]) if side.step is None else columns - 1 - int(line[0])
-                    if all(_apart(row, column, *other) >= STATION_SPACING for other in accepted):
-                        accepted.append((row, column))
-                    break
-    cells = np.argwhere(region)
-    if len(accepted) < 2:  # a floor too small or too odd for rims: the two ends of what is there
-        accepted = list(dict.fromkeys([(int(r), int(c)) for r, c in (cells[0], cells[-1])]))
-    if len(accepted) >= len(cells) > 1:  # leave a cell for the picks
-        accepted = accepted[:1]
-    return np.array(sorted(accepted), dtype=np.int64)
+    for west in (True, False):
+        for row, line in enumerate(mask):
+            marked = np.flatnonzero(line)
+            if not len(marked):
+                continue
+            column = int(marked[0] if west else marked[-1])
+            near = column < band if west else column >= columns - band
+            if near and all(_apart(row, column, *other) >= STATION_SPACING for other in accepted):
+                accepted.append((row, column))
+    return accepted
 
 
 def _apart(row: int, column: int, other_row: int, other_column: int) -> int:

@@ -33,8 +33,8 @@ def blocks(
     width along the north and south, and along the west and east edge. All in cells; what is left over widens the rims.
     Stations stand along all rims every `station_spacing` cells, off the wall if the rim is 3 wide, and with
     `corridor_stations` along the middle of the north-south cross corridors as well (for floors with many robots).
-    Picks are the cells beside a block that are not next to a station. 92 x 92 at these defaults suits 128 robots as well as
-    46 x 46 suits 32, and 260 x 260 suits 1024.
+    Picks are the cells beside a block that are not next to a station. 92 x 92 at these defaults suits 128 robots as
+    well as 46 x 46 suits 32, and 260 x 260 suits 1024.
     """
     for what, value, least in (
         ("rows", rows, 3),

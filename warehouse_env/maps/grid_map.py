@@ -64,18 +64,24 @@ class GridMap:
         return GridMap, (self.occupied, self.height, self.cell_size, self.picks, self.stations, self.name)
 
     def _checked_endpoints(self, cells: ArrayLike, what: str) -> NDArray[np.int64]:
-        array = np.asarray(cells)
+        try:
+            array = np.asarray(cells)
+        except ValueError:  # rows of different lengths
+            array = np.empty(0)
         if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0 or array.dtype.kind not in "iu":
-            raise MapError(f"{what} must be a list of one or more (row, column) cells, not shape {array.shape}")
-        seen: set[Cell] = set()
-        for row, column in array.tolist():
-            cell = self.check_cell((row, column), f"{what} cell")
-            if not self._region[cell]:
-                raise MapError(f"{what} cell {cell} cannot be reached from the largest free region; move or remove it")
-            if cell in seen:
-                raise MapError(f"{what} names cell {cell} twice")
-            seen.add(cell)
-        return array.astype(np.int64)
+            raise MapError(f"{what} must be a list of one or more cells, each two whole numbers (row, column)")
+        array = array.astype(np.int64)
+        rows, columns = self.shape
+        inside = ((array >= 0) & (array < (rows, columns))).all(axis=1)
+        clipped = np.clip(array, 0, (rows - 1, columns - 1))
+        usable = inside & self._region[tuple(clipped.T)]
+        if not usable.all():
+            cell = self.check_cell(array[np.argmin(usable)], f"{what} cell")
+            raise MapError(f"{what} cell {cell} cannot be reached from the largest free region; move or remove it")
+        cells, counts = np.unique(array, axis=0, return_counts=True)
+        if len(cells) < len(array):
+            raise MapError(f"{what} names cell {tuple(cells[np.argmax(counts)].tolist())} more than once")
+        return array
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -208,7 +214,8 @@ def _checked_height(height: ArrayLike | None, shape: tuple[int, ...]) -> NDArray
     if height is None:
         return np.zeros(shape, dtype=np.float32)
     try:
-        array = np.array(height, dtype=np.float32, order="C")
+        with np.errstate(over="ignore"):  # too large for float32 becomes inf, and is refused below
+            array = np.array(height, dtype=np.float32, order="C")
     except (ValueError, TypeError):
         raise MapError("height must be a table of numbers [m]") from None
     if array.shape != shape:

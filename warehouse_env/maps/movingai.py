@@ -1,0 +1,198 @@
+"""MovingAI benchmark files: `.map` floors and `.scen` scenarios, read and written.
+
+Formats: Sturtevant, "Benchmarks for Grid-Based Pathfinding", 2012. A scenario's coordinates are x = column, y = row,
+and its length is the shortest by octile moves without cutting corners, which are the moves of eq. 26 (paper 000).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.errors import MapError
+from warehouse_env.maps.grid_map import Cell, GridMap
+
+FREE = ".GS"  # floor; S is swamp, which the benchmarks' shortest paths treat as floor
+BLOCKED = "@OTW"
+EXAMPLE_MAP = Path(__file__).parent / "data" / "warehouse-40-64.map"
+EXAMPLE_SCEN = Path(__file__).parent / "data" / "warehouse-40-64.scen"
+
+
+class Scenario(NamedTuple):
+    """One line of a `.scen` file; start and goal are (row, column), length [cells] is the shortest path's."""
+
+    bucket: int
+    map_name: str
+    width: int
+    height: int
+    start: Cell
+    goal: Cell
+    length: float
+
+
+def read_map(path: str | os.PathLike[str]) -> GridMap:
+    """Return the floor of a `.map` file, named after the file, with default endpoints and cells of 1 m.
+
+    MapError, naming the file and line, if it is missing, not text, or breaks the format.
+    """
+    path = Path(path)
+    lines = _read_lines(path, "map")
+    height, width, first = _read_header(path, lines)
+    body = lines[first:]
+    while body and not body[-1].strip():
+        body.pop()
+    if len(body) != height:
+        at = len(lines) if len(body) < height else first + height + 1
+        raise _bad(path, at, f"the header announces {height} rows but the file holds {len(body)}")
+    for number, line in enumerate(body, start=first + 1):
+        if len(line) != width:
+            raise _bad(path, number, f"this row has {len(line)} cells; the header announces a width of {width}")
+        for column, letter in enumerate(line, start=1):
+            if letter not in FREE + BLOCKED:
+                known = " ".join(FREE + BLOCKED)
+                raise _bad(path, number, f"unknown cell {letter!r} in column {column}; known cells: {known}")
+    try:
+        return GridMap(np.array([[letter in BLOCKED for letter in line] for line in body]), name=path.stem)
+    except MapError as error:
+        raise MapError(f"{path}: {error}") from None
+
+
+def _read_header(path: Path, lines: list[str]) -> tuple[int, int, int]:
+    """Return (height, width, index of the first line after `map`)."""
+    sizes: dict[str, int] = {}
+    for number, line in enumerate(lines, start=1):
+        words = line.split()
+        if words == ["map"]:
+            for key in ("height", "width"):
+                if key not in sizes:
+                    raise _bad(path, number, f"the header has no line '{key} N' before 'map'")
+            return sizes["height"], sizes["width"], number
+        if len(words) == 2 and words[0] in ("height", "width"):
+            sizes[words[0]] = _whole(path, number, words[1], words[0], least=1)
+        elif words and words[0] != "type":
+            break
+    raise _bad(
+        path, min(len(lines), number), "a .map begins with the lines 'type octile', 'height N', 'width N', 'map'"
+    )
+
+
+def write_map(grid: GridMap, path: str | os.PathLike[str]) -> None:
+    """Write the shelves as a `.map` file (`@` shelf, `.` floor), whole or not at all; MapError if it cannot be written.
+
+    The format holds neither heights, cell size nor endpoints: these are lost.
+    """
+    rows, columns = grid.shape
+    floor = ["".join("@" if taken else "." for taken in row) for row in grid.occupied.tolist()]
+    _write_whole(Path(path), ["type octile", f"height {rows}", f"width {columns}", "map", *floor])
+
+
+def read_scen(path: str | os.PathLike[str]) -> list[Scenario]:
+    """Return the scenarios of a `.scen` file; MapError, naming the file and line, if it breaks the format."""
+    path = Path(path)
+    lines = _read_lines(path, "scenario")
+    if lines[0].split() not in (["version", "1"], ["version", "1.0"]):
+        raise _bad(path, 1, "a .scen begins with the line 'version 1'")
+    numbered = enumerate(lines[1:], start=2)
+    return [_scenario(path, number, line) for number, line in numbered if line.strip()]
+
+
+def _scenario(path: Path, number: int, line: str) -> Scenario:
+    """Return one line of a `.scen` file."""
+    words = line.split("\t") if "\t" in line else line.split()
+    if len(words) != 9:
+        wanted = "bucket, map, width, height, start x, start y, goal x, goal y, length"
+        raise _bad(path, number, f"{len(words)} fields instead of 9, parted by tabs ({wanted})")
+    bucket = _whole(path, number, words[0], "bucket", least=0)
+    width = _whole(path, number, words[2], "width", least=1)
+    height = _whole(path, number, words[3], "height", least=1)
+    names = ("start x", "start y", "goal x", "goal y")
+    places = [_whole(path, number, word, name, least=0) for word, name in zip(words[4:8], names, strict=True)]
+    for value, name, limit in zip(places, names, (width, height) * 2, strict=True):
+        if value >= limit:
+            raise _bad(path, number, f"{name} {value} is outside the map of {width} x {height} cells")
+    try:
+        length = float(words[8])
+    except ValueError:
+        length = math.nan
+    if not (math.isfinite(length) and length >= 0):
+        raise _bad(path, number, f"length {words[8]!r} must be a finite number of at least 0")
+    return Scenario(bucket, words[1], width, height, (places[1], places[0]), (places[3], places[2]), length)
+
+
+def write_scen(scenarios: Iterable[Scenario], path: str | os.PathLike[str]) -> None:
+    """Write scenarios as a `.scen` file, whole or not at all; MapError if it cannot be written."""
+    lines = ["version 1"]
+    for number, s in enumerate(scenarios, start=2):
+        if any(c in s.map_name for c in "\t\r\n") or not s.map_name.strip():
+            raise _bad(Path(path), number, f"map name {s.map_name!r} must be one line of text without tabs")
+        ends = (s.start[1], s.start[0], s.goal[1], s.goal[0])
+        lines.append("\t".join(map(str, (s.bucket, s.map_name, s.width, s.height, *ends, f"{s.length:.8f}"))))
+        _scenario(Path(path), number, lines[-1])  # what cannot be read back is not written
+    _write_whole(Path(path), lines)
+
+
+def make_scenarios(grid: GridMap, count: int, rng: np.random.Generator) -> list[Scenario]:
+    """Return `count` scenarios between distinct free cells of the largest region, shortest first, with their lengths.
+
+    A scenario's bucket is a quarter of its length, as in the benchmarks. MapError on a map with one free cell.
+    """
+    cells: NDArray[np.int64] = grid.free_cells
+    if len(cells) < 2:
+        raise MapError(f"map {grid.name!r} has a single free cell; a scenario needs two")
+    rows, columns = grid.shape
+    made: list[Scenario] = []
+    for _ in range(count):
+        picked = cells[rng.choice(len(cells), 2, replace=False)].tolist()
+        start, goal = (picked[0][0], picked[0][1]), (picked[1][0], picked[1][1])
+        length = float(grid.distance_to(goal)[start])
+        made.append(Scenario(int(length / 4), f"{grid.name}.map", columns, rows, start, goal, length))
+    return sorted(made, key=lambda scenario: scenario.length)
+
+
+def _bad(path: Path, line: int, reason: str) -> MapError:
+    return MapError(f"{path}, line {line}: {reason}")
+
+
+def _whole(path: Path, line: int, text: str, what: str, least: int) -> int:
+    # isascii and isdigit refuse what int() would let pass: signs, underscores, spaces, other scripts' digits
+    if not (text.isascii() and text.isdigit() and len(text) < 10 and int(text) >= least):
+        raise _bad(path, line, f"{what} {text!r} must be a whole number of at least {least}")
+    return int(text)
+
+
+def _read_lines(path: Path, kind: str) -> list[str]:
+    """Return the lines of a text file without their ends; at least one."""
+    try:
+        text = path.read_bytes().decode("utf-8")
+    except FileNotFoundError:
+        raise MapError(f"{kind} file {path} does not exist") from None
+    except OSError as error:
+        raise MapError(f"{kind} file {path} cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise MapError(f"{path} is not a text file, so no MovingAI {kind}") from None
+    lines = [line.removesuffix("\r") for line in text.split("\n")]
+    if lines[-1] == "":
+        lines.pop()
+    if not lines:
+        raise MapError(f"{path} is empty, so no MovingAI {kind}")
+    return lines
+
+
+def _write_whole(path: Path, lines: list[str]) -> None:
+    """Write to a file beside `path` and put it in place, so that a failure leaves no half-written file."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        beside.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+        beside.replace(path)
+    except OSError as error:
+        raise MapError(f"{path} cannot be written: {error.strerror}") from None
+    finally:
+        with contextlib.suppress(OSError):
+            beside.unlink()
