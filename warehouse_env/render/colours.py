@@ -45,7 +45,7 @@ def robot_colour(index: int) -> RGB:
     """Return robot `index`'s colour: eight hues, then the same darker, then lighter."""
     hue = _ROBOTS[index % len(_ROBOTS)]
     cycle = index // len(_ROBOTS) % 3
-    return (hue, mix(hue, (0, 0, 0), 0.4), mix(hue, (255, 255, 255), 0.45))[cycle]
+    return (hue, mix(hue, (0, 0, 0), 0.35), mix(hue, (255, 255, 255), 0.45))[cycle]
 
 
 def name_colours(names: Iterable[str]) -> dict[str, RGB]:

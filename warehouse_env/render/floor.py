@@ -18,7 +18,7 @@ _STATION = (203, 224, 226)
 _STATION_EDGE = (112, 160, 166)
 _RACK = (112, 122, 135)
 _RACK_EDGE = (88, 97, 110)
-_BOX = np.array([(171, 180, 190), (163, 172, 183), (178, 186, 195), (167, 177, 189)], dtype=np.float32)
+_BOX = np.array([(170, 179, 190), (186, 182, 172), (156, 167, 180), (179, 187, 196)], dtype=np.float32)
 _RAISED = (224, 168, 104)
 _SUNKEN = (120, 160, 205)
 _SHADE_DOWN, _SHADE_RIGHT, _SHADE_BLUR = 0.20, 0.14, 0.14  # [m], the shadow that shelves throw
@@ -72,8 +72,10 @@ def _rounded(across: Image, down: Image, half: float, corner: float, cell: float
 def _tint_heights(image: Image, grid: GridMap, v: NDArray[np.float64], u: NDArray[np.float64]) -> None:
     """Warm where the floor is raised, cool where sunken, with light from the north-west; flat floors stay plain."""
     height = np.asarray(grid.height, dtype=np.float64)
-    level = float(np.median(height[~grid.occupied])) if (~grid.occupied).any() else 0.0
-    relief = np.where(grid.occupied, 0.0, height - level)
+    free = height[~grid.occupied]
+    if not free.size:
+        return
+    relief = height.clip(free.min(), free.max()) - np.median(free)
     span = float(np.abs(relief).max())
     if span <= 0.0:
         return
@@ -152,6 +154,12 @@ def _box_blur(values: NDArray[np.float32], radius: int, axis: int) -> NDArray[np
     return ((high - low) / window).astype(np.float32)
 
 
+def _scatter(row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return a whole number for each cell, without a visible pattern."""
+    mixed = row * 73856093 ^ column * 19349663
+    return (mixed ^ mixed >> 7) * 2654435761 >> 16
+
+
 def _paint_shelves(
     image: Image,
     shelf: NDArray[np.bool_],
@@ -164,9 +172,9 @@ def _paint_shelves(
     """Racks seen from above: a frame, and a box a cell, no two neighbours quite alike."""
     image[shelf] = _RACK
     if cell >= _DETAIL:
-        tone = _BOX[(row[:, None] * 7 + column[None, :] * 5 + row[:, None] * column[None, :]) % len(_BOX)]
+        tone = _BOX[_scatter(row[:, None], column[None, :]) % len(_BOX)]
         _blend(image, _rounded(across, down, 0.43, 0.08, cell) * shelf, tone)
-        lid = _rounded(across, down, 0.30, 0.05, cell) * shelf * np.float32(0.35)
+        lid = _rounded(across, down, 0.30, 0.05, cell) * shelf * np.float32(0.2)
         _blend(image, lid, (255, 255, 255))
     else:
         image[shelf] = _BOX[0]

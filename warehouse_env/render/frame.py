@@ -17,12 +17,13 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.colours import RGB, mix, robot_colour
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor import FLOOR, floor_image
-from warehouse_env.render.sprites import Tile, body_centre, paint_goal, paint_robot
+from warehouse_env.render.sprites import Tile, body_centre, paint_goal, paint_robot, plate_centre
 
 CAPTION_HEIGHT = 28  # [px], the strip below the floor
 _CAPTION_GROUND: RGB = (38, 44, 52)
 _CAPTION_INK: RGB = (236, 238, 240)
 _CAPTION_DIM: RGB = (168, 176, 186)
+_NUMBERS_FROM = 32  # [px/m] from which robots show their number
 
 
 class Scene(NamedTuple):
@@ -111,12 +112,16 @@ def _ground(grid: GridMap, scale: float) -> NDArray[np.uint8]:
 
 
 def _draw_routes(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float) -> None:
+    # Hair lines around the true one make a line of even width in any direction.
+    radius = max(0.35, 0.03 * scale)
+    angles = np.arange(0, 2 * math.pi, math.pi / 3 if radius > 0.6 else math.pi / 1.5)
+    shifts = radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     for i, route in enumerate(scene.routes):
         if len(route) < 2 or not scene.alive[i]:
             continue
         colour = mix(robot_colour(i), FLOOR, 0.35)
         points = np.stack([route[:, 0], top - route[:, 1]], axis=1).astype(np.float64) * scale - 0.5
-        for shift in (-0.3, 0.3):  # two hair lines make one of about 1.6 px
+        for shift in shifts:
             pygame.draw.aalines(canvas, colour, False, (points + shift).tolist())
 
 
@@ -140,11 +145,15 @@ def _draw_robots(pygame: Any, canvas: Any, scene: Scene, top: float, scale: floa
         colour = robot_colour(int(i))
         paint_robot(tile, scene.pose[i], steer, robot, colour, bool(scene.touching[i]), bool(scene.alive[i]))
         tile.stamp(canvas)
+        if scale >= _NUMBERS_FROM:
+            x, y = plate_centre(scene.pose[i], robot)
+            number = _font(pygame, round(0.24 * scale)).render(str(i), True, (20, 24, 30))
+            canvas.blit(number, number.get_rect(center=(x * scale, (top - y) * scale)))
 
 
 def _draw_caption(pygame: Any, canvas: Any, scene: Scene, upper: int) -> None:
     """Write the time at the right and the text at the left, cut short where it does not fit."""
-    font = _font(pygame)
+    font = _font(pygame, 13)
     width = canvas.get_width()
     clock = font.render(f"{scene.time:.1f} s", True, _CAPTION_DIM)
     room = width - clock.get_width() - 36
@@ -155,13 +164,13 @@ def _draw_caption(pygame: Any, canvas: Any, scene: Scene, upper: int) -> None:
         canvas.blit(image, (left, upper + (CAPTION_HEIGHT - image.get_height()) // 2))
 
 
-@lru_cache(maxsize=1)
-def _font(pygame: Any) -> Any:
-    """Return the typeface that matplotlib ships where it is installed, else pygame's own."""
+@lru_cache(maxsize=8)
+def _font(pygame: Any, size: int) -> Any:
+    """Return the typeface that matplotlib ships, where it is installed, else pygame's own; size in px."""
     pygame.font.init()
     found = importlib.util.find_spec("matplotlib")
     if found is not None and found.origin:
         file = Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf"
         if file.is_file():
-            return pygame.font.Font(str(file), 13)
-    return pygame.font.Font(None, 18)
+            return pygame.font.Font(str(file), size)
+    return pygame.font.Font(None, round(size * 1.4))

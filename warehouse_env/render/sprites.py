@@ -17,6 +17,7 @@ Points = NDArray[np.float64]
 _OVERSAMPLE = 4
 _WHITE: RGB = (255, 255, 255)
 _WHEEL: RGB = (28, 31, 36)
+_PLATE_FRONT, _PLATE_GAP = 0.26, 0.10  # [m] of the plate: behind the axle, off the tail
 _CORNER_STEPS = np.linspace(0.0, math.pi / 2, 5)
 
 
@@ -81,6 +82,13 @@ def body_centre(pose: NDArray[np.float32], robot: RobotSpec) -> tuple[float, flo
     return x - back * math.cos(heading), y - back * math.sin(heading)
 
 
+def plate_centre(pose: NDArray[np.float32], robot: RobotSpec) -> tuple[float, float]:
+    """Centre [m] of the lighter plate behind the front mark, where a number fits."""
+    x, y, heading = (float(value) for value in pose)
+    back = (robot.rear_reach + _PLATE_FRONT - _PLATE_GAP) / 2
+    return x - back * math.cos(heading), y - back * math.sin(heading)
+
+
 def paint_robot(
     tile: Tile, pose: NDArray[np.float32], steer: float, robot: RobotSpec, colour: RGB, touching: bool, alive: bool
 ) -> None:
@@ -100,12 +108,12 @@ def paint_robot(
     if touching:
         put(hull(-0.22, 0.3), CONTACT, 90)
     put(hull(0.0, 0.12), (20, 24, 30), 70, (0.05, -0.06))
-    put(hull(0.0, 0.12), CONTACT if touching else mix(colour, (0, 0, 0), 0.45))
+    put(hull(0.0, 0.12), CONTACT if touching else mix(colour, (0, 0, 0), 0.4))
     put(hull(0.09 if touching else 0.05, 0.08), colour)
     _paint_wheels(put, robot, steer, mix(_WHEEL, _WHITE, 0.0 if alive else 0.35))
     nose, half = robot.front_overhang - 0.05, robot.width / 2 - 0.13
-    plate = rounded_box(0.1 - robot.rear_reach, -0.26, -half, half, 0.05)
-    put(plate, mix(colour, _WHITE, 0.32))
+    plate = rounded_box(_PLATE_GAP - robot.rear_reach, -_PLATE_FRONT, -half, half, 0.05)
+    put(plate, mix(colour, _WHITE, 0.5))
     put(np.array([[nose, 0.0], [-0.17, half + 0.03], [-0.17, -half - 0.03]]), _WHITE if alive else (225, 227, 230))
 
 

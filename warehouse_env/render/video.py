@@ -1,0 +1,148 @@
+"""Frames into a video file, frame by frame, so that a long episode needs no memory."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.errors import ConfigError, WarehouseError
+from warehouse_env.render.colours import CONTACT, mix, robot_colour
+from warehouse_env.render.extras import load
+from warehouse_env.render.floor import FLOOR
+from warehouse_env.render.output import part_file
+
+# H.264 in 4:2:0, which every browser and player shows; the index stands first, so that it plays while it loads.
+_MP4 = ["-crf", "21", "-preset", "veryfast", "-movflags", "+faststart"]
+# One palette for all frames keeps the file small. It is made from a leading frame, which is then cut off; without
+# dither flat colours stay flat.
+_GIF = [
+    "-filter_complex",
+    "split[a][b];[b]trim=end_frame=1,palettegen[p];[a][p]paletteuse=dither=none:diff_mode=rectangle,"
+    "trim=start_frame=1,setpts=PTS-STARTPTS",
+]
+
+
+class VideoWriter:
+    """Write frames to an .mp4 or .gif file, which appears complete at `close`, or not at all.
+
+    As a context manager it closes at the end, and discards the file on an error.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], fps: float = 25.0) -> None:
+        """Prepare to write to `path` at `fps` frames a second; its folder is made if missing.
+
+        Raises ConfigError for another suffix or a bad fps, WarehouseError where the packages are missing or
+        the file cannot be written.
+        """
+        self.path = Path(path)
+        if self.path.suffix.lower() not in (".mp4", ".gif"):
+            raise ConfigError(f"video file {self.path} must end in .mp4 or .gif")
+        if not (math.isfinite(fps) and fps > 0):
+            raise ConfigError(f"fps={fps!r} must be a finite number above 0")
+        self.fps = float(fps)
+        self.frames = 0
+        self._ffmpeg = load("imageio_ffmpeg")
+        self._stream: Any = None
+        self._shape: tuple[int, ...] | None = None
+        self._part: Path | None = part_file(self.path)
+
+    def add(self, frame: NDArray[np.uint8]) -> None:
+        """Append a frame uint8[H, W, 3]; all frames have the first one's size. Raises WarehouseError."""
+        if self._part is None:
+            raise WarehouseError(f"video {self.path} is closed already; open a new VideoWriter")
+        if frame.dtype != np.uint8 or frame.ndim != 3 or frame.shape[2] != 3:
+            raise WarehouseError(f"a video frame must be uint8[H, W, 3], not {frame.dtype}{list(frame.shape)}")
+        if self._shape is None:
+            self._shape = frame.shape
+            self._stream = self._open(frame)
+        if frame.shape != self._shape:
+            raise WarehouseError(f"video frames of {self.path} must all be {self._shape}, not {frame.shape}")
+        try:
+            self._stream.send(np.ascontiguousarray(_even(frame)))
+        except OSError as error:
+            self.discard()
+            raise WarehouseError(f"cannot write {self.path}: the video encoder failed; is the disk full?") from error
+        self.frames += 1
+
+    def close(self) -> None:
+        """Finish the file and give it its name; without any frame no file is left. May be called twice."""
+        part, self._part = self._part, None
+        if part is None:
+            return
+        try:
+            if self._stream is not None:
+                self._stream.close()
+                if part.stat().st_size == 0:
+                    raise WarehouseError(f"cannot write {self.path}: the video encoder failed; is the disk full?")
+                os.replace(part, self.path)
+        finally:
+            part.unlink(missing_ok=True)
+
+    def discard(self) -> None:
+        """Stop and leave no file."""
+        part, self._part = self._part, None
+        if part is None:
+            return
+        try:
+            if self._stream is not None:
+                self._stream.close()
+        finally:
+            part.unlink(missing_ok=True)
+
+    def __enter__(self) -> VideoWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.discard()
+
+    def _open(self, frame: NDArray[np.uint8]) -> Any:
+        height, width, _ = _even(frame).shape
+        gif = self.path.suffix.lower() == ".gif"
+        try:
+            stream = self._ffmpeg.write_frames(
+                str(self._part),
+                (width, height),
+                fps=self.fps,
+                codec="gif" if gif else "libx264",
+                pix_fmt_out="pal8" if gif else "yuv420p",
+                quality=None,
+                macro_block_size=1,  # sizes are made even here, never rescaled
+                ffmpeg_log_level="error",
+                output_params=_GIF if gif else _MP4,
+            )
+            stream.send(None)
+            if gif:
+                stream.send(_swatches(_even(frame)))
+        except (RuntimeError, OSError) as error:
+            self.discard()
+            raise WarehouseError(f"cannot write {self.path}: no ffmpeg; install warehouse-env[render]") from error
+        return stream
+
+
+def _even(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Repeat the last row and column where H.264 needs an even size."""
+    height, width, _ = frame.shape
+    return np.pad(frame, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
+
+
+def _swatches(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the frame with its lower third striped in the colours that later frames may bring."""
+    inks = [robot_colour(i) for i in range(24)]
+    inks += [mix(ink, FLOOR, 0.35) for ink in inks[:16]]
+    inks += [CONTACT, mix(CONTACT, FLOOR, 0.65), mix(CONTACT, FLOOR, 0.3)] * 3
+    result = frame.copy()
+    rows = len(frame) - len(frame) // 3
+    stripes = np.arange(frame.shape[1]) * len(inks) // frame.shape[1]
+    result[rows:] = np.array(inks, dtype=np.uint8)[stripes]
+    return result
