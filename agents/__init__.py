@@ -1,0 +1,81 @@
+"""What a robot can decide: a registry of policies, each made for one environment configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from agents.learned import LearnedPolicy, config_for
+from agents.path_following import Brake, Follow
+from agents.policy import Policy
+from agents.weights_folder import CONFIG, Network, PolicyRecord, save_policy
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import WeightsError, unknown_name
+
+__all__ = [
+    "POLICIES",
+    "WEIGHTS_FOLDER",
+    "LearnedPolicy",
+    "Network",
+    "Policy",
+    "PolicyEntry",
+    "PolicyRecord",
+    "make_policy",
+    "policy_config",
+    "save_policy",
+]
+
+WEIGHTS_FOLDER = Path(__file__).parent / "weights"
+
+
+@dataclass(frozen=True)
+class PolicyEntry:
+    """One line of the registry: either a rule made from the config alone, or a folder of weights."""
+
+    summary: str
+    rule: Callable[[EnvConfig], Policy] | None = None
+    weights: Path | None = None
+
+
+POLICIES: dict[str, PolicyEntry] = {
+    "follow": PolicyEntry("follows its route and nothing else", rule=Follow),
+    "brake": PolicyEntry("follows its route, stops for a robot ahead", rule=Brake),
+    "reinforce": PolicyEntry("our policy gradient, trained on this environment", weights=WEIGHTS_FOLDER / "reinforce"),
+    "ppo": PolicyEntry("stable-baselines3 PPO, trained on this environment", weights=WEIGHTS_FOLDER / "ppo"),
+}
+
+
+def _entry(name_or_dir: str | Path) -> PolicyEntry:
+    """Resolve a name of POLICIES first, then a folder; raises ConfigError or WeightsError."""
+    name = str(name_or_dir)
+    if name in POLICIES:
+        return POLICIES[name]
+    path = Path(name).expanduser()
+    if path.is_dir():
+        return PolicyEntry("a policy folder", weights=path)
+    if len(path.parts) > 1 or isinstance(name_or_dir, Path):
+        raise WeightsError(f"{path} is no folder; a policy folder holds {CONFIG} and its weights")
+    raise unknown_name("policy", name, POLICIES)
+
+
+def policy_config(name_or_dir: str | Path, base: EnvConfig) -> EnvConfig:
+    """Return `base` with what the policy needs put in: action type, levels, repeat and sensor.
+
+    `base.max_steps` is kept: where the decision time may change, set it from seconds afterwards.
+    Raises ConfigError for an unknown name and WeightsError for a folder that is none.
+    """
+    entry = _entry(name_or_dir)
+    return base if entry.weights is None else config_for(entry.weights, base)
+
+
+def make_policy(name_or_dir: str | Path, config: EnvConfig) -> Policy:
+    """Make a policy for environments of `config`, by a name of POLICIES or from a policy folder.
+
+    Raises ConfigError for an unknown name, WeightsError for a damaged folder or one made for another config.
+    """
+    entry = _entry(name_or_dir)
+    if entry.rule is not None:
+        return entry.rule(config)
+    assert entry.weights is not None
+    return LearnedPolicy(entry.weights, config, name=str(name_or_dir))

@@ -1,0 +1,83 @@
+"""Policies from a weights folder. The forward pass is NumPy: for a few robots it is faster than torch, and lighter."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.policy import Action, Observation
+from agents.sampling import draw_discrete
+from agents.weights_folder import PolicyRecord, read_record, read_tensors
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import WeightsError
+from warehouse_env.observation import observation_layout
+
+_ALWAYS_NEEDED = ("action_type", "time_step", "action_repeat", "sensor")
+_NEEDED_IF_DISCRETE = ("speed_levels", "lateral_offsets")
+
+
+def needed_fields(record: PolicyRecord) -> tuple[str, ...]:
+    """Return the names of the EnvConfig fields that must be as in the training for the policy to make sense."""
+    return _ALWAYS_NEEDED + (_NEEDED_IF_DISCRETE if record.env.action_type == "discrete" else ())
+
+
+def config_for(directory: Path | str, base: EnvConfig) -> EnvConfig:
+    """Return `base` with the action and the sensor that the policy in `directory` was trained with."""
+    record = read_record(directory)
+    return base.replace(**{name: getattr(record.env, name) for name in needed_fields(record)})
+
+
+class LearnedPolicy:
+    """The actor of a weights folder: three matrix products and two tanh, then a draw or the best action."""
+
+    def __init__(self, directory: Path | str, config: EnvConfig, name: str | None = None) -> None:
+        """Load and check the folder; raises WeightsError if it is damaged or does not fit `config`."""
+        self.record = read_record(directory)
+        self.name = name or Path(directory).name
+        self._check_fit(directory, config)
+        tensors = read_tensors(directory, self.record.network)
+        depth = len(self.record.network.hidden) + 1
+        self._layers = [
+            (np.ascontiguousarray(tensors[f"actor.{k}.weight"].T), tensors[f"actor.{k}.bias"]) for k in range(depth)
+        ]
+        self._std = None if self.record.network.discrete else np.exp(tensors["log_std"])
+
+    def _check_fit(self, directory: Path | str, config: EnvConfig) -> None:
+        for field in needed_fields(self.record):
+            trained, given = getattr(self.record.env, field), getattr(config, field)
+            if trained != given:
+                raise WeightsError(
+                    f"{directory} was trained with {field}={trained}, not {given}; "
+                    "agents.policy_config puts in what it needs"
+                )
+        size, network = observation_layout(config).size, self.record.network
+        if network.observation_size != size:
+            raise WeightsError(
+                f"{directory} was made for observations of {network.observation_size} values, not {size}"
+            )
+        discrete = config.action_type == "discrete"
+        actions = len(config.speed_levels) * len(config.lateral_offsets) if discrete else 2
+        if (network.discrete, network.actions) != (discrete, actions):
+            kind = "discrete" if network.discrete else "real-valued"
+            raise WeightsError(f"{directory} has {network.actions} {kind} actions; the environment takes {actions}")
+
+    def output(self, observation: Observation) -> NDArray[np.float32]:
+        """Return logits, or means of real-valued actions, float32[..., A] from float32[..., D]."""
+        x = observation.reshape(-1, observation.shape[-1])
+        for index, (weight, bias) in enumerate(self._layers):
+            x = x @ weight
+            x += bias
+            if index < len(self._layers) - 1:
+                np.tanh(x, out=x)
+        return x.reshape(*observation.shape[:-1], x.shape[-1])
+
+    def act(self, observation: Observation, rng: np.random.Generator) -> Action:
+        """Choose actions by the mode of config.json: drawn with `rng`, or the most probable (shapes: `Policy.act`)."""
+        output, sample = self.output(observation), self.record.mode == "sample"
+        if self._std is None:
+            return draw_discrete(output, rng) if sample else np.argmax(output, axis=-1)
+        if sample:
+            output = output + self._std * rng.standard_normal(output.shape, dtype=np.float32)
+        return np.clip(output, -1.0, 1.0)

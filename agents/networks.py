@@ -1,0 +1,99 @@
+"""The actor and the critic that the trainers fit: two separate tanh networks shared by all robots."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from agents.sampling import draw_discrete
+from agents.weights_folder import Network
+
+_HALF_LOG_TAU = 0.5 * math.log(2.0 * math.pi)
+
+
+def _layers(sizes: Sequence[int], last_gain: float) -> nn.ModuleList:
+    layers = nn.ModuleList()
+    for index, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
+        layer = nn.Linear(inputs, outputs)
+        nn.init.orthogonal_(layer.weight, math.sqrt(2.0) if index < len(sizes) - 2 else last_gain)
+        nn.init.zeros_(layer.bias)
+        layers.append(layer)
+    return layers
+
+
+def _run(layers: nn.ModuleList, x: Tensor) -> Tensor:
+    for layer in layers[:-1]:
+        x = torch.tanh(layer(x))
+    out: Tensor = layers[-1](x)
+    return out
+
+
+class ActorCritic(nn.Module):
+    """A policy over the next action command, and the value that serves as its baseline.
+
+    The tensors of `state_dict` are exactly those of a weights folder: actor.K.weight, actor.K.bias, critic.K.weight,
+    critic.K.bias and, for real-valued actions, log_std.
+    """
+
+    log_std: Tensor
+
+    def __init__(self, network: Network, first_output: NDArray[np.float32], log_std: float = -0.7) -> None:
+        """Start near one action: `first_output` float32[A] becomes the bias of the actor's last layer.
+
+        Args:
+            network: sizes.
+            first_output: logits of the discrete actions, or the mean of the real-valued ones.
+            log_std: first logarithm of the standard deviation of real-valued actions.
+        """
+        super().__init__()
+        self.network = network
+        self.actor = _layers((network.observation_size, *network.hidden, network.actions), last_gain=0.01)
+        self.critic = _layers((network.observation_size, *network.hidden, 1), last_gain=1.0)
+        with torch.no_grad():
+            self.actor[-1].bias.copy_(torch.as_tensor(first_output))
+        if not network.discrete:
+            self.log_std = nn.Parameter(torch.full((network.actions,), log_std))
+
+    def output(self, observation: Tensor) -> Tensor:
+        """Return logits, or means of real-valued actions, float32[M, A] from float32[M, D]."""
+        return _run(self.actor, observation)
+
+    def value(self, observation: Tensor) -> Tensor:
+        """Return the critic's value, float32[M] from float32[M, D]."""
+        return _run(self.critic, observation).squeeze(-1)
+
+    def log_probability(self, observation: Tensor, action: Tensor) -> tuple[Tensor, Tensor]:
+        """Return log pi(action | observation) and the entropy of pi, both float32[M].
+
+        Args:
+            observation: float32[M, D].
+            action: int64[M] for discrete actions, float32[M, A] for real-valued ones (as drawn, not clipped).
+        """
+        output = self.output(observation)
+        if self.network.discrete:
+            logs = torch.log_softmax(output, dim=-1)
+            return logs.gather(-1, action.unsqueeze(-1)).squeeze(-1), -(logs.exp() * logs).sum(-1)
+        standard = (action - output) * torch.exp(-self.log_std)
+        log_probability = (-0.5 * standard**2 - self.log_std - _HALF_LOG_TAU).sum(-1)
+        return log_probability, (self.log_std + 0.5 + _HALF_LOG_TAU).sum().expand(len(action))
+
+    def draw(self, observation: Tensor, rng: np.random.Generator) -> NDArray[np.int64] | NDArray[np.float32]:
+        """Draw one action a row: int64[M], or float32[M, A] for real-valued actions. No gradient."""
+        with torch.no_grad():
+            output = self.output(observation).numpy()
+            if self.network.discrete:
+                return draw_discrete(output, rng)
+            noise = rng.standard_normal(output.shape, dtype=np.float32)
+            real: NDArray[np.float32] = output + noise * torch.exp(self.log_std).numpy()
+            return real
+
+
+def tensors_of(module: nn.Module) -> dict[str, NDArray[np.float32]]:
+    """Return the module's tensors as arrays, copied: what `save_policy` takes."""
+    return {name: tensor.detach().numpy().copy() for name, tensor in module.state_dict().items()}

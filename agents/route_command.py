@@ -1,0 +1,66 @@
+"""The action that means "drive along your route at this speed", for every action type."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.policy import Action, Observation
+from warehouse_env.config import EnvConfig
+from warehouse_env.observation import observation_layout
+
+
+class RouteCommand:
+    """Turns wanted speeds into actions of one env config; the path follower does the steering.
+
+    Attributes:
+        cruise_speed: the fastest speed the actions offer [m/s].
+    """
+
+    def __init__(self, config: EnvConfig) -> None:
+        self._config = config
+        self._ego = observation_layout(config).slices["ego"].start
+        self._levels = np.asarray(config.speed_levels)
+        self._straight = int(np.argmin(np.abs(config.lateral_offsets)))
+        self.cruise_speed = float(min(self._levels.max(), config.robot.max_speed))
+
+    def at_speed(self, observation: Observation, speed: NDArray[np.float64]) -> Action:
+        """Return the actions for the wanted speeds [...] in m/s; discrete ones take the nearest level."""
+        if self._config.action_type == "discrete":
+            level = np.argmin(np.abs(speed[..., None] - self._levels), axis=-1)
+            return level * len(self._config.lateral_offsets) + self._straight
+        if self._config.action_type == "continuous":
+            return self._residual(speed)
+        return self._raw(observation, speed)
+
+    def _residual(self, speed: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Continuous: first 0 at the cruise speed, -1 at min_speed, 1 at max_speed; then the offset, 0 on the route."""
+        robot, change = self._config.robot, speed - self.cruise_speed
+        faster, slower = robot.max_speed - self.cruise_speed, self.cruise_speed - robot.min_speed
+        scaled = np.where(change > 0, change / max(faster, 1e-6), change / max(slower, 1e-6))
+        return np.stack([scaled, np.zeros_like(scaled)], axis=-1).astype(np.float32)
+
+    def _raw(self, observation: Observation, speed: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Raw: the acceleration and steering rate that reach the speed and the follower's steering by the next step."""
+        robot, ego = self._config.robot, self._ego
+        duration = self._config.time_step * self._config.action_repeat
+        change = speed - observation[..., ego] * robot.max_speed
+        turn = (observation[..., ego + 2] - observation[..., ego + 1]) * robot.max_steering
+        action = np.stack(
+            [change / (duration * robot.max_acceleration), turn / (duration * robot.max_steering_rate)], axis=-1
+        )
+        return np.clip(action, -1.0, 1.0).astype(np.float32)
+
+
+def cruise_output(config: EnvConfig, bias: float) -> NDArray[np.float32]:
+    """Return the output of an untrained actor that prefers to cruise on its route, float32[A].
+
+    Discrete: logits, `bias` for the fastest level and again for the offset nearest to 0, so that each is e^bias times
+    as probable as any other. Real-valued: 0, which is the cruise action, or no command at all for raw.
+    """
+    if config.action_type != "discrete":
+        return np.zeros(2, np.float32)
+    level, offset = np.zeros(len(config.speed_levels)), np.zeros(len(config.lateral_offsets))
+    level[int(np.argmax(config.speed_levels))] = bias
+    offset[int(np.argmin(np.abs(config.lateral_offsets)))] = bias
+    return (level[:, None] + offset[None, :]).ravel().astype(np.float32)

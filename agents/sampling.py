@@ -1,0 +1,16 @@
+"""Drawing actions from network outputs, in NumPy, so that the given generator alone decides."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def draw_discrete(logits: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.int64]:
+    """Draw one action a row with probability softmax(logits): int64[M] from float32[M, A].
+
+    The Gumbel trick: argmax of logits + G, where G = -log(E) and E is a standard exponential.
+    """
+    exponential = rng.standard_exponential(logits.shape, dtype=np.float32)
+    exponential += np.float32(1e-30)  # an exact 0 would win against any logit
+    return np.argmax(logits - np.log(exponential), axis=-1)

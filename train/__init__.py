@@ -1,0 +1,1 @@
+"""Experiments: training, evaluation, reports. Nothing in warehouse_env or agents imports this package."""

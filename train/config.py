@@ -1,0 +1,189 @@
+"""Every choice of a training, once: the dataclass is the command line, the record in the checkpoint and on the card.
+
+Seeds: the worlds of a training are reset with seeds below HELD_OUT_SEED, an evaluation uses seeds from there on, so no
+measured episode was ever trained on.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from warehouse_env.config import ActionType, EnvConfig, RewardWeights, check_names
+from warehouse_env.errors import ConfigError
+
+HELD_OUT_SEED = 1_000_000
+
+_Config = TypeVar("_Config", bound="TrainingConfig")
+
+
+def _cores() -> int:
+    return os.cpu_count() or 1
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """What both trainers share: the worlds, the budget, the reward schedule, the network, and where it all goes."""
+
+    name: str = "policy"
+    """Name of the run; its folder is OUT/NAME."""
+    out: Path = Path("runs")
+    """Folder that holds the runs."""
+    resume: Path | None = None
+    """Folder of a run to go on with, on its own schedule; other options must then be left out."""
+    seed: int = 0
+    """Seed of the networks, the worlds and the sampling."""
+    minutes: float | None = None
+    """Budget of wall-clock time; with both this and STEPS, whichever ends first."""
+    steps: int | None = None
+    """Budget of agent-steps (one decision of one robot); 20 million if MINUTES is not given either."""
+    layouts: tuple[str, ...] = ("paper46", "narrow", "random")
+    """Layouts to train on, by name; each is mixed with each robot count."""
+    robots: tuple[int, ...] = (8, 16, 32)
+    """Robots in a world."""
+    rows: int = 384
+    """Robots trained with at a time, over all worlds; rounded so that every mix has at least one world."""
+    planner: str = "astar_turns"
+    """Planner of the routes in training (nearly those of pf_aco, at a fraction of its time)."""
+    keep_right: float = EnvConfig.keep_right
+    """How far routes keep to the right of the planned path where there is room [m]."""
+    action_type: ActionType = "discrete"
+    """What the policy commands."""
+    episode_seconds: float = 120.0
+    """Simulated time after which a world is reset [s]."""
+    gamma: float = 0.98
+    """Discount of one decision."""
+    gae_lambda: float = 0.95
+    """Weight of longer returns in the advantage; 1 is the plain truncated return with the baseline."""
+    collision_first: float = -5.0
+    """Reward of a contact at the start."""
+    collision_last: float = -20.0
+    """Reward of a contact at the end; between, it changes linearly with the share of the budget spent."""
+    reward_scale: float = 0.1
+    """Factor on all rewards."""
+    entropy: float = 0.003
+    """Weight of the entropy bonus."""
+    learning_rate: float = 7e-4
+    """Adam's first step size, decayed linearly to a twentieth of it."""
+    gradient_clip: float = 0.5
+    """Largest norm of a gradient."""
+    hidden: tuple[int, ...] = (128, 128)
+    """Widths of the hidden tanh layers, of the actor and of the critic."""
+    cruise_bias: float = 1.5
+    """How strongly the untrained policy prefers to cruise on its route (logits)."""
+    checkpoint_seconds: float = 60.0
+    """Time between checkpoints [s]."""
+    threads: int = field(default_factory=_cores)
+    """Threads of torch and of the simulator."""
+    progress: bool = True
+    """Show the progress bar."""
+
+    def __post_init__(self) -> None:
+        self._at_least(1, "steps", "rows", "threads")
+        self._at_least(0, "seed", "entropy", "cruise_bias", "keep_right", "checkpoint_seconds")
+        for name in ("minutes", "episode_seconds", "reward_scale", "learning_rate", "gradient_clip"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise ConfigError(f"{name}={value!r} must be a finite number above 0")
+        for name in ("gamma", "gae_lambda"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ConfigError(f"{name}={getattr(self, name)!r} must be between 0 and 1")
+        for name in ("collision_first", "collision_last"):
+            if not math.isfinite(getattr(self, name)):
+                raise ConfigError(f"{name}={getattr(self, name)!r} must be a finite number")
+        for name in ("layouts", "robots", "hidden"):
+            values = getattr(self, name)
+            if not values or (name != "layouts" and min(values) < 1):
+                raise ConfigError(f"{name}={values!r} must be one value or more, numbers at least 1")
+        if not self.name or Path(self.name).name != self.name:
+            raise ConfigError(f"name={self.name!r} must be a plain folder name; the folder around it is --out")
+
+    def _at_least(self, least: int, *names: str) -> None:
+        for name in names:
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value >= least):
+                raise ConfigError(f"{name}={value!r} must be a finite number of at least {least}")
+
+    @property
+    def directory(self) -> Path:
+        """Folder of the run: the policy itself, its card, checkpoint/ and tensorboard/."""
+        return self.resume if self.resume is not None else self.out / self.name
+
+    @property
+    def total_steps(self) -> int | None:
+        """Budget of agent-steps; None if only time limits the run."""
+        return 20_000_000 if self.steps is None and self.minutes is None else self.steps
+
+    def worlds(self) -> list[tuple[EnvConfig, int]]:
+        """Return the mix: one (environment, number of worlds) for every layout and robot count, of about equal rows."""
+        mixes = [(layout, robots) for layout in self.layouts for robots in self.robots]
+        share = self.rows / len(mixes)
+        return [(self.env(layout, robots), max(1, round(share / robots))) for layout, robots in mixes]
+
+    def env(self, layout: str, robots: int) -> EnvConfig:
+        """Return the environment of one layout and robot count."""
+        env = EnvConfig(layout=layout, num_agents=robots, planner=self.planner, keep_right=self.keep_right)
+        decision = env.time_step * env.action_repeat
+        steps = max(1, round(self.episode_seconds / decision))
+        return env.replace(action_type=self.action_type, max_steps=steps, reward=self.reward(0.0))
+
+    def reward(self, spent: float) -> RewardWeights:
+        """Return the reward weights when the share `spent` (0 to 1) of the budget is used."""
+        collision = self.collision_first + (self.collision_last - self.collision_first) * spent
+        return RewardWeights(collision=collision)
+
+    def step_size(self, spent: float) -> float:
+        """Return Adam's step size when the share `spent` (0 to 1) of the budget is used."""
+        return self.learning_rate * (1.0 - 0.95 * spent)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain JSON types, for the checkpoint and the card."""
+        return {
+            key: str(value) if isinstance(value, Path) else value for key, value in dataclasses.asdict(self).items()
+        }
+
+    @classmethod
+    def from_dict(cls: type[_Config], data: dict[str, Any]) -> _Config:
+        """Build from `to_dict`'s result; raises ConfigError on unknown names and values out of range."""
+        check_names(f"{cls.__name__} parameter", data, cls)
+        lists = {key: tuple(value) for key, value in data.items() if isinstance(value, list)}
+        paths = {key: Path(data[key]) for key in ("out", "resume") if data.get(key) is not None}
+        return cls(**{**data, **lists, **paths})
+
+
+@dataclass(frozen=True)
+class ReinforceConfig(TrainingConfig):
+    """Train our policy gradient: REINFORCE over the next action command, with a learned value as baseline."""
+
+    name: str = "reinforce"
+    """Name of the run; its folder is OUT/NAME."""
+    rollout: int = 24
+    """Decisions of every robot between two updates."""
+    minibatch: int = 4096
+    """Rows of one gradient step; every row is used once."""
+
+
+@dataclass(frozen=True)
+class PPOConfig(TrainingConfig):
+    """Train proximal policy optimisation, by stable-baselines3."""
+
+    name: str = "ppo"
+    """Name of the run; its folder is OUT/NAME."""
+    rollout: int = 48
+    """Decisions of every robot between two updates."""
+    minibatch: int = 4096
+    """Rows of one gradient step."""
+    epochs: int = 2
+    """Passes over the rows of one rollout."""
+    clip: float = 0.2
+    """How far the probability ratio may leave 1."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._at_least(1, "epochs")
+        if not 0 < self.clip < 1:
+            raise ConfigError(f"clip={self.clip!r} must be between 0 and 1")

@@ -1,0 +1,179 @@
+"""The worlds of our own trainer: several simulators of different layouts and robot counts, stepped as one block.
+
+A world is reset after a fixed number of steps, with a seed that follows from (training seed, world, episode) alone; the
+worlds' ends are spread evenly over time, so that a batch holds fresh and crowded warehouses alike. Since nothing else
+enters, the actions since the last resets are enough to come back to the same state: that is what a checkpoint keeps.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from train.config import HELD_OUT_SEED
+from warehouse_env.config import EnvConfig, RewardWeights
+from warehouse_env.planning.routes import RouteBook
+from warehouse_env.simulation.simulator import Simulator
+
+
+def make_simulators(mixes: Sequence[tuple[EnvConfig, int]]) -> list[Simulator]:
+    """Return one simulator for each (environment, number of worlds); those on the same floor share their routes."""
+    books: dict[tuple[str, str | None], RouteBook] = {}
+    simulators = []
+    for config, worlds in mixes:
+        floor = (config.layout, config.map_file)
+        simulators.append(Simulator(config, worlds, routes=books.get(floor)))
+        books[floor] = simulators[-1].route_book
+    return simulators
+
+
+class Tally:
+    """Counts over many steps: what the progress bar and the log show. Pairs count once; the cost is a few sums."""
+
+    def __init__(self, simulators: Sequence[Simulator], decision_seconds: float) -> None:
+        self._simulators, self._decision_seconds = simulators, decision_seconds
+        self._driven = [simulator.state.distance.copy() for simulator in simulators]
+        self._clear()
+
+    def _clear(self) -> None:
+        self._steps, self._goals, self._collisions, self._metres, self._reward = 0, 0, 0.0, 0.0, 0.0
+
+    def add(self) -> None:
+        """Count the step just made. A world's first step after a reset adds no distance."""
+        for number, simulator in enumerate(self._simulators):
+            events, driven = simulator.events, simulator.state.distance
+            self._steps += events.arrived.size
+            self._goals += int(events.arrived.sum())
+            self._collisions += float(events.hit_robot.sum()) / 2 + float(events.hit_shelf.sum())
+            self._metres += float(np.maximum(driven - self._driven[number], 0.0).sum())
+            self._reward += float(simulator.reward.sum())
+            np.copyto(self._driven[number], driven)
+
+    def take(self) -> dict[str, float]:
+        """Return the figures since the last call, and start anew."""
+        hours = self._steps * self._decision_seconds / 3600.0
+        figures = {
+            "reward": self._reward / max(self._steps, 1),
+            "goals_per_robot_hour": self._goals / hours if hours else 0.0,
+            "collisions_per_km": 1000.0 * self._collisions / max(self._metres, 1.0),
+        }
+        self._clear()
+        return figures
+
+
+class TrainingWorlds:
+    """Rows are the robots of all worlds of all simulators, in order.
+
+    Attributes:
+        observation: float32[rows, D], of the worlds as they now stand.
+        reward: float32[rows], of the last step.
+        tally: counts of goals, collisions and metres.
+    """
+
+    def __init__(self, mixes: Sequence[tuple[EnvConfig, int]], seed: int, episode_steps: int) -> None:
+        """Make and reset all worlds.
+
+        Args:
+            mixes: environments with the number of worlds of each; all with the same observation and action.
+            seed: of the training.
+            episode_steps: env steps between two resets of a world.
+        """
+        self.simulators = make_simulators(mixes)
+        config = mixes[0][0]
+        self.tally = Tally(self.simulators, config.time_step * config.action_repeat)
+        self._seed, self._episode_steps = seed, episode_steps
+        self._world = [(s, w) for s, (_, worlds) in enumerate(mixes) for w in range(worlds)]
+        sizes = [simulator.num_worlds * simulator.num_agents for simulator in self.simulators]
+        starts = np.concatenate([[0], np.cumsum(sizes)])
+        self._blocks = [slice(int(a), int(b)) for a, b in itertools.pairwise(starts)]
+        self.rows = int(starts[-1])
+        self.observation = np.zeros((self.rows, self.simulators[0].layout.size), np.float32)
+        self.reward = np.zeros(self.rows, np.float32)
+        self._actions: deque[NDArray[Any]] = deque(maxlen=episode_steps)
+        self._episode = np.zeros(len(self._world), np.int64)
+        first = episode_steps * (1 + np.arange(len(self._world))) // len(self._world)
+        self._age = episode_steps - np.random.default_rng(seed).permutation(np.maximum(first, 1))
+        for number, simulator in enumerate(self.simulators):
+            simulator.reset([self._world_seed(w) for w, (s, _) in enumerate(self._world) if s == number])
+        self._observe()
+
+    def _world_seed(self, world: int) -> int:
+        """Return the seed of a world's present episode, below the held-out ones."""
+        entropy = [self._seed, world, int(self._episode[world])]
+        return int(np.random.SeedSequence(entropy).generate_state(1)[0]) % HELD_OUT_SEED
+
+    def world_rows(self, world: int) -> slice:
+        """Return the rows of one world, counted over all simulators."""
+        number, index = self._world[world]
+        robots = self.simulators[number].num_agents
+        start = self._blocks[number].start + index * robots
+        return slice(start, start + robots)
+
+    def _reset_world(self, world: int) -> None:
+        number, index = self._world[world]
+        self.simulators[number].reset_world(index, self._world_seed(world))
+
+    def _observe(self) -> None:
+        for simulator, block in zip(self.simulators, self._blocks, strict=True):
+            self.observation[block] = simulator.observation.reshape(-1, self.observation.shape[1])
+
+    def _step_simulators(self, actions: NDArray[Any]) -> None:
+        for simulator, block in zip(self.simulators, self._blocks, strict=True):
+            shape = (simulator.num_worlds, simulator.num_agents, *actions.shape[1:])
+            simulator.step(actions[block].reshape(shape))
+
+    def step(self, actions: NDArray[Any]) -> list[tuple[slice, NDArray[np.float32]]]:
+        """Step all worlds once with actions [rows] or [rows, 2].
+
+        Returns the rows of the worlds that ended with this step, each with its last observation; in `observation`
+        they hold already the first one of their next episode.
+        """
+        self._actions.append(actions.copy())
+        self._step_simulators(actions)
+        for simulator, block in zip(self.simulators, self._blocks, strict=True):
+            self.reward[block] = simulator.reward.ravel()
+        self.tally.add()
+        self._observe()
+        return self._end_worlds()
+
+    def _end_worlds(self) -> list[tuple[slice, NDArray[np.float32]]]:
+        self._age += 1
+        ended = []
+        for world in np.flatnonzero(self._age >= self._episode_steps).tolist():
+            rows = self.world_rows(world)
+            ended.append((rows, self.observation[rows].copy()))
+            self._episode[world] += 1
+            self._age[world] = 0
+            self._reset_world(world)
+            number, index = self._world[world]
+            self.observation[rows] = self.simulators[number].observation[index]
+        return ended
+
+    def set_reward(self, weights: RewardWeights) -> None:
+        """Change the reward weights of all worlds from the next step on."""
+        for simulator in self.simulators:
+            simulator.reward_weights = weights
+
+    def history(self) -> dict[str, NDArray[Any]]:
+        """Return what `replay` needs: the last actions, and every world's age and episode number."""
+        return {"actions": np.stack(self._actions), "age": self._age.copy(), "episode": self._episode.copy()}
+
+    def replay(self, history: dict[str, NDArray[Any]]) -> None:
+        """Bring all worlds, just made with the same arguments, to where they stood when `history` was taken."""
+        actions = history["actions"]
+        self._episode[:] = history["episode"]
+        self._age[:] = history["age"]
+        begun = len(actions) - self._age  # the step before which a world was last reset; those never reset began at 0
+        begun[self._episode == 0] = 0
+        for step in range(len(actions) + 1):
+            for world in np.flatnonzero(begun == step).tolist():
+                self._reset_world(world)
+            if step < len(actions):
+                self._actions.append(actions[step])
+                self._step_simulators(actions[step])
+        self._observe()
