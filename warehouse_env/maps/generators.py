@@ -63,7 +63,7 @@ def blocks(
     if corridor_stations:
         gaps = itertools.pairwise(lefts)
         middles = [(a + block_columns + b) // 2 for a, b in gaps if b - a - block_columns > aisle]
-        inner = range(tops[0], tops[-1] + block_rows, station_spacing)
+        inner = _spread(offsets[0] + station_spacing, rows - 1 - offsets[0] - station_spacing, station_spacing)
         stations += [(row, column) for column in middles for row in inner]
     return _with_endpoints(occupied, stations, beside(occupied), "blocks")
 
