@@ -146,6 +146,13 @@ def test_same_seed_same_rows(tiny: EnvConfig) -> None:
     assert not np.array_equal(start[:6], start[6:]), "two blocks must not repeat each other"
 
 
+def test_routes_are_planned_once_for_equal_maps(tiny: EnvConfig) -> None:
+    configs = [tiny, tiny.replace(num_agents=2), tiny.replace(layout="narrow"), tiny.replace(planner="dijkstra")]
+    books = [block.simulator.route_book for block in vec_env(configs=configs).blocks]
+    assert books[0] is books[1]
+    assert len({id(book) for book in books}) == 3
+
+
 def test_attributes_and_methods(tiny: EnvConfig) -> None:
     env = vec_env(configs=[tiny, tiny.replace(num_agents=2)])
     env.reset()

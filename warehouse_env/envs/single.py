@@ -102,7 +102,7 @@ class WarehouseSingleEnv(gymnasium.Env[NDArray[np.float32], Any]):
             raise ActionError(f"`others` gave {len(actions)} actions for {count} robots")
         return actions
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """Return the picture uint8[H, W, 3] ("rgb_array"), or show it ("human") and return None."""
         return self._camera.shot(self.simulator)
 

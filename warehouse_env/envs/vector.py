@@ -172,7 +172,7 @@ class WarehouseVecEnv(VecEnv):
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """Return, for each chosen row, the attribute of its Simulator ("render_mode": of this env)."""
-        rows = list(self._get_indices(indices)) if hasattr(self, "num_envs") else range(len(self._owner))
+        rows = list(self._get_indices(indices))
         if attr_name == "render_mode":
             return [self._mode for _ in rows]
         return [getattr(self.blocks[self._owner[row]].simulator, attr_name) for row in rows]
@@ -222,6 +222,20 @@ def _seed_of_block(seed: int, block: int) -> int:
     return int(np.random.SeedSequence([seed, block]).generate_state(1)[0])
 
 
+def _share_routes(simulators: Sequence[Simulator]) -> None:
+    """Let the last simulator use an earlier one's planned routes, where map, planner and lanes are the same."""
+    last = simulators[-1]
+    for other in simulators[:-1]:
+        if _route_key(other) == _route_key(last):
+            last.route_book = other.route_book
+            return
+
+
+def _route_key(simulator: Simulator) -> tuple[str, str, float]:
+    """Return what a way-point route depends on besides its ends."""
+    return simulator.grid.key, simulator.route_book.planner.key, simulator.config.keep_right
+
+
 def vec_env(
     num_worlds: int | Sequence[int] = 1,
     config: EnvConfig | None = None,
@@ -245,8 +259,8 @@ def vec_env(
         raise ConfigError(f"num_worlds={num_worlds!r} needs one number for each of the {len(chosen)} configs")
     if any(not isinstance(count, int) or count < 1 for count in counts):
         raise ConfigError(f"num_worlds={num_worlds!r} must be whole numbers of at least 1")
-    simulators = [
-        build_simulator(one, changes, num_worlds=count, grid=grid, planner=planner)
-        for one, count in zip(chosen, counts, strict=True)
-    ]
+    simulators: list[Simulator] = []
+    for one, count in zip(chosen, counts, strict=True):
+        simulators.append(build_simulator(one, changes, num_worlds=count, grid=grid, planner=planner))
+        _share_routes(simulators)
     return WarehouseVecEnv(simulators, render_mode)
