@@ -8,6 +8,7 @@ from typing import Any
 
 from warehouse_env.config import check_names
 from warehouse_env.errors import ConfigError, unknown_name
+from warehouse_env.planning.aco import Aco, PfAco
 from warehouse_env.planning.graph_search import AStar, AStarTurns, Dijkstra, min_turns
 from warehouse_env.planning.plan import Plan, Planner, climb, path_length, turns, validate
 
@@ -27,6 +28,8 @@ PLANNERS: dict[str, Callable[..., Planner]] = {
     "dijkstra": Dijkstra,
     "astar": AStar,
     "astar_turns": AStarTurns,
+    "aco": Aco,
+    "pf_aco": PfAco,
 }
 
 

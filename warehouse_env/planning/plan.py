@@ -126,10 +126,11 @@ def planner_key(planner: Any) -> str:
     return f"{planner.name}({', '.join(parameters)})"
 
 
-def check_parameters(planner: Any) -> None:
+def check_parameters(planner: Any, shares: tuple[str, ...] = ()) -> None:
     """Raise ConfigError unless each field of a planner dataclass fits its type.
 
-    bool: True or False; int: a whole number of at least 1; float: finite and not negative; Literal: a choice.
+    bool: True or False; int: a whole number of at least 1; float: finite and not negative, and at most 1 for the
+    fields named in `shares`; Literal: a choice.
     """
     hints = get_type_hints(type(planner))
     for field in dataclasses.fields(planner):
@@ -143,5 +144,7 @@ def check_parameters(planner: Any) -> None:
             good, rule = number and value == value // 1 and value >= 1, "a whole number of at least 1"
         else:
             good, rule = number and math.isfinite(value) and value >= 0, "a finite number of at least 0"
+        if good and field.name in shares:
+            good, rule = value <= 1, "a share between 0 and 1"
         if not good:
             raise ConfigError(f"{planner.name} parameter {field.name}={value!r} must be {rule}")

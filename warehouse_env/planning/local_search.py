@@ -1,0 +1,172 @@
+"""Local search on a path: dynamic programming over its nodes with straight-then-diagonal links. Beyond the papers.
+
+An ant finds the right way round the shelves long before it finds the shortest and straightest line along it. So keep
+some of its cells, drop the others, and join what is left by octile links of at most two segments (diagonal then
+straight, or straight then diagonal) that obey eq. 26. Of all such choices this finds the one with the least
+(length + gentleness * metres climbed, turns) exactly, in O(n^2) for n cells. On a flat floor the climb is zero, and the
+search is for (length, turns); on bumps it keeps the ants' detour where the detour is worth it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from warehouse_env.maps.grid_map import MOVES
+from warehouse_env.planning.colony import MICROMETRES, Floor
+
+_SQRT2 = math.sqrt(2.0)
+
+
+class Runs(NamedTuple):
+    """Straight runs from every cell in every direction, so that a link is checked and priced in O(1)."""
+
+    free: NDArray[np.int32]  # [C, 8], legal steps from the cell on
+    climb: NDArray[np.int64]  # [C, 8], micrometres climbed over all of them
+
+
+@njit(cache=True)
+def straight_runs(floor: Floor) -> Runs:
+    """Measure the legal runs of a floor."""
+    cells, columns = floor.neighbour.shape[0], floor.columns
+    free = np.zeros((cells, 8), np.int32)
+    climb = np.zeros((cells, 8), np.int64)
+    for move in range(8):
+        # A run's end is known before its beginning if cells are taken against the move.
+        backwards = MOVES[move, 0] * columns + MOVES[move, 1] > 0
+        for k in range(cells):
+            cell = cells - 1 - k if backwards else k
+            to = floor.neighbour[cell, move]
+            if to != cell:
+                free[cell, move] = free[to, move] + 1
+                climb[cell, move] = climb[to, move] + abs(floor.height[to] - floor.height[cell])
+    return Runs(free, climb)
+
+
+@njit(cache=True, error_model="numpy")
+def shorten(floor: Floor, runs: Runs, gentleness: float, moves: NDArray[np.int8]) -> NDArray[np.int8]:
+    """Return the best choice of nodes and links along the path int8[n - 1] of moves, as moves again."""
+    n = len(moves) + 1
+    node = np.empty(n, np.int64)
+    node[0] = floor.start
+    for step in range(n - 1):
+        node[step + 1] = floor.neighbour[node[step], moves[step]]
+    # A state is a node and the move that arrives at it; sums are whole numbers, so equal costs are equal floats.
+    cost = np.full((n, 8), np.inf)
+    sums = np.zeros((n, 8, 4), np.int64)  # straight steps, diagonal steps, micrometres climbed, turns
+    origin = np.full(
+        (n, 8, 3), -1, np.int64
+    )  # node before, its arriving move (-1 at the start), first move of the link
+    for i in range(n - 1):
+        _link_onwards(floor, runs, gentleness, node, i, cost, sums, origin)
+    return _unroll(floor, node, cost, sums, origin)
+
+
+@njit(cache=True, error_model="numpy")
+def _link_onwards(
+    floor: Floor,
+    runs: Runs,
+    gentleness: float,
+    node: NDArray[np.int64],
+    i: int,
+    cost: NDArray[np.float64],
+    sums: NDArray[np.int64],
+    origin: NDArray[np.int64],
+) -> None:
+    """Try every link from node i to a later one: the diagonal first, and the straight first."""
+    start, columns = node[i], floor.columns
+    row, column = start // columns, start % columns
+    base = np.zeros((8, 4), np.int64)  # the sums with which to leave by each move
+    before = np.full(8, -1, np.int64)
+    if i > 0:
+        for move in range(8):
+            before[move] = _best_arrival(cost[i], sums[i], move)
+            base[move] = sums[i, before[move]]
+            base[move, 3] += 1 if before[move] != move else 0
+    for j in range(i + 1, len(node)):
+        end = node[j]
+        d_row, d_column = end // columns - row, end % columns - column
+        diagonal = min(abs(d_row), abs(d_column))
+        straight = max(abs(d_row), abs(d_column)) - diagonal
+        for order in range(2 if straight > 0 and diagonal > 0 else 1):
+            first, second = _diagonal_move(d_row, d_column), _straight_move(d_row, d_column)
+            steps, more = diagonal, straight
+            if order == 1 or diagonal == 0:
+                first, second, steps, more = second, first, straight, diagonal
+            if more == 0:
+                second = first
+            corner = start + steps * (MOVES[first, 0] * columns + MOVES[first, 1])
+            if runs.free[start, first] < steps or runs.free[corner, second] < more:
+                continue
+            a, b = base[first, 0] + straight, base[first, 1] + diagonal
+            climbed = base[first, 2] + runs.climb[start, first] - runs.climb[corner, first]
+            climbed += runs.climb[corner, second] - runs.climb[end, second]
+            turned = base[first, 3] + (1 if first != second else 0)
+            total = (a + b * _SQRT2) + gentleness * climbed / MICROMETRES
+            if total < cost[j, second] or (total == cost[j, second] and turned < sums[j, second, 3]):
+                cost[j, second] = total
+                sums[j, second, 0], sums[j, second, 1] = a, b
+                sums[j, second, 2], sums[j, second, 3] = climbed, turned
+                origin[j, second, 0], origin[j, second, 1], origin[j, second, 2] = i, before[first], first
+
+
+@njit(cache=True)
+def _straight_move(d_row: int, d_column: int) -> int:
+    """The straight move of an octile link with these differences."""
+    if abs(d_column) > abs(d_row):
+        return 0 if d_column > 0 else 4
+    return 6 if d_row > 0 else 2
+
+
+@njit(cache=True)
+def _diagonal_move(d_row: int, d_column: int) -> int:
+    """The diagonal move of an octile link with these differences."""
+    if d_row < 0:
+        return 1 if d_column > 0 else 3
+    return 7 if d_column > 0 else 5
+
+
+@njit(cache=True)
+def _best_arrival(cost: NDArray[np.float64], sums: NDArray[np.int64], leaving: int) -> int:
+    """The arriving move that is best to go on from with the move `leaving`; -1 if the node is not reached."""
+    best, best_turns = -1, 0
+    for move in range(8):
+        if cost[move] < np.inf:
+            turned = sums[move, 3] + (1 if move != leaving else 0)
+            if best < 0 or cost[move] < cost[best] or (cost[move] == cost[best] and turned < best_turns):
+                best, best_turns = move, turned
+    return best
+
+
+@njit(cache=True)
+def _unroll(
+    floor: Floor,
+    node: NDArray[np.int64],
+    cost: NDArray[np.float64],
+    sums: NDArray[np.int64],
+    origin: NDArray[np.int64],
+) -> NDArray[np.int8]:
+    """Follow the links back from the best state of the last node and write them out as moves."""
+    j = len(node) - 1
+    arrived = 0
+    for move in range(1, 8):
+        tied = cost[j, move] == cost[j, arrived] and sums[j, move, 3] < sums[j, arrived, 3]
+        if cost[j, move] < cost[j, arrived] or tied:
+            arrived = move
+    end = sums[j, arrived, 0] + sums[j, arrived, 1]
+    moves = np.empty(end, np.int8)
+    while j > 0:
+        i, before, first = origin[j, arrived, 0], origin[j, arrived, 1], origin[j, arrived, 2]
+        d_row = abs(node[j] // floor.columns - node[i] // floor.columns)
+        d_column = abs(node[j] % floor.columns - node[i] % floor.columns)
+        steps, diagonal = max(d_row, d_column), min(d_row, d_column)
+        first_steps = steps if first == arrived else (diagonal if first % 2 else steps - diagonal)
+        moves[end - steps : end - steps + first_steps] = first
+        moves[end - steps + first_steps : end] = arrived
+        end -= steps
+        j, arrived = i, before
+    return moves
