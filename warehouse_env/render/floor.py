@@ -25,7 +25,7 @@ _SHADE_DOWN, _SHADE_RIGHT, _SHADE_BLUR = 0.20, 0.14, 0.14  # [m], the shadow tha
 _DETAIL = 6.0  # [px per cell] below which seams, boxes and pick marks are left out
 
 
-def scale_for(grid: GridMap, longest: int = 1200, most: float = 16.0) -> float:
+def scale_for(grid: GridMap, longest: int = 1600, most: float = 16.0) -> float:
     """Return the pixels per metre (at most `most`) at which the floor's longer side has at most `longest` pixels."""
     return min(most, longest / (max(grid.shape) * grid.cell_size))
 

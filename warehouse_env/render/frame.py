@@ -42,25 +42,33 @@ class Scene(NamedTuple):
 
 
 def scene_of(simulator: Any, world: int = 0) -> Scene:
-    """Copy one world of a Simulator (or of anything with its config, grid, state and events) into a Scene."""
-    config, state, events = simulator.config, simulator.state, simulator.events
-    pose = np.array(state.pose[world])
+    """Copy what one world of a Simulator shows: its config, grid, state, events, routes, time and totals."""
+    state = simulator.state
+    counts = state.route_points[world]
     routes = [
-        route_ahead(state.route[world, i, : int(state.route_points[world, i])], float(state.route_position[world, i]))
-        for i in range(len(pose))
+        route_ahead(simulator.routes[world, i, : int(count)], float(state.route_position[world, i]))
+        for i, count in enumerate(counts)
     ]
+    totals = simulator.episode_metrics(world)
+    collisions = totals["collisions_robot"] + totals["collisions_shelf"]
+    parts = [simulator.grid.name, _count(len(counts), "robot")]
+    parts += [_count(round(totals["goals"]), "goal"), _count(round(collisions), "collision")]
     return Scene(
         grid=simulator.grid,
-        robot=config.robot,
-        pose=pose,
-        goal=np.array(state.goal[world]),
+        robot=simulator.config.robot,
+        pose=np.array(state.pose[world]),
+        goal=np.array(state.goal[world], dtype=np.int64),
         routes=routes,
-        touching=np.array(events.touching[world], dtype=np.bool_),
+        touching=np.array(simulator.events.touching[world], dtype=np.bool_),
         alive=np.array(state.alive[world], dtype=np.bool_),
-        time=float(state.step[world]) * config.time_step * config.action_repeat,
-        text=f"{simulator.grid.name}   {len(pose)} robots" if len(pose) > 1 else simulator.grid.name,
+        time=float(simulator.seconds(world)),
+        text="   ".join(parts),
         steer=np.array(state.steer[world]),
     )
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def route_ahead(route: NDArray[np.float32], driven: float) -> NDArray[np.float32]:

@@ -17,6 +17,7 @@ Points = NDArray[np.float64]
 _OVERSAMPLE = 4
 _WHITE: RGB = (255, 255, 255)
 _WHEEL: RGB = (28, 31, 36)
+_WHEELS_FROM = 11.0  # [px/m]
 _PLATE_FRONT, _PLATE_GAP = 0.26, 0.10  # [m] of the plate: behind the axle, off the tail
 _CORNER_STEPS = np.linspace(0.0, math.pi / 2, 5)
 
@@ -27,7 +28,7 @@ class Tile:
     def __init__(self, pygame: Any, centre: tuple[float, float], reach: float, top: float, scale: float) -> None:
         """Cover `reach` [m] around `centre` [m]; `top` [m] is the floor's north edge, `scale` [px/m] the frame's."""
         self._pygame = pygame
-        self._scale = scale
+        self.scale = scale
         x, y = centre[0] * scale, (top - centre[1]) * scale
         side = 2 * math.ceil(reach * scale) + 2
         self.left, self.upper = math.floor(x) - side // 2, math.floor(y) - side // 2
@@ -37,13 +38,13 @@ class Tile:
 
     def polygon(self, points: Points, colour: RGB, alpha: int = 255) -> None:
         """Fill a polygon, points float[K, 2] in metres."""
-        fine = self._scale * _OVERSAMPLE
+        fine = self.scale * _OVERSAMPLE
         pixels = points * (fine, -fine) + self._corner
         self._pygame.draw.polygon(self.surface, _ink(colour, alpha), pixels.tolist())
 
     def circle(self, centre: tuple[float, float], radius: float, colour: RGB, alpha: int = 255) -> None:
         """Fill a circle, in metres."""
-        fine = self._scale * _OVERSAMPLE
+        fine = self.scale * _OVERSAMPLE
         place = (centre[0] * fine + self._corner[0], -centre[1] * fine + self._corner[1])
         self._pygame.draw.circle(self.surface, _ink(colour, alpha), place, radius * fine)
 
@@ -92,7 +93,11 @@ def plate_centre(pose: NDArray[np.float32], robot: RobotSpec) -> tuple[float, fl
 def paint_robot(
     tile: Tile, pose: NDArray[np.float32], steer: float, robot: RobotSpec, colour: RGB, touching: bool, alive: bool
 ) -> None:
-    """Paint one robot: pose (x [m], y [m], heading [rad]) of the front axle, steer [rad] of the rear wheels."""
+    """Paint one robot: pose (x [m], y [m], heading [rad]) of the front axle, steer [rad] of the rear wheels.
+
+    On small pictures the wheels are left out, so that the colour is seen.
+    """
+    detailed = tile.scale >= _WHEELS_FROM
     x, y, heading = (float(value) for value in pose)
     turn = _rotation(heading)
 
@@ -110,11 +115,13 @@ def paint_robot(
     put(hull(0.0, 0.12), (20, 24, 30), 70, (0.05, -0.06))
     put(hull(0.0, 0.12), CONTACT if touching else mix(colour, (0, 0, 0), 0.4))
     put(hull(0.09 if touching else 0.05, 0.08), colour)
-    _paint_wheels(put, robot, steer, mix(_WHEEL, _WHITE, 0.0 if alive else 0.35))
-    nose, half = robot.front_overhang - 0.05, robot.width / 2 - 0.13
-    plate = rounded_box(_PLATE_GAP - robot.rear_reach, -_PLATE_FRONT, -half, half, 0.05)
-    put(plate, mix(colour, _WHITE, 0.5))
-    put(np.array([[nose, 0.0], [-0.17, half + 0.03], [-0.17, -half - 0.03]]), _WHITE if alive else (225, 227, 230))
+    half = robot.width / 2 - 0.13
+    if detailed:
+        _paint_wheels(put, robot, steer, mix(_WHEEL, _WHITE, 0.0 if alive else 0.35))
+        plate = rounded_box(_PLATE_GAP - robot.rear_reach, -_PLATE_FRONT, -half, half, 0.05)
+        put(plate, mix(colour, _WHITE, 0.5))
+    nose = np.array([(robot.front_overhang - 0.05, 0.0), (-0.17, half + 0.03), (-0.17, -half - 0.03)])
+    put(nose, _WHITE if alive else (225, 227, 230))
 
 
 def _paint_wheels(put: Any, robot: RobotSpec, steer: float, ink: RGB) -> None:
@@ -123,8 +130,8 @@ def _paint_wheels(put: Any, robot: RobotSpec, steer: float, ink: RGB) -> None:
     turned = wheel @ _rotation(steer)
     side = robot.width / 2 - 0.06
     for left in (side, -side):
-        put(wheel + (0.0, left), ink)
-        put(turned + (-robot.wheelbase, left), ink)
+        put(wheel + np.array([0.0, left]), ink)
+        put(turned + np.array([-robot.wheelbase, left]), ink)
 
 
 def _rotation(angle: float) -> Points:

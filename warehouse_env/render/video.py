@@ -18,7 +18,10 @@ from warehouse_env.render.floor import FLOOR
 from warehouse_env.render.output import part_file
 
 # H.264 in 4:2:0, which every browser and player shows; the index stands first, so that it plays while it loads.
+# Colours are converted and labelled by the standard that players assume.
 _MP4 = ["-crf", "21", "-preset", "veryfast", "-movflags", "+faststart"]
+_MP4 += ["-vf", "scale=out_color_matrix=bt709:flags=accurate_rnd+full_chroma_int+full_chroma_inp"]
+_MP4 += ["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709", "-color_range", "tv"]
 # One palette for all frames keeps the file small. It is made from a leading frame, which is then cut off; without
 # dither flat colours stay flat.
 _GIF = [

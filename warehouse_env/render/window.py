@@ -35,7 +35,9 @@ class Window:
             self._open(frame.shape[1], frame.shape[0])
         pygame = self._pygame
         for event in pygame.event.get():
-            if event.type == pygame.QUIT or (event.type == pygame.KEYDOWN and event.key in (pygame.K_ESCAPE, pygame.K_q)):
+            if event.type == pygame.QUIT or (
+                event.type == pygame.KEYDOWN and event.key in (pygame.K_ESCAPE, pygame.K_q)
+            ):
                 self.close()
                 return False
         screen = pygame.display.get_surface()  # a new one after a resize
