@@ -12,25 +12,19 @@ from numpy.typing import NDArray
 from warehouse_env.errors import ActionError
 
 
-def blank_actions(space: spaces.Space[Any], worlds: int, robots: int) -> NDArray[Any]:
-    """Return zeros in the shape and type that `Simulator.step` takes: int64[B,N] or float32[B,N,2]."""
-    shape = space.shape or ()
-    return np.zeros((worlds, robots, *shape), dtype=space.dtype)
+def pack_actions(given: Sequence[Any], names: Sequence[str], space: spaces.Space[Any]) -> NDArray[Any]:
+    """Return the actions of a world's robots as an array [1, N] or [1, N, 2] for `Simulator.step`.
 
-
-def write_actions(target: NDArray[Any], given: Sequence[Any], names: Sequence[str], space: spaces.Space[Any]) -> None:
-    """Copy one action per name into `target` [K] or [K, 2]; raises ActionError naming the first bad one.
-
-    Only the shape and kind are checked here; finiteness and range are the Simulator's to check.
+    Raises ActionError naming the first of wrong shape or kind; values are the Simulator's to check.
     """
     try:
-        values = np.array(given)
+        values = np.array([given])
     except ValueError:  # ragged
-        values = np.empty(0)
+        raise bad_action(given, names, space) from None
     whole = isinstance(space, spaces.Discrete)
-    if values.shape != target.shape or values.dtype.kind not in ("iu" if whole else "fiu"):
+    if values.ndim != (2 if whole else 3) or values.dtype.kind not in ("iu" if whole else "fiu"):
         raise bad_action(given, names, space)
-    target[:] = values
+    return values
 
 
 def bad_action(given: Sequence[Any], names: Sequence[str], space: spaces.Space[Any]) -> ActionError:

@@ -13,9 +13,9 @@ from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils import parallel_to_aec
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.envs.actions import bad_action, blank_actions, write_actions
+from warehouse_env.envs.actions import bad_action, pack_actions
 from warehouse_env.envs.camera import RENDER_MODES, Camera, render_fps
-from warehouse_env.envs.infos import Rows, robot_infos
+from warehouse_env.envs.infos import RobotInfos
 from warehouse_env.envs.options import build_simulator
 from warehouse_env.errors import ActionError
 from warehouse_env.maps.grid_map import GridMap
@@ -62,8 +62,12 @@ class WarehouseParallelEnv(ParallelEnv):  # type: ignore[misc]  # pettingzoo shi
         self.action_spaces = {a: copy.deepcopy(self.simulator.action_space) for a in self.possible_agents}
         shape = self.simulator.global_state(0).shape
         self.state_space = spaces.Box(-np.inf, np.inf, shape, np.float32)
-        self._actions = blank_actions(self.simulator.action_space, 1, self.simulator.num_agents)
-        self._rows: Rows = slice(None)  # of the live robots; a slice while that is all of them
+        # views of the one world; the Simulator writes its arrays in place
+        self._observation = self.simulator.observation[0]
+        self._reward = self.simulator.reward[0]
+        self._terminated = self.simulator.terminated[0]
+        self._infos = RobotInfos(self.simulator)
+        self._idle = self.simulator.cruise_action
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """Return the robot's own space instance, the same one at every call."""
@@ -75,12 +79,11 @@ class WarehouseParallelEnv(ParallelEnv):  # type: ignore[misc]  # pettingzoo shi
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observations, Infos]:
         """Start an episode; a seed fixes it to the bit, without one the generators go on. `options` is not used."""
-        observation = self.simulator.reset(seed)
+        self.simulator.reset(seed)
         self.agents = list(self.possible_agents)
-        self._rows = slice(None)
         if self.render_mode == "human":
             self.render()
-        return _by_name(self.agents, observation[0].copy()), {agent: {} for agent in self.agents}
+        return _by_name(self.agents, self._observation.copy()), {agent: {} for agent in self.agents}
 
     def step(
         self, actions: dict[str, Any]
@@ -89,50 +92,45 @@ class WarehouseParallelEnv(ParallelEnv):  # type: ignore[misc]  # pettingzoo shi
 
         Raises ActionError, naming the robot, for a missing, superfluous, misshapen or non-finite action.
         """
-        simulator, agents, rows = self.simulator, self.agents, self._rows
+        agents, names = self.agents, self.possible_agents
         if not agents and not actions:
             return {}, {}, {}, {}, {}
         self._advance(actions)
-        observations = _by_name(agents, simulator.observation[0, rows].copy())
-        rewards = _by_name(agents, simulator.reward[0, rows].tolist())
-        ended = simulator.terminated[0, rows].tolist()
-        terminations = _by_name(agents, ended)
-        truncated = bool(simulator.truncated[0])
-        truncations = {agent: truncated and not over for agent, over in terminations.items()}
-        infos = _by_name(agents, robot_infos(simulator, 0, rows))
+        ended = self._terminated.tolist()
+        truncated = bool(self.simulator.truncated[0])
+        parts = (
+            _by_name(names, self._observation.copy()),
+            _by_name(names, self._reward.tolist()),
+            _by_name(names, ended),
+            {name: truncated and not over for name, over in zip(names, ended, strict=True)},
+            _by_name(names, self._infos.read()),
+        )
+        if len(agents) < len(names):
+            parts = tuple({agent: part[agent] for agent in agents} for part in parts)  # type: ignore[assignment]
         if truncated or True in ended:
-            self._dismiss(ended, truncated)
+            self.agents = [] if truncated else [agent for agent in agents if not parts[2][agent]]
         if self.render_mode == "human":
             self.render()
-        return observations, rewards, terminations, truncations, infos
+        return parts
 
     def _advance(self, actions: dict[str, Any]) -> None:
-        """Check and gather the live robots' actions, and step the Simulator."""
-        agents, space = self.agents, self.simulator.action_space
-        try:
-            given = [actions[agent] for agent in agents]
-        except KeyError as missing:
-            raise ActionError(f"no action given for {missing.args[0]}") from None
-        if len(actions) != len(agents):
+        """Check the live robots' actions and step the Simulator."""
+        agents, names, space = self.agents, self.possible_agents, self.simulator.action_space
+        if len(actions) > len(agents):
             extra = next(name for name in actions if name not in agents)
             raise ActionError(f"action given for {extra!r}, which is not among the live agents (call reset()?)")
-        if isinstance(self._rows, slice):
-            write_actions(self._actions[0], given, agents, space)
-        else:
-            live = self._actions[0][self._rows]
-            write_actions(live, given, agents, space)
-            self._actions[0][self._rows] = live
         try:
-            self.simulator.step(self._actions)
+            if len(agents) < len(names):  # a parked robot's action is not read, but has to be there
+                given = [actions[name] if name in agents else self._idle for name in names]
+            else:
+                given = [actions[name] for name in names]
+        except KeyError as missing:
+            raise ActionError(f"no action given for {missing.args[0]}") from None
+        packed = pack_actions(given, names, space)
+        try:
+            self.simulator.step(packed)
         except ActionError:
-            raise bad_action(given, agents, space) from None
-
-    def _dismiss(self, ended: list[bool], truncated: bool) -> None:
-        """Take the robots whose episode is over out of `agents`."""
-        agents = [] if truncated else [agent for agent, over in zip(self.agents, ended, strict=True) if not over]
-        self._rows = np.array([self.possible_agents.index(agent) for agent in agents], dtype=np.int64)
-        self._actions[0] = 0  # a parked robot's action is not read, but must be valid
-        self.agents = agents
+            raise bad_action(given, names, space) from None
 
     def state(self) -> NDArray[np.float32]:
         """Return the global view of the world, for centralised critics (`Simulator.global_state`)."""

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.envs.actions import bad_action, blank_actions, write_actions
+from warehouse_env.envs.actions import bad_action, pack_actions
 from warehouse_env.envs.camera import RENDER_MODES, Camera, render_fps
-from warehouse_env.envs.infos import robot_infos
+from warehouse_env.envs.infos import RobotInfos
 from warehouse_env.envs.options import build_simulator
 from warehouse_env.errors import ActionError
 from warehouse_env.maps.grid_map import GridMap
@@ -57,7 +57,7 @@ class WarehouseSingleEnv(gymnasium.Env[NDArray[np.float32], Any]):
         self.action_space = self.simulator.action_space
         self._others = others
         self._names = [f"robot_{k}" for k in range(self.simulator.num_agents)]
-        self._actions = blank_actions(self.simulator.action_space, 1, self.simulator.num_agents)
+        self._infos = RobotInfos(self.simulator)
         self._started = False
 
     def reset(
@@ -77,9 +77,9 @@ class WarehouseSingleEnv(gymnasium.Env[NDArray[np.float32], Any]):
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         simulator = self.simulator
         given = [action, *self._actions_of_others()]
-        write_actions(self._actions[0], given, self._names, simulator.action_space)
+        packed = pack_actions(given, self._names, simulator.action_space)
         try:
-            simulator.step(self._actions)
+            simulator.step(packed)
         except ActionError:
             raise bad_action(given, self._names, simulator.action_space) from None
         if self.render_mode == "human":
@@ -89,7 +89,7 @@ class WarehouseSingleEnv(gymnasium.Env[NDArray[np.float32], Any]):
             float(simulator.reward[0, 0]),
             bool(simulator.terminated[0, 0]),
             bool(simulator.truncated[0]),
-            robot_infos(simulator, 0, slice(0, 1))[0],
+            self._infos.read()[0],
         )
 
     def _actions_of_others(self) -> list[Any]:

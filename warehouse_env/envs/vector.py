@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.envs.actions import blank_actions
 from warehouse_env.envs.camera import Camera, render_fps
 from warehouse_env.envs.options import build_simulator
 from warehouse_env.errors import ActionError, ConfigError
@@ -68,7 +67,8 @@ class WarehouseVecEnv(VecEnv):
         self.blocks: list[Block] = []
         rows = 0
         for simulator in simulators:
-            actions = blank_actions(first.action_space, simulator.num_worlds, simulator.num_agents)
+            shape = (simulator.num_worlds, simulator.num_agents, *(first.action_space.shape or ()))
+            actions = np.zeros(shape, dtype=first.action_space.dtype)
             self.blocks.append(Block(simulator, rows, actions))
             rows += simulator.num_worlds * simulator.num_agents
         self._owner = np.repeat(np.arange(len(self.blocks)), [b.rows.stop - b.start for b in self.blocks])
