@@ -1,0 +1,111 @@
+"""`warehouse COMMAND`: every command is a frozen dataclass, which is its options, with a method `run`.
+
+A new command is one line in COMMANDS. Its module is imported only when it is called, so that help comes at once.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from warehouse_env.errors import WarehouseError, unknown_name
+
+PROGRAM = "warehouse"
+STOPPED = 130  # exit code after Ctrl-C, as shells use it
+
+
+class Command(NamedTuple):
+    """Where a command lives and what it does, in one line."""
+
+    module: str
+    options: str  # name of the dataclass
+    summary: str
+
+
+COMMANDS: dict[str, Command] = {
+    "demo": Command("train.demo", "Demo", "compare the shipped policies in three minutes: table, pictures, video"),
+    "plan": Command("train.plan", "PlanCommand", "compare planners on the tasks of a map"),
+    "layouts": Command("train.layouts", "Layouts", "list, draw, check and convert maps"),
+    "train reinforce": Command("train.training", "TrainReinforce", "train our policy gradient"),
+    "train ppo": Command("train.training", "TrainPPO", "train PPO by stable-baselines3"),
+    "evaluate": Command("train.evaluate", "Evaluate", "drive policies over held-out episodes and count collisions"),
+    "bench": Command("train.bench", "Bench", "measure the speed of the simulator, the planners and the trainers"),
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command line; returns the exit code: 0, 2 for bad input (one sentence on stderr), 130 after Ctrl-C."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        return _run(arguments)
+    except SystemExit as stop:  # tyro's own: 0 after --help, 2 after a wrong option
+        return stop.code if isinstance(stop.code, int) else 2
+    except KeyboardInterrupt as stop:
+        print(f"{PROGRAM}: stopped" + "".join(f"; {text}" for text in stop.args), file=sys.stderr)
+        return STOPPED
+    except WarehouseError as error:
+        print(f"{PROGRAM}: {error}", file=sys.stderr)
+        return 2
+    except BrokenPipeError:  # the reader, say `head`, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"{PROGRAM}: {where}{error.strerror or error}", file=sys.stderr)
+        return 2
+
+
+def _run(arguments: list[str]) -> int:
+    if arguments[:1] == ["--version"]:
+        from warehouse_env import __version__
+
+        print(__version__)
+        return 0
+    if not arguments or arguments[0] in ("-h", "--help"):
+        print(_help(""))
+        return 0
+    name = next((name for name in COMMANDS if name.split() == arguments[: len(name.split())]), None)
+    if name is None:
+        return _no_command(arguments)
+    command = COMMANDS[name]
+    rest = arguments[len(name.split()) :]
+    options = getattr(importlib.import_module(command.module), command.options)
+    import tyro
+
+    tyro.cli(options, prog=f"{PROGRAM} {name}", args=rest).run()
+    return 0
+
+
+def _no_command(arguments: list[str]) -> int:
+    """Help with the first word of a longer command (`warehouse train`), or say that there is no such command."""
+    group = arguments[0]
+    inner = [name.split()[1] for name in COMMANDS if name.split()[0] == group]
+    if not inner:
+        raise unknown_name("command", group, {name.split()[0] for name in COMMANDS})
+    if len(arguments) == 1 or arguments[1] in ("-h", "--help"):
+        print(_help(f"{group} "))
+        return 0
+    raise unknown_name(f"{group} command", arguments[1], inner)
+
+
+def _help(prefix: str) -> str:
+    """Return the list of the commands that begin with `prefix`."""
+    chosen = {name: command for name, command in COMMANDS.items() if name.startswith(prefix)}
+    width = max(map(len, chosen))
+    lines = [f"  {PROGRAM} {name:{width}}  {command.summary}" for name, command in chosen.items()]
+    return "\n".join(
+        [
+            "Robots that drive through a warehouse together: plan routes, train how they avoid each other, measure it.",
+            "",
+            *lines,
+            "",
+            f"`{PROGRAM} COMMAND --help` lists a command's options; `{PROGRAM} --version` prints the version.",
+        ]
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

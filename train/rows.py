@@ -1,0 +1,139 @@
+"""Rows of numbers: JSON lines in and out, files that are never left half written, means with their intervals.
+
+A row is a flat dict of JSON values, one episode or one run each. Every table and picture is made from rows alone.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from warehouse_env.errors import WarehouseError
+from warehouse_env.render.output import complete_file
+
+Row = dict[str, Any]
+
+
+def plain(value: Any) -> Any:
+    """Return `value` in JSON types; numbers that are not finite become None, since JSON has none of them."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, Path) else value
+
+
+class RowFile:
+    """A JSON-lines file that grows by whole rows; it is opened at the first row, so bad input leaves it as it was.
+
+    With `path` None the rows are only counted. With `keep` rows that stand there already stay.
+    """
+
+    def __init__(self, path: Path | None, keep: bool = False) -> None:
+        self.path = path
+        self.count = 0
+        self._keep = keep
+        if path is not None and path.is_dir():
+            raise WarehouseError(f"{path} is a folder; name a file for the rows")
+
+    def add(self, rows: Iterable[Row]) -> None:
+        """Append `rows` in one write and hand them to the disk."""
+        lines = [json.dumps(plain(row), allow_nan=False) + "\n" for row in rows]
+        if self.path is not None and lines:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with self.path.open("a" if self._keep or self.count else "w", encoding="utf-8") as file:
+                file.write("".join(lines))
+        self.count += len(lines)
+
+    def kept(self) -> str:
+        """Say in a few words what an interrupted command leaves behind."""
+        if self.path is None or not self.count:
+            return "no rows were kept"
+        return f"{self.count} rows are kept in {self.path}"
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Return the rows of a JSON-lines file; raises WarehouseError naming the file and line of a damaged one."""
+    rows = []
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+        try:
+            row = json.loads(line)
+        except json.JSONDecodeError:
+            row = None
+        if not isinstance(row, dict):
+            raise WarehouseError(f"{path}, line {number}: not a JSON object; delete the line or the file")
+        rows.append(row)
+    return rows
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file, all of it or nothing."""
+    with complete_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+class Interval(NamedTuple):
+    """A mean over independent samples and its 95% interval; `low` and `high` are NaN below two samples."""
+
+    mean: float
+    low: float
+    high: float
+    count: int
+
+
+def mean_interval(values: Iterable[float | None]) -> Interval:
+    """Return the mean with its 95% interval by Student's t; None and NaN are left out.
+
+    The samples are whole episodes (or runs): robots of one episode hinder each other, so they are not independent.
+    """
+    sample = np.array([value for value in values if value is not None and math.isfinite(value)], dtype=np.float64)
+    count = len(sample)
+    if count == 0:
+        return Interval(math.nan, math.nan, math.nan, 0)
+    mean = float(sample.mean())
+    if count == 1:
+        return Interval(mean, math.nan, math.nan, 1)
+    half = t_quantile(count - 1) * float(sample.std(ddof=1)) / math.sqrt(count)
+    return Interval(mean, mean - half, mean + half, count)
+
+
+def t_quantile(freedom: int, coverage: float = 0.95) -> float:
+    """Return the t that Student's distribution keeps within +-t with probability `coverage`, by bisection."""
+    low, high = 0.0, 1.0
+    while _t_coverage(high, freedom) < coverage:
+        high *= 2.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _t_coverage(middle, freedom) < coverage else (low, middle)
+    return (low + high) / 2
+
+
+def _t_coverage(t: float, freedom: int) -> float:
+    """Return P(|T| < t) for whole degrees of freedom (Abramowitz and Stegun, 26.7.3 and 26.7.4)."""
+    angle = math.atan2(t, math.sqrt(freedom))
+    square = math.cos(angle) ** 2
+    odd = freedom % 2
+    term = math.cos(angle) if odd else 1.0
+    total = term if freedom > 1 else 0.0
+    for k in range(1 + odd, freedom - 2, 2):
+        term *= square * k / (k + 1)
+        total += term
+    if odd:
+        return 2 / math.pi * (angle + math.sin(angle) * total)
+    return math.sin(angle) * total
+
+
+def select(rows: Sequence[Row], **values: Any) -> list[Row]:
+    """Return the rows whose named fields have these values."""
+    return [row for row in rows if all(row.get(name) == value for name, value in values.items())]
