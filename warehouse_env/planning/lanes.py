@@ -17,8 +17,10 @@ SPACING = 0.5  # [m] between way-points
 LANE_CLEARANCE = 0.55  # [m] from the right-hand wall in the narrowest two-way aisle
 CLEARANCE = 0.6  # [m] from shelves, where there is room
 SIGHT = 2.5  # [m] to either side within which a wall makes an aisle
-TWO_WAY = 1.4  # [m] of free width from which there are two lanes
+TWO_WAY = 1.2  # [m] of free width from which there are two lanes
 FADE = 1.5  # [m] at both ends over which the lane is reached
+NARROWER = 0.02  # [m] less than half the free width is asked for as clearance
+EASE = 0.15  # [m/m] sideways where a lane widens or narrows
 ITERATIONS = 60
 PULL, SMOOTH, PUSH = 0.12, 0.45, 0.5  # shares of the way to lane, neighbours and clearance in one iteration
 
@@ -37,31 +39,81 @@ def _free_to(solid, x, y, ux, uy, cell):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _lane_targets(points, solid, cell, keep_right, out):  # type: ignore[no-untyped-def]
-    """Write where each point should be: in the lane right of the middle, or in the middle where there is one lane."""
+def _lane_shift(left, right, keep_right):  # type: ignore[no-untyped-def]
+    """Metres to the right of the path where the lane is, from the free widths to both sides; nan beside a crossing."""
+    width = left + right
+    if width < TWO_WAY:
+        return 0.5 * (right - left)
+    if keep_right <= 0.0:
+        return 0.0
+    if right < SIGHT and left < SIGHT:
+        return right - min(max(0.25 * width, LANE_CLEARANCE), 2.0 * keep_right)
+    if right < SIGHT:  # a wall to the right only: keep to it, as in a lane
+        return min(right - LANE_CLEARANCE, keep_right)
+    return math.nan
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _fill_gaps(shift, keep_right):  # type: ignore[no-untyped-def]
+    """Replace runs of nan: between two lanes by the way from one to the other, on open floor by keep_right."""
+    n = shift.shape[0]
+    k = 0
+    while k < n:
+        if not math.isnan(shift[k]):
+            k += 1
+            continue
+        first = k
+        while k < n and math.isnan(shift[k]):
+            k += 1
+        before = shift[first - 1] if first > 0 else keep_right
+        after = shift[k] if k < n else keep_right
+        for m in range(first, k):
+            part = (m - first + 1) / (k - first + 1)
+            shift[m] = before + part * (after - before)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _ease_into_single_lanes(shift, room):  # type: ignore[no-untyped-def]
+    """Let the lane leave and enter single lanes (fixed) with no more than EASE metres sideways per metre."""
+    n = shift.shape[0]
+    for fixed in range(n):
+        if room[fixed] >= 0.5 * TWO_WAY - NARROWER:
+            continue
+        for step in (-1, 1):
+            k = fixed + step
+            while 0 <= k < n and room[k] >= 0.5 * TWO_WAY - NARROWER:
+                most = EASE * SPACING * abs(k - fixed)
+                shift[k] = min(max(shift[k], shift[fixed] - most), shift[fixed] + most)
+                k += step
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _lane_targets(points, solid, cell, keep_right, shift, room, out):  # type: ignore[no-untyped-def]
+    """Write where each point should be, and the clearance it can have: the lane right of the middle, or the only one."""
     n = points.shape[0]
     for k in range(n):
-        a, b = max(k - 2, 0), min(k + 2, n - 1)
-        dx, dy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
-        norm = math.sqrt(dx * dx + dy * dy)
-        out[k] = points[k]
-        if norm < 1e-9:
-            continue
-        ux, uy = dx / norm, dy / norm
-        x, y = points[k, 0], points[k, 1]
-        right = _free_to(solid, x, y, uy, -ux, cell)
-        left = _free_to(solid, x, y, -uy, ux, cell)
-        width = left + right
-        if keep_right <= 0.0 or width < TWO_WAY:
-            shift = 0.5 * (right - left) if width < 2.0 * SIGHT and keep_right <= 0.0 or width < TWO_WAY else 0.0
-        elif right < SIGHT and left < SIGHT:
-            shift = right - min(max(0.25 * width, LANE_CLEARANCE), 2.0 * keep_right)
-        else:
-            shift = min(keep_right, right - LANE_CLEARANCE)
+        ux, uy = _direction(points, k)
+        right = _free_to(solid, points[k, 0], points[k, 1], uy, -ux, cell)
+        left = _free_to(solid, points[k, 0], points[k, 1], -uy, ux, cell)
+        shift[k] = _lane_shift(left, right, keep_right)
+        room[k] = min(CLEARANCE, 0.5 * (left + right) - NARROWER)
+    _fill_gaps(shift, keep_right)
+    _ease_into_single_lanes(shift, room)
+    for k in range(n):
+        ux, uy = _direction(points, k)
         along = SPACING * min(k, n - 1 - k)
-        shift *= min(1.0, along / FADE)
-        out[k, 0] = x + shift * uy
-        out[k, 1] = y - shift * ux
+        s = shift[k] * min(1.0, along / FADE)
+        out[k, 0] = points[k, 0] + s * uy
+        out[k, 1] = points[k, 1] - s * ux
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _direction(points, k):  # type: ignore[no-untyped-def]
+    """Unit vector along the line at point k, over a metre to either side."""
+    a, b = max(k - 2, 0), min(k + 2, points.shape[0] - 1)
+    dx, dy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+    norm = math.sqrt(dx * dx + dy * dy)
+    return (dx / norm, dy / norm) if norm > 1e-9 else (1.0, 0.0)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -84,7 +136,7 @@ def _nearest_shelf(solid, x, y, cell):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _relax(points, targets, solid, cell):  # type: ignore[no-untyped-def]
+def _relax(points, targets, room, solid, cell):  # type: ignore[no-untyped-def]
     """Move the inner points in place until lane, smoothness and clearance balance."""
     n = points.shape[0]
     for _ in range(ITERATIONS):
@@ -95,9 +147,9 @@ def _relax(points, targets, solid, cell):  # type: ignore[no-untyped-def]
             nx = x + PULL * (targets[k, 0] - x) + SMOOTH * (mx - x)
             ny = y + PULL * (targets[k, 1] - y) + SMOOTH * (my - y)
             d, ux, uy = _nearest_shelf(solid, nx, ny, cell)
-            if d < CLEARANCE:
-                nx += PUSH * (CLEARANCE - d) * ux
-                ny += PUSH * (CLEARANCE - d) * uy
+            if d < room[k]:
+                nx += PUSH * (room[k] - d) * ux
+                ny += PUSH * (room[k] - d) * uy
             points[k, 0], points[k, 1] = nx, ny
 
 
@@ -122,8 +174,8 @@ def drivable_line(
     """
     line = resample(points, SPACING)
     if len(line) > 2:
-        targets = np.empty_like(line)
-        _lane_targets(line, solid, cell, keep_right, targets)
-        _relax(line, targets, solid, cell)
+        targets, shift, room = np.empty_like(line), np.empty(len(line)), np.empty(len(line))
+        _lane_targets(line, solid, cell, keep_right, shift, room, targets)
+        _relax(line, targets, room, solid, cell)
         line = resample(line, SPACING)
     return line.astype(np.float32)

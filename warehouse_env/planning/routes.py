@@ -7,6 +7,7 @@ so it is made once: an ant colony takes milliseconds, a look-up microseconds.
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import sqlite3
 from pathlib import Path
@@ -79,17 +80,17 @@ class RouteBook:
         self.grid, self.planner = grid, planner
         self._keep_right, self._seed = keep_right, seed
         self._solid = np.pad(grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
-        self._routes: dict[tuple[Cell, Cell], NDArray[np.float32]] = {}
+        self._routes: dict[tuple[Cell, Cell, Cell | None], NDArray[np.float32]] = {}
         self._store = PlanStore(cache_directory())
 
-    def cells(self, start: Cell, goal: Cell) -> NDArray[np.int64]:
-        """Return the planned cells int64[L, 2]; PlanError where the planner finds no path."""
-        key = f"{self.grid.key} {self.planner.key} {start} {goal} {self._seed}"
+    def cells(self, start: Cell, goal: Cell, behind: Cell | None = None) -> NDArray[np.int64]:
+        """Return the planned cells int64[L, 2], without a first step to `behind`; PlanError where there is no path."""
+        key = f"{self.grid.key} {self.planner.key} {start} {goal} {behind} {self._seed}"
         known = self._store.get(key)
         if known is not None:
             return known
         rng = np.random.default_rng([self._seed, *start, *goal])
-        plan = self.planner.plan(self.grid, start, goal, rng)
+        plan = self.planner.plan(self._without(behind), start, goal, rng)
         if not plan.found:
             raise PlanError(
                 f"planner {self.planner.name} found no path from {start} to {goal} on map {self.grid.name!r}; "
@@ -99,13 +100,46 @@ class RouteBook:
             self._store.put(key, plan.cells)
         return plan.cells
 
-    def route(self, start: Cell, goal: Cell) -> NDArray[np.float32]:
-        """Return way-points float32[R, 2] [m] from start's centre to goal's centre; PlanError where there is no path."""
-        known = self._routes.get((start, goal))
+    def _without(self, cell: Cell | None) -> GridMap:
+        """Return the map with one more cell occupied."""
+        if cell is None:
+            return self.grid
+        occupied = self.grid.occupied.copy()
+        occupied[cell] = True
+        ends = self.grid.free_cells[:1]
+        return GridMap(occupied, self.grid.height, self.grid.cell_size, ends, ends, self.grid.name)
+
+    def _blocked_turn(self, start: Cell, goal: Cell, heading: float) -> Cell | None:
+        """Return the cell behind a robot that stands in a single lane, where it cannot turn round; else None."""
+        forward = (-round(math.sin(heading)), round(math.cos(heading)))
+        if abs(forward[0]) + abs(forward[1]) != 1:
+            return None
+        rows, columns = self.grid.shape
+        for side in (1, -1):
+            row, column = start[0] + side * forward[1], start[1] + side * forward[0]
+            if 0 <= row < rows and 0 <= column < columns and not self.grid.occupied[row, column]:
+                return None
+        behind = (start[0] - forward[0], start[1] - forward[1])
+        inside = 0 <= behind[0] < rows and 0 <= behind[1] < columns
+        return behind if inside and behind != goal and not self.grid.occupied[behind] else None
+
+    def route(self, start: Cell, goal: Cell, heading: float | None = None) -> NDArray[np.float32]:
+        """Return way-points float32[R, 2] [m] from start's centre to goal's centre; PlanError where there is no path.
+
+        heading [rad]: of the robot at start. In a single lane its route goes on ahead where it can, since a robot
+        cannot turn round there.
+        """
+        behind = None if heading is None else self._blocked_turn(start, goal, heading)
+        known = self._routes.get((start, goal, behind))
         if known is None:
-            points = self.grid.centre(self.cells(start, goal))
-            known = drivable_line(points, self._solid, self.grid.cell_size, self._keep_right)
+            try:
+                cells = self.cells(start, goal, behind)
+            except PlanError:
+                if behind is None:
+                    raise
+                cells = self.cells(start, goal)  # a dead end: it must back out
+            known = drivable_line(self.grid.centre(cells), self._solid, self.grid.cell_size, self._keep_right)
             if len(self._routes) >= MEMORY:
                 self._routes.pop(next(iter(self._routes)))
-            self._routes[start, goal] = known
+            self._routes[start, goal, behind] = known
         return known

@@ -2,8 +2,9 @@
 
 All robots move at once; whoever touches something is put back to the substep's start with zero speed, and this
 is repeated until nothing overlaps: at worst all stand where they stood. So no body ever overlaps another.
-A contact episode of a pair begins when they touch and ends when their gap is wider than `near_miss_gap`:
-a robot that keeps pushing is counted once. A near miss is a gap under `near_miss_gap` that opened again untouched.
+A contact episode lasts as long as every physics step brings a touch: a robot that leans on another is counted
+once, one that bumps again after a step without a touch twice. A near miss is a gap under `near_miss_gap` that
+opened again untouched.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from warehouse_env.simulation.state import GAP_HORIZON
 from warehouse_env.simulation.trigonometry import ZERO, sin_cos
 
 _HORIZON = np.float32(GAP_HORIZON)
-NEAR, CONTACT = 1, 2  # status of a pair; 0 = apart
+NEAR, CONTACT, AFTER = 1, 2, 3  # status of a pair: near, touching, near after a touch; 0 = apart
 
 
 @inline
@@ -94,8 +95,8 @@ def keep_off_shelves(robots, p, solid, clearance):  # type: ignore[no-untyped-de
                 _put_back(r)
                 r["touching"] = 1
                 if r["shelf_contact"] == 0:
-                    r["shelf_contact"] = 1
                     r["hit_shelf"] += 1
+                r["shelf_contact"] = 2
 
 
 @inline
@@ -174,22 +175,15 @@ def judge_pairs(robots, pairs, count, stamps, clock, p):  # type: ignore[no-unty
             if before == NEAR:
                 r["near_miss"] += 1
                 o["near_miss"] += 1
-        elif before == 0:
-            now = NEAR
+        else:
+            now = NEAR if before == 0 or before == NEAR else AFTER
         if now != 0:
             stamps[i, j] = 4 * clock + now
 
 
 @inline
-def end_shelf_contacts(robots, p, solid, clearance):  # type: ignore[no-untyped-def]
-    """A shelf episode ends when the body, widened by near_miss_gap, is free again."""
-    wide = p["near_miss_gap"]
+def end_shelf_contacts(robots):  # type: ignore[no-untyped-def]
+    """Age the shelf contacts: 2 = in this physics step, 1 = in the one before, 0 = none."""
     for i in range(robots.shape[0]):
-        r = robots[i]
-        if r["shelf_contact"] != 0:
-            c, s = r["cos"], r["sin"]
-            cx, cy = r["x"] - p["offset"] * c, r["y"] - p["offset"] * s
-            if not body_touches_shelf(
-                cx, cy, c, s, p["half_length"] + wide, p["half_width"] + wide, solid, clearance, p["cell"]
-            ):
-                r["shelf_contact"] = 0
+        if robots[i]["shelf_contact"] > 0:
+            robots[i]["shelf_contact"] -= 1

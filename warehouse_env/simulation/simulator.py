@@ -203,8 +203,8 @@ class Simulator:
                 if place(robots, i, self.grid.centre(cell), direction, self._params, self._floor):
                     break
 
-    def _set_route(self, world: int, robot: int, start: Cell, goal: Cell) -> None:
-        points = self.route_book.route(start, goal)
+    def _set_route(self, world: int, robot: int, start: Cell, goal: Cell, heading: float | None = None) -> None:
+        points = self.route_book.route(start, goal, heading)
         if len(points) > self.routes.shape[2]:
             longer = math.ceil(len(points) / _ROUTE_BLOCK) * _ROUTE_BLOCK
             grown = np.zeros((self.num_worlds, self.num_agents, longer, 2), dtype=np.float32)
@@ -299,7 +299,7 @@ class Simulator:
             if self.config.tasks == "lifelong" and r["alive"]:
                 start = (int(r["goal_row"]), int(r["goal_col"]))
                 goal = self._tasks[world].next_goal(robot, start, self._rngs[world])
-                self._set_route(world, robot, start, goal)
+                self._set_route(world, robot, start, goal, float(r["heading"]))
 
     def _observe(self, world: int | None = None) -> None:
         some = slice(None) if world is None else slice(world, world + 1)

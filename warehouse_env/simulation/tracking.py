@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.simulation.footprint import clearance_at, sweep_is_free
-from warehouse_env.simulation.kernel import inline
+from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import approach, curvature
 from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, wrap
 
@@ -20,17 +20,22 @@ TWO = np.float32(2.0)
 LOOK_AHEAD = np.float32(0.55)  # [m] standing
 LOOK_AHEAD_TIME = np.float32(0.45)  # [s] of driving added to it
 CREEP = np.float32(0.35)  # [m/s] in the sharpest turns
-CREEP_CHECK = np.float32(0.12)  # [m] that must be free to creep on
+SLOW = np.float32(0.45)  # [m/s] under which another steering angle may be chosen
 BEND_SCALE = np.float32(0.9)  # [rad] of steering at which the speed has come down to a creep
 MARGIN = np.float32(0.03)  # [m] the follower keeps from shelves
 LANE_CLEARANCE = np.float32(0.45)  # [m] a way-point moved sideways keeps from shelves
 OFFSET_FADE = np.float32(2.0)  # [m] before the goal in which offsets fade out
-BACK_OUT = np.float32(0.7)  # [m]
+BACK_OUT = np.float32(0.8)  # [m] at most in one go
 BACK_SPEED = np.float32(-0.35)  # [m/s]
-ALIGNED = np.float32(0.5)  # [rad] to the target at which backing out may end
+CREEP_HORIZON = np.float32(0.12)  # [m] that must be free to creep on
+TURN_HORIZON = np.float32(0.7)  # [m] of an arc that must be free to turn round on it
+LEAST_TURN = np.float32(0.3)  # [rad] of steering without which it is no turn
+ASIDE = np.float32(1.0)  # [rad] off the nose from which a target takes a turn on the spot
+BEHIND = np.float32(2.2)  # [rad] off the nose from which it is better to back out than to drive on
+PATIENCE = np.float32(8.0)  # [s] without a metre of progress until another way is tried
 READY = np.float32(0.25)  # [rad] of steering error with which creeping begins
-STANDING = np.float32(0.15)  # [m/s]
-_TRY_STEP = np.float32(0.35)  # [rad] between the steering angles tried when the wanted one is blocked
+FORWARD, ANYWHERE, BACKWARD = 1, 2, -1  # gears; ANYWHERE: forward, with whatever steering is free
+_TRY_STEP = np.float32(0.175)  # [rad] between the steering angles tried when the wanted one is blocked
 
 
 @inline
@@ -97,7 +102,7 @@ def pursue(r, tx, ty, p):  # type: ignore[no-untyped-def]
     return to_steering(bend, p["wheelbase"], p["max_steer"]), angle
 
 
-@inline
+@kernel
 def _is_free(r, speed, steer, least, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Whether one step at `speed` with `steer` and then full braking, at least `least` [m], keeps off the shelves."""
     distance = abs(speed) * p["time_step"] + HALF * speed * speed / p["max_acceleration"]
@@ -107,20 +112,29 @@ def _is_free(r, speed, steer, least, p, solid, clearance):  # type: ignore[no-un
     return sweep_is_free(r["x"], r["y"], r["cos"], r["sin"], bend, signed, MARGIN, p, solid, clearance)
 
 
-@inline
-def _creep(r, wanted, speed, p, solid, clearance):  # type: ignore[no-untyped-def]
-    """From a standstill: the free steering angle nearest to `wanted`; return (found, speed, steering)."""
-    tries = int(TWO * p["max_steer"] / _TRY_STEP) + 1
+@kernel
+def _steer_free(r, wanted, speed, most_shift, horizon, p, solid, clearance):  # type: ignore[no-untyped-def]
+    """The steering angle nearest to `wanted`, within most_shift, whose arc is free for `horizon` [m]; (found, angle)."""
+    tries = int(most_shift / _TRY_STEP)
     sign = ONE if wanted <= ZERO else -ONE  # first towards straight ahead
     for k in range(2 * tries + 1):
         shift = np.float32((k + 1) // 2) * _TRY_STEP * (sign if k % 2 == 1 else -sign)
         steer = wanted + shift
-        if abs(steer) > p["max_steer"]:
-            continue
-        if _is_free(r, speed, steer, CREEP_CHECK, p, solid, clearance):
-            ready = abs(steer - r["steer"]) < READY
-            return True, (speed if ready else ZERO), steer
-    return False, ZERO, wanted
+        if abs(steer) <= p["max_steer"] and _is_free(r, speed, steer, horizon, p, solid, clearance):
+            return True, steer
+    return False, wanted
+
+
+@inline
+def _attempt(r):  # type: ignore[no-untyped-def]
+    """Which way to try, in turn, the longer a robot has not advanced: 0 as usual, 1 back further, 2 turn the other way."""
+    return int(r["stalled_time"] / PATIENCE) % 3
+
+
+@inline
+def _when_ready(r, speed, steer):  # type: ignore[no-untyped-def]
+    """The speed, or 0 while the wheels still turn towards the steering angle."""
+    return speed if abs(steer - r["steer"]) < READY else ZERO
 
 
 @inline
@@ -128,35 +142,56 @@ def _back_out(r, angle, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Reverse so that the nose turns towards the target; return (speed, steering)."""
     most = p["max_steer"]
     wanted = min(max(TWO * angle, -most), most)
-    found, speed, steer = _creep(r, wanted, BACK_SPEED, p, solid, clearance)
     r["gear_distance"] += r["speed"] * p["time_step"]
-    forward = min(max(-TWO * angle, -most), most)
-    done = abs(angle) < ALIGNED and _is_free(r, CREEP, forward, np.float32(2.0) * CREEP_CHECK, p, solid, clearance)
-    if not found or done or r["gear_distance"] <= ZERO:
-        r["gear"] = 1
-    return speed, steer
+    backed = BACK_OUT * (ONE + np.float32(_attempt(r))) - r["gear_distance"]
+    found, steer = _steer_free(r, wanted, BACK_SPEED, most, TURN_HORIZON, p, solid, clearance)
+    if not found:
+        found, steer = _steer_free(r, wanted, BACK_SPEED, TWO * most, CREEP_HORIZON, p, solid, clearance)
+    if not found:
+        r["gear"] = ANYWHERE if backed < CREEP_HORIZON else FORWARD
+        return ZERO, wanted
+    if r["gear_distance"] <= ZERO:
+        r["gear"] = ANYWHERE
+    elif backed > CREEP_HORIZON:
+        turns, _ = _steer_free(r, -wanted, CREEP, most - LEAST_TURN, TURN_HORIZON, p, solid, clearance)
+        if turns:
+            r["gear"] = FORWARD
+    return _when_ready(r, BACK_SPEED, steer), steer
 
 
 @inline
 def _forward(r, speed, steer, angle, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Return the (speed, steering) nearest to the wanted ones whose sweep is free; shift to reverse if none is."""
     dt = p["time_step"]
+    slow = r["speed"] < SLOW
+    aside = abs(angle) > ASIDE
     next_steer = approach(r["steer"], steer, p["max_steer_rate"] * dt)
-    next_speed = approach(r["speed"], speed, p["max_acceleration"] * dt)
-    if _is_free(r, next_speed, next_steer, ZERO, p, solid, clearance):
-        return speed, steer
-    slower = approach(r["speed"], ZERO, p["max_acceleration"] * dt)
-    if r["speed"] > STANDING:
+    if not (slow and aside):
+        next_speed = approach(r["speed"], speed, p["max_acceleration"] * dt)
+        if _is_free(r, next_speed, next_steer, ZERO, p, solid, clearance):
+            if not slow:
+                r["gear"] = FORWARD
+            return speed, steer
+    if not slow:
+        slower = approach(r["speed"], ZERO, p["max_acceleration"] * dt)
         if not _is_free(r, slower, next_steer, ZERO, p, solid, clearance) and _is_free(
             r, slower, r["steer"], ZERO, p, solid, clearance
         ):
             return ZERO, r["steer"]
         return ZERO, steer
-    found, speed, steer = _creep(r, steer, min(speed, CREEP), p, solid, clearance)
+    # a target aside or behind: the sharpest arc that the tail can finish, not one that ends at the wall
+    found = False
+    free = steer
+    if aside:
+        most_shift = p["max_steer"] - LEAST_TURN
+        found, free = _steer_free(r, steer, CREEP, most_shift, TURN_HORIZON, p, solid, clearance)
+    if not found and (abs(angle) < BEHIND or r["gear"] == ANYWHERE):
+        found, free = _steer_free(r, steer, CREEP, TWO * p["max_steer"], CREEP_HORIZON, p, solid, clearance)
     if not found:
-        r["gear"] = -1
-        r["gear_distance"] = BACK_OUT
-    return speed, steer
+        r["gear"] = BACKWARD
+        r["gear_distance"] = BACK_OUT * (ONE + np.float32(_attempt(r)))
+        return ZERO, steer
+    return _when_ready(r, min(speed, CREEP), free), free
 
 
 @inline
@@ -174,6 +209,8 @@ def follow(r, route, wanted_speed, offset, p, solid, clearance):  # type: ignore
             if clearance_at(tx - offset * uy, ty + offset * ux, clearance, p["cell"]) < LANE_CLEARANCE:
                 offset = ZERO
         steer, angle = pursue(r, tx - offset * uy, ty + offset * ux, p)
+    if abs(angle) > ASIDE and _attempt(r) == 2:
+        steer, angle = -steer, -angle
     speed = wanted_speed
     if speed > ZERO:
         if r["gear"] < 0:
