@@ -25,7 +25,7 @@ demo: $(STAMP) ## compare the shipped policies: 16 robots, a table, pictures and
 	$(RUN)/warehouse demo --out $(DEMO)
 
 test: $(STAMP) ## run all tests
-	$(RUN)/python -m pytest -n auto
+	$(RUN)/python -m pytest -n auto --maxprocesses 8
 
 lint: $(STAMP) ## ruff and strict mypy
 	$(RUN)/ruff check
