@@ -152,6 +152,9 @@ def convergence(
             iterations = np.arange(1, lengths.shape[1] + 1)
             most = max(most, lengths.shape[1])
             found = np.isfinite(lengths).any(axis=0)
+            if not found.any():
+                ax.plot([], [], color=_hex(colours[name]), lw=2, label=f"{name}: no path")
+                continue
             runs = np.where(np.isfinite(lengths), lengths, np.nan)[:, found]
             low, middle, high = np.nanpercentile(runs, (10, 50, 90), axis=0)
             colour = _hex(colours[name])

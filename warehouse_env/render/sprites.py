@@ -114,7 +114,7 @@ def paint_robot(
         put(hull(-0.22, 0.3), CONTACT, 90)
     put(hull(0.0, 0.12), (20, 24, 30), 70, (0.05, -0.06))
     put(hull(0.0, 0.12), CONTACT if touching else mix(colour, (0, 0, 0), 0.4))
-    put(hull(0.09 if touching else 0.05, 0.08), colour)
+    put(hull(0.07 if touching else 0.05, 0.08), colour)
     half = robot.width / 2 - 0.13
     if detailed:
         _paint_wheels(put, robot, steer, mix(_WHEEL, _WHITE, 0.0 if alive else 0.35))
@@ -128,7 +128,7 @@ def _paint_wheels(put: Any, robot: RobotSpec, steer: float, ink: RGB) -> None:
     """Two fixed front wheels, two rear wheels turned by `steer`."""
     wheel = rounded_box(-0.11, 0.11, -0.05, 0.05, 0.03)
     turned = wheel @ _rotation(steer)
-    side = robot.width / 2 - 0.06
+    side = robot.width / 2 - 0.09
     for left in (side, -side):
         put(wheel + np.array([0.0, left]), ink)
         put(turned + np.array([-robot.wheelbase, left]), ink)

@@ -34,7 +34,8 @@ _GIF = [
 class VideoWriter:
     """Write frames to an .mp4 or .gif file, which appears complete at `close`, or not at all.
 
-    As a context manager it closes at the end, and discards the file on an error.
+    As a context manager it closes at the end, and discards the file on an error. A .gif has 256 colours: those of
+    the first frame and of all robots; others are shown by the nearest.
     """
 
     def __init__(self, path: str | os.PathLike[str], fps: float = 25.0) -> None:

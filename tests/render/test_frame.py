@@ -1,0 +1,235 @@
+"""Pixels stand where the numbers say: shelves, bodies, headings, goals, routes, contacts."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.render.colours import CONTACT, name_colours, robot_colour
+from warehouse_env.render.floor import floor_image, scale_for
+from warehouse_env.render.frame import CAPTION_HEIGHT, Scene, draw, route_ahead, scene_of
+
+SCALE = 40
+
+
+def at(frame: NDArray[np.uint8], x: float, y: float, scale: float = SCALE, top: float = 10.0) -> NDArray[np.int64]:
+    """The pixel at a point [m]."""
+    return frame[int((top - y) * scale), int(x * scale)].astype(np.int64)
+
+
+def changed(frame: NDArray[np.uint8], scene: Scene, scale: float = SCALE) -> NDArray[np.bool_]:
+    """Where a frame differs clearly from the empty floor."""
+    floor = floor_image(scene.grid, scale)
+    difference = np.abs(frame[: len(floor)].astype(np.int64) - floor).sum(axis=-1)
+    result: NDArray[np.bool_] = difference > 25
+    return result
+
+
+def without_goals(scene: Scene) -> Scene:
+    """Goals under the robots are hidden by them; here they lie in the corner, out of the way."""
+    return scene._replace(goal=np.tile(np.array([[0, 13]]), (len(scene.pose), 1)))
+
+
+def test_shape_and_type(make_scene: Callable[..., Scene]) -> None:
+    for scale in (16, 7.5, 40):
+        frame = draw(make_scene((7.0, 3.0, 0.0)), scale)
+        assert frame.shape == (round(10 * scale) + CAPTION_HEIGHT, round(14 * scale), 3)
+        assert frame.dtype == np.uint8
+        assert frame.flags.c_contiguous
+        assert frame.flags.writeable
+
+
+def test_no_robot_at_all(make_scene: Callable[..., Scene], grid: GridMap) -> None:
+    frame = draw(make_scene(), 16)
+    assert np.array_equal(frame[:160], floor_image(grid, 16.0))
+
+
+def test_north_is_at_the_top(grid: GridMap) -> None:
+    image = floor_image(grid, float(SCALE)).astype(np.int64)
+    occupied = np.zeros(grid.shape, dtype=np.bool_)
+    for row in range(10):
+        for column in range(14):
+            x, y = grid.centre(np.array([row, column]))
+            occupied[row, column] = at(image, x + 0.2, y + 0.2).mean() < 210
+    assert np.array_equal(occupied, grid.occupied)
+
+
+@pytest.mark.parametrize("heading", [0.0, math.pi / 2, 2.0, -2.6])
+def test_body_covers_its_rectangle(make_scene: Callable[..., Scene], heading: float) -> None:
+    x, y = 8.0, 4.0
+    scene = without_goals(make_scene((x, y, heading)))
+    mask = changed(draw(scene, SCALE), scene)
+    rows, columns = np.mgrid[: mask.shape[0], : mask.shape[1]]
+    east, north = (columns + 0.5) / SCALE - x, 10 - (rows + 0.5) / SCALE - y
+    ahead = east * math.cos(heading) + north * math.sin(heading)
+    left = -east * math.sin(heading) + north * math.cos(heading)
+    # Signed distance to the rectangle's sides [m]: 0.15 ahead of the axle, 0.75 behind, 0.3 to either side.
+    outside = np.maximum(np.maximum(ahead - 0.15, -0.75 - ahead), np.abs(left) - 0.3)
+    near = np.hypot(east, north) < 1.5
+    assert mask[(outside < -0.06) & near].mean() > 0.99  # the white mark's soft edge may equal the floor
+    assert not mask[(outside > 0.12) & near].any()  # but for a soft shadow
+
+
+def test_front_mark_is_ahead(make_scene: Callable[..., Scene]) -> None:
+    for heading in (0.3, 1.9, -2.2):
+        frame = draw(without_goals(make_scene((8.0, 4.0, heading))), SCALE)
+        front = at(frame, 8.0, 4.0)
+        back = at(frame, 8.0 - 0.5 * math.cos(heading), 4.0 - 0.5 * math.sin(heading))
+        assert front.min() > 240
+        assert back.min() < 200
+
+
+def test_rear_wheels_turn(make_scene: Callable[..., Scene]) -> None:
+    # Steered left, a wheel's front end swings to the left; steered right, its rear end does.
+    frames = [draw(make_scene((8.0, 4.0, 0.0), steer=np.array([angle])), 96) for angle in (-0.9, 0.0, 0.9)]
+    x, y = 8.0 - 0.6, 4.0 + 0.21  # the left rear wheel's centre
+    front = [at(frame, x + 0.05, y + 0.06, 96).sum() < 140 for frame in frames]
+    rear = [at(frame, x - 0.05, y + 0.06, 96).sum() < 140 for frame in frames]
+    assert (front, rear) == ([False, False, True], [True, False, False])
+    assert (frames[0][:, : int((8 - 0.45) * 96)] != frames[1][:, : int((8 - 0.45) * 96)]).any()
+    assert np.array_equal(frames[0][:, int((8 - 0.4) * 96) :], frames[1][:, int((8 - 0.4) * 96) :])
+
+
+def test_contact_is_red(make_scene: Callable[..., Scene]) -> None:
+    free = draw(make_scene((8.0, 4.0, 0.0)), SCALE)
+    hit = draw(make_scene((8.0, 4.0, 0.0), touching=np.array([True])), SCALE)
+    assert not (free == np.array(CONTACT)).all(axis=-1).any()
+    assert (hit == np.array(CONTACT)).all(axis=-1).any()
+
+
+def test_parked_robot_is_grey_and_has_no_goal(make_scene: Callable[..., Scene]) -> None:
+    parked = make_scene((8.0, 4.0, 0.0), alive=np.array([False]))
+    frame = draw(parked, SCALE)
+    body = at(frame, 8.0 - 0.35, 4.0 + 0.24)
+    assert np.ptp(body) < 12
+    assert not changed(frame, parked)[-SCALE:, -SCALE:].any()
+
+
+def test_goal_and_route_have_the_robots_colour(make_scene: Callable[..., Scene]) -> None:
+    routes = [np.array([(8.0, 4.0), (8.0, 8.0)], dtype=np.float32), np.zeros((0, 2), dtype=np.float32)]
+    scene = make_scene((8.0, 4.0, 0.0), (4.0, 4.0, 0.0), goal=np.array([[9, 13], [7, 2]]), routes=routes)
+    frame = draw(scene, SCALE)
+    assert tuple(at(frame, 13.5, 0.5)) == robot_colour(0)
+    assert tuple(at(frame, 2.5, 2.5)) == robot_colour(1)
+    along = at(frame, 8.0, 6.5)
+    assert along[2] > along[0] + 60  # robot 0 is blue
+    assert changed(frame, scene)[int(3.5 * SCALE), int(7.7 * SCALE)] == 0
+
+
+def test_caption_shows_text_and_time(make_scene: Callable[..., Scene]) -> None:
+    scene = make_scene((8.0, 4.0, 0.0))
+    strip = draw(scene, SCALE)[-CAPTION_HEIGHT:]
+    assert (strip[:, :80].max(axis=-1) > 200).any()
+    assert (strip[:, -60:].max(axis=-1) > 120).any()
+    assert (draw(scene._replace(time=99.0), SCALE)[-CAPTION_HEIGHT:] != strip).any()
+    assert np.array_equal(
+        draw(scene._replace(time=99.0), SCALE)[:-CAPTION_HEIGHT], draw(scene, SCALE)[:-CAPTION_HEIGHT]
+    )
+    assert draw(scene._replace(text="long " * 60), 16).shape == draw(scene, 16).shape
+
+
+def test_frames_do_not_share_memory(make_scene: Callable[..., Scene]) -> None:
+    scene = make_scene((8.0, 4.0, 0.0))
+    first = draw(scene)
+    kept = first.copy()
+    second = draw(make_scene((3.0, 7.0, 1.0)))
+    assert np.array_equal(first, kept)
+    first[:] = 0
+    assert second.any()
+    assert np.array_equal(draw(scene), kept)
+
+
+def test_robots_beyond_the_floor_are_clipped(make_scene: Callable[..., Scene]) -> None:
+    routes = [np.array([(-5.0, -5.0), (30.0, 40.0)], dtype=np.float32)]
+    scene = make_scene((-0.2, 0.1, 2.0), routes=routes)
+    frame = draw(scene, SCALE)
+    assert np.array_equal(frame[-CAPTION_HEIGHT:], draw(make_scene((8.0, 4.0, 0.0)), SCALE)[-CAPTION_HEIGHT:])
+    assert draw(make_scene((-50.0, 90.0, 2.0))).shape == draw(scene).shape
+
+
+def test_floor_heights_are_tinted_and_flat_floors_are_not(grid: GridMap) -> None:
+    height = np.zeros(grid.shape, dtype=np.float32)
+    height[7, 9] = 0.1
+    rough = floor_image(GridMap(occupied=grid.occupied, height=height), 16.0).astype(np.int64)
+    raised_level = floor_image(GridMap(occupied=grid.occupied, height=np.full(grid.shape, 0.4)), 16.0)
+    flat = floor_image(grid, 16.0).astype(np.int64)
+    assert np.array_equal(raised_level, flat)
+    bump = rough[7 * 16 + 6, 9 * 16 + 6]
+    assert bump[0] - bump[2] > 30
+    assert np.array_equal(rough[:, :100], flat[:, :100])
+
+
+def test_scale_for_large_floors() -> None:
+    long = GridMap(occupied=np.zeros((20, 400), dtype=np.bool_))
+    assert scale_for(long, longest=1000) == pytest.approx(2.5)
+    assert floor_image(long, scale_for(long, longest=1000)).shape == (50, 1000, 3)
+    assert scale_for(GridMap(occupied=np.zeros((10, 10), dtype=np.bool_))) == 16.0
+
+
+@pytest.mark.parametrize("scale", [0, -3, math.nan, math.inf])
+def test_bad_scale(make_scene: Callable[..., Scene], scale: float) -> None:
+    with pytest.raises(ConfigError, match="pixels_per_metre"):
+        draw(make_scene((8.0, 4.0, 0.0)), scale)
+
+
+def test_route_ahead_starts_where_the_robot_is() -> None:
+    route = np.array([(0, 0), (1, 0), (1, 2)], dtype=np.float32)
+    assert np.allclose(route_ahead(route, 0.25), [(0.25, 0), (1, 0), (1, 2)])
+    assert np.allclose(route_ahead(route, 2.0), [(1, 1), (1, 2)])
+    assert np.allclose(route_ahead(route, 99.0), [(1, 2)])
+    assert route_ahead(np.zeros((0, 2), dtype=np.float32), 1.0).shape == (0, 2)
+
+
+def test_scene_of_a_simulator_is_a_copy() -> None:
+    from warehouse_env.config import EnvConfig
+    from warehouse_env.simulation.simulator import Simulator
+
+    simulator = Simulator(EnvConfig(layout="open", num_agents=3, planner="astar"), num_worlds=2)
+    simulator.reset(5)
+    scene = scene_of(simulator, world=1)
+    pose = scene.pose.copy()
+    assert np.array_equal(pose, simulator.state.pose[1])
+    assert not np.array_equal(pose, simulator.state.pose[0])
+    assert np.allclose([route[-1] for route in scene.routes], scene.grid.centre(scene.goal), atol=1e-3)
+    for _ in range(10):
+        simulator.step(np.full((2, 3), int(simulator.cruise_action)))
+    assert np.array_equal(scene.pose, pose)
+    later = scene_of(simulator, world=1)
+    assert later.time == pytest.approx(2.0)
+    assert "3 robots" in later.text
+    assert (draw(later) != draw(scene)).any()
+
+
+def test_colours_are_distinct_and_stay_with_their_names() -> None:
+    assert len({robot_colour(i) for i in range(24)}) == 24
+    assert robot_colour(24) == robot_colour(0)
+    both = name_colours(["ppo", "follow", "mine"])
+    assert name_colours(["mine", "ppo"]) == {"mine": both["mine"], "ppo": both["ppo"]}
+    assert len(set(name_colours(["a", "b", "c", "d", "ppo"]).values())) == 5
+
+
+def test_missing_pygame_gives_one_sentence() -> None:
+    code = """
+import sys
+sys.modules["pygame"] = None
+import numpy as np
+from warehouse_env.config import RobotSpec
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.render.frame import Scene, draw
+grid = GridMap(occupied=np.zeros((4, 4), dtype=bool))
+none = np.zeros(0, dtype=bool)
+try:
+    draw(Scene(grid, RobotSpec(), np.zeros((0, 3)), np.zeros((0, 2), int), [], none, none, 0.0, ""))
+except ValueError as error:
+    print(error)
+"""
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout == "pictures need the package 'pygame'; install warehouse-env[render]\n"

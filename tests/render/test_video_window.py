@@ -1,0 +1,153 @@
+"""Videos are readable and complete or absent; the window opens, shows, and closes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warehouse_env.errors import ConfigError, WarehouseError
+from warehouse_env.render.colours import robot_colour
+from warehouse_env.render.video import VideoWriter
+from warehouse_env.render.window import Window
+
+imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+pygame = pytest.importorskip("pygame")
+
+
+def frames(count: int = 12, height: int = 61, width: int = 83) -> Iterator[np.ndarray]:
+    """Odd-sized frames, the k-th in robot k's colour, with a white corner in the north-west."""
+    for k in range(count):
+        frame = np.full((height, width, 3), robot_colour(k), dtype=np.uint8)
+        frame[:10, :10] = 255
+        yield frame
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".gif"])
+def test_video_has_all_frames_at_their_pace(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / "new" / f"clip{suffix}"
+    with VideoWriter(path, fps=10) as video:
+        for frame in frames():
+            video.add(frame)
+        assert not path.exists()
+    assert video.frames == 12
+    count, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
+    assert count == 12
+    assert seconds == pytest.approx(1.2, abs=0.11)
+    assert [file.name for file in path.parent.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".gif"])
+def test_video_shows_what_was_drawn(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"clip{suffix}"
+    with VideoWriter(path, fps=10) as video:
+        for frame in frames():
+            video.add(frame)
+    reader = imageio_ffmpeg.read_frames(str(path))
+    meta = next(reader)
+    width, height = meta["size"]
+    assert (width, height) == (84, 62)
+    if suffix == ".mp4":
+        assert meta["codec"] == "h264"
+        assert meta["pix_fmt"].startswith("yuv420p")
+    pictures = [np.frombuffer(data, dtype=np.uint8).reshape(height, width, 3) for data in reader]
+    for k in (0, 6, 11):
+        assert np.abs(pictures[k][40, 40].astype(int) - robot_colour(k)).max() < 20
+        assert pictures[k][4, 4].min() > 230
+
+
+def test_no_file_after_an_error(tmp_path: Path) -> None:
+    path = tmp_path / "clip.mp4"
+
+    def fail() -> None:
+        with VideoWriter(path, fps=10) as video:
+            video.add(next(frames()))
+            raise RuntimeError("meanwhile")
+
+    with pytest.raises(RuntimeError, match="meanwhile"):
+        fail()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_older_file_survives_an_error(tmp_path: Path) -> None:
+    path = tmp_path / "clip.mp4"
+    path.write_bytes(b"older")
+    video = VideoWriter(path)
+    video.add(next(frames()))
+    video.discard()
+    video.close()
+    assert path.read_bytes() == b"older"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_no_file_without_frames(tmp_path: Path) -> None:
+    VideoWriter(tmp_path / "clip.mp4").close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_bad_input_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"clip\.avi must end in \.mp4 or \.gif"):
+        VideoWriter(tmp_path / "clip.avi")
+    with pytest.raises(ConfigError, match="fps"):
+        VideoWriter(tmp_path / "clip.mp4", fps=0)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(WarehouseError, match="cannot write"):
+        VideoWriter(tmp_path / "file" / "clip.mp4")
+    with VideoWriter(tmp_path / "clip.mp4") as video:
+        with pytest.raises(WarehouseError, match="uint8"):
+            video.add(np.zeros((8, 8, 3)))
+        video.add(np.zeros((8, 8, 3), dtype=np.uint8))
+        with pytest.raises(WarehouseError, match="must all be"):
+            video.add(np.zeros((8, 10, 3), dtype=np.uint8))
+    with pytest.raises(WarehouseError, match="closed already"):
+        video.add(np.zeros((8, 8, 3), dtype=np.uint8))
+
+
+@pytest.fixture
+def headless(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    yield
+    pygame.display.quit()
+
+
+@pytest.mark.usefixtures("headless")
+def test_window_shows_frames_until_closed() -> None:
+    window = Window(fps=1000)
+    for frame in frames(3):
+        assert window.show(frame)
+    assert pygame.display.get_surface().get_at((40, 40))[:3] == robot_colour(2)
+    window.close()
+    window.close()
+    assert not pygame.display.get_init()
+    assert not window.show(next(frames()))
+
+
+@pytest.mark.usefixtures("headless")
+@pytest.mark.parametrize(
+    "event", [(pygame.QUIT, {}), (pygame.KEYDOWN, {"key": pygame.K_ESCAPE}), (pygame.KEYDOWN, {"key": pygame.K_q})]
+)
+def test_window_closed_by_the_user_stays_closed(event: tuple[int, dict[str, int]]) -> None:
+    with Window(fps=1000) as window:
+        assert window.show(next(frames()))
+        pygame.event.post(pygame.event.Event(*event))
+        assert not window.show(next(frames()))
+        assert window.closed
+
+
+@pytest.mark.usefixtures("headless")
+def test_window_keeps_the_pace() -> None:
+    with Window(fps=20) as window:
+        window.show(next(frames()))
+        start = pygame.time.get_ticks()
+        for frame in frames(4):
+            window.show(frame)
+        assert pygame.time.get_ticks() - start >= 150
+
+
+def test_no_display_gives_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "nothing_of_this_name")
+    pygame.display.quit()
+    with pytest.raises(WarehouseError, match="no window can be opened"):
+        Window().show(next(frames()))
