@@ -14,7 +14,7 @@ _UNIT = np.float32(UNIT)
 _THIRD = np.float32(1.0 / 3.0)
 _TWO_THIRDS = np.float32(2.0 / 3.0)
 _SWEEP_STEP = np.float32(0.12)  # [m] of the front axle between two checked poses, on a gentle arc
-_SWEEP_TURN = np.float32(0.08)  # [rad] between two checked poses, on a sharp one
+_SWEEP_TURN = np.float32(0.06)  # [rad] between two checked poses, on a sharp one
 
 
 @inline

@@ -23,6 +23,7 @@ CREEP = np.float32(0.35)  # [m/s] in the sharpest turns
 SLOW = np.float32(0.45)  # [m/s] under which another steering angle may be chosen
 BEND_SCALE = np.float32(0.9)  # [rad] of steering at which the speed has come down to a creep
 MARGIN = np.float32(0.03)  # [m] the follower keeps from shelves
+TIGHT = np.float32(0.015)  # [m] when it creeps off a shelf that it has come too near
 LANE_CLEARANCE = np.float32(0.45)  # [m] a way-point moved sideways keeps from shelves
 OFFSET_FADE = np.float32(2.0)  # [m] before the goal in which offsets fade out
 BACK_OUT = np.float32(0.8)  # [m] at most in one go
@@ -103,24 +104,24 @@ def pursue(r, tx, ty, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _is_free(r, speed, steer, least, p, solid, clearance):  # type: ignore[no-untyped-def]
+def _is_free(r, speed, steer, least, margin, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Whether one step at `speed` with `steer` and then full braking, at least `least` [m], keeps off the shelves."""
     distance = abs(speed) * p["time_step"] + HALF * speed * speed / p["max_acceleration"]
     distance = max(distance, least)
     bend = curvature(steer, p["wheelbase"])
     signed = distance if speed >= ZERO else -distance
-    return sweep_is_free(r["x"], r["y"], r["cos"], r["sin"], bend, signed, MARGIN, p, solid, clearance)
+    return sweep_is_free(r["x"], r["y"], r["cos"], r["sin"], bend, signed, margin, p, solid, clearance)
 
 
 @kernel
-def _steer_free(r, wanted, speed, most_shift, horizon, p, solid, clearance):  # type: ignore[no-untyped-def]
+def _steer_free(r, wanted, speed, most_shift, horizon, margin, p, solid, clearance):  # type: ignore[no-untyped-def]
     """The steering angle nearest to `wanted`, within most_shift, whose arc is free for `horizon` [m]; (found, angle)."""
     tries = int(most_shift / _TRY_STEP)
     sign = ONE if wanted <= ZERO else -ONE  # first towards straight ahead
     for k in range(2 * tries + 1):
         shift = np.float32((k + 1) // 2) * _TRY_STEP * (sign if k % 2 == 1 else -sign)
         steer = wanted + shift
-        if abs(steer) <= p["max_steer"] and _is_free(r, speed, steer, horizon, p, solid, clearance):
+        if abs(steer) <= p["max_steer"] and _is_free(r, speed, steer, horizon, margin, p, solid, clearance):
             return True, steer
     return False, wanted
 
@@ -144,16 +145,16 @@ def _back_out(r, angle, p, solid, clearance):  # type: ignore[no-untyped-def]
     wanted = min(max(TWO * angle, -most), most)
     r["gear_distance"] += r["speed"] * p["time_step"]
     backed = BACK_OUT * (ONE + np.float32(_attempt(r))) - r["gear_distance"]
-    found, steer = _steer_free(r, wanted, BACK_SPEED, most, TURN_HORIZON, p, solid, clearance)
+    found, steer = _steer_free(r, wanted, BACK_SPEED, most, TURN_HORIZON, MARGIN, p, solid, clearance)
     if not found:
-        found, steer = _steer_free(r, wanted, BACK_SPEED, TWO * most, CREEP_HORIZON, p, solid, clearance)
+        found, steer = _steer_free(r, wanted, BACK_SPEED, TWO * most, CREEP_HORIZON, TIGHT, p, solid, clearance)
     if not found:
         r["gear"] = ANYWHERE if backed < CREEP_HORIZON else FORWARD
         return ZERO, wanted
     if r["gear_distance"] <= ZERO:
         r["gear"] = ANYWHERE
     elif backed > CREEP_HORIZON:
-        turns, _ = _steer_free(r, -wanted, CREEP, most - LEAST_TURN, TURN_HORIZON, p, solid, clearance)
+        turns, _ = _steer_free(r, -wanted, CREEP, most - LEAST_TURN, TURN_HORIZON, MARGIN, p, solid, clearance)
         if turns:
             r["gear"] = FORWARD
     return _when_ready(r, BACK_SPEED, steer), steer
@@ -168,14 +169,14 @@ def _forward(r, speed, steer, angle, p, solid, clearance):  # type: ignore[no-un
     next_steer = approach(r["steer"], steer, p["max_steer_rate"] * dt)
     if not (slow and aside):
         next_speed = approach(r["speed"], speed, p["max_acceleration"] * dt)
-        if _is_free(r, next_speed, next_steer, ZERO, p, solid, clearance):
+        if _is_free(r, next_speed, next_steer, ZERO, MARGIN, p, solid, clearance):
             if not slow:
                 r["gear"] = FORWARD
             return speed, steer
     if not slow:
         slower = approach(r["speed"], ZERO, p["max_acceleration"] * dt)
-        if not _is_free(r, slower, next_steer, ZERO, p, solid, clearance) and _is_free(
-            r, slower, r["steer"], ZERO, p, solid, clearance
+        if not _is_free(r, slower, next_steer, ZERO, MARGIN, p, solid, clearance) and _is_free(
+            r, slower, r["steer"], ZERO, MARGIN, p, solid, clearance
         ):
             return ZERO, r["steer"]
         return ZERO, steer
@@ -184,9 +185,9 @@ def _forward(r, speed, steer, angle, p, solid, clearance):  # type: ignore[no-un
     free = steer
     if aside:
         most_shift = p["max_steer"] - LEAST_TURN
-        found, free = _steer_free(r, steer, CREEP, most_shift, TURN_HORIZON, p, solid, clearance)
+        found, free = _steer_free(r, steer, CREEP, most_shift, TURN_HORIZON, MARGIN, p, solid, clearance)
     if not found and (abs(angle) < BEHIND or r["gear"] == ANYWHERE):
-        found, free = _steer_free(r, steer, CREEP, TWO * p["max_steer"], CREEP_HORIZON, p, solid, clearance)
+        found, free = _steer_free(r, steer, CREEP, TWO * p["max_steer"], CREEP_HORIZON, TIGHT, p, solid, clearance)
     if not found:
         r["gear"] = BACKWARD
         r["gear_distance"] = BACK_OUT * (ONE + np.float32(_attempt(r)))
@@ -222,7 +223,7 @@ def follow(r, route, wanted_speed, offset, p, solid, clearance):  # type: ignore
     elif speed < ZERO:
         steer = min(max(r["bearing"], -p["max_steer"]), p["max_steer"])  # backing keeps the nose along the route
         next_speed = approach(r["speed"], speed, p["max_acceleration"] * p["time_step"])
-        if not _is_free(r, min(next_speed, ZERO), steer, ZERO, p, solid, clearance):
+        if not _is_free(r, min(next_speed, ZERO), steer, ZERO, MARGIN, p, solid, clearance):
             speed = ZERO
     r["target_speed"] = speed
     r["target_steer"] = steer
