@@ -175,7 +175,7 @@ def walk(
     """
     neighbour, moves, goal = floor.neighbour, walks.moves, floor.goal
     decay, level = local
-    summed = np.empty(8)  # of the edges' chances, so that equal neighbours mean chance 0
+    chance = np.zeros(8)
     for ant in range(len(seeds)):
         random = seeds[ant]
         tabu = stamp + ant
@@ -184,13 +184,15 @@ def walk(
         while cell != goal:
             total = 0.0
             for move in range(8):
-                along = straight[cell, move] if move == heading else turning[cell, move]
-                total += trail[cell, move] * along if visited[neighbour[cell, move]] != tabu else 0.0
-                summed[move] = total
+                chance[move] = 0.0
+                if visited[neighbour[cell, move]] != tabu:
+                    along = straight[cell, move] if move == heading else turning[cell, move]
+                    chance[move] = trail[cell, move] * along
+                    total += chance[move]
             if not total > 0.0:
                 for move in range(8):
-                    total += 1.0 if visited[neighbour[cell, move]] != tabu else 0.0
-                    summed[move] = total
+                    chance[move] = 1.0 if visited[neighbour[cell, move]] != tabu else 0.0
+                    total += chance[move]
             if total == 0.0:
                 if not backtrack or steps == 0:
                     steps = -1
@@ -202,13 +204,18 @@ def walk(
             random = _next_random(random)
             draw = (random >> _SHIFT_11) * _TO_UNIT
             if draw < q0:
-                choice = _largest(summed)
+                choice = _largest(chance)
             else:
-                # Given that it is not below q0, draw is uniform above it, and so can serve again.
-                draw = (draw - q0) / (1.0 - q0) * total
+                if q0 > 0.0:  # known to be at least q0, draw is uniform above it, and so serves again
+                    draw = (draw - q0) / (1.0 - q0)
+                left = draw * total
                 choice = 0
-                for move in range(7):
-                    choice += 1 if summed[move] <= draw and summed[move] < total else 0
+                for move in range(8):
+                    if chance[move] > 0.0:
+                        choice = move
+                        left -= chance[move]
+                        if left < 0.0:
+                            break
             if decay > 0.0:
                 trail[cell, choice] += decay * (level - trail[cell, choice])
             moves[ant, steps] = choice
@@ -220,12 +227,12 @@ def walk(
 
 
 @njit(cache=True)
-def _largest(summed: NDArray[np.float64]) -> int:
-    """The place of the largest increment of a running sum float64[8] that begins at 0."""
-    best, largest = 0, summed[0]
+def _largest(chance: NDArray[np.float64]) -> int:
+    """The first place of the largest of float64[8]."""
+    best = 0
     for move in range(1, 8):
-        if summed[move] - summed[move - 1] > largest:
-            best, largest = move, summed[move] - summed[move - 1]
+        if chance[move] > chance[best]:
+            best = move
     return best
 
 
@@ -268,7 +275,8 @@ def measure(floor: Floor, gentleness: float, walks: Walks, first: int, last: int
 def _spread(floor: Floor, moves: NDArray[np.int8], count: int, mean: float) -> float:
     """Standard deviation [m] of the heights along a path with p - 1 = count steps (eq. 24, paper 000)."""
     cell = floor.start
-    total = (floor.height[cell] - mean) ** 2
+    deviation = floor.height[cell] - mean
+    total = deviation * deviation
     for step in range(count):
         cell = floor.neighbour[cell, moves[step]]
         deviation = floor.height[cell] - mean

@@ -135,13 +135,13 @@ def check_parameters(planner: Any, shares: tuple[str, ...] = ()) -> None:
     hints = get_type_hints(type(planner))
     for field in dataclasses.fields(planner):
         value, kind = getattr(planner, field.name), hints[field.name]
-        number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
         if get_origin(kind) is Literal:
             good, rule = value in get_args(kind), f"one of {', '.join(get_args(kind))}"
         elif kind is bool:
             good, rule = isinstance(value, bool), "True or False"
         elif kind is int:
-            good, rule = number and value == value // 1 and value >= 1, "a whole number of at least 1"
+            good, rule = number and isinstance(value, int) and value >= 1, "a whole number of at least 1"
         else:
             good, rule = number and math.isfinite(value) and value >= 0, "a finite number of at least 0"
         if good and field.name in shares:

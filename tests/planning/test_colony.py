@@ -1,0 +1,187 @@
+"""The ant loop: chances, greed, tabu, dead ends, deposit and the measures of walks, on maps small enough to count."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.planning.colony import Colony, Floor, Table, Walks, cells_of, deposit, make_floor, measure, run, walk
+
+EAST, SOUTH_EAST, SOUTH = 0, 7, 6
+
+
+def open_floor(rows: int, columns: int, height: Any = None) -> Floor:
+    return make_floor(GridMap(np.zeros((rows, columns), dtype=bool), height), (0, 0), (rows - 1, columns - 1))
+
+
+def empty_walks(ants: int, cells: int) -> Walks:
+    return Walks(
+        np.zeros((ants, cells), np.int8),
+        np.zeros(ants, np.int64),
+        np.zeros(ants),
+        np.zeros(ants, np.int64),
+        np.zeros(ants),
+        np.zeros(ants),
+    )
+
+
+def send(floor: Floor, turning: Table, straight: Table, ants: int, q0: float = 0.0, **options: Any) -> Walks:
+    walks = empty_walks(ants, len(floor.height))
+    seeds = np.random.default_rng(0).integers(1, 2**63, ants, dtype=np.uint64)
+    trail = options.get("trail", np.ones_like(turning))
+    local, backtrack = options.get("local", (0.0, 0.0)), options.get("backtrack", True)
+    visited = np.zeros(len(floor.height), np.int64)
+    walk(floor, trail, turning, straight, seeds, q0, backtrack, local, visited, 1, walks)
+    return walks
+
+
+def test_first_steps_are_drawn_in_proportion() -> None:
+    floor = open_floor(2, 2)
+    table = np.ones((4, 8))
+    table[0, EAST], table[0, SOUTH_EAST], table[0, SOUTH] = 1.0, 5.0, 2.0
+    walks = send(floor, table, table, 20_000)
+    share = [(walks.moves[:, 0] == move).mean() for move in (EAST, SOUTH_EAST, SOUTH)]
+    assert share == pytest.approx([1 / 8, 5 / 8, 2 / 8], abs=0.012)
+
+
+def test_going_straight_on_uses_its_own_table() -> None:
+    floor = open_floor(3, 9)
+    ahead = np.full((27, 8), 1e6)
+    walks = send(floor, np.ones((27, 8)), ahead, 50)
+    # An ant keeps its first direction until the wall.
+    east = walks.moves[:, 0] == EAST
+    assert east.any()
+    assert (walks.moves[east, :8] == EAST).all()
+
+
+def test_greedy_ants_take_the_best_edge() -> None:
+    floor = open_floor(2, 2)
+    table = np.ones((4, 8))
+    table[0, SOUTH] = 1.5
+    assert (send(floor, table, table, 200, q0=1.0).moves[:, 0] == SOUTH).all()
+    half = (send(floor, table, table, 20_000, q0=0.5).moves[:, 0] == SOUTH).mean()
+    assert half == pytest.approx(0.5 + 0.5 * 1.5 / 3.5, abs=0.015)
+
+
+def test_chances_that_are_all_zero_become_equal() -> None:
+    floor = open_floor(2, 2)
+    walks = send(floor, np.zeros((4, 8)), np.zeros((4, 8)), 9_000)
+    assert (walks.steps > 0).all()
+    assert [(walks.moves[:, 0] == move).mean() for move in (EAST, SOUTH_EAST, SOUTH)] == pytest.approx(
+        [1 / 3] * 3, abs=0.02
+    )
+
+
+def dead_end_map() -> Floor:
+    """The east arm ends blind, the south arm leads to the goal; ants are drawn east."""
+    drawing = (
+        "....",
+        ".###",
+        "....",
+    )
+    grid = GridMap(np.array([[c == "#" for c in row] for row in drawing]))
+    return make_floor(grid, (0, 1), (2, 3))
+
+
+def test_ants_step_back_from_a_dead_end_or_die() -> None:
+    floor = dead_end_map()
+    table = np.ones((12, 8))
+    table[1, EAST] = 1e12
+    back = send(floor, table, table, 20)
+    assert (back.steps == 6).all()  # west, south, south, east, east, east: the arm is not in the path
+    assert back.moves[0, :6].tolist() == [4, 6, 6, 0, 0, 0]
+    dead = send(floor, table, table, 20, backtrack=False)
+    assert (dead.steps == -1).all()
+
+
+def test_no_ant_visits_a_cell_twice() -> None:
+    floor = open_floor(5, 6)
+    walks = send(floor, np.ones((30, 8)), np.ones((30, 8)), 100)
+    for ant in range(100):
+        cell, seen = floor.start, {floor.start}
+        for move in walks.moves[ant, : walks.steps[ant]]:
+            cell = int(floor.neighbour[cell, move])
+            assert cell not in seen
+            seen.add(cell)
+        assert cell == floor.goal
+
+
+def test_local_update_draws_used_edges_to_its_level() -> None:
+    floor = open_floor(1, 3)
+    trail = np.full((3, 8), 2.0)
+    send(floor, np.ones((3, 8)), np.ones((3, 8)), 2, trail=trail, local=(0.1, 1.0))
+    assert trail[0, EAST] == pytest.approx(1 + 0.9**2)  # 2 -> 1.9 -> 1.81
+    assert trail[1, EAST] == pytest.approx(1.81)
+    assert trail[2, 4] == 2.0
+
+
+def test_measures_of_walks_by_hand() -> None:
+    height = np.zeros((2, 3))
+    height[0, 1] = 0.3
+    floor = open_floor(2, 3, height)
+    walks = empty_walks(3, 6)
+    walks.steps[:] = 2, 2, -1
+    walks.moves[0, :2] = EAST, SOUTH_EAST  # over the bump
+    walks.moves[1, :2] = SOUTH_EAST, EAST
+    assert measure(floor, 2.0, walks, 0, 3) == 1
+    assert walks.length[:2] == pytest.approx([1 + math.sqrt(2)] * 2)
+    assert walks.turns[:2].tolist() == [1, 1]
+    assert walks.cost[:2] == pytest.approx([1 + math.sqrt(2) + 2 * 0.6, 1 + math.sqrt(2)])
+    # Heights 0, 0.3, 0: mean 0.1, sum of squares 0.06, over p - 1 = 2 (eq. 24).
+    assert walks.spread[:2] == pytest.approx([math.sqrt(0.03), 0.0])
+    assert math.isinf(walks.length[2])
+
+
+def test_deposit_marks_directed_edges_once_per_ant() -> None:
+    floor = open_floor(1, 3)
+    walks = empty_walks(2, 3)
+    walks.steps[:] = 2, -1
+    pheromone = np.zeros((3, 8))
+    deposit(floor, pheromone, walks, np.array([0.25, 9.0]))
+    expected = np.zeros((3, 8))
+    expected[:2, EAST] = 0.25
+    np.testing.assert_array_equal(pheromone, expected)
+
+
+def test_the_slots_are_called_in_their_order_and_improve_counts() -> None:
+    floor = open_floor(3, 3)
+    calls: list[str] = []
+    table = np.ones((9, 8))
+
+    def attraction(iteration: int) -> tuple[Table, Table]:
+        calls.append(f"attraction {iteration}")
+        return table, table
+
+    def improve(moves: Any) -> Any:
+        calls.append("improve")
+        return np.array([SOUTH_EAST, SOUTH_EAST], dtype=np.int8)
+
+    def update(iteration: int, pheromone: Table, walks: Walks) -> None:
+        calls.append(f"update {iteration}")
+        assert walks.length.min() == 2 * math.sqrt(2)
+
+    start = np.ones((9, 8))
+    search = run(floor, Colony(3, 2, start, attraction, update, improve), np.random.default_rng(0))
+    assert calls == ["attraction 0", "improve", "update 0", "attraction 1", "improve", "update 1"]
+    assert cells_of(floor, search).tolist() == [[0, 0], [1, 1], [2, 2]]
+    assert search.best_by_iteration.tolist() == [2 * math.sqrt(2)] * 2
+    assert (start == 1).all()  # run works on a copy
+
+
+def test_trail_power_sharpens_the_choice() -> None:
+    floor = open_floor(2, 2)
+    pheromone, table = np.ones((4, 8)), np.ones((4, 8))
+    pheromone[0, SOUTH_EAST] = 10.0
+    first: list[float] = []
+
+    def update(iteration: int, pheromone: Table, walks: Walks) -> None:
+        first.append(float((walks.moves[:, 0] == SOUTH_EAST).mean()))
+
+    for power in (1.0, 2.0):
+        colony = Colony(20_000, 1, pheromone, lambda iteration: (table, table), update, trail_power=power)
+        run(floor, colony, np.random.default_rng(0))
+    assert first == pytest.approx([10 / 12, 100 / 102], abs=0.01)
