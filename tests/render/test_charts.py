@@ -104,6 +104,18 @@ def test_nothing_is_left_of_a_failed_picture(tmp_path: Path, grid: GridMap) -> N
         charts.trajectories(grid, [], np.zeros((0, 2)), "", tmp_path)
 
 
+def test_a_full_disk_gives_one_sentence(tmp_path: Path) -> None:
+    def fill(error: OSError) -> None:
+        with complete_file(tmp_path / "x.png"):
+            raise error
+
+    with pytest.raises(WarehouseError, match=r"cannot write .*x\.png: No space left"):
+        fill(OSError(28, "No space left on device"))
+    with pytest.raises(FileNotFoundError):
+        fill(FileNotFoundError(2, "No such file", "other.txt"))
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_pictures_have_the_rights_of_other_files(tmp_path: Path) -> None:
     (tmp_path / "plain").write_text("")
     with complete_file(tmp_path / "x.txt") as part:

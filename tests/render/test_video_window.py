@@ -82,6 +82,33 @@ def test_an_older_file_survives_an_error(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.parametrize("suffix", [".mp4", ".gif"])
+def test_a_video_cut_short_by_its_encoder_is_no_file(
+    tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    video = VideoWriter(tmp_path / f"clip{suffix}")
+    for frame in frames():
+        video.add(frame)
+    stream = video._stream
+
+    class Cut:
+        def close(self) -> None:
+            stream.close()
+            part = video_part(tmp_path)
+            part.write_bytes(part.read_bytes()[:-40] if suffix == ".gif" else b"ftyp" * 20)
+
+    monkeypatch.setattr(video, "_stream", Cut())
+    with pytest.raises(WarehouseError, match="encoder failed"):
+        video.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def video_part(folder: Path) -> Path:
+    """The one file under way in a folder."""
+    (part,) = folder.iterdir()
+    return part
+
+
 def test_no_file_without_frames(tmp_path: Path) -> None:
     VideoWriter(tmp_path / "clip.mp4").close()
     assert list(tmp_path.iterdir()) == []

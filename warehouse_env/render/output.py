@@ -33,11 +33,18 @@ def part_file(path: Path) -> Path:
 
 @contextlib.contextmanager
 def complete_file(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a file to write beside `path`; it takes that name at the end, or vanishes on an error."""
+    """Yield a file to write beside `path`; it takes that name at the end, or vanishes on an error.
+
+    Raises WarehouseError where it cannot be written, be it that the disk is full.
+    """
     target = Path(path)
     part = part_file(target)
     try:
         yield part
         os.replace(part, target)
+    except OSError as error:
+        if error.filename not in (None, str(part)):  # about another file
+            raise
+        raise WarehouseError(f"cannot write {target}: {error.strerror or error}") from error
     finally:
         part.unlink(missing_ok=True)

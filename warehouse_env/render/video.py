@@ -82,7 +82,7 @@ class VideoWriter:
         try:
             if self._stream is not None:
                 self._stream.close()
-                if part.stat().st_size == 0:
+                if not _complete(part):
                     raise WarehouseError(f"cannot write {self.path}: the video encoder failed; is the disk full?")
                 os.replace(part, self.path)
         finally:
@@ -132,6 +132,15 @@ class VideoWriter:
             self.discard()
             raise WarehouseError(f"cannot write {self.path}: no ffmpeg; install warehouse-env[render]") from error
         return stream
+
+
+def _complete(part: Path) -> bool:
+    """Did the encoder reach the end? Then a .gif has its trailer, and an .mp4 its index at the front."""
+    with part.open("rb") as file:
+        if part.suffix.lower() == ".mp4":
+            return b"moov" in file.read(64)
+        file.seek(max(0, part.stat().st_size - 1))
+        return file.read() == b";"
 
 
 def _even(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
