@@ -89,7 +89,7 @@ def _ease_into_single_lanes(shift, room):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def _lane_targets(points, solid, cell, keep_right, shift, room, out):  # type: ignore[no-untyped-def]
-    """Write where each point should be, and the clearance it can have: the lane right of the middle, or the only one."""
+    """Write where each point should be (right of the middle where there are two lanes), and its possible clearance."""
     n = points.shape[0]
     for k in range(n):
         ux, uy = _direction(points, k)

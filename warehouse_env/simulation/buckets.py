@@ -13,7 +13,7 @@ FEW = 32  # robots up to which one bucket holds all of them
 
 
 def bucket_grid(num_robots: int, width: float, height: float, reach: float) -> tuple[int, int, float]:
-    """Return (rows, columns, side [m]) of the buckets for a floor of width x height [m] and a look-around `reach` [m]."""
+    """Return (rows, columns, side [m]) of the buckets for a floor of width x height [m], looked around `reach` [m]."""
     if num_robots <= FEW:
         return 1, 1, 2.0 * max(width, height)
     side = reach / SEARCH

@@ -32,9 +32,9 @@ def _fits(robots, count, x, y, heading, p, solid, clearance, gap):  # type: igno
         dx = o["x"] - p["offset"] * o["cos"] - cx
         dy = o["y"] - p["offset"] * o["sin"] - cy
         reach = p["radius"] + p["radius"] + gap
-        if dx * dx + dy * dy < reach * reach:
-            if rectangle_gap(dx, dy, c, s, hl, hw, o["cos"], o["sin"], hl, hw) < gap:
-                return False
+        near = dx * dx + dy * dy < reach * reach
+        if near and rectangle_gap(dx, dy, c, s, hl, hw, o["cos"], o["sin"], hl, hw) < gap:
+            return False
     return True
 
 

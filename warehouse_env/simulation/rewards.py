@@ -21,11 +21,14 @@ def weight_vector(weights: RewardWeights) -> NDArray[np.float32]:
 
 @inline
 def write_terms(r, p, weights, terms):  # type: ignore[no-untyped-def]
-    """Write one robot's terms, already weighed, in the order of REWARD_TERMS; return their sum.
+    """Write a robot's terms, already weighed, in the order of REWARD_TERMS; return their sum. A parked one has none.
 
     progress [m]; arrival 0|1; collision: contact episodes that began; contact 0|1; proximity: 1 at gap 0, 0 from
     near_miss_gap x 3 on; time 1; smoothness: change of commanded speed / max_speed + of steering / max_steering.
     """
+    if r["acting"] == 0:
+        terms[:] = ZERO
+        return ZERO
     near = np.float32(3.0) * p["near_miss_gap"]
     terms[0] = weights[0] * r["progress"]
     terms[1] = weights[1] * np.float32(r["arrived"])

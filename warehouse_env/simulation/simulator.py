@@ -1,4 +1,4 @@
-"""Simulator: the one stateful object. Config, random generators, state arrays, routes and tasks; B worlds of N robots."""
+"""Simulator: the one stateful object around the kernels: config, random generators, state arrays, routes, tasks."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import EnvConfig, RewardWeights
-from warehouse_env.errors import ActionError, ConfigError
+from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.observation import observation_layout
 from warehouse_env.planning.plan import Planner
 from warehouse_env.planning.routes import RouteBook
 from warehouse_env.simulation import metrics, state, step
+from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.buckets import bucket_grid
 from warehouse_env.simulation.floor import floor_of
 from warehouse_env.simulation.placement import place
@@ -76,19 +77,15 @@ class Simulator:
         self._params = state.parameters_of(config, self.grid.cell_size)
         self._floor = floor_of(self.grid)
         self._make_spaces()
+        self._weights = weight_vector(config.reward)
+        self._reward_weights = config.reward
         self._make_arrays()
-        self.reward_weights = config.reward
 
     def _make_spaces(self) -> None:
         config = self.config
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32)
-        self.action_space: gymnasium.Space[Any]
-        if config.action_type == "discrete":
-            table = [(v, o) for v in config.speed_levels for o in config.lateral_offsets]
-            self._table = np.array(table, dtype=np.float32)
-            self.action_space = gymnasium.spaces.Discrete(len(table))
-        else:
-            self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self._actions = ActionDecoder(config)
+        self.action_space = self._actions.space
         angles = 2 * math.pi * np.arange(config.sensor.rays) / config.sensor.rays
         self._rays = np.column_stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
 
@@ -113,10 +110,23 @@ class Simulator:
         rows, columns = self.grid.shape
         size = self.grid.cell_size
         look = max(self.config.sensor.lidar_range + float(p["radius"][0]), 2 * reach)
-        bucket_rows, bucket_columns, self._side = bucket_grid(n, columns * size, rows * size, look)
+        bucket_rows, bucket_columns, side = bucket_grid(n, columns * size, rows * size, look)
         self._heads = np.zeros((b, bucket_rows, bucket_columns), dtype=np.int32)
         self._nexts = np.zeros((b, n), dtype=np.int32)
-        self._side = np.float32(self._side)
+        self._side = np.float32(side)
+        self._bind()
+
+    def _bind(self) -> None:
+        """Keep the kernels' arguments ready: collecting them takes longer than a small world's step."""
+        common = (self._heads, self._nexts, self._side)
+        self._advance_arguments = (
+            self.robots, self.routes, self._commands, self._stamps, self._pairs, *common, self._clocks,
+            self._params, self._floor.solid, self._floor.clearance,
+        )  # fmt: skip
+        self._observe_arguments = (
+            self.robots, self.routes, *common, self._params, self._rays, self._weights, self._floor.solid,
+            self.observation, self.reward_terms, self.reward,
+        )  # fmt: skip
 
     @property
     def reward_weights(self) -> RewardWeights:
@@ -126,16 +136,12 @@ class Simulator:
     @reward_weights.setter
     def reward_weights(self, weights: RewardWeights) -> None:
         self._reward_weights = weights
-        self._weights = weight_vector(weights)
+        self._weights[:] = weight_vector(weights)
 
     @property
     def cruise_action(self) -> NDArray[Any]:
         """One robot's action that drives along the route at full speed (raw: no command at all)."""
-        if self.config.action_type == "discrete":
-            fastest = self._table[:, 0] == self._table[:, 0].max()
-            distance = np.where(fastest, np.abs(self._table[:, 1]), np.inf)
-            return np.asarray(int(distance.argmin()), dtype=np.int64)
-        return np.zeros(2, dtype=np.float32)
+        return self._actions.cruise
 
     def seconds(self, world: int) -> float:
         """Simulated time [s] since the world's reset."""
@@ -210,6 +216,7 @@ class Simulator:
             grown = np.zeros((self.num_worlds, self.num_agents, longer, 2), dtype=np.float32)
             grown[:, :, : self.routes.shape[2]] = self.routes
             self.routes = grown
+            self._bind()
         self.routes[world, robot, : len(points)] = points
         r = self.robots[world, robot]
         r["points"] = len(points)
@@ -226,12 +233,9 @@ class Simulator:
         actions: int[B, N] of a discrete config, else float[B, N, 2] in [-1, 1] (clipped). ActionError if of another
         shape, out of range or not finite.
         """
-        self._decode(actions)
-        arguments = (
-            self.robots, self.routes, self._commands, self._stamps, self._pairs, self._heads, self._nexts,
-            self._side, self._clocks, self._params, self._floor.solid, self._floor.clearance,
-        )  # fmt: skip
-        arrivals = step.advance_parallel(*arguments) if self._many() else step.advance(*arguments)
+        self._actions.decode(actions, self._commands)
+        many = self._many()
+        arrivals = (step.advance_parallel if many else step.advance)(*self._advance_arguments)
         self.steps += 1
         if self.config.terminate_on_collision:
             self._park_collided()
@@ -240,46 +244,13 @@ class Simulator:
         np.greater_equal(self.steps, self.config.max_steps, out=self.truncated)
         if self.config.tasks == "one_shot" or self.config.terminate_on_collision:
             np.equal(self.robots["alive"], 0, out=self.terminated)
-        self._observe()
+        (step.observe_parallel if many else step.observe)(*self._observe_arguments)
         return self.observation
 
     def _many(self) -> bool:
         return (
             self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and numba.get_num_threads() > 1
         )
-
-    def _decode(self, actions: ArrayLike) -> None:
-        """Write the commands float32[B, N, 2] of all robots; ActionError for a bad action."""
-        given = np.asarray(actions)
-        shape: tuple[int, ...] = (self.num_worlds, self.num_agents)
-        if self.config.action_type == "discrete":
-            if given.shape != shape or given.dtype.kind not in "iu":
-                raise ActionError(
-                    f"discrete actions must be whole numbers of shape {shape}, not {given.dtype} {given.shape}"
-                )
-            if given.size and (int(given.min()) < 0 or int(given.max()) >= len(self._table)):
-                raise ActionError(
-                    f"discrete actions must lie in 0..{len(self._table) - 1}, not {given.min()}..{given.max()}"
-                )
-            np.take(self._table, given, axis=0, out=self._commands, mode="clip")
-            return
-        shape = (*shape, 2)
-        if given.shape != shape or given.dtype.kind not in "fiu":
-            raise ActionError(
-                f"{self.config.action_type} actions must be numbers of shape {shape}, not {given.dtype} {given.shape}"
-            )
-        if not np.isfinite(given).all():
-            raise ActionError(f"{self.config.action_type} actions must be finite; some are nan or infinite")
-        first, second = np.clip(given[..., 0], -1, 1), np.clip(given[..., 1], -1, 1)
-        robot = self.config.robot
-        if self.config.action_type == "raw":
-            self._commands[..., 0] = first * robot.max_acceleration
-            self._commands[..., 1] = second * robot.max_steering_rate
-            return
-        cruise = max(self.config.speed_levels)
-        span = np.where(first >= 0, robot.max_speed - cruise, cruise - robot.min_speed)
-        self._commands[..., 0] = cruise + first * span
-        self._commands[..., 1] = second * max(abs(o) for o in self.config.lateral_offsets)
 
     def _park_collided(self) -> None:
         robots = self.robots
@@ -302,16 +273,14 @@ class Simulator:
                 self._set_route(world, robot, start, goal, float(r["heading"]))
 
     def _observe(self, world: int | None = None) -> None:
-        some = slice(None) if world is None else slice(world, world + 1)
-        arguments = (
-            self.robots[some], self.routes[some], self._heads[some], self._nexts[some], self._side, self._params,
-            self._rays, self._weights, self._floor.solid, self.observation[some], self.reward_terms[some],
-            self.reward[some],
-        )  # fmt: skip
-        if world is None and self._many():
-            step.observe_parallel(*arguments)
-        else:
-            step.observe(*arguments)
+        if world is None:
+            step.observe(*self._observe_arguments)
+            return
+        per_world = (0, 1, 2, 3, -3, -2, -1)  # robots, routes, heads, nexts; observation, terms, reward
+        arguments: list[Any] = list(self._observe_arguments)
+        for k in per_world:
+            arguments[k] = arguments[k][world : world + 1]
+        step.observe(*arguments)
 
     def episode_metrics(self, world: int = 0) -> dict[str, float]:
         """Return the row of numbers of a world's episode so far (see metrics.episode_row)."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
 
-F, I, B = np.float32, np.int32, np.int8
+F, I, B = np.float32, np.int32, np.int8  # noqa: E741
 
 ROBOT = np.dtype(
     [
@@ -33,7 +33,7 @@ ROBOT = np.dtype(
         ("points", I), ("spacing", F), ("position", F),  # way-points, [m] between them, [m] of arc length reached
         ("lateral", F), ("bearing", F),  # [m] left of the route; route direction minus heading [rad]
         ("goal_x", F), ("goal_y", F), ("goal_row", I), ("goal_col", I),
-        ("alive", B),
+        ("alive", B), ("acting", B),  # acting: was alive when the env step began
         # events of the last env step
         ("progress", F), ("gap", F), ("arrived", B), ("touching", B),
         ("hit_robot", I), ("hit_shelf", I), ("near_miss", I), ("shelf_contact", B),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from warehouse_env.observation import NEIGHBOUR
 from warehouse_env.simulation import buckets, contact, sensing, tracking
 from warehouse_env.simulation.kernel import inline, kernel, parallel_kernel, prange
 from warehouse_env.simulation.kinematics import approach
@@ -23,6 +24,7 @@ _SLOW = np.float32(0.1)  # [m/s] under which a robot counts as waiting
 @inline
 def _begin(r):  # type: ignore[no-untyped-def]
     """Clear the events of the last env step."""
+    r["acting"] = r["alive"]
     r["progress"] = ZERO
     r["gap"] = _HORIZON
     r["arrived"] = 0
@@ -120,7 +122,7 @@ def _advance_world(robots, routes, actions, stamps, pairs, heads, nexts, side, c
 def _observe_world(robots, routes, heads, nexts, side, p, rays, weights, solid, out, terms, reward):  # type: ignore[no-untyped-def]
     """Write observations, reward terms and rewards of one world."""
     ego = p["rays"]
-    near = out.shape[1] - sensing.NEIGHBOUR * p["neighbours"]
+    near = out.shape[1] - NEIGHBOUR * p["neighbours"]
     buckets.fill(robots, heads, nexts, p["offset"], side)
     for i in range(robots.shape[0]):
         r = robots[i]

@@ -115,7 +115,7 @@ def _is_free(r, speed, steer, least, margin, p, solid, clearance):  # type: igno
 
 @kernel
 def _steer_free(r, wanted, speed, most_shift, horizon, margin, p, solid, clearance):  # type: ignore[no-untyped-def]
-    """The steering angle nearest to `wanted`, within most_shift, whose arc is free for `horizon` [m]; (found, angle)."""
+    """Return (found, the angle nearest to `wanted`, within most_shift, whose arc is free for `horizon` [m])."""
     tries = int(most_shift / _TRY_STEP)
     sign = ONE if wanted <= ZERO else -ONE  # first towards straight ahead
     for k in range(2 * tries + 1):
@@ -128,7 +128,7 @@ def _steer_free(r, wanted, speed, most_shift, horizon, margin, p, solid, clearan
 
 @inline
 def _attempt(r):  # type: ignore[no-untyped-def]
-    """Which way to try, in turn, the longer a robot has not advanced: 0 as usual, 1 back further, 2 turn the other way."""
+    """What to try next, the longer a robot has not advanced: 0 as usual, 1 back further, 2 turn the other way."""
     return int(r["stalled_time"] / PATIENCE) % 3
 
 

@@ -1,0 +1,86 @@
+"""Actions of policies -> commands of robots: (speed [m/s], lateral offset [m]), or (acceleration, steering rate)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ActionError
+from warehouse_env.simulation.kernel import kernel
+
+
+@kernel
+def _look_up(table, actions, commands):  # type: ignore[no-untyped-def]
+    """Write commands float32[B, N, 2] from actions int[B, N] by table float32[K, 2]; False if one is not in 0..K-1."""
+    for b in range(actions.shape[0]):
+        for i in range(actions.shape[1]):
+            k = actions[b, i]
+            if k < 0 or k >= table.shape[0]:
+                return False
+            commands[b, i, 0] = table[k, 0]
+            commands[b, i, 1] = table[k, 1]
+    return True
+
+
+class ActionDecoder:
+    """What the numbers of an action mean under a config.
+
+    discrete: the index of a (speed level, lateral offset) pair, offsets running fastest.
+    continuous: two numbers in [-1, 1] around cruising on the route: the speed from min_speed over the fastest level
+        (at 0) to max_speed, and the offset in units of the largest one.
+    raw: acceleration and steering rate in units of their limits.
+    """
+
+    def __init__(self, config: EnvConfig) -> None:
+        self._config = config
+        self.space: gymnasium.Space[Any]
+        levels, offsets = config.speed_levels, config.lateral_offsets
+        self._cruise, self._widest = max(levels), max(abs(o) for o in offsets)
+        self.table = np.array([(v, o) for v in levels for o in offsets], dtype=np.float32)
+        if config.action_type == "discrete":
+            self.space = gymnasium.spaces.Discrete(len(self.table))
+        else:
+            self.space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+    @property
+    def cruise(self) -> NDArray[Any]:
+        """One robot's action that drives along the route at full speed (raw: no command at all)."""
+        if self._config.action_type == "discrete":
+            distance = np.where(self.table[:, 0] == self.table[:, 0].max(), np.abs(self.table[:, 1]), np.inf)
+            return np.asarray(int(distance.argmin()), dtype=np.int64)
+        return np.zeros(2, dtype=np.float32)
+
+    def decode(self, actions: ArrayLike, commands: NDArray[np.float32]) -> None:
+        """Write commands float32[B, N, 2] of all robots; ActionError for a wrong shape, type, range or non-number."""
+        given = np.asarray(actions)
+        kind = self._config.action_type
+        if kind == "discrete":
+            shape = commands.shape[:2]
+            if given.shape != shape or given.dtype.kind not in "iu":
+                raise ActionError(
+                    f"discrete actions must be whole numbers of shape {shape}, not {given.dtype} {given.shape}"
+                )
+            if not _look_up(self.table, given, commands):
+                raise ActionError(
+                    f"discrete actions must lie in 0..{len(self.table) - 1}, not {given.min()}..{given.max()}"
+                )
+            return
+        if given.shape != commands.shape or given.dtype.kind not in "fiu":
+            raise ActionError(
+                f"{kind} actions must be numbers of shape {commands.shape}, not {given.dtype} {given.shape}"
+            )
+        if not np.isfinite(given).all():
+            raise ActionError(f"{kind} actions must be finite; some are nan or infinite")
+        first, second = np.clip(given[..., 0], -1, 1), np.clip(given[..., 1], -1, 1)
+        robot = self._config.robot
+        if kind == "raw":
+            commands[..., 0] = first * robot.max_acceleration
+            commands[..., 1] = second * robot.max_steering_rate
+            return
+        span = np.where(first >= 0, robot.max_speed - self._cruise, self._cruise - robot.min_speed)
+        commands[..., 0] = self._cruise + first * span
+        commands[..., 1] = second * self._widest
