@@ -55,6 +55,8 @@ class TrainingConfig:
     """What the policy commands."""
     episode_seconds: float = 120.0
     """Simulated time after which a world is reset [s]."""
+    jam_seconds: float = 10.0
+    """A world is reset early once a fifth of its robots stand still for this long [s]; little is learned there."""
     gamma: float = 0.98
     """Discount of one decision."""
     gae_lambda: float = 0.95
@@ -63,11 +65,15 @@ class TrainingConfig:
     """Reward of a contact at the start."""
     collision_last: float = -20.0
     """Reward of a contact at the end; between, it changes linearly with the share of the budget spent."""
+    contact: float = -0.1
+    """Reward of every decision in touch (jammed robots would otherwise drown all else)."""
     reward_scale: float = 0.1
     """Factor on all rewards."""
-    entropy: float = 0.003
-    """Weight of the entropy bonus."""
-    learning_rate: float = 7e-4
+    entropy_first: float = 0.01
+    """Weight of the entropy bonus at the start."""
+    entropy_last: float = 0.003
+    """Weight of the entropy bonus at the end."""
+    learning_rate: float = 5e-4
     """Adam's first step size, decayed linearly to a twentieth of it."""
     gradient_clip: float = 0.5
     """Largest norm of a gradient."""
@@ -84,15 +90,15 @@ class TrainingConfig:
 
     def __post_init__(self) -> None:
         self._at_least(1, "steps", "rows", "threads")
-        self._at_least(0, "seed", "entropy", "cruise_bias", "keep_right", "checkpoint_seconds")
-        for name in ("minutes", "episode_seconds", "reward_scale", "learning_rate", "gradient_clip"):
+        self._at_least(0, "seed", "entropy_first", "entropy_last", "cruise_bias", "keep_right", "checkpoint_seconds")
+        for name in ("minutes", "episode_seconds", "jam_seconds", "reward_scale", "learning_rate", "gradient_clip"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise ConfigError(f"{name}={value!r} must be a finite number above 0")
         for name in ("gamma", "gae_lambda"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ConfigError(f"{name}={getattr(self, name)!r} must be between 0 and 1")
-        for name in ("collision_first", "collision_last"):
+        for name in ("collision_first", "collision_last", "contact"):
             if not math.isfinite(getattr(self, name)):
                 raise ConfigError(f"{name}={getattr(self, name)!r} must be a finite number")
         for name in ("layouts", "robots", "hidden"):
@@ -134,7 +140,11 @@ class TrainingConfig:
     def reward(self, spent: float) -> RewardWeights:
         """Return the reward weights when the share `spent` (0 to 1) of the budget is used."""
         collision = self.collision_first + (self.collision_last - self.collision_first) * spent
-        return RewardWeights(collision=collision)
+        return RewardWeights(collision=collision, contact=self.contact)
+
+    def entropy(self, spent: float) -> float:
+        """Return the weight of the entropy bonus when the share `spent` (0 to 1) of the budget is used."""
+        return self.entropy_first + (self.entropy_last - self.entropy_first) * spent
 
     def step_size(self, spent: float) -> float:
         """Return Adam's step size when the share `spent` (0 to 1) of the budget is used."""

@@ -78,7 +78,7 @@ class Reinforce:
         mixes = config.worlds()
         self.env = mixes[0][0]
         with self.split.measure("simulator_s"):
-            self.worlds = TrainingWorlds(mixes, config.seed, self.env.max_steps)
+            self.worlds = TrainingWorlds(mixes, config.seed, config.jam_seconds)
         self.tally, self.rows, self.rollout = self.worlds.tally, self.worlds.rows, config.rollout
         self.network = network_of(self.worlds.simulators[0], config.hidden)
         self.net = ActorCritic(self.network, cruise_output(self.env, config.cruise_bias))
@@ -101,7 +101,7 @@ class Reinforce:
         with self.split.measure("update_s"):
             for group in self.optimizer.param_groups:
                 group["lr"] = self.config.step_size(spent)
-            return self._learn(rollout, rng)
+            return self._learn(rollout, rng, self.config.entropy(spent))
 
     def _collect(self, rng: np.random.Generator) -> Rollout:
         """Let all robots act for one rollout; the buffers are overwritten by the next one."""
@@ -134,14 +134,14 @@ class Reinforce:
             values: NDArray[np.float32] = self.net.value(torch.from_numpy(observation)).numpy()
         return values
 
-    def _learn(self, rollout: Rollout, rng: np.random.Generator) -> dict[str, float]:
+    def _learn(self, rollout: Rollout, rng: np.random.Generator, entropy_weight: float) -> dict[str, float]:
         observation, action, advantage, target = (part.flatten(0, 1) for part in rollout)
         order = torch.from_numpy(rng.permutation(len(advantage)))
         pieces = max(1, round(len(order) / self.config.minibatch))
         totals = torch.zeros(4)
         for rows in order.tensor_split(pieces):
             log_probability, entropy = self.net.log_probability(observation[rows], action[rows])
-            actor_loss = policy_loss(log_probability, advantage[rows], entropy, self.config.entropy)
+            actor_loss = policy_loss(log_probability, advantage[rows], entropy, entropy_weight)
             critic_loss = 0.5 * (self.net.value(observation[rows]) - target[rows]).square().mean()
             self.optimizer.zero_grad()
             (actor_loss + critic_loss).backward()  # type: ignore[no-untyped-call]

@@ -13,21 +13,51 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from train.config import HELD_OUT_SEED
 from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.planning.routes import RouteBook
 from warehouse_env.simulation.simulator import Simulator
 
+_JAM_SHARE = 0.2  # of a world's robots
 
-def make_simulators(mixes: Sequence[tuple[EnvConfig, int]]) -> list[Simulator]:
+
+class TrainingSimulator(Simulator):
+    """Worlds whose episodes end at different times, and early when they jam: little is learned in a jam."""
+
+    def __init__(self, config: EnvConfig, num_worlds: int, jam_seconds: float, routes: RouteBook | None) -> None:
+        """Make the worlds.
+
+        Args:
+            config: of the environment; its max_steps bounds an episode.
+            num_worlds: how many.
+            jam_seconds: a world is truncated once a fifth of its robots have not come forward for this long [s].
+            routes: shared with other simulators on the same floor.
+        """
+        super().__init__(config, num_worlds, routes=routes)
+        self._jam_seconds = jam_seconds
+
+    def reset(self, seed: int | Sequence[int] | None = None) -> NDArray[np.float32]:
+        """Start all worlds as `Simulator.reset` does, but spread the ends of their first episodes evenly."""
+        observation = super().reset(seed)
+        self.steps += self.config.max_steps * np.arange(self.num_worlds) // self.num_worlds
+        return observation
+
+    def step(self, actions: ArrayLike) -> NDArray[np.float32]:
+        """Step all worlds as `Simulator.step` does; `truncated` also tells the jammed ones."""
+        observation = super().step(actions)
+        self.truncated |= (self.robots["stalled_time"] > self._jam_seconds).mean(axis=1) > _JAM_SHARE
+        return observation
+
+
+def make_simulators(mixes: Sequence[tuple[EnvConfig, int]], jam_seconds: float) -> list[TrainingSimulator]:
     """Return one simulator for each (environment, number of worlds); those on the same floor share their routes."""
     books: dict[tuple[str, str | None], RouteBook] = {}
     simulators = []
     for config, worlds in mixes:
         floor = (config.layout, config.map_file)
-        simulators.append(Simulator(config, worlds, routes=books.get(floor)))
+        simulators.append(TrainingSimulator(config, worlds, jam_seconds, books.get(floor)))
         books[floor] = simulators[-1].route_book
     return simulators
 
@@ -75,18 +105,18 @@ class TrainingWorlds:
         tally: counts of goals, collisions and metres.
     """
 
-    def __init__(self, mixes: Sequence[tuple[EnvConfig, int]], seed: int, episode_steps: int) -> None:
+    def __init__(self, mixes: Sequence[tuple[EnvConfig, int]], seed: int, jam_seconds: float) -> None:
         """Make and reset all worlds.
 
         Args:
-            mixes: environments with the number of worlds of each; all with the same observation and action.
+            mixes: environments with the number of worlds of each; all with the same observation, action and max_steps.
             seed: of the training.
-            episode_steps: env steps between two resets of a world.
+            jam_seconds: a world is reset early once a fifth of its robots have not come forward for this long [s].
         """
-        self.simulators = make_simulators(mixes)
+        self.simulators = make_simulators(mixes, jam_seconds)
         config = mixes[0][0]
         self.tally = Tally(self.simulators, config.time_step * config.action_repeat)
-        self._seed, self._episode_steps = seed, episode_steps
+        self._seed = seed
         self._world = [(s, w) for s, (_, worlds) in enumerate(mixes) for w in range(worlds)]
         sizes = [simulator.num_worlds * simulator.num_agents for simulator in self.simulators]
         starts = np.concatenate([[0], np.cumsum(sizes)])
@@ -94,10 +124,8 @@ class TrainingWorlds:
         self.rows = int(starts[-1])
         self.observation = np.zeros((self.rows, self.simulators[0].layout.size), np.float32)
         self.reward = np.zeros(self.rows, np.float32)
-        self._actions: deque[NDArray[Any]] = deque(maxlen=episode_steps)
+        self._actions: deque[NDArray[Any]] = deque(maxlen=config.max_steps)
         self._episode = np.zeros(len(self._world), np.int64)
-        first = episode_steps * (1 + np.arange(len(self._world))) // len(self._world)
-        self._age = episode_steps - np.random.default_rng(seed).permutation(np.maximum(first, 1))
         for number, simulator in enumerate(self.simulators):
             simulator.reset([self._world_seed(w) for w, (s, _) in enumerate(self._world) if s == number])
         self._observe()
@@ -142,13 +170,11 @@ class TrainingWorlds:
         return self._end_worlds()
 
     def _end_worlds(self) -> list[tuple[slice, NDArray[np.float32]]]:
-        self._age += 1
         ended = []
-        for world in np.flatnonzero(self._age >= self._episode_steps).tolist():
+        for world in np.flatnonzero(np.concatenate([simulator.truncated for simulator in self.simulators])).tolist():
             rows = self.world_rows(world)
             ended.append((rows, self.observation[rows].copy()))
             self._episode[world] += 1
-            self._age[world] = 0
             self._reset_world(world)
             number, index = self._world[world]
             self.observation[rows] = self.simulators[number].observation[index]
@@ -160,20 +186,21 @@ class TrainingWorlds:
             simulator.reward_weights = weights
 
     def history(self) -> dict[str, NDArray[Any]]:
-        """Return what `replay` needs: the last actions, and every world's age and episode number."""
-        return {"actions": np.stack(self._actions), "age": self._age.copy(), "episode": self._episode.copy()}
+        """Return what `replay` needs: the last actions, and every world's age in steps and episode number."""
+        age = np.concatenate([simulator.steps for simulator in self.simulators])
+        return {"actions": np.stack(self._actions), "age": age, "episode": self._episode.copy()}
 
     def replay(self, history: dict[str, NDArray[Any]]) -> None:
         """Bring all worlds, just made with the same arguments, to where they stood when `history` was taken."""
-        actions = history["actions"]
+        actions, age = history["actions"], history["age"]
         self._episode[:] = history["episode"]
-        self._age[:] = history["age"]
-        begun = len(actions) - self._age  # the step before which a world was last reset; those never reset began at 0
-        begun[self._episode == 0] = 0
+        begun = np.where(self._episode > 0, len(actions) - age, 0)  # the step before which a world was last reset
         for step in range(len(actions) + 1):
             for world in np.flatnonzero(begun == step).tolist():
                 self._reset_world(world)
             if step < len(actions):
                 self._actions.append(actions[step])
                 self._step_simulators(actions[step])
+        for world, (number, index) in enumerate(self._world):
+            self.simulators[number].steps[index] = age[world]  # first episodes are older than their steps
         self._observe()

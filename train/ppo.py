@@ -1,0 +1,168 @@
+"""Proximal policy optimisation by stable-baselines3 on `vec_env`; all robots share one policy.
+
+The library does the learning; this module gives it our worlds, schedules, clock and files. Its own save files hold
+pickles, so ours are used instead: a policy folder, and checkpoints of plain arrays. Going on from a checkpoint puts
+back the networks and the optimizer; the worlds start anew.
+
+    python -m train.ppo --minutes 10
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.vec_env import VecEnvWrapper
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
+
+from agents.route_command import cruise_output
+from train import checkpoint
+from train.config import PPOConfig
+from train.training_run import Split, network_of, run_training, set_threads
+from train.training_run import profile as profile_trainer
+from train.worlds import Tally, make_simulators
+from warehouse_env.envs.vector import WarehouseVecEnv
+
+
+class MeasuredVecEnv(VecEnvWrapper):
+    """Scales rewards, counts what happens, and measures the simulator's time."""
+
+    def __init__(self, venv: WarehouseVecEnv, reward_scale: float, split: Split, tally: Tally) -> None:
+        super().__init__(venv)
+        self._scale, self._split, self._tally = np.float32(reward_scale), split, tally
+
+    def reset(self) -> VecEnvObs:
+        """Reset all worlds."""
+        return self.venv.reset()
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Step all worlds; rewards are scaled, the counts are of the rewards as they were."""
+        with self._split.measure("simulator_s"):
+            observation, reward, done, infos = self.venv.step_wait()
+        self._tally.add()
+        return observation, reward * self._scale, done, infos
+
+
+class _Nothing(BaseCallback):
+    """The library asks for a callback at every step; the schedules are set between rollouts instead."""
+
+    def _on_step(self) -> bool:
+        return True
+
+
+class Ppo:
+    """The trainer: one `update` is one rollout and some epochs over its rows."""
+
+    algorithm = "ppo"
+
+    def __init__(self, config: PPOConfig) -> None:
+        self.config, self.split, self.rollout = config, Split(), config.rollout
+        mixes = config.worlds()
+        self.env = mixes[0][0]
+        with self.split.measure("simulator_s"):
+            self._simulators = make_simulators(mixes, config.jam_seconds)
+            self.tally = Tally(self._simulators, self.env.time_step * self.env.action_repeat)
+            worlds = WarehouseVecEnv(self._simulators)
+            worlds.seed(config.seed)
+        self.rows = worlds.num_envs
+        self.network = network_of(self._simulators[0], config.hidden)
+        self._step_size = config.learning_rate
+        self.model = self._make_model(MeasuredVecEnv(worlds, config.reward_scale, self.split, self.tally))
+        _, self._callback = self.model._setup_learn(1, _Nothing())
+
+    def _make_model(self, worlds: MeasuredVecEnv) -> PPO:
+        config, widths = self.config, list(self.config.hidden)
+        model = PPO(
+            "MlpPolicy",
+            worlds,
+            learning_rate=lambda _: self._step_size,
+            n_steps=config.rollout,
+            batch_size=min(config.minibatch, config.rollout * self.rows),
+            n_epochs=config.epochs,
+            gamma=config.gamma,
+            gae_lambda=config.gae_lambda,
+            clip_range=config.clip,
+            ent_coef=config.entropy_first,
+            max_grad_norm=config.gradient_clip,
+            policy_kwargs={
+                "net_arch": {"pi": widths, "vf": widths},
+                "activation_fn": torch.nn.Tanh,
+                "log_std_init": -0.7,
+            },
+            seed=config.seed,
+            device="cpu",
+        )
+        model.set_logger(Logger(folder=None, output_formats=[]))
+        with torch.no_grad():
+            model.policy.action_net.bias.copy_(torch.from_numpy(cruise_output(self.env, config.cruise_bias)))
+        return model
+
+    def update(self, number: int, spent: float) -> dict[str, float]:
+        """Collect one rollout and learn from it (see `Trainer.update`)."""
+        model, weights = self.model, self.config.reward(spent)
+        self._step_size, model.ent_coef = self.config.step_size(spent), self.config.entropy(spent)
+        for simulator in self._simulators:
+            simulator.reward_weights = weights
+        simulated = self.split.seconds["simulator_s"]
+        with self.split.measure("policy_s"):
+            model.collect_rollouts(model.env, self._callback, model.rollout_buffer, model.n_steps)
+        self.split.seconds["policy_s"] -= self.split.seconds["simulator_s"] - simulated
+        with self.split.measure("update_s"):
+            model.train()
+        values = model.logger.name_to_value
+        names = {"policy_gradient_loss": "actor_loss", "value_loss": "critic_loss", "clip_fraction": "clip_fraction"}
+        losses = {ours: float(values[f"train/{theirs}"]) for theirs, ours in names.items()}
+        losses |= {"entropy": -float(values["train/entropy_loss"])}
+        return losses | {"explained_variance": float(values["train/explained_variance"])}
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return networks and optimizer (see `Trainer.arrays`)."""
+        network = {f"network.{name}": array for name, array in self.policy_tensors().items()}
+        return {**network, **checkpoint.optimizer_arrays(self.model.policy.optimizer)}
+
+    def load(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Put back what `arrays` returned; worlds and sampling start anew."""
+        ours = checkpoint.part_of(arrays, "network.")
+        state = {theirs: torch.from_numpy(ours[name].copy()) for name, theirs in self._names().items()}
+        self.model.policy.load_state_dict(state)
+        checkpoint.load_optimizer(self.model.policy.optimizer, arrays)
+
+    def policy_tensors(self) -> dict[str, NDArray[np.float32]]:
+        """Return the library's network under our names (see `Trainer.policy_tensors`)."""
+        state = self.model.policy.state_dict()
+        return {name: state[theirs].detach().numpy().copy() for name, theirs in self._names().items()}
+
+    def _names(self) -> dict[str, str]:
+        """Return our tensor names -> the library's: its hidden layers stand at every second place of a Sequential."""
+        depth, names = len(self.config.hidden), {} if self.network.discrete else {"log_std": "log_std"}
+        for ours, hidden, last in (("actor", "policy_net", "action_net"), ("critic", "value_net", "value_net")):
+            for kind in ("weight", "bias"):
+                for layer in range(depth):
+                    names[f"{ours}.{layer}.{kind}"] = f"mlp_extractor.{hidden}.{2 * layer}.{kind}"
+                names[f"{ours}.{depth}.{kind}"] = f"{last}.{kind}"
+        return names
+
+
+def train(config: PPOConfig) -> Path:
+    """Train by `config`; return the run's folder, a policy folder (errors: `run_training`)."""
+    return run_training(config, Ppo.algorithm, Ppo)
+
+
+def profile(config: PPOConfig, updates: int = 10) -> dict[str, float]:
+    """Measure some updates without writing anything (see `training_run.profile`)."""
+    set_threads(config.threads)
+    return profile_trainer(Ppo(config), updates)
+
+
+if __name__ == "__main__":
+    import sys
+
+    from train.cli import main
+
+    sys.exit(main(["train", "ppo", *sys.argv[1:]]))
