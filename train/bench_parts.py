@@ -35,6 +35,10 @@ class Budget:
     seed: int
 
 
+def _most_threads() -> int:
+    return int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
+
+
 class Rate(NamedTuple):
     """Calls a second: median, lowest and highest chunk."""
 
@@ -88,12 +92,12 @@ def simulator(budget: Budget) -> Iterator[Row]:
         sim.reset([budget.seed + k % _START_SEEDS for k in range(worlds)])
         pool = np.random.default_rng(budget.seed).integers(0, sim.action_space.n, (_POOL, worlds, robots))  # type: ignore[attr-defined]
         for threads in budget.threads if worlds > 1 else (1,):
-            if threads > numba.config.NUMBA_NUM_THREADS:
+            if threads > _most_threads():
                 continue
             numba.set_num_threads(threads)
             measured = rate(lambda k, sim=sim, pool=pool: sim.step(pool[k % _POOL]), budget.seconds)  # type: ignore[misc]
             yield {**_speed(measured, worlds, robots, threads), "action_repeat": budget.action_repeat}
-    numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
+    numba.set_num_threads(_most_threads())
 
 
 def pettingzoo(budget: Budget) -> Iterator[Row]:
@@ -175,8 +179,8 @@ def start(budget: Budget) -> Iterator[Row]:
     """Seconds of a fresh interpreter until `import warehouse_env`, and until the first step of an environment."""
     repeats = 3 if budget.seconds < 1 else 5
     for step, code in (("import warehouse_env", _IMPORT), ("first step of an environment", _FIRST_STEP)):
-        timed = f"import time; begin = time.perf_counter(); {code}; print(time.perf_counter() - begin)"
-        seconds = []
+        timed: str = f"import time; begin = time.perf_counter(); {code}; print(time.perf_counter() - begin)"
+        seconds: list[float] = []
         for _ in range(repeats + 1):  # the first fills the caches
             done = subprocess.run([sys.executable, "-c", timed], capture_output=True, text=True, check=True)
             seconds.append(float(done.stdout.split()[-1]))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from train.report import Table
 from train.rows import Row, RowFile
@@ -113,9 +114,7 @@ def narrowest_aisle(grid: GridMap) -> int:
     return int(across[free].min())
 
 
-def _run_lengths(
-    free: np.ndarray[tuple[int, int], np.dtype[np.bool_]],
-) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
+def _run_lengths(free: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return int[H, W]: for every free cell the length of the run of free cells in its row, 0 elsewhere."""
     lengths = np.zeros(free.shape, dtype=np.int64)
     for row, line in enumerate(free):
@@ -126,8 +125,6 @@ def _run_lengths(
 
 
 def _picture(grid: GridMap, path: Path) -> None:
-    from warehouse_env.render.charts import trajectories
+    from warehouse_env.render.charts import paths
 
-    trajectories(
-        grid, [], np.empty((0, 2)), f"{grid.name}: {len(grid.picks)} picks, {len(grid.stations)} stations", path
-    )
+    paths(grid, {}, f"{grid.name}: {len(grid.picks)} picks, {len(grid.stations)} stations", path)

@@ -28,8 +28,9 @@ def evaluation_pictures(rows: Sequence[Row], traces: Sequence[Trace], folder: Pa
     for (layout, tasks, planner), group in groups.items():
         name = "collisions" if len(groups) == 1 else f"collisions_{file_name(str(layout))}_{tasks}_{planner}"
         files.append(folder / f"{name}.png")
-        bars = [_bars(group, measure) for measure in ("collisions_per_km", "goals_per_robot_hour")]
-        charts.collision_bars(*bars, files[-1], f"{Path(str(layout)).stem}, {tasks}, routes by {planner}")
+        title = f"{Path(str(layout)).stem}, {tasks}, routes by {planner}"
+        collisions, goals = _bars(group, "collisions_per_km"), _bars(group, "goals_per_robot_hour")
+        charts.collision_bars(collisions, goals, files[-1], title)
     for trace in traces:
         one = trace.experiment
         parts = (one.place, str(one.config.num_agents), one.policy)

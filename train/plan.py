@@ -45,7 +45,7 @@ class PlanCommand:
     """A MovingAI .map file instead of the layout."""
     scen: Path | None = None
     """A MovingAI .scen file with tasks for the map; without --map, the map of that name beside it is used."""
-    planner: tuple[str, ...] = ("pf_aco", "aco", "astar")
+    planner: tuple[str, ...] = ("pf_aco", "aco", "astar_turns", "astar")
     """Planners to compare."""
     start: str | None = None
     """Start of a single task, as ROW,COLUMN."""

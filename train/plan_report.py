@@ -40,18 +40,60 @@ def plan_table(rows: Sequence[Row], note: str = "") -> Table:
             _share(row["success"] for row in group),
             with_interval(mean_interval(row["length"] for row in group), digits=5),
             number(group[0]["optimal_length"], 6),
-            f"{number(100 * mean_interval(row['gap'] for row in group).mean)}%",
+            f"{number(round(100 * _mean(group, 'gap'), 7))}%",
             _share(is_optimal(row) for row in group),
-            with_interval(mean_interval(row["turns"] for row in group)),
+            number(_mean(group, "turns")),
             str(group[0]["min_turns"]),
-            with_interval(mean_interval(row["converged_at"] for row in group)),
-            number(statistics.median(row["ms"] for row in group), 2),
+            number(_mean(group, "converged_at")),
+            number(_median_ms(group), 2),
         ]
-        cells.append((*line, number(mean_interval(row["climb_m"] for row in group).mean)) if uneven else tuple(line))
-    first = rows[0]
+        cells.append((*line, number(_mean(group, "climb_m"))) if uneven else tuple(line))
     runs = len({row["run"] for row in rows})
-    title = f"Planners on {first['layout']}, {runs} runs each, mean [95% interval by Student's t over runs]"
+    title = f"Planners on {rows[0]['layout']}, {runs} runs each: means [95% interval by Student's t over runs]"
     return Table(title, _HEADER + (("climb [m]",) if uneven else ()), tuple(cells), note)
+
+
+def plan_note(rows: Sequence[Row]) -> str:
+    """Say what the exact searches cost and find, and what every colony adds to them, in the figures of `rows`."""
+    exact = {name: select(rows, planner=name) for name in ("astar", "astar_turns")}
+    lines = [
+        f"Plainly: {name} takes {number(_median_ms(group), 2)} ms and finds the shortest path in "
+        f"{_share(map(is_optimal, group))} of its runs, one with the fewest possible turns in "
+        f"{_share(map(_fewest, group))}."
+        for name, group in exact.items()
+        if group
+    ]
+    for (planner,), group in grouped(rows, ("planner",)).items():
+        if any(row["iterations"] for row in group):
+            lines.append(_colony(str(planner), group, {name: own for name, own in exact.items() if own}))
+    return "\n".join(lines)
+
+
+def _colony(planner: str, group: Sequence[Row], exact: dict[str, list[Row]]) -> str:
+    """Return the sentences on one colony: its time and optimality, and what it adds to each exact search."""
+    ms = _median_ms(group)
+    shares = f"the shortest path in {_share(map(is_optimal, group))}, the fewest turns in {_share(map(_fewest, group))}"
+    text = f"{planner} takes {number(ms, 2)} ms and finds {shares} of its runs."
+    for name, own in exact.items():
+        times = number(ms / _median_ms(own), 2)
+        text += f" Against {name}, {times} times as long, it adds {_added(group, own)}."
+    return text
+
+
+def _added(group: Sequence[Row], exact: Sequence[Row]) -> str:
+    """Return where the colony's mean path is better than the exact search's: turns and climb; "nothing" if nowhere."""
+    better = [
+        f"{what} ({number(_mean(group, name))} against {number(_mean(exact, name))} {unit} a path)"
+        for what, name, unit in (("fewer turns", "turns", "turns"), ("gentler floor", "climb_m", "m of climb"))
+        if _mean(group, name) < _mean(exact, name) * (1 - _OPTIMAL)
+    ]
+    longer = _mean(group, "gap") - _mean(exact, "gap")
+    cost = f" for paths {number(100 * longer, 2)}% longer" if better and longer > _OPTIMAL else ""
+    return (" and ".join(better) or "nothing") + cost
+
+
+def _fewest(row: Row) -> bool:
+    return is_optimal(row) and bool(row["turns"] <= row["min_turns"])
 
 
 def _share(values: Iterable[bool]) -> str:
@@ -59,39 +101,9 @@ def _share(values: Iterable[bool]) -> str:
     return f"{number(100 * sum(flags) / len(flags))}%"
 
 
-def plan_note(rows: Sequence[Row]) -> str:
-    """Say what the exact search costs and finds, and what every other planner adds to it, in the figures of `rows`."""
-    exact = select(rows, planner="astar")
-    if not exact:
-        return ""
-    ms = statistics.median(row["ms"] for row in exact)
-    lines = [
-        f"Plainly: A* finds the optimum in {_share(map(is_optimal, exact))} of its runs, in {number(ms, 2)} ms (median), "
-        f"with the fewest possible turns in {_share(map(_fewest, exact))}."
-    ]
-    for planner in dict.fromkeys(row["planner"] for row in rows):
-        group = select(rows, planner=planner)
-        if planner != "astar" and any(row["iterations"] for row in group):
-            lines.append(_added(planner, group, exact, ms))
-    return "\n".join(lines)
-
-
-def _added(planner: str, group: Sequence[Row], exact: Sequence[Row], exact_ms: float) -> str:
-    """Return the sentence on one planner beside A*: time, optimality, turns, climb."""
-    ms = statistics.median(row["ms"] for row in group)
-    text = (
-        f"{planner} takes {number(ms, 2)} ms, {number(ms / exact_ms, 2)} times as long, and finds the optimum in "
-        f"{_share(map(is_optimal, group))}; what it adds: the fewest possible turns in {_share(map(_fewest, group))} "
-        f"({number(_mean(group, 'turns'))} turns a path against {number(_mean(exact, 'turns'))})"
-    )
-    if any(row["climb_m"] for row in exact):
-        text += f", {number(_mean(group, 'climb_m'))} m of climb a path against {number(_mean(exact, 'climb_m'))} m"
-    return text + "."
-
-
-def _fewest(row: Row) -> bool:
-    return row["turns"] is not None and row["turns"] <= row["min_turns"]
-
-
 def _mean(rows: Sequence[Row], name: str) -> float:
     return mean_interval(row[name] for row in rows).mean
+
+
+def _median_ms(rows: Sequence[Row]) -> float:
+    return float(statistics.median(row["ms"] for row in rows))

@@ -64,9 +64,9 @@ def make_progress() -> Progress:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """Format with `digits` significant digits and no exponent; "–" for NaN."""
+    """Format with `digits` significant digits and no exponent; "-" for NaN."""
     if not math.isfinite(value):
-        return "–"
+        return "-"
     if value == 0:
         return "0"
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
@@ -77,7 +77,7 @@ def number(value: float, digits: int = 3) -> str:
 def with_interval(interval: Interval, factor: float = 1.0, digits: int = 3) -> str:
     """Format "mean [low, high]", each times `factor`; the mean alone where there is no interval or no spread."""
     mean, low, high = (factor * value for value in interval[:3])
-    if not math.isfinite(low) or low == high:
+    if not math.isfinite(low) or high - low <= 1e-9 * abs(mean):
         return number(mean, digits)
     decimals = max(0, digits - 1 - math.floor(math.log10(max(abs(mean), abs(low), abs(high)))))
     return f"{mean:.{decimals}f} [{low:.{decimals}f}, {high:.{decimals}f}]"
@@ -95,10 +95,10 @@ class Measure:
 
     def interval(self, rows: Iterable[Row]) -> Interval:
         """Return mean and 95% interval over rows, the interval cut to the values that are possible."""
-        mean, low, high, count = mean_interval(self.value(row) for row in rows)
-        return Interval(
-            mean, max(low, 0.0) if low == low else low, min(high, self.most) if high == high else high, count
-        )
+        found = mean_interval(self.value(row) for row in rows)
+        if not math.isfinite(found.low):
+            return found
+        return found._replace(low=max(found.low, 0.0), high=min(found.high, self.most))
 
 
 def _field(name: str) -> Callable[[Row], float | None]:
@@ -111,8 +111,8 @@ def _per_km(name: str) -> Callable[[Row], float | None]:
 
 MEASURES = (
     Measure("collisions_per_km", "collisions/km", _field("collisions_per_km")),
-    Measure("robot_collisions_per_km", "robot–robot/km", _per_km("collisions_robot")),
-    Measure("shelf_collisions_per_km", "robot–shelf/km", _per_km("collisions_shelf")),
+    Measure("robot_collisions_per_km", "robot-robot/km", _per_km("collisions_robot")),
+    Measure("shelf_collisions_per_km", "robot-shelf/km", _per_km("collisions_shelf")),
     Measure("near_misses_per_km", "near misses/km", _per_km("near_misses")),
     Measure("goals_per_robot_hour", "goals/robot-h", _field("goals_per_robot_hour")),
     Measure("stuck", "stuck %", _field("stuck"), factor=100.0, most=1.0),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -86,8 +87,8 @@ def run(experiment: Experiment, watch: Sequence[Watcher] = (), routes: Routes | 
     """Play all episodes side by side, one world each; return their rows in the order of their seeds.
 
     An episode's numbers do not depend on which others are played beside it: every world has its own generators, and
-    the policy is asked for one world at a time. ms_per_step is the time of one decision of one world, simulator and
-    policy together, watchers left out.
+    the policy is asked for one world at a time. ms_per_step is the median time of one decision of all robots of
+    one world, policy and simulator together, so that a compilation at the start leaves no mark.
     """
     config, seeds = experiment.config, experiment.seeds
     simulator = (routes or Routes()).simulator(config, len(seeds))
@@ -96,18 +97,19 @@ def run(experiment: Experiment, watch: Sequence[Watcher] = (), routes: Routes | 
     observation = simulator.reset(seeds)
     metrics: list[dict[str, float] | None] = [None] * len(seeds)
     _call(watch, simulator, 0)
-    seconds, steps = 0.0, 0
+    seconds: list[float] = []
+    steps = 0
     while steps < config.max_steps and None in metrics:
         begin = time.perf_counter()
         observation = simulator.step(_actions(policy, observation, generators))
-        seconds += time.perf_counter() - begin
+        seconds.append(time.perf_counter() - begin)
         steps += 1
         # A world that is over is measured at once; it then idles until the last one is over.
         for world in np.flatnonzero(simulator.terminated.all(axis=1)).tolist():
             metrics[world] = metrics[world] or simulator.episode_metrics(world)
         _call(watch, simulator, steps)
     measured = [values or simulator.episode_metrics(world) for world, values in enumerate(metrics)]
-    ms_per_step = 1000 * seconds / (steps * len(seeds))
+    ms_per_step = 1000 * statistics.median(seconds) / len(seeds)
     return [_row(experiment, k, values, ms_per_step) for k, values in zip(experiment.episodes, measured, strict=True)]
 
 
@@ -146,13 +148,15 @@ class Trace:
         self._contacts: list[NDArray[np.float32]] = []
 
     def __call__(self, simulator: Simulator, steps: int) -> None:
-        """Keep the poses, and the pose of each robot at which a contact began."""
-        pose, events = simulator.state.pose[0], simulator.events
+        """Keep the poses, and the places at which contacts began."""
+        pose, events = simulator.state.pose[0].copy(), simulator.events
         self.grid = simulator.grid
-        self._poses.append(pose.copy())
-        began = (events.hit_robot[0] > 0) | (events.hit_shelf[0] > 0)
-        if steps and began.any():
-            self._contacts.append(pose[began])
+        self._poses.append(pose)
+        if steps:
+            robot = simulator.config.robot
+            back = np.float32(robot.length / 2 - robot.front_overhang)  # from the front axle to the body's centre [m]
+            centre = pose[:, :2] - back * np.stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])], axis=1)
+            self._contacts += [centre[events.hit_shelf[0] > 0], pair_centres(centre[events.hit_robot[0] > 0])]
 
     @property
     def poses(self) -> NDArray[np.float32]:
@@ -161,5 +165,18 @@ class Trace:
 
     @property
     def contacts(self) -> NDArray[np.float32]:
-        """Where contacts began, float32[K, 2]: x [m], y [m] of the robots' front axles."""
-        return np.concatenate(self._contacts)[:, :2] if self._contacts else np.empty((0, 2), dtype=np.float32)
+        """Where contacts began, float32[K, 2] [m]: the body's centre at a shelf, the middle between two robots."""
+        return np.concatenate([np.empty((0, 2), dtype=np.float32), *self._contacts])
+
+
+def pair_centres(centre: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return float32[P, 2], the middles of the pairs that robots at float32[K, 2], all hit in one step, make.
+
+    A contact hits both of its robots in the same step, so each robot's partner is the nearest one of them.
+    """
+    if len(centre) < 2:
+        return np.empty((0, 2), dtype=np.float32)
+    distance = np.hypot(*(centre[:, None] - centre[None]).transpose(2, 0, 1))
+    np.fill_diagonal(distance, np.inf)
+    pairs = {(min(i, j), max(i, j)) for i, j in enumerate(distance.argmin(axis=1).tolist())}
+    return np.stack([(centre[i] + centre[j]) / 2 for i, j in sorted(pairs)])

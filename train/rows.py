@@ -89,7 +89,7 @@ class Interval(NamedTuple):
     mean: float
     low: float
     high: float
-    count: int
+    samples: int
 
 
 def mean_interval(values: Iterable[float | None]) -> Interval:

@@ -1,0 +1,183 @@
+"""The command line: quick help, one clear sentence and exit code 2 for bad input, never a traceback."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from train import cli
+from train.cli import COMMANDS, main
+from train.rows import read_rows
+from warehouse_env import __version__
+from warehouse_env.maps.layouts import LAYOUTS
+from warehouse_env.maps.movingai import EXAMPLE_MAP, read_map
+
+
+def fails(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    """Run a bad command line; check exit code and form, and return its sentence."""
+    assert main(list(arguments)) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.startswith("warehouse: ")
+    assert shown.err.count("\n") == 1
+    assert "Traceback" not in shown.err
+    return shown.err.removeprefix("warehouse: ").rstrip()
+
+
+def test_help_is_quick_and_light() -> None:
+    code = (
+        "import sys; from train.cli import main; main(['--help']); "
+        "heavy = {'torch', 'numba', 'matplotlib', 'pygame', 'stable_baselines3', 'tyro'} & set(sys.modules); "
+        "sys.exit(str(heavy) if heavy else 0)"
+    )
+    begin = time.perf_counter()
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    seconds = time.perf_counter() - begin
+    assert done.returncode == 0, done.stderr
+    assert all(f"warehouse {name}" in done.stdout for name in COMMANDS)
+    assert seconds < 5  # about 0.3 s on a quiet machine
+
+
+def test_every_command_has_help_with_the_common_options(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in COMMANDS:
+        assert main([*name.split(), "--help"]) == 0
+        shown = capsys.readouterr().out
+        assert f"warehouse {name}" in shown
+        assert "--seed" in shown
+        assert "--json" in shown
+
+
+def test_help_without_a_command_and_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 0
+    assert "warehouse evaluate" in capsys.readouterr().out
+    assert main(["train"]) == 0
+    assert "warehouse train ppo" in capsys.readouterr().out
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.strip() == __version__
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        ("evaluat", ["unknown command 'evaluat'", "evaluate"]),
+        ("train pppo", ["unknown train command 'pppo'", "ppo"]),
+        ("evaluate --policy folow", ["unknown policy 'folow'", "follow"]),
+        ("evaluate --policy brake --layout paper64", ["unknown layout 'paper64'", "paper46"]),
+        ("evaluate --policy brake --planner astra", ["unknown planner 'astra'", "astar"]),
+        ("evaluate --policy brake --seconds -5", ["seconds=-5.0", "above 0"]),
+        ("evaluate --policy brake --seconds nan", ["seconds=nan", "finite"]),
+        ("evaluate --policy brake --robots 0", ["num_agents=0", "at least 1"]),
+        ("evaluate --policy brake --layout open --planner astar --robots 5000", ["num_agents=5000", "fewer robots"]),
+        ("evaluate --policy brake --seed -1", ["seed=-1"]),
+        ("evaluate --policy no/such/folder", ["no/such/folder", "policy folder"]),
+        ("evaluate --policy brake --map missing.map", ["missing.map"]),
+        ("plan --planner pf_ac", ["unknown planner 'pf_ac'", "pf_aco"]),
+        ("plan --layout paper64", ["unknown layout 'paper64'"]),
+        ("plan --map missing.map", ["missing.map"]),
+        ("plan --planner astar --start 3,5 --goal 1,1", ["start (3, 5) is on a shelf"]),
+        ("plan --planner astar --start 1,1 --goal 46,0", ["goal (46, 0) is outside"]),
+        ("plan --planner astar --start 1,1", ["--goal", "both"]),
+        ("plan --planner astar --start one --goal 1,1", ["--start 'one' must be ROW,COLUMN"]),
+        ("plan --runs 0", ["--runs 0"]),
+        ("plan --tasks 0", ["--tasks 0"]),
+        ("layouts --draw nowhere", ["unknown layout 'nowhere'"]),
+        ("layouts --check missing.map", ["missing.map"]),
+        ("layouts --png picture.png", ["--draw"]),
+        ("bench --seconds -1", ["--seconds -1"]),
+        ("bench --seconds nan", ["--seconds nan"]),
+        ("demo --video-seconds -1", ["--video-seconds"]),
+        ("train reinforce --robots 0", ["robots=(0,)"]),
+        ("train ppo --gamma 2", ["gamma=2.0"]),
+    ],
+)
+def test_bad_input_gives_one_sentence(
+    arguments: str,
+    parts: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    sentence = fails(capsys, *arguments.split())
+    assert all(part in sentence for part in parts), sentence
+    assert list(tmp_path.rglob("*")) == []  # nothing was written
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "type octile\nheight 2\nwidth 3\nmap\n...\n..\n",
+        "type octile\nheight 3\nwidth 3\nmap\n...\n...\n",
+        "type octile\nheight two\nwidth 3\nmap\n...\n...\n",
+        "type octile\nheight 1\nwidth 3\nmap\n@@@\n",
+        "type octile\nheight 1\nwidth 3\nmap\n.x.\n",
+    ],
+)
+def test_bad_maps_are_named(text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "bad.map"
+    path.write_text(text)
+    assert "bad.map" in fails(capsys, "layouts", "--check", str(path))
+    assert "bad.map" in fails(
+        capsys, "evaluate", "--policy", "brake", "--map", str(path), "--out", str(tmp_path / "out")
+    )
+
+
+def test_an_unknown_option_is_refused_without_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plan", "--planer", "astar"]) == 2
+    shown = capsys.readouterr()
+    assert "--planer" in shown.err
+    assert "Traceback" not in shown.err
+
+
+def test_a_folder_where_a_file_should_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "is a folder" in fails(capsys, "plan", "--planner", "astar", "--json", str(tmp_path))
+    (tmp_path / "file").write_text("")
+    sentence = fails(capsys, "layouts", "--draw", "open", "--convert", str(tmp_path / "file" / "new.map"))
+    assert "new.map" in sentence or "file" in sentence
+
+
+def test_ctrl_c_ends_with_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def stopped(arguments: list[str]) -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "_run", stopped)
+    assert main(["plan"]) == 130
+    assert capsys.readouterr().err == "warehouse: stopped\n"
+
+
+def test_layouts_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["layouts", "--json", str(tmp_path / "rows.jsonl")]) == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in LAYOUTS)
+    rows = {row["layout"]: row for row in read_rows(tmp_path / "rows.jsonl")}
+    assert (rows["paper46"]["rows"], rows["paper46"]["narrowest"]) == (46, 3)
+    assert rows["narrow"]["narrowest"] == 2
+    assert rows["single_lane"]["narrowest"] == 1
+
+
+def test_layouts_are_drawn_checked_and_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("matplotlib")
+    assert main(["layouts", "--draw", "narrow", "--png", str(tmp_path / "narrow.png")]) == 0
+    assert "##" in capsys.readouterr().out
+    assert (tmp_path / "narrow.png").read_bytes()[1:4] == b"PNG"
+    copy = tmp_path / "narrow.map"
+    assert main(["layouts", "--draw", "narrow", "--convert", str(copy)]) == 0
+    assert (read_map(copy).occupied == LAYOUTS["narrow"]().occupied).all()
+    capsys.readouterr()
+    for path in (copy, EXAMPLE_MAP):
+        assert main(["layouts", "--check", str(path)]) == 0
+        assert f"{path} is good" in capsys.readouterr().out
+    assert main(["layouts", "--draw", str(EXAMPLE_MAP)]) == 0
+
+
+def test_generated_layouts_take_a_seed(capsys: pytest.CaptureFixture[str]) -> None:
+    drawings = []
+    for seed in ("1", "1", "2"):
+        assert main(["layouts", "--draw", "random", "--seed", seed]) == 0
+        drawings.append(capsys.readouterr().out)
+    assert drawings[0] == drawings[1] != drawings[2]
