@@ -39,6 +39,11 @@ def _most_threads() -> int:
     return int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
 
 
+def _choices(space: Any) -> int:
+    """Return the number of discrete actions."""
+    return int(space.n)
+
+
 class Rate(NamedTuple):
     """Calls a second: median, lowest and highest chunk."""
 
@@ -90,7 +95,7 @@ def simulator(budget: Budget) -> Iterator[Row]:
         grid = make_layout("blocks", rows=side, columns=side) if worlds == 1 else None
         sim = Simulator(config, worlds, grid=grid)
         sim.reset([budget.seed + k % _START_SEEDS for k in range(worlds)])
-        pool = np.random.default_rng(budget.seed).integers(0, sim.action_space.n, (_POOL, worlds, robots))  # type: ignore[attr-defined]
+        pool = np.random.default_rng(budget.seed).integers(0, _choices(sim.action_space), (_POOL, worlds, robots))
         for threads in budget.threads if worlds > 1 else (1,):
             if threads > _most_threads():
                 continue
@@ -107,7 +112,7 @@ def pettingzoo(budget: Budget) -> Iterator[Row]:
     numba.set_num_threads(1)
     env = parallel_env(num_agents=8, planner=_PLANNER, max_steps=sys.maxsize)
     env.reset(seed=budget.seed)
-    draws = np.random.default_rng(budget.seed).integers(0, env.action_space(env.agents[0]).n, (_POOL, 8))
+    draws = np.random.default_rng(budget.seed).integers(0, _choices(env.action_space(env.agents[0])), (_POOL, 8))
     pool = [dict(zip(env.agents, draw, strict=True)) for draw in draws]
     yield _speed(rate(lambda k: env.step(pool[k % _POOL]), budget.seconds), 1, 8, 1)
 
@@ -120,7 +125,7 @@ def vec_env(budget: Budget) -> Iterator[Row]:
     env = make(64, num_agents=16, planner=_PLANNER, max_steps=sys.maxsize)
     env.seed(budget.seed)
     env.reset()
-    pool = np.random.default_rng(budget.seed).integers(0, env.action_space.n, (_POOL, 64 * 16))  # type: ignore[attr-defined]
+    pool = np.random.default_rng(budget.seed).integers(0, _choices(env.action_space), (_POOL, 64 * 16))
     yield _speed(rate(lambda k: env.step(pool[k % _POOL]), budget.seconds), 64, 16, 1)
 
 
@@ -161,7 +166,8 @@ def plan(budget: Budget) -> Iterator[Row]:
     for name in PLANNERS:
         planner, rng = make_planner(name), np.random.default_rng(budget.seed)
         planner.plan(grid, tasks[0].start, tasks[0].goal, rng)
-        begin, seconds = time.perf_counter(), []
+        begin = time.perf_counter()
+        seconds: list[float] = []
         while len(seconds) < 2 * len(tasks) or (time.perf_counter() - begin < budget.seconds and len(seconds) < 2000):
             task = tasks[len(seconds) % len(tasks)]
             seconds.append(planner.plan(grid, task.start, task.goal, rng).seconds)
