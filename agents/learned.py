@@ -79,5 +79,5 @@ class LearnedPolicy:
         if self._std is None:
             return draw_discrete(output, rng) if sample else np.argmax(output, axis=-1)
         if sample:
-            output = output + self._std * rng.standard_normal(output.shape, dtype=np.float32)
+            output += self._std * rng.standard_normal(output.shape, dtype=np.float32)
         return np.clip(output, -1.0, 1.0)

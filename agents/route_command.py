@@ -28,7 +28,8 @@ class RouteCommand:
         """Return the actions for the wanted speeds [...] in m/s; discrete ones take the nearest level."""
         if self._config.action_type == "discrete":
             level = np.argmin(np.abs(speed[..., None] - self._levels), axis=-1)
-            return level * len(self._config.lateral_offsets) + self._straight
+            commands: NDArray[np.int64] = level * len(self._config.lateral_offsets) + self._straight
+            return commands
         if self._config.action_type == "continuous":
             return self._residual(speed)
         return self._raw(observation, speed)

@@ -13,4 +13,5 @@ def draw_discrete(logits: NDArray[np.float32], rng: np.random.Generator) -> NDAr
     """
     exponential = rng.standard_exponential(logits.shape, dtype=np.float32)
     exponential += np.float32(1e-30)  # an exact 0 would win against any logit
-    return np.argmax(logits - np.log(exponential), axis=-1)
+    choice: NDArray[np.int64] = np.argmax(logits - np.log(exponential), axis=-1)
+    return choice

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +17,7 @@ from safetensors.numpy import load_file, save_file
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WarehouseError, WeightsError
+from warehouse_env.files import complete_file
 
 FORMAT = 1
 WEIGHTS, CONFIG = "weights.safetensors", "config.json"
@@ -69,18 +69,16 @@ def save_policy(directory: Path | str, record: PolicyRecord, tensors: Tensors) -
     _check_tensors(directory / WEIGHTS, record.network, tensors)
     directory.mkdir(parents=True, exist_ok=True)
     arrays = {name: np.ascontiguousarray(array, dtype=np.float32) for name, array in tensors.items()}
-    temporary = directory / f".{WEIGHTS}.{os.getpid()}"
-    save_file(arrays, temporary)
-    os.replace(temporary, directory / WEIGHTS)
+    with complete_file(directory / WEIGHTS) as part:
+        save_file(arrays, part)
     write_text(directory / CONFIG, json.dumps(record.to_dict(), indent=2) + "\n")
     return directory
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file as a whole: to a hidden file beside it, then moved into place."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_text(text, encoding="utf-8")
-    os.replace(temporary, path)
+    """Write a text file as a whole or not at all."""
+    with complete_file(path) as part:
+        part.write_text(text, encoding="utf-8")
 
 
 def read_record(directory: Path | str) -> PolicyRecord:

@@ -18,7 +18,7 @@ from safetensors.numpy import load_file, save_file
 
 from train.rows import write_text
 from warehouse_env.errors import WeightsError
-from warehouse_env.render.output import complete_file
+from warehouse_env.files import complete_file
 
 Arrays = Mapping[str, NDArray[Any]]
 FORMAT = 1

@@ -124,10 +124,10 @@ class TrainingConfig:
         """Budget of agent-steps; None if only time limits the run."""
         return 20_000_000 if self.steps is None and self.minutes is None else self.steps
 
-    def worlds(self) -> list[tuple[EnvConfig, int]]:
-        """Return the mix: one (environment, number of worlds) for every layout and robot count, of about equal rows."""
+    def worlds(self, rows: float) -> list[tuple[EnvConfig, int]]:
+        """Return the mix: one (environment, number of worlds) for every layout and robot count, of `rows` robots."""
         mixes = [(layout, robots) for layout in self.layouts for robots in self.robots]
-        share = self.rows / len(mixes)
+        share = rows / len(mixes)
         return [(self.env(layout, robots), max(1, round(share / robots))) for layout, robots in mixes]
 
     def env(self, layout: str, robots: int) -> EnvConfig:

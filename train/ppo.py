@@ -24,7 +24,8 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 from agents.route_command import cruise_output
 from train import checkpoint
 from train.config import PPOConfig
-from train.training_run import Split, network_of, run_training, set_threads
+from train.timing import Split, set_threads
+from train.training_run import network_of, run_training
 from train.training_run import profile as profile_trainer
 from train.worlds import Tally, make_simulators
 from warehouse_env.envs.vector import WarehouseVecEnv
@@ -63,17 +64,18 @@ class Ppo:
 
     def __init__(self, config: PPOConfig) -> None:
         self.config, self.split, self.rollout = config, Split(), config.rollout
-        mixes = config.worlds()
+        set_threads(config.threads)
+        mixes = config.worlds(config.rows)
         self.env = mixes[0][0]
         with self.split.measure("simulator_s"):
             self._simulators = make_simulators(mixes, config.jam_seconds)
-            self.tally = Tally(self._simulators, self.env.time_step * self.env.action_repeat)
+            self._tally = Tally(self._simulators)
             worlds = WarehouseVecEnv(self._simulators)
             worlds.seed(config.seed)
         self.rows = worlds.num_envs
         self.network = network_of(self._simulators[0], config.hidden)
         self._step_size = config.learning_rate
-        self.model = self._make_model(MeasuredVecEnv(worlds, config.reward_scale, self.split, self.tally))
+        self.model = self._make_model(MeasuredVecEnv(worlds, config.reward_scale, self.split, self._tally))
         _, self._callback = self.model._setup_learn(1, _Nothing())
 
     def _make_model(self, worlds: MeasuredVecEnv) -> PPO:
@@ -121,6 +123,10 @@ class Ppo:
         losses |= {"entropy": -float(values["train/entropy_loss"])}
         return losses | {"explained_variance": float(values["train/explained_variance"])}
 
+    def take_figures(self) -> dict[str, float]:
+        """Return what happened since the last call (see `Trainer.take_figures`)."""
+        return self._tally.take().figures(self.env.time_step * self.env.action_repeat)
+
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return networks and optimizer (see `Trainer.arrays`)."""
         network = {f"network.{name}": array for name, array in self.policy_tensors().items()}
@@ -156,7 +162,6 @@ def train(config: PPOConfig) -> Path:
 
 def profile(config: PPOConfig, updates: int = 10) -> dict[str, float]:
     """Measure some updates without writing anything (see `training_run.profile`)."""
-    set_threads(config.threads)
     return profile_trainer(Ppo(config), updates)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -11,7 +12,6 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from train.rows import RowFile, read_rows
-from train.worlds import Tally
 
 ROWS = "progress.jsonl"
 LOG_SECONDS = 5.0  # between two rows
@@ -44,7 +44,7 @@ class ProgressLog:
         except ImportError:
             self.say('no TensorBoard log: for one, pip install "warehouse-env[train]"')
             return None
-        return SummaryWriter(str(directory))  # type: ignore[no-untyped-call]
+        return SummaryWriter(str(directory))
 
     def __enter__(self) -> Self:
         self._bar.start()
@@ -61,14 +61,21 @@ class ProgressLog:
         """Print one line above the bar."""
         self._console.print(text, markup=False, highlight=False)
 
-    def update(self, steps: int, seconds: float, spent: float, tally: Tally, losses: dict[str, float]) -> None:
+    def update(
+        self,
+        steps: int,
+        seconds: float,
+        spent: float,
+        figures: Callable[[], dict[str, float]],
+        losses: dict[str, float],
+    ) -> None:
         """Note one update; every LOG_SECONDS, and at the end of the budget, a row is written.
 
         Args:
             steps: agent-steps done in all.
             seconds: of training in all.
             spent: share of the budget, 0 to 1.
-            tally: what happened in the worlds; taken with each row.
+            figures: gives what happened in the worlds since its last call; called with each row.
             losses: figures of this update alone.
         """
         self._losses.append(losses)
@@ -78,7 +85,7 @@ class ProgressLog:
             return
         rate = (steps - self._steps) / max(now - self._since, 1e-9)
         means = {key: sum(one[key] for one in self._losses) / len(self._losses) for key in losses}
-        self.last = {"steps_per_second": rate, **tally.take(), **means}
+        self.last = {"steps_per_second": rate, **figures(), **means}
         self._rows.add([{"steps": steps, "seconds": seconds, "spent": spent, **self.last}])
         if self._board is not None:
             for key, value in self.last.items():

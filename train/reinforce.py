@@ -5,13 +5,18 @@ after each rollout and continued by the critic's value; the advantage A is its g
 which with gae_lambda = 1 is exactly the truncated return minus the baseline. Every row is used once, so the data are
 those of the present policy up to the few gradient steps within one update; no ratio, no clip.
 
+Each thread has its own worlds and plays its own rollout, then computes the gradient of its own rows; the threads meet
+only to add the gradients. That is faster than threads within each small operation, and stays so on a busy machine.
+
     python -m train.reinforce --minutes 10
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -22,44 +27,13 @@ from agents.networks import ActorCritic, tensors_of
 from agents.route_command import cruise_output
 from train import checkpoint
 from train.config import ReinforceConfig
-from train.training_run import Split, network_of, run_training, set_threads
+from train.rollouts import Rollout, RolloutWorker
+from train.timing import Split, set_threads
+from train.training_run import network_of, run_training
 from train.training_run import profile as profile_trainer
-from train.worlds import TrainingWorlds
+from train.worlds import Counts
 
-
-class Rollout(NamedTuple):
-    """What one rollout of T decisions of R robots leaves for the update."""
-
-    observation: Tensor  # float32[T, R, D]
-    action: Tensor  # int64[T, R] or float32[T, R, 2]
-    advantage: Tensor  # float32[T, R]
-    target: Tensor  # float32[T, R], of the critic: the return
-
-
-def advantages(
-    reward: NDArray[np.float32], value: NDArray[np.float32], ended: NDArray[np.bool_],
-    last_value: NDArray[np.float32], gamma: float, gae_lambda: float,
-) -> NDArray[np.float32]:  # fmt: skip
-    """Return generalised advantages float32[T, R] (Schulman et al. 2016, eq. 16).
-
-    A_t = d_t + gamma lambda A_{t+1},  d_t = r_t + gamma V(o_{t+1}) - V(o_t); an ended episode cuts the sum.
-
-    Args:
-        reward: float32[T, R].
-        value: float32[T + 1, R], V(o_t); the last row continues the return.
-        ended: bool[T, R], the episode was cut after the step (o_{t+1} is then the first of the next one).
-        last_value: float32[T, R], V of the cut episode's last observation, where `ended`.
-        gamma, gae_lambda: discount and weight.
-    """
-    following = np.where(ended, last_value, value[1:])
-    delta = reward + np.float32(gamma) * following - value[:-1]
-    keep = np.where(ended, np.float32(0), np.float32(gamma * gae_lambda))
-    out = np.zeros_like(delta)
-    carried = np.zeros_like(delta[0])
-    for t in range(len(delta) - 1, -1, -1):
-        carried = delta[t] + keep[t] * carried
-        out[t] = carried
-    return out
+T = TypeVar("T")
 
 
 def policy_loss(log_probability: Tensor, advantage: Tensor, entropy: Tensor, entropy_weight: float) -> Tensor:
@@ -68,106 +42,105 @@ def policy_loss(log_probability: Tensor, advantage: Tensor, entropy: Tensor, ent
 
 
 class Reinforce:
-    """The trainer: worlds, network and optimizer. One `update` is one rollout and one pass over its rows."""
+    """The trainer: workers, network and optimizer. One `update` is one rollout and one pass over its rows."""
 
     algorithm = "reinforce"
 
     def __init__(self, config: ReinforceConfig) -> None:
-        self.config, self.split = config, Split()
+        self.config, self.rollout = config, config.rollout
+        set_threads(1)  # one for each worker, and the workers are what runs side by side
         torch.manual_seed(config.seed)
-        mixes = config.worlds()
+        mixes = config.worlds(config.rows / config.threads)
         self.env = mixes[0][0]
-        with self.split.measure("simulator_s"):
-            self.worlds = TrainingWorlds(mixes, config.seed, config.jam_seconds)
-        self.tally, self.rows, self.rollout = self.worlds.tally, self.worlds.rows, config.rollout
-        self.network = network_of(self.worlds.simulators[0], config.hidden)
+        self._workers = [RolloutWorker(config, config.rollout, mixes, number) for number in range(config.threads)]
+        self._pool = ThreadPoolExecutor(config.threads, initializer=set_threads, initargs=(1,))
+        self.rows = sum(worker.rows for worker in self._workers)
+        self.network = network_of(self._workers[0].worlds.simulators[0], config.hidden)
         self.net = ActorCritic(self.network, cruise_output(self.env, config.cruise_bias))
-        self.optimizer = torch.optim.Adam(self.net.parameters(), lr=config.learning_rate, eps=1e-5, fused=True)
-        shape = (config.rollout + 1, self.rows)
-        self._observation = np.zeros((*shape, self.network.observation_size), np.float32)
-        action_shape = () if self.network.discrete else (self.network.actions,)
-        self._action = np.zeros(
-            (config.rollout, self.rows, *action_shape), np.int64 if self.network.discrete else np.float32
-        )
-        self._reward = np.zeros((config.rollout, self.rows), np.float32)
-        self._ended = np.zeros((config.rollout, self.rows), np.bool_)
-        self._last_value = np.zeros((config.rollout, self.rows), np.float32)
+        self.optimizer = torch.optim.Adam(self.net.parameters(), lr=config.learning_rate, eps=1e-5)
+        self._own = Split()
+
+    @property
+    def split(self) -> Split:
+        """Where the time went: the workers' mean for the rollouts, which they play side by side."""
+        return self._own.with_mean_of([worker.split for worker in self._workers])
+
+    def _each(self, work: Callable[[int], T]) -> list[T]:
+        """Run `work(number)` for every worker, each on a thread of its own."""
+        return list(self._pool.map(work, range(len(self._workers))))
 
     def update(self, number: int, spent: float) -> dict[str, float]:
         """Collect one rollout and take one pass of gradient steps over it (see `Trainer.update`)."""
-        rng = np.random.default_rng([self.config.seed, number])
-        self.worlds.set_reward(self.config.reward(spent))
-        rollout = self._collect(rng)
-        with self.split.measure("update_s"):
+        config = self.config
+        weights = config.reward(spent)
+        rollouts = self._each(lambda k: self._workers[k].collect(self.net, weights, [config.seed, k, number]))
+        with self._own.measure("update_s"):
             for group in self.optimizer.param_groups:
-                group["lr"] = self.config.step_size(spent)
-            return self._learn(rollout, rng, self.config.entropy(spent))
+                group["lr"] = config.step_size(spent)
+            return self._learn(rollouts, [config.seed, len(rollouts), number], config.entropy(spent))
 
-    def _collect(self, rng: np.random.Generator) -> Rollout:
-        """Let all robots act for one rollout; the buffers are overwritten by the next one."""
-        worlds, config = self.worlds, self.config
-        self._ended[:] = False
-        for t in range(config.rollout):
-            self._observation[t] = worlds.observation
-            with self.split.measure("policy_s"):
-                self._action[t] = self.net.draw(torch.from_numpy(self._observation[t]), rng)
-            with self.split.measure("simulator_s"):
-                ends = worlds.step(self._action[t])
-            self._reward[t] = worlds.reward
-            for rows, observation in ends:
-                self._ended[t, rows] = True
-                self._last_value[t, rows] = self._values(observation)
-        self._observation[-1] = worlds.observation
-        with self.split.measure("policy_s"):
-            value = self._values(self._observation)
-        advantage = advantages(
-            self._reward * np.float32(config.reward_scale), value, self._ended, self._last_value,
-            config.gamma, config.gae_lambda,
-        )  # fmt: skip
-        target = torch.from_numpy(advantage + value[:-1])
-        normal = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
-        observation, action = torch.from_numpy(self._observation[:-1]), torch.from_numpy(self._action)
-        return Rollout(observation, action, torch.from_numpy(normal), target)
-
-    def _values(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        with torch.no_grad():
-            values: NDArray[np.float32] = self.net.value(torch.from_numpy(observation)).numpy()
-        return values
-
-    def _learn(self, rollout: Rollout, rng: np.random.Generator, entropy_weight: float) -> dict[str, float]:
-        observation, action, advantage, target = (part.flatten(0, 1) for part in rollout)
-        order = torch.from_numpy(rng.permutation(len(advantage)))
-        pieces = max(1, round(len(order) / self.config.minibatch))
+    def _learn(self, rollouts: list[Rollout], seed: list[int], entropy_weight: float) -> dict[str, float]:
+        scale = joint_scale([rollout.advantage for rollout in rollouts])
+        pieces = max(1, round(self.rows * self.rollout / self.config.minibatch))
+        rng = np.random.default_rng(seed)
+        orders = [torch.from_numpy(rng.permutation(len(rollout.target))).tensor_split(pieces) for rollout in rollouts]
         totals = torch.zeros(4)
-        for rows in order.tensor_split(pieces):
-            log_probability, entropy = self.net.log_probability(observation[rows], action[rows])
-            actor_loss = policy_loss(log_probability, advantage[rows], entropy, entropy_weight)
-            critic_loss = 0.5 * (self.net.value(observation[rows]) - target[rows]).square().mean()
-            self.optimizer.zero_grad()
-            (actor_loss + critic_loss).backward()  # type: ignore[no-untyped-call]
+        for piece in range(pieces):
+            parts = self._each(lambda k, i=piece: self._gradient(rollouts[k], orders[k][i], scale, entropy_weight))  # type: ignore[misc]
+            for index, parameter in enumerate(self.net.parameters()):
+                parameter.grad = torch.stack([gradient[index] for gradient, _ in parts]).mean(0)
             norm = torch.nn.utils.clip_grad_norm_(self.net.parameters(), self.config.gradient_clip)
             self.optimizer.step()
-            totals += torch.stack([actor_loss, critic_loss, entropy.mean(), norm]).detach() / pieces
+            totals[:3] += torch.stack([figures for _, figures in parts]).mean(0) / pieces
+            totals[3] += norm / pieces
+        target = torch.cat([rollout.target for rollout in rollouts])
         explained = 1.0 - (2.0 * totals[1] / target.var()).item()
         names = ("actor_loss", "critic_loss", "entropy", "gradient_norm")
         return {**dict(zip(names, totals.tolist(), strict=True)), "explained_variance": explained}
 
+    def _gradient(
+        self, rollout: Rollout, rows: Tensor, scale: tuple[float, float], entropy_weight: float
+    ) -> tuple[tuple[Tensor, ...], Tensor]:
+        """Return the gradient of some rows of one rollout, and (actor loss, critic loss, entropy)."""
+        observation = rollout.observation[rows]
+        log_probability, entropy = self.net.log_probability(observation, rollout.action[rows])
+        advantage = (rollout.advantage[rows] - scale[0]) / scale[1]
+        actor_loss = policy_loss(log_probability, advantage, entropy, entropy_weight)
+        critic_loss = 0.5 * (self.net.value(observation) - rollout.target[rows]).square().mean()
+        gradient = torch.autograd.grad(actor_loss + critic_loss, list(self.net.parameters()))
+        return gradient, torch.stack([actor_loss, critic_loss, entropy.mean()]).detach()
+
+    def take_figures(self) -> dict[str, float]:
+        """Return what happened since the last call (see `Trainer.take_figures`)."""
+        counts = sum((worker.worlds.tally.take() for worker in self._workers), Counts())
+        return counts.figures(self.env.time_step * self.env.action_repeat)
+
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return network, optimizer and the worlds' history (see `Trainer.arrays`)."""
-        history = {f"worlds.{name}": array for name, array in self.worlds.history().items()}
+        """Return network, optimizer and the worlds' histories (see `Trainer.arrays`)."""
         network = {f"network.{name}": array for name, array in self.policy_tensors().items()}
-        return {**network, **checkpoint.optimizer_arrays(self.optimizer), **history}
+        worlds = {
+            f"worlds.{number}.{name}": array
+            for number, worker in enumerate(self._workers)
+            for name, array in worker.worlds.history().items()
+        }
+        return {**network, **checkpoint.optimizer_arrays(self.optimizer), **worlds}
 
     def load(self, arrays: dict[str, NDArray[Any]]) -> None:
         """Put back what `arrays` returned; the worlds replay their last actions."""
         network = checkpoint.part_of(arrays, "network.")
         self.net.load_state_dict({name: torch.from_numpy(array.copy()) for name, array in network.items()})
         checkpoint.load_optimizer(self.optimizer, arrays)
-        self.worlds.replay(checkpoint.part_of(arrays, "worlds."))
+        self._each(lambda k: self._workers[k].worlds.replay(checkpoint.part_of(arrays, f"worlds.{k}.")))
 
     def policy_tensors(self) -> dict[str, NDArray[np.float32]]:
         """Return the network's tensors (see `Trainer.policy_tensors`)."""
         return tensors_of(self.net)
+
+
+def joint_scale(advantage: list[Tensor]) -> tuple[float, float]:
+    """Return the mean and standard deviation of all advantages together."""
+    joined = torch.cat(advantage)
+    return float(joined.mean()), float(joined.std()) + 1e-8
 
 
 def train(config: ReinforceConfig) -> Path:
@@ -177,7 +150,6 @@ def train(config: ReinforceConfig) -> Path:
 
 def profile(config: ReinforceConfig, updates: int = 10) -> dict[str, float]:
     """Measure some updates without writing anything (see `training_run.profile`)."""
-    set_threads(config.threads)
     return profile_trainer(Reinforce(config), updates)
 
 

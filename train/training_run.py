@@ -14,9 +14,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 import gymnasium
-import numba
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from agents.weights_folder import CONFIG, Network, PolicyRecord, save_policy
@@ -24,31 +22,15 @@ from train import checkpoint
 from train.card import write_card
 from train.config import TrainingConfig
 from train.progress import ProgressLog
-from train.worlds import Tally
+from train.timing import Split
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError
 from warehouse_env.simulation.simulator import Simulator
 
 CHECKPOINT = "checkpoint"
-_FREE_ON_RESUME = ("resume", "progress", "threads")  # what may differ without changing the schedule
+_FREE_ON_RESUME = ("resume", "progress")  # what may differ without changing the schedule
 
 ConfigT = TypeVar("ConfigT", bound=TrainingConfig)
-
-
-class Split:
-    """Seconds spent in each part of a training: "simulator_s", "policy_s" (forward passes) and "update_s"."""
-
-    def __init__(self) -> None:
-        self.seconds = {"simulator_s": 0.0, "policy_s": 0.0, "update_s": 0.0}
-
-    @contextmanager
-    def measure(self, part: str) -> Iterator[None]:
-        """Add the time of the block to `part`."""
-        begun = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds[part] += time.perf_counter() - begun
 
 
 class Trainer(Protocol):
@@ -59,8 +41,11 @@ class Trainer(Protocol):
     network: Network
     rows: int  # robots stepped at a time
     rollout: int  # decisions of each between two updates
-    split: Split
-    tally: Tally
+
+    @property
+    def split(self) -> Split:
+        """Where the time went so far."""
+        ...
 
     def update(self, number: int, spent: float) -> dict[str, float]:
         """Collect one rollout and learn from it.
@@ -72,6 +57,10 @@ class Trainer(Protocol):
         Returns:
             Losses and such, for the log.
         """
+        ...
+
+    def take_figures(self) -> dict[str, float]:
+        """Return what happened in the worlds since the last call: reward, goals and collisions."""
         ...
 
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -109,14 +98,8 @@ def network_of(simulator: Simulator, hidden: tuple[int, ...]) -> Network:
     """Return the sizes of the networks for one robot of `simulator`."""
     space = simulator.action_space
     discrete = isinstance(space, gymnasium.spaces.Discrete)
-    actions = int(space.n) if isinstance(space, gymnasium.spaces.Discrete) else simulator.action_space.shape[0]
+    actions = int(space.n) if isinstance(space, gymnasium.spaces.Discrete) else (space.shape or (0,))[0]
     return Network(simulator.layout.size, actions, discrete, hidden)
-
-
-def set_threads(threads: int) -> None:
-    """Use this many threads in torch, and in the simulator as far as the machine allows."""
-    torch.set_num_threads(threads)
-    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
 
 
 def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trainer]) -> Path:
@@ -126,7 +109,6 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
     with has no usable checkpoint or is of another algorithm.
     """
     config, saved = _begin(config, algorithm)
-    set_threads(config.threads)
     trainer = make(config)
     position = Position()
     if saved is not None:
@@ -189,7 +171,7 @@ def _loop(
         position.update += 1
         position.steps += trainer.rows * trainer.rollout
         position.seconds = time.monotonic() - begun
-        log.update(position.steps, position.seconds, position.spent(config), trainer.tally, losses)
+        log.update(position.steps, position.seconds, position.spent(config), trainer.take_figures, losses)
         if time.monotonic() - saved >= config.checkpoint_seconds:
             _save(config, trainer, position, log.last)
             saved = time.monotonic()

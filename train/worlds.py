@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
@@ -62,38 +63,53 @@ def make_simulators(mixes: Sequence[tuple[EnvConfig, int]], jam_seconds: float) 
     return simulators
 
 
+@dataclass
+class Counts:
+    """Sums over agent-steps; pairs count once."""
+
+    steps: int = 0
+    goals: int = 0
+    collisions: float = 0.0
+    metres: float = 0.0
+    reward: float = 0.0
+
+    def __add__(self, other: Counts) -> Counts:
+        return Counts(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
+
+    def figures(self, decision_seconds: float) -> dict[str, float]:
+        """Return what the progress bar and the log show."""
+        hours = self.steps * decision_seconds / 3600.0
+        return {
+            "reward": self.reward / max(self.steps, 1),
+            "goals_per_robot_hour": self.goals / hours if hours else 0.0,
+            "collisions_per_km": 1000.0 * self.collisions / max(self.metres, 1.0),
+        }
+
+
 class Tally:
-    """Counts over many steps: what the progress bar and the log show. Pairs count once; the cost is a few sums."""
+    """Counts what happens in some simulators; the cost is a few sums a step."""
 
-    def __init__(self, simulators: Sequence[Simulator], decision_seconds: float) -> None:
-        self._simulators, self._decision_seconds = simulators, decision_seconds
+    def __init__(self, simulators: Sequence[Simulator]) -> None:
+        self._simulators = simulators
         self._driven = [simulator.state.distance.copy() for simulator in simulators]
-        self._clear()
-
-    def _clear(self) -> None:
-        self._steps, self._goals, self._collisions, self._metres, self._reward = 0, 0, 0.0, 0.0, 0.0
+        self._counts = Counts()
 
     def add(self) -> None:
         """Count the step just made. A world's first step after a reset adds no distance."""
+        counts = self._counts
         for number, simulator in enumerate(self._simulators):
             events, driven = simulator.events, simulator.state.distance
-            self._steps += events.arrived.size
-            self._goals += int(events.arrived.sum())
-            self._collisions += float(events.hit_robot.sum()) / 2 + float(events.hit_shelf.sum())
-            self._metres += float(np.maximum(driven - self._driven[number], 0.0).sum())
-            self._reward += float(simulator.reward.sum())
+            counts.steps += events.arrived.size
+            counts.goals += int(events.arrived.sum())
+            counts.collisions += float(events.hit_robot.sum()) / 2 + float(events.hit_shelf.sum())
+            counts.metres += float(np.maximum(driven - self._driven[number], 0.0).sum())
+            counts.reward += float(simulator.reward.sum())
             np.copyto(self._driven[number], driven)
 
-    def take(self) -> dict[str, float]:
-        """Return the figures since the last call, and start anew."""
-        hours = self._steps * self._decision_seconds / 3600.0
-        figures = {
-            "reward": self._reward / max(self._steps, 1),
-            "goals_per_robot_hour": self._goals / hours if hours else 0.0,
-            "collisions_per_km": 1000.0 * self._collisions / max(self._metres, 1.0),
-        }
-        self._clear()
-        return figures
+    def take(self) -> Counts:
+        """Return the counts since the last call, and start anew."""
+        counts, self._counts = self._counts, Counts()
+        return counts
 
 
 class TrainingWorlds:
@@ -105,17 +121,17 @@ class TrainingWorlds:
         tally: counts of goals, collisions and metres.
     """
 
-    def __init__(self, mixes: Sequence[tuple[EnvConfig, int]], seed: int, jam_seconds: float) -> None:
+    def __init__(self, mixes: Sequence[tuple[EnvConfig, int]], seed: list[int], jam_seconds: float) -> None:
         """Make and reset all worlds.
 
         Args:
             mixes: environments with the number of worlds of each; all with the same observation, action and max_steps.
-            seed: of the training.
+            seed: of the training, and what tells these worlds from others.
             jam_seconds: a world is reset early once a fifth of its robots have not come forward for this long [s].
         """
         self.simulators = make_simulators(mixes, jam_seconds)
         config = mixes[0][0]
-        self.tally = Tally(self.simulators, config.time_step * config.action_repeat)
+        self.tally = Tally(self.simulators)
         self._seed = seed
         self._world = [(s, w) for s, (_, worlds) in enumerate(mixes) for w in range(worlds)]
         sizes = [simulator.num_worlds * simulator.num_agents for simulator in self.simulators]
@@ -132,7 +148,7 @@ class TrainingWorlds:
 
     def _world_seed(self, world: int) -> int:
         """Return the seed of a world's present episode, below the held-out ones."""
-        entropy = [self._seed, world, int(self._episode[world])]
+        entropy = [*self._seed, world, int(self._episode[world])]
         return int(np.random.SeedSequence(entropy).generate_state(1)[0]) % HELD_OUT_SEED
 
     def world_rows(self, world: int) -> slice:
