@@ -11,25 +11,19 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
 from warehouse_env.planning import Plan, climb, make_planner, path_length, turns, validate
 from warehouse_env.planning.aco import Aco, PfAco, gentle_share, initial_pheromone
-from warehouse_env.planning.colony import Floor, Walks, make_floor, measure
+from warehouse_env.planning.floor import Floor, make_floor
 from warehouse_env.planning.potential_field import alignment, resultant
+from warehouse_env.planning.walks import Walks, empty_walks, measure
 
 EAST, SOUTH_EAST, SOUTH, WEST = 0, 7, 6, 4
 
 
 def walked(floor: Floor, *paths: list[int]) -> Walks:
-    ants = len(paths)
-    walks = Walks(
-        np.zeros((ants, len(floor.height)), np.int8),
-        np.array([len(path) for path in paths]),
-        np.zeros(ants),
-        np.zeros(ants, np.int64),
-        np.zeros(ants),
-        np.zeros(ants),
-    )
+    walks = empty_walks(len(paths), len(floor.height))
+    walks.steps[:] = [len(path) for path in paths]
     for ant, path in enumerate(paths):
         walks.moves[ant, : len(path)] = path
-    measure(floor, 0.0, walks, 0, ants)
+    measure(floor, 0.0, walks, 0, len(paths))
     return walks
 
 

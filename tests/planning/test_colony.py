@@ -9,24 +9,15 @@ import numpy as np
 import pytest
 
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.planning.colony import Colony, Floor, Table, Walks, cells_of, deposit, make_floor, measure, run, walk
+from warehouse_env.planning.colony import Colony, cells_of, run, walk
+from warehouse_env.planning.floor import Floor, Table, make_floor
+from warehouse_env.planning.walks import Walks, deposit, empty_walks, measure
 
 EAST, SOUTH_EAST, SOUTH = 0, 7, 6
 
 
 def open_floor(rows: int, columns: int, height: Any = None) -> Floor:
     return make_floor(GridMap(np.zeros((rows, columns), dtype=bool), height), (0, 0), (rows - 1, columns - 1))
-
-
-def empty_walks(ants: int, cells: int) -> Walks:
-    return Walks(
-        np.zeros((ants, cells), np.int8),
-        np.zeros(ants, np.int64),
-        np.zeros(ants),
-        np.zeros(ants, np.int64),
-        np.zeros(ants),
-        np.zeros(ants),
-    )
 
 
 def send(floor: Floor, turning: Table, straight: Table, ants: int, q0: float = 0.0, **options: Any) -> Walks:

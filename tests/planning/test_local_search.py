@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning import climb, make_planner, path_length, turns, validate
-from warehouse_env.planning.colony import make_floor
+from warehouse_env.planning.floor import make_floor
 from warehouse_env.planning.local_search import shorten, straight_runs
 
 

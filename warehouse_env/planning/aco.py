@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning import potential_field
-from warehouse_env.planning.colony import MICROMETRES, Colony, Floor, Table, Walks, cells_of, deposit, make_floor, run
+from warehouse_env.planning.colony import Colony, cells_of, run
+from warehouse_env.planning.floor import MICROMETRES, Floor, Table, make_floor
 from warehouse_env.planning.local_search import shorten, straight_runs
 from warehouse_env.planning.plan import Plan, check_endpoints, check_parameters, planner_key
+from warehouse_env.planning.walks import Walks, deposit
 
 _AT_GOAL = 0.1  # [cells] stands for the distance 0 of the goal cell to itself
 

@@ -2,8 +2,7 @@
 
 What systems differ in are the slots of `Colony`: attraction tables, greed, dead ends, pheromone update, and what is
 done to an iteration's best path. What they share is here, compiled: ants that walk cell by cell over the moves of
-eq. 26 (paper 000), each with its own tabu list, and pheromone on directed edges. Cells are flat indices
-row * columns + column, an edge is (cell, move), and a path is its moves from the start.
+eq. 26 (paper 000), each with its own tabu list, and pheromone on directed edges.
 """
 
 from __future__ import annotations
@@ -17,57 +16,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
+from warehouse_env.maps.grid_map import MOVES
+from warehouse_env.planning.floor import Floor, Table
+from warehouse_env.planning.walks import Walks, empty_walks, measure
 
-Table = NDArray[np.float64]  # [C, 8]: one number an edge
-
-_SQRT2 = math.sqrt(2.0)
 _SHIFT_13, _SHIFT_7, _SHIFT_17, _SHIFT_11 = np.uint64(13), np.uint64(7), np.uint64(17), np.uint64(11)
 _TO_UNIT = 2.0**-53
-MICROMETRES = 1e6  # heights are counted in whole micrometres, so that sums of them are exact
-
-
-class Floor(NamedTuple):
-    """A map and a task as the kernels want them, C = H * W cells."""
-
-    legal: NDArray[np.bool_]  # [C, 8], may the move be made (eq. 26)
-    neighbour: NDArray[np.int32]  # [C, 8], the cell that a move leads to; the cell itself if it is not legal
-    height: NDArray[np.int64]  # [C] micrometres
-    start: int
-    goal: int
-    columns: int
-
-    @property
-    def flat(self) -> bool:
-        """True where all cells are equally high."""
-        return bool((self.height == self.height[0]).all())
-
-
-def make_floor(grid: GridMap, start: Cell, goal: Cell) -> Floor:
-    """Prepare a map and a task for the colony."""
-    rows, cols = grid.occupied.shape
-    step = MOVES[:, 0] * cols + MOVES[:, 1]
-    cell = np.arange(rows * cols)[:, None]
-    legal = grid.legal_moves.reshape(-1, 8)
-    return Floor(
-        legal,
-        np.where(legal, cell + step, cell).astype(np.int32),
-        np.rint(grid.height.astype(np.float64).ravel() * MICROMETRES).astype(np.int64),
-        start[0] * cols + start[1],
-        goal[0] * cols + goal[1],
-        cols,
-    )
-
-
-class Walks(NamedTuple):
-    """The paths of one iteration's m ants; the buffers of the loop, overwritten by the next iteration."""
-
-    moves: NDArray[np.int8]  # [m, C], valid up to steps
-    steps: NDArray[np.int64]  # [m], -1 for an ant that did not arrive
-    length: NDArray[np.float64]  # [m] cells
-    turns: NDArray[np.int64]  # [m] direction changes
-    spread: NDArray[np.float64]  # [m] metres, standard deviation of the path's heights (eq. 24, paper 000)
-    cost: NDArray[np.float64]  # [m] cells, length + gentleness * metres climbed: what "best" means
 
 
 @dataclass(frozen=True)
@@ -106,14 +60,7 @@ def run(floor: Floor, colony: Colony, rng: np.random.Generator) -> Search:
     if floor.start == floor.goal:
         return Search(np.empty(0, np.int8), True, np.zeros(colony.iterations))
     cells, m = len(floor.height), colony.ants
-    walks = Walks(
-        np.empty((m, cells), np.int8),
-        np.empty(m, np.int64),
-        np.empty(m),
-        np.empty(m, np.int64),
-        np.empty(m),
-        np.empty(m),
-    )
+    walks = empty_walks(m, cells)
     pheromone = colony.pheromone.copy()
     seeds = rng.integers(1, 2**63, size=(colony.iterations, m), dtype=np.uint64)
     visited = np.zeros(cells, np.int64)
@@ -141,6 +88,14 @@ def run(floor: Floor, colony: Colony, rng: np.random.Generator) -> Search:
         history[iteration] = best_length
         colony.update(iteration, pheromone, walks)
     return Search(best_moves, math.isfinite(best_length), history)
+
+
+def cells_of(floor: Floor, search: Search) -> NDArray[np.int64]:
+    """The path as int64[L, 2] cells (row, col); (0, 2) where none was found."""
+    if not search.found:
+        return np.empty((0, 2), np.int64)
+    start = np.array([divmod(floor.start, floor.columns)], dtype=np.int64)
+    return np.concatenate([start, start + np.cumsum(MOVES[search.moves], axis=0)])
 
 
 @njit(cache=True)
@@ -173,57 +128,73 @@ def walk(
     all-zero roulette falls back to equal chances. seeds: uint64[m], one generator an ant. visited: int64[C], holds
     numbers below `stamp`.
     """
-    neighbour, moves, goal = floor.neighbour, walks.moves, floor.goal
+    neighbour, goal = floor.neighbour, floor.goal
     decay, level = local
     chance = np.zeros(8)
     for ant in range(len(seeds)):
-        random = seeds[ant]
-        tabu = stamp + ant
+        moves, random, tabu = walks.moves[ant], seeds[ant], stamp + ant
         cell, steps, heading = floor.start, 0, -1
         visited[cell] = tabu
         while cell != goal:
-            total = 0.0
-            for move in range(8):
-                chance[move] = 0.0
-                if visited[neighbour[cell, move]] != tabu:
-                    along = straight[cell, move] if move == heading else turning[cell, move]
-                    chance[move] = trail[cell, move] * along
-                    total += chance[move]
-            if not total > 0.0:
-                for move in range(8):
-                    chance[move] = 1.0 if visited[neighbour[cell, move]] != tabu else 0.0
-                    total += chance[move]
+            total = _weigh(neighbour, trail, turning, straight, visited, tabu, cell, heading, chance)
             if total == 0.0:
                 if not backtrack or steps == 0:
                     steps = -1
                     break
                 steps -= 1
-                cell = neighbour[cell, (moves[ant, steps] + 4) % 8]
-                heading = moves[ant, steps - 1] if steps > 0 else -1
+                cell = neighbour[cell, (moves[steps] + 4) % 8]
+                heading = moves[steps - 1] if steps > 0 else -1
                 continue
             random = _next_random(random)
             draw = (random >> _SHIFT_11) * _TO_UNIT
             if draw < q0:
-                choice = _largest(chance)
-            else:
+                heading = _largest(chance)
+            else:  # the roulette stands here in line, since in a function of its own it takes a quarter longer
                 if q0 > 0.0:  # known to be at least q0, draw is uniform above it, and so serves again
                     draw = (draw - q0) / (1.0 - q0)
                 left = draw * total
-                choice = 0
+                heading = 0
                 for move in range(8):
                     if chance[move] > 0.0:
-                        choice = move
+                        heading = move
                         left -= chance[move]
                         if left < 0.0:
                             break
             if decay > 0.0:
-                trail[cell, choice] += decay * (level - trail[cell, choice])
-            moves[ant, steps] = choice
+                trail[cell, heading] += decay * (level - trail[cell, heading])
+            moves[steps] = heading
             steps += 1
-            heading = choice
-            cell = neighbour[cell, choice]
+            cell = neighbour[cell, heading]
             visited[cell] = tabu
         walks.steps[ant] = steps
+
+
+@njit(cache=True, forceinline=True, error_model="numpy")
+def _weigh(
+    neighbour: NDArray[np.int32],
+    trail: Table,
+    turning: Table,
+    straight: Table,
+    visited: NDArray[np.int64],
+    tabu: int,
+    cell: int,
+    heading: int,
+    chance: NDArray[np.float64],
+) -> float:
+    """Write the weight of each move to chance float64[8], 0 for those not allowed; return the sum, 0 at a dead end."""
+    total = 0.0
+    for move in range(8):
+        chance[move] = 0.0
+        if visited[neighbour[cell, move]] != tabu:
+            along = straight[cell, move] if move == heading else turning[cell, move]
+            chance[move] = trail[cell, move] * along
+            total += chance[move]
+    if not total > 0.0:  # a dead end, or all weights underflow
+        total = 0.0
+        for move in range(8):
+            chance[move] = 1.0 if visited[neighbour[cell, move]] != tabu else 0.0
+            total += chance[move]
+    return total
 
 
 @njit(cache=True)
@@ -234,70 +205,3 @@ def _largest(chance: NDArray[np.float64]) -> int:
         if chance[move] > chance[best]:
             best = move
     return best
-
-
-@njit(cache=True, error_model="numpy")
-def measure(floor: Floor, gentleness: float, walks: Walks, first: int, last: int) -> int:
-    """Fill length, turns, spread and cost of ants first..last-1; return the best of them by (cost, turns), -1 if none.
-
-    gentleness: cells per metre climbed.
-    """
-    best = -1
-    for ant in range(first, last):
-        count = walks.steps[ant]
-        if count < 0:
-            walks.length[ant] = walks.cost[ant] = np.inf
-            walks.turns[ant] = 0
-            walks.spread[ant] = np.inf
-            continue
-        diagonal, turned, climbed, cell, heading = 0, 0, 0, floor.start, -1
-        height_sum = floor.height[cell]
-        for step in range(count):
-            move = walks.moves[ant, step]
-            to = floor.neighbour[cell, move]
-            diagonal += move % 2
-            if step > 0 and move != heading:
-                turned += 1
-            climbed += abs(floor.height[to] - floor.height[cell])
-            height_sum += floor.height[to]
-            heading, cell = move, to
-        walks.length[ant] = (count - diagonal) + diagonal * _SQRT2
-        walks.turns[ant] = turned
-        walks.cost[ant] = walks.length[ant] + gentleness * climbed / MICROMETRES
-        walks.spread[ant] = 0.0 if climbed == 0 else _spread(floor, walks.moves[ant], count, height_sum / (count + 1))
-        better = best < 0 or walks.cost[ant] < walks.cost[best]
-        if better or (walks.cost[ant] == walks.cost[best] and walks.turns[ant] < walks.turns[best]):
-            best = ant
-    return best
-
-
-@njit(cache=True, error_model="numpy")
-def _spread(floor: Floor, moves: NDArray[np.int8], count: int, mean: float) -> float:
-    """Standard deviation [m] of the heights along a path with p - 1 = count steps (eq. 24, paper 000)."""
-    cell = floor.start
-    deviation = floor.height[cell] - mean
-    total = deviation * deviation
-    for step in range(count):
-        cell = floor.neighbour[cell, moves[step]]
-        deviation = floor.height[cell] - mean
-        total += deviation * deviation
-    return math.sqrt(total / count) / MICROMETRES
-
-
-@njit(cache=True)
-def deposit(floor: Floor, pheromone: Table, walks: Walks, amount: NDArray[np.float64]) -> None:
-    """Add amount float64[m] of each arrived ant to every edge of its path, in place."""
-    for ant in range(len(amount)):
-        cell = floor.start
-        for step in range(walks.steps[ant]):
-            move = walks.moves[ant, step]
-            pheromone[cell, move] += amount[ant]
-            cell = floor.neighbour[cell, move]
-
-
-def cells_of(floor: Floor, search: Search) -> NDArray[np.int64]:
-    """The path as int64[L, 2] cells (row, col); (0, 2) where none was found."""
-    if not search.found:
-        return np.empty((0, 2), np.int64)
-    start = np.array([divmod(floor.start, floor.columns)], dtype=np.int64)
-    return np.concatenate([start, start + np.cumsum(MOVES[search.moves], axis=0)])

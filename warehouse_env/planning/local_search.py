@@ -17,7 +17,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES
-from warehouse_env.planning.colony import MICROMETRES, Floor
+from warehouse_env.planning.floor import MICROMETRES, Floor
 
 _SQRT2 = math.sqrt(2.0)
 
