@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warehouse_env.errors import WarehouseError
-from warehouse_env.render.output import complete_file
+from warehouse_env.files import complete_file
 
 Row = dict[str, Any]
 

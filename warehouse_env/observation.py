@@ -20,7 +20,8 @@ class ObservationLayout(NamedTuple):
 def observation_layout(config: EnvConfig) -> ObservationLayout:
     """Return the layout of one robot's observation, all in its own frame and scaled to about 1.
 
-    lidar[rays]: 1 / (1 + d), d [m] from the body's centre to a shelf or robot; ray k at 2 pi k / rays, counter-clockwise.
+    lidar[rays]: 1 / (1 + d), d [m] from the body's centre to a shelf or robot; ray k at 2 pi k / rays from the nose,
+        counter-clockwise.
     ego[8]: speed / max_speed, steering / max_steering, the path follower's steering / max_steering,
         route direction minus heading / pi, metres left of the route, min(metres to go, 20) / 20,
         min(seconds in touch, 5) / 5, min(seconds standing, 20) / 20.

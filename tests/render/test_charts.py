@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from warehouse_env.errors import WarehouseError
+from warehouse_env.files import complete_file
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render import charts
 from warehouse_env.render.colours import CONTACT, RGB, name_colours, robot_colour
-from warehouse_env.render.output import complete_file
 
 image = pytest.importorskip("matplotlib.image")
 

@@ -6,7 +6,6 @@ and its length is the shortest by octile moves without cutting corners, which ar
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
 from collections.abc import Iterable
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError
+from warehouse_env.files import complete_file
 from warehouse_env.maps.grid_map import Cell, GridMap
 
 FREE = ".GS"  # floor; S is swamp, which the benchmarks' shortest paths treat as floor
@@ -186,13 +186,6 @@ def _read_lines(path: Path, kind: str) -> list[str]:
 
 
 def _write_whole(path: Path, lines: list[str]) -> None:
-    """Write to a file beside `path` and put it in place, so that a failure leaves no half-written file."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        beside.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-        beside.replace(path)
-    except OSError as error:
-        raise MapError(f"{path} cannot be written: {error.strerror}") from None
-    finally:
-        with contextlib.suppress(OSError):
-            beside.unlink()
+    """Write the file as a whole or not at all."""
+    with complete_file(path) as part:
+        part.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")

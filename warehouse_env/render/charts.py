@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.files import complete_file
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.colours import CONTACT, RGB, name_colours, robot_colour
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor import floor_image, scale_for
-from warehouse_env.render.output import complete_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

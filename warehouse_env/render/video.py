@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError, WarehouseError
+from warehouse_env.files import part_file
 from warehouse_env.render.colours import CONTACT, mix, robot_colour
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor import FLOOR
-from warehouse_env.render.output import part_file
 
 # H.264 in 4:2:0, which every browser and player shows; the index stands first, so that it plays while it loads.
 # Colours are converted and labelled by the standard that players assume.

@@ -1,0 +1,99 @@
+"""Episodes as files: what is needed to run them again to the bit, and the poses to show them without running.
+
+One compressed file of arrays, without pickle: the config as JSON, the map, the seeds, the actions, the poses.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import WarehouseError
+from warehouse_env.files import complete_file
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.simulator import Simulator
+
+FORMAT = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """B worlds of N robots over T env steps."""
+
+    config: EnvConfig
+    grid: GridMap
+    seeds: tuple[int, ...]  # one a world
+    actions: NDArray[Any]  # int[T, B, N] or float32[T, B, N, 2]
+    pose: NDArray[np.float32]  # [T + 1, B, N, 3], front axle x [m], y [m], heading [rad]; the first after the reset
+
+    def save(self, path: str | Path) -> None:
+        """Write to a file (.npz), as a whole or not at all; WarehouseError where it cannot be written."""
+        grid = self.grid
+        text = {"format": FORMAT, "config": self.config.to_dict(), "map": grid.name, "cell_size": grid.cell_size}
+        with complete_file(path) as part, part.open("wb") as file:
+            np.savez_compressed(
+                file, about=np.frombuffer(json.dumps(text).encode(), dtype=np.uint8), occupied=grid.occupied,
+                height=grid.height, picks=grid.picks, stations=grid.stations,
+                seeds=np.array(self.seeds, dtype=np.int64), actions=self.actions, pose=self.pose,
+            )  # fmt: skip
+
+    @classmethod
+    def load(cls, path: str | Path) -> Episode:
+        """Read a file of `save`; WarehouseError with one sentence if it is missing, damaged or of another format."""
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                about = json.loads(data["about"].tobytes())
+                if about.get("format") != FORMAT:
+                    raise WarehouseError(f"{path} has episode format {about.get('format')}, not {FORMAT}")
+                ends = (data["picks"], data["stations"])
+                grid = GridMap(data["occupied"], data["height"], about["cell_size"], *ends, about["map"])
+                seeds = tuple(data["seeds"].tolist())
+                return cls(EnvConfig.from_dict(about["config"]), grid, seeds, data["actions"], data["pose"])
+        except FileNotFoundError:
+            raise WarehouseError(f"episode file {path} does not exist") from None
+        except (OSError, KeyError, ValueError, AttributeError, TypeError, EOFError, zipfile.BadZipFile) as error:
+            if isinstance(error, WarehouseError):
+                raise
+            raise WarehouseError(f"{path} is no complete episode file: {error}") from None
+
+    def replay(self) -> Iterator[Simulator]:
+        """Run the episode again: yield the simulator after the reset and after every step."""
+        simulator = Simulator(self.config, len(self.seeds), grid=self.grid)
+        simulator.reset(self.seeds)
+        yield simulator
+        for actions in self.actions:
+            simulator.step(actions)
+            yield simulator
+
+
+class Recorder:
+    """Steps a simulator and keeps what an Episode needs. The planner must be the one that the config names."""
+
+    def __init__(self, simulator: Simulator, seeds: tuple[int, ...]) -> None:
+        """Reset the simulator with one seed a world and begin."""
+        self.simulator, self._seeds = simulator, seeds
+        simulator.reset(seeds)
+        self._actions: list[NDArray[Any]] = []
+        self._pose = [simulator.state.pose.copy()]
+
+    def step(self, actions: ArrayLike) -> NDArray[np.float32]:
+        """Step the simulator and keep the actions and poses; returns the observation."""
+        observation = self.simulator.step(actions)
+        self._actions.append(np.array(actions))
+        self._pose.append(self.simulator.state.pose.copy())
+        return observation
+
+    @property
+    def episode(self) -> Episode:
+        """What has been recorded so far."""
+        simulator = self.simulator
+        actions = np.array(self._actions)
+        return Episode(simulator.config, simulator.grid, self._seeds, actions, np.array(self._pose))
