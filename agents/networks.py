@@ -56,7 +56,7 @@ class ActorCritic(nn.Module):
         self.actor = _layers((network.observation_size, *network.hidden, network.actions), last_gain=0.01)
         self.critic = _layers((network.observation_size, *network.hidden, 1), last_gain=1.0)
         with torch.no_grad():
-            self.actor[-1].bias.copy_(torch.as_tensor(first_output))
+            self.actor[-1].get_parameter("bias").copy_(torch.as_tensor(first_output))
         if not network.discrete:
             self.log_std = nn.Parameter(torch.full((network.actions,), log_std))
 

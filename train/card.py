@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -85,10 +86,10 @@ def _measured(rows: Sequence[Row]) -> str:
 
 def _cell(values: list[Any]) -> str:
     interval = mean_interval(values)
-    if interval.count == 0:
+    if math.isnan(interval.mean):
         return "-"
     half = interval.high - interval.mean
-    return f"{interval.mean:.3g}" + (f" ± {half:.2g}" if interval.count > 1 else "")
+    return f"{interval.mean:.3g}" + (f" ± {half:.2g}" if not math.isnan(half) else "")
 
 
 def _list(values: Any) -> str:

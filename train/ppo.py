@@ -75,14 +75,15 @@ class Ppo:
         self.rows = worlds.num_envs
         self.network = network_of(self._simulators[0], config.hidden)
         self._step_size = config.learning_rate
-        self.model = self._make_model(MeasuredVecEnv(worlds, config.reward_scale, self.split, self._tally))
+        self._worlds = MeasuredVecEnv(worlds, config.reward_scale, self.split, self._tally)
+        self.model = self._make_model()
         _, self._callback = self.model._setup_learn(1, _Nothing())
 
-    def _make_model(self, worlds: MeasuredVecEnv) -> PPO:
+    def _make_model(self) -> PPO:
         config, widths = self.config, list(self.config.hidden)
         model = PPO(
             "MlpPolicy",
-            worlds,
+            self._worlds,
             learning_rate=lambda _: self._step_size,
             n_steps=config.rollout,
             batch_size=min(config.minibatch, config.rollout * self.rows),
@@ -102,7 +103,9 @@ class Ppo:
         )
         model.set_logger(Logger(folder=None, output_formats=[]))
         with torch.no_grad():
-            model.policy.action_net.bias.copy_(torch.from_numpy(cruise_output(self.env, config.cruise_bias)))
+            model.policy.action_net.get_parameter("bias").copy_(
+                torch.from_numpy(cruise_output(self.env, config.cruise_bias))
+            )
         return model
 
     def update(self, number: int, spent: float) -> dict[str, float]:
@@ -113,7 +116,7 @@ class Ppo:
             simulator.reward_weights = weights
         simulated = self.split.seconds["simulator_s"]
         with self.split.measure("policy_s"):
-            model.collect_rollouts(model.env, self._callback, model.rollout_buffer, model.n_steps)
+            model.collect_rollouts(self._worlds, self._callback, model.rollout_buffer, model.n_steps)
         self.split.seconds["policy_s"] -= self.split.seconds["simulator_s"] - simulated
         with self.split.measure("update_s"):
             model.train()

@@ -44,17 +44,12 @@ def advantages(
     following = np.where(ended, last_value, value[1:])
     delta = reward + np.float32(gamma) * following - value[:-1]
     keep = np.where(ended, np.float32(0), np.float32(gamma * gae_lambda))
-    out = np.zeros_like(delta)
+    out: NDArray[np.float32] = np.zeros_like(reward)
     carried = np.zeros_like(delta[0])
     for t in range(len(delta) - 1, -1, -1):
         carried = delta[t] + keep[t] * carried
         out[t] = carried
     return out
-
-
-def policy_loss(log_probability: Tensor, advantage: Tensor, entropy: Tensor, entropy_weight: float) -> Tensor:
-    """Return the loss whose gradient is minus that of E[A log pi + weight H], a scalar from float32[M] each."""
-    return -(advantage * log_probability).mean() - entropy_weight * entropy.mean()
 
 
 class RolloutWorker:
