@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,6 +44,8 @@ class Demo:
     """Simulated time that the video shows, at twice the speed [s]; 0 makes none."""
     planner: str = EnvConfig.planner
     """Planner of the routes."""
+    processes: int = field(default_factory=lambda: min(os.cpu_count() or 1, 4))
+    """Policies to drive at a time, each in a process of its own."""
     seed: int = HELD_OUT_SEED
     """Seed of the first episode; no training uses seeds from the default on."""
     json: Path | None = None
@@ -65,6 +68,7 @@ class Demo:
             seed=self.seed,
             json=self.json,
             out=self.out,
+            processes=self.processes,
         ).run()
         if self.video_seconds:
             print(f"wrote the video to {self._film(self.out / 'video.mp4')}")

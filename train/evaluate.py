@@ -8,18 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rich.progress import Progress, TaskID
-
 from train.config import HELD_OUT_SEED
+from train.pool import Job, play_all
 from train.report import evaluation_table, make_progress
-from train.rollout import Experiment, Routes, Trace, Watcher, identity, make_experiment, run
+from train.rollout import Experiment, Trace, identity, make_experiment
 from train.rows import Row, RowFile, read_rows, write_text
 from warehouse_env.config import EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.layouts import LAYOUTS
 from warehouse_env.maps.movingai import read_map
 from warehouse_env.planning import make_planner
-from warehouse_env.simulation.simulator import Simulator
 
 
 @dataclass(frozen=True)
@@ -50,6 +48,8 @@ class Evaluate:
     """Folder for the rows, the table and the pictures."""
     resume: bool = False
     """Keep the rows that the file holds already, and play only the episodes that it lacks."""
+    processes: int = 1
+    """Experiments to play at a time, each in a process of its own; the rows stay the same but for ms_per_step."""
     pictures: bool = True
     """Draw the trajectories of one episode of each policy, and the bar chart of collisions."""
 
@@ -58,7 +58,7 @@ class Evaluate:
         experiments = self.experiments()
         path = self.json or self.out / "rows.jsonl"
         old = read_rows(path) if self.resume and path.exists() else []
-        rows, traces = play(experiments, RowFile(path, keep=self.resume), old, trace=self.pictures)
+        rows, traces = play(experiments, RowFile(path, keep=self.resume), old, self.pictures, self.processes)
         table = evaluation_table(rows)
         table.print()
         write_text(self.out / "table.md", table.markdown())
@@ -70,6 +70,8 @@ class Evaluate:
 
     def experiments(self) -> list[Experiment]:
         """Return the product of floors, robot counts and policies; everything that can be checked now is."""
+        if self.processes < 1:
+            raise ConfigError(f"--processes {self.processes} must be at least 1")
         for name, values in (("policy", self.policy), ("robots", self.robots)):
             if not values:
                 raise ConfigError(f"--{name} needs at least one value")
@@ -93,47 +95,36 @@ class Evaluate:
 
 
 def play(
-    experiments: Sequence[Experiment], file: RowFile, old: Sequence[Row] = (), trace: bool = False
+    experiments: Sequence[Experiment],
+    file: RowFile,
+    old: Sequence[Row] = (),
+    traced: bool = False,
+    processes: int = 1,
 ) -> tuple[list[Row], list[Trace]]:
     """Run experiments under a progress bar, writing the rows of each as soon as it ends.
 
-    Episodes whose rows are among `old` are not played again. Returns all rows, and with `trace` for every experiment
-    played the trace of its first episode. On Ctrl-C the KeyboardInterrupt says which rows are kept.
+    Episodes whose rows are among `old` are not played again. Returns all rows in the order of the experiments, and
+    if `traced` the traces of the first episodes played. On Ctrl-C the KeyboardInterrupt says which rows are kept.
     """
-    rows: list[Row] = []
-    traces: list[Trace] = []
-    routes, begun = Routes(), 0
+    rows: dict[int, list[Row]] = {}
+    traces: dict[int, Trace] = {}
+    jobs = []
+    for index, experiment in enumerate(experiments):
+        rows[index], missing = _split(experiment, old)
+        if missing is not None:
+            jobs.append(Job(index, missing, traced))
     try:
         with make_progress() as progress:
-            bar = progress.add_task("", total=sum(e.config.max_steps for e in experiments))
-            for experiment in experiments:
-                progress.update(bar, description=experiment.title, completed=begun)
-                done, missing = _split(experiment, old)
-                rows += done
-                if missing is not None:
-                    watch: list[Watcher] = [_Advance(progress, bar, begun)]
-                    if trace:
-                        traces.append(Trace(experiment))
-                        watch.append(traces[-1])
-                    new = run(missing, watch, routes)
-                    file.add(new)
-                    rows += new
-                begun += experiment.config.max_steps
-            progress.update(bar, completed=begun)
+            bar = progress.add_task("", total=sum(job.experiment.config.max_steps for job in jobs))
+            moved = lambda steps, title: progress.update(bar, completed=steps, description=title)  # noqa: E731
+            for played in play_all(jobs, processes, moved):
+                file.add(played.rows)
+                rows[played.number] += played.rows
+                if played.trace is not None:
+                    traces[played.number] = played.trace
     except KeyboardInterrupt:
         raise KeyboardInterrupt(file.kept()) from None
-    return rows, traces
-
-
-class _Advance:
-    """A watcher that moves the progress bar, seldom enough to cost nothing."""
-
-    def __init__(self, progress: Progress, bar: TaskID, begun: int) -> None:
-        self._progress, self._bar, self._begun = progress, bar, begun
-
-    def __call__(self, simulator: Simulator, steps: int) -> None:
-        if steps % 50 == 0:
-            self._progress.update(self._bar, completed=self._begun + steps)
+    return [row for index in sorted(rows) for row in rows[index]], [traces[index] for index in sorted(traces)]
 
 
 def _split(experiment: Experiment, old: Iterable[Row]) -> tuple[list[Row], Experiment | None]:

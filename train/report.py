@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TextIO
 
 from rich.console import Console
@@ -151,15 +153,23 @@ def summarise(rows: Sequence[Row]) -> list[dict[str, object]]:
     return summary
 
 
+def _short_names(names: set[str]) -> dict[str, str]:
+    """Return for each name, where it is a path, its last part, unless two would then be the same."""
+    last = {name: Path(name).name or name for name in names}
+    counts = Counter(last.values())
+    return {name: short if counts[short] == 1 else name for name, short in last.items()}
+
+
 def evaluation_table(rows: Sequence[Row]) -> Table:
     """Return the table of an evaluation: one line for each layout, robot count and policy."""
     constant = [name for name in ("tasks", "planner") if len({row[name] for row in rows}) == 1]
     names = [name for name in _GROUP if name not in constant]
     shown = measures_for(rows)
+    short = _short_names({str(row[name]) for row in rows for name in names})
     cells = []
     for line in summarise(rows):
         texts = [with_interval(line[m.name], m.factor) for m in shown]  # type: ignore[arg-type]
-        cells.append((*(str(line[name]) for name in names), str(line["episodes"]), *texts))
+        cells.append((*(short[str(line[name])] for name in names), str(line["episodes"]), *texts))
     shared = ", ".join(f"{name} {rows[0][name]}" for name in constant)
     header = (*names, "episodes", *(m.heading for m in shown))
     return Table(f"Evaluation ({shared})" if shared else "Evaluation", header, tuple(cells), EVALUATION_NOTE)

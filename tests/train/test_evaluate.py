@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from train import evaluate
+from train import pool
 from train.cli import main
 from train.evaluate import Evaluate
 from train.rollout import Experiment, Trace, make_experiment, pair_centres, run
@@ -124,12 +124,32 @@ def test_resume_plays_only_what_is_missing(tmp_path: Path, monkeypatch: pytest.M
         played.append((experiment.policy, experiment.episodes))
         return run(experiment, *rest)
 
-    monkeypatch.setattr(evaluate, "run", watched)
+    monkeypatch.setattr(pool, "run", watched)
     assert main(command(tmp_path, "--policy", "brake", "follow", "--episodes", "2", "--resume")) == 0
     assert played == [("brake", (1,)), ("follow", (0, 1))]
     resumed = read_rows(tmp_path / "rows.jsonl")
     assert main(command(tmp_path / "fresh", "--policy", "brake", "follow", "--episodes", "2")) == 0
     assert timeless(resumed) == timeless(read_rows(tmp_path / "fresh" / "rows.jsonl"))
+
+
+def test_processes_give_the_same_rows(tmp_path: Path) -> None:
+    options = ["--policy", "brake", "follow", "--episodes", "2"]
+    assert main(command(tmp_path / "one", *options)) == 0
+    assert main(command(tmp_path / "two", *options, "--processes", "2")) == 0
+    one, two = (read_rows(tmp_path / name / "rows.jsonl") for name in ("one", "two"))
+    assert timeless(one) == timeless(sorted(two, key=lambda row: row["policy"]))
+    tables = [(tmp_path / name / "table.md").read_text() for name in ("one", "two")]
+    assert [line.split("|")[3] for line in tables[0].splitlines()[2:6]] == [
+        line.split("|")[3] for line in tables[1].splitlines()[2:6]
+    ]
+
+
+def test_an_error_in_a_process_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--policy", "brake", "follow", "--robots", "5000", "--processes", "2"]
+    assert main(command(tmp_path, *options)) == 2
+    error = capsys.readouterr().err
+    assert "num_agents=5000" in error
+    assert "Traceback" not in error
 
 
 def test_ctrl_c_keeps_the_finished_rows(
@@ -140,7 +160,7 @@ def test_ctrl_c_keeps_the_finished_rows(
             raise KeyboardInterrupt
         return run(experiment, *rest)
 
-    monkeypatch.setattr(evaluate, "run", interrupted)
+    monkeypatch.setattr(pool, "run", interrupted)
     assert main(command(tmp_path, "--policy", "brake", "follow", "--episodes", "2")) == 130
     assert capsys.readouterr().err == f"warehouse: stopped; 2 rows are kept in {tmp_path / 'rows.jsonl'}\n"
     assert len(read_rows(tmp_path / "rows.jsonl")) == 2
