@@ -19,7 +19,8 @@ class RouteCommand:
 
     def __init__(self, config: EnvConfig) -> None:
         self._config = config
-        self._ego = observation_layout(config).slices["ego"].start
+        slices = observation_layout(config).slices
+        self._ego, self._route = slices["ego"].start, slices["route"].start
         self._levels = np.asarray(config.speed_levels)
         self._straight = int(np.argmin(np.abs(config.lateral_offsets)))
         self.cruise_speed = float(min(self._levels.max(), config.robot.max_speed))
@@ -42,11 +43,20 @@ class RouteCommand:
         return np.stack([scaled, np.zeros_like(scaled)], axis=-1).astype(np.float32)
 
     def _raw(self, observation: Observation, speed: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Raw: the acceleration and steering rate that reach the speed and the follower's steering by the next step."""
-        robot, ego = self._config.robot, self._ego
+        """Raw: the acceleration and steering rate that reach the speed and the steering by the next step.
+
+        Pure pursuit of the first route point: the arc through it bends by 2 y / (x^2 + y^2), and the rear wheels
+        turn by -atan(L bend), eq. (2) of paper 000; the more they must turn, the slower it goes.
+        """
+        robot, ego, route = self._config.robot, self._ego, self._route
         duration = self._config.time_step * self._config.action_repeat
+        x, y = 5.0 * observation[..., route], 5.0 * observation[..., route + 1]
+        bend = 2.0 * y / np.maximum(x**2 + y**2, 0.01)
+        steering = np.clip(-np.arctan(robot.wheelbase * bend), -robot.max_steering, robot.max_steering)
+        steering = np.where(x > 0.0, steering, -np.copysign(robot.max_steering, y))
+        speed = np.minimum(speed, self.cruise_speed * np.maximum(1.0 - np.abs(steering) / robot.max_steering, 0.25))
         change = speed - observation[..., ego] * robot.max_speed
-        turn = (observation[..., ego + 2] - observation[..., ego + 1]) * robot.max_steering
+        turn = steering - observation[..., ego + 1] * robot.max_steering
         action = np.stack(
             [change / (duration * robot.max_acceleration), turn / (duration * robot.max_steering_rate)], axis=-1
         )

@@ -9,6 +9,8 @@ back the networks and the optimizer; the worlds start anew.
 
 from __future__ import annotations
 
+import math
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -80,13 +82,14 @@ class Ppo:
         _, self._callback = self.model._setup_learn(1, _Nothing())
 
     def _make_model(self) -> PPO:
-        config, widths = self.config, list(self.config.hidden)
+        config, widths, samples = self.config, list(self.config.hidden), self.config.rollout * self.rows
+        warnings.filterwarnings("ignore", "You have specified a mini-batch size", UserWarning)  # the last is shorter
         model = PPO(
             "MlpPolicy",
             self._worlds,
             learning_rate=lambda _: self._step_size,
             n_steps=config.rollout,
-            batch_size=min(config.minibatch, config.rollout * self.rows),
+            batch_size=math.ceil(samples / max(1, round(samples / config.minibatch))),
             n_epochs=config.epochs,
             gamma=config.gamma,
             gae_lambda=config.gae_lambda,

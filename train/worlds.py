@@ -19,8 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 from train.config import HELD_OUT_SEED
 from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.planning.routes import RouteBook
+from warehouse_env.simulation.rewards import REWARD_TERMS
 from warehouse_env.simulation.simulator import Simulator
 
+_CONTACT = REWARD_TERMS.index("contact")
 _JAM_SHARE = 0.2  # of a world's robots
 
 
@@ -46,8 +48,13 @@ class TrainingSimulator(Simulator):
         return observation
 
     def step(self, actions: ArrayLike) -> NDArray[np.float32]:
-        """Step all worlds as `Simulator.step` does; `truncated` also tells the jammed ones."""
+        """Step all worlds as `Simulator.step` does; `truncated` also tells the jammed ones.
+
+        A robot that was told to stand is not blamed for being touched: else nobody would gain by giving way first.
+        """
         observation = super().step(actions)
+        blameless = (self.events.touching != 0) & (self.robots["target_speed"] == 0)
+        self.reward[blameless] -= self.reward_terms[blameless, _CONTACT]
         self.truncated |= (self.robots["stalled_time"] > self._jam_seconds).mean(axis=1) > _JAM_SHARE
         return observation
 

@@ -1,0 +1,187 @@
+"""Policy folders: what is written is read back, damage is one sentence, and the NumPy pass is torch's."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from safetensors.numpy import load_file, save_file
+
+from agents import (
+    POLICIES,
+    LearnedPolicy,
+    Network,
+    PolicyRecord,
+    make_policy,
+    policy_config,
+    save_policy,
+)
+from agents.networks import ActorCritic, tensors_of
+from agents.sampling import draw_discrete
+from agents.weights_folder import read_record
+from warehouse_env.config import EnvConfig, SensorSpec
+from warehouse_env.errors import ConfigError, WeightsError
+
+
+def observations(count: int = 5) -> np.ndarray[Any, np.dtype[np.float32]]:
+    rng = np.random.default_rng(1)
+    return rng.normal(size=(2, count, _size())).astype(np.float32)
+
+
+def _size() -> int:
+    from warehouse_env.observation import observation_layout
+
+    return observation_layout(EnvConfig()).size
+
+
+def edit(folder: Path, **changes: Any) -> None:
+    """Change entries of a folder's config.json."""
+    path = folder / "config.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
+
+
+def test_numpy_and_torch_agree(folder: Path) -> None:
+    policy = LearnedPolicy(folder, EnvConfig())
+    net = ActorCritic(policy.record.network, np.zeros(20, np.float32))
+    net.load_state_dict({k: torch.from_numpy(v) for k, v in load_file(folder / "weights.safetensors").items()})
+    observation = observations()
+    with torch.no_grad():
+        expected = net.output(torch.from_numpy(observation)).numpy()
+    assert policy.output(observation) == pytest.approx(expected, rel=1e-4, abs=1e-4)
+
+
+def test_what_is_saved_is_read_back(folder: Path) -> None:
+    record = read_record(folder)
+    assert record == PolicyRecord("reinforce", Network(_size(), 20, True, (8, 8)), EnvConfig())
+
+
+def test_sampling_follows_the_softmax_and_the_generator() -> None:
+    logits = np.log(np.array([0.1, 0.6, 0.3], np.float32))
+    draws = draw_discrete(np.tile(logits, (20_000, 1)), np.random.default_rng(0))
+    assert np.bincount(draws) / 20_000 == pytest.approx([0.1, 0.6, 0.3], abs=0.012)
+    again = draw_discrete(np.tile(logits, (20_000, 1)), np.random.default_rng(0))
+    assert np.array_equal(draws, again)
+
+
+def test_greedy_takes_the_best_and_draws_nothing(folder: Path) -> None:
+    edit(folder, mode="greedy")
+    policy, rng = LearnedPolicy(folder, EnvConfig()), np.random.default_rng(0)
+    observation = observations()
+    assert np.array_equal(policy.act(observation, rng), policy.output(observation).argmax(-1))
+    assert rng.random() == np.random.default_rng(0).random()
+
+
+def test_a_real_valued_policy_samples_within_bounds(tmp_path: Path) -> None:
+    config = EnvConfig(action_type="continuous")
+    network = Network(_size(), 2, False, (4,))
+    net = ActorCritic(network, np.zeros(2, np.float32), log_std=0.5)
+    folder = save_policy(tmp_path / "real", PolicyRecord("reinforce", network, config), tensors_of(net))
+    action = make_policy(folder, config).act(observations(200), np.random.default_rng(0))
+    assert action.shape == (2, 200, 2)
+    assert action.min() == -1.0
+    assert action.max() == 1.0
+
+
+def test_policy_config_puts_in_what_the_policy_needs(folder: Path) -> None:
+    base = EnvConfig(num_agents=3, layout="narrow", speed_levels=(1.0,), action_repeat=1, sensor=SensorSpec(rays=8))
+    config = policy_config(folder, base)
+    assert (config.num_agents, config.layout) == (3, "narrow")
+    assert config == base.replace(speed_levels=EnvConfig.speed_levels, action_repeat=2, sensor=SensorSpec())
+    assert make_policy(str(folder), config).act(observations(), np.random.default_rng(0)).shape == (2, 5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"sensor": SensorSpec(rays=8)}, r"trained with sensor="),
+        ({"speed_levels": (0.0, 1.0)}, r"trained with speed_levels="),
+        ({"action_type": "continuous"}, r"trained with action_type=discrete, not continuous"),
+    ],
+)
+def test_another_observation_or_action_is_refused(folder: Path, changes: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(WeightsError, match=sentence):
+        make_policy(folder, EnvConfig(**changes))
+
+
+def test_a_truncated_weights_file_is_refused(folder: Path) -> None:
+    path = folder / "weights.safetensors"
+    for length in (0, 5, path.stat().st_size - 1):
+        path.write_bytes(path.read_bytes()[:length])
+        with pytest.raises(WeightsError, match=re.escape(str(path))):
+            make_policy(folder, EnvConfig())
+
+
+@pytest.mark.parametrize("name", ["actor.0.weight", "critic.2.bias"])
+def test_wrong_tensors_are_refused(folder: Path, name: str) -> None:
+    path = folder / "weights.safetensors"
+    tensors = load_file(path)
+    save_file({**tensors, name: np.zeros((3, 3), np.float32)}, path)
+    with pytest.raises(WeightsError, match=rf"{name} has shape \(3, 3\)"):
+        make_policy(folder, EnvConfig())
+    save_file({**tensors, name: np.full_like(tensors[name], np.nan)}, path)
+    with pytest.raises(WeightsError, match="not finite"):
+        make_policy(folder, EnvConfig())
+    del tensors[name]
+    save_file(tensors, path)
+    with pytest.raises(WeightsError, match=f"lacks {name}"):
+        make_policy(folder, EnvConfig())
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"format": 2}, "format 2"),
+        ({"mode": "best"}, "mode is 'best'"),
+        ({"network": {}}, "lacks the entry 'observation_size'"),
+        ({"network": {"observation_size": "x", "actions": 1, "discrete": True, "hidden": []}}, "wrong kind"),
+        ({"network": 3}, "wrong kind"),
+        ({"env": {"wheels": 3}}, "unknown EnvConfig parameter 'wheels'"),
+        ({"env": {"num_agents": -1}}, "num_agents=-1"),
+    ],
+)
+def test_a_damaged_config_is_refused(folder: Path, changes: dict[str, Any], sentence: str) -> None:
+    edit(folder, **changes)
+    with pytest.raises(WeightsError, match=sentence) as error:
+        make_policy(folder, EnvConfig())
+    assert str(folder / "config.json") in str(error.value)
+
+
+def test_a_config_that_is_no_json_is_refused(folder: Path) -> None:
+    (folder / "config.json").write_text("{")
+    with pytest.raises(WeightsError, match="cannot be read as JSON"):
+        policy_config(folder, EnvConfig())
+
+
+def test_what_is_no_policy_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="unknown policy 'folow'; did you mean follow"):
+        make_policy("folow", EnvConfig())
+    with pytest.raises(WeightsError, match="is no folder"):
+        make_policy("runs/nothing", EnvConfig())
+    with pytest.raises(WeightsError, match="not a policy folder"):
+        make_policy(tmp_path, EnvConfig())
+
+
+def test_wrong_tensors_are_not_saved(tmp_path: Path) -> None:
+    record = PolicyRecord("reinforce", Network(3, 2, True, (4,)), EnvConfig())
+    with pytest.raises(WeightsError, match="lacks actor"):
+        save_policy(tmp_path / "half", record, {})
+    assert not (tmp_path / "half").exists()
+
+
+@pytest.mark.parametrize("name", list(POLICIES))
+def test_every_registered_policy_acts(name: str) -> None:
+    entry = POLICIES[name]
+    if entry.weights is not None and not entry.weights.is_dir():
+        pytest.skip(f"no weights of {name} yet")
+    config = policy_config(name, EnvConfig())
+    policy = make_policy(name, config)
+    observation = observations()
+    action = policy.act(observation, np.random.default_rng(0))
+    assert policy.name == name
+    assert action.shape[:2] == (2, 5)
+    assert np.array_equal(action, policy.act(observation, np.random.default_rng(0)))

@@ -1,0 +1,111 @@
+"""PPO: what is exported has exactly the library's action distribution, and a run can go on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+from safetensors.numpy import load_file
+
+from agents import LearnedPolicy, PolicyRecord, save_policy
+from agents.networks import ActorCritic
+from agents.weights_folder import read_record
+from train import ppo
+from train.config import PPOConfig
+from train.ppo import Ppo
+from warehouse_env.errors import ConfigError
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> PPOConfig:
+    """Return a training of some seconds: three worlds on the open floor, two updates."""
+    return PPOConfig(
+        out=tmp_path, layouts=("open",), robots=(2, 4), rows=8, planner="astar", steps=8 * 8 * 2, rollout=8,
+        minibatch=32, hidden=(16, 8), episode_seconds=3.0, threads=1, progress=False,
+    )  # fmt: skip
+
+
+def observations(trainer: Ppo) -> NDArray[np.float32]:
+    rng = np.random.default_rng(0)
+    return rng.normal(size=(50, trainer.network.observation_size)).astype(np.float32)
+
+
+@pytest.mark.parametrize("action_type", ["discrete", "continuous"])
+def test_the_export_has_the_librarys_distribution(config: PPOConfig, tmp_path: Path, action_type: Any) -> None:
+    trainer = Ppo(replace(config, action_type=action_type))
+    trainer.update(0, 0.0)
+    observation = observations(trainer)
+    with torch.no_grad():
+        theirs = trainer.model.policy.get_distribution(torch.from_numpy(observation)).distribution
+        value = trainer.model.policy.predict_values(torch.from_numpy(observation)).squeeze(-1)
+    record = PolicyRecord("ppo", trainer.network, trainer.env)
+    policy = LearnedPolicy(save_policy(tmp_path / "export", record, trainer.policy_tensors()), trainer.env)
+    output = policy.output(observation)
+    net = ActorCritic(trainer.network, np.zeros(trainer.network.actions, np.float32))
+    net.load_state_dict({name: torch.from_numpy(array) for name, array in trainer.policy_tensors().items()})
+    action = torch.from_numpy(policy.act(observation, np.random.default_rng(0)))
+    with torch.no_grad():
+        log_probability, entropy = net.log_probability(torch.from_numpy(observation), action)
+        ours_value = net.value(torch.from_numpy(observation))
+    assert torch.equal(ours_value, value)
+    if action_type == "discrete":
+        assert output - output.max(-1, keepdims=True) == pytest.approx(
+            (theirs.logits - theirs.logits.max(-1, keepdim=True).values).numpy(), abs=1e-5
+        )
+        assert torch.allclose(log_probability, theirs.log_prob(action), atol=1e-5)
+        assert torch.allclose(entropy, theirs.entropy(), atol=1e-5)
+    else:
+        assert output == pytest.approx(theirs.mean.numpy(), abs=1e-5)
+        assert torch.allclose(log_probability, theirs.log_prob(action).sum(-1), atol=1e-5)
+
+
+def test_a_training_leaves_a_policy_and_goes_on(config: PPOConfig) -> None:
+    folder = ppo.train(config)
+    assert read_record(folder).algorithm == "ppo"
+    first = load_file(folder / "weights.safetensors")
+    again = ppo.train(PPOConfig(resume=folder, progress=False))  # the budget is used: nothing changes
+    assert again == folder
+    assert all(np.array_equal(first[name], array) for name, array in load_file(folder / "weights.safetensors").items())
+
+
+def test_a_checkpoint_puts_networks_and_optimizer_back(config: PPOConfig) -> None:
+    trainer = Ppo(config)
+    trainer.update(0, 0.0)
+    other = Ppo(replace(config, seed=5))
+    other.load(trainer.arrays())
+    ours, theirs = trainer.arrays(), other.arrays()
+    assert ours.keys() == theirs.keys()
+    assert any(name.startswith("optimizer.") for name in ours)
+    assert all(np.array_equal(ours[name], theirs[name]) for name in ours)
+
+
+def test_the_schedules_reach_the_library_and_the_worlds(config: PPOConfig) -> None:
+    trainer = Ppo(replace(config, collision_first=-5.0, collision_last=-20.0, learning_rate=1e-3, entropy_last=0.5))
+    trainer.update(0, 1.0)
+    assert trainer.model.policy.optimizer.param_groups[0]["lr"] == pytest.approx(5e-5)
+    assert trainer.model.ent_coef == 0.5
+    assert {simulator.reward_weights.collision for simulator in trainer._simulators} == {-20.0}
+
+
+def test_an_untrained_policy_prefers_to_cruise(config: PPOConfig) -> None:
+    trainer = Ppo(config)
+    with torch.no_grad():
+        observation = torch.from_numpy(observations(trainer))
+        probability = trainer.model.policy.get_distribution(observation).distribution.probs
+    assert (probability.argmax(-1) == 15).all()
+
+
+def test_profile_says_where_the_time_goes(config: PPOConfig) -> None:
+    split = ppo.profile(config, updates=1)
+    assert split["steps"] == 64
+    assert all(split[part] > 0 for part in ("simulator_s", "policy_s", "update_s"))
+
+
+def test_bad_options_are_one_sentence() -> None:
+    with pytest.raises(ConfigError, match="clip=1.5 must be between 0 and 1"):
+        PPOConfig(clip=1.5)

@@ -1,0 +1,210 @@
+"""Our policy gradient: the loss by hand, advantages by hand, resuming to the bit, and that it learns."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.numpy import load_file
+
+from agents import make_policy, policy_config
+from agents.networks import ActorCritic
+from agents.weights_folder import Network, read_record
+from train import reinforce
+from train.config import HELD_OUT_SEED, ReinforceConfig
+from train.reinforce import Reinforce, joint_scale, policy_loss
+from train.rollouts import advantages
+from train.worlds import TrainingWorlds
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError, WeightsError
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> ReinforceConfig:
+    """Return a training of some seconds: two worlds on the open floor, four updates."""
+    return ReinforceConfig(
+        out=tmp_path, layouts=("open",), robots=(2, 4), rows=8, planner="astar", steps=8 * 6 * 4, rollout=6,
+        minibatch=24, hidden=(16,), episode_seconds=3.0, checkpoint_seconds=0.0, threads=1, progress=False,
+    )  # fmt: skip
+
+
+def test_the_gradient_of_one_step_is_the_hand_computed_one() -> None:
+    net = ActorCritic(Network(2, 3, True, ()), np.array([0.5, 0.0, -0.5], np.float32))
+    observation, action, advantage = np.array([0.3, -0.7], np.float32), 1, 2.0
+    log_probability, entropy = net.log_probability(torch.from_numpy(observation[None]), torch.tensor([action]))
+    policy_loss(log_probability, torch.tensor([advantage]), entropy, 0.1).backward()
+    weight, bias = (net.state_dict()[f"actor.0.{kind}"].numpy() for kind in ("weight", "bias"))
+    p = np.exp(weight @ observation + bias)
+    p /= p.sum()
+    # d log pi(a) / d logit = one_hot(a) - p;  d H / d logit = -p (log p + H)
+    h = -(p * np.log(p)).sum()
+    by_logit = -advantage * (np.eye(3)[action] - p) - 0.1 * (-p * (np.log(p) + h))
+    gradient = net.actor[0].get_parameter("weight").grad
+    assert gradient is not None
+    assert gradient.numpy() == pytest.approx(np.outer(by_logit, observation), abs=1e-6)
+
+
+def test_real_valued_log_probabilities_are_the_normal_density() -> None:
+    net = ActorCritic(Network(2, 2, False, ()), np.zeros(2, np.float32), log_std=-0.3)
+    observation, action = torch.zeros(1, 2), torch.tensor([[0.4, -0.2]])
+    log_probability, entropy = net.log_probability(observation, action)
+    normal = torch.distributions.Normal(net.output(observation), np.exp(-0.3))
+    assert log_probability.item() == pytest.approx(normal.log_prob(action).sum().item(), abs=1e-5)
+    assert entropy.item() == pytest.approx(normal.entropy().sum().item(), abs=1e-5)
+
+
+def test_advantages_by_hand() -> None:
+    reward = np.array([[1.0], [2.0], [4.0]], np.float32)
+    value = np.array([[10.0], [20.0], [30.0], [40.0]], np.float32)
+    ended, last = np.array([[False], [True], [False]]), np.array([[0.0], [5.0], [0.0]], np.float32)
+    d0, d1, d2 = 1 + 0.5 * 20 - 10, 2 + 0.5 * 5 - 20, 4 + 0.5 * 40 - 30
+    got = advantages(reward, value, ended, last, gamma=0.5, gae_lambda=0.8)
+    assert got[:, 0] == pytest.approx([d0 + 0.4 * d1, d1, d2])
+
+
+def test_with_lambda_one_the_advantage_is_the_truncated_return_minus_the_baseline() -> None:
+    rng = np.random.default_rng(0)
+    reward, value = rng.normal(size=(5, 3)).astype(np.float32), rng.normal(size=(6, 3)).astype(np.float32)
+    never = np.zeros((5, 3), bool)
+    got = advantages(reward, value, never, np.zeros((5, 3), np.float32), gamma=0.9, gae_lambda=1.0)
+    powers = 0.9 ** np.arange(6)
+    expected = powers[:5] @ reward + powers[5] * value[5] - value[0]
+    assert got[0] == pytest.approx(expected, abs=1e-5)
+
+
+def test_it_learns_a_bandit_whose_best_arm_the_observation_names() -> None:
+    torch.manual_seed(0)
+    rng = np.random.default_rng(0)
+    net = ActorCritic(Network(3, 3, True, (16,)), np.zeros(3, np.float32))
+    optimizer = torch.optim.Adam(net.parameters(), lr=0.02)
+    for _ in range(60):
+        best = rng.integers(3, size=256)
+        observation = torch.from_numpy(np.eye(3, dtype=np.float32)[best])
+        action = net.draw(observation, rng)
+        advantage = torch.from_numpy((action == best).astype(np.float32))
+        mean, spread = joint_scale([advantage])
+        log_probability, entropy = net.log_probability(observation, torch.from_numpy(action))
+        optimizer.zero_grad()
+        policy_loss(log_probability, (advantage - mean) / spread, entropy, 0.0).backward()
+        optimizer.step()
+    assert (net.draw(observation, rng) == best).mean() > 0.95
+
+
+def test_a_training_leaves_a_policy_that_acts(config: ReinforceConfig) -> None:
+    folder = reinforce.train(config)
+    assert folder == config.out / "reinforce"
+    env = policy_config(folder, EnvConfig(layout="open"))
+    assert make_policy(folder, env).name == str(folder)
+    training = read_record(folder).training
+    assert (training["steps"], training["updates"], training["spent"]) == (config.steps, 4, 1.0)
+    row = json.loads((folder / "progress.jsonl").read_text().splitlines()[-1])
+    assert {"steps_per_second", "reward", "goals_per_robot_hour", "collisions_per_km", "entropy"} <= set(row)
+    card = (folder / "CARD.md").read_text()
+    assert "192 agent-steps in 4 updates, seed 0" in card
+    assert not [path.name for path in folder.rglob(".*")]
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_resumed_run_gives_the_same_bits_as_an_unbroken_one(
+    config: ReinforceConfig, threads: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = replace(config, threads=threads, rows=16, steps=2 * config.steps)  # type: ignore[operator]
+    whole = load_file(reinforce.train(replace(config, name="whole")) / "weights.safetensors")
+
+    update, calls = Reinforce.update, []
+
+    def broken(self: Reinforce, number: int, spent: float) -> dict[str, float]:
+        calls.append(number)
+        if len(calls) == 4:
+            raise KeyboardInterrupt
+        return update(self, number, spent)
+
+    monkeypatch.setattr(Reinforce, "update", broken)
+    with pytest.raises(KeyboardInterrupt):
+        reinforce.train(replace(config, name="parts"))
+    monkeypatch.setattr(Reinforce, "update", update)
+    folder = reinforce.train(ReinforceConfig(resume=config.out / "parts", progress=False))
+    parts = load_file(folder / "weights.safetensors")
+    assert read_record(folder).training["updates"] == read_record(config.out / "whole").training["updates"]
+    assert whole.keys() == parts.keys()
+    assert all(np.array_equal(whole[name], parts[name]) for name in whole)
+
+
+def test_a_finished_run_is_not_overwritten(config: ReinforceConfig) -> None:
+    folder = reinforce.train(config)
+    before = (folder / "weights.safetensors").read_bytes()
+    with pytest.raises(ConfigError, match=r"holds a training already: go on with --resume"):
+        reinforce.train(config)
+    with pytest.raises(ConfigError, match=r"leave out gamma=0\.5"):
+        reinforce.train(ReinforceConfig(resume=folder, gamma=0.5))
+    assert (folder / "weights.safetensors").read_bytes() == before
+
+
+def test_resuming_from_nothing_or_from_damage_is_one_sentence(config: ReinforceConfig, tmp_path: Path) -> None:
+    with pytest.raises(WeightsError, match="holds no checkpoint"):
+        reinforce.train(ReinforceConfig(resume=tmp_path / "nowhere"))
+    folder = reinforce.train(config)
+    state = folder / "checkpoint" / "state.json"
+    data = json.loads(state.read_text())
+    state.write_text(json.dumps({**data, "algorithm": "ppo"}))
+    with pytest.raises(WeightsError, match="was trained by ppo"):
+        reinforce.train(ReinforceConfig(resume=folder))
+    state.write_text(json.dumps(data))
+    arrays = next((folder / "checkpoint").glob("*.safetensors"))
+    arrays.write_bytes(arrays.read_bytes()[:100])
+    with pytest.raises(WeightsError, match="is damaged"):
+        reinforce.train(ReinforceConfig(resume=folder))
+
+
+def test_profile_says_where_the_time_goes_and_writes_nothing(config: ReinforceConfig) -> None:
+    split = reinforce.profile(config, updates=2)
+    assert split["steps"] == 2 * 6 * 8
+    assert 0 < split["simulator_s"] + split["policy_s"] + split["update_s"] <= split["seconds"] * 1.01
+    assert not list(config.out.iterdir())
+
+
+def test_the_schedules(config: ReinforceConfig) -> None:
+    config = replace(config, collision_first=-5.0, collision_last=-20.0, learning_rate=1e-3)
+    assert [config.reward(spent).collision for spent in (0.0, 0.5, 1.0)] == [-5.0, -12.5, -20.0]
+    assert config.step_size(0.0) == 1e-3
+    assert config.step_size(1.0) == pytest.approx(5e-5)
+
+
+def test_the_mix_shares_the_rows(config: ReinforceConfig) -> None:
+    config = replace(config, layouts=("open", "narrow"), robots=(8, 32))
+    mix = config.worlds(256)
+    assert [(env.layout, env.num_agents, worlds) for env, worlds in mix] == [
+        ("open", 8, 8), ("open", 32, 2), ("narrow", 8, 8), ("narrow", 32, 2),
+    ]  # fmt: skip
+
+
+def test_training_worlds_end_spread_and_draw_seeds_below_the_held_out_ones(config: ReinforceConfig) -> None:
+    worlds = TrainingWorlds([(config.env("open", 2), 5)], [0, 0], jam_seconds=100.0)
+    ends = []
+    for step in range(15):
+        ends += [step for _ in worlds.step(np.full(worlds.rows, 15))]
+    assert ends == [2, 5, 8, 11, 14]  # episodes of 15 steps, five worlds
+    assert max(worlds._world_seed(world) for world in range(5)) < HELD_OUT_SEED
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"minutes": -1.0}, "minutes=-1.0"),
+        ({"gamma": 1.5}, "gamma=1.5"),
+        ({"learning_rate": float("nan")}, "learning_rate=nan"),
+        ({"rows": 0}, "rows=0"),
+        ({"robots": ()}, r"robots=\(\)"),
+        ({"name": "a/b"}, "name='a/b'"),
+        ({"layouts": ("opne",)}, "did you mean open"),
+        ({"planner": "asta"}, "did you mean astar"),
+    ],
+)
+def test_bad_options_are_one_sentence(config: ReinforceConfig, changes: dict[str, object], sentence: str) -> None:
+    with pytest.raises(ConfigError, match=sentence):
+        reinforce.train(replace(config, **changes))  # type: ignore[arg-type]
+    assert not list(config.out.iterdir())
