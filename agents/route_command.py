@@ -60,7 +60,8 @@ class RouteCommand:
         action = np.stack(
             [change / (duration * robot.max_acceleration), turn / (duration * robot.max_steering_rate)], axis=-1
         )
-        return np.clip(action, -1.0, 1.0).astype(np.float32)
+        clipped: NDArray[np.float32] = np.clip(action, -1.0, 1.0).astype(np.float32)
+        return clipped
 
 
 def cruise_output(config: EnvConfig, bias: float) -> NDArray[np.float32]:

@@ -43,7 +43,7 @@ class TrainingConfig:
     """Budget of agent-steps (one decision of one robot); 20 million if MINUTES is not given either."""
     layouts: tuple[str, ...] = ("paper46", "narrow", "random")
     """Layouts to train on, by name; each is mixed with each robot count."""
-    robots: tuple[int, ...] = (8, 16, 32)
+    robots: tuple[int, ...] = (8, 16, 24)
     """Robots in a world."""
     rows: int = 384
     """Robots trained with at a time, over all worlds; rounded so that every mix has at least one world."""
@@ -61,19 +61,19 @@ class TrainingConfig:
     """Discount of one decision."""
     gae_lambda: float = 0.95
     """Weight of longer returns in the advantage; 1 is the plain truncated return with the baseline."""
-    collision_first: float = -5.0
-    """Reward of a contact at the start."""
+    collision_first: float = -1.0
+    """Reward of a contact at the start: dear contacts there teach to park."""
     collision_last: float = -20.0
     """Reward of a contact at the end; between, it changes linearly with the share of the budget spent."""
-    contact: float = -0.1
-    """Reward of every decision in touch (jammed robots would otherwise drown all else)."""
+    contact: float = -0.5
+    """Reward of every decision in touch, unless told to stand: dear enough that pushing on does not pay."""
     reward_scale: float = 0.1
     """Factor on all rewards."""
     entropy_first: float = 0.01
     """Weight of the entropy bonus at the start."""
-    entropy_last: float = 0.003
+    entropy_last: float = 0.002
     """Weight of the entropy bonus at the end."""
-    learning_rate: float = 5e-4
+    learning_rate: float = 3e-4
     """Adam's first step size, decayed linearly to a twentieth of it."""
     gradient_clip: float = 0.5
     """Largest norm of a gradient."""

@@ -107,5 +107,5 @@ def test_profile_says_where_the_time_goes(config: PPOConfig) -> None:
 
 
 def test_bad_options_are_one_sentence() -> None:
-    with pytest.raises(ConfigError, match="clip=1.5 must be between 0 and 1"):
+    with pytest.raises(ConfigError, match=r"clip=1\.5 must be between 0 and 1"):
         PPOConfig(clip=1.5)
