@@ -12,7 +12,7 @@ from train.config import HELD_OUT_SEED
 from train.pool import Job, play_all
 from train.report import evaluation_table, make_progress
 from train.rollout import Experiment, Trace, identity, make_experiment
-from train.rows import Row, RowFile, read_rows, write_text
+from train.rows import Row, RowFile, check_writable, read_rows, write_text
 from warehouse_env.config import EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.layouts import LAYOUTS
@@ -56,12 +56,13 @@ class Evaluate:
     def run(self) -> None:
         """Play all experiments, print the table, write rows and pictures."""
         experiments = self.experiments()
-        path = self.json or self.out / "rows.jsonl"
+        path, table_path = self.json or self.out / "rows.jsonl", self.out / "table.md"
+        check_writable(table_path)
         old = read_rows(path) if self.resume and path.exists() else []
         rows, traces = play(experiments, RowFile(path, keep=self.resume), old, self.pictures, self.processes)
         table = evaluation_table(rows)
         table.print()
-        write_text(self.out / "table.md", table.markdown())
+        write_text(table_path, table.markdown())
         if self.pictures:
             from train.pictures import evaluation_pictures
 

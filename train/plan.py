@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from train.plan_report import plan_note, plan_table
 from train.report import make_progress
-from train.rows import Row, RowFile, write_text
+from train.rows import Row, RowFile, check_writable, write_text
 from warehouse_env import __version__
 from warehouse_env.errors import ConfigError, MapError, PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
@@ -73,6 +73,7 @@ class PlanCommand:
             raise ConfigError("--planner needs at least one name")
         grid = self._grid()
         tasks = [_task(grid, *task) for task in self._tasks(grid)]
+        check_writable(self.out / "table.md")
         file, rows, kept = RowFile(self.json), [], []
         try:
             for run in _runs(grid, planners, tasks, self.runs, self.seed):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -44,8 +45,8 @@ class RowFile:
         self.path = path
         self.count = 0
         self._keep = keep
-        if path is not None and path.is_dir():
-            raise WarehouseError(f"{path} is a folder; name a file for the rows")
+        if path is not None:
+            check_writable(path)
 
     def add(self, rows: Iterable[Row]) -> None:
         """Append `rows` in one write and hand them to the disk."""
@@ -61,6 +62,15 @@ class RowFile:
         if self.path is None or not self.count:
             return "no rows were kept"
         return f"{self.count} rows are kept in {self.path}"
+
+
+def check_writable(path: Path) -> None:
+    """Raise WarehouseError if no file can be written at `path`; asked before hours go into what it is to hold."""
+    if path.is_dir():
+        raise WarehouseError(f"{path} is a folder; name a file")
+    above = next(folder for folder in path.absolute().parents if folder.exists())
+    if not above.is_dir() or not os.access(above, os.W_OK):
+        raise WarehouseError(f"cannot write {path}: {above} is no folder that can be written to")
 
 
 def read_rows(path: Path) -> list[Row]:

@@ -127,6 +127,12 @@ def test_bad_maps_are_named(text: str, tmp_path: Path, capsys: pytest.CaptureFix
     )
 
 
+def test_a_policy_folder_without_a_policy(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert str(tmp_path) in fails(capsys, "evaluate", "--policy", str(tmp_path))
+    (tmp_path / "config.json").write_text("{")
+    assert "config.json" in fails(capsys, "evaluate", "--policy", str(tmp_path))
+
+
 def test_an_unknown_option_is_refused_without_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan", "--planer", "astar"]) == 2
     shown = capsys.readouterr()
@@ -137,6 +143,10 @@ def test_an_unknown_option_is_refused_without_a_traceback(capsys: pytest.Capture
 def test_a_folder_where_a_file_should_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "is a folder" in fails(capsys, "plan", "--planner", "astar", "--json", str(tmp_path))
     (tmp_path / "file").write_text("")
+    for command in ("plan --planner astar", "evaluate --policy brake --planner astar --layout open"):
+        sentence = fails(capsys, *command.split(), "--out", str(tmp_path / "file" / "out"))
+        assert "table.md" in sentence
+        assert "no folder" in sentence
     sentence = fails(capsys, "layouts", "--draw", "open", "--convert", str(tmp_path / "file" / "new.map"))
     assert "new.map" in sentence or "file" in sentence
 
