@@ -1,0 +1,65 @@
+"""Small simulators whose robots stand where a test puts them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.simulator import Simulator
+
+Pose = Sequence[float]  # x [m], y [m], heading [rad], then speed [m/s] and steering [rad] if not 0
+
+
+def drawn(lines: Sequence[str], cell: float = 1.0) -> GridMap:
+    """A map from lines of `#` (shelf) and `.`; every second free cell is a pick, the others are stations."""
+    occupied = np.array([[mark == "#" for mark in line] for line in lines])
+    free = np.argwhere(~occupied)
+    return GridMap(occupied, cell_size=cell, picks=free[::2], stations=free[1::2], name="drawn")
+
+
+def room(rows: int, columns: int) -> GridMap:
+    """An empty floor."""
+    return drawn(["." * columns] * rows)
+
+
+def put(simulator: Simulator, robot: int, pose: Pose, world: int = 0) -> None:
+    """Stand a robot at a pose, in float32 as the simulator would."""
+    r = simulator.robots[world, robot]
+    x, y, heading, *motion = (float(np.float32(value)) for value in pose)
+    r["x"], r["y"], r["heading"] = x, y, heading
+    r["cos"], r["sin"] = math.cos(heading), math.sin(heading)
+    r["speed"], r["steer"] = (*motion, 0.0, 0.0)[:2]
+
+
+def stage(grid: GridMap, *poses: Pose, **changes: Any) -> Simulator:
+    """One world with a robot at each pose; raw actions and one physics step an env step unless changed."""
+    settings = {"action_type": "raw", "action_repeat": 1, "planner": "astar", "max_steps": 10**6} | changes
+    config = EnvConfig(num_agents=len(poses), **settings)
+    simulator = Simulator(config, grid=grid)
+    simulator.robots["alive"] = 1
+    simulator.robots["gear"] = 1
+    simulator.robots["gap"] = simulator.robots["min_gap"] = 0.5
+    for robot, pose in enumerate(poses):
+        put(simulator, robot, pose)
+        simulator.robots[0, robot]["goal_x"] = simulator.robots[0, robot]["goal_y"] = -1e3  # nobody arrives
+    return simulator
+
+
+def raw(simulator: Simulator, *commands: tuple[float, float]) -> NDArray[np.float32]:
+    """Raw actions [1, N, 2] from (acceleration [m/s^2], steering rate [rad/s]) of each robot."""
+    robot = simulator.config.robot
+    limits = (robot.max_acceleration, robot.max_steering_rate)
+    return (np.array([commands]) / limits).astype(np.float32)
+
+
+def coast(simulator: Simulator, steps: int) -> None:
+    """Step with no acceleration and no steering."""
+    still = np.zeros((simulator.num_worlds, simulator.num_agents, 2), dtype=np.float32)
+    for _ in range(steps):
+        simulator.step(still)
