@@ -1,6 +1,6 @@
 """Who touches whom: trial motion, exact contact, put-back, and the episodes that are counted.
 
-All robots move at once; whoever touches something is put back to the substep's start with zero speed, and this
+All robots move at once; whoever runs into something is put back to the substep's start with zero speed, and this
 is repeated until nothing overlaps: at worst all stand where they stood. So no body ever overlaps another.
 A contact episode lasts as long as every physics step brings a touch: a robot that leans on another is counted
 once, one that bumps again after a step without a touch twice. A near miss is a gap under `near_miss_gap` that
@@ -100,27 +100,49 @@ def keep_off_shelves(robots, p, solid, clearance):  # type: ignore[no-untyped-de
 
 
 @inline
+def _tried_bodies_touch(r, o, p):  # type: ignore[no-untyped-def]
+    """Whether the trial poses of two robots touch."""
+    dx = (o["try_x"] - p["offset"] * o["try_cos"]) - (r["try_x"] - p["offset"] * r["try_cos"])
+    dy = (o["try_y"] - p["offset"] * o["try_sin"]) - (r["try_y"] - p["offset"] * r["try_sin"])
+    reach = p["radius"] + p["radius"]
+    return dx * dx + dy * dy <= reach * reach and rectangles_touch(
+        dx, dy, r["try_cos"], r["try_sin"], p["half_length"], p["half_width"],
+        o["try_cos"], o["try_sin"], p["half_length"], p["half_width"],
+    )  # fmt: skip
+
+
+@inline
+def _runs_into(r, o, p):  # type: ignore[no-untyped-def]
+    """Whether robot r's trial pose touches robot o where o stood: then r is at fault, whatever o does."""
+    dx = (o["x"] - p["offset"] * o["cos"]) - (r["try_x"] - p["offset"] * r["try_cos"])
+    dy = (o["y"] - p["offset"] * o["sin"]) - (r["try_y"] - p["offset"] * r["try_sin"])
+    return rectangles_touch(
+        dx, dy, r["try_cos"], r["try_sin"], p["half_length"], p["half_width"],
+        o["cos"], o["sin"], p["half_length"], p["half_width"],
+    )  # fmt: skip
+
+
+@inline
 def keep_off_robots(robots, pairs, count, p):  # type: ignore[no-untyped-def]
-    """Put back all robots whose trial poses touch, at once, again and again until none do."""
-    offset = p["offset"]
+    """Put back the robots whose trial poses touch, at once, again and again until none do.
+
+    Of two that touch, the one that ran into where the other stood is put back, so that nobody is held by a robot
+    that pushes it; both are if both did, or if they met half-way.
+    """
     again = True
     while again:
         again = False
         for k in range(count):
             r, o = robots[pairs[k, 0]], robots[pairs[k, 1]]
-            if r["moving"] == 0 and o["moving"] == 0:
+            if (r["moving"] == 0 and o["moving"] == 0) or not _tried_bodies_touch(r, o, p):
                 continue
-            dx = (o["try_x"] - offset * o["try_cos"]) - (r["try_x"] - offset * r["try_cos"])
-            dy = (o["try_y"] - offset * o["try_sin"]) - (r["try_y"] - offset * r["try_sin"])
-            reach = p["radius"] + p["radius"]
-            if dx * dx + dy * dy <= reach * reach and rectangles_touch(
-                dx, dy, r["try_cos"], r["try_sin"], p["half_length"], p["half_width"],
-                o["try_cos"], o["try_sin"], p["half_length"], p["half_width"],
-            ):  # fmt: skip
-                r["blocked"] = 1
-                o["blocked"] = 1
-                pairs[k, 2] = 1
-                again = True
+            first, second = _runs_into(r, o, p), _runs_into(o, r, p)
+            if first or not second:
+                r["blocked"] = r["moving"]
+            if second or not first:
+                o["blocked"] = o["moving"]
+            pairs[k, 2] = 1
+            again = True
         if again:
             for i in range(robots.shape[0]):
                 if robots[i]["blocked"] != 0:
