@@ -148,8 +148,8 @@ def train_ppo(budget: Budget) -> Iterator[Row]:
 def _training(profile: Callable[[int], dict[str, float]], config: Any, budget: Budget) -> Row:
     figures = profile(max(2, round(budget.seconds)))
     parts = {name.removesuffix("_s"): figures[name] for name in ("simulator_s", "policy_s", "update_s")}
-    shares = {name: seconds / figures["seconds"] for name, seconds in parts.items()}
-    worlds = sum(count for _, count in config.worlds())
+    shares = {name: seconds / sum(parts.values()) for name, seconds in parts.items()}  # threads add up
+    worlds = sum(count for _, count in config.worlds(config.rows))
     return {
         "envs": worlds, "agents": "/".join(map(str, config.robots)), "threads": config.threads,
         "agent_steps_per_s": figures["steps_per_second"], "shares": shares,

@@ -13,10 +13,9 @@ from train.rows import read_rows
 def test_demo_writes_rows_pictures_and_a_video(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for package in ("matplotlib", "pygame", "imageio_ffmpeg"):
         pytest.importorskip(package)
-    options = (
-        "--policy follow brake --layout open --robots 2 --episodes 1 --seconds 10 --video-seconds 1 --planner astar"
-    )
-    assert main(["demo", *options.split(), "--processes", "1", "--out", str(tmp_path)]) == 0
+    options = "--policy follow brake --layout open --robots 2 --episodes 1 --planner astar"
+    short = "--seconds 10 --video-seconds 1 --processes 1"
+    assert main(["demo", *options.split(), *short.split(), "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr().out
     assert "collisions/km" in printed
     assert "done in" in printed
