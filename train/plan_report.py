@@ -57,34 +57,36 @@ def plan_note(rows: Sequence[Row]) -> str:
     """Say what the exact searches cost and find, and what every colony adds to them, in the figures of `rows`."""
     exact = {name: select(rows, planner=name) for name in ("astar", "astar_turns")}
     lines = [
-        f"Plainly: {name} takes {number(_median_ms(group), 2)} ms and finds the shortest path in "
+        f"{name} takes {number(_median_ms(group), 2)} ms and finds the shortest path in "
         f"{_share(map(is_optimal, group))} of its runs, one with the fewest possible turns in "
         f"{_share(map(_fewest, group))}."
         for name, group in exact.items()
         if group
     ]
+    if lines:
+        lines[0] = f"Plainly: {lines[0]}"
     for (planner,), group in grouped(rows, ("planner",)).items():
         if any(row["iterations"] for row in group):
-            lines.append(_colony(str(planner), group, {name: own for name, own in exact.items() if own}))
+            lines += _colony(str(planner), group, {name: own for name, own in exact.items() if own})
     return "\n".join(lines)
 
 
-def _colony(planner: str, group: Sequence[Row], exact: dict[str, list[Row]]) -> str:
-    """Return the sentences on one colony: its time and optimality, and what it adds to each exact search."""
+def _colony(planner: str, group: Sequence[Row], exact: dict[str, list[Row]]) -> list[str]:
+    """Return the lines on one colony: its time and optimality, and what it adds to each exact search."""
     ms = _median_ms(group)
     shares = f"the shortest path in {_share(map(is_optimal, group))}, the fewest turns in {_share(map(_fewest, group))}"
-    text = f"{planner} takes {number(ms, 2)} ms and finds {shares} of its runs."
+    lines = [f"{planner} takes {number(ms, 2)} ms and finds {shares} of its runs."]
     for name, own in exact.items():
         times = number(ms / _median_ms(own), 2)
-        text += f" Against {name}, {times} times as long, it adds {_added(group, own)}."
-    return text
+        lines.append(f"  Over {name}, which is {times} times as fast, it adds {_added(group, own)}.")
+    return lines
 
 
 def _added(group: Sequence[Row], exact: Sequence[Row]) -> str:
     """Return where the colony's mean path is better than the exact search's: turns and climb; "nothing" if nowhere."""
     better = [
         f"{what} ({number(_mean(group, name))} against {number(_mean(exact, name))} {unit} a path)"
-        for what, name, unit in (("fewer turns", "turns", "turns"), ("gentler floor", "climb_m", "m of climb"))
+        for what, name, unit in (("fewer turns", "turns", "turns"), ("a gentler floor", "climb_m", "m of climb"))
         if _mean(group, name) < _mean(exact, name) * (1 - _OPTIMAL)
     ]
     longer = _mean(group, "gap") - _mean(exact, "gap")

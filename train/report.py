@@ -45,7 +45,7 @@ class Table:
         rule = ["--:" if self._numeric(index) else "---" for index in range(len(self.header))]
         lines = [" | ".join(row) for row in (self.header, rule, *self.cells)]
         body = "\n".join(f"| {line} |" for line in lines)
-        return f"### {self.title}\n\n{body}\n" + (f"\n{self.note}\n" if self.note else "")
+        return f"### {self.title}\n\n{body}\n" + ("".join(f"\n{line.strip()}\n" for line in self.note.splitlines()))
 
     def _numeric(self, index: int) -> bool:
         return any(row[index][:1] in "-0123456789" for row in self.cells if row[index])
