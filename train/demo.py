@@ -12,7 +12,7 @@ import numpy as np
 
 from train.config import HELD_OUT_SEED
 from train.evaluate import Evaluate
-from train.report import make_progress
+from train.report import make_progress, require_video
 from train.rollout import make_experiment, run
 from train.rows import read_rows
 from warehouse_env.config import EnvConfig
@@ -57,6 +57,8 @@ class Demo:
         """Evaluate, then film."""
         if not 0 <= self.video_seconds <= 3600:
             raise ConfigError(f"--video-seconds {self.video_seconds} must lie between 0 and 3600")
+        if self.video_seconds:
+            require_video()
         begin = time.perf_counter()
         Evaluate(
             policy=self.policy,

@@ -10,7 +10,7 @@ from typing import Any
 
 from train.config import HELD_OUT_SEED
 from train.pool import Job, play_all
-from train.report import evaluation_table, make_progress
+from train.report import evaluation_table, make_progress, require_charts
 from train.rollout import Experiment, Trace, identity, make_experiment
 from train.rows import Row, RowFile, check_writable, read_rows, write_text
 from warehouse_env.config import EnvConfig, TaskMode
@@ -58,6 +58,8 @@ class Evaluate:
         experiments = self.experiments()
         path, table_path = self.json or self.out / "rows.jsonl", self.out / "table.md"
         check_writable(table_path)
+        if self.pictures:
+            require_charts()
         old = read_rows(path) if self.resume and path.exists() else []
         rows, traces = play(experiments, RowFile(path, keep=self.resume), old, self.pictures, self.processes)
         table = evaluation_table(rows)

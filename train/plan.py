@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.plan_report import plan_note, plan_table
-from train.report import make_progress
+from train.report import make_progress, require_charts
 from train.rows import Row, RowFile, check_writable, write_text
 from warehouse_env import __version__
 from warehouse_env.errors import ConfigError, MapError, PlanError
@@ -74,6 +74,8 @@ class PlanCommand:
         grid = self._grid()
         tasks = [_task(grid, *task) for task in self._tasks(grid)]
         check_writable(self.out / "table.md")
+        if self.pictures:
+            require_charts()
         file, rows, kept = RowFile(self.json), [], []
         try:
             for run in _runs(grid, planners, tasks, self.runs, self.seed):

@@ -15,6 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table as RichTable
 
 from train.rows import Interval, Row, mean_interval
+from warehouse_env.render.extras import load
 
 _PLAIN_WIDTH = 180  # [characters] where the output is no terminal: tables go to files and pipes uncut
 
@@ -63,6 +64,17 @@ def make_progress() -> Progress:
     return Progress(
         *columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console, disable=not console.is_terminal
     )
+
+
+def require_charts() -> None:
+    """Raise WarehouseError if charts cannot be drawn: asked before a long run, not found out after it."""
+    load("matplotlib")
+
+
+def require_video() -> None:
+    """Raise WarehouseError if no video can be made."""
+    load("pygame")
+    load("imageio_ffmpeg")
 
 
 def number(value: float, digits: int = 3) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -174,6 +175,17 @@ def test_pictures(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {
         "rows.jsonl", "table.md", "collisions.png", "trajectories_open_2_brake.png",
     }  # fmt: skip
+
+
+def test_a_missing_package_is_told_before_the_first_episode(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    options = command(tmp_path, "--policy", "brake")
+    options.remove("--no-pictures")
+    assert main(options) == 2
+    assert "install warehouse-env[render]" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_bad_numbers_are_named() -> None:
