@@ -73,7 +73,7 @@ class TrainingConfig:
     """Weight of the entropy bonus at the start."""
     entropy_last: float = 0.002
     """Weight of the entropy bonus at the end."""
-    learning_rate: float = 3e-4
+    learning_rate: float = 6e-4
     """Adam's first step size, decayed linearly to a twentieth of it."""
     gradient_clip: float = 0.5
     """Largest norm of a gradient."""
@@ -173,7 +173,7 @@ class ReinforceConfig(TrainingConfig):
     """Name of the run; its folder is OUT/NAME."""
     rollout: int = 24
     """Decisions of every robot between two updates."""
-    minibatch: int = 4096
+    minibatch: int = 2048
     """Rows of one gradient step; every row is used once."""
 
 

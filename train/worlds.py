@@ -22,7 +22,7 @@ from warehouse_env.planning.routes import RouteBook
 from warehouse_env.simulation.rewards import REWARD_TERMS
 from warehouse_env.simulation.simulator import Simulator
 
-_CONTACT = REWARD_TERMS.index("contact")
+_COLLISION, _CONTACT = REWARD_TERMS.index("collision"), REWARD_TERMS.index("contact")
 _JAM_SHARE = 0.2  # of a world's robots
 
 
@@ -50,11 +50,15 @@ class TrainingSimulator(Simulator):
     def step(self, actions: ArrayLike) -> NDArray[np.float32]:
         """Step all worlds as `Simulator.step` does; `truncated` also tells the jammed ones.
 
-        A robot that was told to stand is not blamed for being touched: else nobody would gain by giving way first.
+        A robot that was told to stand is not blamed for being touched, nor one that stood already for being run
+        into: else nobody would gain by giving way first.
         """
+        stood = self.state.speed == 0
         observation = super().step(actions)
-        blameless = (self.events.touching != 0) & (self.robots["target_speed"] == 0)
-        self.reward[blameless] -= self.reward_terms[blameless, _CONTACT]
+        told = (self.events.touching != 0) & (self.robots["target_speed"] == 0)
+        self.reward[told] -= self.reward_terms[told, _CONTACT]
+        hit = told & stood
+        self.reward[hit] -= self.reward_terms[hit, _COLLISION]
         self.truncated |= (self.robots["stalled_time"] > self._jam_seconds).mean(axis=1) > _JAM_SHARE
         return observation
 
