@@ -27,7 +27,7 @@ from agents.networks import ActorCritic, tensors_of
 from agents.route_command import cruise_output
 from train import checkpoint
 from train.config import ReinforceConfig
-from train.rollouts import Rollout, RolloutWorker
+from train.experience import Rollout, RolloutWorker
 from train.timing import Split, set_threads
 from train.training_run import network_of, run_training
 from train.training_run import profile as profile_trainer

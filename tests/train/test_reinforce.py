@@ -17,7 +17,7 @@ from agents.weights_folder import Network, read_record
 from train import reinforce
 from train.config import HELD_OUT_SEED, ReinforceConfig
 from train.reinforce import Reinforce, joint_scale, policy_loss
-from train.rollouts import advantages
+from train.experience import advantages
 from train.worlds import TrainingWorlds
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError
