@@ -11,9 +11,18 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from agents.route_command import cruise_output
 from agents.sampling import draw_discrete
 from agents.weights_folder import Network
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
+from warehouse_env.observation import observation_layout
 
+# How strongly the untrained policy prefers a command without a conflict, a fast one, and the route itself (logits).
+FIRST_FREE = 18.0  # from an immediate conflict to none, about
+FIRST_SPEED = 3.0  # from standing to the fastest level
+FIRST_OFFSET = 2.0  # per metre to either side
+FIRST_LEFT = 0.8  # per metre to the left, on top: pass on the right
 _HALF_LOG_TAU = 0.5 * math.log(2.0 * math.pi)
 
 
@@ -92,6 +101,35 @@ class ActorCritic(nn.Module):
             noise = rng.standard_normal(output.shape, dtype=np.float32)
             real: NDArray[np.float32] = output + noise * torch.exp(self.log_std).numpy()
             return real
+
+
+def first_actor_critic(network: Network, env: EnvConfig, cruise_bias: float) -> ActorCritic:
+    """Return the networks that a training begins with.
+
+    With predictions in the observation and discrete actions, the actor's first units carry them through to the
+    logits, so that it prefers the fastest command without a conflict; else it prefers to cruise.
+    """
+    if not (network.discrete and env.sensor.predictions):
+        return ActorCritic(network, cruise_output(env, cruise_bias))
+    table = np.array([(v, o) for v in env.speed_levels for o in env.lateral_offsets], np.float32)
+    forward = FIRST_SPEED * table[:, 0] / table[:, 0].max()
+    aside = FIRST_OFFSET * np.abs(table[:, 1]) + FIRST_LEFT * np.maximum(table[:, 1], 0.0)
+    net = ActorCritic(network, (forward - aside).astype(np.float32))
+    start = observation_layout(env).slices["predictions"].start
+    if min(network.hidden) < network.actions:
+        raise ConfigError(f"hidden={network.hidden} must hold at least {network.actions} units, one for each action")
+    units = torch.arange(network.actions)
+    with torch.no_grad():
+        for number, layer in enumerate(net.actor):
+            weight = layer.get_parameter("weight")
+            inputs = units + start if number == 0 else units
+            if number < len(net.actor) - 1:
+                weight[units] = 0.0
+                weight[units, inputs] = 1.0
+                layer.get_parameter("bias")[units] = -0.5 if number == 0 else 0.0
+            else:
+                weight[units, inputs] = FIRST_FREE
+    return net
 
 
 def tensors_of(module: nn.Module) -> dict[str, NDArray[np.float32]]:

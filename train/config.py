@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from warehouse_env.config import ActionType, EnvConfig, RewardWeights, check_names
+from warehouse_env.config import ActionType, EnvConfig, RewardWeights, SensorSpec, check_names
 from warehouse_env.errors import ConfigError
 
 HELD_OUT_SEED = 1_000_000
@@ -79,8 +79,12 @@ class TrainingConfig:
     """Largest norm of a gradient."""
     hidden: tuple[int, ...] = (128, 128)
     """Widths of the hidden tanh layers, of the actor and of the critic."""
+    action_repeat: int = 2
+    """Physics steps between two decisions."""
+    predictions: bool = True
+    """Let the robot predict, for every action, the time to a conflict; the untrained policy then avoids conflicts."""
     cruise_bias: float = 1.5
-    """How strongly the untrained policy prefers to cruise on its route (logits)."""
+    """Without predictions: how strongly the untrained policy prefers to cruise on its route (logits)."""
     checkpoint_seconds: float = 60.0
     """Time between checkpoints [s]."""
     threads: int = field(default_factory=_cores)
@@ -89,7 +93,7 @@ class TrainingConfig:
     """Show the progress bar."""
 
     def __post_init__(self) -> None:
-        self._at_least(1, "steps", "rows", "threads")
+        self._at_least(1, "steps", "rows", "threads", "action_repeat")
         self._at_least(0, "seed", "entropy_first", "entropy_last", "cruise_bias", "keep_right", "checkpoint_seconds")
         for name in ("minutes", "episode_seconds", "jam_seconds", "reward_scale", "learning_rate", "gradient_clip"):
             value = getattr(self, name)
@@ -132,7 +136,10 @@ class TrainingConfig:
 
     def env(self, layout: str, robots: int) -> EnvConfig:
         """Return the environment of one layout and robot count."""
-        env = EnvConfig(layout=layout, num_agents=robots, planner=self.planner, keep_right=self.keep_right)
+        env = EnvConfig(
+            layout=layout, num_agents=robots, planner=self.planner, keep_right=self.keep_right,
+            action_repeat=self.action_repeat, sensor=SensorSpec(predictions=self.predictions),
+        )  # fmt: skip
         decision = env.time_step * env.action_repeat
         steps = max(1, round(self.episode_seconds / decision))
         return env.replace(action_type=self.action_type, max_steps=steps, reward=self.reward(0.0))

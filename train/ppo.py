@@ -23,7 +23,7 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
-from agents.route_command import cruise_output
+from agents.networks import first_actor_critic, tensors_of
 from train import checkpoint
 from train.config import PPOConfig
 from train.timing import Split, set_threads
@@ -105,10 +105,8 @@ class Ppo:
             device="cpu",
         )
         model.set_logger(Logger(folder=None, output_formats=[]))
-        with torch.no_grad():
-            model.policy.action_net.get_parameter("bias").copy_(
-                torch.from_numpy(cruise_output(self.env, config.cruise_bias))
-            )
+        first = tensors_of(first_actor_critic(self.network, self.env, config.cruise_bias))
+        model.policy.load_state_dict({theirs: torch.from_numpy(first[ours]) for ours, theirs in self._names().items()})
         return model
 
     def update(self, number: int, spent: float) -> dict[str, float]:

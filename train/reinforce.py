@@ -23,8 +23,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from agents.networks import ActorCritic, tensors_of
-from agents.route_command import cruise_output
+from agents.networks import first_actor_critic, tensors_of
 from train import checkpoint
 from train.config import ReinforceConfig
 from train.experience import Rollout, RolloutWorker
@@ -56,7 +55,7 @@ class Reinforce:
         self._pool = ThreadPoolExecutor(config.threads, initializer=set_threads, initargs=(1,))
         self.rows = sum(worker.rows for worker in self._workers)
         self.network = network_of(self._workers[0].worlds.simulators[0], config.hidden)
-        self.net = ActorCritic(self.network, cruise_output(self.env, config.cruise_bias))
+        self.net = first_actor_critic(self.network, self.env, config.cruise_bias)
         self.optimizer = torch.optim.Adam(self.net.parameters(), lr=config.learning_rate, eps=1e-5)
         self._own = Split()
 

@@ -68,6 +68,7 @@ class SensorSpec:
     neighbours: int = 6  # nearest robots within lidar_range
     route_points: int = 5
     route_spacing: float = 1.0  # [m] between route points ahead
+    predictions: bool = False  # also the time to a predicted conflict of every (speed level, lateral offset)
 
     def __post_init__(self) -> None:
         _positive(self, "lidar_range", "route_spacing")
@@ -106,7 +107,7 @@ class EnvConfig:
     max_steps: int = 1000  # env steps until truncation
     time_step: float = 0.1  # [s] of physics
     substeps: int = 2  # contact checks per physics step
-    action_repeat: int = 2  # physics steps per env step: one decision every 0.2 s
+    action_repeat: int = 1  # physics steps per env step; the shipped policies decide every 0.2 s, so they set 2
     arrival_radius: float = 0.5  # [m], front axle to the goal cell's centre
     near_miss_gap: float = 0.1  # [m]
     stuck_after: float = 60.0  # [s] without reaching a goal

@@ -28,6 +28,8 @@ def observation_layout(config: EnvConfig) -> ObservationLayout:
     route[2 x route_points]: (x, y) / 5 m of the route at route_spacing, 2 route_spacing, ... ahead.
     neighbours[7 x neighbours], nearest first: (x, y) / lidar_range of the other body's centre from the own,
         cos and sin of the relative heading, relative velocity (x, y) / max_speed, 1; all 0 where nobody is.
+    predictions[speed_levels x lateral_offsets], if the sensor has them: share of the next seconds until the command
+        would lead to a conflict, 1 where it would not (simulation/prediction.py).
     """
     sensor = config.sensor
     sizes = {
@@ -36,6 +38,8 @@ def observation_layout(config: EnvConfig) -> ObservationLayout:
         "route": 2 * sensor.route_points,
         "neighbours": NEIGHBOUR * sensor.neighbours,
     }
+    if sensor.predictions:
+        sizes["predictions"] = len(config.speed_levels) * len(config.lateral_offsets)
     slices, start = {}, 0
     for name, size in sizes.items():
         slices[name] = slice(start, start + size)

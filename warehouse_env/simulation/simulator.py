@@ -124,7 +124,8 @@ class Simulator:
             self._params, self._floor.solid, self._floor.clearance,
         )  # fmt: skip
         self._observe_arguments = (
-            self.robots, self.routes, *common, self._params, self._rays, self._weights, self._floor.solid,
+            self.robots, self.routes, *common, self._params, self._rays, self._actions.table, self._weights,
+            self._floor.solid,
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
 

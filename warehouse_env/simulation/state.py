@@ -55,6 +55,7 @@ PARAMETERS = np.dtype(
         ("max_steer", F), ("max_steer_rate", F),
         ("arrival_radius", F), ("near_miss_gap", F), ("pair_range", F),
         ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
+        ("predictions", B),
         ("action_type", I), ("one_shot", B), ("max_offset", F), ("cruise", F),
     ],
     align=True,
@@ -83,6 +84,7 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
         "pair_range": 2 * radius + GAP_HORIZON + 4 * fastest * config.time_step,
         "cell": cell, "lidar_range": sensor.lidar_range, "rays": sensor.rays, "neighbours": sensor.neighbours,
         "route_points": sensor.route_points, "route_spacing": sensor.route_spacing,
+        "predictions": sensor.predictions,
         "action_type": ACTION_TYPES.index(config.action_type), "one_shot": config.tasks == "one_shot",
         "max_offset": max(abs(o) for o in config.lateral_offsets), "cruise": max(config.speed_levels),
     }  # fmt: skip

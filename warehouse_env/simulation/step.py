@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.observation import NEIGHBOUR
-from warehouse_env.simulation import buckets, contact, sensing, tracking
+from warehouse_env.observation import EGO, NEIGHBOUR
+from warehouse_env.simulation import buckets, contact, prediction, sensing, tracking
 from warehouse_env.simulation.kernel import inline, kernel, parallel_kernel, prange
 from warehouse_env.simulation.kinematics import approach
 from warehouse_env.simulation.rewards import write_terms
@@ -119,10 +119,11 @@ def _advance_world(robots, routes, actions, stamps, pairs, heads, nexts, side, c
 
 
 @kernel
-def _observe_world(robots, routes, heads, nexts, side, p, rays, weights, solid, out, terms, reward):  # type: ignore[no-untyped-def]
+def _observe_world(robots, routes, heads, nexts, side, p, rays, table, weights, solid, out, terms, reward):  # type: ignore[no-untyped-def]
     """Write observations, reward terms and rewards of one world."""
     ego = p["rays"]
-    near = out.shape[1] - NEIGHBOUR * p["neighbours"]
+    route = ego + EGO
+    near = route + 2 * p["route_points"]
     buckets.fill(robots, heads, nexts, p["offset"], side)
     for i in range(robots.shape[0]):
         r = robots[i]
@@ -134,6 +135,8 @@ def _observe_world(robots, routes, heads, nexts, side, p, rays, weights, solid, 
         for k in range(p["rays"]):
             row[k] = ONE / (ONE + row[k])
         sensing.write_ego_and_route(r, routes[i], p, row, ego)
+        if p["predictions"] != 0:
+            prediction.write_predictions(row, ego, route, near, table, p, near + NEIGHBOUR * p["neighbours"])
         reward[i] = write_terms(r, p, weights, terms[i])
 
 
@@ -171,20 +174,20 @@ def advance_parallel(robots, routes, actions, stamps, pairs, heads, nexts, side,
 
 
 @kernel
-def observe(robots, routes, heads, nexts, side, params, rays, weights, solid, out, terms, reward):  # type: ignore[no-untyped-def]
+def observe(robots, routes, heads, nexts, side, params, rays, table, weights, solid, out, terms, reward):  # type: ignore[no-untyped-def]
     """Write observations float32[B, N, D], reward terms float32[B, N, T] and rewards float32[B, N] of all worlds."""
     p = params[0]
     for b in range(robots.shape[0]):
         _observe_world(
-            robots[b], routes[b], heads[b], nexts[b], side, p, rays, weights, solid, out[b], terms[b], reward[b]
+            robots[b], routes[b], heads[b], nexts[b], side, p, rays, table, weights, solid, out[b], terms[b], reward[b]
         )
 
 
 @parallel_kernel
-def observe_parallel(robots, routes, heads, nexts, side, params, rays, weights, solid, out, terms, reward):  # type: ignore[no-untyped-def]
+def observe_parallel(robots, routes, heads, nexts, side, params, rays, table, weights, solid, out, terms, reward):  # type: ignore[no-untyped-def]
     """`observe` with the worlds on all threads."""
     for b in prange(robots.shape[0]):
         p = params[0]
         _observe_world(
-            robots[b], routes[b], heads[b], nexts[b], side, p, rays, weights, solid, out[b], terms[b], reward[b]
+            robots[b], routes[b], heads[b], nexts[b], side, p, rays, table, weights, solid, out[b], terms[b], reward[b]
         )
