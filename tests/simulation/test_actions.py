@@ -1,0 +1,130 @@
+"""What the numbers of an action mean, and what is no action."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.simulation.worlds import room
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ActionError, ConfigError, WarehouseError
+from warehouse_env.simulation.actions import ActionDecoder
+from warehouse_env.simulation.simulator import Simulator
+
+
+def decoded(config: EnvConfig, actions: Any) -> list[Any]:
+    given = np.asarray(actions)
+    commands = np.zeros((1, given.shape[1], 2), dtype=np.float32)
+    ActionDecoder(config).decode(given, commands)
+    return [pytest.approx(pair, abs=1e-6) for pair in commands[0].tolist()]
+
+
+def test_discrete_actions_are_speed_levels_times_offsets() -> None:
+    config = EnvConfig(speed_levels=(-0.4, 0.0, 1.3), lateral_offsets=(0.0, 0.6, -0.6, 1.2))
+    decoder = ActionDecoder(config)
+    assert decoder.space.n == 12  # type: ignore[attr-defined]
+    assert decoder.cruise == 8
+    assert decoded(config, [[0, 3, 4, 9, 11]]) == [(-0.4, 0.0), (-0.4, 1.2), (0.0, 0.0), (1.3, 0.6), (1.3, 1.2)]
+
+
+def test_cruise_is_the_fastest_level_nearest_to_the_route() -> None:
+    config = EnvConfig(speed_levels=(1.0, 1.4, 0.2), lateral_offsets=(-0.8, 0.3, 0.5))
+    assert decoded(config, [[int(ActionDecoder(config).cruise)]]) == [(1.4, 0.3)]
+
+
+def test_continuous_actions_are_around_cruising() -> None:
+    config = EnvConfig(action_type="continuous")
+    given = [[[0, 0], [1, 1], [-1, -1], [0.5, -0.25], [-0.5, 7.0]]]
+    expected = [(1.3, 0), (1.5, 1.2), (-0.5, -1.2), (1.4, -0.3), (0.4, 1.2)]
+    assert decoded(config, given) == expected
+    assert decoded(config, [[ActionDecoder(config).cruise]]) == [(1.3, 0.0)]
+
+
+def test_raw_actions_are_in_units_of_the_limits() -> None:
+    config = EnvConfig(action_type="raw")
+    assert decoded(config, [[[0.5, -1.0], [-3.0, 0.1]]]) == [(0.5, -1.5), (-1.0, 0.15)]
+    assert decoded(config, [[ActionDecoder(config).cruise]]) == [(0.0, 0.0)]
+
+
+def small(action_type: Any) -> Simulator:
+    simulator = Simulator(EnvConfig(num_agents=3, action_type=action_type, planner="astar"), 2, grid=room(9, 9))
+    simulator.reset(seed=0)
+    return simulator
+
+
+BAD = [
+    ("discrete", np.zeros((2, 2), dtype=int), r"\(2, 3\)"),
+    ("discrete", np.zeros((2, 3, 2), dtype=int), r"\(2, 3\)"),
+    ("discrete", np.zeros(6, dtype=int), r"\(2, 3\)"),
+    ("discrete", np.zeros((2, 3)), "whole numbers"),
+    ("discrete", np.zeros((2, 3), dtype=bool), "whole numbers"),
+    ("discrete", np.full((2, 3), 20), r"0\.\.19"),
+    ("discrete", np.array([[0, 0, 0], [0, 0, -1]]), r"0\.\.19.*-1"),
+    ("discrete", [["a"] * 3] * 2, "whole numbers"),
+    ("continuous", np.zeros((2, 3)), r"\(2, 3, 2\)"),
+    ("continuous", np.full((2, 3, 2), np.nan), "finite"),
+    ("raw", np.zeros((3, 2)), r"\(2, 3, 2\)"),
+    ("raw", np.where(np.arange(12).reshape(2, 3, 2) == 7, np.inf, 0.0), "finite"),
+    ("raw", np.zeros((2, 3, 2), dtype=complex), "numbers"),
+    ("raw", None, r"\(2, 3, 2\)"),
+]
+
+
+@pytest.mark.parametrize(("action_type", "actions", "hint"), BAD)
+def test_a_bad_action_is_one_sentence_and_changes_nothing(action_type: str, actions: Any, hint: str) -> None:
+    simulator = small(action_type)
+    before = simulator.robots.tobytes()
+    with pytest.raises(ActionError, match=hint) as caught:
+        simulator.step(actions)
+    assert isinstance(caught.value, WarehouseError)
+    assert isinstance(caught.value, ValueError)
+    assert "\n" not in str(caught.value)
+    assert simulator.robots.tobytes() == before
+    assert simulator.steps.tolist() == [0, 0]
+
+
+@pytest.mark.parametrize("kind", [np.int8, np.uint8, np.int32, np.int64, np.uint64])
+def test_whole_numbers_of_any_width_will_do(kind: Any) -> None:
+    simulator = small("discrete")
+    simulator.step(np.full((2, 3), 15, dtype=kind))
+    simulator.step([[15, 0, 3], [1, 2, 19]])
+    assert simulator.steps.tolist() == [2, 2]
+
+
+@pytest.mark.xfail(reason="ActionDecoder.decode: NumPy's own ValueError comes through for ragged lists")
+def test_ragged_actions_are_an_action_error() -> None:
+    with pytest.raises(ActionError):
+        small("raw").step([[[0, 0], [0, 0], [0]], [[0, 0]] * 3])
+
+
+@pytest.mark.parametrize(
+    ("seed", "hint"), [(-1, "seed=-1"), ([1, 2, 3], "3 entries for 2 worlds"), ([4, -2], "seed=-2")]
+)
+def test_bad_seeds(seed: Any, hint: str) -> None:
+    with pytest.raises(ConfigError, match=hint):
+        small("raw").reset(seed=seed)
+
+
+def test_no_world_at_all() -> None:
+    with pytest.raises(ConfigError, match="num_worlds=0"):
+        Simulator(EnvConfig(num_agents=1, planner="astar"), 0, grid=room(5, 5))
+
+
+def test_limits_of_the_steering_hold_for_every_kind_of_action() -> None:
+    for action_type in ("discrete", "continuous", "raw"):
+        simulator = small(action_type)
+        rng = np.random.default_rng(1)
+        for _ in range(60):
+            shape = (2, 3) if action_type == "discrete" else (2, 3, 2)
+            actions = rng.integers(0, 20, shape) if action_type == "discrete" else rng.uniform(-1, 1, shape)
+            before = simulator.state.speed.copy(), simulator.state.steer.copy()
+            simulator.step(actions)
+            speed, steer = simulator.state.speed, simulator.state.steer
+            assert ((speed >= -0.5) & (speed <= 1.5)).all()
+            assert (np.abs(steer) <= math.radians(60) + 1e-6).all()
+            free = simulator.events.touching == 0
+            assert (np.abs(speed - before[0])[free] <= 0.2 + 1e-5).all()
+            assert (np.abs(steer - before[1]) <= 0.3 + 1e-5).all()
