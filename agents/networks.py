@@ -69,6 +69,10 @@ class ActorCritic(nn.Module):
         if not network.discrete:
             self.log_std = nn.Parameter(torch.full((network.actions,), log_std))
 
+    def actor_parameters(self) -> list[nn.Parameter]:
+        """Return the parameters of the policy alone."""
+        return [parameter for name, parameter in self.named_parameters() if not name.startswith("critic.")]
+
     def output(self, observation: Tensor) -> Tensor:
         """Return logits, or means of real-valued actions, float32[M, A] from float32[M, D]."""
         return _run(self.actor, observation)

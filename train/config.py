@@ -73,7 +73,7 @@ class TrainingConfig:
     """Weight of the entropy bonus at the start."""
     entropy_last: float = 0.002
     """Weight of the entropy bonus at the end."""
-    learning_rate: float = 6e-4
+    learning_rate: float = 1.5e-4
     """Adam's first step size, decayed linearly to a twentieth of it."""
     gradient_clip: float = 0.5
     """Largest norm of a gradient."""
@@ -182,6 +182,13 @@ class ReinforceConfig(TrainingConfig):
     """Decisions of every robot between two updates."""
     minibatch: int = 2048
     """Rows of one gradient step; every row is used once."""
+    critic_factor: float = 4.0
+    """The critic's step size, as a multiple of the actor's."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._at_least(1, "rollout", "minibatch")
+        self._at_least(0, "critic_factor")
 
 
 @dataclass(frozen=True)
@@ -201,6 +208,6 @@ class PPOConfig(TrainingConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._at_least(1, "epochs")
+        self._at_least(1, "rollout", "minibatch", "epochs")
         if not 0 < self.clip < 1:
             raise ConfigError(f"clip={self.clip!r} must be between 0 and 1")

@@ -56,7 +56,8 @@ class Reinforce:
         self.rows = sum(worker.rows for worker in self._workers)
         self.network = network_of(self._workers[0].worlds.simulators[0], config.hidden)
         self.net = first_actor_critic(self.network, self.env, config.cruise_bias)
-        self.optimizer = torch.optim.Adam(self.net.parameters(), lr=config.learning_rate, eps=1e-5)
+        self._groups = [self.net.actor_parameters(), list(self.net.critic.parameters())]
+        self.optimizer = torch.optim.Adam([{"params": group} for group in self._groups], eps=1e-5)
         self._own = Split()
 
     @property
@@ -74,8 +75,9 @@ class Reinforce:
         weights = config.reward(spent)
         rollouts = self._each(lambda k: self._workers[k].collect(self.net, weights, [config.seed, k, number]))
         with self._own.measure("update_s"):
-            for group in self.optimizer.param_groups:
-                group["lr"] = config.step_size(spent)
+            step_size = config.step_size(spent)
+            for group, factor in zip(self.optimizer.param_groups, (1.0, config.critic_factor), strict=True):
+                group["lr"] = factor * step_size
             return self._learn(rollouts, [config.seed, len(rollouts), number], config.entropy(spent))
 
     def _learn(self, rollouts: list[Rollout], seed: list[int], entropy_weight: float) -> dict[str, float]:
@@ -88,7 +90,7 @@ class Reinforce:
             parts = self._each(lambda k, i=piece: self._gradient(rollouts[k], orders[k][i], scale, entropy_weight))  # type: ignore[misc]
             for index, parameter in enumerate(self.net.parameters()):
                 parameter.grad = torch.stack([gradient[index] for gradient, _ in parts]).mean(0)
-            norm = torch.nn.utils.clip_grad_norm_(self.net.parameters(), self.config.gradient_clip)
+            norm, _ = [torch.nn.utils.clip_grad_norm_(group, self.config.gradient_clip) for group in self._groups]
             self.optimizer.step()
             totals[:3] += torch.stack([figures for _, figures in parts]).mean(0) / pieces
             totals[3] += norm / pieces

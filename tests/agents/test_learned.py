@@ -88,10 +88,10 @@ def test_a_real_valued_policy_samples_within_bounds(tmp_path: Path) -> None:
 
 
 def test_policy_config_puts_in_what_the_policy_needs(folder: Path) -> None:
-    base = EnvConfig(num_agents=3, layout="narrow", speed_levels=(1.0,), action_repeat=1, sensor=SensorSpec(rays=8))
+    base = EnvConfig(num_agents=3, layout="narrow", speed_levels=(1.0,), action_repeat=5, sensor=SensorSpec(rays=8))
     config = policy_config(folder, base)
     assert (config.num_agents, config.layout) == (3, "narrow")
-    assert config == base.replace(speed_levels=EnvConfig.speed_levels, action_repeat=2, sensor=SensorSpec())
+    assert config == base.replace(speed_levels=EnvConfig.speed_levels, action_repeat=1, sensor=SensorSpec())
     assert make_policy(str(folder), config).act(observations(), np.random.default_rng(0)).shape == (2, 5)
 
 

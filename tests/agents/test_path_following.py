@@ -30,7 +30,7 @@ def test_real_valued_actions_cruise_at_zero_and_stop_between_it_and_the_slowest(
 
 
 def test_raw_actions_pursue_the_route(observe: Observe) -> None:
-    config = EnvConfig(action_type="raw")
+    config = EnvConfig(action_type="raw", action_repeat=2)
     observation = observe(config, speed=1.2)
     slices = observation_layout(config).slices
     observation[..., slices["ego"].start + 1] = -0.3  # steering now, of 60 degrees
@@ -59,7 +59,7 @@ def test_raw_actions_pursue_the_route(observe: Observe) -> None:
 def test_brake_stops_for_a_body_in_its_corridor(
     observe: Observe, other: tuple[float, float], turn: float, speed: float, stops: bool
 ) -> None:
-    config = EnvConfig()
+    config = EnvConfig(action_repeat=2)
     action = make_policy("brake", config).act(observe(config, speed, other, turn), RNG)
     assert config.speed_levels[int(action[0, 0]) // 5] == (0.0 if stops else 1.3)
     assert int(action[0, 0]) % 5 == 0  # no offset

@@ -19,6 +19,7 @@ from train import ppo
 from train.config import PPOConfig
 from train.ppo import Ppo
 from warehouse_env.errors import ConfigError
+from warehouse_env.observation import observation_layout
 
 
 @pytest.fixture
@@ -26,7 +27,7 @@ def config(tmp_path: Path) -> PPOConfig:
     """Return a training of some seconds: three worlds on the open floor, two updates."""
     return PPOConfig(
         out=tmp_path, layouts=("open",), robots=(2, 4), rows=8, planner="astar", steps=8 * 8 * 2, rollout=8,
-        minibatch=32, hidden=(16, 8), episode_seconds=3.0, threads=1, progress=False,
+        minibatch=32, hidden=(24, 20), episode_seconds=3.0, threads=1, progress=False,
     )  # fmt: skip
 
 
@@ -93,11 +94,22 @@ def test_the_schedules_reach_the_library_and_the_worlds(config: PPOConfig) -> No
 
 
 def test_an_untrained_policy_prefers_to_cruise(config: PPOConfig) -> None:
-    trainer = Ppo(config)
+    trainer = Ppo(replace(config, predictions=False))
     with torch.no_grad():
         observation = torch.from_numpy(observations(trainer))
         probability = trainer.model.policy.get_distribution(observation).distribution.probs
     assert (probability.argmax(-1) == 15).all()
+
+
+def test_with_predictions_an_untrained_policy_takes_the_fastest_free_command(config: PPOConfig) -> None:
+    trainer = Ppo(config)
+    observation = np.zeros((2, trainer.network.observation_size), np.float32)
+    free = observation[:, observation_layout(trainer.env).slices["predictions"]]  # [2, 20], levels -0.4 0 0.5 1.3 m/s
+    free[:] = 1.0
+    free[1, 15:] = 0.0  # a conflict at once at full speed
+    with torch.no_grad():
+        found = trainer.model.policy.get_distribution(torch.from_numpy(observation)).distribution.probs.argmax(-1)
+    assert found.tolist() == [15, 10]
 
 
 def test_profile_says_where_the_time_goes(config: PPOConfig) -> None:

@@ -16,8 +16,8 @@ from agents.networks import ActorCritic
 from agents.weights_folder import Network, read_record
 from train import reinforce
 from train.config import HELD_OUT_SEED, ReinforceConfig
-from train.reinforce import Reinforce, joint_scale, policy_loss
 from train.experience import advantages
+from train.reinforce import Reinforce, joint_scale, policy_loss
 from train.worlds import TrainingWorlds
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError
@@ -28,7 +28,7 @@ def config(tmp_path: Path) -> ReinforceConfig:
     """Return a training of some seconds: two worlds on the open floor, four updates."""
     return ReinforceConfig(
         out=tmp_path, layouts=("open",), robots=(2, 4), rows=8, planner="astar", steps=8 * 6 * 4, rollout=6,
-        minibatch=24, hidden=(16,), episode_seconds=3.0, checkpoint_seconds=0.0, threads=1, progress=False,
+        minibatch=24, hidden=(24,), episode_seconds=3.0, checkpoint_seconds=0.0, threads=1, progress=False,
     )  # fmt: skip
 
 
