@@ -40,9 +40,18 @@ def _origin(record: PolicyRecord) -> str:
         f"to {_action(record)}. Trained by `{record.algorithm}` for {minutes:.1f} minutes on {config.get('threads')} "
         f"threads: {steps:,} agent-steps in {training.get('updates', 0):,} updates, seed {config.get('seed')}, on the "
         f"layouts {_list(config.get('layouts'))} with {_list(config.get('robots'))} robots, routes by "
-        f"`{config.get('planner')}`, episodes of {config.get('episode_seconds')} s, without a protective field and "
-        f"without respawn. Training seeds lie below {HELD_OUT_SEED:,}, evaluation seeds from there on. "
+        f"`{config.get('planner')}`, episodes of {config.get('episode_seconds')} s (worlds that jammed for "
+        f"{config.get('jam_seconds')} s ended early), without a protective field. {_start(record)}Training seeds lie below {HELD_OUT_SEED:,}, evaluation seeds from there on. "
         f"Actions are chosen by: {record.mode}."
+    )
+
+
+def _start(record: PolicyRecord) -> str:
+    if not record.env.sensor.predictions:
+        return ""
+    return (
+        "Before the training the policy was set by hand to prefer the fastest command for which the observation "
+        "predicts no conflict; what the training adds is the difference to that. "
     )
 
 
