@@ -35,15 +35,19 @@ def _origin(record: PolicyRecord) -> str:
     training = record.training
     config = training.get("config", {})
     minutes, steps = training.get("seconds", 0.0) / 60.0, training.get("steps", 0)
-    return (
-        f"A policy for one robot among many, from its own observation of {record.network.observation_size} numbers "
-        f"to {_action(record)}. Trained by `{record.algorithm}` for {minutes:.1f} minutes on {config.get('threads')} "
-        f"threads: {steps:,} agent-steps in {training.get('updates', 0):,} updates, seed {config.get('seed')}, on the "
-        f"layouts {_list(config.get('layouts'))} with {_list(config.get('robots'))} robots, routes by "
+    sentences = (
+        f"A policy for one robot among many, from its own observation of {record.network.observation_size} numbers to "
+        f"{_action(record)}.",
+        f"Trained by `{record.algorithm}` for {minutes:.1f} minutes on {config.get('threads')} threads: {steps:,} "
+        f"agent-steps in {training.get('updates', 0):,} updates, seed {config.get('seed')}, on the layouts "
+        f"{_list(config.get('layouts'))} with {_list(config.get('robots'))} robots, routes by "
         f"`{config.get('planner')}`, episodes of {config.get('episode_seconds')} s (worlds that jammed for "
-        f"{config.get('jam_seconds')} s ended early), without a protective field. {_start(record)}Training seeds lie below {HELD_OUT_SEED:,}, evaluation seeds from there on. "
-        f"Actions are chosen by: {record.mode}."
+        f"{config.get('jam_seconds')} s ended early), without a protective field.",
+        _start(record),
+        f"Training seeds lie below {HELD_OUT_SEED:,}, evaluation seeds from there on.",
+        f"Actions are chosen by: {record.mode}.",
     )
+    return " ".join(sentence for sentence in sentences if sentence)
 
 
 def _start(record: PolicyRecord) -> str:
@@ -51,7 +55,7 @@ def _start(record: PolicyRecord) -> str:
         return ""
     return (
         "Before the training the policy was set by hand to prefer the fastest command for which the observation "
-        "predicts no conflict; what the training adds is the difference to that. "
+        "predicts no conflict; what the training adds is the difference to that."
     )
 
 
