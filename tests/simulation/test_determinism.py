@@ -46,7 +46,8 @@ def bits(simulator: Simulator) -> list[bytes]:
 
 def run(worlds: int, steps: int, robots: int, action_type: Any, grid: GridMap, **changes: Any) -> list[str]:
     """A digest of each world's whole history."""
-    config = EnvConfig(num_agents=robots, action_type=action_type, planner="astar", **changes)
+    settings = {"action_repeat": 2, "planner": "astar"} | changes
+    config = EnvConfig(num_agents=robots, action_type=action_type, **settings)
     simulator = Simulator(config, worlds, grid=grid)
     simulator.reset(seed=4)
     digests = [hashlib.blake2b(first) for first in bits(simulator)]
@@ -77,11 +78,12 @@ def test_one_thread_equals_two(monkeypatch: pytest.MonkeyPatch) -> None:
     if numba.config.NUMBA_NUM_THREADS < 2:
         pytest.skip("one thread only")
     results = []
+    sensor = SensorSpec(predictions=True)
     try:
         for threads, parallel_from in ((1, 1), (2, 1), (2, 10**9)):
             numba.set_num_threads(threads)
             monkeypatch.setattr(simulator, "PARALLEL_FROM", parallel_from)
-            results.append(run(9, 150, 4, "discrete", drawn(MAP)))
+            results.append(run(9, 150, 4, "discrete", drawn(MAP), sensor=sensor))
     finally:
         numba.set_num_threads(before)
     assert results[0] == results[1] == results[2]
@@ -97,7 +99,7 @@ def test_many_robots_take_the_threads_by_themselves() -> None:
 
 
 def test_a_list_of_seeds_gives_single_worlds() -> None:
-    config = EnvConfig(num_agents=3, planner="astar")
+    config = EnvConfig(num_agents=3, planner="astar", action_repeat=2)
     batch = Simulator(config, 3, grid=drawn(MAP))
     batch.reset(seed=[11, 12, 11])
     for world, seed in enumerate((11, 12, 11)):
@@ -108,7 +110,7 @@ def test_a_list_of_seeds_gives_single_worlds() -> None:
 
 
 def test_resetting_one_world_leaves_the_others_alone() -> None:
-    config = EnvConfig(num_agents=3, planner="astar")
+    config = EnvConfig(num_agents=3, planner="astar", action_repeat=2)
     actions = actions_for("discrete", 60, 3, 3)
     one, other = (Simulator(config, 3, grid=drawn(MAP)) for _ in range(2))
     for batch in (one, other):
@@ -129,7 +131,7 @@ def test_resetting_one_world_leaves_the_others_alone() -> None:
 
 
 def test_a_reset_leaves_nothing_behind() -> None:
-    config = EnvConfig(num_agents=4, planner="astar", tasks="one_shot", terminate_on_collision=True)
+    config = EnvConfig(num_agents=4, planner="astar", action_repeat=2, tasks="one_shot", terminate_on_collision=True)
     used, fresh = (Simulator(config, 2, grid=drawn(MAP)) for _ in range(2))
     used.reset(seed=1)
     for actions in actions_for("discrete", 120, 2, 4):
@@ -145,7 +147,7 @@ def test_a_reset_leaves_nothing_behind() -> None:
 
 
 def test_without_a_seed_each_world_goes_on_with_its_own() -> None:
-    config = EnvConfig(num_agents=3, planner="astar")
+    config = EnvConfig(num_agents=3, planner="astar", action_repeat=2)
     one, other = (Simulator(config, 2, grid=drawn(MAP)) for _ in range(2))
     for batch in (one, other):
         batch.reset(seed=3)
@@ -159,9 +161,9 @@ def test_without_a_seed_each_world_goes_on_with_its_own() -> None:
 PROGRAM = """
 import sys
 sys.path.insert(0, {root!r})
-from tests.simulation.test_determinism import MAP, drawn, run
+from tests.simulation.test_determinism import MAP, SensorSpec, drawn, run
 for action_type in {types!r}:
-    print(*run({worlds}, {steps}, {robots}, action_type, drawn(MAP)))
+    print(*run({worlds}, {steps}, {robots}, action_type, drawn(MAP), sensor=SensorSpec(predictions=True)))
 """
 
 
@@ -181,12 +183,14 @@ def elsewhere(worlds: int, steps: int, robots: int, **environment: str) -> list[
 
 
 def test_another_process_gives_the_same_bits() -> None:
-    here = [run(3, 200, 3, action_type, drawn(MAP)) for action_type in ACTION_TYPES]
+    sensor = SensorSpec(predictions=True)
+    here = [run(3, 200, 3, action_type, drawn(MAP), sensor=sensor) for action_type in ACTION_TYPES]
     assert elsewhere(3, 200, 3) == here
 
 
 def test_plain_python_gives_the_same_bits() -> None:
-    here = [run(1, 30, 9, action_type, drawn(MAP)) for action_type in ACTION_TYPES]
+    sensor = SensorSpec(predictions=True)
+    here = [run(1, 30, 9, action_type, drawn(MAP), sensor=sensor) for action_type in ACTION_TYPES]
     assert elsewhere(1, 30, 9, NUMBA_DISABLE_JIT="1") == here
 
 
@@ -205,7 +209,7 @@ def permuted(original: Simulator, order: NDArray[np.int64]) -> Simulator:
 @pytest.mark.parametrize("robots", [7, 36])
 def test_permuted_robots_give_permuted_results(action_type: Any, robots: int) -> None:
     # One-shot, since lifelong robots draw their next goals in their order.
-    config = EnvConfig(num_agents=robots, action_type=action_type, planner="astar", tasks="one_shot")
+    config = EnvConfig(num_agents=robots, action_type=action_type, planner="astar", action_repeat=2, tasks="one_shot")
     original = Simulator(config, grid=room(7, 7) if robots == 7 else room(20, 20))
     original.reset(seed=8)
     order = np.random.default_rng(1).permutation(robots)
@@ -226,7 +230,7 @@ def test_permuted_robots_give_permuted_results(action_type: Any, robots: int) ->
 @pytest.mark.parametrize("action_type", ["discrete", "raw"])
 @pytest.mark.parametrize("robots", [12, 40])
 def test_buckets_change_nothing(action_type: Any, robots: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    config = EnvConfig(num_agents=robots, action_type=action_type, planner="astar")
+    config = EnvConfig(num_agents=robots, action_type=action_type, planner="astar", action_repeat=2)
     pair = []
     for few in (0, 10**6):
         monkeypatch.setattr(buckets, "FEW", few)

@@ -107,7 +107,7 @@ def test_more_robots_than_one_bucket_holds(seed: int) -> None:
 @given(st.integers(0, 10**6), st.sampled_from(["discrete", "continuous"]))
 def test_random_decisions_of_a_policy(seed: int, action_type: Any) -> None:
     grid = drawn(MAZE)
-    config = EnvConfig(num_agents=6, action_type=action_type, planner="astar")
+    config = EnvConfig(num_agents=6, action_type=action_type, planner="astar", action_repeat=2)
     simulator = Simulator(config, grid=grid)
     simulator.reset(seed=seed)
     walls = shelves(grid.occupied)
@@ -122,7 +122,9 @@ def test_random_decisions_of_a_policy(seed: int, action_type: Any) -> None:
 @given(st.integers(0, 10**6))
 def test_one_shot_robots_that_parked_are_in_the_way(seed: int) -> None:
     grid = drawn(MAZE)
-    config = EnvConfig(num_agents=6, tasks="one_shot", planner="astar", terminate_on_collision=seed % 2 == 0)
+    config = EnvConfig(
+        num_agents=6, tasks="one_shot", planner="astar", action_repeat=2, terminate_on_collision=seed % 2 == 0
+    )
     simulator = Simulator(config, grid=grid)
     simulator.reset(seed=seed)
     walls = shelves(grid.occupied)

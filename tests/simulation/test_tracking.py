@@ -170,7 +170,7 @@ def test_it_turns_round_in_an_aisle_of_two_cells(heading: float) -> None:
 def alone(name: str) -> tuple[Any, list[float]]:
     """ROBOT[16] and driven over planned metres, after 300 s of one robot a world that follows its routes."""
     grid = read_map(EXAMPLE_MAP) if name == "example" else make_layout(name)
-    simulator = Simulator(EnvConfig(num_agents=1, planner="astar", max_steps=1500), 16, grid=grid)
+    simulator = Simulator(EnvConfig(num_agents=1, planner="astar", action_repeat=2, max_steps=1500), 16, grid=grid)
     simulator.reset(seed=7)
     cruise = np.full((16, 1), simulator.cruise_action)
     for _ in range(1500):
@@ -205,7 +205,7 @@ UNGUARDED = pytest.mark.xfail(
 
 @pytest.mark.parametrize("name", [pytest.param("paper46", marks=UNGUARDED), pytest.param("random", marks=UNGUARDED)])
 def test_no_decision_of_a_policy_drives_it_into_a_shelf(name: str) -> None:
-    simulator = Simulator(EnvConfig(layout=name, num_agents=1, planner="astar", max_steps=1500), 24)
+    simulator = Simulator(EnvConfig(layout=name, num_agents=1, planner="astar", action_repeat=2), 24)
     simulator.reset(seed=7)
     rng = np.random.default_rng(1)
     odds = np.repeat([0.01, 0.01, 0.05, 0.13], OFFSETS)
