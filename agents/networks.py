@@ -19,10 +19,12 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.observation import observation_layout
 
 # How strongly the untrained policy prefers a command without a conflict, a fast one, and the route itself (logits).
-FIRST_FREE = 18.0  # from an immediate conflict to none, about
-FIRST_SPEED = 3.0  # from standing to the fastest level
+FIRST_FREE = 18.0  # from an immediate conflict to none
+FIRST_SPEED = 4.0  # from standing to the fastest level, where there is no conflict
 FIRST_OFFSET = 2.0  # per metre to either side
 FIRST_LEFT = 0.8  # per metre to the left, on top: pass on the right
+FIRST_BRAKE = 3.0  # to brake where every command leads to an immediate conflict
+PASSED = math.tanh(math.tanh(0.5))  # what two tanh layers make of 0.5
 _HALF_LOG_TAU = 0.5 * math.log(2.0 * math.pi)
 
 
@@ -116,9 +118,10 @@ def first_actor_critic(network: Network, env: EnvConfig, cruise_bias: float) -> 
     if not (network.discrete and env.sensor.predictions):
         return ActorCritic(network, cruise_output(env, cruise_bias))
     table = np.array([(v, o) for v in env.speed_levels for o in env.lateral_offsets], np.float32)
-    forward = FIRST_SPEED * table[:, 0] / table[:, 0].max()
     aside = FIRST_OFFSET * np.abs(table[:, 1]) + FIRST_LEFT * np.maximum(table[:, 1], 0.0)
-    net = ActorCritic(network, (forward - aside).astype(np.float32))
+    free = FIRST_FREE + FIRST_SPEED * table[:, 0] / table[:, 0].max() - aside  # the logit without a conflict
+    hit = np.where(table[:, 0] == 0.0, FIRST_BRAKE, 0.0)  # and with an immediate one
+    net = ActorCritic(network, (0.5 * (free + hit)).astype(np.float32))
     start = observation_layout(env).slices["predictions"].start
     if min(network.hidden) < network.actions:
         raise ConfigError(f"hidden={network.hidden} must hold at least {network.actions} units, one for each action")
@@ -132,7 +135,7 @@ def first_actor_critic(network: Network, env: EnvConfig, cruise_bias: float) -> 
                 weight[units, inputs] = 1.0
                 layer.get_parameter("bias")[units] = -0.5 if number == 0 else 0.0
             else:
-                weight[units, inputs] = FIRST_FREE
+                weight[units, inputs] = torch.from_numpy(free - hit).float() / (2.0 * PASSED)
     return net
 
 

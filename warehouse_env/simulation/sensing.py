@@ -17,36 +17,40 @@ _FIVE = np.float32(5.0)
 
 @inline
 def scan_shelves(cx, cy, c, s, lidar_range, solid, cell, rays, out):  # type: ignore[no-untyped-def]
-    """Write the distance [m] of each ray from (cx, cy) to the nearest shelf, at most lidar_range (grid traversal).
+    """Write the distance [m] of each ray from (cx, cy) to the nearest shelf, at most lidar_range.
 
-    rays: float32[R, 2], unit vectors in the robot's frame; (c, s) its heading.
+    rays: float32[R, 2], unit vectors in the robot's frame; (c, s) its heading. A ray meets a shelf where it crosses
+    into its column or into its row: two loops whose steps do not wait for each other.
     """
     gx, gy = cx / cell + ONE, cy / cell + ONE
-    start_column, start_row = int(gx), int(gy)
-    left, below = gx - np.float32(start_column), gy - np.float32(start_row)
+    first_column, first_row = int(gx), int(gy)
+    left, below = gx - np.float32(first_column), gy - np.float32(first_row)
+    east, north = np.float32(solid.shape[1] - 1) - gx, np.float32(solid.shape[0] - 1) - gy
     reach = lidar_range / cell
     for k in range(rays.shape[0]):
         ux = c * rays[k, 0] - s * rays[k, 1]
         uy = s * rays[k, 0] + c * rays[k, 1]
         dx, dy = abs(ONE / ux), abs(ONE / uy)
-        column, row = start_column, start_row
-        tx = (ONE - left) * dx if ux > ZERO else left * dx
-        ty = (ONE - below) * dy if uy > ZERO else below * dy
-        step_column = 1 if ux > ZERO else -1
-        step_row = 1 if uy > ZERO else -1
-        distance = ZERO
-        while True:
-            if tx < ty:
-                distance = tx
-                tx += dx
-                column += step_column
-            else:
-                distance = ty
-                ty += dy
-                row += step_row
-            if distance >= reach or solid[row, column] != 0:
+        best = min(reach, min((east if ux > ZERO else gx - ONE) * dx, (north if uy > ZERO else gy - ONE) * dy))
+        t = (ONE - left if ux > ZERO else left) * dx
+        step = 1 if ux > ZERO else -1
+        column = first_column
+        while t < best:
+            column += step
+            if solid[int(gy + uy * t), column] != 0:
+                best = t
                 break
-        out[k] = min(distance, reach) * cell
+            t += dx
+        t = (ONE - below if uy > ZERO else below) * dy
+        step = 1 if uy > ZERO else -1
+        row = first_row
+        while t < best:
+            row += step
+            if solid[row, int(gx + ux * t)] != 0:
+                best = t
+                break
+            t += dy
+        out[k] = best * cell
 
 
 @inline
