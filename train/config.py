@@ -41,9 +41,9 @@ class TrainingConfig:
     """Budget of wall-clock time; with both this and STEPS, whichever ends first."""
     steps: int | None = None
     """Budget of agent-steps (one decision of one robot); 20 million if MINUTES is not given either."""
-    layouts: tuple[str, ...] = ("paper46", "narrow", "random")
+    layouts: tuple[str, ...] = ("paper46", "narrow")
     """Layouts to train on, by name; each is mixed with each robot count."""
-    robots: tuple[int, ...] = (8, 16, 24)
+    robots: tuple[int, ...] = (12, 16, 24)
     """Robots in a world."""
     rows: int = 384
     """Robots trained with at a time, over all worlds; rounded so that every mix has at least one world."""
@@ -53,17 +53,17 @@ class TrainingConfig:
     """How far routes keep to the right of the planned path where there is room [m]."""
     action_type: ActionType = "discrete"
     """What the policy commands."""
-    episode_seconds: float = 120.0
+    episode_seconds: float = 200.0
     """Simulated time after which a world is reset [s]."""
-    jam_seconds: float = 10.0
-    """A world is reset early once a fifth of its robots stand still for this long [s]; little is learned there."""
+    jam_seconds: float = 60.0
+    """A world is reset early once a fifth of its robots stand still for this long [s]."""
     gamma: float = 0.98
     """Discount of one decision."""
     gae_lambda: float = 0.95
     """Weight of longer returns in the advantage; 1 is the plain truncated return with the baseline."""
     collision_first: float = -1.0
     """Reward of a contact at the start: dear contacts there teach to park."""
-    collision_last: float = -20.0
+    collision_last: float = -30.0
     """Reward of a contact at the end; between, it changes linearly with the share of the budget spent."""
     contact: float = -0.5
     """Reward of every decision in touch, unless told to stand: dear enough that pushing on does not pay."""
@@ -197,6 +197,8 @@ class PPOConfig(TrainingConfig):
 
     name: str = "ppo"
     """Name of the run; its folder is OUT/NAME."""
+    learning_rate: float = 2e-4
+    """Adam's first step size, decayed linearly to a twentieth of it."""
     rollout: int = 48
     """Decisions of every robot between two updates."""
     minibatch: int = 4096
