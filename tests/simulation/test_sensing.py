@@ -108,25 +108,28 @@ def test_no_robot_is_seen_behind_a_shelf() -> None:
     assert lidar(behind)[0] == pytest.approx(1.3, abs=1e-5)
 
 
-ALONG_A_LINE = pytest.mark.xfail(
-    reason="scan_shelves: a ray with uy == 0 from a centre exactly on a cell line has ty = 0 * inf = nan, and so has d"
-)
-
-
 @pytest.mark.parametrize(
-    "pose",
-    [
-        pytest.param((3.3, 2.0, 0.0), marks=ALONG_A_LINE),
-        (3.0, 2.0 + 0.3, math.pi / 2),
-        (3.3, 2.0, 1e-9),
-        (2.7, 2.0, math.pi),
-    ],
+    "pose", [(3.3, 2.0, 0.0), (3.0, 2.0 + 0.3, math.pi / 2), (3.3, 2.0, 1e-9), (2.7, 2.0, math.pi)]
 )
 def test_a_centre_on_a_line_between_cells(pose: Any) -> None:
     # x = 3 or y = 2 in float32: rays along the line have 0 * inf in their traversal.
     simulator = stage(room(5, 9), pose)
     assert np.isfinite(look(simulator, "lidar")).all()
     assert_lidar(simulator, 0)
+
+
+@pytest.mark.xfail(
+    reason="scan_shelves: at a corner, rounding may put both the row and the column beyond it, and neither shelf is met"
+)
+def test_no_ray_slips_between_shelves_that_touch_at_a_corner() -> None:
+    # Shelves north and east of the cell x, y = 2..3; their common corner (3, 3) is aimed at by ray 0.
+    simulator = stage(drawn(["......", "......", "..#...", "...#..", "......", "......"]), (2.5, 2.5, 0.0))
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        cx, cy = rng.uniform(2.1, 2.9, 2)
+        heading = math.atan2(3.0 - cy, 3.0 - cx)
+        put(simulator, 0, (cx + OFFSET * math.cos(heading), cy + OFFSET * math.sin(heading), heading))
+        assert lidar(simulator)[0] <= math.hypot(3.0 - cx, 3.0 - cy) + 1e-4
 
 
 def scattered(seed: int, robots: int, grid: GridMap, **changes: Any) -> Simulator:
