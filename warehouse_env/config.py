@@ -110,7 +110,7 @@ class EnvConfig:
     action_repeat: int = 1  # physics steps per env step; the shipped policies decide every 0.2 s, so they set 2
     arrival_radius: float = 0.5  # [m], front axle to the goal cell's centre
     near_miss_gap: float = 0.1  # [m]
-    stuck_after: float = 60.0  # [s] without reaching a goal
+    stuck_after: float = 60.0  # [s] without a metre of progress on the route
     terminate_on_collision: bool = False
     speed_levels: tuple[float, ...] = (-0.4, 0.0, 0.5, 1.3)  # [m/s], of discrete actions
     lateral_offsets: tuple[float, ...] = (0.0, 0.6, -0.6, 1.2, -1.2)  # [m], left of the route is positive

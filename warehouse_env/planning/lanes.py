@@ -30,11 +30,11 @@ def _free_to(solid, x, y, ux, uy, cell):  # type: ignore[no-untyped-def]
     """Distance [m] along (ux, uy) to the first shelf, at most SIGHT, in steps of 5 cm."""
     steps = int(SIGHT / 0.05)
     for k in range(1, steps + 1):
-        t = 0.05 * k
+        t = 0.05 * k - 0.025
         row = int(math.floor((y + t * uy) / cell)) + 1
         column = int(math.floor((x + t * ux) / cell)) + 1
         if row < 0 or column < 0 or row >= solid.shape[0] or column >= solid.shape[1] or solid[row, column]:
-            return t - 0.05
+            return t
     return SIGHT
 
 

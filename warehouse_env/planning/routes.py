@@ -10,13 +10,14 @@ import contextlib
 import math
 import os
 import sqlite3
+import weakref
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from platformdirs import user_cache_dir
 
-from warehouse_env.errors import PlanError
+from warehouse_env.errors import MapError, PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.lanes import drivable_line
 from warehouse_env.planning.plan import Planner
@@ -44,6 +45,7 @@ class PlanStore:
             database.execute("PRAGMA synchronous=OFF")
             database.execute("CREATE TABLE IF NOT EXISTS plan (key TEXT PRIMARY KEY, cells BLOB) WITHOUT ROWID")
             self._database = database
+        weakref.finalize(self, _write, self._database, self._pending)  # also at the interpreter's exit
 
     def get(self, key: str) -> NDArray[np.int64] | None:
         """Return the cells int64[L, 2] kept under a key, or None."""
@@ -51,9 +53,9 @@ class PlanStore:
             return None
         try:
             row = self._database.execute("SELECT cells FROM plan WHERE key = ?", (key,)).fetchone()
-        except sqlite3.Error:
+            return None if row is None else np.frombuffer(row[0], dtype="<i4").reshape(-1, 2).astype(np.int64)
+        except (sqlite3.Error, ValueError, TypeError):
             return None
-        return None if row is None else np.frombuffer(row[0], dtype="<i4").reshape(-1, 2).astype(np.int64)
 
     def put(self, key: str, cells: NDArray[np.int64]) -> None:
         """Keep cells under a key."""
@@ -63,14 +65,14 @@ class PlanStore:
 
     def flush(self) -> None:
         """Write what is pending."""
-        if self._database is not None and self._pending:
-            with contextlib.suppress(sqlite3.Error), self._database:
-                self._database.executemany("INSERT OR REPLACE INTO plan VALUES (?, ?)", self._pending)
-        self._pending.clear()
+        _write(self._database, self._pending)
 
-    def __del__(self) -> None:
-        with contextlib.suppress(Exception):
-            self.flush()
+
+def _write(database: sqlite3.Connection | None, pending: list[tuple[str, bytes]]) -> None:
+    if database is not None and pending:
+        with contextlib.suppress(sqlite3.Error), database:
+            database.executemany("INSERT OR REPLACE INTO plan VALUES (?, ?)", pending)
+    pending.clear()
 
 
 class RouteBook:
@@ -106,8 +108,7 @@ class RouteBook:
             return self.grid
         occupied = self.grid.occupied.copy()
         occupied[cell] = True
-        ends = self.grid.free_cells[:1]
-        return GridMap(occupied, self.grid.height, self.grid.cell_size, ends, ends, self.grid.name)
+        return GridMap(occupied, self.grid.height, self.grid.cell_size, name=self.grid.name)
 
     def _blocked_turn(self, start: Cell, goal: Cell, heading: float) -> Cell | None:
         """Return the cell behind a robot that stands in a single lane, where it cannot turn round; else None."""
@@ -134,7 +135,7 @@ class RouteBook:
         if known is None:
             try:
                 cells = self.cells(start, goal, behind)
-            except PlanError:
+            except (MapError, PlanError):
                 if behind is None:
                     raise
                 cells = self.cells(start, goal)  # a dead end: it must back out

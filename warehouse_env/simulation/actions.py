@@ -56,8 +56,11 @@ class ActionDecoder:
 
     def decode(self, actions: ArrayLike, commands: NDArray[np.float32]) -> None:
         """Write commands float32[B, N, 2] of all robots; ActionError for a wrong shape, type, range or non-number."""
-        given = np.asarray(actions)
         kind = self._config.action_type
+        try:
+            given = np.asarray(actions)
+        except ValueError:
+            raise ActionError(f"{kind} actions must be numbers in an array, not lists of different lengths") from None
         if kind == "discrete":
             shape = commands.shape[:2]
             if given.shape != shape or given.dtype.kind not in "iu":

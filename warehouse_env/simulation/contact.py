@@ -2,8 +2,8 @@
 
 All robots move at once; whoever runs into something is put back to the substep's start with zero speed, and this
 is repeated until nothing overlaps: at worst all stand where they stood. So no body ever overlaps another.
-A contact episode lasts as long as every physics step brings a touch: a robot that leans on another is counted
-once, one that bumps again after a step without a touch twice. A near miss is a gap under `near_miss_gap` that
+A contact episode begins with a touch and ends when the gap is wider than `near_miss_gap`: a robot that keeps
+pushing another is counted once, however often it is put back. A near miss is a gap under `near_miss_gap` that
 opened again untouched.
 """
 
@@ -20,7 +20,7 @@ from warehouse_env.simulation.state import GAP_HORIZON
 from warehouse_env.simulation.trigonometry import ZERO, sin_cos
 
 _HORIZON = np.float32(GAP_HORIZON)
-NEAR, CONTACT, AFTER = 1, 2, 3  # status of a pair: near, touching, near after a touch; 0 = apart
+NEAR, CONTACT = 1, 2  # status of a pair: near and untouched, in a contact episode; 0 = apart
 
 
 @inline
@@ -96,7 +96,7 @@ def keep_off_shelves(robots, p, solid, clearance):  # type: ignore[no-untyped-de
                 r["touching"] = 1
                 if r["shelf_contact"] == 0:
                     r["hit_shelf"] += 1
-                r["shelf_contact"] = 2
+                r["shelf_contact"] = 1
 
 
 @inline
@@ -180,6 +180,8 @@ def judge_pairs(robots, pairs, count, stamps, clock, p):  # type: ignore[no-unty
             dx, dy, r["cos"], r["sin"], p["half_length"], p["half_width"],
             o["cos"], o["sin"], p["half_length"], p["half_width"],
         )  # fmt: skip
+        if pairs[k, 2] != 0:
+            gap = ZERO
         r["gap"] = min(r["gap"], gap)
         o["gap"] = min(o["gap"], gap)
         stamp = stamps[i, j]
@@ -197,15 +199,22 @@ def judge_pairs(robots, pairs, count, stamps, clock, p):  # type: ignore[no-unty
             if before == NEAR:
                 r["near_miss"] += 1
                 o["near_miss"] += 1
-        else:
-            now = NEAR if before == 0 or before == NEAR else AFTER
+        elif before == 0:
+            now = NEAR
         if now != 0:
             stamps[i, j] = 4 * clock + now
 
 
 @inline
-def end_shelf_contacts(robots):  # type: ignore[no-untyped-def]
-    """Age the shelf contacts: 2 = in this physics step, 1 = in the one before, 0 = none."""
+def end_shelf_contacts(robots, p, solid, clearance):  # type: ignore[no-untyped-def]
+    """A shelf episode ends when the body, widened by near_miss_gap, is free again."""
+    wide = p["near_miss_gap"]
     for i in range(robots.shape[0]):
-        if robots[i]["shelf_contact"] > 0:
-            robots[i]["shelf_contact"] -= 1
+        r = robots[i]
+        if r["shelf_contact"] != 0:
+            c, s = r["cos"], r["sin"]
+            cx, cy = r["x"] - p["offset"] * c, r["y"] - p["offset"] * s
+            if not body_touches_shelf(
+                cx, cy, c, s, p["half_length"] + wide, p["half_width"] + wide, solid, clearance, p["cell"]
+            ):
+                r["shelf_contact"] = 0

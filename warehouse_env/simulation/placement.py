@@ -14,13 +14,13 @@ from warehouse_env.simulation.geometry import rectangle_gap
 from warehouse_env.simulation.kernel import kernel
 from warehouse_env.simulation.trigonometry import sin_cos
 
-GAP = np.float32(0.15)  # [m] to shelves and robots at the start
+GAP = np.float32(0.15)  # [m] to robots at the start, half of it to shelves
 TURNS = (0, 1, -1, 2, -2, 3, -3, 4)  # eighths of a circle tried off the route's direction
 
 
 @kernel
 def _fits(robots, count, x, y, heading, p, solid, clearance, gap):  # type: ignore[no-untyped-def]
-    """Whether a body at (x, y, heading) keeps `gap` from shelves and from the first `count` robots."""
+    """Whether a body at (x, y, heading) keeps `gap` from the first `count` robots and half of it from shelves."""
     s, c = sin_cos(heading)
     cx, cy = x - p["offset"] * c, y - p["offset"] * s
     wide = np.float32(0.5) * gap

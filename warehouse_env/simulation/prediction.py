@@ -23,7 +23,7 @@ TURNING = np.float32(1.2)  # [rad] of bearing from which the robot turns on the 
 TURN_SIDE = np.float32(0.75)  # [m] half the side of the square that a turn on the spot may sweep
 _FIVE = np.float32(5.0)
 _SHORT = np.float32(1e-3)
-_FAR = np.float32(2.0)  # [m^2] beyond which two bodies with their margins cannot touch
+_DIAGONAL = np.float32(1.4143)  # of a unit square, rounded up
 
 
 @inline
@@ -78,7 +78,9 @@ def seconds_free(row, ego, route, near, speed, offset, p):  # type: ignore[no-un
         t = HORIZON * np.float32(k) / np.float32(SAMPLES)
         margin = MARGIN + MARGIN_RATE * t
         half_length, half_width = p["half_length"] + margin, p["half_width"] + margin
+        far = p["radius"] + p["radius"] + _DIAGONAL * margin
         if turning:
+            far = p["radius"] + _DIAGONAL * TURN_SIDE
             x, y, c, s = ZERO, ZERO, ONE, ZERO
             half_length, half_width = TURN_SIDE, TURN_SIDE
         else:
@@ -93,7 +95,7 @@ def seconds_free(row, ego, route, near, speed, offset, p):  # type: ignore[no-un
                 break
             dx = row[at] * p["lidar_range"] + (row[at + 4] * p["max_speed"] + v0) * t - cx
             dy = row[at + 1] * p["lidar_range"] + row[at + 5] * p["max_speed"] * t - cy
-            if dx * dx + dy * dy < _FAR and rectangles_touch(
+            if dx * dx + dy * dy < far * far and rectangles_touch(
                 dx, dy, c, s, half_length, half_width,
                 row[at + 2], row[at + 3], p["half_length"], p["half_width"],
             ):  # fmt: skip

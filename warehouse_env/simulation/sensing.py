@@ -13,6 +13,7 @@ from warehouse_env.simulation.trigonometry import HALF_PI, ONE, PI, TWO_PI, ZERO
 
 _TWENTY = np.float32(20.0)
 _FIVE = np.float32(5.0)
+_BEFORE = np.float32(2e-5)  # [cells] before a crossing, so that no ray slips between shelves that touch at a corner
 
 
 @inline
@@ -37,7 +38,7 @@ def scan_shelves(cx, cy, c, s, lidar_range, solid, cell, rays, out):  # type: ig
         column = first_column
         while t < best:
             column += step
-            if solid[int(gy + uy * t), column] != 0:
+            if solid[int(gy + uy * (t - _BEFORE)), column] != 0:
                 best = t
                 break
             t += dx
@@ -46,7 +47,7 @@ def scan_shelves(cx, cy, c, s, lidar_range, solid, cell, rays, out):  # type: ig
         row = first_row
         while t < best:
             row += step
-            if solid[row, int(gx + ux * t)] != 0:
+            if solid[row, int(gx + ux * (t - _BEFORE))] != 0:
                 best = t
                 break
             t += dy

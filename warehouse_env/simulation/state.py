@@ -5,6 +5,7 @@ One record a robot keeps a step's call cheap (one array instead of forty) and it
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -72,6 +73,8 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
     half_length, half_width = robot.length / 2, robot.width / 2
     radius = float(np.hypot(half_length, half_width))
     fastest = max(robot.max_speed, -robot.min_speed)
+    swing = (robot.rear_reach - half_length) * math.tan(robot.max_steering) / robot.wheelbase
+    closing = 2 * fastest * math.hypot(1.0, swing) * config.time_step  # two centres, in one physics step
     values = {
         "dt": config.time_step / config.substeps, "time_step": config.time_step,
         "substeps": config.substeps, "repeat": config.action_repeat,
@@ -81,7 +84,7 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
         "max_acceleration": robot.max_acceleration,
         "max_steer": robot.max_steering, "max_steer_rate": robot.max_steering_rate,
         "arrival_radius": config.arrival_radius, "near_miss_gap": config.near_miss_gap,
-        "pair_range": 2 * radius + GAP_HORIZON + 4 * fastest * config.time_step,
+        "pair_range": 2 * radius + GAP_HORIZON + closing,
         "cell": cell, "lidar_range": sensor.lidar_range, "rays": sensor.rays, "neighbours": sensor.neighbours,
         "route_points": sensor.route_points, "route_spacing": sensor.route_spacing,
         "predictions": sensor.predictions,

@@ -110,7 +110,7 @@ def _advance_world(robots, routes, actions, stamps, pairs, heads, nexts, side, c
             contact.keep_off_robots(robots, pairs, count, p)
             contact.accept_motion(robots)
         contact.judge_pairs(robots, pairs, count, stamps, clock + repeat, p)
-        contact.end_shelf_contacts(robots)
+        contact.end_shelf_contacts(robots, p, solid, clearance)
         for i in range(robots.shape[0]):
             arrivals += _end(robots[i], routes[i], p)
     for i in range(robots.shape[0]):

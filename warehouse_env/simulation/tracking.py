@@ -24,6 +24,7 @@ SLOW = np.float32(0.45)  # [m/s] under which another steering angle may be chose
 BEND_SCALE = np.float32(0.9)  # [rad] of steering at which the speed has come down to a creep
 MARGIN = np.float32(0.03)  # [m] the follower keeps from shelves
 TIGHT = np.float32(0.015)  # [m] when it creeps off a shelf that it has come too near
+LAST = np.float32(0.002)  # [m] when even that leaves no way
 LANE_CLEARANCE = np.float32(0.45)  # [m] a way-point moved sideways keeps from shelves
 OFFSET_FADE = np.float32(2.0)  # [m] before the goal in which offsets fade out
 BACK_OUT = np.float32(0.8)  # [m] at most in one go
@@ -133,9 +134,14 @@ def _attempt(r):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _when_ready(r, speed, steer):  # type: ignore[no-untyped-def]
-    """The speed, or 0 while the wheels still turn towards the steering angle."""
-    return speed if abs(steer - r["steer"]) < READY else ZERO
+def _brake_steer(r, steer, p, solid, clearance):  # type: ignore[no-untyped-def]
+    """The steering angle to brake with: the wanted one if its sweep is free, else the present one, free before."""
+    dt = p["time_step"]
+    next_steer = approach(r["steer"], steer, p["max_steer_rate"] * dt)
+    slower = approach(r["speed"], ZERO, p["max_acceleration"] * dt)
+    if r["speed"] == ZERO:
+        return steer
+    return steer if _is_free(r, slower, next_steer, ZERO, MARGIN, p, solid, clearance) else r["steer"]
 
 
 @inline
@@ -150,14 +156,16 @@ def _back_out(r, angle, p, solid, clearance):  # type: ignore[no-untyped-def]
         found, steer = _steer_free(r, wanted, BACK_SPEED, TWO * most, CREEP_HORIZON, TIGHT, p, solid, clearance)
     if not found:
         r["gear"] = ANYWHERE if backed < CREEP_HORIZON else FORWARD
-        return ZERO, wanted
+        return ZERO, _brake_steer(r, wanted, p, solid, clearance)
     if r["gear_distance"] <= ZERO:
         r["gear"] = ANYWHERE
     elif backed > CREEP_HORIZON:
         turns, _ = _steer_free(r, -wanted, CREEP, most - LEAST_TURN, TURN_HORIZON, MARGIN, p, solid, clearance)
         if turns:
             r["gear"] = FORWARD
-    return _when_ready(r, BACK_SPEED, steer), steer
+    if abs(steer - r["steer"]) < READY:
+        return BACK_SPEED, steer
+    return ZERO, _brake_steer(r, steer, p, solid, clearance)
 
 
 @inline
@@ -174,12 +182,7 @@ def _forward(r, speed, steer, angle, p, solid, clearance):  # type: ignore[no-un
                 r["gear"] = FORWARD
             return speed, steer
     if not slow:
-        slower = approach(r["speed"], ZERO, p["max_acceleration"] * dt)
-        if not _is_free(r, slower, next_steer, ZERO, MARGIN, p, solid, clearance) and _is_free(
-            r, slower, r["steer"], ZERO, MARGIN, p, solid, clearance
-        ):
-            return ZERO, r["steer"]
-        return ZERO, steer
+        return ZERO, _brake_steer(r, steer, p, solid, clearance)
     # a target aside or behind: the sharpest arc that the tail can finish, not one that ends at the wall
     found = False
     free = steer
@@ -188,11 +191,26 @@ def _forward(r, speed, steer, angle, p, solid, clearance):  # type: ignore[no-un
         found, free = _steer_free(r, steer, CREEP, most_shift, TURN_HORIZON, MARGIN, p, solid, clearance)
     if not found and (abs(angle) < BEHIND or r["gear"] == ANYWHERE):
         found, free = _steer_free(r, steer, CREEP, TWO * p["max_steer"], CREEP_HORIZON, TIGHT, p, solid, clearance)
+        if not found and r["gear"] == ANYWHERE:
+            found, free = _steer_free(r, steer, CREEP, TWO * p["max_steer"], CREEP_HORIZON, LAST, p, solid, clearance)
     if not found:
         r["gear"] = BACKWARD
         r["gear_distance"] = BACK_OUT * (ONE + np.float32(_attempt(r)))
-        return ZERO, steer
-    return _when_ready(r, min(speed, CREEP), free), free
+        return ZERO, _brake_steer(r, steer, p, solid, clearance)
+    if abs(free - r["steer"]) < READY:
+        return min(speed, CREEP), free
+    return ZERO, _brake_steer(r, free, p, solid, clearance)
+
+
+@inline
+def _backwards(r, speed, p, solid, clearance):  # type: ignore[no-untyped-def]
+    """Return (speed, steering) of backing with the nose along the route, or of stopping before a shelf."""
+    steer = min(max(r["bearing"], -p["max_steer"]), p["max_steer"])
+    next_steer = approach(r["steer"], steer, p["max_steer_rate"] * p["time_step"])
+    next_speed = approach(r["speed"], speed, p["max_acceleration"] * p["time_step"])
+    if _is_free(r, next_speed, next_steer, ZERO, MARGIN, p, solid, clearance):
+        return speed, steer
+    return ZERO, _brake_steer(r, steer, p, solid, clearance)
 
 
 @inline
@@ -220,10 +238,9 @@ def follow(r, route, wanted_speed, offset, p, solid, clearance):  # type: ignore
             bend = max(abs(steer), abs(steer - r["steer"])) / BEND_SCALE
             limit = CREEP + (p["max_speed"] - CREEP) * max(ZERO, ONE - bend)
             speed, steer = _forward(r, min(speed, limit), steer, angle, p, solid, clearance)
-    elif speed < ZERO:
-        steer = min(max(r["bearing"], -p["max_steer"]), p["max_steer"])  # backing keeps the nose along the route
-        next_speed = approach(r["speed"], speed, p["max_acceleration"] * p["time_step"])
-        if not _is_free(r, min(next_speed, ZERO), steer, ZERO, MARGIN, p, solid, clearance):
-            speed = ZERO
+    elif r["speed"] > ZERO or speed == ZERO:
+        steer = _brake_steer(r, steer, p, solid, clearance)
+    else:
+        speed, steer = _backwards(r, speed, p, solid, clearance)
     r["target_speed"] = speed
     r["target_steer"] = steer
