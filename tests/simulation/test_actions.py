@@ -94,7 +94,6 @@ def test_whole_numbers_of_any_width_will_do(kind: Any) -> None:
     assert simulator.steps.tolist() == [2, 2]
 
 
-@pytest.mark.xfail(reason="ActionDecoder.decode: NumPy's own ValueError comes through for ragged lists")
 def test_ragged_actions_are_an_action_error() -> None:
     with pytest.raises(ActionError):
         small("raw").step([[[0, 0], [0, 0], [0]], [[0, 0]] * 3])

@@ -100,18 +100,14 @@ def test_shelf_and_robot_contacts_are_counted_apart() -> None:
 
 def pressed(gap: float, speed: float, acceleration: float, steps: int) -> tuple[int, float]:
     """(contact episodes, gap left [m]) of a robot that presses on along a line, by contact.py's definition."""
-    dt, count, before = 0.05, 0, False
-    for _ in range(steps):
-        touched = False
-        for _ in range(2):
-            faster = min(max(speed + acceleration * dt, -0.5), 1.5)
-            way = 0.5 * (speed + faster) * dt
-            if way >= gap:
-                speed, touched = 0.0, True
-            else:
-                gap, speed = gap - way, faster
-        count += touched and not before
-        before = touched
+    dt, count = 0.05, 0
+    for _ in range(2 * steps):
+        faster = min(max(speed + acceleration * dt, -0.5), 1.5)
+        way = 0.5 * (speed + faster) * dt
+        if way >= gap:  # put back: the rest of the gap, under near_miss_gap, is the same episode's
+            speed, count = 0.0, 1
+        else:
+            gap, speed = gap - way, faster
     return count, gap
 
 
@@ -129,9 +125,6 @@ def test_pressing_on_follows_the_definition_of_an_episode(gap: float, speed: flo
     assert x_of(robot, 1) - REAR - FRONT - x_of(robot, 0) == pytest.approx(left, abs=1e-5)
 
 
-@pytest.mark.xfail(
-    reason="put back with zero speed, the robot needs several steps to close the rest of the gap: each bump counts anew"
-)
 @pytest.mark.parametrize(("gap", "speed"), [(0.3107, 1.0), (0.4231, 1.5)])
 def test_a_robot_that_presses_on_is_counted_once(gap: float, speed: float) -> None:
     simulator = stage(room(5, 12), (4.0, 2.5, EAST, speed), (4.0 + FRONT + REAR + gap, 2.5, EAST))

@@ -172,8 +172,7 @@ def test_terms_of_a_collision() -> None:
     for terms in (hitter, hit):
         assert terms["collision"] == -7.0
         assert terms["contact"] == -0.25
-        # put back with 2 cm left; the second substep creeps 0.025 m/s * 0.025 s nearer
-        assert terms["proximity"] == pytest.approx(-0.5 * (1 - (0.02 - 0.000625) / 0.3), abs=1e-4)
+        assert terms["proximity"] == -0.5  # they touched: no gap, though put back to 2 cm
     # raw commands: 1.0 + 0.05 m/s and 0.075 rad, after 0 and 0
     assert hitter["smoothness"] == pytest.approx(-4 * (1.05 / 1.5 + 0.075 / math.radians(60)), abs=1e-5)
     assert hit["smoothness"] == 0.0

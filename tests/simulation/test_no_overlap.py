@@ -171,9 +171,6 @@ def test_robots_of_other_shapes_do_not_overlap_either(robot: RobotSpec) -> None:
             assert separation(polygons[:, None], walls[None]).min() > -DEEP
 
 
-@pytest.mark.xfail(
-    reason="parameters_of: pair_range allows for the axle's speed, not for a body's centre that swings about the axle"
-)
 def test_long_tails_that_swing_into_each_other_from_afar() -> None:
     # Tails 1.9 m behind the axle, turned by 83 degrees in one physics step: the centres, 3.16 m apart, come within
     # 0.8 m, mirror images that would cross.

@@ -118,9 +118,6 @@ def test_a_centre_on_a_line_between_cells(pose: Any) -> None:
     assert_lidar(simulator, 0)
 
 
-@pytest.mark.xfail(
-    reason="scan_shelves: at a corner, rounding may put both the row and the column beyond it, and neither shelf is met"
-)
 def test_no_ray_slips_between_shelves_that_touch_at_a_corner() -> None:
     # Shelves north and east of the cell x, y = 2..3; their common corner (3, 3) is aimed at by ray 0.
     simulator = stage(drawn(["......", "......", "..#...", "...#..", "......", "......"]), (2.5, 2.5, 0.0))

@@ -198,12 +198,7 @@ def test_alone_it_touches_no_shelf(name: str) -> None:
     assert alone(name)[0]["hits_shelf"].sum() == 0
 
 
-UNGUARDED = pytest.mark.xfail(
-    reason="rolling on with steering that no sweep has checked: stop and back commands, and _forward's last resort"
-)
-
-
-@pytest.mark.parametrize("name", [pytest.param("paper46", marks=UNGUARDED), pytest.param("random", marks=UNGUARDED)])
+@pytest.mark.parametrize("name", ["paper46", "random"])
 def test_no_decision_of_a_policy_drives_it_into_a_shelf(name: str) -> None:
     simulator = Simulator(EnvConfig(layout=name, num_agents=1, planner="astar", action_repeat=2), 24)
     simulator.reset(seed=7)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 SPACING = 0.5  # [m] between way-points
 LANE_CLEARANCE = 0.55  # [m] from the right-hand wall in the narrowest two-way aisle
 CLEARANCE = 0.6  # [m] from shelves, where there is room
-SIGHT = 2.5  # [m] to either side within which a wall makes an aisle
+SIGHT = 2.8  # [m] to either side within which a wall makes an aisle: aisles of up to 3 cells have two lanes
 TWO_WAY = 1.2  # [m] of free width from which there are two lanes
 FADE = 1.5  # [m] at both ends over which the lane is reached
 NARROWER = 0.02  # [m] less than half the free width is asked for as clearance
@@ -28,7 +28,7 @@ PULL, SMOOTH, PUSH = 0.12, 0.45, 0.5  # shares of the way to lane, neighbours an
 @numba.njit(cache=True, error_model="numpy")
 def _free_to(solid, x, y, ux, uy, cell):  # type: ignore[no-untyped-def]
     """Distance [m] along (ux, uy) to the first shelf, at most SIGHT, in steps of 5 cm."""
-    steps = int(SIGHT / 0.05)
+    steps = round(SIGHT / 0.05)
     for k in range(1, steps + 1):
         t = 0.05 * k - 0.025
         row = int(math.floor((y + t * uy) / cell)) + 1

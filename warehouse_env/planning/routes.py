@@ -89,7 +89,7 @@ class RouteBook:
         """Return the planned cells int64[L, 2], without a first step to `behind`; PlanError where there is no path."""
         key = f"{self.grid.key} {self.planner.key} {start} {goal} {behind} {self._seed}"
         known = self._store.get(key)
-        if known is not None:
+        if known is not None and len(known) and tuple(known[0]) == start and tuple(known[-1]) == goal:
             return known
         rng = np.random.default_rng([self._seed, *start, *goal])
         plan = self.planner.plan(self._without(behind), start, goal, rng)
