@@ -54,19 +54,26 @@ def locate(r, route):  # type: ignore[no-untyped-def]
     first = max(int(before / spacing) - 1, 0)
     first = min(first, points - 2)
     last = min(first + 6, points - 2)
+    inverse = ONE / spacing
     best = np.float32(np.inf)
+    nearest = first
+    reached = ZERO
     for k in range(first, last + 1):
         ax, ay = route[k, 0], route[k, 1]
-        ux, uy = (route[k + 1, 0] - ax) / spacing, (route[k + 1, 1] - ay) / spacing
+        ux, uy = (route[k + 1, 0] - ax) * inverse, (route[k + 1, 1] - ay) * inverse
         along = (x - ax) * ux + (y - ay) * uy
         along = min(max(along, ZERO), spacing)
         dx, dy = x - (ax + along * ux), y - (ay + along * uy)
         squared = dx * dx + dy * dy
         if squared < best:
             best = squared
-            r["position"] = np.float32(k) * spacing + along
-            r["lateral"] = ux * (y - ay) - uy * (x - ax)
-            r["bearing"] = wrap(arc_tan2(uy, ux) - r["heading"])
+            nearest = k
+            reached = along
+    ax, ay = route[nearest, 0], route[nearest, 1]
+    ux, uy = (route[nearest + 1, 0] - ax) * inverse, (route[nearest + 1, 1] - ay) * inverse
+    r["position"] = np.float32(nearest) * spacing + reached
+    r["lateral"] = ux * (y - ay) - uy * (x - ax)
+    r["bearing"] = wrap(arc_tan2(uy, ux) - r["heading"])
     return r["position"] - before
 
 
