@@ -91,7 +91,7 @@ def _measured(rows: Sequence[Row]) -> str:
     lines = [head, "", "Held-out seeds; means over episodes with 95% intervals.", ""]
     lines += ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
     for key, group in groups.items():
-        cells = [str(value) for value in key] + [str(len(group))]
+        cells = [Path(str(value)).name for value in key] + [str(len(group))]  # a map by its file's name
         cells += [_cell([row.get(name) for row in group]) for name in _FIGURES]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
