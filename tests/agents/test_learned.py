@@ -26,6 +26,7 @@ from agents.sampling import draw_discrete
 from agents.weights_folder import read_record
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.errors import ConfigError, WeightsError
+from warehouse_env.observation import observation_layout
 
 
 def observations(count: int = 5) -> np.ndarray[Any, np.dtype[np.float32]]:
@@ -34,7 +35,6 @@ def observations(count: int = 5) -> np.ndarray[Any, np.dtype[np.float32]]:
 
 
 def _size() -> int:
-    from warehouse_env.observation import observation_layout
 
     return observation_layout(EnvConfig()).size
 
@@ -180,7 +180,8 @@ def test_every_registered_policy_acts(name: str) -> None:
         pytest.skip(f"no weights of {name} yet")
     config = policy_config(name, EnvConfig())
     policy = make_policy(name, config)
-    observation = observations()
+    size = observation_layout(config).size
+    observation = np.random.default_rng(3).uniform(-1, 1, (2, 5, size)).astype(np.float32)
     action = policy.act(observation, np.random.default_rng(0))
     assert policy.name == name
     assert action.shape[:2] == (2, 5)

@@ -203,7 +203,7 @@ def test_scene_of_a_simulator_is_a_copy() -> None:
         simulator.step(np.full((2, 3), int(simulator.cruise_action)))
     assert np.array_equal(scene.pose, pose)
     later = scene_of(simulator, world=1)
-    assert later.time == pytest.approx(2.0)
+    assert later.time == pytest.approx(1.0)
     assert "3 robots" in later.text
     assert (draw(later) != draw(scene)).any()
 

@@ -47,7 +47,7 @@ def test_rows_have_all_fields() -> None:
 
 
 def test_seconds_become_steps_of_the_decision_time() -> None:
-    assert small(seconds=600.0).config.max_steps == 3000
+    assert small(seconds=600.0).config.max_steps == 6000
     assert make_experiment("brake", OPEN.replace(action_repeat=3), 1, 600.0, 0).config.max_steps == 2000
 
 
@@ -78,7 +78,7 @@ def test_trace_keeps_every_pose() -> None:
     experiment = small(seconds=10.0)
     trace = Trace(experiment)
     run(experiment, [trace])
-    assert trace.poses.shape == (51, 4, 3)
+    assert trace.poses.shape == (101, 4, 3)
     assert trace.contacts.shape[1] == 2
     assert np.hypot(*np.diff(trace.poses[:, :, :2], axis=0).transpose(2, 0, 1)).max() < 0.31  # 1.5 m/s for 0.2 s
 
