@@ -84,7 +84,7 @@ class RewardWeights:
     arrival: float = 1.0  # per goal reached
     collision: float = -5.0  # per contact episode with a robot or a shelf
     contact: float = -0.5  # per step in touch
-    proximity: float = -0.3  # per step with a gap under near_miss_gap, scaled by how close
+    proximity: float = -0.3  # per step at gap 0, fading out at three near_miss_gaps
     time: float = -0.01  # per step
     smoothness: float = -0.01  # per step, times the relative change of command
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from platformdirs import user_cache_dir
 
+from warehouse_env.config import EnvConfig
 from warehouse_env.errors import MapError, PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.lanes import drivable_line
@@ -78,7 +79,9 @@ def _write(database: sqlite3.Connection | None, pending: list[tuple[str, bytes]]
 class RouteBook:
     """Routes on one map by one planner."""
 
-    def __init__(self, grid: GridMap, planner: Planner, *, keep_right: float = 0.5, seed: int = 0) -> None:
+    def __init__(
+        self, grid: GridMap, planner: Planner, *, keep_right: float = EnvConfig.keep_right, seed: int = 0
+    ) -> None:
         self.grid, self.planner = grid, planner
         self._keep_right, self._seed = keep_right, seed
         self._solid = np.pad(grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)

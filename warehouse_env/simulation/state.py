@@ -57,7 +57,7 @@ PARAMETERS = np.dtype(
         ("arrival_radius", F), ("near_miss_gap", F), ("pair_range", F),
         ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
         ("predictions", B),
-        ("action_type", I), ("one_shot", B), ("max_offset", F), ("cruise", F),
+        ("action_type", I), ("one_shot", B),
     ],
     align=True,
 )  # fmt: skip
@@ -89,7 +89,6 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
         "route_points": sensor.route_points, "route_spacing": sensor.route_spacing,
         "predictions": sensor.predictions,
         "action_type": ACTION_TYPES.index(config.action_type), "one_shot": config.tasks == "one_shot",
-        "max_offset": max(abs(o) for o in config.lateral_offsets), "cruise": max(config.speed_levels),
     }  # fmt: skip
     for name, value in values.items():
         p[name] = value
