@@ -1,0 +1,1 @@
+"""The comparison tables of the papers, from fixed seeds: `warehouse tables`."""

@@ -1,0 +1,129 @@
+"""A table of a paper as data: the maps, the systems that are compared, the printed figures and the claims.
+
+A paper's module lists its `STUDIES`; everything else (running, resuming, tables, verdicts, pictures) is the same for
+all. Lengths are in cells, times in milliseconds, shares from 0 to 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+from train.tables.measures import MEASURES
+from warehouse_env.errors import ConfigError, unknown_name
+from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.planning import Planner, make_planner
+
+if TYPE_CHECKING:
+    from train.tables.figures import Figures
+
+HOLDS, IN_PART, FAILS, OPEN = "holds", "holds in part", "does not hold", "cannot be told"
+
+
+class TableTask(NamedTuple):
+    """A map with a start and a goal on it."""
+
+    grid: GridMap
+    start: Cell
+    goal: Cell
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A group of lines of the paper's table: one map, or several random ones of one kind.
+
+    With one task a sample is a run; with several a sample is the mean of a map's runs, so intervals are over maps.
+    """
+
+    name: str
+    tasks: tuple[TableTask, ...]
+
+
+@dataclass(frozen=True)
+class System:
+    """A planner with its parameters, as one line of the table; `label` is unique in a study, e.g. "pf_aco (paper)"."""
+
+    label: str
+    planner: str
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+    def make(self) -> Planner:
+        """Build the planner; ConfigError for a wrong name or parameter."""
+        return make_planner(self.planner, **self.parameters)
+
+
+class Published(NamedTuple):
+    """A figure that the paper prints.
+
+    system: what the paper calls it; ours: the label of our system that it belongs beside, "" for a line of its own.
+    value: in the unit of the measure: cells, milliseconds, shares from 0 to 1.
+    """
+
+    setting: str
+    system: str
+    measure: str
+    value: float
+    ours: str = ""
+
+
+class Verdict(NamedTuple):
+    """What became of a claim: one of holds, holds in part, does not hold, cannot be told; and the figures behind it."""
+
+    word: Literal["holds", "holds in part", "does not hold", "cannot be told"]
+    why: str
+
+
+@dataclass(frozen=True)
+class Claim:
+    """`ours` has a better `measure` than `other`, by `by` where a size is given (relative to other; negative = less).
+
+    settings: names of the settings that it is claimed for; all if empty. `check` replaces the general rule where a
+    claim has another form; `measure`, `ours` and `other` are then unused.
+    """
+
+    text: str
+    ours: str = ""
+    other: str = ""
+    measure: str = ""
+    by: float | None = None
+    settings: tuple[str, ...] = ()
+    check: Callable[[Figures], Verdict] | None = None
+
+
+@dataclass(frozen=True)
+class Study:
+    """One table of one paper: what is run for it, what the paper prints, what it claims.
+
+    settings: a function, so that maps are built only where they are needed; it must give the same maps every time.
+    runs: of each system on each task; measures: names of MEASURES, the columns.
+    pictured: settings of which pictures are drawn; all if empty.
+    note: what is a reconstruction, and what differs from the paper; Markdown, shown under the table.
+    """
+
+    name: str
+    paper: str
+    title: str
+    settings: Callable[[], tuple[Setting, ...]]
+    systems: tuple[System, ...]
+    runs: int
+    measures: tuple[str, ...]
+    published: tuple[Published, ...] = ()
+    claims: tuple[Claim, ...] = ()
+    note: str = ""
+    pictured: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse names that do not exist, so that a wrong table is noticed before it is run."""
+        labels = [system.label for system in self.systems]
+        if len(set(labels)) != len(labels):
+            raise ConfigError(f"study {self.name}: two systems have one label; labels must differ")
+        ruled = [claim for claim in self.claims if claim.check is None]
+        measures = (*self.measures, *(p.measure for p in self.published), *(claim.measure for claim in ruled))
+        for measure in measures:
+            if measure not in MEASURES:
+                raise unknown_name(f"study {self.name}: measure", measure, MEASURES)
+        named = (*(p.ours for p in self.published if p.ours), *(name for c in ruled for name in (c.ours, c.other)))
+        for label in named:
+            if label not in labels:
+                raise unknown_name(f"study {self.name}: system", label, labels)
