@@ -5,18 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from train.planning_runs import Run
 from train.report import grouped, number
 from train.rollout import Trace
 from train.rows import Row, mean_interval
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render import charts
-
-if TYPE_CHECKING:
-    from train.plan import Run
 
 _MOST_TASKS = 10  # of which pictures are drawn; a scenario file may hold thousands
 
@@ -58,7 +55,7 @@ def plan_pictures(grid: GridMap, runs: Sequence[Run], folder: Path) -> list[Path
     for task in tasks:
         own = [run for run in runs if run.task == task]
         first = {run.planner: run for run in reversed(own)}
-        cells = {name: first[name].cells for name in dict.fromkeys(run.planner for run in own)}
+        cells = {name: first[name].plan.cells for name in dict.fromkeys(run.planner for run in own)}
         notes = {
             name: f"{number(run.row['length'], 5)} cells, {run.row['turns']} turns"
             for name, run in first.items()
@@ -68,9 +65,9 @@ def plan_pictures(grid: GridMap, runs: Sequence[Run], folder: Path) -> list[Path
         files.append(folder / f"paths_{file_name(task.name)}.png")
         charts.paths(grid, cells, title, files[-1], notes)
         curves = {
-            name: np.stack([run.best_by_iteration for run in own if run.planner == name])
+            name: np.stack([run.plan.best_by_iteration for run in own if run.planner == name])
             for name in cells
-            if len(first[name].best_by_iteration) and any(run.row["success"] for run in own if run.planner == name)
+            if len(first[name].plan.best_by_iteration) and any(run.row["success"] for run in own if run.planner == name)
         }
         if curves:
             files.append(folder / f"convergence_{file_name(task.name)}.png")

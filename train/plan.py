@@ -2,37 +2,25 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from train.pictures import plan_pictures
 from train.plan_report import plan_note, plan_table
+from train.planning_runs import Run, Task, make_task, plan_once
 from train.report import make_progress, require_charts
-from train.rows import Row, RowFile, check_writable, write_text
-from warehouse_env import __version__
-from warehouse_env.errors import ConfigError, MapError, PlanError
+from train.rows import RowFile, check_writable, write_text
+from warehouse_env.errors import ConfigError, MapError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
 from warehouse_env.maps.movingai import read_map, read_scen
-from warehouse_env.planning import Plan, Planner, climb, make_planner, min_turns, path_length, turns, validate
+from warehouse_env.planning import Planner, make_planner
 
 _RANDOM_TASKS = 5  # on a floor without named tasks
-
-
-class Task(NamedTuple):
-    """A start and a goal with the length that no path can beat and the fewest turns of a path of that length."""
-
-    name: str
-    start: Cell
-    goal: Cell
-    optimal_length: float  # [cells]
-    min_turns: int
 
 
 @dataclass(frozen=True)
@@ -72,7 +60,7 @@ class PlanCommand:
         if not planners:
             raise ConfigError("--planner needs at least one name")
         grid = self._grid()
-        tasks = [_task(grid, *task) for task in self._tasks(grid)]
+        tasks = [make_task(grid, *task) for task in self._tasks(grid)]
         check_writable(self.out / "table.md")
         if self.pictures:
             require_charts()
@@ -88,8 +76,6 @@ class PlanCommand:
         table.print()
         write_text(self.out / "table.md", table.markdown())
         if self.pictures:
-            from train.pictures import plan_pictures
-
             plan_pictures(grid, kept, self.out)
         print(f"wrote the table{' and the pictures' if self.pictures else ''} to {self.out}")
 
@@ -150,26 +136,6 @@ def _random_tasks(grid: GridMap, count: int, seed: int) -> list[tuple[str, Cell,
     return [(f"random_{k}", (a[0], a[1]), (b[0], b[1])) for k, (a, b) in enumerate(pairs, start=1)]
 
 
-def _task(grid: GridMap, name: str, start: Cell, goal: Cell) -> Task:
-    """Return the task with its truth, by exact search; MapError or PlanError if it has no solution."""
-    start, goal = grid.check_cell(start, "start"), grid.check_cell(goal, "goal")
-    length = float(grid.distance_to(goal)[start])
-    if not math.isfinite(length):
-        raise PlanError(f"no path leads from {start} to {goal} on map {grid.name!r}; choose connected cells")
-    return Task(name, start, goal, length, min_turns(grid, start, goal))
-
-
-@dataclass(frozen=True)
-class Run:
-    """One plan with its row; the cells and the convergence curve are for the pictures."""
-
-    task: Task
-    planner: str
-    row: Row
-    cells: NDArray[np.int64] = field(repr=False)
-    best_by_iteration: NDArray[np.float64] = field(repr=False)
-
-
 def _runs(grid: GridMap, planners: list[Planner], tasks: list[Task], runs: int, seed: int) -> Iterator[Run]:
     """Yield every run, under a progress bar; a first plan of each planner, which may compile, is thrown away."""
     with make_progress() as progress:
@@ -180,34 +146,5 @@ def _runs(grid: GridMap, planners: list[Planner], tasks: list[Task], runs: int, 
             for number, task in enumerate(tasks):
                 progress.update(bar, description=f"{planner.name} · {task.name}")
                 for run in range(runs):
-                    plan = planner.plan(grid, task.start, task.goal, np.random.default_rng([seed, number, run]))
-                    yield _run(grid, planner, task, run, seed, plan)
+                    yield plan_once(grid, planner, task, number, run, seed)
                     progress.advance(bar)
-
-
-def _run(grid: GridMap, planner: Planner, task: Task, run: int, seed: int, plan: Plan) -> Run:
-    if plan.found:
-        validate(grid, plan.cells, task.start, task.goal)
-    length = path_length(plan.cells)
-    row: Row = {
-        "planner": planner.name,
-        "layout": grid.name,
-        "task": task.name,
-        "start": list(task.start),
-        "goal": list(task.goal),
-        "run": run,
-        "seed": seed,
-        "success": plan.found,
-        "length": length if plan.found else None,
-        "optimal_length": task.optimal_length,
-        "gap": length / task.optimal_length - 1 if plan.found and task.optimal_length else None,
-        "turns": turns(plan.cells) if plan.found else None,
-        "min_turns": task.min_turns,
-        "climb_m": climb(grid, plan.cells) if plan.found else None,
-        "converged_at": plan.converged_at or None,
-        "iterations": len(plan.best_by_iteration),
-        "ms": 1000 * plan.seconds,
-        "parameters": planner.key,
-        "version": __version__,
-    }
-    return Run(task, planner.name, row, plan.cells, plan.best_by_iteration)
