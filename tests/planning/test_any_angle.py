@@ -1,0 +1,178 @@
+"""Theta*: its sight against exact geometry, its lines against the visibility graph of small maps, its cells by hand."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.maps.layouts import make_layout
+from warehouse_env.planning import path_length, turns, validate
+from warehouse_env.planning.any_angle import ThetaStar, line_of_sight
+from warehouse_env.planning.graph_search import AStar
+from warehouse_env.planning.plan import Plan, validate_line
+
+RNG = np.random.default_rng(0)
+
+
+def drawn(*rows: str) -> GridMap:
+    return GridMap(np.array([[c == "#" for c in row] for row in rows]))
+
+
+def plan(grid: GridMap, start: Cell, goal: Cell) -> Plan:
+    return ThetaStar().plan(grid, start, goal, RNG)
+
+
+@pytest.mark.parametrize(
+    ("rows", "goal", "sees"),
+    [
+        (("...", "..."), (1, 2), True),
+        (("..#", "..."), (1, 2), True),  # passes (0, 1) and (1, 1), between them the middle of their side
+        ((".#.", "..."), (1, 2), False),
+        (("...", ".#."), (1, 2), False),
+        ((".#", ".."), (1, 1), False),  # past one corner
+        (("..", "#."), (1, 1), False),
+        ((".#", "#."), (1, 1), False),  # between two
+        (("..", ".."), (1, 1), True),
+        ((".....", ".....", "#...."), (2, 4), True),
+        (("...#.", ".....", "....."), (2, 4), True),
+        (("..#..", ".....", "....."), (2, 4), True),  # runs by (0, 1), (1, 1): the shelf is one side away
+        ((".....", "..#..", "....."), (2, 4), False),
+    ],
+)
+def test_sight_by_hand(rows: tuple[str, ...], goal: Cell, sees: bool) -> None:
+    occupied = drawn(*rows).occupied
+    assert line_of_sight(occupied, 0, 0, *goal) == sees
+    assert line_of_sight(occupied, *goal, 0, 0) == sees
+
+
+def touches(a: Cell, b: Cell, square: Cell) -> bool:
+    """Does the segment between two cell centres meet the closed unit square of a cell? Exact, by separating axes."""
+    (r, c), (r2, c2) = ((2 * (p[0] - square[0]), 2 * (p[1] - square[1])) for p in (a, b))  # the square is [-1, 1]^2
+    if min(r, r2) > 1 or max(r, r2) < -1 or min(c, c2) > 1 or max(c, c2) < -1:
+        return False
+    sides = [(r2 - r) * (y - c) - (c2 - c) * (x - r) for x in (-1, 1) for y in (-1, 1)]
+    return min(sides) <= 0 <= max(sides)
+
+
+@given(st.data())
+def test_sight_equals_exact_geometry(data: st.DataObject) -> None:
+    rows, cols = data.draw(st.integers(1, 7)), data.draw(st.integers(1, 7))
+    shelves = data.draw(st.sets(st.tuples(st.integers(0, rows - 1), st.integers(0, cols - 1)), max_size=6))
+    occupied = np.zeros((rows, cols), dtype=bool)
+    for cell in shelves:
+        occupied[cell] = True
+    free = [tuple(cell) for cell in np.argwhere(~occupied).tolist()]
+    if not free:
+        return
+    a, b = data.draw(st.sampled_from(free)), data.draw(st.sampled_from(free))
+    assert line_of_sight(occupied, *a, *b) == (not any(touches(a, b, shelf) for shelf in shelves))
+
+
+def test_open_floor_is_one_line() -> None:
+    found = plan(GridMap(np.zeros((6, 9), dtype=bool)), (5, 0), (1, 8))
+    assert found.line is not None
+    assert found.line.tolist() == [[5, 0], [1, 8]]
+    assert found.line_length == math.hypot(4, 8)
+    assert path_length(found.cells) == 4 + 4 * math.sqrt(2)
+    assert turns(found.cells) == 1
+
+
+def test_around_a_wall_by_hand() -> None:
+    grid = drawn(
+        "..#..",
+        "..#..",
+        ".....",
+    )
+    found = plan(grid, (0, 0), (0, 4))
+    # The straight lines to (2, 2) touch the wall's corners; so (2, 1) and (2, 3) are the vertices.
+    assert found.line is not None
+    assert found.line.tolist() == [[0, 0], [2, 1], [2, 3], [0, 4]]
+    assert found.line_length == pytest.approx(2 + 2 * math.sqrt(5))
+    validate(grid, found.cells, (0, 0), (0, 4))
+    assert path_length(found.cells) == pytest.approx(4 + 2 * math.sqrt(2))
+
+
+def test_cells_go_straight_where_a_diagonal_would_cut_a_corner() -> None:
+    grid = drawn(
+        "..#..",
+        ".....",
+        "#....",
+    )
+    found = plan(grid, (0, 0), (2, 3))
+    # The line by way of (0, 1), (1, 1), (1, 2), (2, 2) touches no shelf. The diagonals (0, 1)-(1, 2) and (1, 0)-(2, 1)
+    # would; two diagonals and a straight step, with one turn, are left.
+    assert found.line_length == math.hypot(2, 3)
+    assert found.cells.tolist() == [[0, 0], [1, 1], [2, 2], [2, 3]]
+
+
+def visibility_length(grid: GridMap, start: Cell, goal: Cell) -> float:
+    """The shortest any-angle line between cell centres, by Dijkstra on all pairs that see each other."""
+    cells = [tuple(cell) for cell in np.argwhere(~grid.occupied).tolist()]
+    length = dict.fromkeys(cells, math.inf)
+    length[start] = 0.0
+    while cells:
+        here = min(cells, key=length.__getitem__)
+        cells.remove(here)
+        for other in cells:
+            if math.isfinite(length[here]) and line_of_sight(grid.occupied, *here, *other):
+                length[other] = min(length[other], length[here] + math.dist(here, other))
+    return length[goal]
+
+
+def test_lines_on_random_maps_lie_between_the_shortest_line_and_the_lattice() -> None:
+    rng = np.random.default_rng(5)
+    excess, saved = [], []
+    for _ in range(60):
+        occupied = rng.random((8, 10)) < rng.choice([0.1, 0.25, 0.4])
+        occupied[0, 0] = occupied[7, 9] = False
+        grid = GridMap(occupied)
+        found = plan(grid, (0, 0), (7, 9))
+        shortest, lattice = visibility_length(grid, (0, 0), (7, 9)), float(grid.distance_to((7, 9))[0, 0])
+        assert found.found == math.isfinite(lattice) == math.isfinite(shortest)
+        if not found.found:
+            assert found.line is None
+            continue
+        assert found.line is not None
+        validate_line(grid, found.line, (0, 0), (7, 9))
+        vertices = found.line.astype(int).tolist()
+        assert all(line_of_sight(occupied, *a, *b) for a, b in itertools.pairwise(vertices))
+        assert shortest - 1e-9 <= found.line_length <= lattice + 1e-9
+        validate(grid, found.cells, (0, 0), (7, 9))
+        excess.append(found.line_length / shortest - 1)
+        saved.append(lattice / shortest - 1)
+    assert len(excess) > 30
+    assert np.mean(excess) < 0.5 * np.mean(saved)  # most of what a line at any angle can save
+
+
+@pytest.mark.parametrize("layout", ["paper46", "narrow", "single_lane"])
+def test_cells_follow_the_line(layout: str) -> None:
+    grid = make_layout(layout)
+    rng = np.random.default_rng(6)
+    for _ in range(10):
+        a, b = grid.free_cells[rng.choice(len(grid.free_cells), 2, replace=False)].tolist()
+        found = plan(grid, tuple(a), tuple(b))
+        validate(grid, found.cells, tuple(a), tuple(b))
+        assert found.line is not None
+        for cell in found.cells:
+            assert min(distance(cell, p, q) for p, q in itertools.pairwise(found.line)) < 2
+        lattice = AStar().plan(grid, tuple(a), tuple(b), rng)
+        assert path_length(lattice.cells) - 1e-9 <= path_length(found.cells) < 1.05 * path_length(lattice.cells)
+        assert found.line_length <= path_length(found.cells) + 1e-9
+
+
+def distance(point: np.ndarray, p: np.ndarray, q: np.ndarray) -> float:
+    """Of a point from a segment."""
+    part = np.clip((point - p) @ (q - p) / ((q - p) @ (q - p)), 0, 1)
+    return float(np.linalg.norm(point - p - part * (q - p)))
+
+
+def test_a_cost_map_is_refused() -> None:
+    with pytest.raises(ConfigError, match="takes no cost map"):
+        ThetaStar().plan(drawn("..."), (0, 0), (0, 2), RNG, cost=np.zeros((1, 3)))

@@ -1,0 +1,159 @@
+"""Any-angle search: shortest lines that need not follow the 8 directions of the lattice."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
+from warehouse_env.planning.graph_search import _fewest_turns, _pop, _push
+from warehouse_env.planning.plan import Plan, check_endpoints, planner_key, refuse_cost
+
+
+@njit(cache=True)
+def line_of_sight(occupied: NDArray[np.bool_], row: int, col: int, to_row: int, to_col: int) -> bool:
+    """May a point go straight from the centre of one cell to that of another? occupied: bool[H, W].
+
+    Every cell whose inside the line crosses must be free. Where it runs exactly through a corner of cells, the two
+    cells beside it must be free as well: the rule of eq. 26 (paper 000) for a diagonal move, for lines of any angle.
+    """
+    d_row, d_col = abs(to_row - row), abs(to_col - col)
+    step_row, step_col = (1 if to_row > row else -1), (1 if to_col > col else -1)
+    ahead = d_col - d_row  # > 0: the next side the line crosses is a vertical one, < 0: horizontal, 0: a corner
+    while row != to_row or col != to_col:
+        if ahead == 0 and (occupied[row + step_row, col] or occupied[row, col + step_col]):
+            return False
+        vertical, horizontal = ahead >= 0, ahead <= 0
+        if vertical:
+            col += step_col
+            ahead -= 2 * d_row
+        if horizontal:
+            row += step_row
+            ahead += 2 * d_col
+        if occupied[row, col]:
+            return False
+    return True
+
+
+@njit(cache=True)
+def _straight(cols: int, cell: int, other: int) -> float:
+    """Distance [cells] between the centres of two flat cells."""
+    d_row, d_col = cell // cols - other // cols, cell % cols - other % cols
+    return math.sqrt(float(d_row * d_row + d_col * d_col))
+
+
+@njit(cache=True)
+def _search(legal: NDArray[np.bool_], occupied: NDArray[np.bool_], start: int, goal: int) -> NDArray[np.int64]:
+    """Return the vertex (flat cell) before each cell on an any-angle path, -1 where none; the start's is itself.
+
+    legal: bool[H, W, 8]. A cell's path goes to it straight from the vertex of the cell it was reached from, if that
+    sees it ("path 2" of the paper), else by way of that cell ("path 1").
+    """
+    rows, cols = occupied.shape
+    cells = rows * cols
+    length = np.full(cells, np.inf)
+    vertex = np.full(cells, -1, np.int64)
+    closed = np.zeros(cells, np.bool_)
+    first, second, node = np.empty(8 * cells + 1), np.empty(8 * cells + 1), np.empty(8 * cells + 1, np.int64)
+    length[start] = 0.0
+    vertex[start] = start
+    size = _push(first, second, node, 0, 0.0, 0.0, start)
+    while size > 0:
+        cell = _pop(first, second, node, size)
+        size -= 1
+        if cell == goal:
+            break
+        if closed[cell]:
+            continue
+        closed[cell] = True
+        row, col = cell // cols, cell % cols
+        for move in range(8):
+            to_row, to_col = row + MOVES[move, 0], col + MOVES[move, 1]
+            to = to_row * cols + to_col
+            if not legal[row, col, move] or closed[to]:
+                continue
+            via = vertex[cell]
+            if not line_of_sight(occupied, via // cols, via % cols, to_row, to_col):
+                via = cell
+            new_length = length[via] + _straight(cols, via, to)
+            if new_length < length[to]:
+                length[to], vertex[to] = new_length, via
+                left = _straight(cols, to, goal)
+                size = _push(first, second, node, size, new_length + left, left, to)
+    return vertex
+
+
+@njit(cache=True)
+def _band(legal: NDArray[np.bool_], line: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return bool[H, W, 8], the legal moves between cells on or next to the line int64[K, 2] of cells."""
+    rows, cols = legal.shape[0], legal.shape[1]
+    near = np.zeros((rows, cols), np.bool_)
+    for k in range(max(1, len(line) - 1)):
+        row, col = line[k]
+        d_row, d_col = line[min(k + 1, len(line) - 1)] - line[k]
+        parts = max(abs(d_row), abs(d_col), 1)
+        for part in range(parts + 1):  # where the line crosses the middle of a column or, if steep, of a row
+            r = row + (2 * d_row * part + parts) // (2 * parts)
+            c = col + (2 * d_col * part + parts) // (2 * parts)
+            near[max(0, r - 1) : r + 2, max(0, c - 1) : c + 2] = True
+    inside = np.zeros_like(legal)
+    for row in range(rows):
+        for col in range(cols):
+            for move in range(8):
+                if near[row, col] and legal[row, col, move]:
+                    inside[row, col, move] = near[row + MOVES[move, 0], col + MOVES[move, 1]]
+    return inside
+
+
+@dataclass(frozen=True)
+class ThetaStar:
+    """Basic Theta* (Nash, Daniel, Koenig & Felner 2007): a short path whose corners are cells, at any angle.
+
+    `Plan.line` holds its vertices. It is close to the shortest such line, but in clutter seldom the shortest, since a
+    cell takes over only the vertices that its neighbours have. Sight is taken from cell centre to cell centre and
+    respects eq. 26 of paper 000: a line may neither enter a shelf nor touch its corner, as robots have a body. A tie
+    goes to the cell nearer the goal.
+
+    `Plan.cells` follows the line on the lattice: a shortest path by legal moves through the cells that the line
+    crosses and their neighbours, with the fewest turns among these. It can be a little longer than the shortest path
+    on the lattice, where the shortest line runs another way round a shelf.
+    """
+
+    name: ClassVar[str] = "theta_star"
+    takes_cost: ClassVar[bool] = False  # the cost of a line at any angle would have to be integrated along it
+
+    @property
+    def key(self) -> str:
+        """Name and parameters."""
+        return planner_key(self)
+
+    def plan(
+        self,
+        grid: GridMap,
+        start: Cell,
+        goal: Cell,
+        rng: np.random.Generator,
+        cost: NDArray[np.float64] | None = None,
+    ) -> Plan:
+        """Search; `rng` is not used, a cost map is refused (ConfigError)."""
+        begin = time.perf_counter()
+        refuse_cost(self, cost)
+        start, goal = check_endpoints(grid, start, goal)
+        cols = grid.shape[1]
+        first, last = start[0] * cols + start[1], goal[0] * cols + goal[1]
+        vertex = _search(grid.legal_moves, grid.occupied, first, last)
+        if vertex[last] < 0:
+            return Plan(np.empty((0, 2), np.int64), np.empty(0), time.perf_counter() - begin)
+        flat = [last]
+        while flat[-1] != first:
+            flat.append(int(vertex[flat[-1]]))
+        line = np.stack(np.divmod(np.array(flat[::-1], dtype=np.int64), cols), axis=1)
+        followed = _fewest_turns(_band(grid.legal_moves, line), None, first, last)
+        cells = np.stack(np.divmod(np.array(followed, dtype=np.int64), cols), axis=1)
+        return Plan(cells, np.empty(0), time.perf_counter() - begin, line=line.astype(np.float64))
