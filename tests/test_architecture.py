@@ -131,8 +131,8 @@ def test_every_import_is_allowed() -> None:
     ("module", "source"),
     [
         ("warehouse_env.maps.grid_map", "from warehouse_env.planning import PLANNERS"),
-        ("warehouse_env.planning.aco", "import warehouse_env.simulation.step"),
-        ("warehouse_env.planning.aco", "from warehouse_env import Simulator"),
+        ("warehouse_env.planning.ants.aco", "import warehouse_env.simulation.step"),
+        ("warehouse_env.planning.ants.aco", "from warehouse_env import Simulator"),
         ("warehouse_env.simulation.step", "from warehouse_env.envs.parallel import parallel_env"),
         ("warehouse_env.simulation.step", "def f():\n    import torch"),
         ("warehouse_env.envs.parallel", "from warehouse_env.render.frame import draw"),

@@ -10,6 +10,7 @@ import pytest
 from warehouse_env.errors import ConfigError, PlanError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning import PLANNERS, Plan, climb, make_planner, path_length, turns, validate
+from warehouse_env.planning.plan import edge_cost, validate_line
 
 # Shelf at (1, 1); the path goes round it on the south-west side.
 ROUND = [(0, 0), (1, 0), (2, 0), (2, 1), (2, 2), (1, 3)]
@@ -69,6 +70,53 @@ def test_validate_accepts_a_right_path() -> None:
 def test_validate_names_the_fault(cells: object, says: str) -> None:
     with pytest.raises(PlanError, match=says):
         validate(shelf_map(), cells, (0, 0), (1, 3))  # type: ignore[arg-type]
+
+
+def test_a_line_has_a_length_of_its_own() -> None:
+    cells = np.array([(0, 0), (1, 1), (1, 2)])
+    assert Plan(cells, np.empty(0), 0.0).line_length == 1 + math.sqrt(2)
+    straight = np.array([(0.0, 0.0), (1.0, 2.0)])
+    assert Plan(cells, np.empty(0), 0.0, line=straight).line_length == math.sqrt(5)
+    assert Plan(np.empty((0, 2), np.int64), np.empty(0), 0.0).line_length == math.inf
+
+
+@pytest.mark.parametrize(
+    ("line", "clearance", "says"),
+    [
+        ([(0, 0), (2, 0), (2, 2), (1, 3)], 0.5, None),
+        ([(0, 0), (2, 0), (2, 2), (1, 3)], 0.51, "edge"),
+        ([(0, 0), (0, 2), (1, 3)], 0.5, None),
+        ([(0, 0), (1.2, 2), (1, 3)], 0.0, r"comes -1\.000 cells near to the shelf at \(1, 1\)"),
+        ([(0, 0), (0.5, 0.5), (0.5, 1.5), (1, 3)], 0.0, None),  # grazes the shelf
+        ([(0, 0), (0.5, 0.5), (0.5, 1.5), (1, 3)], 0.1, r"comes 0\.000 cells"),
+        ([(0, 0), (0, 1.5), (1, 3)], 0.42, r"from \(0\.0, 1\.5\) to \(1\.0, 3\.0\)"),  # 0.416 from its corner
+        ([(0, 0), (0, 1.5), (1, 3)], 0.41, None),
+        ([(0, 1), (1, 3)], 0.0, "starts"),
+        ([(0, 0), (1, 2.9)], 0.0, "ends"),
+        ([(0, 0), (math.nan, 1), (1, 3)], 0.0, "finite"),
+        ([(0, 0), (-0.6, 1), (1, 3)], 0.0, "edge"),
+    ],
+)
+def test_validate_line_measures_whole_segments(line: list[tuple[float, float]], clearance: float, says: str) -> None:
+    points = np.array(line, dtype=np.float64)
+    if says is None:
+        validate_line(shelf_map(), points, (0, 0), (1, 3), clearance)
+        return
+    with pytest.raises(PlanError, match=says):
+        validate_line(shelf_map(), points, (0, 0), (1, 3), clearance)
+
+
+def test_a_cost_map_by_cell_counts_on_entering() -> None:
+    cost = np.zeros((3, 4))
+    cost[0, 1] = 2.5
+    edges = edge_cost(shelf_map(), cost)
+    assert edges[0, 0, 0] == 2.5  # east, from (0, 0)
+    assert edges[1, 0, 1] == 2.5  # north-east, from (1, 0)
+    assert edges.sum() == 5 * 2.5  # five cells lie around (0, 1)
+    assert (edge_cost(shelf_map(), edges) == edges).all()
+    for bad, says in ((cost[:2], "shape"), (-cost, "at least 0"), (cost + math.inf, "finite")):
+        with pytest.raises(ConfigError, match=says):
+            edge_cost(shelf_map(), bad)
 
 
 def test_unknown_names_are_refused_with_near_matches() -> None:

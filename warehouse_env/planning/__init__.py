@@ -8,7 +8,8 @@ from typing import Any
 
 from warehouse_env.config import check_names
 from warehouse_env.errors import ConfigError, unknown_name
-from warehouse_env.planning.aco import Aco, PfAco
+from warehouse_env.planning.ants.aco import Aco
+from warehouse_env.planning.ants.pf_aco import PfAco
 from warehouse_env.planning.graph_search import AStar, AStarTurns, Dijkstra, min_turns
 from warehouse_env.planning.plan import Plan, Planner, climb, path_length, turns, validate
 

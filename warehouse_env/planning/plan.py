@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any, Literal, NamedTuple, Protocol, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import ConfigError, PlanError
-from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
+
+
+_NONE = np.empty(0)
+_NONE.flags.writeable = False
+_GRAZE = 1e-9  # [cells] by which a line may seem to enter a shelf, for rounding
 
 
 class Plan(NamedTuple):
@@ -20,11 +25,16 @@ class Plan(NamedTuple):
     best_by_iteration: float64[I], length [cells] of the best path known after each iteration, inf before the
         first one; empty for planners that do not iterate.
     seconds: wall time of the search.
+    elapsed: float64[I] [s] from the beginning of the search to the end of each iteration.
+    line: float64[K, 2], (row, col) in cells, from start to goal: the polyline that is to be driven, where a planner
+        makes one that leaves the lattice (any-angle search, smoothing); None where the cells are the path.
     """
 
     cells: NDArray[np.int64]
     best_by_iteration: NDArray[np.float64]
     seconds: float
+    elapsed: NDArray[np.float64] = _NONE
+    line: NDArray[np.float64] | None = None
 
     @property
     def found(self) -> bool:
@@ -39,9 +49,18 @@ class Plan(NamedTuple):
         changed = np.flatnonzero(self.best_by_iteration != self.best_by_iteration[-1])
         return int(changed[-1]) + 2 if len(changed) else 1
 
+    @property
+    def line_length(self) -> float:
+        """Length [cells] of the line, of the path of cells where there is none; inf where no path was found."""
+        if self.line is None or not self.found:
+            return path_length(self.cells)
+        return float(np.hypot(*np.diff(self.line, axis=0).T).sum())
+
 
 class Planner(Protocol):
-    """Finds a path of cells on a map; sees shelves and floor heights, never robots."""
+    """Finds a path of cells on a map; sees shelves, floor heights and a cost map, never robots."""
+
+    takes_cost: ClassVar[bool]  # False: plan() raises ConfigError where a cost map is given
 
     @property
     def name(self) -> str:
@@ -53,9 +72,41 @@ class Planner(Protocol):
         """Name and parameters as stable text: equal keys mean equal plans for equal random numbers."""
         ...
 
-    def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator) -> Plan:
-        """Search from start to goal; an unreachable goal gives an empty Plan, an unusable cell a PlanError."""
+    def plan(
+        self,
+        grid: GridMap,
+        start: Cell,
+        goal: Cell,
+        rng: np.random.Generator,
+        cost: NDArray[np.float64] | None = None,
+    ) -> Plan:
+        """Search from start to goal; an unreachable goal gives an empty Plan, an unusable cell a PlanError.
+
+        cost: cells of length that each move costs on top of its own, float64[H, W, 8]; or that entering a cell
+            costs, float64[H, W]. Finite and not negative (ConfigError).
+        """
         ...
+
+
+def edge_cost(grid: GridMap, cost: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a cost map, float64[H, W] a cell or float64[H, W, 8] a move, as float64[H, W, 8] a move; ConfigError."""
+    cost = np.asarray(cost, dtype=np.float64)
+    if cost.shape not in (grid.shape, (*grid.shape, 8)):
+        raise ConfigError(f"a cost map must have the shape {grid.shape} or {(*grid.shape, 8)}, not {cost.shape}")
+    if not (np.isfinite(cost).all() and (cost >= 0).all()):
+        raise ConfigError("a cost map must hold finite numbers of at least 0")
+    if cost.ndim == 3:
+        return cost
+    rows, columns = grid.shape
+    padded = np.pad(cost, 1)
+    entered = [padded[1 + r : 1 + r + rows, 1 + c : 1 + c + columns] for r, c in MOVES.tolist()]
+    return np.stack(entered, axis=-1)
+
+
+def refuse_cost(planner: Planner, cost: NDArray[np.float64] | None) -> None:
+    """Raise ConfigError if a cost map is given to a planner that cannot take one."""
+    if cost is not None:
+        raise ConfigError(f"planner {planner.name} takes no cost map; choose one with takes_cost, such as astar")
 
 
 def path_length(cells: ArrayLike) -> float:
@@ -106,6 +157,56 @@ def validate(grid: GridMap, cells: ArrayLike, start: Cell, goal: Cell) -> None:
         previous = (row, col)
 
 
+def validate_line(grid: GridMap, line: NDArray[np.float64], start: Cell, goal: Cell, clearance: float = 0.0) -> None:
+    """Raise PlanError unless a polyline float64[K, 2] of (row, col) leads from start to goal off the shelves.
+
+    clearance: least distance [cells] of every segment from shelf cells (unit squares) and from the map's edge.
+    """
+    points = np.asarray(line, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) == 0 or not np.isfinite(points).all():
+        raise PlanError(f"a line must be finite numbers of shape (points, 2), not {points.shape}")
+    for what, point, wanted in (("starts", points[0], start), ("ends", points[-1], goal)):
+        if tuple(point.tolist()) != tuple(wanted):
+            raise PlanError(f"the line {what} at {tuple(point.tolist())}, not at {tuple(wanted)}")
+    edge = min((points + 0.5).min(), (np.array(grid.occupied.shape) - 0.5 - points).min())
+    if edge < clearance - _GRAZE:
+        raise PlanError(f"the line comes {edge:.3f} cells near to the map's edge; {clearance} are wanted")
+    for a, b in zip(points, points[1:], strict=False):
+        low = np.floor(np.minimum(a, b) - clearance - 0.5).astype(int).clip(0)
+        high = np.ceil(np.maximum(a, b) + clearance + 0.5).astype(int) + 1
+        for row, column in np.argwhere(grid.occupied[low[0] : high[0], low[1] : high[1]]) + low:
+            gap = _distance_to_square(a, b, float(row), float(column))
+            if gap < clearance - _GRAZE:
+                where = f"{tuple(a.round(3).tolist())} to {tuple(b.round(3).tolist())}"
+                raise PlanError(
+                    f"the line from {where} comes {gap:.3f} cells near to the shelf at {(int(row), int(column))}; "
+                    f"{clearance} are wanted"
+                )
+
+
+def _distance_to_square(a: NDArray[np.float64], b: NDArray[np.float64], row: float, column: float) -> float:
+    """Distance of the segment a-b from the unit square around (row, column); -1 where it passes through it."""
+    centre, half = np.array([row, column]), 0.5 - _GRAZE
+    enters, leaves = 0.0, 1.0
+    for axis in range(2):
+        step = b[axis] - a[axis]
+        near, far = centre[axis] - half - a[axis], centre[axis] + half - a[axis]
+        if step == 0.0:
+            if near > 0.0 or far < 0.0:
+                leaves = -1.0
+            continue
+        first, last = sorted((near / step, far / step))
+        enters, leaves = max(enters, first), min(leaves, last)
+    if enters <= leaves:
+        return -1.0
+    outside = [np.hypot(*np.maximum(np.abs(point - centre) - 0.5, 0.0)) for point in (a, b)]
+    corners = centre + 0.5 * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])
+    along = b - a
+    part = np.clip((corners - a) @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
+    beside = np.hypot(*(corners - a - part[:, None] * along).T)
+    return float(min(*outside, beside.min()))
+
+
 def check_endpoints(grid: GridMap, start: Cell, goal: Cell) -> tuple[Cell, Cell]:
     """Return start and goal as plain ints; PlanError where one is outside the map or on a shelf."""
     rows, cols = grid.occupied.shape
@@ -129,18 +230,20 @@ def planner_key(planner: Any) -> str:
 def check_parameters(planner: Any, shares: tuple[str, ...] = ()) -> None:
     """Raise ConfigError unless each field of a planner dataclass fits its type.
 
-    bool: True or False; int: a whole number of at least 1; float: finite and not negative, and at most 1 for the
+    bool: True or False; int: a whole number of at least 1, or None where the type allows it; float: finite and not negative, and at most 1 for the
     fields named in `shares`; Literal: a choice.
     """
     hints = get_type_hints(type(planner))
     for field in dataclasses.fields(planner):
         value, kind = getattr(planner, field.name), hints[field.name]
+        if value is None and type(None) in get_args(kind):
+            continue
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
         if get_origin(kind) is Literal:
             good, rule = value in get_args(kind), f"one of {', '.join(get_args(kind))}"
         elif kind is bool:
             good, rule = isinstance(value, bool), "True or False"
-        elif kind is int:
+        elif int in (kind, *get_args(kind)):
             good, rule = number and isinstance(value, int) and value >= 1, "a whole number of at least 1"
         else:
             good, rule = number and math.isfinite(value) and value >= 0, "a finite number of at least 0"

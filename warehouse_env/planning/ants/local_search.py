@@ -3,8 +3,8 @@
 An ant finds the right way round the shelves long before it finds the shortest and straightest line along it. So keep
 some of its cells, drop the others, and join what is left by octile links of at most two segments (diagonal then
 straight, or straight then diagonal) that obey eq. 26. Of all such choices this finds the one with the least
-(length + gentleness * metres climbed, turns) exactly, in O(n^2) for n cells. On a flat floor the climb is zero, and the
-search is for (length, turns); on bumps it keeps the ants' detour where the detour is worth it.
+(length + tolls, turns) exactly, in O(n^2) for n cells. Where climbing or a cost map takes its toll, it keeps the ants'
+detour where the detour is worth it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES
-from warehouse_env.planning.floor import MICROMETRES, Floor
+from warehouse_env.planning.ants.floor import MICRO, Floor
 
 _SQRT2 = math.sqrt(2.0)
 
@@ -26,15 +26,15 @@ class Runs(NamedTuple):
     """Straight runs from every cell in every direction, so that a link is checked and priced in O(1)."""
 
     free: NDArray[np.int32]  # [C, 8], legal steps from the cell on
-    climb: NDArray[np.int64]  # [C, 8], micrometres climbed over all of them
+    toll: NDArray[np.int64]  # [C, 8], the tolls of all of them
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def straight_runs(floor: Floor) -> Runs:
     """Measure the legal runs of a floor."""
     cells, columns = floor.neighbour.shape[0], floor.columns
     free = np.zeros((cells, 8), np.int32)
-    climb = np.zeros((cells, 8), np.int64)
+    toll = np.zeros((cells, 8), np.int64)
     for move in range(8):
         # A run's end is known before its beginning if cells are taken against the move.
         backwards = MOVES[move, 0] * columns + MOVES[move, 1] > 0
@@ -43,34 +43,33 @@ def straight_runs(floor: Floor) -> Runs:
             to = floor.neighbour[cell, move]
             if to != cell:
                 free[cell, move] = free[to, move] + 1
-                climb[cell, move] = climb[to, move] + abs(floor.height[to] - floor.height[cell])
-    return Runs(free, climb)
+                toll[cell, move] = toll[to, move] + floor.toll[cell, move]
+    return Runs(free, toll)
 
 
-@njit(cache=True, error_model="numpy")
-def shorten(floor: Floor, runs: Runs, gentleness: float, moves: NDArray[np.int8]) -> NDArray[np.int8]:
-    """Return the best choice of nodes and links along the path int8[n - 1] of moves, as moves again."""
+@njit(cache=True, error_model="numpy", nogil=True)
+def shorten(floor: Floor, runs: Runs, start: int, moves: NDArray[np.int8]) -> NDArray[np.int8]:
+    """Return the best choice of nodes and links along the path int8[n - 1] of moves from start, as moves again."""
     n = len(moves) + 1
     node = np.empty(n, np.int64)
-    node[0] = floor.start
+    node[0] = start
     for step in range(n - 1):
         node[step + 1] = floor.neighbour[node[step], moves[step]]
     # A state is a node and the move that arrives at it; sums are whole numbers, so equal costs are equal floats.
     cost = np.full((n, 8), np.inf)
-    sums = np.zeros((n, 8, 4), np.int64)  # straight steps, diagonal steps, micrometres climbed, turns
+    sums = np.zeros((n, 8, 4), np.int64)  # straight steps, diagonal steps, tolls, turns
     origin = np.full(
         (n, 8, 3), -1, np.int64
     )  # node before, its arriving move (-1 at the start), first move of the link
     for i in range(n - 1):
-        _link_onwards(floor, runs, gentleness, node, i, cost, sums, origin)
+        _link_onwards(floor, runs, node, i, cost, sums, origin)
     return _unroll(floor, node, cost, sums, origin)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _link_onwards(
     floor: Floor,
     runs: Runs,
-    gentleness: float,
     node: NDArray[np.int64],
     i: int,
     cost: NDArray[np.float64],
@@ -103,14 +102,14 @@ def _link_onwards(
             if runs.free[start, first] < steps or runs.free[corner, second] < more:
                 continue
             a, b = base[first, 0] + straight, base[first, 1] + diagonal
-            climbed = base[first, 2] + runs.climb[start, first] - runs.climb[corner, first]
-            climbed += runs.climb[corner, second] - runs.climb[end, second]
+            tolls = base[first, 2] + runs.toll[start, first] - runs.toll[corner, first]
+            tolls += runs.toll[corner, second] - runs.toll[end, second]
             turned = base[first, 3] + (1 if first != second else 0)
-            total = (a + b * _SQRT2) + gentleness * climbed / MICROMETRES
+            total = (a + b * _SQRT2) + tolls / MICRO
             if total < cost[j, second] or (total == cost[j, second] and turned < sums[j, second, 3]):
                 cost[j, second] = total
                 sums[j, second, 0], sums[j, second, 1] = a, b
-                sums[j, second, 2], sums[j, second, 3] = climbed, turned
+                sums[j, second, 2], sums[j, second, 3] = tolls, turned
                 origin[j, second, 0], origin[j, second, 1], origin[j, second, 2] = i, before[first], first
 
 

@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.planning.colony import Colony, cells_of, run, walk
-from warehouse_env.planning.floor import Floor, Table, make_floor
-from warehouse_env.planning.walks import Walks, deposit, empty_walks, measure
+from warehouse_env.planning.ants.colony import Colony, cells_of, run, walk
+from warehouse_env.planning.ants.floor import Floor, Table, make_floor
+from warehouse_env.planning.ants.walks import Walks, deposit, empty_walks, measure
 
 EAST, SOUTH_EAST, SOUTH = 0, 7, 6
 
 
 def open_floor(rows: int, columns: int, height: Any = None) -> Floor:
-    return make_floor(GridMap(np.zeros((rows, columns), dtype=bool), height), (0, 0), (rows - 1, columns - 1))
+    return make_floor(GridMap(np.zeros((rows, columns), dtype=bool), height), (rows - 1, columns - 1), gentleness=2.0)
 
 
 def send(floor: Floor, turning: Table, straight: Table, ants: int, q0: float = 0.0, **options: Any) -> Walks:
-    walks = empty_walks(ants, len(floor.height))
+    walks = empty_walks(np.full(ants, options.get("start", 0)), len(floor.height))
     seeds = np.random.default_rng(0).integers(1, 2**63, ants, dtype=np.uint64)
     trail = options.get("trail", np.ones_like(turning))
     local, backtrack = options.get("local", (0.0, 0.0)), options.get("backtrack", True)
@@ -75,17 +75,17 @@ def dead_end_map() -> Floor:
         "....",
     )
     grid = GridMap(np.array([[c == "#" for c in row] for row in drawing]))
-    return make_floor(grid, (0, 1), (2, 3))
+    return make_floor(grid, (2, 3))
 
 
 def test_ants_step_back_from_a_dead_end_or_die() -> None:
     floor = dead_end_map()
     table = np.ones((12, 8))
     table[1, EAST] = 1e12
-    back = send(floor, table, table, 20)
+    back = send(floor, table, table, 20, start=1)
     assert (back.steps == 6).all()  # west, south, south, east, east, east: the arm is not in the path
     assert back.moves[0, :6].tolist() == [4, 6, 6, 0, 0, 0]
-    dead = send(floor, table, table, 20, backtrack=False)
+    dead = send(floor, table, table, 20, start=1, backtrack=False)
     assert (dead.steps == -1).all()
 
 
@@ -93,7 +93,7 @@ def test_no_ant_visits_a_cell_twice() -> None:
     floor = open_floor(5, 6)
     walks = send(floor, np.ones((30, 8)), np.ones((30, 8)), 100)
     for ant in range(100):
-        cell, seen = floor.start, {floor.start}
+        cell, seen = 0, {0}
         for move in walks.moves[ant, : walks.steps[ant]]:
             cell = int(floor.neighbour[cell, move])
             assert cell not in seen
@@ -114,11 +114,11 @@ def test_measures_of_walks_by_hand() -> None:
     height = np.zeros((2, 3))
     height[0, 1] = 0.3
     floor = open_floor(2, 3, height)
-    walks = empty_walks(3, 6)
+    walks = empty_walks(np.zeros(3, np.int64), 6)
     walks.steps[:] = 2, 2, -1
     walks.moves[0, :2] = EAST, SOUTH_EAST  # over the bump
     walks.moves[1, :2] = SOUTH_EAST, EAST
-    assert measure(floor, 2.0, walks, 0, 3) == 1
+    assert measure(floor, walks, 0, 3) == 1
     assert walks.length[:2] == pytest.approx([1 + math.sqrt(2)] * 2)
     assert walks.turns[:2].tolist() == [1, 1]
     assert walks.cost[:2] == pytest.approx([1 + math.sqrt(2) + 2 * 0.6, 1 + math.sqrt(2)])
@@ -129,7 +129,7 @@ def test_measures_of_walks_by_hand() -> None:
 
 def test_deposit_marks_directed_edges_once_per_ant() -> None:
     floor = open_floor(1, 3)
-    walks = empty_walks(2, 3)
+    walks = empty_walks(np.zeros(2, np.int64), 3)
     walks.steps[:] = 2, -1
     pheromone = np.zeros((3, 8))
     deposit(floor, pheromone, walks, np.array([0.25, 9.0]))
@@ -147,19 +147,22 @@ def test_the_slots_are_called_in_their_order_and_improve_counts() -> None:
         calls.append(f"attraction {iteration}")
         return table, table
 
-    def improve(moves: Any) -> Any:
-        calls.append("improve")
+    def improve(start: int, moves: Any) -> Any:
+        calls.append(f"improve from {start}")
         return np.array([SOUTH_EAST, SOUTH_EAST], dtype=np.int8)
 
-    def update(iteration: int, pheromone: Table, walks: Walks) -> None:
+    def update(iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
         calls.append(f"update {iteration}")
-        assert walks.length.min() == 2 * math.sqrt(2)
+        assert walks.length.min() == best.length[0] == 2 * math.sqrt(2)
 
     start = np.ones((9, 8))
-    search = run(floor, Colony(3, 2, start, attraction, update, improve), np.random.default_rng(0))
-    assert calls == ["attraction 0", "improve", "update 0", "attraction 1", "improve", "update 1"]
-    assert cells_of(floor, search).tolist() == [[0, 0], [1, 1], [2, 2]]
-    assert search.best_by_iteration.tolist() == [2 * math.sqrt(2)] * 2
+    ants, rng = np.zeros(3, np.int64), np.random.default_rng(0)
+    search = run(floor, Colony(start, attraction, update), ants, 2, rng, improve=improve)
+    once = ["attraction {}", "improve from 0", "update {}"]
+    assert calls == [call.format(iteration) for iteration in range(2) for call in once]
+    assert cells_of(floor, search.best, 0).tolist() == [[0, 0], [1, 1], [2, 2]]
+    assert search.best_by_iteration.tolist() == [[2 * math.sqrt(2)] * 2]
+    assert (np.diff(search.elapsed) > 0).all()
     assert (start == 1).all()  # run works on a copy
 
 
@@ -169,10 +172,46 @@ def test_trail_power_sharpens_the_choice() -> None:
     pheromone[0, SOUTH_EAST] = 10.0
     first: list[float] = []
 
-    def update(iteration: int, pheromone: Table, walks: Walks) -> None:
+    def update(iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
         first.append(float((walks.moves[:, 0] == SOUTH_EAST).mean()))
 
     for power in (1.0, 2.0):
-        colony = Colony(20_000, 1, pheromone, lambda iteration: (table, table), update, trail_power=power)
-        run(floor, colony, np.random.default_rng(0))
+        colony = Colony(pheromone, lambda iteration: (table, table), update, trail_power=power)
+        run(floor, colony, np.zeros(20_000, np.int64), 1, np.random.default_rng(0))
     assert first == pytest.approx([10 / 12, 100 / 102], abs=0.01)
+
+
+def nothing(iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
+    """An update that marks nothing."""
+
+
+def test_starts_share_the_pheromone_and_keep_their_own_best() -> None:
+    floor = open_floor(1, 6)
+    table = np.ones((6, 8))
+    colony = Colony(table, lambda iteration: (table, table), nothing)
+    search = run(floor, colony, np.repeat([0, 3], 4), 3, np.random.default_rng(0))
+    assert search.best.start.tolist() == [0, 3]
+    assert search.best.length.tolist() == [5, 2]
+    assert search.best_by_iteration.tolist() == [[5] * 3, [2] * 3]
+
+
+def test_ants_of_a_start_that_is_cut_off_stay_at_home() -> None:
+    grid = GridMap(np.array([[False, True, False, False]]), picks=np.array([[0, 2]]), stations=np.array([[0, 3]]))
+    floor, table, seen = make_floor(grid, (0, 3)), np.ones((4, 8)), []
+
+    def update(iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
+        seen.append(walks.start.tolist())
+
+    colony = Colony(table, lambda iteration: (table, table), update)
+    search = run(floor, colony, np.repeat([0, 2], 2), 2, np.random.default_rng(0))
+    assert seen == [[-1, -1, 2, 2]] * 2
+    assert search.best.steps.tolist() == [-1, 1]
+
+
+def test_patience_ends_the_search_after_iterations_without_a_better_path() -> None:
+    floor = open_floor(1, 4)
+    table = np.ones((4, 8))
+    colony = Colony(table, lambda iteration: (table, table), nothing)
+    search = run(floor, colony, np.zeros(2, np.int64), 50, np.random.default_rng(0), patience=5)
+    assert search.best_by_iteration.tolist() == [[3] * 6]  # found in the first, then five more
+    assert search.elapsed.shape == (6,)

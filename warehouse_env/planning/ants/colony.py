@@ -1,13 +1,13 @@
 """The one ant loop: every ant system is an assembly of slots around `run`.
 
-What systems differ in are the slots of `Colony`: attraction tables, greed, dead ends, pheromone update, and what is
-done to an iteration's best path. What they share is here, compiled: ants that walk cell by cell over the moves of
+What systems differ in are the slots of `Colony`: attraction tables, greed and pheromone update. What they share is
+here, compiled: ants that walk cell by cell over the moves of
 eq. 26 (paper 000), each with its own tabu list, and pheromone on directed edges.
 """
 
 from __future__ import annotations
 
-import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -17,85 +17,132 @@ from numba import njit
 from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES
-from warehouse_env.planning.floor import Floor, Table
-from warehouse_env.planning.walks import Walks, empty_walks, measure
+from warehouse_env.planning.ants.floor import Floor, Table
+from warehouse_env.planning.ants.walks import Walks, empty_walks, keep, measure
 
 _SHIFT_13, _SHIFT_7, _SHIFT_17, _SHIFT_11 = np.uint64(13), np.uint64(7), np.uint64(17), np.uint64(11)
 _TO_UNIT = 2.0**-53
+
+
+Slot = Callable[[int, Table, Walks, Walks], None]
 
 
 @dataclass(frozen=True)
 class Colony:
     """The slots. Iterations count from 0."""
 
-    ants: int
-    iterations: int
     pheromone: Table  # at the start; run() works on a copy
     attraction: Callable[[int], tuple[Table, Table]]  # iteration -> eta^beta of an edge (at a turn, straight on)
-    update: Callable[[int, Table, Walks], None]  # evaporation and deposit, in place
-    improve: Callable[[NDArray[np.int8]], NDArray[np.int8]] | None = None  # best path of an iteration -> a better one
+    update: Slot  # (iteration, pheromone, walks of this iteration, best so far): evaporation and deposit, in place
     trail_power: float = 1.0  # alpha: p ~ pheromone^alpha * attraction
     greedy: Callable[[int], float] | None = None  # iteration -> q0, the share of moves that take the best edge
     local_decay: float = 0.0  # ant colony system: each step moves its edge's pheromone by this share ...
     local_level: float = 0.0  # ... towards this level (needs trail_power 1)
-    backtrack: bool = True  # at a dead end: step back, the cell stays tabu; False: the ant dies
-    gentleness: float = 0.0  # cells of detour that one metre of climbing is worth
 
 
 class Search(NamedTuple):
-    """What `run` found."""
+    """What `run` found, S starts."""
 
-    moves: NDArray[np.int8]  # [L - 1], of the best path
-    found: bool
-    best_by_iteration: NDArray[np.float64]  # [iterations] length [cells] of the best path so far, inf before any
+    best: Walks  # [S], the best path from each start; steps -1 where none was found
+    best_by_iteration: NDArray[np.float64]  # [S, I] length [cells] of the best path so far, inf before any
+    elapsed: NDArray[np.float64]  # [I] seconds since the loop began
+    pheromone: Table  # at the end
 
 
-def run(floor: Floor, colony: Colony, rng: np.random.Generator) -> Search:
-    """Let the ants walk, improve, and mark, `colony.iterations` times.
+def run(
+    floor: Floor,
+    colony: Colony,
+    start: NDArray[np.int64],
+    iterations: int,
+    rng: np.random.Generator,
+    *,
+    patience: int | None = None,
+    backtrack: bool = True,
+    improve: Callable[[int, NDArray[np.int8]], NDArray[np.int8]] | None = None,
+) -> Search:
+    """Let ants walk to the goal, improve, and mark.
 
-    The best path has the least (cost, turns). All random numbers follow from one draw of `rng`. If ants step back
-    from dead ends, one that does not arrive has visited all it can reach: the goal is unreachable, and the loop ends.
+    Ants of several starts share the pheromone; best paths are kept for each start. The best path has the least
+    (cost, turns). All random numbers follow from one draw of `rng`.
+
+    Args:
+        floor: of C cells.
+        colony: the slots.
+        start: int64[m], the cell from which each ant starts; ants of one start stand side by side.
+        iterations: how often the ants walk.
+        rng: the only source of chance.
+        patience: stop after so many iterations without a better path; None: never before the last.
+        backtrack: at a dead end ants step back, and the cell stays tabu; False: they die.
+        improve: (start, moves of an iteration's best path from there) -> moves of a better one.
     """
-    history = np.full(colony.iterations, np.inf)
-    if floor.start == floor.goal:
-        return Search(np.empty(0, np.int8), True, np.zeros(colony.iterations))
-    cells, m = len(floor.height), colony.ants
-    walks = empty_walks(m, cells)
+    begin, m = time.perf_counter(), len(start)
+    first = np.flatnonzero(np.diff(start, prepend=-1))  # ants of the s-th start: first[s] to last[s] - 1
+    last = np.append(first[1:], m)
+    cells = len(floor.height)
+    walks, best = empty_walks(start.copy(), cells), empty_walks(start[first], cells)
     pheromone = colony.pheromone.copy()
-    seeds = rng.integers(1, 2**63, size=(colony.iterations, m), dtype=np.uint64)
+    seeds = rng.integers(1, 2**63, size=(iterations, m), dtype=np.uint64)
     visited = np.zeros(cells, np.int64)
-    best: tuple[float, int] = (math.inf, 0)
-    best_moves, best_length = np.empty(0, np.int8), math.inf
-    for iteration in range(colony.iterations):
+    history, elapsed = np.full((len(first), iterations), np.inf), np.zeros(iterations)
+    changed = 0
+    for iteration in range(iterations):
         trail = pheromone if colony.trail_power == 1.0 else pheromone**colony.trail_power
         turning, straight = colony.attraction(iteration)
         q0 = colony.greedy(iteration) if colony.greedy else 0.0
         local = (colony.local_decay, colony.local_level)
-        stamp = 1 + iteration * m
-        walk(floor, trail, turning, straight, seeds[iteration], q0, colony.backtrack, local, visited, stamp, walks)
-        if colony.backtrack and walks.steps[0] < 0:
+        walk(floor, trail, turning, straight, seeds[iteration], q0, backtrack, local, visited, 1 + iteration * m, walks)
+        for row in range(len(first)):
+            if _improve_best(floor, walks, first[row], last[row], best, row, improve):
+                changed = iteration
+        _stay_at_home(walks, first, last, backtrack)
+        history[:, iteration:], elapsed[iteration:] = best.length[:, None], time.perf_counter() - begin
+        if (walks.start < 0).all():
             break
-        winner = measure(floor, colony.gentleness, walks, 0, m)
-        if winner >= 0:
-            if colony.improve:
-                moves = colony.improve(walks.moves[winner, : walks.steps[winner]])
-                walks.moves[winner, : len(moves)] = moves
-                walks.steps[winner] = len(moves)
-                measure(floor, colony.gentleness, walks, winner, winner + 1)
-            if (walks.cost[winner], walks.turns[winner]) < best:
-                best = (walks.cost[winner], walks.turns[winner])
-                best_moves, best_length = walks.moves[winner, : walks.steps[winner]].copy(), walks.length[winner]
-        history[iteration] = best_length
-        colony.update(iteration, pheromone, walks)
-    return Search(best_moves, math.isfinite(best_length), history)
+        colony.update(iteration, pheromone, walks, best)
+        if patience and iteration - changed >= patience and iteration + 1 < iterations:
+            history, elapsed = history[:, : iteration + 1], elapsed[: iteration + 1]
+            break
+    return Search(best, history, elapsed, pheromone)
 
 
-def cells_of(floor: Floor, search: Search) -> NDArray[np.int64]:
-    """The path as int64[L, 2] cells (row, col); (0, 2) where none was found."""
-    if not search.found:
+def _stay_at_home(walks: Walks, first: NDArray[np.int64], last: NDArray[np.int64], backtrack: bool) -> None:
+    """Retire starts that are the goal, and those cut off: an ant that steps back then has visited all in its reach."""
+    for a, b in zip(first, last, strict=True):
+        if walks.steps[a] == 0 or (backtrack and walks.steps[a] < 0):
+            walks.start[a:b] = walks.steps[a:b] = -1
+            walks.length[a:b] = walks.cost[a:b] = np.inf
+
+
+def _improve_best(
+    floor: Floor,
+    walks: Walks,
+    first: int,
+    last: int,
+    best: Walks,
+    row: int,
+    improve: Callable[[int, NDArray[np.int8]], NDArray[np.int8]] | None,
+) -> bool:
+    """Improve the best of ants first..last-1, and keep it in best[row] if none was as good; True if it was kept."""
+    winner = measure(floor, walks, first, last)
+    if winner < 0:
+        return False
+    if improve:
+        moves = improve(int(best.start[row]), walks.moves[winner, : walks.steps[winner]])
+        walks.moves[winner, : len(moves)] = moves
+        walks.steps[winner] = len(moves)
+        measure(floor, walks, winner, winner + 1)
+    if (walks.cost[winner], walks.turns[winner]) >= (best.cost[row], best.turns[row]):
+        return False
+    keep(walks, winner, best, row)
+    return True
+
+
+def cells_of(floor: Floor, walks: Walks, ant: int) -> NDArray[np.int64]:
+    """The path of one ant as int64[L, 2] cells (row, col); (0, 2) where it did not arrive."""
+    if walks.steps[ant] < 0:
         return np.empty((0, 2), np.int64)
-    start = np.array([divmod(floor.start, floor.columns)], dtype=np.int64)
-    return np.concatenate([start, start + np.cumsum(MOVES[search.moves], axis=0)])
+    start = np.array([divmod(int(walks.start[ant]), floor.columns)], dtype=np.int64)
+    return np.concatenate([start, start + np.cumsum(MOVES[walks.moves[ant, : walks.steps[ant]]], axis=0)])
 
 
 @njit(cache=True)
@@ -107,7 +154,7 @@ def _next_random(state: np.uint64) -> np.uint64:
     return state
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def walk(
     floor: Floor,
     trail: Table,
@@ -121,7 +168,7 @@ def walk(
     stamp: int,
     walks: Walks,
 ) -> None:
-    """Send every ant from start to goal; writes walks.moves and walks.steps.
+    """Send every ant from its start to the goal; writes walks.moves and walks.steps.
 
     An edge's chance is trail * straight if it goes straight on, else trail * turning, over the neighbours that are not
     tabu; with probability q0 the largest is taken instead (pseudo-random-proportional rule). Underflow to an
@@ -133,7 +180,10 @@ def walk(
     chance = np.zeros(8)
     for ant in range(len(seeds)):
         moves, random, tabu = walks.moves[ant], seeds[ant], stamp + ant
-        cell, steps, heading = floor.start, 0, -1
+        cell, steps, heading = walks.start[ant], 0, -1
+        if cell < 0:
+            walks.steps[ant] = -1
+            continue
         visited[cell] = tabu
         while cell != goal:
             total = _weigh(neighbour, trail, turning, straight, visited, tabu, cell, heading, chance)

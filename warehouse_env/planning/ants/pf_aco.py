@@ -1,8 +1,8 @@
-"""The papers' ant systems: each a short assembly of the colony's slots, with its source and its constants."""
+"""The potential-field ant colony of paper 000, and what we add to it."""
 
 from __future__ import annotations
 
-import time
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -14,82 +14,14 @@ from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning import potential_field
-from warehouse_env.planning.colony import Colony, cells_of, run
-from warehouse_env.planning.floor import MICROMETRES, Floor, Table, make_floor
-from warehouse_env.planning.local_search import shorten, straight_runs
-from warehouse_env.planning.plan import Plan, check_endpoints, check_parameters, planner_key
-from warehouse_env.planning.walks import Walks, deposit
-
-_AT_GOAL = 0.1  # [cells] stands for the distance 0 of the goal cell to itself
+from warehouse_env.planning.ants.colony import Colony
+from warehouse_env.planning.ants.floor import MICRO, Floor, Table
+from warehouse_env.planning.ants.system import AntSystem
+from warehouse_env.planning.ants.walks import Walks, deposit
 
 
 @dataclass(frozen=True)
-class Aco:
-    """The traditional ant colony (Dorigo, Birattari & Stuetzle 2006), the baseline of papers 000, 001 and 004.
-
-    p ~ pheromone * (1/d)^2; all arrived ants deposit Q / length; evaporation 0.1; pheromone starts at 1.
-    What the papers call traditional differs in d, so it is a choice: heuristic="goal" takes the distance from the next
-    cell to the goal (the stronger baseline), "next_cell" that to the next cell, 1 or sqrt 2, which knows nothing of the
-    goal (the text around eq. 8 of paper 000 describes this one). An ant at a dead end steps back
-    (dead_end="backtrack"), or dies as in the papers ("die"), which can leave a run without any path.
-    """
-
-    ants: int = 50
-    iterations: int = 100
-    heuristic: Literal["goal", "next_cell"] = "goal"
-    exponent: int = 2  # of the heuristic
-    evaporation: float = 0.1  # share an iteration
-    strength: float = 1.0  # Q
-    dead_end: Literal["backtrack", "die"] = "backtrack"
-    local_search: bool = False  # no part of the traditional system; to see what it alone does
-
-    name: ClassVar[str] = "aco"
-
-    def __post_init__(self) -> None:
-        check_parameters(self, shares=("evaporation",))
-
-    @property
-    def key(self) -> str:
-        """Name and parameters."""
-        return planner_key(self)
-
-    def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator) -> Plan:
-        """Search; the same state of `rng` gives the same plan, to the bit."""
-        begin = time.perf_counter()
-        start, goal = check_endpoints(grid, start, goal)
-        floor = make_floor(grid, start, goal)
-        eta = _power(self._distance_heuristic(floor), self.exponent)
-        colony = Colony(
-            ants=self.ants,
-            iterations=self.iterations,
-            pheromone=np.ones_like(eta),
-            attraction=lambda iteration: (eta, eta),
-            update=partial(self._update, floor),
-            improve=partial(shorten, floor, straight_runs(floor), 0.0) if self.local_search else None,
-            backtrack=self.dead_end == "backtrack",
-        )
-        search = run(floor, colony, rng)
-        return Plan(cells_of(floor, search), search.best_by_iteration, time.perf_counter() - begin)
-
-    def _distance_heuristic(self, floor: Floor) -> Table:
-        """1/d float64[C, 8] of every edge (eq. 7, paper 000, read as 1/d_ij or 1/d_jg)."""
-        if self.heuristic == "next_cell":
-            distance = np.sqrt((MOVES**2).sum(axis=1)) + np.zeros((len(floor.height), 1))
-        else:
-            goal_row, goal_column = divmod(floor.goal, floor.columns)
-            d_row, d_column = floor.neighbour // floor.columns - goal_row, floor.neighbour % floor.columns - goal_column
-            distance = np.maximum(np.sqrt((d_row**2 + d_column**2).astype(np.float64)), _AT_GOAL)
-        heuristic: Table = 1.0 / distance
-        return heuristic
-
-    def _update(self, floor: Floor, iteration: int, pheromone: Table, walks: Walks) -> None:
-        """Every trail evaporates, every arrived ant adds Q / length to its edges."""
-        pheromone *= 1.0 - self.evaporation
-        deposit(floor, pheromone, walks, self.strength / walks.length)
-
-
-@dataclass(frozen=True)
-class PfAco:
+class PfAco(AntSystem):
     """The potential-field ant colony of paper 000 (Wang & Xie), eqs. 8-26, and a local search of our own.
 
     p ~ pheromone * eta^2 with eta = a*L + b*H + c*T (eq. 8). The paper prints none of its constants; those here are
@@ -109,15 +41,19 @@ class PfAco:
       phi > 1 is another constant than eq. 18's phi < 1: `initial_boost` and `evaporation`.
     - Update (eqs. 18-25): all arrived ants; A*Q/L + B*Q/(100*max(H_k, smallest_spread)) + C*Q/max(1, turns). As
       printed eq. 21 divides by zero on even paths and eq. 22 on straight ones; on a flat floor the height term,
-      equal for all, is left out.
+      equal for all, is left out. The length L is the walk's cost: with tolls, where the floor or a cost map takes them.
 
     "Best" is the least length + gentleness * metres climbed, then the fewest turns: the paper names length, gentleness
     and smoothness as its aims but no order of them. local_search=False is the paper's own system; with it the
     iteration's best path is straightened (local_search.py) before it counts and deposits.
+
+    attraction="distance_field" replaces the straight pull by the descent of the true cost-to-go. It knows the answer
+    beforehand: a hybrid of exact search and colony, for which 10 ants and 5 iterations suffice if the heuristic is
+    sharp (b = 0.1, exponent = 4).
     """
 
-    ants: int = 50
-    iterations: int = 100
+    local_search: bool = True
+    gentleness: float = 10.0
     a: float = 1.0  # weight of the potential field
     b: float = 1.0  # weight of gentleness
     c: float = 0.3  # weight of smoothness; from 1 on paths get longer
@@ -137,40 +73,27 @@ class PfAco:
     height_weight: float = 0.05  # B, eq. 21 [m]
     turn_weight: float = 0.2  # C, eq. 22
     smallest_spread: float = 0.01  # [m] H_k below this counts as this, eq. 21
-    gentleness: float = 10.0  # [cells/m] detour that a metre of climbing is worth
-    dead_end: Literal["backtrack", "die"] = "backtrack"
-    local_search: bool = True
+    attraction: Literal["straight", "distance_field"] = "straight"
 
     name: ClassVar[str] = "pf_aco"
+    shares: ClassVar[tuple[str, ...]] = ("evaporation", "straight_share")
 
-    def __post_init__(self) -> None:
-        check_parameters(self, shares=("evaporation", "straight_share"))
-
-    @property
-    def key(self) -> str:
-        """Name and parameters."""
-        return planner_key(self)
-
-    def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator) -> Plan:
-        """Search; the same state of `rng` gives the same plan, to the bit."""
-        begin = time.perf_counter()
-        start, goal = check_endpoints(grid, start, goal)
-        floor = make_floor(grid, start, goal)
-        force = potential_field.resultant(grid.occupied, goal, self.repulsion, self.repulsion_reach)
-        pull = self.a * np.maximum(potential_field.alignment(force).reshape(-1, 8), 0.0)
+    def colony(self, grid: GridMap, floor: Floor, start: NDArray[np.int64]) -> Colony:
+        """Slots of eqs. 8-25: the force's pull, gentleness and smoothness in the heuristic, and in the deposit."""
+        pull = self.a * self._pull(grid, divmod(floor.goal, floor.columns)).reshape(-1, 8)
         fading = pull + self.b * self.gentle_gain * gentle_share(floor, self.gentle_offset)
-        colony = Colony(
-            ants=self.ants,
-            iterations=self.iterations,
-            pheromone=initial_pheromone(floor, self.initial_boost),
+        return Colony(
+            pheromone=initial_pheromone(floor, start, self.initial_boost),
             attraction=self._attraction(floor, fading),
             update=partial(self._update, floor),
-            improve=partial(shorten, floor, straight_runs(floor), self.gentleness) if self.local_search else None,
-            backtrack=self.dead_end == "backtrack",
-            gentleness=self.gentleness,
         )
-        search = run(floor, colony, rng)
-        return Plan(cells_of(floor, search), search.best_by_iteration, time.perf_counter() - begin)
+
+    def _pull(self, grid: GridMap, goal: Cell) -> NDArray[np.float64]:
+        """float64[H, W, 8] max(0, cos theta) of eqs. 10-11, or in its place the descent of the distance field."""
+        if self.attraction == "distance_field":
+            return descent(grid, goal)
+        force = potential_field.resultant(grid.occupied, goal, self.repulsion, self.repulsion_reach)
+        return np.maximum(potential_field.alignment(force), 0.0)
 
     def _attraction(self, floor: Floor, fading: Table) -> Callable[[int], tuple[Table, Table]]:
         """Slot: eta^exponent of eq. 8 for an iteration; `fading` holds what fr scales."""
@@ -189,21 +112,40 @@ class PfAco:
 
         return tables
 
-    def _update(self, floor: Floor, iteration: int, pheromone: Table, walks: Walks) -> None:
+    def _update(self, floor: Floor, iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
         """Slot: eqs. 18-25 over all arrived ants."""
-        amount = self.length_weight / walks.length + self.turn_weight / np.maximum(walks.turns, 1)
+        amount = self.length_weight / walks.cost + self.turn_weight / np.maximum(walks.turns, 1)
         if not floor.flat:
             amount += self.height_weight / (100.0 * np.maximum(walks.spread, self.smallest_spread))
         pheromone *= 1.0 - self.evaporation
         deposit(floor, pheromone, walks, self.evaporation * self.strength * amount)
 
 
-def initial_pheromone(floor: Floor, boost: float) -> Table:
-    """float64[C, 8]: `boost` on the edges of cells in the rectangle between start and goal, 1 elsewhere (eq. 17)."""
+def descent(grid: GridMap, goal: Cell) -> NDArray[np.float64]:
+    """Fall float64[H, W, 8] of the exact cost-to-go per cell of length of each move: 1 along a shortest path.
+
+    0 where a move does not lead nearer, is not legal, or the goal cannot be reached. Not of the papers: it knows the
+    answer beforehand.
+    """
+    rows, columns = grid.shape
+    ahead = np.pad(grid.distance_to(goal), 1, constant_values=np.inf)
+    here = ahead[1:-1, 1:-1]
+    fall = np.zeros((rows, columns, 8))
+    for move, (d_row, d_column) in enumerate(MOVES.tolist()):
+        there = ahead[1 + d_row : 1 + d_row + rows, 1 + d_column : 1 + d_column + columns]
+        usable = grid.legal_moves[:, :, move] & np.isfinite(here)
+        fall[usable, move] = (here[usable] - there[usable]) / math.hypot(d_row, d_column)
+    return np.maximum(fall, 0.0)
+
+
+def initial_pheromone(floor: Floor, start: NDArray[np.int64], boost: float) -> Table:
+    """float64[C, 8]: `boost` on edges of cells in a rectangle between a start and the goal, 1 elsewhere (eq. 17)."""
     rows, columns = np.divmod(np.arange(len(floor.height)), floor.columns)
-    (row_a, column_a), (row_b, column_b) = divmod(floor.start, floor.columns), divmod(floor.goal, floor.columns)
-    between = (rows >= min(row_a, row_b)) & (rows <= max(row_a, row_b))
-    between &= (columns >= min(column_a, column_b)) & (columns <= max(column_a, column_b))
+    goal_row, goal_column = divmod(floor.goal, floor.columns)
+    between = np.zeros(len(rows), bool)
+    for row, column in zip(*np.divmod(np.unique(start), floor.columns), strict=True):
+        inside = (rows >= min(row, goal_row)) & (rows <= max(row, goal_row))
+        between |= inside & (columns >= min(column, goal_column)) & (columns <= max(column, goal_column))
     return np.repeat(np.where(between, boost, 1.0)[:, None], 8, axis=1)
 
 
@@ -214,21 +156,13 @@ def gentle_share(floor: Floor, offset: float) -> Table:
     """
     if floor.flat:
         return np.zeros(floor.neighbour.shape)
-    difference = np.abs(floor.height[floor.neighbour] - floor.height[:, None]) / MICROMETRES
+    difference = np.abs(floor.height[floor.neighbour] - floor.height[:, None]) / MICRO
     highest = np.where(floor.legal, difference, 0.0).max(axis=1, keepdims=True)
     lowest = np.minimum(np.where(floor.legal, difference, np.inf).min(axis=1, keepdims=True), highest)
     return np.where(floor.legal, (highest - difference) / (highest - lowest + offset), 0.0)
 
 
-def _power(base: Table, exponent: int) -> Table:
-    """base^exponent by multiplication, the same to the bit in compiled and in plain Python."""
-    result = base.copy()
-    for _ in range(exponent - 1):
-        result *= base
-    return result
-
-
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _mix(
     fading: Table,
     fr: float,

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning import climb, make_planner, path_length, turns, validate
-from warehouse_env.planning.floor import make_floor
-from warehouse_env.planning.local_search import shorten, straight_runs
+from warehouse_env.planning.ants.floor import make_floor
+from warehouse_env.planning.ants.local_search import shorten, straight_runs
 
 
 def moves_of(cells: list[Cell]) -> NDArray[np.int8]:
@@ -19,8 +19,9 @@ def moves_of(cells: list[Cell]) -> NDArray[np.int8]:
 
 
 def improved(grid: GridMap, cells: list[Cell], gentleness: float = 0.0) -> NDArray[np.int64]:
-    floor = make_floor(grid, cells[0], cells[-1])
-    moves = shorten(floor, straight_runs(floor), gentleness, moves_of(cells))
+    floor = make_floor(grid, cells[-1], gentleness)
+    start = cells[0][0] * floor.columns + cells[0][1]
+    moves = shorten(floor, straight_runs(floor), start, moves_of(cells))
     return np.concatenate([[cells[0]], cells[0] + np.cumsum(MOVES[moves], axis=0)])
 
 

@@ -1,4 +1,4 @@
-"""The ant systems: every equation against numbers worked out by hand, and what the systems reach on the named tasks."""
+"""The potential-field colony: every equation against numbers worked out by hand, and what it reaches."""
 
 from __future__ import annotations
 
@@ -7,78 +7,39 @@ import math
 import numpy as np
 import pytest
 
-from warehouse_env.maps.grid_map import Cell, GridMap
+from tests.planning.ants.colonies import EAST, SOUTH, SOUTH_EAST, WEST, search, walked
+from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
-from warehouse_env.planning import Plan, climb, make_planner, path_length, turns, validate
-from warehouse_env.planning.aco import Aco, PfAco, gentle_share, initial_pheromone
-from warehouse_env.planning.floor import Floor, make_floor
-from warehouse_env.planning.potential_field import alignment, resultant
-from warehouse_env.planning.walks import Walks, empty_walks, measure
-
-EAST, SOUTH_EAST, SOUTH, WEST = 0, 7, 6, 4
-
-
-def walked(floor: Floor, *paths: list[int]) -> Walks:
-    walks = empty_walks(len(paths), len(floor.height))
-    walks.steps[:] = [len(path) for path in paths]
-    for ant, path in enumerate(paths):
-        walks.moves[ant, : len(path)] = path
-    measure(floor, 0.0, walks, 0, len(paths))
-    return walks
-
-
-def search(name: str, grid: GridMap, start: Cell, goal: Cell, seed: int = 0, **parameters: object) -> Plan:
-    plan = make_planner(name, **parameters).plan(grid, start, goal, np.random.default_rng(seed))
-    if plan.found:
-        validate(grid, plan.cells, start, goal)
-    return plan
-
-
-def test_distance_heuristic_of_the_traditional_colony() -> None:
-    floor = make_floor(GridMap(np.zeros((4, 5), dtype=bool)), (0, 0), (3, 4))
-    to_goal = Aco()._distance_heuristic(floor)
-    assert to_goal[0, SOUTH_EAST] == pytest.approx(1 / math.sqrt(13))  # from (1, 1) to (3, 4)
-    assert to_goal[0, EAST] == pytest.approx(1 / math.sqrt(18))
-    next_cell = Aco(heuristic="next_cell")._distance_heuristic(floor)
-    assert next_cell[0, [EAST, SOUTH_EAST]] == pytest.approx([1, 1 / math.sqrt(2)])
-
-
-def test_update_of_the_traditional_colony_by_hand() -> None:
-    floor = make_floor(GridMap(np.zeros((2, 3), dtype=bool)), (0, 0), (1, 2))
-    pheromone = np.ones((6, 8))
-    Aco()._update(floor, 0, pheromone, walked(floor, [EAST, SOUTH_EAST], [EAST, EAST, SOUTH]))
-    diagonal = 1 / (1 + math.sqrt(2))
-    assert pheromone[0, EAST] == pytest.approx(0.9 + diagonal + 1 / 3)
-    assert pheromone[1, SOUTH_EAST] == pytest.approx(0.9 + diagonal)
-    assert pheromone[1, EAST] == pytest.approx(0.9 + 1 / 3)
-    assert pheromone[1, WEST] == pytest.approx(0.9)
+from warehouse_env.planning import climb, make_planner, path_length, turns
+from warehouse_env.planning.ants.floor import make_floor
+from warehouse_env.planning.ants.pf_aco import PfAco, gentle_share, initial_pheromone
 
 
 def test_initial_pheromone_eq_17() -> None:
-    floor = make_floor(GridMap(np.zeros((4, 4), dtype=bool)), (2, 1), (1, 2))
-    table = initial_pheromone(floor, 1.5).reshape(4, 4, 8)
+    floor = make_floor(GridMap(np.zeros((4, 4), dtype=bool)), (1, 2))
+    table = initial_pheromone(floor, np.array([2 * 4 + 1]), 1.5).reshape(4, 4, 8)
     assert (table[1:3, 1:3] == 1.5).all()
     assert table.sum() == 8 * (16 + 4 * 0.5)
+    shared = initial_pheromone(floor, np.array([2 * 4 + 1, 0 * 4 + 3]), 1.5).reshape(4, 4, 8)
+    assert shared.sum() == 8 * (16 + 7 * 0.5)  # rows 0-1, columns 2-3 as well
 
 
 def test_gentle_share_eqs_12_to_14() -> None:
     height = np.array([[0.0, 0.1, 0.0], [0.04, 0.0, 0.0]])
-    floor = make_floor(GridMap(np.zeros((2, 3), dtype=bool), height), (0, 0), (1, 2))
+    floor = make_floor(GridMap(np.zeros((2, 3), dtype=bool), height), (1, 2))
     share = gentle_share(floor, 0.001)
     # From (0, 0): east climbs 0.1, south 0.04, south-east 0; h_max 0.1, h_min 0.
     assert share[0, [EAST, SOUTH, SOUTH_EAST]] == pytest.approx([0, 0.06 / 0.101, 0.1 / 0.101])
     assert share[0, WEST] == 0
-    flat = make_floor(GridMap(np.zeros((2, 3), dtype=bool)), (0, 0), (1, 2))
+    flat = make_floor(GridMap(np.zeros((2, 3), dtype=bool)), (1, 2))
     assert (gentle_share(flat, 0.001) == 0).all()
 
 
 @pytest.mark.parametrize(("iteration", "fr"), [(0, 1.0), (25, 0.75), (99, 0.01)])
 def test_heuristic_eq_8_with_eqs_9_to_15(iteration: int, fr: float) -> None:
     grid = GridMap(np.zeros((3, 6), dtype=bool))
-    floor = make_floor(grid, (1, 1), (1, 5))
-    planner = PfAco()
-    cosine = alignment(resultant(grid.occupied, (1, 5), 0.02, 1.5)).reshape(-1, 8)
-    turning, straight = planner._attraction(floor, np.maximum(cosine, 0.0))(iteration)
+    floor = make_floor(grid, (1, 5))
+    turning, straight = PfAco().colony(grid, floor, np.array([7])).attraction(iteration)
     cell = 1 * 6 + 2  # in the open, 8 legal moves; the goal lies east
     assert straight[cell, EAST] == pytest.approx((fr * 1 + 1 + 0.3 * (0.5 * fr + 0.2)) ** 2)
     assert turning[cell, EAST] == pytest.approx((fr * 1 + 1 + 0.3 * 0.5 * fr / 8) ** 2)
@@ -89,9 +50,12 @@ def test_heuristic_eq_8_with_eqs_9_to_15(iteration: int, fr: float) -> None:
 
 
 def test_update_eqs_18_to_25_on_a_flat_floor() -> None:
-    floor = make_floor(GridMap(np.zeros((2, 3), dtype=bool)), (0, 0), (1, 2))
-    pheromone = np.full((6, 8), 1.5)
-    PfAco()._update(floor, 0, pheromone, walked(floor, [EAST, SOUTH_EAST], [EAST, EAST, SOUTH]))
+    grid = GridMap(np.zeros((2, 3), dtype=bool))
+    floor = make_floor(grid, (1, 2))
+    colony = PfAco().colony(grid, floor, np.zeros(2, np.int64))
+    pheromone = colony.pheromone.copy()
+    assert (pheromone == 1.5).all()
+    colony.update(0, pheromone, walked(floor, [EAST, SOUTH_EAST], [EAST, EAST, SOUTH]), walked(floor))
     first = 0.2 * 10 * (1 / (1 + math.sqrt(2)) + 0.2 / 1)
     second = 0.2 * 10 * (1 / 3 + 0.2 / 1)
     assert pheromone[0, EAST] == pytest.approx(0.8 * 1.5 + first + second)
@@ -102,12 +66,34 @@ def test_update_eqs_18_to_25_on_a_flat_floor() -> None:
 def test_update_eq_21_rewards_even_paths() -> None:
     height = np.zeros((2, 3))
     height[0, 1] = 0.3
-    floor = make_floor(GridMap(np.zeros((2, 3), dtype=bool), height), (0, 0), (1, 2))
+    grid = GridMap(np.zeros((2, 3), dtype=bool), height)
+    floor = make_floor(grid, (1, 2))
     pheromone = np.ones((6, 8))
-    PfAco()._update(floor, 0, pheromone, walked(floor, [EAST, SOUTH_EAST], [SOUTH_EAST, EAST]))
+    colony = PfAco().colony(grid, floor, np.zeros(2, np.int64))
+    colony.update(0, pheromone, walked(floor, [EAST, SOUTH_EAST], [SOUTH_EAST, EAST]), walked(floor))
     common = 1 / (1 + math.sqrt(2)) + 0.2
     assert pheromone[0, EAST] == pytest.approx(0.8 + 2 * (common + 0.05 / (100 * math.sqrt(0.03))))
     assert pheromone[0, SOUTH_EAST] == pytest.approx(0.8 + 2 * (common + 0.05 / (100 * 0.01)))
+
+
+def test_distance_field_mode_pulls_along_shortest_paths_only() -> None:
+    grid = GridMap(np.array([[c == "#" for c in row] for row in ("...", "##.", "...")]))
+    floor = make_floor(grid, (2, 0))
+    planner = PfAco(attraction="distance_field", b=0.0, c=0.0, exponent=1)
+    turning, _ = planner.colony(grid, floor, np.zeros(1, np.int64)).attraction(0)
+    assert turning[0, EAST] == 1  # away from the goal as the crow flies, but the only way
+    assert turning[1, WEST] == 0
+    assert turning[5, SOUTH] == 1
+
+
+def test_robots_with_one_goal_share_a_colony() -> None:
+    grid = make_layout("paper46")
+    tasks = [NAMED_TASKS["paper46"][name] for name in ("cross_zone_1", "in_zone_1")]
+    starts = [tasks[0].start, tasks[1].start, tasks[0].start]
+    plans = make_planner("pf_aco").plan_shared(grid, starts, tasks[0].goal, np.random.default_rng(1))
+    optimal = grid.distance_to(tasks[0].goal)
+    assert [tuple(plan.cells[0]) for plan in plans] == starts
+    assert [path_length(plan.cells) for plan in plans] == pytest.approx([optimal[start] for start in starts])
 
 
 TURNS_OF_THE_PAPER = {"in_zone": 8, "cross_zone": 18}  # tables 1 and 2 of paper 000
@@ -144,14 +130,3 @@ def test_gentle_ground_is_chosen_at_a_small_cost(task: str, local_search: bool) 
     assert optimum < path_length(gentle.cells) < 1.08 * optimum
     blind = search("pf_aco", grid, start, goal, gentleness=0.0, b=0.0, a=2.0, height_weight=0.0)
     assert path_length(blind.cells) < path_length(gentle.cells)
-
-
-def test_ants_that_die_may_find_nothing_and_say_so() -> None:
-    # A comb of blind alleys: with one ant and one iteration, some seed dies in one.
-    drawing = ("." * 9, "#.#.#.#.#", "#.#.#.#.#", "#.#.#.#..")
-    grid = GridMap(np.array([[c == "#" for c in row] for row in drawing]))
-    ants = {"ants": 1, "iterations": 1}
-    dying = [search("aco", grid, (0, 0), (0, 8), seed, dead_end="die", **ants) for seed in range(30)]
-    assert any(plan.found for plan in dying)
-    assert not all(plan.found for plan in dying)
-    assert all(search("aco", grid, (0, 0), (0, 8), seed, **ants).found for seed in range(30))

@@ -1,4 +1,4 @@
-"""What the ants of one iteration did: their paths, the measures of these, and the pheromone they leave."""
+"""What ants did: their paths, the measures of these, and the pheromone they leave."""
 
 from __future__ import annotations
 
@@ -9,25 +9,28 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from warehouse_env.planning.floor import MICROMETRES, Floor, Table
+from warehouse_env.planning.ants.floor import MICRO, Floor, Table
 
 _SQRT2 = math.sqrt(2.0)
 
 
 class Walks(NamedTuple):
-    """The paths of one iteration's m ants; the buffers of the loop, overwritten by the next iteration."""
+    """The paths of some ants, one a row; the loop's buffers are overwritten by the next iteration."""
 
+    start: NDArray[np.int64]  # [m] cell; -1 for an ant that stays at home
     moves: NDArray[np.int8]  # [m, C], valid up to steps
     steps: NDArray[np.int64]  # [m], -1 for an ant that did not arrive
     length: NDArray[np.float64]  # [m] cells
     turns: NDArray[np.int64]  # [m] direction changes
     spread: NDArray[np.float64]  # [m] metres, standard deviation of the path's heights (eq. 24, paper 000)
-    cost: NDArray[np.float64]  # [m] cells, length + gentleness * metres climbed: what "best" means
+    cost: NDArray[np.float64]  # [m] cells, length + tolls: what "best" means
 
 
-def empty_walks(ants: int, cells: int) -> Walks:
-    """Room for the paths of `ants` ants on a floor of `cells` cells; no ant has arrived yet."""
+def empty_walks(start: NDArray[np.int64], cells: int) -> Walks:
+    """Room for the paths of ants from `start` int64[m] on a floor of `cells` cells; no ant has arrived yet."""
+    ants = len(start)
     return Walks(
+        start,
         np.zeros((ants, cells), np.int8),
         np.full(ants, -1, np.int64),
         np.full(ants, np.inf),
@@ -37,21 +40,17 @@ def empty_walks(ants: int, cells: int) -> Walks:
     )
 
 
-@njit(cache=True, error_model="numpy")
-def measure(floor: Floor, gentleness: float, walks: Walks, first: int, last: int) -> int:
-    """Fill length, turns, spread and cost of ants first..last-1; return the best of them by (cost, turns), -1 if none.
-
-    gentleness: cells per metre climbed.
-    """
+@njit(cache=True, error_model="numpy", nogil=True)
+def measure(floor: Floor, walks: Walks, first: int, last: int) -> int:
+    """Fill length, turns, spread and cost of ants first..last-1; return the best by (cost, turns), -1 if none."""
     best = -1
     for ant in range(first, last):
         count = walks.steps[ant]
         if count < 0:
-            walks.length[ant] = walks.cost[ant] = np.inf
+            walks.length[ant] = walks.cost[ant] = walks.spread[ant] = np.inf
             walks.turns[ant] = 0
-            walks.spread[ant] = np.inf
             continue
-        diagonal, turned, climbed, cell, heading = 0, 0, 0, floor.start, -1
+        diagonal, turned, tolls, climbed, cell, heading = 0, 0, 0, 0, walks.start[ant], -1
         height_sum = floor.height[cell]
         for step in range(count):
             move = walks.moves[ant, step]
@@ -59,13 +58,14 @@ def measure(floor: Floor, gentleness: float, walks: Walks, first: int, last: int
             diagonal += move % 2
             if step > 0 and move != heading:
                 turned += 1
+            tolls += floor.toll[cell, move]
             climbed += abs(floor.height[to] - floor.height[cell])
             height_sum += floor.height[to]
             heading, cell = move, to
         walks.length[ant] = (count - diagonal) + diagonal * _SQRT2
         walks.turns[ant] = turned
-        walks.cost[ant] = walks.length[ant] + gentleness * climbed / MICROMETRES
-        walks.spread[ant] = 0.0 if climbed == 0 else _spread(floor, walks.moves[ant], count, height_sum / (count + 1))
+        walks.cost[ant] = walks.length[ant] + tolls / MICRO
+        walks.spread[ant] = 0.0 if climbed == 0 else _spread(floor, walks, ant, height_sum / (count + 1))
         better = best < 0 or walks.cost[ant] < walks.cost[best]
         if better or (walks.cost[ant] == walks.cost[best] and walks.turns[ant] < walks.turns[best]):
             best = ant
@@ -73,24 +73,34 @@ def measure(floor: Floor, gentleness: float, walks: Walks, first: int, last: int
 
 
 @njit(cache=True, error_model="numpy")
-def _spread(floor: Floor, moves: NDArray[np.int8], count: int, mean: float) -> float:
-    """Standard deviation [m] of the heights along a path with p - 1 = count steps (eq. 24, paper 000)."""
-    cell = floor.start
+def _spread(floor: Floor, walks: Walks, ant: int, mean: float) -> float:
+    """Standard deviation [m] of the heights along a path with p - 1 steps (eq. 24, paper 000)."""
+    cell, count = walks.start[ant], walks.steps[ant]
     deviation = floor.height[cell] - mean
     total = deviation * deviation
     for step in range(count):
-        cell = floor.neighbour[cell, moves[step]]
+        cell = floor.neighbour[cell, walks.moves[ant, step]]
         deviation = floor.height[cell] - mean
         total += deviation * deviation
-    return math.sqrt(total / count) / MICROMETRES
+    return math.sqrt(total / count) / MICRO
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def deposit(floor: Floor, pheromone: Table, walks: Walks, amount: NDArray[np.float64]) -> None:
-    """Add amount float64[m] of each arrived ant to every edge of its path, in place."""
+    """Add amount float64[k] of the first k ants, where they arrived, to every edge of their paths, in place."""
     for ant in range(len(amount)):
-        cell = floor.start
+        cell = walks.start[ant]
         for step in range(walks.steps[ant]):
             move = walks.moves[ant, step]
             pheromone[cell, move] += amount[ant]
             cell = floor.neighbour[cell, move]
+
+
+@njit(cache=True, nogil=True)
+def keep(walks: Walks, ant: int, best: Walks, row: int) -> None:
+    """Copy the path of an ant and its measures to a row of `best`."""
+    count = walks.steps[ant]
+    best.moves[row, :count] = walks.moves[ant, :count]
+    best.steps[row] = count
+    best.length[row], best.turns[row] = walks.length[ant], walks.turns[ant]
+    best.spread[row], best.cost[row] = walks.spread[ant], walks.cost[ant]

@@ -1,0 +1,51 @@
+"""A map and a goal as flat arrays for the colony's kernels.
+
+Cells are flat indices row * columns + column, an edge is (cell, move), and a path is its moves from the start.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
+from warehouse_env.planning.plan import edge_cost
+
+Table = NDArray[np.float64]  # [C, 8]: one number an edge
+
+MICRO = 1e6  # heights and tolls are counted in whole millionths, so that sums of them are exact
+
+
+class Floor(NamedTuple):
+    """A map and a goal as the kernels want them, C = H * W cells."""
+
+    legal: NDArray[np.bool_]  # [C, 8], may the move be made (eq. 26)
+    neighbour: NDArray[np.int32]  # [C, 8], the cell that a move leads to; the cell itself if it is not legal
+    height: NDArray[np.int64]  # [C] micrometres
+    toll: NDArray[np.int64]  # [C, 8] millionths of a cell of length that a move costs on top of its own
+    goal: int
+    columns: int
+
+    @property
+    def flat(self) -> bool:
+        """True where all cells are equally high."""
+        return bool((self.height == self.height[0]).all())
+
+
+def make_floor(grid: GridMap, goal: Cell, gentleness: float = 0.0, cost: NDArray[np.float64] | None = None) -> Floor:
+    """Prepare a map and a goal for the colony.
+
+    gentleness: cells of length that a metre of climbing costs; cost: a cost map (Planner.plan).
+    """
+    rows, cols = grid.occupied.shape
+    step = MOVES[:, 0] * cols + MOVES[:, 1]
+    cell = np.arange(rows * cols)[:, None]
+    legal = grid.legal_moves.reshape(-1, 8)
+    neighbour = np.where(legal, cell + step, cell).astype(np.int32)
+    height = np.rint(grid.height.astype(np.float64).ravel() * MICRO).astype(np.int64)
+    toll = gentleness * np.abs(height[neighbour] - height[:, None])
+    if cost is not None:
+        toll = toll + np.where(legal, MICRO * edge_cost(grid, cost).reshape(-1, 8), 0.0)
+    return Floor(legal, neighbour, height, np.rint(toll).astype(np.int64), goal[0] * cols + goal[1], cols)

@@ -1,0 +1,142 @@
+"""AntSystem: what every ant system is besides its slots: its size, dead ends, local search, and the way to a Plan."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
+from warehouse_env.planning.ants.colony import Colony, Search, cells_of, run
+from warehouse_env.planning.ants.floor import MICRO, Floor, Table, make_floor
+from warehouse_env.planning.ants.local_search import shorten, straight_runs
+from warehouse_env.planning.plan import Plan, check_endpoints, check_parameters, planner_key
+
+STEP: NDArray[np.float64] = np.sqrt((MOVES**2).sum(axis=1))  # [8] length of each move: 1 or sqrt 2
+_AT_GOAL = 0.1  # [cells] stands for the distance 0 of the goal cell to itself
+_LEAST_ANTS = 8  # of each start in a shared colony
+_EASE_POWER = 2  # an edge that costs twice its length is a quarter as attractive
+
+
+@dataclass(frozen=True)
+class AntSystem:
+    """Base of the ant systems: each gives its slots in `colony`, and its constants as further fields.
+
+    An ant at a dead end steps back (dead_end="backtrack"), or dies as in the papers ("die"), which can leave a run
+    without any path. With local_search the iteration's best path is straightened (local_search.py) before it counts
+    and deposits.
+    """
+
+    ants: int = 50
+    iterations: int = 100
+    dead_end: Literal["backtrack", "die"] = "backtrack"
+    local_search: bool = False
+    gentleness: float = 0.0  # [cells/m] detour that a metre of climbing is worth
+    patience: int | None = None  # stop after so many iterations without a better path; None: never before the last
+
+    name: ClassVar[str]
+    shares: ClassVar[tuple[str, ...]] = ()  # parameters that must lie between 0 and 1
+    takes_cost: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        check_parameters(self, shares=self.shares)
+
+    @property
+    def key(self) -> str:
+        """Name and parameters."""
+        return planner_key(self)
+
+    def colony(self, grid: GridMap, floor: Floor, start: NDArray[np.int64]) -> Colony:
+        """Return the slots for ants that start on flat cells int64[m]."""
+        raise NotImplementedError
+
+    def plan(
+        self,
+        grid: GridMap,
+        start: Cell,
+        goal: Cell,
+        rng: np.random.Generator,
+        cost: NDArray[np.float64] | None = None,
+    ) -> Plan:
+        """Search; the same state of `rng` gives the same plan, to the bit. cost: see Planner.plan."""
+        return self.plan_shared(grid, [start], goal, rng, cost)[0]
+
+    def plan_shared(
+        self,
+        grid: GridMap,
+        starts: Sequence[Cell],
+        goal: Cell,
+        rng: np.random.Generator,
+        cost: NDArray[np.float64] | None = None,
+    ) -> list[Plan]:
+        """Search from several starts to one goal with one colony; the ants of all starts share the pheromone.
+
+        The ants are divided among the starts, at least 8 for each. Every plan's seconds are those of the whole search.
+        """
+        begin = time.perf_counter()
+        floor, search = self.search(grid, starts, goal, rng, cost)
+        ahead = time.perf_counter() - begin - search.elapsed[-1]
+        first = {int(cell): row for row, cell in enumerate(search.best.start)}
+        rows = [first[row * floor.columns + column] for row, column in starts]
+        cells = [cells_of(floor, search.best, row) for row in rows]
+        seconds = time.perf_counter() - begin
+        return [
+            self.finish(grid, Plan(path, search.best_by_iteration[row], seconds, search.elapsed + max(ahead, 0.0)))
+            for row, path in zip(rows, cells, strict=True)
+        ]
+
+    def search(
+        self,
+        grid: GridMap,
+        starts: Sequence[Cell],
+        goal: Cell,
+        rng: np.random.Generator,
+        cost: NDArray[np.float64] | None = None,
+        pheromone: Table | None = None,
+    ) -> tuple[Floor, Search]:
+        """Run the colony and return its floor and all that it found, the final pheromone too.
+
+        pheromone: float64[C, 8] to begin with instead of the system's own, e.g. that of an earlier search.
+        """
+        checked = sorted({check_endpoints(grid, start, goal)[0] for start in starts})
+        floor = make_floor(grid, check_endpoints(grid, checked[0], goal)[1], self.gentleness, cost)
+        each = max(-(-self.ants // len(checked)), min(self.ants, _LEAST_ANTS))
+        start = np.repeat([row * floor.columns + column for row, column in checked], each)
+        colony = self.colony(grid, floor, start)
+        if cost is not None:
+            colony = replace(colony, attraction=_eased(floor, colony.attraction))
+        if pheromone is not None:
+            colony = replace(colony, pheromone=pheromone)
+        improve = partial(shorten, floor, straight_runs(floor)) if self.local_search else None
+        back = self.dead_end == "backtrack"
+        found = run(floor, colony, start, self.iterations, rng, patience=self.patience, backtrack=back, improve=improve)
+        return floor, found
+
+    def finish(self, grid: GridMap, plan: Plan) -> Plan:
+        """Return the plan as it leaves the planner; a system that smooths adds its line here."""
+        return plan
+
+
+def goal_distance(floor: Floor) -> NDArray[np.float64]:
+    """Straight-line distance float64[C] [cells] of each cell to the goal, 0.1 for the goal itself."""
+    row, column = np.divmod(np.arange(len(floor.height)), floor.columns)
+    goal_row, goal_column = divmod(floor.goal, floor.columns)
+    distance: NDArray[np.float64] = np.sqrt(((row - goal_row) ** 2 + (column - goal_column) ** 2).astype(np.float64))
+    return np.maximum(distance, _AT_GOAL)
+
+
+def _eased(floor: Floor, attraction: Callable[[int], tuple[Table, Table]]) -> Callable[[int], tuple[Table, Table]]:
+    """Let the attraction of an edge fall as its toll grows: times (length / (length + toll))^2."""
+    ease = (STEP / (STEP + floor.toll / MICRO)) ** _EASE_POWER
+
+    def tables(iteration: int) -> tuple[Table, Table]:
+        turning, straight = attraction(iteration)
+        eased = turning * ease
+        return eased, eased if straight is turning else straight * ease
+
+    return tables
