@@ -10,6 +10,7 @@ from warehouse_env.config import check_names
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.planning.ants.aco import Aco
 from warehouse_env.planning.ants.pf_aco import PfAco
+from warehouse_env.planning.any_angle import ThetaStar
 from warehouse_env.planning.graph_search import AStar, AStarTurns, Dijkstra, min_turns
 from warehouse_env.planning.plan import Plan, Planner, climb, path_length, turns, validate
 
@@ -29,6 +30,7 @@ PLANNERS: dict[str, Callable[..., Planner]] = {
     "dijkstra": Dijkstra,
     "astar": AStar,
     "astar_turns": AStarTurns,
+    "theta_star": ThetaStar,
     "aco": Aco,
     "pf_aco": PfAco,
 }
