@@ -10,7 +10,7 @@ import pytest
 from warehouse_env.errors import WarehouseError
 from warehouse_env.files import complete_file
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.render import charts
+from warehouse_env.render import chart_style, charts
 from warehouse_env.render.colours import CONTACT, RGB, name_colours, robot_colour
 
 image = pytest.importorskip("matplotlib.image")
@@ -88,7 +88,7 @@ def test_bars_cope_with_zero_and_nothing(
     [(0.0, "0"), (183.4, "183"), (1834.0, "1834"), (3.2, "3.20"), (0.0412, "0.0412"), (np.nan, "no data")],
 )
 def test_figures(value: float, text: str) -> None:
-    assert charts._figures(value) == text
+    assert chart_style.figures(value) == text
 
 
 def test_nothing_is_left_of_a_failed_picture(tmp_path: Path, grid: GridMap) -> None:

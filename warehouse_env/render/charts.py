@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.files import complete_file
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.render.colours import CONTACT, RGB, name_colours, robot_colour
+from warehouse_env.render.chart_style import INK, empty_figure, figures, hexed, save, style
+from warehouse_env.render.colours import CONTACT, name_colours, robot_colour
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor import floor_image, scale_for
 
@@ -20,31 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_DPI = 150
 _FLOOR_PIXELS = 1400  # of the floor's longer side in a chart
-_STYLE: dict[str, Any] = {
-    "font.family": "DejaVu Sans",
-    "font.size": 9.5,
-    "axes.titlesize": 11,
-    "axes.titlelocation": "left",
-    "axes.titlepad": 9,
-    "axes.titlecolor": "#2b3038",
-    "text.color": "#2b3038",
-    "axes.edgecolor": "#5f6771",
-    "axes.labelcolor": "#2b3038",
-    "axes.linewidth": 0.8,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.axisbelow": True,
-    "grid.color": "#e3e5e8",
-    "grid.linewidth": 0.8,
-    "xtick.color": "#5f6771",
-    "ytick.color": "#5f6771",
-    "xtick.labelcolor": "#2b3038",
-    "ytick.labelcolor": "#2b3038",
-    "legend.frameon": False,
-}
-_INK = "#2b3038"
 
 
 class Bar(NamedTuple):
@@ -79,36 +55,36 @@ def trajectories(
 
     tracks: one float[T, 2] a robot [m] (nan breaks the line); hits: float[K, 2], where collisions happened [m].
     """
-    with load("matplotlib").rc_context(_STYLE):
+    with style():
         figure, ax = _floor_figure(grid, title)
         for i, track in enumerate(tracks):
             track = np.asarray(track, dtype=np.float64).reshape(-1, 2)
             if not len(track):
                 continue
-            ax.plot(track[:, 0], track[:, 1], color=_hex(robot_colour(i)), lw=1.1, alpha=0.75, solid_joinstyle="round")
-            ax.plot(*track[0], "o", ms=3.5, mfc="white", mec=_hex(robot_colour(i)), mew=1.1)
+            ax.plot(track[:, 0], track[:, 1], color=hexed(robot_colour(i)), lw=1.1, alpha=0.75, solid_joinstyle="round")
+            ax.plot(*track[0], "o", ms=3.5, mfc="white", mec=hexed(robot_colour(i)), mew=1.1)
         hits = np.asarray(hits, dtype=np.float64).reshape(-1, 2)
         if len(hits):
-            ax.scatter(hits[:, 0], hits[:, 1], s=110, color=_hex(CONTACT), alpha=0.22, lw=0, zorder=4)
-            ax.scatter(hits[:, 0], hits[:, 1], s=26, marker="X", color=_hex(CONTACT), ec="white", lw=0.6, zorder=5)
+            ax.scatter(hits[:, 0], hits[:, 1], s=110, color=hexed(CONTACT), alpha=0.22, lw=0, zorder=4)
+            ax.scatter(hits[:, 0], hits[:, 1], s=26, marker="X", color=hexed(CONTACT), ec="white", lw=0.6, zorder=5)
         what = f"○ start of {_count(len(tracks), 'robot')}    ✖ {_count(len(hits), 'collision')}"
         ax.set_title(what, loc="right", fontsize=9.5)
-        _save(figure, path)
+        save(figure, path)
 
 
 def paths(
     grid: GridMap,
-    cells: Mapping[str, NDArray[np.integer[Any]]],
+    cells: Mapping[str, NDArray[np.number[Any]]],
     title: str,
     path: str | os.PathLike[str],
     notes: Mapping[str, str] | None = None,
 ) -> None:
-    """Write a picture of planned paths: for each planner int[L, 2] cells (row, col) from start to goal.
+    """Write a picture of planned paths: for each planner int[L, 2] cells (row, col), or the float[K, 2] of a line.
 
     notes: what the legend says beside a planner's name, e.g. its path's length and turns; a planner without a path
     stands there as having none.
     """
-    with load("matplotlib").rc_context(_STYLE):
+    with style():
         figure, ax = _floor_figure(grid, title)
         colours = name_colours(cells)
         shown = {name: np.asarray(way) for name, way in cells.items() if len(way)}
@@ -117,19 +93,19 @@ def paths(
             shift = (k - (len(shown) - 1) / 2) * min(0.16, 0.6 / len(shown)) * grid.cell_size
             line = _sideways(grid.centre(way), shift)
             label = f"{name}: {notes[name]}" if notes and name in notes else name
-            ax.plot(line[:, 0], line[:, 1], color=_hex(colours[name]), lw=2, label=label, solid_joinstyle="round")
+            ax.plot(line[:, 0], line[:, 1], color=hexed(colours[name]), lw=2, label=label, solid_joinstyle="round")
         for way in list(shown.values())[:1]:
             for (x, y), marker, what in zip(grid.centre(way[[0, -1]]), "os", ("start", "goal"), strict=True):
-                ax.plot(x, y, marker, ms=8, mfc="white", mec=_INK, mew=1.6, zorder=5)
+                ax.plot(x, y, marker, ms=8, mfc="white", mec=INK, mew=1.6, zorder=5)
                 ax.annotate(
-                    what, (x, y), xytext=(9, -3), textcoords="offset points", color=_INK, fontsize=9, zorder=6,
+                    what, (x, y), xytext=(9, -3), textcoords="offset points", color=INK, fontsize=9, zorder=6,
                     bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.8},
                 )  # fmt: skip
         for name in [name for name in cells if name not in shown]:
-            ax.plot([], [], color=_hex(colours[name]), lw=2, ls=":", label=f"{name}: no path")
+            ax.plot([], [], color=hexed(colours[name]), lw=2, ls=":", label=f"{name}: no path")
         if cells:
             figure.legend(loc="outside lower center", ncols=1 if len(cells) < 3 else 2)
-        _save(figure, path)
+        save(figure, path)
 
 
 def convergence(
@@ -142,8 +118,8 @@ def convergence(
 
     The line is the median of the runs that have a path by then, the band their 10th to 90th percentile.
     """
-    with load("matplotlib").rc_context(_STYLE):
-        figure = _figure(7.0, 4.2)
+    with style():
+        figure = empty_figure(7.0, 4.2)
         ax = figure.add_subplot()
         colours = name_colours(best)
         most = 1
@@ -153,20 +129,20 @@ def convergence(
             most = max(most, lengths.shape[1])
             found = np.isfinite(lengths).any(axis=0)
             if not found.any():
-                ax.plot([], [], color=_hex(colours[name]), lw=2, label=f"{name}: no path")
+                ax.plot([], [], color=hexed(colours[name]), lw=2, label=f"{name}: no path")
                 continue
             runs = np.where(np.isfinite(lengths), lengths, np.nan)[:, found]
             low, middle, high = np.nanpercentile(runs, (10, 50, 90), axis=0)
-            colour = _hex(colours[name])
+            colour = hexed(colours[name])
             ax.fill_between(iterations[found], low, high, color=colour, alpha=0.18, lw=0)
             ax.plot(iterations[found], middle, color=colour, lw=2, label=f"{name} ({len(lengths)} runs)")
         if math.isfinite(optimum):
-            ax.axhline(optimum, color=_INK, lw=1, ls=(0, (5, 3)), label=f"optimum {optimum:.4f}")
+            ax.axhline(optimum, color=INK, lw=1, ls=(0, (5, 3)), label=f"optimum {optimum:.4f}")
         ax.set(xlabel="iteration", ylabel="best path length [cells]", xlim=(1, max(most, 2)))
         ax.set_title(title)
         ax.grid(axis="y")
         ax.legend(loc="upper right")
-        _save(figure, path)
+        save(figure, path)
 
 
 def collision_bars(
@@ -179,10 +155,10 @@ def collision_bars(
 
     Each row is (policy, robots, mean, low, high), low and high the 95% interval; `goals` may be empty.
     """
-    with load("matplotlib").rc_context(_STYLE):
+    with style():
         panels = [[Bar(*row) for row in rows] for rows in (collisions, goals) if len(rows)]
         groups = max((len(panel) for panel in panels), default=1)
-        figure = _figure(max(4.6, 1.4 + 0.48 * groups) * max(1, len(panels)), 4.4)
+        figure = empty_figure(max(4.6, 1.4 + 0.48 * groups) * max(1, len(panels)), 4.4)
         figure.get_layout_engine().set(w_pad=0.12)  # type: ignore[union-attr,call-arg]
         axes = np.atleast_1d(figure.subplots(1, max(1, len(panels))))
         for ax, bars in zip(axes, panels, strict=False):
@@ -201,7 +177,7 @@ def collision_bars(
             figure.legend(handles, labels, loc="outside lower center", ncols=min(6, len(labels)))
         if title:
             figure.suptitle(title, fontsize=12, x=0.01, ha="left")
-        _save(figure, path)
+        save(figure, path)
 
 
 def _bars(ax: Axes, bars: Sequence[Bar]) -> None:
@@ -214,14 +190,14 @@ def _bars(ax: Axes, bars: Sequence[Bar]) -> None:
         own = [bar for bar in bars if bar.policy == policy]
         places = [counts.index(bar.robots) + (k - (len(policies) - 1) / 2) * width for bar in own]
         means = np.nan_to_num([bar.mean for bar in own], nan=0.0)
-        ax.bar(places, means, width * 0.88, color=_hex(colours[policy]), label=policy)
+        ax.bar(places, means, width * 0.88, color=hexed(colours[policy]), label=policy)
         reach = np.array([(bar.mean - max(bar.low, 0.0), bar.high - bar.mean) for bar in own]).reshape(-1, 2).T
         reach = np.where(np.isfinite(reach), reach, 0.0).clip(0)
-        ax.errorbar(places, means, reach, fmt="none", ecolor=_INK, elinewidth=1, capsize=3, capthick=1)
+        ax.errorbar(places, means, reach, fmt="none", ecolor=INK, elinewidth=1, capsize=3, capthick=1)
         for place, bar, above in zip(places, own, reach[1], strict=True):
             ax.annotate(
-                _figures(bar.mean), (place, np.nan_to_num(bar.mean) + above), xytext=(0, 3), textcoords="offset points",
-                ha="center", va="bottom", fontsize=8.5, color=_INK,
+                figures(bar.mean), (place, np.nan_to_num(bar.mean) + above), xytext=(0, 3), textcoords="offset points",
+                ha="center", va="bottom", fontsize=8.5, color=INK,
             )  # fmt: skip
     ax.set_xticks(range(len(counts)), [_count(count, "robot") for count in counts])
     ax.set_xlim(-0.5, len(counts) - 0.5)
@@ -247,15 +223,6 @@ def _collision_scale(ax: Axes, bars: Sequence[Bar]) -> None:
     ax.yaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
 
 
-def _figures(value: float) -> str:
-    """Three significant figures, without exponent; "no data" for nan."""
-    if not math.isfinite(value):
-        return "no data"
-    if value == 0:
-        return "0"
-    return f"{value:.{max(0, 2 - math.floor(math.log10(abs(value))))}f}"
-
-
 def _count(number: int, what: str) -> str:
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
@@ -276,23 +243,8 @@ def _sideways(line: NDArray[np.float64], shift: float) -> NDArray[np.float64]:
 def _floor_figure(grid: GridMap, title: str) -> tuple[Figure, Axes]:
     ratio = grid.shape[0] / grid.shape[1]
     width = 7.2 if ratio > 0.6 else 11.0
-    figure = _figure(width, min(12.0, max(2.5, (width - 0.7) * ratio + 0.9)))
+    figure = empty_figure(width, min(12.0, max(2.5, (width - 0.7) * ratio + 0.9)))
     ax = figure.add_subplot()
     draw_floor(ax, grid)
     ax.set_title(title)
     return figure, ax
-
-
-def _figure(width: float, height: float) -> Figure:
-    figure: Figure = load("matplotlib.figure").Figure(figsize=(width, height), dpi=_DPI, layout="constrained")
-    load("matplotlib.backends.backend_agg").FigureCanvasAgg(figure)
-    return figure
-
-
-def _hex(colour: RGB) -> str:
-    return "#{:02x}{:02x}{:02x}".format(*colour)
-
-
-def _save(figure: Figure, path: str | os.PathLike[str]) -> None:
-    with complete_file(path) as part:
-        figure.savefig(part, facecolor="white", bbox_inches="tight", pad_inches=0.12)

@@ -55,6 +55,11 @@ def name_colours(names: Iterable[str]) -> dict[str, RGB]:
     for name in known:
         if name not in colours:
             first = zlib.crc32(name.encode())
-            order = [_SPARE[(first + k) % len(_SPARE)] for k in range(len(_SPARE))]
+            hues = [_SPARE[(first + k) % len(_SPARE)] for k in range(len(_SPARE))]
+            order = [
+                *hues,
+                *(mix(hue, (0, 0, 0), 0.4) for hue in hues),
+                *(mix(hue, (255, 255, 255), 0.4) for hue in hues),
+            ]
             colours[name] = next((c for c in order if c not in colours.values()), order[0])
     return {name: colours[name] for name in known}

@@ -1,0 +1,72 @@
+"""What all charts share: fonts and inks, an empty figure, writing it whole, numbers for reading."""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import TYPE_CHECKING, Any
+
+from warehouse_env.files import complete_file
+from warehouse_env.render.colours import RGB
+from warehouse_env.render.extras import load
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DPI = 150
+INK = "#2b3038"
+FAINT = "#5f6771"
+STYLE: dict[str, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.5,
+    "axes.titlesize": 11,
+    "axes.titlelocation": "left",
+    "axes.titlepad": 9,
+    "axes.titlecolor": INK,
+    "text.color": INK,
+    "axes.edgecolor": FAINT,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "grid.color": "#e3e5e8",
+    "grid.linewidth": 0.8,
+    "xtick.color": FAINT,
+    "ytick.color": FAINT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "legend.frameon": False,
+}
+
+
+def style() -> Any:
+    """Return matplotlib's context in which a chart is drawn."""
+    return load("matplotlib").rc_context(STYLE)
+
+
+def empty_figure(width: float, height: float) -> Figure:
+    """Return a figure of width x height [inches] that needs no window."""
+    figure: Figure = load("matplotlib.figure").Figure(figsize=(width, height), dpi=DPI, layout="constrained")
+    load("matplotlib.backends.backend_agg").FigureCanvasAgg(figure)
+    return figure
+
+
+def save(figure: Figure, path: str | os.PathLike[str]) -> None:
+    """Write a figure, all of it or nothing; WarehouseError where it cannot be written."""
+    with complete_file(path) as part:
+        figure.savefig(part, facecolor="white", bbox_inches="tight", pad_inches=0.12)
+
+
+def hexed(colour: RGB) -> str:
+    """Return a colour as matplotlib reads it."""
+    return "#{:02x}{:02x}{:02x}".format(*colour)
+
+
+def figures(value: float) -> str:
+    """Three significant figures, without exponent; "no data" for nan."""
+    if not math.isfinite(value):
+        return "no data"
+    if value == 0:
+        return "0"
+    return f"{value:.{max(0, 2 - math.floor(math.log10(abs(value))))}f}"
