@@ -6,8 +6,23 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from warehouse_env.planning.potential_field import alignment, attraction, repulsion, resultant
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.planning.potential_field import (
+    alignment,
+    attraction,
+    descent_length,
+    force_at,
+    improved_force,
+    improved_potential,
+    intermediate_point,
+    repulsion,
+    repulsion_parts,
+    repulsive_potential,
+    resultant,
+)
 
 GAIN, REACH = 0.02, 1.5
 
@@ -57,3 +72,101 @@ def test_alignment_is_the_cosine_to_each_move() -> None:
     half = math.sqrt(0.5)
     assert alignment(force)[0, 0] == pytest.approx((1, half, 0, -half, -1, -half, 0, half))
     assert alignment(force)[0, 1] == pytest.approx(np.zeros(8))
+
+
+def test_repulsive_potential_by_hand() -> None:
+    energy = repulsive_potential(one_shelf(), 3.0, 2.0)
+    assert energy[2, 1] == pytest.approx(1.5 * 0.5**2)
+    assert energy[1, 1] == pytest.approx(1.5 * (1 / math.sqrt(2) - 0.5) ** 2)
+    assert energy[0, 2] == 0  # at the reach
+
+
+@given(
+    st.floats(0.3, 3.0),
+    st.floats(0.3, 3.0),
+    st.sampled_from([0.0, 0.5, 1.0, 2.0]),
+    st.floats(0.0, 2.0),
+    st.floats(0.1, 5.0),
+)
+def test_the_improved_force_is_the_gradient_of_its_potential(
+    row: float, col: float, exponent: float, gain: float, strength: float
+) -> None:
+    """One shelf at the origin, the goal at (-1, 2), any point of the plane; central differences."""
+    goal, reach = (-1.0, 2.0), 10.0
+
+    def potential(r: float, c: float) -> float:
+        to_goal, away = math.hypot(goal[0] - r, goal[1] - c), math.hypot(r, c)
+        return gain / 2 * to_goal**2 + strength / 2 * (1 / away - 1 / reach) ** 2 * to_goal**exponent
+
+    away = math.hypot(row, col)
+    push = strength * (1 / away - 1 / reach) / away**3
+    energy = strength / 2 * (1 / away - 1 / reach) ** 2
+    force = force_at(goal[0] - row, goal[1] - col, push * row, push * col, energy, gain, exponent)
+    h = 1e-5
+    assert force[0] == pytest.approx((potential(row - h, col) - potential(row + h, col)) / (2 * h), abs=1e-5, rel=1e-5)
+    assert force[1] == pytest.approx((potential(row, col - h) - potential(row, col + h)) / (2 * h), abs=1e-5, rel=1e-5)
+
+
+def test_with_exponent_0_the_improved_field_is_the_classical_one() -> None:
+    push, energy = repulsion_parts(one_shelf(), 1.0, 2.0)
+    force = improved_force(push, energy, (0, 4), 0.5, 0.0)
+    assert force[2, 1] == pytest.approx((0.5 * -2, 0.5 * 3 - 0.5))  # the shelf pushes west with (1 - 1/2) / 1
+    assert force[0, 4] == pytest.approx((0, 0))
+    assert improved_potential(energy, (0, 4), 0.5, 0.0)[2, 1] == pytest.approx(0.25 * 13 + 0.125)
+
+
+def test_the_goal_is_the_lowest_cell_of_the_improved_potential_only() -> None:
+    energy = repulsive_potential(one_shelf(), 50.0, 3.0)
+    for exponent, is_lowest in ((0.0, False), (0.5, True)):
+        potential = improved_potential(energy, (2, 3), 1.0, exponent)
+        assert (potential[2, 3] == potential.min()) is np.bool_(is_lowest)
+    assert improved_potential(energy, (2, 3), 1.0, 0.5)[2, 1] == pytest.approx(
+        0.5 * 4 + 25 * (1 - 1 / 3) ** 2 * math.sqrt(2)
+    )
+
+
+def test_descent_on_an_empty_floor_is_the_octile_distance() -> None:
+    grid = GridMap(np.zeros((6, 7), dtype=bool))
+    potential = improved_potential(np.zeros((6, 7)), (1, 2), 1.0, 0.5)
+    length = descent_length(potential, grid.legal_moves, (1, 2), 4.0)
+    np.testing.assert_allclose(length, grid.distance_to((1, 2)))
+
+
+def test_descent_into_a_local_minimum_pays_the_penalty() -> None:
+    occupied = np.zeros((3, 6), dtype=bool)
+    occupied[:, 3] = True  # a wall; from the west all ways down end before it
+    grid = GridMap(occupied)
+    potential = improved_potential(np.zeros((3, 6)), (1, 5), 1.0, 0.5)
+    length = descent_length(potential, grid.legal_moves, (1, 5), 4.0)
+    assert length[1, 2] == pytest.approx(4 * 3)
+    assert length[1, 0] == pytest.approx(2 + 4 * 3)
+    assert length[0, 1] == pytest.approx(2 + 4 * 3)  # east falls by 3.5 a cell, the diagonal by 4 / sqrt 2
+    assert length[1, 4] == 1
+
+
+def test_intermediate_point_of_paper_002_by_hand() -> None:
+    occupied = np.zeros((5, 7), dtype=bool)
+    occupied[2, 1:5] = True
+    none = np.zeros_like(occupied)
+    # Stuck on (3, 3) below the wall, the goal straight above: the line is barred by (2, 3), the perpendicular is row
+    # 2; its nearest free cells are (2, 5), two to the east, then (2, 0), three to the west.
+    assert intermediate_point(occupied, (3, 3), (0, 3), none) == (2, 5)
+    tried = none.copy()
+    tried[2, 5] = True
+    assert intermediate_point(occupied, (3, 3), (0, 3), tried) in ((2, 6), (2, 0))
+    tried[2] = True
+    assert intermediate_point(occupied, (3, 3), (0, 3), tried) == (-1, -1)
+
+
+def test_intermediate_point_where_no_shelf_bars_the_line() -> None:
+    occupied = np.zeros((5, 7), dtype=bool)
+    assert intermediate_point(occupied, (2, 1), (2, 5), occupied) == (-1, -1)
+    occupied[1, 3] = True  # beside the line: the perpendicular through it is column 3
+    assert intermediate_point(occupied, (2, 1), (2, 5), np.zeros_like(occupied)) in ((0, 3), (2, 3))
+
+
+def test_a_diagonal_between_two_shelves_is_barred() -> None:
+    occupied = np.zeros((4, 4), dtype=bool)
+    occupied[1, 2] = True  # closes the corner of the diagonal from (1, 1) to (2, 2)
+    point = intermediate_point(occupied, (1, 1), (3, 3), np.zeros_like(occupied))
+    assert point in ((0, 3), (2, 1))  # the other diagonal through (1, 2)

@@ -1,18 +1,22 @@
 """The artificial potential field: attraction, repulsion and their resultant on every cell.
 
 Forces are float64[H, W, 2] as (d_row, d_col), the frame of MOVES, so that an angle to a move needs no conversion.
+Every shelf cell is an obstacle of its own; distances are those between cell centres, in cells.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES, Cell
 
 _NO_FORCE = 1e-9  # below this a resultant has no direction
+_SQRT2 = math.sqrt(2.0)
 
 
 def attraction(shape: tuple[int, int], goal: Cell) -> NDArray[np.float64]:
@@ -30,19 +34,35 @@ def repulsion(occupied: NDArray[np.bool_], gain: float, reach: float) -> NDArray
     occupied: bool[H, W]. Returns float64[H, W, 2], also on shelf cells. The classical field (Khatib 1986), on whose
     gradient paper 000 builds; the map's edge does not repel.
     """
+    push = np.zeros((*occupied.shape, 2))
+    for d_row, d_col, shelf in _shelves_near(occupied, reach):
+        distance = math.hypot(d_row, d_col)
+        strength = gain * (1 / distance - 1 / reach) / distance**2
+        push[..., 0] -= shelf * (strength * d_row / distance)
+        push[..., 1] -= shelf * (strength * d_col / distance)
+    return push
+
+
+def repulsive_potential(occupied: NDArray[np.bool_], gain: float, reach: float) -> NDArray[np.float64]:
+    """Sum over the shelf cells closer than `reach` [cells] of gain/2 * (1/d - 1/reach)^2, float64[H, W].
+
+    Eq. 5 of paper 001 (which prints it without the square that its own gradient, eq. 7, needs), eq. 13 of paper 002.
+    """
+    energy = np.zeros(occupied.shape)
+    for d_row, d_col, shelf in _shelves_near(occupied, reach):
+        energy += shelf * (0.5 * gain * (1 / math.hypot(d_row, d_col) - 1 / reach) ** 2)
+    return energy
+
+
+def _shelves_near(occupied: NDArray[np.bool_], reach: float) -> Iterator[tuple[int, int, NDArray[np.bool_]]]:
+    """For every offset shorter than `reach`, where a shelf stands at it: (d_row, d_col, bool[H, W])."""
     rows, cols = occupied.shape
     span = math.ceil(reach) - 1 if reach > 0 else 0
     padded = np.pad(occupied, span)
-    push = np.zeros((rows, cols, 2))
     for d_row in range(-span, span + 1):
         for d_col in range(-span, span + 1):
-            distance = math.hypot(d_row, d_col)
-            if 0 < distance < reach:
-                strength = gain * (1 / distance - 1 / reach) / distance**2
-                shelf = padded[span + d_row : span + d_row + rows, span + d_col : span + d_col + cols]
-                push[..., 0] -= shelf * (strength * d_row / distance)
-                push[..., 1] -= shelf * (strength * d_col / distance)
-    return push
+            if 0 < math.hypot(d_row, d_col) < reach:
+                yield d_row, d_col, padded[span + d_row : span + d_row + rows, span + d_col : span + d_col + cols]
 
 
 def resultant(occupied: NDArray[np.bool_], goal: Cell, gain: float, reach: float) -> NDArray[np.float64]:
@@ -60,3 +80,159 @@ def alignment(force: NDArray[np.float64]) -> NDArray[np.float64]:
     along = force[..., 0, None] * units[:, 0] + force[..., 1, None] * units[:, 1]
     cosine: NDArray[np.float64] = along / np.where(size < _NO_FORCE, 1.0, size)[..., None]
     return cosine
+
+
+def repulsion_parts(
+    occupied: NDArray[np.bool_], gain: float, reach: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What the improved field needs of the shelves, whatever the goal: `repulsion` and `repulsive_potential`."""
+    return repulsion(occupied, gain, reach), repulsive_potential(occupied, gain, reach)
+
+
+@njit(cache=True, error_model="numpy")
+def force_at(
+    pull_row: float, pull_col: float, push_row: float, push_col: float, energy: float, gain: float, exponent: float
+) -> tuple[float, float]:
+    """Force (d_row, d_col) of the improved field on one cell: eqs. 6, 10-12 of paper 001, 12 and 17-20 of paper 002.
+
+    pull: from the cell to the goal [cells], d long; push, energy: `repulsion` and `repulsive_potential` there.
+    gain * d to the goal + d^n * push + n * energy * d^(n-1) to the goal: the negative gradient of `improved_potential`.
+    n = 0 is the classical field. At the goal no force acts.
+    """
+    distance = math.sqrt(pull_row * pull_row + pull_col * pull_col)
+    if distance == 0.0:
+        return 0.0, 0.0
+    near = distance**exponent
+    toward = gain + exponent * energy * near / (distance * distance)
+    return toward * pull_row + near * push_row, toward * pull_col + near * push_col
+
+
+@njit(cache=True, error_model="numpy")
+def improved_force(
+    push: NDArray[np.float64], energy: NDArray[np.float64], goal: Cell, gain: float, exponent: float
+) -> NDArray[np.float64]:
+    """`force_at` on every cell, float64[H, W, 2]. push float64[H, W, 2], energy float64[H, W]: `repulsion_parts`."""
+    rows, cols = energy.shape
+    force = np.empty((rows, cols, 2))
+    for row in range(rows):
+        for col in range(cols):
+            force[row, col] = force_at(
+                float(goal[0] - row),
+                float(goal[1] - col),
+                push[row, col, 0],
+                push[row, col, 1],
+                energy[row, col],
+                gain,
+                exponent,
+            )
+    return force
+
+
+def improved_potential(energy: NDArray[np.float64], goal: Cell, gain: float, exponent: float) -> NDArray[np.float64]:
+    """gain/2 * d^2 + energy * d^n float64[H, W], d the distance to the goal (eqs. 3, 4 and 9 of paper 001).
+
+    The factor d^n makes the goal the lowest cell, 0, whatever stands around it; n = 0 is the classical potential.
+    """
+    rows, cols = np.indices(energy.shape)
+    squared = ((rows - goal[0]) ** 2 + (cols - goal[1]) ** 2).astype(np.float64)
+    potential: NDArray[np.float64] = 0.5 * gain * squared + energy * np.sqrt(squared) ** exponent
+    return potential
+
+
+def descent_length(
+    potential: NDArray[np.float64], legal: NDArray[np.bool_], goal: Cell, penalty: float
+) -> NDArray[np.float64]:
+    """Length [cells] of the way down `potential` float64[H, W] from each cell to the goal, float64[H, W].
+
+    Each step is the legal move (bool[H, W, 8]) of steepest descent. A way that ends in a local minimum counts
+    `penalty` times the straight distance from there to the goal on top: R_jg of eq. 16, paper 001.
+    """
+    order = np.argsort(potential, axis=None, kind="stable")
+    return _descend(potential, legal, order, goal, penalty)
+
+
+@njit(cache=True, error_model="numpy")
+def _descend(
+    potential: NDArray[np.float64],
+    legal: NDArray[np.bool_],
+    order: NDArray[np.int64],
+    goal: Cell,
+    penalty: float,
+) -> NDArray[np.float64]:
+    """`descent_length`, from the lowest cell up, so that the rest of every way is known."""
+    cols = potential.shape[1]
+    length = np.empty(potential.shape)
+    for cell in order:
+        row, col = cell // cols, cell % cols
+        steepest, best = 0.0, -1
+        for move in range(8):
+            if legal[row, col, move]:
+                fall = potential[row, col] - potential[row + MOVES[move, 0], col + MOVES[move, 1]]
+                if move % 2:
+                    fall /= _SQRT2
+                if fall > steepest:
+                    steepest, best = fall, move
+        if row == goal[0] and col == goal[1]:
+            length[row, col] = 0.0
+        elif best < 0:
+            length[row, col] = penalty * math.sqrt(float((goal[0] - row) ** 2 + (goal[1] - col) ** 2))
+        else:
+            step = _SQRT2 if best % 2 else 1.0
+            length[row, col] = step + length[row + MOVES[best, 0], col + MOVES[best, 1]]
+    return length
+
+
+@njit(cache=True)
+def intermediate_point(occupied: NDArray[np.bool_], cell: Cell, goal: Cell, tried: NDArray[np.bool_]) -> Cell:
+    """Where a robot stuck on `cell` turns to before it goes on to the goal; (-1, -1) where there is no such cell.
+
+    Paper 002, "local minimum", steps 1-3: through the obstacle goes a perpendicular to the line from the robot to the
+    goal; the free cell on it that is nearest to the obstacle, on either side, is the point P. The obstacle is the
+    first shelf cell that bars the line, else the nearest. Cells of `tried` bool[H, W] and the robot's own are passed
+    over, so that a robot that is stuck again does not turn to the same point for ever.
+    """
+    shelf = _blocking_shelf(occupied, cell, goal)
+    if shelf[0] < 0:
+        shelf = _nearest_shelf(occupied, cell)
+    across_row, across_col = float(cell[1] - goal[1]), float(goal[0] - cell[0])
+    size = max(abs(across_row), abs(across_col))
+    rows, cols = occupied.shape
+    if shelf[0] < 0 or size == 0.0:
+        return -1, -1
+    for away in range(1, max(rows, cols)):
+        for side in (away, -away):
+            row = shelf[0] + int(math.floor(side * across_row / size + 0.5))
+            col = shelf[1] + int(math.floor(side * across_col / size + 0.5))
+            if not (0 <= row < rows and 0 <= col < cols) or occupied[row, col] or tried[row, col]:
+                continue
+            if row != cell[0] or col != cell[1]:
+                return row, col
+    return -1, -1
+
+
+@njit(cache=True)
+def _blocking_shelf(occupied: NDArray[np.bool_], cell: Cell, goal: Cell) -> Cell:
+    """The first shelf cell on the straight line from `cell` to `goal`, or that a diagonal of it would graze."""
+    span = max(abs(goal[0] - cell[0]), abs(goal[1] - cell[1]))
+    row, col = cell
+    for step in range(1, span + 1):
+        to_row = cell[0] + int(math.floor((goal[0] - cell[0]) * step / span + 0.5))
+        to_col = cell[1] + int(math.floor((goal[1] - cell[1]) * step / span + 0.5))
+        for at_row, at_col in ((to_row, to_col), (to_row, col), (row, to_col)):
+            if occupied[at_row, at_col]:
+                return at_row, at_col
+        row, col = to_row, to_col
+    return -1, -1
+
+
+@njit(cache=True)
+def _nearest_shelf(occupied: NDArray[np.bool_], cell: Cell) -> Cell:
+    """The shelf cell with the least straight distance to `cell`; (-1, -1) on an empty floor."""
+    rows, cols = occupied.shape
+    nearest, found = rows * rows + cols * cols, (-1, -1)
+    for row in range(rows):
+        for col in range(cols):
+            squared = (row - cell[0]) ** 2 + (col - cell[1]) ** 2
+            if occupied[row, col] and squared < nearest:
+                nearest, found = squared, (row, col)
+    return found

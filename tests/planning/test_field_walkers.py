@@ -1,0 +1,138 @@
+"""The walkers on hand-drawn floors: where the classical field fails, which repair helps, and that every walk ends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.maps.layouts import make_layout
+from warehouse_env.planning import Plan, path_length, validate
+from warehouse_env.planning.field_walkers import Apf, ApfImproved
+
+RNG = np.random.default_rng(0)
+
+
+def drawn(*rows: str) -> GridMap:
+    return GridMap(np.array([[c == "#" for c in row] for row in rows]))
+
+
+def walk(planner: Apf | ApfImproved, grid: GridMap, start: Cell, goal: Cell) -> Plan:
+    plan = planner.plan(grid, start, goal, RNG)
+    if plan.found:
+        validate(grid, plan.cells, start, goal)
+    return plan
+
+
+WALL = drawn(
+    ".......",
+    ".......",
+    ".#####.",
+    ".......",
+    ".......",
+)
+
+
+def test_on_an_empty_floor_the_walk_follows_the_nearest_of_eight_directions() -> None:
+    grid = GridMap(np.zeros((6, 9), dtype=bool))
+    # From (0, 0) to (2, 5) the force points 22 degrees below east: just nearer to east (0) than to 45.
+    plan = walk(Apf(), grid, (0, 0), (2, 5))
+    assert plan.cells.tolist() == [[0, 0], [0, 1], [1, 2], [1, 3], [2, 4], [2, 5]]
+    assert path_length(walk(Apf(), grid, (5, 0), (0, 8)).cells) == pytest.approx(3 + 5 * 2**0.5)
+    assert walk(Apf(), grid, (3, 3), (3, 3)).cells.tolist() == [[3, 3]]
+
+
+def test_a_shelf_in_front_stops_the_classical_walker_and_no_relative_distance_helps() -> None:
+    assert not walk(Apf(), WALL, (4, 3), (0, 3)).found
+    assert not walk(ApfImproved(intermediate_point=False), WALL, (4, 3), (0, 3)).found
+
+
+def test_the_intermediate_point_leads_round_the_shelf() -> None:
+    for relative_distance in (True, False):
+        plan = walk(ApfImproved(relative_distance=relative_distance), WALL, (4, 3), (0, 3))
+        assert plan.found
+        assert (2, 6) in map(tuple, plan.cells) or (2, 0) in map(tuple, plan.cells)
+
+
+def test_a_shelf_behind_the_goal_keeps_the_classical_walker_away() -> None:
+    # Beside the goal the pull is 1 and the shelf, 2 away, pushes back with 20 (1/2 - 1/4) / 4 = 1.25. With the
+    # relative distance d^n, d = 1, the pull grows by n/2 * 20 (1/2 - 1/4)^2 = 0.3125: just enough.
+    grid = drawn(".......", ".......", "......#", ".......", ".......")
+    field = {"repulsion_gain": 20.0, "repulsion_reach": 4.0}
+    assert not walk(Apf(**field), grid, (2, 0), (2, 5)).found
+    assert not walk(ApfImproved(relative_distance=False, intermediate_point=False, **field), grid, (2, 0), (2, 5)).found
+    repaired = walk(ApfImproved(intermediate_point=False, **field), grid, (2, 0), (2, 5))
+    assert repaired.cells.tolist() == [[2, col] for col in range(6)]
+
+
+def test_without_repairs_the_improved_walker_is_the_classical_one() -> None:
+    grid = make_layout("random")
+    bare = ApfImproved(relative_distance=False, intermediate_point=False)
+    pairs = np.random.default_rng(2).integers(0, len(grid.free_cells), (20, 2))
+    for a, b in pairs:
+        start, goal = tuple(grid.free_cells[a].tolist()), tuple(grid.free_cells[b].tolist())
+        np.testing.assert_array_equal(walk(bare, grid, start, goal).cells, walk(Apf(), grid, start, goal).cells)
+
+
+def test_the_number_of_intermediate_points_is_bounded() -> None:
+    # In the bottom of a sack all points on the perpendicular lie beyond its sides.
+    sack = drawn(
+        ".........",
+        ".#######.",
+        ".#.....#.",
+        ".#.....#.",
+        ".#.....#.",
+        ".........",
+    )
+    assert not walk(ApfImproved(points=1), sack, (3, 4), (0, 4)).found
+    walled = drawn("....#.", "....##", "......")
+    assert not walk(ApfImproved(points=1000), walled, (2, 0), (0, 5)).found
+
+
+@given(
+    st.integers(0, 2**32 - 1),
+    st.tuples(st.integers(1, 12), st.integers(1, 12)),
+    st.sampled_from([0.0, 0.1, 1.0, 50.0]),
+    st.sampled_from([0.0, 1.5, 4.0]),
+)
+def test_every_walk_ends_on_a_valid_path_or_with_none(
+    seed: int, shape: tuple[int, int], gain: float, reach: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    occupied = rng.random(shape) < 0.3
+    start = (int(rng.integers(shape[0])), int(rng.integers(shape[1])))
+    goal = (int(rng.integers(shape[0])), int(rng.integers(shape[1])))
+    occupied[start] = occupied[goal] = False
+    grid = GridMap(occupied)
+    field = {"repulsion_gain": gain, "repulsion_reach": reach}
+    classical = walk(Apf(**field), grid, start, goal)
+    improved = walk(ApfImproved(**field), grid, start, goal)
+    if not np.isfinite(grid.distance_to(goal)[start]):
+        assert not classical.found
+        assert not improved.found
+    assert len(np.unique(classical.cells, axis=0)) == len(classical.cells)
+
+
+def test_in_narrow_aisles_the_intermediate_point_saves_four_walks_in_ten() -> None:
+    grid = make_layout("narrow")
+    pairs = np.random.default_rng(1).integers(0, len(grid.free_cells), (60, 2))
+    tasks = [tuple(tuple(grid.free_cells[cell].tolist()) for cell in pair) for pair in pairs]
+    found = {p.key: sum(walk(p, grid, *task).found for task in tasks) for p in (Apf(), ApfImproved())}
+    assert found[Apf().key] < 45
+    assert found[ApfImproved().key] == 60
+
+
+@pytest.mark.parametrize("planner", [Apf(), ApfImproved()])
+def test_a_cost_map_is_refused(planner: Apf | ApfImproved) -> None:
+    with pytest.raises(ConfigError, match="takes no cost map"):
+        planner.plan(WALL, (0, 0), (4, 4), RNG, np.zeros(WALL.shape))
+
+
+def test_bad_parameters_are_named() -> None:
+    with pytest.raises(ConfigError, match=r"apf parameter repulsion_gain=-1.0 must be a finite number"):
+        Apf(repulsion_gain=-1.0)
+    with pytest.raises(ConfigError, match="apf_improved parameter points=0"):
+        ApfImproved(points=0)

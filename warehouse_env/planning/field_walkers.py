@@ -1,0 +1,192 @@
+"""The artificial potential field as a planner of its own: a walker that always follows the force, and its repairs.
+
+It sees only the shelves near it, so it is fast and can fail; a walk that fails gives an empty Plan.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
+from warehouse_env.planning.plan import Plan, check_endpoints, check_parameters, planner_key, refuse_cost
+from warehouse_env.planning.potential_field import force_at, intermediate_point, repulsion_parts
+
+_EQUAL = 1e-9  # [cosine] closer alignments count as equal, so that rounding does not choose the move
+_HALF = float(np.sqrt(0.5))
+
+
+@dataclass(frozen=True)
+class Apf:
+    """The classical artificial potential field (Khatib 1986), what papers 001 and 002 set out to improve.
+
+    Attraction k * d to the goal (eq. 6 of 001, 12 of 002), repulsion k_rep * (1/d - 1/rho0) / d^2 from every shelf
+    cell nearer than rho0 (eqs. 7 and 14; 001 prints its eq. 7 without the 1/d^2 of the gradient). The walker makes the
+    legal move with the smallest angle to the resultant, as 002 describes it after eq. 24. It is stuck, and the Plan is
+    empty, where the force vanishes, where all legal moves lead more sideways or back than along it, and where it
+    comes to a cell a second time, since it would then go round for ever. So every walk ends.
+
+    Neither paper prints a gain. Near the goal the pull fades while the push of shelves beside it does not (goals
+    that cannot be reached); in front of a shelf both cancel (local minima). Both are its nature and are kept.
+    """
+
+    attraction_gain: float = 1.0  # k [1/cell]
+    repulsion_gain: float = 1.0  # k_rep
+    repulsion_reach: float = 2.0  # rho0 of 001, d0 of 002 [cells]
+
+    name: ClassVar[str] = "apf"
+    takes_cost: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+    @property
+    def key(self) -> str:
+        """Name and parameters."""
+        return planner_key(self)
+
+    def plan(
+        self,
+        grid: GridMap,
+        start: Cell,
+        goal: Cell,
+        rng: np.random.Generator,
+        cost: NDArray[np.float64] | None = None,
+    ) -> Plan:
+        """Walk; `rng` is not used, a cost map is refused."""
+        return _walk(self, grid, start, goal, cost, exponent=0.0, points=0)
+
+
+@dataclass(frozen=True)
+class ApfImproved:
+    """The potential field with the repairs of papers 001 (eqs. 9-13) and 002 (eqs. 16-20 and the intermediate point).
+
+    relative_distance: the repulsive potential is multiplied by d^n, d the distance to the goal, so that the goal is
+    the lowest cell of the field and can be reached between shelves. The force is the exact negative gradient: a push
+    from the shelf, * d^n, and a pull to the goal, n/2 * k_rep * (1/d_shelf - 1/rho0)^2 * d^(n-1). Read so: 001 calls
+    n = 0.5 a positive integer; its eqs. 11-12 write beta for both n and n - 1 and lose the squares; its two ranges
+    of beta (below and above rho0 / 2) contradict a gradient and are left out. 002 has the same field with any n.
+
+    intermediate_point: a walker that is stuck heads for the point P of 002 (`potential_field.intermediate_point`), by
+    the same force, and then for the goal again; stuck once more it takes the next point, `points` at the most. The
+    paper draws one straight path to P and says nothing of shelves in its way. The Plan is the way as it was walked,
+    detours and loops included. Without it, the walker fails where `apf` does but beside the goal.
+    """
+
+    attraction_gain: float = 1.0  # k [1/cell]
+    repulsion_gain: float = 1.0  # k_rep
+    repulsion_reach: float = 2.0  # rho0 of 001, d0 of 002 [cells]
+    relative_distance: bool = True
+    exponent: float = 0.5  # n, of the distance to the goal
+    intermediate_point: bool = True
+    points: int = 20  # intermediate points on one walk
+
+    name: ClassVar[str] = "apf_improved"
+    takes_cost: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+    @property
+    def key(self) -> str:
+        """Name and parameters."""
+        return planner_key(self)
+
+    def plan(
+        self,
+        grid: GridMap,
+        start: Cell,
+        goal: Cell,
+        rng: np.random.Generator,
+        cost: NDArray[np.float64] | None = None,
+    ) -> Plan:
+        """Walk; `rng` is not used, a cost map is refused."""
+        exponent = self.exponent if self.relative_distance else 0.0
+        return _walk(self, grid, start, goal, cost, exponent, self.points if self.intermediate_point else 0)
+
+
+def _walk(
+    planner: Apf | ApfImproved,
+    grid: GridMap,
+    start: Cell,
+    goal: Cell,
+    cost: NDArray[np.float64] | None,
+    exponent: float,
+    points: int,
+) -> Plan:
+    """Go leg by leg: to the goal, and where stuck to an intermediate point first, of which there are `points`."""
+    begin = time.perf_counter()
+    refuse_cost(planner, cost)
+    start, goal = check_endpoints(grid, start, goal)
+    parts = repulsion_parts(grid.occupied, planner.repulsion_gain, planner.repulsion_reach)
+    tried = np.zeros(grid.shape, np.bool_)
+    way, target = [np.array([start], dtype=np.int64)], goal
+    while True:
+        here = (int(way[-1][-1, 0]), int(way[-1][-1, 1]))
+        leg, arrived = follow(grid.legal_moves, *parts, here, target, goal, planner.attraction_gain, exponent)
+        way.append(leg)
+        here = (int(leg[-1, 0]), int(leg[-1, 1]))
+        if here == goal:
+            cells = np.concatenate([leg[1:] if i else leg for i, leg in enumerate(way)])
+            break
+        target = goal
+        if not arrived:
+            points -= 1
+            target = intermediate_point(grid.occupied, here, goal, tried) if points >= 0 else (-1, -1)
+            if target[0] < 0:
+                cells = np.empty((0, 2), np.int64)
+                break
+            tried[target] = True
+    return Plan(cells, np.empty(0), time.perf_counter() - begin)
+
+
+@njit(cache=True, error_model="numpy")
+def follow(
+    legal: NDArray[np.bool_],
+    push: NDArray[np.float64],
+    energy: NDArray[np.float64],
+    start: Cell,
+    target: Cell,
+    goal: Cell,
+    gain: float,
+    exponent: float,
+) -> tuple[NDArray[np.int64], bool]:
+    """Walk along the force to the target: (cells int64[L, 2] with the start, whether it arrived).
+
+    Ends at the target or where it happens upon the goal, or on the last cell before it would be stuck or come to a
+    cell again.
+    """
+    rows, cols = energy.shape
+    cells = np.empty((rows * cols, 2), np.int64)
+    seen = np.zeros((rows, cols), np.bool_)
+    row, col = start
+    for count in range(rows * cols):
+        cells[count, 0], cells[count, 1] = row, col
+        if (row == target[0] and col == target[1]) or (row == goal[0] and col == goal[1]):
+            return cells[: count + 1], True
+        seen[row, col] = True
+        pull = (float(target[0] - row), float(target[1] - col))
+        force = force_at(pull[0], pull[1], push[row, col, 0], push[row, col, 1], energy[row, col], gain, exponent)
+        move = _along(legal[row, col], force[0], force[1])
+        if move >= 0:
+            row, col = row + MOVES[move, 0], col + MOVES[move, 1]
+        if seen[row, col]:
+            break
+    return cells[: count + 1], False
+
+
+@njit(cache=True, error_model="numpy")
+def _along(legal: NDArray[np.bool_], force_row: float, force_col: float) -> int:
+    """The legal move (bool[8]) with the smallest angle to a force, under 90 degrees; -1 where there is none."""
+    size = np.sqrt(force_row * force_row + force_col * force_col)
+    best, largest = -1, _EQUAL
+    for move in range(8):
+        along = (force_row * MOVES[move, 0] + force_col * MOVES[move, 1]) * (_HALF if move % 2 else 1.0)
+        if legal[move] and along > largest * size + _EQUAL * size:
+            best, largest = move, along / size
+    return best
