@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from warehouse_env.errors import PlanError
+from warehouse_env.errors import ConfigError, PlanError
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
 from warehouse_env.planning import make_planner, min_turns, path_length, turns, validate
@@ -97,6 +99,108 @@ def test_min_turns_equals_an_exhaustive_search() -> None:
 def test_min_turns_without_a_path_is_refused() -> None:
     with pytest.raises(PlanError, match="no path"):
         min_turns(drawn(".#.", ".#."), (0, 0), (0, 2))
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_a_toll_is_paid_or_driven_around_whichever_is_cheaper(name: str) -> None:
+    grid = drawn(*["....."] * 3)
+    cost = np.zeros((3, 5))
+    cost[1, 2] = 0.8  # the way around, two diagonals, costs 2 (sqrt 2 - 1) = 0.83
+    plan = make_planner(name).plan(grid, (1, 0), (1, 4), RNG, cost)
+    assert path_length(plan.cells) == 4
+    cost[1, 2] = 0.9
+    plan = make_planner(name).plan(grid, (1, 0), (1, 4), RNG, cost)
+    assert path_length(plan.cells) == 2 + 2 * math.sqrt(2)
+    assert [1, 2] not in plan.cells.tolist()
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_a_cost_a_move_can_make_a_street_one_way(name: str) -> None:
+    grid = drawn("....", ".##.", "....")
+    cost = np.zeros((3, 4, 8))
+    cost[0, :, 0] = 5.0  # eastwards along the north
+    there = make_planner(name).plan(grid, (0, 0), (0, 3), RNG, cost)
+    back = make_planner(name).plan(grid, (0, 3), (0, 0), RNG, cost)
+    assert path_length(there.cells) == 7
+    assert path_length(back.cells) == 3
+
+
+def cheapest(grid: GridMap, cost: NDArray[np.float64], start: Cell, goal: Cell) -> float:
+    """A plain Dijkstra in floats; cost float64[H, W, 8]."""
+    best, heap = {start: 0.0}, [(0.0, start)]
+    while heap:
+        total, cell = heapq.heappop(heap)
+        for move in np.flatnonzero(grid.legal_moves[cell]).tolist():
+            to = (cell[0] + int(MOVES[move, 0]), cell[1] + int(MOVES[move, 1]))
+            new = total + (math.sqrt(2) if move % 2 else 1.0) + float(cost[(*cell, move)])
+            if new < best.get(to, math.inf):
+                best[to] = new
+                heapq.heappush(heap, (new, to))
+    return best.get(goal, math.inf)
+
+
+def priced(cells: NDArray[np.int64], cost: NDArray[np.float64]) -> float:
+    steps = np.diff(cells, axis=0)
+    moves = [int(np.flatnonzero((step == MOVES).all(axis=1))[0]) for step in steps]
+    return path_length(cells) + sum(float(cost[(*cell, m)]) for cell, m in zip(cells[:-1].tolist(), moves, strict=True))
+
+
+def test_random_cost_maps_are_searched_exactly() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(40):
+        occupied = rng.random((8, 9)) < 0.25
+        occupied[0, 0] = occupied[7, 8] = False
+        grid = GridMap(occupied)
+        cost = rng.random((8, 9, 8)) * (rng.random((8, 9, 8)) < 0.7) * 3
+        expected = cheapest(grid, cost, (0, 0), (7, 8))
+        for name in EXACT:
+            plan = make_planner(name).plan(grid, (0, 0), (7, 8), RNG, cost)
+            if math.isinf(expected):
+                assert not plan.found
+                continue
+            validate(grid, plan.cells, (0, 0), (7, 8))
+            assert priced(plan.cells, cost) == pytest.approx(expected, abs=1e-4)  # tolls are whole millionths
+
+
+def test_equal_costs_tie_whatever_the_order_of_their_tolls() -> None:
+    # Where the diagonal is driven does not matter for the cost, but sums of these floats differ in the last bit with
+    # the order of adding, so a search that adds floats may pay a second turn for nothing.
+    grid, tolls = drawn("......", "......"), (0.1, 0.2, 0.3, 0.7)
+    cost = np.zeros((2, 6, 8))
+    cost[0, 0:4, 0] = cost[1, 1:5, 0] = tolls
+    cells = make_planner("astar_turns").plan(grid, (0, 0), (1, 5), RNG, cost).cells
+    assert path_length(cells) == 4 + math.sqrt(2)
+    assert turns(cells) == 1
+
+
+def test_equal_tolls_everywhere_do_not_change_the_fewest_turns() -> None:
+    grid = make_layout("narrow")
+    rng = np.random.default_rng(5)
+    for a, b in rng.integers(0, len(grid.free_cells), (10, 2)):
+        start, goal = tuple(grid.free_cells[a].tolist()), tuple(grid.free_cells[b].tolist())
+        cost = np.full((*grid.shape, 8), 0.1)
+        cost[..., 1::2] = 0.1 * math.sqrt(2)  # a tenth of every step: the shortest paths stay the cheapest
+        plan = make_planner("astar_turns").plan(grid, start, goal, RNG, cost)
+        assert path_length(plan.cells) == pytest.approx(float(grid.distance_to(goal)[start]))
+        assert turns(plan.cells) == min_turns(grid, start, goal)
+
+
+@pytest.mark.parametrize("name", EXACT)
+@pytest.mark.parametrize("layout", ["paper46", "random"])
+def test_a_cost_map_of_zeros_changes_no_bit(name: str, layout: str) -> None:
+    grid = make_layout(layout)
+    for a, b in np.random.default_rng(6).integers(0, len(grid.free_cells), (10, 2)):
+        start, goal = tuple(grid.free_cells[a].tolist()), tuple(grid.free_cells[b].tolist())
+        free = make_planner(name).plan(grid, start, goal, RNG)
+        with_map = make_planner(name).plan(grid, start, goal, RNG, np.zeros(grid.shape))
+        np.testing.assert_array_equal(free.cells, with_map.cells)
+
+
+@pytest.mark.parametrize("name", EXACT)
+@pytest.mark.parametrize("cost", [np.zeros((2, 2)), np.full((3, 3), -1.0), np.full((3, 3, 8), np.inf)])
+def test_an_unusable_cost_map_is_refused(name: str, cost: NDArray[np.float64]) -> None:
+    with pytest.raises(ConfigError, match="a cost map must"):
+        make_planner(name).plan(drawn(*["..."] * 3), (0, 0), (2, 2), RNG, cost)
 
 
 def test_astar_takes_well_under_a_millisecond() -> None:

@@ -1,7 +1,8 @@
 """Dijkstra, A* and turn-aware A* on the moves of eq. 26 (paper 000): the truth the other planners are held against.
 
-Costs are kept as whole numbers of straight and diagonal steps, and a length is computed from them once, as
-straight + sqrt(2) * diagonal. Equal lengths are thus equal numbers, whatever the order of the steps.
+Costs are kept as two whole numbers, diagonal steps and millionths of a cell of all else (straight steps, and the tolls
+of a cost map), and a cost is computed from them once. As sqrt(2) is irrational, equal costs are thus equal numbers,
+whatever the order of the steps and of the tolls.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ from numpy.typing import NDArray
 
 from warehouse_env.errors import PlanError
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.planning.plan import Plan, check_endpoints, planner_key, turns
+from warehouse_env.planning.ants.floor import MICRO
+from warehouse_env.planning.plan import Plan, check_endpoints, edge_cost, planner_key, turns
 
 _SQRT2 = math.sqrt(2.0)
+_STEP = int(MICRO)  # millionths of a cell: a straight step
 
 
 @njit(cache=True)
@@ -60,9 +63,10 @@ def _pop(first: Any, second: Any, node: Any, size: int) -> Any:
 
 
 @njit(cache=True)
-def _search(legal: Any, start: int, goal: int, informed: bool) -> Any:
-    """Return the cell (flat index) before each on a shortest path, -1 where none. legal: bool[H, W, 8].
+def _search(legal: Any, toll: Any, start: int, goal: int, informed: bool) -> Any:
+    """Return the cell (flat index) before each on a cheapest path, -1 where none.
 
+    legal: bool[H, W, 8]; toll: int64[H, W, 8], millionths of a cell that a move costs more than its length, or None.
     informed: A* with the octile distance, ties to the cell nearer the goal; otherwise Dijkstra.
     """
     rows, cols = legal.shape[0], legal.shape[1]
@@ -90,9 +94,11 @@ def _search(legal: Any, start: int, goal: int, informed: bool) -> Any:
                 continue
             to_row, to_col = row + MOVES[move, 0], col + MOVES[move, 1]
             to = to_row * cols + to_col
-            a = straight[cell] + 1 - move % 2
+            a = straight[cell] + (1 - move % 2) * _STEP
+            if toll is not None:
+                a += toll[row, col, move]
             b = diagonal[cell] + move % 2
-            new_length = a + b * _SQRT2
+            new_length = a / MICRO + b * _SQRT2
             if new_length < length[to]:
                 length[to], straight[to], diagonal[to], before[to] = new_length, a, b, cell
                 ahead_a, ahead_b = 0, 0
@@ -100,16 +106,16 @@ def _search(legal: Any, start: int, goal: int, informed: bool) -> Any:
                     d_row, d_col = abs(to_row - goal_row), abs(to_col - goal_col)
                     ahead_b = min(d_row, d_col)
                     ahead_a = max(d_row, d_col) - ahead_b
-                estimate = (a + ahead_a) + (b + ahead_b) * _SQRT2
+                estimate = (a + ahead_a * _STEP) / MICRO + (b + ahead_b) * _SQRT2
                 size = _push(first, second, node, size, estimate, ahead_a + ahead_b * _SQRT2, to)
     return before
 
 
 @njit(cache=True)
-def _search_turns(legal: Any, start: int, goal: int) -> Any:
-    """A* on cell x arriving move with the cost (length, turns); return the state before each and the goal's state.
+def _search_turns(legal: Any, toll: Any, start: int, goal: int) -> Any:
+    """A* on cell x arriving move with the cost (length + tolls, turns); return the state before each and the goal's.
 
-    State = 9 * cell + move, move 8 at the start. legal: bool[H, W, 8].
+    State = 9 * cell + move, move 8 at the start. legal, toll: as in `_search`.
     """
     rows, cols = legal.shape[0], legal.shape[1]
     states = 9 * rows * cols
@@ -138,23 +144,27 @@ def _search_turns(legal: Any, start: int, goal: int) -> Any:
                 continue
             to_row, to_col = row + MOVES[move, 0], col + MOVES[move, 1]
             to = 9 * (to_row * cols + to_col) + move
-            a = straight[state] + 1 - move % 2
+            a = straight[state] + (1 - move % 2) * _STEP
+            if toll is not None:
+                a += toll[row, col, move]
             b = diagonal[state] + move % 2
             new_turns = turned[state] + (1 if arrived != 8 and arrived != move else 0)
-            new_length = a + b * _SQRT2
+            new_length = a / MICRO + b * _SQRT2
             if new_length < length[to] or (new_length == length[to] and new_turns < turned[to]):
                 length[to], straight[to], diagonal[to] = new_length, a, b
                 turned[to], before[to] = new_turns, state
                 d_row, d_col = abs(to_row - goal_row), abs(to_col - goal_col)
                 b += min(d_row, d_col)
-                a += max(d_row, d_col) - min(d_row, d_col)
-                size = _push(first, second, node, size, a + b * _SQRT2, float(new_turns), to)
+                a += (max(d_row, d_col) - min(d_row, d_col)) * _STEP
+                size = _push(first, second, node, size, a / MICRO + b * _SQRT2, float(new_turns), to)
     return before, -1
 
 
-def _shortest(legal: NDArray[np.bool_], start: int, goal: int, informed: bool) -> list[int]:
-    """Flat cells of a shortest path, empty where none."""
-    before = _search(legal, start, goal, informed)
+def _shortest(
+    legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int, informed: bool
+) -> list[int]:
+    """Flat cells of a cheapest path, empty where none."""
+    before = _search(legal, toll, start, goal, informed)
     path = [goal]
     while path[-1] != start:
         if before[path[-1]] < 0:
@@ -163,9 +173,9 @@ def _shortest(legal: NDArray[np.bool_], start: int, goal: int, informed: bool) -
     return path[::-1]
 
 
-def _fewest_turns(legal: NDArray[np.bool_], start: int, goal: int) -> list[int]:
-    """Flat cells of a path with the fewest turns among the shortest, empty where none."""
-    before, state = _search_turns(legal, start, goal)
+def _fewest_turns(legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int) -> list[int]:
+    """Flat cells of a path with the fewest turns among the cheapest, empty where none."""
+    before, state = _search_turns(legal, toll, start, goal)
     path = []
     while state >= 0:
         path.append(int(state) // 9)
@@ -173,11 +183,19 @@ def _fewest_turns(legal: NDArray[np.bool_], start: int, goal: int) -> list[int]:
     return path[::-1]
 
 
-def _plan(grid: GridMap, start: Cell, goal: Cell, search: Callable[..., list[int]], *options: bool) -> Plan:
+def _plan(
+    grid: GridMap,
+    start: Cell,
+    goal: Cell,
+    cost: NDArray[np.float64] | None,
+    search: Callable[..., list[int]],
+    *options: bool,
+) -> Plan:
     begin = time.perf_counter()
     start, goal = check_endpoints(grid, start, goal)
     cols = grid.occupied.shape[1]
-    flat = search(grid.legal_moves, start[0] * cols + start[1], goal[0] * cols + goal[1], *options)
+    toll = None if cost is None else np.rint(MICRO * edge_cost(grid, cost)).astype(np.int64)
+    flat = search(grid.legal_moves, toll, start[0] * cols + start[1], goal[0] * cols + goal[1], *options)
     cells = np.stack(np.divmod(np.array(flat, dtype=np.int64), cols), axis=1)
     return Plan(cells, np.empty(0), time.perf_counter() - begin)
 
@@ -187,15 +205,23 @@ class Dijkstra:
     """Shortest path without a heuristic (Dijkstra 1959)."""
 
     name: ClassVar[str] = "dijkstra"
+    takes_cost: ClassVar[bool] = True
 
     @property
     def key(self) -> str:
         """Name and parameters."""
         return planner_key(self)
 
-    def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator) -> Plan:
+    def plan(
+        self,
+        grid: GridMap,
+        start: Cell,
+        goal: Cell,
+        rng: np.random.Generator,
+        cost: NDArray[np.float64] | None = None,
+    ) -> Plan:
         """Search; `rng` is not used."""
-        return _plan(grid, start, goal, _shortest, False)
+        return _plan(grid, start, goal, cost, _shortest, False)
 
 
 @dataclass(frozen=True)
@@ -203,15 +229,23 @@ class AStar:
     """Shortest path with the octile distance as heuristic (Hart, Nilsson & Raphael 1968)."""
 
     name: ClassVar[str] = "astar"
+    takes_cost: ClassVar[bool] = True
 
     @property
     def key(self) -> str:
         """Name and parameters."""
         return planner_key(self)
 
-    def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator) -> Plan:
+    def plan(
+        self,
+        grid: GridMap,
+        start: Cell,
+        goal: Cell,
+        rng: np.random.Generator,
+        cost: NDArray[np.float64] | None = None,
+    ) -> Plan:
         """Search; `rng` is not used."""
-        return _plan(grid, start, goal, _shortest, True)
+        return _plan(grid, start, goal, cost, _shortest, True)
 
 
 @dataclass(frozen=True)
@@ -219,20 +253,28 @@ class AStarTurns:
     """The fewest turns among the shortest paths: A* on cell x direction with the cost (length, turns)."""
 
     name: ClassVar[str] = "astar_turns"
+    takes_cost: ClassVar[bool] = True
 
     @property
     def key(self) -> str:
         """Name and parameters."""
         return planner_key(self)
 
-    def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator) -> Plan:
+    def plan(
+        self,
+        grid: GridMap,
+        start: Cell,
+        goal: Cell,
+        rng: np.random.Generator,
+        cost: NDArray[np.float64] | None = None,
+    ) -> Plan:
         """Search; `rng` is not used."""
-        return _plan(grid, start, goal, _fewest_turns)
+        return _plan(grid, start, goal, cost, _fewest_turns)
 
 
 def min_turns(grid: GridMap, start: Cell, goal: Cell) -> int:
     """Fewest direction changes that a shortest path from start to goal can have; PlanError if there is no path."""
-    plan = _plan(grid, start, goal, _fewest_turns)
+    plan = _plan(grid, start, goal, None, _fewest_turns)
     if not plan.found:
         raise PlanError(f"no path from {tuple(start)} to {tuple(goal)}")
     return turns(plan.cells)
