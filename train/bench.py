@@ -14,7 +14,7 @@ from train.rows import Row, RowFile, select
 from warehouse_env import __version__
 from warehouse_env.errors import ConfigError
 
-What = Literal["simulator", "pettingzoo", "vec_env", "train_reinforce", "train_ppo", "plan", "start"]
+What = Literal["simulator", "pettingzoo", "vec_env", "train_reinforce", "train_ppo", "plan", "ant_walk", "start"]
 
 _SMALL = 32  # robots of the single world that larger ones are held against
 
@@ -95,11 +95,30 @@ def tables(rows: Sequence[Row]) -> list[Table]:
     if plans:
         cells = tuple((row["planner"], number(row["ms"], 2), number(1000 / row["ms"], 3), row["on"]) for row in plans)
         made.append(Table("Plans, one core", ("planner", "median ms", "plans/s", "on"), cells))
+    walks = select(rows, what="ant_walk")
+    if walks:
+        made.append(_walks(walks))
     starts = select(rows, what="start")
     if starts:
         times = tuple((row["step"], number(row["seconds"], 2)) for row in starts)
         made.append(Table("A fresh process, compile cache warm", ("until", "seconds"), times))
     return made
+
+
+def _walks(rows: Sequence[Row]) -> Table:
+    header = ("planner", "task", "ants x iterations", "ms", "ms in C", "over C", "the same moves")
+    cells = tuple(
+        (
+            row["planner"],
+            row["on"],
+            f"{row['ants']} x {row['iterations']}",
+            *(number(row[name], 3) for name in ("ms", "c_ms", "over_c")),
+            "yes" if row["same_moves"] else "NO",
+        )
+        for row in rows
+        if "note" not in row
+    )
+    return Table("The ants' walk against plain C", header, cells, "".join(row.get("note", "") for row in rows))
 
 
 def _speeds(rows: Sequence[Row]) -> Table:
