@@ -115,6 +115,7 @@ class EnvConfig:
     speed_levels: tuple[float, ...] = (-0.4, 0.0, 0.5, 1.3)  # [m/s], of discrete actions
     lateral_offsets: tuple[float, ...] = (0.0, 0.6, -0.6, 1.2, -1.2)  # [m], left of the route is positive
     keep_right: float = 0.5  # [m] that routes move to the right of the planned path where there is room
+    smooth_routes: bool = False  # bound the routes' curvature by the steering limit (planning/steerable.py)
     robot: RobotSpec = field(default_factory=RobotSpec)
     sensor: SensorSpec = field(default_factory=SensorSpec)
     reward: RewardWeights = field(default_factory=RewardWeights)
@@ -125,6 +126,7 @@ class EnvConfig:
             _require(isinstance(value, int) and value >= 1, name, value, "a whole number of at least 1")
         _positive(self, "time_step", "arrival_radius", "near_miss_gap", "stuck_after")
         _not_negative(self, "keep_right")
+        _require(isinstance(self.smooth_routes, bool), "smooth_routes", self.smooth_routes, "True or False")
         for name, choices in (("tasks", get_args(TaskMode)), ("action_type", get_args(ActionType))):
             _require(getattr(self, name) in choices, name, getattr(self, name), f"one of {', '.join(choices)}")
         for name in ("speed_levels", "lateral_offsets"):

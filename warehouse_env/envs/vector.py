@@ -231,9 +231,11 @@ def _share_routes(simulators: Sequence[Simulator]) -> None:
             return
 
 
-def _route_key(simulator: Simulator) -> tuple[str, str, float]:
+def _route_key(simulator: Simulator) -> tuple[object, ...]:
     """Return what a way-point route depends on besides its ends."""
-    return simulator.grid.key, simulator.route_book.planner.key, simulator.config.keep_right
+    config = simulator.config
+    smooth_for = config.robot if config.smooth_routes else None
+    return simulator.grid.key, simulator.route_book.planner.key, config.keep_right, smooth_for
 
 
 def vec_env(

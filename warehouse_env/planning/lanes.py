@@ -117,7 +117,7 @@ def _direction(points, k):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _nearest_shelf(solid, x, y, cell):  # type: ignore[no-untyped-def]
+def nearest_shelf(solid, x, y, cell):  # type: ignore[no-untyped-def]
     """Return (distance, unit vector away from it) of the nearest shelf among the 3 x 3 cells around a point."""
     row, column = int(math.floor(y / cell)) + 1, int(math.floor(x / cell)) + 1
     best, bx, by = 1e18, 0.0, 0.0
@@ -146,22 +146,27 @@ def _relax(points, targets, room, solid, cell):  # type: ignore[no-untyped-def]
             my = 0.5 * (points[k - 1, 1] + points[k + 1, 1])
             nx = x + PULL * (targets[k, 0] - x) + SMOOTH * (mx - x)
             ny = y + PULL * (targets[k, 1] - y) + SMOOTH * (my - y)
-            d, ux, uy = _nearest_shelf(solid, nx, ny, cell)
+            d, ux, uy = nearest_shelf(solid, nx, ny, cell)
             if d < room[k]:
                 nx += PUSH * (room[k] - d) * ux
                 ny += PUSH * (room[k] - d) * uy
             points[k, 0], points[k, 1] = nx, ny
 
 
-def resample(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
-    """Return the polyline float64[L, 2] [m] as evenly spaced points, nearest to `spacing` [m]; both ends are kept."""
+def spaced(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Return `count` points, evenly spaced along the polyline float64[L, 2], both ends included."""
     steps = np.hypot(*np.diff(points, axis=0).T)
     arc = np.concatenate([[0.0], np.cumsum(steps)])
-    if arc[-1] <= 0.0:
-        return points[:1].copy()
-    count = max(round(arc[-1] / spacing), 1) + 1
     at = np.linspace(0.0, arc[-1], count)
     return np.column_stack([np.interp(at, arc, points[:, 0]), np.interp(at, arc, points[:, 1])])
+
+
+def resample(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """Return the polyline float64[L, 2] [m] as evenly spaced points, nearest to `spacing` [m]; both ends are kept."""
+    length = np.cumsum(np.hypot(*np.diff(points, axis=0).T))
+    if len(length) == 0 or length[-1] <= 0.0:
+        return points[:1].copy()
+    return spaced(points, max(round(length[-1] / spacing), 1) + 1)
 
 
 def drivable_line(

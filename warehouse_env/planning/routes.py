@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from platformdirs import user_cache_dir
 
-from warehouse_env.config import EnvConfig
+from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import MapError, PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.lanes import drivable_line
 from warehouse_env.planning.plan import Planner
+from warehouse_env.planning.steerable import steerable_line
 
 CACHE_FORMAT = 1  # raised whenever a planner's result changes for the same key
 WORTH_KEEPING = 0.002  # [s] a plan must have taken to be kept on disk
@@ -80,10 +81,17 @@ class RouteBook:
     """Routes on one map by one planner."""
 
     def __init__(
-        self, grid: GridMap, planner: Planner, *, keep_right: float = EnvConfig.keep_right, seed: int = 0
+        self,
+        grid: GridMap,
+        planner: Planner,
+        *,
+        keep_right: float = EnvConfig.keep_right,
+        smooth_for: RobotSpec | None = None,
+        seed: int = 0,
     ) -> None:
+        """Open the book. smooth_for: the robot that must be able to drive the routes (steerable.py); None: any line."""
         self.grid, self.planner = grid, planner
-        self._keep_right, self._seed = keep_right, seed
+        self._keep_right, self._robot, self._seed = keep_right, smooth_for, seed
         self._solid = np.pad(grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
         self._routes: dict[tuple[Cell, Cell, Cell | None], NDArray[np.float32]] = {}
         self._store = PlanStore(cache_directory())
@@ -143,6 +151,8 @@ class RouteBook:
                     raise
                 cells = self.cells(start, goal)  # a dead end: it must back out
             known = drivable_line(self.grid.centre(cells), self._solid, self.grid.cell_size, self._keep_right)
+            if self._robot is not None:
+                known = steerable_line(known, cells, self.grid, self._solid, self._robot)
             if len(self._routes) >= MEMORY:
                 self._routes.pop(next(iter(self._routes)))
             self._routes[start, goal, behind] = known

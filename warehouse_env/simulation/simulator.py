@@ -69,7 +69,8 @@ class Simulator:
             from warehouse_env.planning import make_planner
 
             planner = planner if planner is not None else make_planner(config.planner)
-            routes = RouteBook(self.grid, planner, keep_right=config.keep_right)
+            smooth_for = config.robot if config.smooth_routes else None
+            routes = RouteBook(self.grid, planner, keep_right=config.keep_right, smooth_for=smooth_for)
         self.route_book = routes
         self.layout = observation_layout(config)
         self._tasks = [Tasks(self.grid, config) for _ in range(num_worlds)]

@@ -1,0 +1,188 @@
+"""Lines instead of cells: the path smoothing of paper 004 (eq. 13), with its traps mended.
+
+Gu, Duan, Su, Yuan (2020), section 3.4: move the nodes x(i) of a path to a(i) so that
+    lambda * sum |x(i) - a(i)| + mu * sum |a(i+1) - a(i)|
+is least and every a(i) is more than sqrt(2)/2 from obstacles. What is doubtful in it, and how it is read here:
+- As printed (unsquared norms, lambda = mu) it cannot move a corner of 45 degrees: the two neighbours pull a node there
+  with 2 sin(22.5 degrees) mu = 0.77 mu < lambda. `power=2` squares the norms, `power=1` is the print.
+- Its clearance holds for nodes only, so that a line may cut through a shelf between two of them. Here every whole
+  segment keeps it, measured to the shelves' faces.
+- sqrt(2)/2 can only mean the distance to an obstacle's centre, since in an aisle of one cell the faces are 0.5 away. A
+  robot needs half its width to the faces.
+- a(n+1) is undefined: the second sum ends with the last segment. Start and goal do not move.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.planning.lanes import nearest_shelf
+
+SWEEPS = 400  # at most, over all nodes of a path
+STILL = 1e-6  # [cells] of the largest move in a sweep with which it is done
+HALVINGS = 4  # of a move that would come too near to a shelf
+SLACK = 1e-9  # [cells] of rounding in comparisons of clearances
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _to_square(x, y, low_x, low_y, side):  # type: ignore[no-untyped-def]
+    """Return the vector from a point to the nearest one of a closed square, (0, 0) inside."""
+    return min(max(x, low_x), low_x + side) - x, min(max(y, low_y), low_y + side) - y
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _crosses(ax, ay, bx, by, low_x, low_y, side):  # type: ignore[no-untyped-def]
+    """Return whether the segment a-b has a point in the closed square (clipping by its four sides)."""
+    first, last = 0.0, 1.0
+    for start, step, low in ((ax, bx - ax, low_x), (ay, by - ay, low_y)):
+        if step == 0.0:
+            if start < low or start > low + side:
+                return False
+            continue
+        enter, leave = (low - start) / step, (low + side - start) / step
+        first, last = max(first, min(enter, leave)), min(last, max(enter, leave))
+    return first <= last
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _segment_to_square(ax, ay, bx, by, low_x, low_y, side):  # type: ignore[no-untyped-def]
+    """Return the distance between the segment a-b and a closed square: of an end or of a corner, or 0."""
+    if _crosses(ax, ay, bx, by, low_x, low_y, side):
+        return 0.0
+    best = math.inf
+    for x, y in ((ax, ay), (bx, by)):
+        dx, dy = _to_square(x, y, low_x, low_y, side)
+        best = min(best, dx * dx + dy * dy)
+    ux, uy = bx - ax, by - ay
+    length = ux * ux + uy * uy
+    for x in (low_x, low_x + side):
+        for y in (low_y, low_y + side):
+            at = min(max(((x - ax) * ux + (y - ay) * uy) / length, 0.0), 1.0) if length > 0.0 else 0.0
+            dx, dy = x - ax - at * ux, y - ay - at * uy
+            best = min(best, dx * dx + dy * dy)
+    return math.sqrt(best)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def segment_gap(solid, ax, ay, bx, by, cell, reach):  # type: ignore[no-untyped-def]
+    """Return the distance from the segment a-b to the nearest shelf or rim, at most `reach`.
+
+    solid: uint8[H + 2, W + 2], shelves with a rim; its square [i, j] lies from ((j - 1) cell, (i - 1) cell) on.
+    """
+    best = reach
+    first_row = max(int(math.floor((min(ay, by) - reach) / cell)) + 1, 0)
+    last_row = min(int(math.floor((max(ay, by) + reach) / cell)) + 1, solid.shape[0] - 1)
+    first_column = max(int(math.floor((min(ax, bx) - reach) / cell)) + 1, 0)
+    last_column = min(int(math.floor((max(ax, bx) + reach) / cell)) + 1, solid.shape[1] - 1)
+    for i in range(first_row, last_row + 1):
+        for j in range(first_column, last_column + 1):
+            if solid[i, j]:
+                best = min(best, _segment_to_square(ax, ay, bx, by, (j - 1) * cell, (i - 1) * cell, cell))
+    return best
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _wanted(line, k, x, y, deviation, length, power):  # type: ignore[no-untyped-def]
+    """Return where node k makes eq. 13 least while its neighbours stand still; for power 1, a step on the way there."""
+    if power == 2:
+        scale = deviation + 2.0 * length
+        return (
+            (deviation * x + length * (line[k - 1, 0] + line[k + 1, 0])) / scale,
+            (deviation * y + length * (line[k - 1, 1] + line[k + 1, 1])) / scale,
+        )
+    # the weighted Fermat point of x(k) and both neighbours (Weiszfeld's step, as Vardi and Zhang mend it at x(k))
+    pull_x, pull_y, scale = 0.0, 0.0, 0.0
+    for other in (k - 1, k + 1):
+        dx, dy = line[other, 0] - line[k, 0], line[other, 1] - line[k, 1]
+        weight = length / max(math.sqrt(dx * dx + dy * dy), 1e-9)
+        pull_x, pull_y, scale = pull_x + weight * dx, pull_y + weight * dy, scale + weight
+    dx, dy = x - line[k, 0], y - line[k, 1]
+    away = math.sqrt(dx * dx + dy * dy)
+    if away > 1e-9:
+        weight = deviation / away
+        scale += weight
+        return line[k, 0] + (pull_x + weight * dx) / scale, line[k, 1] + (pull_y + weight * dy) / scale
+    pull = math.sqrt(pull_x * pull_x + pull_y * pull_y)
+    share = max(1.0 - deviation / pull, 0.0) / scale if pull > 0.0 else 0.0
+    return line[k, 0] + share * pull_x, line[k, 1] + share * pull_y
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _cost(line, k, px, py, x, y, deviation, length, power):  # type: ignore[no-untyped-def]
+    """Return what node k at p adds to eq. 13."""
+    total = deviation * math.sqrt((px - x) ** 2 + (py - y) ** 2) ** power
+    for other in (k - 1, k + 1):
+        total += length * math.sqrt((px - line[other, 0]) ** 2 + (py - line[other, 1]) ** 2) ** power
+    return total
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _fits(line, k, x, y, need, solid):  # type: ignore[no-untyped-def]
+    """Return whether both segments at node k keep their clearance with the node at (x, y)."""
+    for other, wanted in ((k - 1, need[k - 1]), (k + 1, need[k])):
+        if segment_gap(solid, line[other, 0], line[other, 1], x, y, 1.0, wanted) < wanted - SLACK:
+            return False
+    return True
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _move(line, k, x, y, need, solid, deviation, length, power):  # type: ignore[no-untyped-def]
+    """Move node k of x(k) = (x, y) as far towards its best place as the shelves let it; return the distance."""
+    fromx, fromy = line[k, 0], line[k, 1]
+    wantx, wanty = _wanted(line, k, x, y, deviation, length, power)
+    before = _cost(line, k, fromx, fromy, x, y, deviation, length, power)
+    share = 1.0
+    for _ in range(HALVINGS):
+        tox, toy = fromx + share * (wantx - fromx), fromy + share * (wanty - fromy)
+        gap, awayx, awayy = nearest_shelf(solid, tox, toy, 1.0)
+        short = max(max(need[k - 1], need[k]) - gap, 0.0)
+        for slide in (0.0, short):  # straight there, or else along the shelf
+            px, py = tox + slide * awayx, toy + slide * awayy
+            lower = _cost(line, k, px, py, x, y, deviation, length, power) < before
+            if lower and _fits(line, k, px, py, need, solid):
+                line[k, 0], line[k, 1] = px, py
+                return math.sqrt((px - fromx) ** 2 + (py - fromy) ** 2)
+        share *= 0.5
+    return 0.0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _descend(line, nodes, need, solid, deviation, length, power):  # type: ignore[no-untyped-def]
+    """Lower eq. 13 node by node, in place; the clearances `need` hold before and after each move."""
+    for _ in range(SWEEPS):
+        most = 0.0
+        for k in range(1, line.shape[0] - 1):
+            moved = _move(line, k, nodes[k, 0], nodes[k, 1], need, solid, deviation, length, power)
+            most = max(most, moved)
+        if most < STILL:
+            return
+
+
+def smooth(
+    cells: NDArray[np.int64],
+    occupied: NDArray[np.bool_],
+    *,
+    deviation: float = 0.5,
+    length: float = 0.5,
+    clearance: float = 0.35,
+    power: int = 2,
+) -> NDArray[np.float64]:
+    """Return the smoothed path float64[L, 2], (row, col) in cells, one node for each cell and the same ends.
+
+    cells: int64[L, 2], a path by the moves of eq. 26; occupied: bool[H, W].
+    deviation, length: lambda and mu of eq. 13; power: 2 squares its norms, 1 takes them as printed.
+    clearance [cells]: of whole segments from shelf faces and the map's edge. A path of cells keeps 0.5, so up to
+    there it is kept; a larger one is kept by the segments that had it, and no segment comes nearer than it was.
+    """
+    nodes = np.ascontiguousarray(cells[:, ::-1], dtype=np.float64) + 0.5  # (x, y) with cell corners on whole numbers
+    solid = np.pad(occupied, 1, constant_values=True).astype(np.uint8)
+    line = nodes.copy()
+    if len(line) > 2:
+        ends = np.hstack([line[:-1], line[1:]]).tolist()
+        need = np.array([segment_gap(solid, ax, ay, bx, by, 1.0, clearance) for ax, ay, bx, by in ends])
+        _descend(line, nodes, need, solid, deviation, length, power)
+    return line[:, ::-1] - 0.5
