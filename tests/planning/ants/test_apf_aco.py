@@ -1,0 +1,100 @@
+"""The ant colony of paper 001: its heuristic and its wolf-pack rule by hand, and what they are good for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.planning.ants.colonies import EAST, SOUTH, SOUTH_EAST, WEST, walked
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
+from warehouse_env.planning import path_length, validate
+from warehouse_env.planning.ants.aco import Aco
+from warehouse_env.planning.ants.apf_aco import ApfAco
+from warehouse_env.planning.ants.floor import make_floor
+
+START, NORTH = np.array([0]), 2
+
+
+def test_heuristic_eq_16_on_an_open_floor() -> None:
+    grid = GridMap(np.zeros((4, 5), dtype=bool))
+    floor = make_floor(grid, (3, 4))
+    turning, straight = ApfAco().colony(grid, floor, START).attraction(0)
+    assert turning is straight
+    # From (1, 1) to (3, 4): 13^(1/2) straight, 1 + 2 * 2^(1/2) down the field. Of (3, 4) itself: 0.1 + 0.
+    assert turning[0, SOUTH_EAST] == pytest.approx((math.sqrt(13) + 1 + 2 * math.sqrt(2)) ** -7)
+    assert turning[2 * 5 + 3, SOUTH_EAST] == pytest.approx(0.1**-7)
+
+
+def test_heuristic_at_a_local_minimum_pays_the_penalty() -> None:
+    occupied = np.zeros((3, 7), dtype=bool)
+    occupied[0:2, 4] = True
+    grid = GridMap(occupied)
+    floor = make_floor(grid, (0, 6))
+    colony = ApfAco(repulsion_gain=0.0).colony(grid, floor, START)
+    # Ways down from the west end on (0, 3), 3 cells before the goal: 3 + 4 * 3, from (0, 2) one more.
+    assert colony.attraction(0)[0][2, EAST] == pytest.approx((3 + 12) ** -7)
+    assert colony.attraction(0)[0][1, EAST] == pytest.approx((4 + 13) ** -7)
+
+
+def test_the_factor_of_iterations_cancels_and_is_left_out() -> None:
+    grid = make_layout("random")
+    colony = ApfAco().colony(grid, make_floor(grid, (45, 45)), START)
+    assert colony.attraction(0)[0] is colony.attraction(99)[0]
+
+
+def test_update_eqs_15_and_17_by_hand() -> None:
+    floor = make_floor(GridMap(np.zeros((2, 3), dtype=bool)), (1, 2))
+    pheromone = np.ones((6, 8))
+    short, long = [EAST, SOUTH_EAST], [EAST, EAST, SOUTH]
+    walks = walked(floor, short, long, short)
+    ApfAco()._update(floor, 0, pheromone, walks, walks)
+    a, b = 4 / (1 + math.sqrt(2)), 4 / 3  # rho * Q / L
+    assert pheromone[1, SOUTH_EAST] == pytest.approx(0.6 + 2 * a + 2 * (a - b))  # two ants as good as the best
+    assert pheromone[1, EAST] == pytest.approx(0.6 + b - 1 * (a - b))
+    assert pheromone[0, EAST] == pytest.approx(0.6 + 2 * a + b + 2 * (a - b) - (a - b))
+    assert pheromone[4, WEST] == pytest.approx(0.6)
+
+
+def test_pheromone_keeps_to_its_range() -> None:
+    floor = make_floor(GridMap(np.zeros((2, 3), dtype=bool)), (0, 1))
+    pheromone = np.ones((6, 8))
+    walks = walked(floor, [EAST], [SOUTH, EAST, NORTH])
+    for _ in range(40):
+        ApfAco(strength=50.0)._update(floor, 0, pheromone, walks, walks)
+    assert pheromone[0, EAST] == 20
+    assert pheromone[3, EAST] == 0.001  # the worst path loses 20 (1 - 1/3), more than the 20 / 3 that it gains
+    assert pheromone[4, WEST] == 0.001
+
+
+def test_ants_that_did_not_arrive_leave_nothing() -> None:
+    floor = make_floor(GridMap(np.zeros((2, 3), dtype=bool)), (1, 2))
+    pheromone = np.ones((6, 8))
+    walks = walked(floor, [EAST, SOUTH_EAST])
+    walks.steps[0], walks.cost[0] = -1, np.inf
+    ApfAco()._update(floor, 0, pheromone, walks, walks)
+    assert (pheromone == 0.6).all()
+
+
+@pytest.mark.parametrize("task", NAMED_TASKS["paper46"])
+def test_shorter_and_earlier_than_the_traditional_colony(task: str) -> None:
+    grid = make_layout("paper46")
+    start, goal, optimum = NAMED_TASKS["paper46"][task]
+    plans = [
+        [planner.plan(grid, start, goal, np.random.default_rng(seed)) for seed in range(4)]
+        for planner in (ApfAco(), Aco())
+    ]
+    for plan in plans[0]:
+        validate(grid, plan.cells, start, goal)
+    ours, traditional = ([path_length(plan.cells) for plan in group] for group in plans)
+    assert np.mean(ours) <= 1.01 * optimum
+    assert np.mean(ours) <= np.mean(traditional) + 1e-9
+    assert np.mean([p.converged_at for p in plans[0]]) < np.mean([p.converged_at for p in plans[1]])
+
+
+def test_bad_parameters_are_named() -> None:
+    with pytest.raises(ConfigError, match=r"apf_aco parameter evaporation=1.5"):
+        ApfAco(evaporation=1.5)

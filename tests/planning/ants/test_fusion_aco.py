@@ -1,0 +1,125 @@
+"""The ant colony of paper 002: its fading field by hand, and the intermediate point as seen by ants."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.planning.ants.colonies import EAST, SOUTH, SOUTH_EAST, WEST, walked
+from warehouse_env.maps.grid_map import MOVES, GridMap
+from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
+from warehouse_env.planning import path_length, validate
+from warehouse_env.planning.ants.floor import make_floor
+from warehouse_env.planning.ants.fusion_aco import FusionAco, stuck_cells
+from warehouse_env.planning.potential_field import improved_force, repulsion_parts
+
+START = np.array([0])
+
+
+@pytest.mark.parametrize(("iteration", "fr"), [(0, 1.0), (25, 0.75), (99, 0.01)])
+def test_heuristic_eqs_22_and_23(iteration: int, fr: float) -> None:
+    grid = GridMap(np.zeros((4, 9), dtype=bool))
+    colony = FusionAco().colony(grid, make_floor(grid, (1, 7)), START)
+    turning, straight = colony.attraction(iteration)
+    assert turning is straight
+    cell = 9 + 3  # the goal lies 4 east
+    assert turning[cell, EAST] == pytest.approx(math.exp(fr) / 3**3)
+    assert turning[cell, WEST] == pytest.approx(math.exp(-fr) / 5**3)
+    assert turning[cell, SOUTH_EAST] == pytest.approx(math.exp(fr * math.sqrt(0.5)) / 10**1.5)
+    assert colony.trail_power == 1.5
+
+
+def test_force_eqs_12_and_17_to_20_by_hand() -> None:
+    occupied = np.zeros((3, 6), dtype=bool)
+    occupied[2, 1] = True
+    force = FusionAco().force(GridMap(occupied), (1, 4))
+    # (1, 1), 3 before the goal, the shelf 1 below: it pushes up with 0.3 (1 - 1/2) * 3; the pull is 3 and
+    # 1/2 * 0.3 (1 - 1/2)^2 more.
+    assert force[1, 1] == pytest.approx((-0.45, 3 + 0.0375))
+    assert force[1, 4] == pytest.approx((0, 0))
+
+
+def test_update_eqs_7_to_9_by_hand() -> None:
+    floor = make_floor(GridMap(np.zeros((2, 3), dtype=bool)), (1, 2))
+    pheromone = np.ones((6, 8))
+    walks = walked(floor, [EAST, SOUTH_EAST], [EAST, EAST, SOUTH])
+    FusionAco()._update(floor, 0, pheromone, walks, walks)
+    assert pheromone[0, EAST] == pytest.approx(0.5 + 1 / (1 + math.sqrt(2)) + 1 / 3)
+    assert pheromone[1, EAST] == pytest.approx(0.5 + 1 / 3)
+    assert pheromone[4, WEST] == pytest.approx(0.5)
+
+
+def wall() -> GridMap:
+    occupied = np.zeros((6, 9), dtype=bool)
+    occupied[2, 2:7] = True
+    return GridMap(occupied)
+
+
+def test_stuck_cells_are_where_walks_end() -> None:
+    grid, goal = wall(), (0, 4)
+    planner = FusionAco(repulsion_gain=0.0)
+    assert stuck_cells(grid, planner.force(grid, goal), goal) == [(3, 4)]
+    empty = GridMap(np.zeros((5, 5), dtype=bool))
+    assert stuck_cells(empty, planner.force(empty, (2, 2)), (2, 2)) == []
+    # A walker that is pushed back and pulled on goes round: all cells of the round are stuck.
+    to_and_fro = np.zeros((1, 4, 2))
+    to_and_fro[0, :, 1] = 1, 1, -1, -1
+    assert stuck_cells(GridMap(np.zeros((1, 4), dtype=bool)), to_and_fro, (0, 0)) == [(0, 1), (0, 2)]
+
+
+def test_the_intermediate_point_turns_the_force_round_the_wall() -> None:
+    grid, goal = wall(), (0, 4)
+    bare = FusionAco(repulsion_gain=0.0).force(grid, goal)
+    led = FusionAco(repulsion_gain=0.0, intermediate_point=True).force(grid, goal)
+    # Stuck on (3, 4), the point beside the wall is (2, 1) or (2, 7), three columns away and one up.
+    side = int(np.sign(led[3, 4, 1]))
+    assert led[3, 4] == pytest.approx((-1, 3 * side))
+    assert led[3, 4 + side] == pytest.approx((-1, 2 * side))
+    assert bare[3, 4] == pytest.approx((-3, 0))
+    np.testing.assert_array_equal(led[0], bare[0])
+    cosine_to_the_side = MOVES[EAST if side > 0 else WEST] @ led[3, 4] / math.sqrt(10)
+    assert cosine_to_the_side == pytest.approx(3 / math.sqrt(10))
+
+
+def test_without_local_minima_the_intermediate_point_changes_nothing() -> None:
+    grid = GridMap(np.zeros((6, 8), dtype=bool))
+    push, energy = repulsion_parts(grid.occupied, 0.3, 2.0)
+    np.testing.assert_array_equal(
+        FusionAco(intermediate_point=True).force(grid, (2, 3)), improved_force(push, energy, (2, 3), 1.0, 1.0)
+    )
+
+
+@pytest.mark.parametrize("intermediate_point", [False, True])
+@pytest.mark.parametrize("task", NAMED_TASKS["paper46"])
+def test_close_to_the_optimum_on_the_named_tasks(task: str, intermediate_point: bool) -> None:
+    grid = make_layout("paper46")
+    start, goal, optimum = NAMED_TASKS["paper46"][task]
+    planner = FusionAco(intermediate_point=intermediate_point)
+    plans = [planner.plan(grid, start, goal, np.random.default_rng(seed)) for seed in range(2)]
+    for plan in plans:
+        validate(grid, plan.cells, start, goal)
+    assert np.mean([path_length(plan.cells) for plan in plans]) <= 1.02 * optimum
+
+
+def test_the_field_is_what_helps() -> None:
+    grid = make_layout("narrow")
+    pairs = np.random.default_rng(1).integers(0, len(grid.free_cells), (12, 2))
+    gaps: dict[float, list[float]] = {0.0: [], 1.0: []}
+    for weight, seen in gaps.items():
+        planner = FusionAco(field_weight=weight, ants=40, iterations=30)
+        for a, b in pairs:
+            start, goal = tuple(grid.free_cells[a].tolist()), tuple(grid.free_cells[b].tolist())
+            plan = planner.plan(grid, start, goal, np.random.default_rng(0))
+            seen.append(path_length(plan.cells) / grid.distance_to(goal)[start] - 1)
+    assert np.mean(gaps[1.0]) < 0.6 * np.mean(gaps[0.0])
+
+
+def test_the_same_seed_gives_the_same_plan() -> None:
+    grid = wall()
+    plans = [
+        FusionAco(ants=5, iterations=5, intermediate_point=True).plan(grid, (5, 4), (0, 4), np.random.default_rng(3))
+        for _ in range(2)
+    ]
+    np.testing.assert_array_equal(plans[0].cells, plans[1].cells)

@@ -1,0 +1,123 @@
+"""The fusion of ant colony and improved potential field of paper 002."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
+from warehouse_env.planning.ants.aco import power
+from warehouse_env.planning.ants.colony import Colony
+from warehouse_env.planning.ants.floor import Floor, Table
+from warehouse_env.planning.ants.system import AntSystem, goal_distance
+from warehouse_env.planning.ants.walks import Walks, deposit
+from warehouse_env.planning.field_walkers import follow
+from warehouse_env.planning.potential_field import (
+    alignment,
+    improved_force,
+    intermediate_point,
+    repulsion_parts,
+)
+
+
+@dataclass(frozen=True)
+class FusionAco(AntSystem):
+    """The ant colony with the improved potential field of paper 002 (transport robots in agriculture), eqs. 5-24.
+
+    p ~ pheromone^1.5 * (1/d_jg)^3 * exp(gamma * fr * cos theta), fr = 1 - iteration / iterations, theta between the
+    move and the resultant force of eqs. 12 and 17-20: the field leads the first ants, the pheromone the last. All
+    arrived ants deposit Q / L. The paper prints ants, alpha, beta, rho and Q; the other constants are ours. Where the
+    print is doubtful, it is read so:
+
+    - eq. 22's factor (D_max - D) / D_max is the same for all moves and would cancel in a product with a power; so the
+      field's factor of eq. 23 is an exponential, with eq. 22 in its exponent, as the print's "e" suggests.
+    - eq. 22 multiplies cos theta by the size of the force, some tens far from the goal, which makes ants greedy and
+      leads them into traps; the direction alone counts.
+    - eq. 6 takes the distance to the next cell, 1 or sqrt 2, which knows nothing of the goal; here it is that from the
+      next cell to the goal.
+    - n of eq. 16 is not printed: 1.
+
+    intermediate_point: the paper's way out of local minima. On cells where a walker along the force is stuck, and on
+    its way from there to the point P (`potential_field.intermediate_point`), the force points to P.
+    """
+
+    ants: int = 100
+    trail_exponent: float = 1.5  # alpha
+    exponent: int = 3  # beta, of 1/d
+    field_weight: float = 1.0  # gamma
+    attraction_gain: float = 1.0  # K, eq. 11
+    repulsion_gain: float = 0.3  # K_rep, eq. 16
+    repulsion_reach: float = 2.0  # d_0 [cells]
+    distance_exponent: float = 1.0  # n, eq. 16
+    intermediate_point: bool = False
+    evaporation: float = 0.5  # rho
+    strength: float = 1.0  # Q
+
+    name: ClassVar[str] = "fusion_aco"
+    shares: ClassVar[tuple[str, ...]] = ("evaporation",)
+
+    def colony(self, grid: GridMap, floor: Floor, start: NDArray[np.int64]) -> Colony:
+        """Slots: distance times the fading pull of the field; all arrived ants deposit."""
+        near = power(1.0 / goal_distance(floor), self.exponent)[floor.neighbour]
+        cosine = alignment(self.force(grid, divmod(floor.goal, floor.columns))).reshape(-1, 8)
+        return Colony(
+            pheromone=np.ones_like(near),
+            attraction=self._attraction(near, cosine),
+            update=partial(self._update, floor),
+            trail_power=self.trail_exponent,
+        )
+
+    def force(self, grid: GridMap, goal: Cell) -> NDArray[np.float64]:
+        """The resultant force on every cell float64[H, W, 2] (eq. 24), diverted round local minima if asked."""
+        parts = repulsion_parts(grid.occupied, self.repulsion_gain, self.repulsion_reach)
+        force = improved_force(*parts, goal, self.attraction_gain, self.distance_exponent)
+        if not self.intermediate_point:
+            return force
+        diverted, none_tried = force.copy(), np.zeros(grid.shape, np.bool_)
+        for cell in stuck_cells(grid, force, goal):
+            point = intermediate_point(grid.occupied, cell, goal, none_tried)
+            if point[0] >= 0:
+                way, _ = follow(
+                    grid.legal_moves, *parts, cell, point, goal, self.attraction_gain, self.distance_exponent
+                )
+                ahead = np.array(point) - way
+                going = ahead.any(axis=1)
+                diverted[way[going, 0], way[going, 1]] = ahead[going]
+        return diverted
+
+    def _attraction(self, near: Table, cosine: Table) -> Callable[[int], tuple[Table, Table]]:
+        """Slot: eqs. 22-23 for an iteration."""
+        eta = np.empty_like(near)
+
+        def tables(iteration: int) -> tuple[Table, Table]:
+            fr = 1.0 - iteration / self.iterations
+            np.exp(self.field_weight * fr * cosine, out=eta)
+            np.multiply(eta, near, out=eta)
+            return eta, eta
+
+        return tables
+
+    def _update(self, floor: Floor, iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
+        """Slot: eqs. 7-9."""
+        pheromone *= 1.0 - self.evaporation
+        deposit(floor, pheromone, walks, self.strength / walks.cost)
+
+
+def stuck_cells(grid: GridMap, force: NDArray[np.float64], goal: Cell) -> list[Cell]:
+    """The cells but the goal where walks along the legal move nearest to the force end, or go round for ever."""
+    rows, columns = grid.shape
+    flat = np.arange(rows * columns)
+    cosine = np.where(grid.legal_moves, alignment(force), 0.0).reshape(-1, 8).round(9)
+    move = cosine.argmax(axis=1)
+    ahead = np.where(cosine.max(axis=1) > 0, flat + (MOVES @ (columns, 1))[move], flat)
+    ahead[goal[0] * columns + goal[1]] = goal[0] * columns + goal[1]
+    for _ in range(int(len(flat)).bit_length()):  # 2, 4, 8 ... steps at once, until more than there are cells
+        ahead = ahead[ahead]
+    free = ~grid.occupied.reshape(-1)
+    ends = np.setdiff1d(ahead[free], [goal[0] * columns + goal[1]])
+    return [(int(cell) // columns, int(cell) % columns) for cell in ends]
