@@ -1,0 +1,262 @@
+"""Way-points as a code for paths: what particle and fish swarms search over, and how a code becomes a path.
+
+A swarm searches a space of real numbers, a path is a chain of cells. The code between them, usual in the literature of
+swarms (e.g. Roberge, Tarbouchi & Labonte 2013), is a list of K points of the plane that the path visits in turn. With
+straight lines between them, nearly every code on a cluttered map hits a shelf. So here a walker that is fixed, and
+knows the map but no distances around shelves, joins them by valid moves: each code is a path, unless there is none.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from warehouse_env.maps.distance import label_regions
+from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
+from warehouse_env.planning.ants.colony import cells_of
+from warehouse_env.planning.ants.floor import Floor, make_floor
+from warehouse_env.planning.ants.local_search import shorten, straight_runs
+from warehouse_env.planning.ants.walks import Walks, empty_walks, keep, measure
+from warehouse_env.planning.plan import Plan, check_endpoints, check_parameters, planner_key
+
+Code = NDArray[np.float64]  # [m, K, 2] way-points (row, col) [cells] of m agents
+
+
+class _Ground(NamedTuple):
+    """What the walker knows."""
+
+    floor: Floor
+    nearest: NDArray[np.int32]  # [C], the cell of the start's region next to each cell
+    start: int
+
+
+class Paths:
+    """Turns codes into paths, measures them, and keeps the best."""
+
+    def __init__(self, grid: GridMap, floor: Floor, start: int, local_search: bool) -> None:
+        self.shape = grid.shape
+        self.begin = time.perf_counter()
+        region = label_regions(~grid.occupied).ravel()
+        self.reachable = bool(region[start] == region[floor.goal])
+        nearest = _nearest(region == region[start], floor.columns)
+        self._ground = _Ground(floor, nearest, start)
+        self._improve = partial(shorten, floor, straight_runs(floor), start) if local_search else None
+        self.best = empty_walks(np.array([start]), len(nearest))
+        self._walks = empty_walks(np.array([start]), len(nearest))
+        self.history: list[float] = []
+        self.elapsed: list[float] = []
+
+    def cost(self, code: Code) -> NDArray[np.float64]:
+        """Return float64[m], length + tolls [cells] of the path of each code; the best path of all is kept.
+
+        Points outside the map count as the nearest ones inside.
+        """
+        floor, walks = self._ground.floor, self._walks
+        if len(walks.start) < len(code):
+            start = np.full(len(code), self._ground.start)
+            walks = self._walks = empty_walks(start, len(self._ground.nearest))
+        decode(self._ground, self._to_cells(code), walks)
+        winner = measure(floor, walks, 0, len(code))
+        cost = walks.cost[: len(code)].copy()
+        if self._improve:
+            moves = self._improve(walks.moves[winner, : walks.steps[winner]])
+            walks.moves[winner, : len(moves)] = moves
+            walks.steps[winner] = len(moves)
+            measure(floor, walks, winner, winner + 1)
+        if (walks.cost[winner], walks.turns[winner]) < (self.best.cost[0], self.best.turns[0]):
+            keep(walks, winner, self.best, 0)
+        return cost
+
+    def _to_cells(self, code: Code) -> NDArray[np.int64]:
+        """Flat cells int64[m, K] that hold the points."""
+        rows, columns = self.shape
+        cell = np.floor(code + 0.5).astype(np.int64)
+        flat: NDArray[np.int64] = cell[..., 0].clip(0, rows - 1) * columns + cell[..., 1].clip(0, columns - 1)
+        return flat
+
+    def end_iteration(self) -> None:
+        """Note how good the best path is by now."""
+        self.history.append(float(self.best.length[0]))
+        self.elapsed.append(time.perf_counter() - self.begin)
+
+
+@dataclass(frozen=True)
+class WaypointSwarm:
+    """Base of the swarms that search over way-points: each gives its `search`, and its constants as further fields.
+
+    local_search: the best path of each round of decoding is straightened (ants/local_search.py) before it counts as
+    the best, as for the ant systems; the code and its cost, which lead the swarm, stay as they are.
+    """
+
+    iterations: int = 100
+    waypoints: int = 6  # K
+    local_search: bool = False
+    gentleness: float = 0.0  # [cells/m] detour that a metre of climbing is worth
+
+    name: ClassVar[str]
+    shares: ClassVar[tuple[str, ...]] = ()  # parameters that must lie between 0 and 1
+    takes_cost: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        check_parameters(self, shares=self.shares)
+
+    @property
+    def key(self) -> str:
+        """Name and parameters."""
+        return planner_key(self)
+
+    def search(self, paths: Paths, first: Code, rng: np.random.Generator) -> None:
+        """Improve the first codes float64[m, K, 2]; call paths.end_iteration after each of the iterations."""
+        raise NotImplementedError
+
+    def agents(self) -> int:
+        """Number of agents m."""
+        raise NotImplementedError
+
+    def plan(
+        self,
+        grid: GridMap,
+        start: Cell,
+        goal: Cell,
+        rng: np.random.Generator,
+        cost: NDArray[np.float64] | None = None,
+    ) -> Plan:
+        """Search; the same state of `rng` gives the same plan, to the bit. cost: see Planner.plan."""
+        begin = time.perf_counter()
+        start, goal = check_endpoints(grid, start, goal)
+        floor = make_floor(grid, goal, self.gentleness, cost)
+        paths = Paths(grid, floor, start[0] * floor.columns + start[1], self.local_search)
+        if paths.reachable:
+            self.search(paths, first_codes(grid.shape, start, goal, self.agents(), self.waypoints, rng), rng)
+        else:
+            paths.history, paths.elapsed = [np.inf] * self.iterations, [0.0] * self.iterations
+        cells, seconds = cells_of(floor, paths.best, 0), time.perf_counter() - begin
+        elapsed = np.array(paths.elapsed) + (paths.begin - begin)
+        return Plan(cells, np.array(paths.history), seconds, elapsed)
+
+
+def first_codes(
+    shape: tuple[int, int], start: Cell, goal: Cell, agents: int, waypoints: int, rng: np.random.Generator
+) -> Code:
+    """Return float64[m, K, 2]: points evenly along the straight line from start to goal, each moved at random.
+
+    The first agent's stay on the line; those of the others are moved by up to half the map's size either way, the more
+    the later the agent, and those that leave the map are drawn back to its edge.
+    """
+    part = (np.arange(waypoints) + 1.0) / (waypoints + 1.0)
+    line = np.array(start) + part[:, None] * (np.array(goal) - np.array(start))
+    spread = np.linspace(0.0, 0.5, agents)[:, None, None] * np.array(shape)
+    code: Code = line + spread * rng.uniform(-1.0, 1.0, (agents, waypoints, 2))
+    return np.clip(code, 0.0, np.array(shape) - 1.0)
+
+
+@njit(cache=True)
+def _nearest(inside: NDArray[np.bool_], columns: int) -> NDArray[np.int32]:
+    """For each cell int32[C] the one of bool[C] `inside` that a flood over the 8 directions brings to it first."""
+    cells = len(inside)
+    rows = cells // columns
+    nearest = np.full(cells, -1, np.int32)
+    queue = np.empty(cells, np.int32)
+    size = 0
+    for cell in range(cells):
+        if inside[cell]:
+            nearest[cell] = cell
+            queue[size] = cell
+            size += 1
+    at = 0
+    while at < size:
+        cell = queue[at]
+        at += 1
+        for k in range(8):
+            move = 2 * k % 8 + k // 4  # the straight ones first
+            row, column = cell // columns + MOVES[move, 0], cell % columns + MOVES[move, 1]
+            to = row * columns + column
+            if 0 <= row < rows and 0 <= column < columns and nearest[to] < 0:
+                nearest[to] = nearest[cell]
+                queue[size] = to
+                size += 1
+    return nearest
+
+
+@njit(cache=True)
+def decode(ground: _Ground, points: NDArray[np.int64], walks: Walks) -> None:
+    """Write the path of each row of flat cells int64[m, K] to walks.moves and walks.steps.
+
+    The walker goes from the start to each point in turn (to the nearest cell that it can reach, where the point is on
+    a shelf), and last to the goal, which must be reachable. Then the path is cut short: from each cell it goes on to
+    that neighbour which the walk came to last, so no cell is left twice.
+    """
+    floor = ground.floor
+    cells, stops = len(ground.nearest), points.shape[1]
+    visited = np.zeros(cells, np.int64)  # the last leg, numbered over all walks, that came to a cell
+    stack = np.empty(cells, np.int64)
+    came = np.full(cells, -1, np.int64)  # when the walk, all walks counted on, came to a cell last
+    clock = 0
+    for agent in range(points.shape[0]):
+        here, begun = ground.start, clock
+        came[here] = clock
+        for stop in range(stops + 1):
+            target = ground.nearest[points[agent, stop]] if stop < stops else floor.goal
+            leg = agent * (stops + 1) + stop + 1
+            count = _walk_to(floor, here, target, visited, leg, stack)
+            for k in range(1, count):
+                clock += 1
+                came[stack[k]] = clock
+            here = target
+        clock += 1
+        walks.steps[agent] = _cut_short(floor, ground.start, came, begun, walks.moves[agent])
+
+
+@njit(cache=True)
+def _walk_to(
+    floor: Floor, start: int, target: int, visited: NDArray[np.int64], leg: int, stack: NDArray[np.int64]
+) -> int:
+    """Walk greedily: always to the neighbour nearest to the target as the crow flies, never twice to a cell, back where
+    it goes no further (depth-first search). Write the cells to `stack`, without blind alleys; return their number.
+
+    Of neighbours equally near, the one straight ahead is taken, else the first. visited: int64[C], marked with `leg`.
+    """
+    columns = floor.columns
+    row, column = target // columns, target % columns
+    stack[0], count, heading, cell = start, 1, -1, start
+    visited[start] = leg
+    while cell != target:
+        best, least, chosen = -1, 0, -1
+        for move in range(8):
+            to = floor.neighbour[cell, move]
+            if visited[to] != leg:
+                d_row, d_column = to // columns - row, to % columns - column
+                far = d_row * d_row + d_column * d_column
+                if best < 0 or far < least or (far == least and move == heading):
+                    best, least, chosen = to, far, move
+        if best < 0:
+            count -= 1
+            cell, heading = stack[count - 1], -1
+        else:
+            cell, heading = best, chosen
+            visited[cell] = leg
+            stack[count] = cell
+            count += 1
+    return count
+
+
+@njit(cache=True)
+def _cut_short(floor: Floor, start: int, came: NDArray[np.int64], begun: int, moves: NDArray[np.int8]) -> int:
+    """Write the moves of the shortened walk that began at time `begun`; return their number."""
+    cell, count = start, 0
+    while cell != floor.goal:
+        last, chosen = begun - 1, -1
+        for move in range(8):
+            to = floor.neighbour[cell, move]
+            if to != cell and came[to] > last:
+                last, chosen = came[to], move
+        moves[count] = chosen
+        count += 1
+        cell = floor.neighbour[cell, chosen]
+    return count
