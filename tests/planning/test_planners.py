@@ -17,6 +17,7 @@ from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import PLANNERS, Plan, Planner, make_planner, path_length, validate
 
 SMALL: dict[str, Any] = {"ants": 10, "iterations": 8}
+MAY_FAIL = ("apf", "apf_improved")  # walkers, which see only what is near them
 LAYOUTS_TRIED = ("paper46", "paper46_rough", "narrow", "single_lane", "random")
 
 
@@ -42,8 +43,10 @@ def test_paths_are_valid_and_never_shorter_than_the_optimum(name: str, where: st
     for a, b in rng.integers(0, len(grid.free_cells), (3, 2)):
         start, goal = tuple(grid.free_cells[a].tolist()), tuple(grid.free_cells[b].tolist())
         plan = search(small(name), grid, start, goal)
-        validate(grid, plan.cells, start, goal)
         assert plan.cells.dtype == np.int64
+        if name in MAY_FAIL and not plan.found:
+            continue
+        validate(grid, plan.cells, start, goal)
         assert path_length(plan.cells) >= grid.distance_to(goal)[start] - 1e-9
         assert plan.seconds > 0
         if len(plan.best_by_iteration):

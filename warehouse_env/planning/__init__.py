@@ -9,8 +9,11 @@ from typing import Any
 from warehouse_env.config import check_names
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.planning.ants.aco import Aco
+from warehouse_env.planning.ants.apf_aco import ApfAco
+from warehouse_env.planning.ants.fusion_aco import FusionAco
 from warehouse_env.planning.ants.pf_aco import PfAco
 from warehouse_env.planning.any_angle import ThetaStar
+from warehouse_env.planning.field_walkers import Apf, ApfImproved
 from warehouse_env.planning.graph_search import AStar, AStarTurns, Dijkstra, min_turns
 from warehouse_env.planning.plan import Plan, Planner, climb, path_length, turns, validate
 
@@ -31,8 +34,12 @@ PLANNERS: dict[str, Callable[..., Planner]] = {
     "astar": AStar,
     "astar_turns": AStarTurns,
     "theta_star": ThetaStar,
+    "apf": Apf,
+    "apf_improved": ApfImproved,
     "aco": Aco,
     "pf_aco": PfAco,
+    "apf_aco": ApfAco,
+    "fusion_aco": FusionAco,
 }
 
 
