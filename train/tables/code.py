@@ -1,0 +1,68 @@
+"""Which code made a row: a digest that changes when a planner's own code does, not with its words or its neighbours."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib.util
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+_OURS = ("warehouse_env.planning.", "train.tables.")
+
+
+@cache
+def code_key(planner: type) -> str:
+    """Return 16 hex digits for the code of a planner's class and of all in `planning` that it is built on.
+
+    Comments and docstrings do not count.
+    """
+    todo = [cls.__module__ for cls in planner.__mro__ if cls.__module__.startswith(_OURS)]
+    content = hashlib.blake2b(digest_size=8)
+    for module in _closure(todo):
+        content.update(ast.dump(_without_docstrings(_tree(module))).encode())
+    return content.hexdigest()
+
+
+def _closure(todo: list[str]) -> list[str]:
+    """Return the modules and all of ours that they import, directly or not, in order of their names."""
+    known: set[str] = set()
+    while todo:
+        module = todo.pop()
+        if module not in known:
+            known.add(module)
+            todo += _imported(_tree(module))
+    return sorted(known)
+
+
+def _imported(tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            for name in (node.module, *(f"{node.module}.{alias.name}" for alias in node.names)):
+                if name.startswith(_OURS) and _file(name) is not None:
+                    yield name
+
+
+@cache
+def _file(module: str) -> Path | None:
+    """Return the file of a module's code, None if there is no such module."""
+    try:
+        found = importlib.util.find_spec(module)
+    except ModuleNotFoundError:  # its parent is a module, no package
+        return None
+    return Path(found.origin) if found is not None and found.origin else None
+
+
+@cache
+def _tree(module: str) -> ast.Module:
+    path = _file(module)
+    assert path is not None, module
+    return ast.parse(path.read_bytes())
+
+
+def _without_docstrings(tree: ast.Module) -> ast.Module:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
+            node.body = node.body[1:]
+    return tree
