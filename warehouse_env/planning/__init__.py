@@ -11,6 +11,7 @@ from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.planning.ants.aco import Aco
 from warehouse_env.planning.ants.apf_aco import ApfAco
 from warehouse_env.planning.ants.fusion_aco import FusionAco
+from warehouse_env.planning.ants.iaco import Iaco
 from warehouse_env.planning.ants.pf_aco import PfAco
 from warehouse_env.planning.any_angle import ThetaStar
 from warehouse_env.planning.field_walkers import Apf, ApfImproved
@@ -40,6 +41,7 @@ PLANNERS: dict[str, Callable[..., Planner]] = {
     "pf_aco": PfAco,
     "apf_aco": ApfAco,
     "fusion_aco": FusionAco,
+    "iaco": Iaco,
 }
 
 
