@@ -29,6 +29,12 @@ SLACK = 1e-9  # [cells] of rounding in comparisons of clearances
 
 
 @numba.njit(cache=True, error_model="numpy")
+def distance(ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """Return the distance of two points, the same to the bit in compiled and in plain Python."""
+    return math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _to_square(x, y, low_x, low_y, side):  # type: ignore[no-untyped-def]
     """Return the vector from a point to the nearest one of a closed square, (0, 0) inside."""
     return min(max(x, low_x), low_x + side) - x, min(max(y, low_y), low_y + side) - y
@@ -97,16 +103,16 @@ def _wanted(line, k, x, y, deviation, length, power):  # type: ignore[no-untyped
     # the weighted Fermat point of x(k) and both neighbours (Weiszfeld's step, as Vardi and Zhang mend it at x(k))
     pull_x, pull_y, scale = 0.0, 0.0, 0.0
     for other in (k - 1, k + 1):
-        dx, dy = line[other, 0] - line[k, 0], line[other, 1] - line[k, 1]
-        weight = length / max(math.sqrt(dx * dx + dy * dy), 1e-9)
-        pull_x, pull_y, scale = pull_x + weight * dx, pull_y + weight * dy, scale + weight
-    dx, dy = x - line[k, 0], y - line[k, 1]
-    away = math.sqrt(dx * dx + dy * dy)
+        weight = length / max(distance(line[other, 0], line[other, 1], line[k, 0], line[k, 1]), 1e-9)
+        pull_x += weight * (line[other, 0] - line[k, 0])
+        pull_y += weight * (line[other, 1] - line[k, 1])
+        scale += weight
+    away = distance(x, y, line[k, 0], line[k, 1])
     if away > 1e-9:
         weight = deviation / away
-        scale += weight
-        return line[k, 0] + (pull_x + weight * dx) / scale, line[k, 1] + (pull_y + weight * dy) / scale
-    pull = math.sqrt(pull_x * pull_x + pull_y * pull_y)
+        pull_x, pull_y, scale = pull_x + weight * (x - line[k, 0]), pull_y + weight * (y - line[k, 1]), scale + weight
+        return line[k, 0] + pull_x / scale, line[k, 1] + pull_y / scale
+    pull = distance(pull_x, pull_y, 0.0, 0.0)
     share = max(1.0 - deviation / pull, 0.0) / scale if pull > 0.0 else 0.0
     return line[k, 0] + share * pull_x, line[k, 1] + share * pull_y
 
@@ -114,10 +120,12 @@ def _wanted(line, k, x, y, deviation, length, power):  # type: ignore[no-untyped
 @numba.njit(cache=True, error_model="numpy")
 def _cost(line, k, px, py, x, y, deviation, length, power):  # type: ignore[no-untyped-def]
     """Return what node k at p adds to eq. 13."""
-    total = deviation * math.sqrt((px - x) ** 2 + (py - y) ** 2) ** power
-    for other in (k - 1, k + 1):
-        total += length * math.sqrt((px - line[other, 0]) ** 2 + (py - line[other, 1]) ** 2) ** power
-    return total
+    away = distance(px, py, x, y)
+    before = distance(px, py, line[k - 1, 0], line[k - 1, 1])
+    after = distance(px, py, line[k + 1, 0], line[k + 1, 1])
+    if power == 2:
+        return deviation * away * away + length * (before * before + after * after)
+    return deviation * away + length * (before + after)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -145,7 +153,7 @@ def _move(line, k, x, y, need, solid, deviation, length, power):  # type: ignore
             lower = _cost(line, k, px, py, x, y, deviation, length, power) < before
             if lower and _fits(line, k, px, py, need, solid):
                 line[k, 0], line[k, 1] = px, py
-                return math.sqrt((px - fromx) ** 2 + (py - fromy) ** 2)
+                return distance(px, py, fromx, fromy)
         share *= 0.5
     return 0.0
 

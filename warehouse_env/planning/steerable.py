@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from warehouse_env.config import RobotSpec
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.lanes import nearest_shelf, resample, spaced
-from warehouse_env.planning.smoothing import segment_gap
+from warehouse_env.planning.smoothing import distance, segment_gap
 
 STEERING_SHARE = 0.85  # of the steering limit
 STEP = 0.25  # [m] between way-points
@@ -86,17 +86,17 @@ def _relax(line, target, solid, cell, room, bend):  # type: ignore[no-untyped-de
     n = line.shape[0]
     length = 0.0
     for k in range(n - 1):
-        length += math.sqrt((line[k + 1, 0] - line[k, 0]) ** 2 + (line[k + 1, 1] - line[k, 1]) ** 2)
-    most = 0.5 * bend * (length / (n - 1)) ** 2  # from the neighbours' middle, at this curvature
+        length += distance(line[k, 0], line[k, 1], line[k + 1, 0], line[k + 1, 1])
+    spacing = length / (n - 1)
+    most = 0.5 * bend * spacing * spacing  # from the neighbours' middle, at this curvature
     for sweep in range(SWEEPS + REPAIRS):
         for k in range(1, n - 1):
             x, y = _best_place(line, target, k) if sweep < SWEEPS else (line[k, 0], line[k, 1])
             middle_x = 0.5 * (line[k - 1, 0] + line[k + 1, 0])
             middle_y = 0.5 * (line[k - 1, 1] + line[k + 1, 1])
-            dx, dy = x - middle_x, y - middle_y
-            off = math.sqrt(dx * dx + dy * dy)
+            off = distance(x, y, middle_x, middle_y)
             if off > most:
-                x, y = middle_x + dx * most / off, middle_y + dy * most / off
+                x, y = middle_x + (x - middle_x) * most / off, middle_y + (y - middle_y) * most / off
             gap, away_x, away_y = nearest_shelf(solid, x, y, cell)
             if gap < room:
                 x, y = x + (room - gap) * away_x, y + (room - gap) * away_y

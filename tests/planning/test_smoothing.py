@@ -1,0 +1,155 @@
+"""Eq. 13 of paper 004: by hand, never nearer to a shelf than asked, and what the printed norms cannot do."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.planning import make_planner
+from warehouse_env.planning.plan import validate_line
+from warehouse_env.planning.smoothing import segment_gap, smooth
+
+OPEN = np.zeros((8, 8), dtype=bool)
+
+
+def objective(line: NDArray[np.float64], cells: NDArray[np.int64], power: int, share: float = 0.5) -> float:
+    """Eq. 13 with lambda = mu = share."""
+    return share * float(
+        (np.hypot(*(line - cells).T) ** power).sum() + (np.hypot(*np.diff(line, axis=0).T) ** power).sum()
+    )
+
+
+def length(line: NDArray[Any]) -> float:
+    return float(np.hypot(*np.diff(line, axis=0).T).sum())
+
+
+def test_one_corner_by_hand() -> None:
+    # a(2) = (lambda x(2) + mu (a(1) + a(3))) / (lambda + 2 mu)
+    cells = np.array([(0, 0), (0, 1), (1, 2)])
+    np.testing.assert_allclose(smooth(cells, OPEN)[1], [1 / 3, 1.0], atol=1e-6)
+    np.testing.assert_allclose(smooth(cells, OPEN, deviation=1.0, length=0.25)[1], [0.25 / 1.5, 1.0], atol=1e-6)
+
+
+def test_two_corners_by_hand() -> None:
+    # 3 a(2) = x(2) + a(1) + a(3) and 3 a(3) = x(3) + a(2) + a(4), solved as two equations
+    cells = np.array([(1, 0), (1, 1), (0, 2), (0, 3)])
+    second, third = np.linalg.solve([[3.0, -1.0], [-1.0, 3.0]], [cells[1] + cells[0], cells[2] + cells[3]])
+    np.testing.assert_allclose(smooth(cells, OPEN), [cells[0], second, third, cells[3]], atol=1e-5)
+
+
+def test_printed_norms_cannot_move_a_corner_of_45_degrees() -> None:
+    cells = np.array([(3, 0), (3, 1), (3, 2), (2, 3), (1, 4), (0, 5)])
+    np.testing.assert_array_equal(smooth(cells, OPEN, power=1), cells)
+    assert length(smooth(cells, OPEN, power=2)) < length(cells) - 0.2
+
+
+def test_printed_norms_move_a_right_angle_to_its_fermat_point() -> None:
+    # Equal weights: the point from which the corners of the triangle (legs 1) are seen 120 degrees apart.
+    cells = np.array([(0, 0), (0, 1), (1, 1)])
+    off = (3 - math.sqrt(3)) / 6
+    np.testing.assert_allclose(smooth(cells, OPEN, power=1)[1], [off, 1 - off], atol=1e-4)
+
+
+def test_straight_paths_and_short_ones_stay() -> None:
+    for cells in ([(2, 3)], [(2, 3), (3, 4)], [(1, 1), (2, 2), (3, 3), (4, 4)]):
+        np.testing.assert_allclose(smooth(np.array(cells), OPEN), cells, atol=1e-12)
+
+
+def test_whole_segments_keep_off_a_shelf_where_nodes_alone_would_cut_it() -> None:
+    occupied = OPEN.copy()
+    occupied[2, 2] = True
+    cells = np.array([(3, 2), (3, 1), (2, 1), (1, 1), (1, 2)])
+    free = smooth(cells, occupied, deviation=0.01, clearance=0.0)
+    line = smooth(cells, occupied, deviation=0.01, clearance=0.35)
+    grid = GridMap(occupied)
+    validate_line(grid, line, (3, 2), (1, 2), 0.35 - 1e-6)
+    assert length(free) < length(line) < length(cells)
+    # it is taut round the shelf: it touches the clearance
+    solid = np.pad(occupied, 1, constant_values=True).astype(np.uint8)
+    gaps = [segment_gap(solid, *(a[::-1] + 0.5), *(b[::-1] + 0.5), 1.0, 2.0) for a, b in pairwise(line)]
+    assert min(gaps) == pytest.approx(0.35, abs=2e-3)
+
+
+def some_path(seed: int, share: float, rows: int = 9, columns: int = 12) -> tuple[GridMap, NDArray[np.int64]]:
+    """A random map and a winding path on it: the shortest one under random costs."""
+    rng = np.random.default_rng(seed)
+    occupied = rng.random((rows, columns)) < share
+    occupied[0, 0] = False
+    grid = GridMap(occupied)
+    start, goal = (tuple(grid.free_cells[k].tolist()) for k in rng.integers(0, len(grid.free_cells), 2))
+    cost = rng.exponential(1.0, (rows, columns))
+    return grid, make_planner("astar").plan(grid, start, goal, rng, cost).cells
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    share=st.floats(0, 0.45),
+    clearance=st.floats(0, 0.8),
+    power=st.sampled_from([1, 2]),
+)
+def test_lines_are_valid_shorter_and_lower_the_objective(seed: int, share: float, clearance: float, power: int) -> None:
+    grid, cells = some_path(seed, share)
+    line = smooth(cells, grid.occupied, clearance=clearance, power=power)
+    assert line.shape == cells.shape
+    start, goal = tuple(cells[0].tolist()), tuple(cells[-1].tolist())
+    validate_line(grid, line, start, goal, min(clearance, 0.5) - 1e-6)
+    assert objective(line, cells, power) <= objective(cells.astype(np.float64), cells, power) + 1e-9
+    if power == 2:
+        assert length(line) <= length(cells) + 1e-9
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.integers(0, 10_000))
+def test_gap_of_a_segment_against_many_points_of_it(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    occupied = rng.random((5, 6)) < 0.3
+    solid = np.pad(occupied, 1, constant_values=True).astype(np.uint8)
+    cell = float(rng.uniform(0.5, 2.0))
+    a, b = rng.uniform(0, [6 * cell, 5 * cell], (2, 2))
+    points = a + np.linspace(0, 1, 4001)[:, None] * (b - a)
+    rows, columns = np.nonzero(solid)
+    low = np.stack([columns - 1, rows - 1], -1) * cell
+    away = np.maximum(np.maximum(low - points[:, None], points[:, None] - low - cell), 0.0)
+    true = float(np.hypot(away[..., 0], away[..., 1]).min())
+    step = float(np.hypot(*(b - a))) / 4000
+    assert true - step <= segment_gap(solid, *a, *b, cell, 9.0) <= true + 1e-9
+    assert segment_gap(solid, *a, *b, cell, 0.1) == pytest.approx(min(true, 0.1), abs=step)
+
+
+PLAIN_PYTHON = """
+import numpy as np
+from tests.planning.test_smoothing import some_path
+from warehouse_env.config import RobotSpec
+from warehouse_env.planning.routes import RouteBook
+from warehouse_env.planning import make_planner
+from warehouse_env.planning.smoothing import smooth
+
+def digest():
+    grid, cells = some_path(5, 0.25, 7, 9)
+    made = [smooth(cells, grid.occupied, power=power) for power in (1, 2)]
+    book = RouteBook(grid, make_planner("astar"), smooth_for=RobotSpec())
+    ends = tuple(cells[0].tolist()), tuple(cells[-1].tolist())
+    return " ".join(array.tobytes().hex() for array in (*made, book.route(*ends)))
+"""
+
+
+def test_compiled_and_plain_python_agree_to_the_bit() -> None:
+    scope: dict[str, Any] = {}
+    exec(PLAIN_PYTHON, scope)
+    ask = PLAIN_PYTHON + "\nimport numba\nassert numba.config.DISABLE_JIT\nprint(digest())"
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    plain = subprocess.run([sys.executable, "-c", ask], env=environment, capture_output=True, text=True, check=False)
+    assert plain.returncode == 0, plain.stderr
+    assert plain.stdout.strip() == scope["digest"]()
