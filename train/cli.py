@@ -28,6 +28,9 @@ class Command(NamedTuple):
 COMMANDS: dict[str, Command] = {
     "demo": Command("train.demo", "Demo", "compare the shipped policies in three minutes: table, pictures, video"),
     "plan": Command("train.plan", "PlanCommand", "compare planners on the tasks of a map"),
+    "tables": Command(
+        "train.tables.command", "Tables", "make the papers' tables again, ours beside theirs, with verdicts"
+    ),
     "layouts": Command("train.layouts", "Layouts", "list, draw, check and convert maps"),
     "train reinforce": Command("train.training", "TrainReinforce", "train our policy gradient"),
     "train ppo": Command("train.training", "TrainPPO", "train PPO by stable-baselines3"),

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from train.rows import Row
 from warehouse_env import __version__
 from warehouse_env.errors import PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Plan, Planner, climb, min_turns, path_length, turns, validate
+from warehouse_env.planning.plan import validate_line
+from warehouse_env.planning.smoothing import segment_gap
+
+_FAR = 5.0  # [cells] clearances beyond are not told apart
+_BEND = math.radians(1.0)  # smaller changes of direction along a line are no turns
 
 
 class Task(NamedTuple):
@@ -52,6 +59,8 @@ def plan_once(grid: GridMap, planner: Planner, task: Task, number: int, run: int
     plan = planner.plan(grid, task.start, task.goal, np.random.default_rng([seed, number, run]))
     if plan.found:
         validate(grid, plan.cells, task.start, task.goal)
+        if plan.line is not None:
+            validate_line(grid, plan.line, task.start, task.goal)
     length = path_length(plan.cells)
     row: Row = {
         "planner": planner.name,
@@ -68,6 +77,9 @@ def plan_once(grid: GridMap, planner: Planner, task: Task, number: int, run: int
         "turns": turns(plan.cells) if plan.found else None,
         "min_turns": task.min_turns,
         "climb_m": climb(grid, plan.cells) if plan.found else None,
+        "line_length": plan.line_length if plan.found else None,
+        "line_turns": line_turns(driven(plan)) if plan.found else None,
+        "clearance": least_gap(grid, driven(plan)) if plan.found else None,
         "converged_at": plan.converged_at or None,
         "iterations": len(plan.best_by_iteration),
         "ms": 1000 * plan.seconds,
@@ -75,3 +87,30 @@ def plan_once(grid: GridMap, planner: Planner, task: Task, number: int, run: int
         "version": __version__,
     }
     return Run(task, planner.name, row, plan)
+
+
+def driven(plan: Plan) -> NDArray[np.float64]:
+    """Return the polyline float64[K, 2] (row, col) of a found plan: its line, or the corners of its cells."""
+    points = plan.cells.astype(np.float64) if plan.line is None else plan.line
+    step = np.diff(points, axis=0)
+    inner = [k for k in range(1, len(points) - 1) if _angle(step[k - 1], step[k]) > 0.0]
+    return points[[0, *inner, len(points) - 1]] if len(points) > 1 else points
+
+
+def line_turns(line: NDArray[np.float64]) -> int:
+    """Return how often the direction of a polyline float64[K, 2] changes by more than a degree."""
+    step = np.diff(line, axis=0)
+    return sum(_angle(a, b) > _BEND for a, b in itertools.pairwise(step))
+
+
+def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    return abs(math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]))
+
+
+def least_gap(grid: GridMap, line: NDArray[np.float64]) -> float:
+    """Return the least distance [cells] of a polyline float64[K, 2] to shelves and the map's edge, at most 5."""
+    solid = np.pad(grid.occupied, 1, constant_values=True).astype(np.uint8)
+    gap, corners = _FAR, (line[:, ::-1] + 0.5).tolist()  # (x, y) with cell corners on whole numbers
+    for a, b in zip(corners, corners[1:] or corners, strict=False):
+        gap = min(gap, float(segment_gap(solid, *a, *b, 1.0, gap)))  # type: ignore[call-arg]
+    return gap

@@ -50,24 +50,30 @@ def _over(field: str, reduce: Callable[[list[float]], float]) -> Samples:
     return samples
 
 
+def _best(rows: Sequence[Row]) -> Row | None:
+    """Return the row of the shortest path, that of the fewest turns where several are as short."""
+    found = [row for row in rows if row["length"] is not None]
+    return min(found, key=lambda row: (round(row["length"], 9), row["turns"]), default=None)
+
+
 def _of_best(field: str) -> Samples:
-    """The field of the shortest path, the one of the fewest turns where several are as short."""
+    """One sample: the field of the shortest path of all runs."""
 
     def samples(rows: Sequence[Row]) -> list[float]:
-        found = [row for row in rows if row["length"] is not None]
-        if not found:
-            return []
-        best = min(found, key=lambda row: (round(row["length"], 9), row["turns"]))
-        return [float(best[field])] if best[field] is not None else []
+        best = _best(rows)
+        return [] if best is None or best[field] is None else [float(best[field])]
 
     return samples
 
 
-def _best_of_ten(rows: Sequence[Row]) -> list[float]:
-    """The best of each ten consecutive runs that found a path at least once, as paper 000 reports it."""
-    tens = [rows[first : first + _TEN] for first in range(0, len(rows) - _TEN + 1, _TEN)] or [rows]
-    best = [[float(row["length"]) for row in ten if row["length"] is not None] for ten in tens]
-    return [min(lengths) for lengths in best if lengths]
+def _of_best_in_ten(field: str) -> Samples:
+    """One sample each ten consecutive runs: the field of their shortest path, as paper 000 reports it."""
+
+    def samples(rows: Sequence[Row]) -> list[float]:
+        tens = [rows[first : first + _TEN] for first in range(0, len(rows) - _TEN + 1, _TEN)] or [rows]
+        return [value for ten in tens for value in _of_best(field)(ten)]
+
+    return samples
 
 
 def _deviation(values: list[float]) -> float:
@@ -80,7 +86,9 @@ def _share(happened: Callable[[Row], bool]) -> Samples:
 
 MEASURES: dict[str, Measure] = {
     "best": Measure("best length", _over("length", min), single=True),
-    "best_of_10": Measure("best of 10 runs", _best_of_ten),
+    "best_of_10": Measure("best of 10 runs", _of_best_in_ten("length"), digits=6),
+    "best_of_10_turns": Measure("its turns", _of_best_in_ten("turns"), digits=3),
+    "best_of_10_converged_at": Measure("it converged at", _of_best_in_ten("converged_at"), digits=3),
     "mean": Measure("mean length", _each("length")),
     "worst": Measure("longest", _over("length", max), single=True),
     "sd": Measure("st. dev.", _over("length", _deviation), "less", digits=3, single=True),
@@ -93,7 +101,7 @@ MEASURES: dict[str, Measure] = {
     "converged_at": Measure("converged at", _each("converged_at"), digits=3),
     "best_converged_at": Measure("best converged at", _of_best("converged_at"), digits=3, single=True),
     "iterations": Measure("iterations", _each("iterations"), digits=3),
-    "ms": Measure("ms", _each("ms"), digits=3),
+    "ms": Measure("median ms", _over("ms", statistics.median), digits=3, single=True),
     "line_length": Measure("smoothed length", _each("line_length")),
     "best_line_length": Measure("best smoothed length", _over("line_length", min), single=True),
     "line_turns": Measure("turns, smoothed", _each("line_turns"), digits=3),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 from train.tables.measures import MEASURES
 from warehouse_env.errors import ConfigError, unknown_name
@@ -18,7 +18,11 @@ from warehouse_env.planning import Planner, make_planner
 if TYPE_CHECKING:
     from train.tables.figures import Figures
 
-HOLDS, IN_PART, FAILS, OPEN = "holds", "holds in part", "does not hold", "cannot be told"
+Word = Literal["holds", "holds in part", "does not hold", "cannot be told"]
+HOLDS: Final = "holds"
+IN_PART: Final = "holds in part"
+FAILS: Final = "does not hold"
+OPEN: Final = "cannot be told"
 
 
 class TableTask(NamedTuple):
@@ -68,16 +72,17 @@ class Published(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """What became of a claim: one of holds, holds in part, does not hold, cannot be told; and the figures behind it."""
+    """What became of a claim, and the figures behind it."""
 
-    word: Literal["holds", "holds in part", "does not hold", "cannot be told"]
+    word: Word
     why: str
 
 
 @dataclass(frozen=True)
 class Claim:
-    """`ours` has a better `measure` than `other`, by `by` where a size is given (relative to other; negative = less).
+    """`ours` has a better `measure` than `other`, by `by` where a size is given.
 
+    by: relative to `other` (-0.14: 14% less); for a share, a difference of shares (0.5: 50 points more).
     settings: names of the settings that it is claimed for; all if empty. `check` replaces the general rule where a
     claim has another form; `measure`, `ours` and `other` are then unused.
     """

@@ -1,0 +1,107 @@
+"""`warehouse tables`: every comparison table of the papers, from fixed seeds, in blocks that survive a stop."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from train.processes import work_all
+from train.report import make_progress, require_charts
+from train.rows import Row, RowFile, check_writable, read_rows, write_text
+from train.tables.blocks import Block, blocks_of, mixed, run_block, split
+from train.tables.catalogue import chosen
+from train.tables.page import write_pages
+from train.tables.study import Study
+from warehouse_env.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class Tables:
+    """Make the tables of the papers: ours beside theirs, a verdict on every claim, pictures, all planners at once."""
+
+    papers: tuple[str, ...] = ()
+    """Papers by number, as 000 (all if neither papers nor tables are named); "all" compares all planners."""
+    tables: tuple[str, ...] = ()
+    """Single tables by name, as 000_table_1."""
+    runs: int | None = None
+    """Runs of each system on each task, instead of each table's own number."""
+    seed: int = 0
+    """Seed of the runs; the maps are fixed."""
+    processes: int = field(default_factory=lambda: os.cpu_count() or 1)
+    """Blocks to run at a time, each in a process of its own; the rows stay the same but for the times."""
+    fresh: bool = False
+    """Run everything again, instead of keeping the rows that the file holds already."""
+    json: Path | None = None
+    """File for the rows, one a run, as JSON lines (OUT/rows.jsonl if left out)."""
+    out: Path = Path("results/tables")
+    """Folder for the rows, the tables and the pictures."""
+    pictures: bool = True
+    """Draw paths, convergence, and gap against time."""
+    benchmark: bool = False
+    """Run the benchmark of all planners on five maps instead of the papers' tables."""
+
+    def run(self) -> None:
+        """Run what is missing, then write tables, verdicts and pictures."""
+        if self.runs is not None and self.runs < 1:
+            raise ConfigError(f"--runs {self.runs} must be at least 1")
+        if self.seed < 0 or self.processes < 1:
+            raise ConfigError(f"--seed {self.seed} must be at least 0 and --processes {self.processes} at least 1")
+        if self.pictures:
+            require_charts()
+        if self.benchmark:
+            from train.tables.benchmark import Benchmark
+
+            Benchmark(self.out, self.json, self.runs, self.seed, self.processes, self.fresh, self.pictures).run()
+            return
+        begin = time.perf_counter()
+        studies = chosen(self.papers, self.tables)
+        check_writable(self.out / "README.md")
+        rows = self._rows(studies)
+        written = write_pages([study for _, study in studies], rows, self.out, self.pictures, self.processes)
+        print(f"wrote {written} files to {self.out} in {time.perf_counter() - begin:.0f} s; begin with README.md")
+
+    def _rows(self, studies: Sequence[tuple[str, Study]]) -> list[Row]:
+        """Return the rows of all blocks, those of the file and those that were missing in it."""
+        blocks = [block for module, study in studies for block in blocks_of(module, study, self.runs, self.seed)]
+        path = self.json or self.out / "rows.jsonl"
+        old = [] if self.fresh else _complete_rows(path)
+        kept, missing = split(blocks, old)
+        wanted = {study.name for _, study in studies}
+        good = [row for row in old if row.get("study") not in wanted] + kept
+        if len(good) < len(old):  # rows of other code, runs or seeds would only be in the way
+            write_text(path, "".join(json.dumps(row) + "\n" for row in good))
+        file = RowFile(path, keep=not self.fresh)
+        done = len(blocks) - len(missing)
+        if done:
+            print(f"{done} of {len(blocks)} blocks are kept from {path}; --fresh runs them again")
+        try:
+            with make_progress() as progress:
+                bar = progress.add_task(f"{self.processes} processes", total=len(blocks), completed=done)
+                for fresh in work_all(run_block, mixed(missing), self.processes):
+                    file.add(fresh)
+                    kept += fresh
+                    progress.update(bar, advance=1, description=f"{fresh[0]['study']} · {fresh[0]['system']}")
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"{file.kept()}; the same command goes on from there") from None
+        return _in_order(kept, blocks)
+
+
+def _in_order(rows: Sequence[Row], blocks: Sequence[Block]) -> list[Row]:
+    """Return the rows in the order of the tables, however the processes ended."""
+    place = {block[1:5]: index for index, block in enumerate(blocks)}
+    keys = ("study", "setting", "number", "system")
+    return sorted(rows, key=lambda row: (place[tuple(row[name] for name in keys)], row["run"]))
+
+
+def _complete_rows(path: Path) -> list[Row]:
+    """Return the rows of a file, without a last line that a stop cut short; none where there is no file."""
+    if not path.exists():
+        return []
+    text = path.read_text(encoding="utf-8")
+    if not text.endswith("\n"):
+        write_text(path, text[: text.rfind("\n") + 1])
+    return read_rows(path)

@@ -1,0 +1,51 @@
+"""Maps that tables of several papers share: random clutter of a given share, each from a seed of its own."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+
+from train.tables.study import Setting, TableTask
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.grid_map import Cell, GridMap
+
+_TRIES = 10_000  # draws for one setting; a share at which so few leave a way is refused
+
+
+def clutter_task(size: int, share: float, seed: int, start: Cell | None = None, goal: Cell | None = None) -> TableTask:
+    """Return a square floor with shelves on a share of its cells, drawn at random, and a way from start to goal.
+
+    size: cells of a side; share: of all cells, 0 to below 1; start and goal: the corners at the upper left and the
+    lower right if left out. Equal arguments give equal maps. ConfigError where no draw leaves a way.
+    """
+    start = start if start is not None else (0, 0)
+    goal = goal if goal is not None else (size - 1, size - 1)
+    cells = size * size
+    others = np.setdiff1d(np.arange(cells), [start[0] * size + start[1], goal[0] * size + goal[1]])
+    count = round(share * cells)
+    if not 0 <= count <= len(others):
+        raise ConfigError(f"share={share} of {size} x {size} cells leaves no room for start and goal; lower it")
+    for draw in range(_TRIES):
+        occupied = np.zeros(cells, dtype=np.bool_)
+        occupied[np.random.default_rng([size, count, seed, draw]).permutation(others)[:count]] = True
+        grid = GridMap(occupied.reshape(size, size), name=f"clutter {size}x{size} {100 * share:g}% no. {seed + 1}")
+        if math.isfinite(float(grid.distance_to(goal)[start])):
+            return TableTask(grid, start, goal)
+    raise ConfigError(f"share={share} of {size} x {size} cells left no way in {_TRIES} draws; lower it")
+
+
+def clutter(size: int, share: float, maps: int, start: Cell | None = None, goal: Cell | None = None) -> Setting:
+    """Return a setting of several random floors of one kind, named "20x20 35%"; arguments as clutter_task."""
+    tasks = tuple(clutter_task(size, share, seed, start, goal) for seed in range(maps))
+    return Setting(f"{size}x{size} {100 * share:g}%", tasks)
+
+
+def drawn_map(picture: str, name: str) -> GridMap:
+    """Return the map of a drawing: a line a row, "#" a shelf, "." free; ConfigError for other signs or ragged lines."""
+    lines = [line.strip() for line in picture.strip().splitlines()]
+    signs = set(itertools.chain.from_iterable(lines))
+    if not signs <= {"#", "."} or len({len(line) for line in lines}) != 1:
+        raise ConfigError(f"map {name!r} must be lines of equal length, made of '#' and '.'")
+    return GridMap(np.array([[sign == "#" for sign in line] for line in lines]), name=name)

@@ -1,0 +1,227 @@
+"""The written tables: a page and a CSV file for each study, an index with all verdicts, a page of all planners."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import html
+import io
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from train.report import Table, number, with_interval
+from train.rows import Row, write_text
+from train.tables import all_planners
+from train.tables.figures import RULE, Figures, judge
+from train.tables.measures import MEASURES
+from train.tables.pictures import Picture, draw_all, pareto_pictures, study_pictures
+from train.tables.study import Claim, Published, Study, Verdict
+from train.tables.worth import verdict_counts, worth_using
+from warehouse_env import __version__
+
+_SHOW_INTERVAL = 1e-6  # relative width below which an interval is no news
+INTERVALS = (
+    "Means with their 95% intervals: by Student's t over runs where a setting is one map, over maps where it has "
+    "several; shares by Wilson's score. n: runs of each system, times maps. Lengths in cells. Lines in italics are in "
+    "print."
+)
+
+
+class Written(NamedTuple):
+    """A study with what is said of it."""
+
+    study: Study
+    figures: Figures
+    verdicts: list[tuple[Claim, Verdict]]
+    pictures: list[Picture]
+
+
+def write_pages(studies: Sequence[Study], rows: Sequence[Row], folder: Path, pictures: bool, processes: int) -> int:
+    """Write all pages, tables and pictures of the studies into a folder; return the number of files."""
+    written = []
+    for study in studies:
+        figures = Figures(study, rows)
+        drawn = study_pictures(study, figures, folder) if pictures else []
+        if pictures and study.name == all_planners.NAME:
+            drawn = [*pareto_pictures(figures, folder), *drawn]
+        written.append(Written(study, figures, [(claim, judge(figures, claim)) for claim in study.claims], drawn))
+    charts = [picture for one in written for picture in one.pictures]
+    draw_all(charts, processes)
+    files = 1 + len(charts)
+    for one in written:
+        write_text(folder / f"{one.study.name}.md", _page(one))
+        write_text(folder / f"{one.study.name}.csv", _csv(one))
+        files += 2
+        if one.study.name == all_planners.NAME:
+            write_text(folder / f"{one.study.name}.html", _html(one))
+            files += 1
+    write_text(folder / "README.md", _index(written))
+    return files
+
+
+def study_table(figures: Figures) -> Table:
+    """Return a study's table: for each setting our systems, each with the printed lines that stand beside it."""
+    study = figures.study
+    lines: list[tuple[str, ...]] = []
+    for setting in figures.settings:
+        begin = len(lines)
+        printed = [one for one in study.published if one.setting == setting]
+        for system in study.systems:
+            if not figures.tasks(setting, system.label):
+                continue
+            tasks = figures.tasks(setting, system.label)
+            count = f"{len(tasks[0])}" if len(tasks) == 1 else f"{len(tasks[0])} x {len(tasks)}"
+            lines.append(
+                ("", system.label, count, *(_shown(figures, setting, system.label, m) for m in study.measures))
+            )
+            lines += _printed_lines([one for one in printed if one.ours == system.label], study.measures)
+        lines += _printed_lines([one for one in printed if not one.ours], study.measures)
+        if len(lines) > begin:
+            lines[begin] = (_named(figures, setting), *lines[begin][1:])
+    header = ("setting", "system", "n", *(MEASURES[measure].heading for measure in study.measures))
+    return Table(study.title, header, tuple(lines))
+
+
+def _named(figures: Figures, setting: str) -> str:
+    """Return a setting's name with the optimum: of its map, or the mean of its maps."""
+    label = figures.study.systems[0].label
+    optimum, fewest = (figures.figure(setting, label, name).mean for name in ("optimum", "min_turns"))
+    return f"**{setting}** (optimum {number(optimum, 6)}, {number(fewest, 3)} turns)"
+
+
+def _shown(figures: Figures, setting: str, label: str, measure: str) -> str:
+    known = MEASURES[measure]
+    return with_interval(figures.figure(setting, label, measure), known.factor, known.digits)
+
+
+def _printed_lines(printed: Sequence[Published], measures: Sequence[str]) -> list[tuple[str, ...]]:
+    """Return one line for each system in print, in italics."""
+    lines = []
+    for name in dict.fromkeys(one.system for one in printed):
+        own = {one.measure: one.value for one in printed if one.system == name}
+        cells = []
+        for measure in measures:
+            known = MEASURES[measure]
+            value = own.get(measure, math.nan) * known.factor
+            cells.append(f"*{number(value, known.digits)}*" if math.isfinite(value) else "")
+        lines.append(("", f"*in print: {name}*", "", *cells))
+    return lines
+
+
+def _page(one: Written) -> str:
+    parts = [f"# {one.study.title}\n", f"{one.study.paper}.\n"]
+    parts.append(_markdown(study_table(one.figures)))
+    parts.append(f"{INTERVALS} {one.study.note}\n")
+    if one.verdicts:
+        parts += ["## Claims\n", _claims(one.verdicts), f"{RULE}\n"]
+    if one.study.name == all_planners.NAME:
+        parts += ["## What is worth using\n", f"{worth_using(one.figures)}\n"]
+    if one.pictures:
+        parts.append("## Pictures\n")
+        parts += [f"![{picture.caption}]({picture.path.name})\n\n{picture.caption}.\n" for picture in one.pictures]
+    return "\n".join(parts)
+
+
+def _markdown(table: Table) -> str:
+    """Return the table alone, without its title."""
+    return table.markdown().split("\n", 2)[2]
+
+
+def _claims(verdicts: Sequence[tuple[Claim, Verdict]]) -> str:
+    lines = [f"| **{verdict.word}** | {claim.text} | {verdict.why} |" for claim, verdict in verdicts]
+    return "\n".join(["| verdict | claim | ours |", "| --- | --- | --- |", *lines]) + "\n"
+
+
+def _csv(one: Written) -> str:
+    """Return all figures, ours and printed, one a line; lengths in cells, times in ms, shares from 0 to 1."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("setting", "system", "source", "measure", "mean", "low95", "high95", "samples"))
+    measures = dict.fromkeys((*one.study.measures, "found_share", "optimum", "min_turns"))
+    for setting in one.figures.settings:
+        for system in one.study.systems:
+            for measure in measures:
+                found = one.figures.figure(setting, system.label, measure)
+                if math.isfinite(found.mean):
+                    limits = [value if math.isfinite(value) else "" for value in (found.low, found.high)]
+                    writer.writerow((setting, system.label, "ours", measure, found.mean, *limits, found.samples))
+    for line in one.study.published:
+        writer.writerow((line.setting, line.system, "paper", line.measure, line.value, "", "", ""))
+    return text.getvalue()
+
+
+def _index(written: Sequence[Written]) -> str:
+    """Return the first page: what is worth using, every verdict, and where the tables are."""
+    parts = ["# The papers' tables, made again\n"]
+    parts.append(f"Made by `warehouse tables`, version {__version__}, from fixed seeds. {INTERVALS}\n")
+    everyone = next((one for one in written if one.study.name == all_planners.NAME), None)
+    if everyone is not None:
+        parts += ["## What is worth using\n", f"{worth_using(everyone.figures)}\n"]
+        if everyone.pictures:
+            picture = everyone.pictures[0]
+            parts.append(f"![{picture.caption}]({picture.path.name})\n\n{picture.caption}.\n")
+    verdicts = [verdict for one in written for _, verdict in one.verdicts]
+    if verdicts:
+        parts += ["## The papers' claims\n", f"{verdict_counts(verdicts)} {RULE}\n"]
+        parts.append("| table | claim | verdict |\n| --- | --- | --- |")
+        parts += [
+            f"| [{one.study.name}]({one.study.name}.md) | {claim.text} | **{verdict.word}** |"
+            for one in written
+            for claim, verdict in one.verdicts
+        ]
+    parts.append("\n## The tables\n")
+    parts += [
+        f"- [{one.study.title}]({one.study.name}.md), {one.study.paper} ([CSV]({one.study.name}.csv))"
+        for one in written
+    ]
+    return "\n".join(parts) + "\n"
+
+
+def _html(one: Written) -> str:
+    """Return the page of all planners in a file of its own, pictures and all."""
+    images = "".join(
+        f'<figure><img alt="{html.escape(picture.caption)}" src="data:image/png;base64,'
+        f'{base64.b64encode(picture.path.read_bytes()).decode()}"><figcaption>{html.escape(picture.caption)}.'
+        "</figcaption></figure>"
+        for picture in one.pictures[:2]
+    )
+    table = study_table(one.figures)
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in table.header)
+    lines = "".join(f"<tr>{''.join(f'<td>{_inline(cell)}</td>' for cell in line)}</tr>" for line in table.cells)
+    return _HTML.format(
+        title=html.escape(one.study.title),
+        worth=_inline(worth_using(one.figures)),
+        images=images,
+        table=f"<table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table>",
+        note=html.escape(f"{INTERVALS} {one.study.note}"),
+    )
+
+
+def _inline(text: str) -> str:
+    """Return Markdown's bold, italics and code as HTML."""
+    parts = html.escape(text)
+    for sign, tag in (("**", "b"), ("*", "i"), ("`", "code")):
+        pieces = parts.split(sign)
+        parts = "".join(piece if index % 2 == 0 else f"<{tag}>{piece}</{tag}>" for index, piece in enumerate(pieces))
+    return parts
+
+
+_HTML = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{title}</title>
+<style>
+body {{ font: 15px/1.5 system-ui, sans-serif; color: #2b3038; max-width: 1150px; margin: 2em auto; padding: 0 1em }}
+img {{ max-width: 100% }} figure {{ margin: 1.5em 0 }} figcaption {{ color: #5f6771 }}
+table {{ border-collapse: collapse; font-size: 13px; display: block; overflow-x: auto }}
+th, td {{ padding: .3em .7em; text-align: right; border-bottom: 1px solid #e3e5e8; white-space: nowrap }}
+th:nth-child(-n+2), td:nth-child(-n+2) {{ text-align: left }}
+code {{ background: #f2f3f5; padding: 0 .25em }}
+</style></head><body>
+<h1>{title}</h1>
+<p>{worth}</p>
+{images}
+{table}
+<p>{note}</p>
+</body></html>
+"""

@@ -1,0 +1,139 @@
+"""Tables 1 and 2 of paper 000: the potential-field ant colony against the traditional one on a 46 x 46 warehouse."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from train.tables.figures import reaches_print
+from train.tables.study import Claim, Published, Setting, Study, System, TableTask
+from warehouse_env.maps.grid_map import Cell
+from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
+
+PAPER = "Wang & Xie (2024), potential field ant colony, doi 10.35633/inmateh-73-66"
+PAPER_MODE, SHIPPED = "pf_aco (paper)", "pf_aco (shipped)"
+GOAL, NEXT = "aco (1/d to goal)", "aco (1/d to next cell, dying)"
+NO_GRADIENT = "pf_aco (paper, even start)"
+_PF, _TRADITIONAL = "potential field ant colony", "traditional ant colony"
+_RUNS = 100  # ten times the paper's ten, so that "the best of ten" has a spread
+
+SYSTEMS = (
+    System(PAPER_MODE, "pf_aco", {"local_search": False}),
+    System(SHIPPED, "pf_aco"),
+    System(NO_GRADIENT, "pf_aco", {"local_search": False, "initial_boost": 1.0}),
+    System(GOAL, "aco"),
+    System(NEXT, "aco", {"heuristic": "next_cell", "dead_end": "die"}),
+    System("astar_turns", "astar_turns"),
+    System("dijkstra", "dijkstra"),
+)
+MEASURES = (
+    "best_of_10",
+    "best_of_10_turns",
+    "best_of_10_converged_at",
+    "mean",
+    "turns",
+    "converged_at",
+    "optimal_share",
+    "found_share",
+    "ms",
+)
+# Length, turns and convergence of each path: table 1, then table 2; the potential field colony, then the traditional.
+_TABLE_1 = {
+    "path 1": ((26.9706, 6, 76), (28.7872, 15, 90)),
+    "path 2": ((26.3848, 8, 77), (29.0018, 16, 91)),
+    "path 3": ((27.5563, 8, 79), (29.7441, 13, 90)),
+    "path 4": ((26.6820, 6, 75), (28.3184, 15, 92)),
+}
+_TABLE_2 = {
+    "path 1": ((59.4264, 18, 85), (65.8400, 36, 101)),
+    "path 2": ((62.5980, 18, 88), (66.2972, 39, 106)),
+}
+# No path on a grid is 26.6820 long. This task in a zone has the next shorter length that our map has, 11 + 11 sqrt 2.
+_PATH_4: tuple[Cell, Cell] = ((1, 0), (13, 21))
+_RECONSTRUCTION = (
+    "The map and the tasks are reconstructions: the paper prints the map as a picture only. `paper46` has its size and "
+    "its four zones, and tasks whose shortest lengths are the printed ones of the potential field colony. "
+)
+_BASELINES = (
+    "Which traditional colony the paper compares with is not said: its text describes 1/d to the next cell; 1/d to the "
+    "goal is the stronger baseline. The paper gives the best of 10 runs; ours is the mean best of ten over "
+    f"{_RUNS // 10} tens of runs. "
+)
+
+
+def _published(table: dict[str, tuple[tuple[float, int, int], tuple[float, int, int]]]) -> tuple[Published, ...]:
+    measures = MEASURES[:3]
+    return tuple(
+        Published(setting, name, measure, value, ours)
+        for setting, both in table.items()
+        for name, ours, line in zip((_PF, _TRADITIONAL), (PAPER_MODE, NEXT), both, strict=True)
+        for measure, value in zip(measures, line, strict=True)
+    )
+
+
+def _claims(length: float, turned: float, converged: float) -> tuple[Claim, ...]:
+    """Return the claims of a table; the least relative gains of its lines are the claimed sizes."""
+    rows = []
+    for other, which in ((GOAL, "with 1/d to the goal"), (NEXT, "with 1/d to the next cell")):
+        for measure, by, what in (
+            ("best_of_10", length, "shorter"),
+            ("best_of_10_turns", turned, "with fewer turns"),
+            ("best_of_10_converged_at", converged, "converged earlier"),
+        ):
+            text = f"The best path is {what} (by at least {-100 * by:.0f}%) than that of a traditional colony {which}"
+            rows.append(Claim(text, PAPER_MODE, other, measure, by))
+    start = "The gradient of the initial pheromone greatly reduces the iterations (no figure given)"
+    rows.append(Claim(start, PAPER_MODE, NO_GRADIENT, "converged_at"))
+    reach = "Our potential field colony, as in the paper, reaches or beats every figure that the paper prints for it"
+    return (*rows, Claim(reach, check=partial(reaches_print, ours=PAPER_MODE)))
+
+
+def _settings(**tasks: tuple[Cell, Cell]) -> tuple[Setting, ...]:
+    grid = make_layout("paper46")
+    return tuple(Setting(name.replace("_", " "), (TableTask(grid, *ends),)) for name, ends in tasks.items())
+
+
+def _ends(name: str) -> tuple[Cell, Cell]:
+    task = NAMED_TASKS["paper46"][name]
+    return task.start, task.goal
+
+
+def in_zone() -> tuple[Setting, ...]:
+    """Return the four tasks within a zone, in the order of table 1."""
+    return _settings(
+        path_1=_ends("in_zone_2"), path_2=_ends("in_zone_1"), path_3=_ends("in_zone_3"), path_4=_PATH_4
+    )  # fmt: skip
+
+
+def cross_zone() -> tuple[Setting, ...]:
+    """Return the two tasks across zones, in the order of table 2."""
+    return _settings(path_1=_ends("cross_zone_1"), path_2=_ends("cross_zone_2"))
+
+
+STUDIES = (
+    Study(
+        name="000_table_1",
+        paper=PAPER,
+        title="Table 1 of paper 000: paths within a zone of the warehouse",
+        settings=in_zone,
+        systems=SYSTEMS,
+        runs=_RUNS,
+        measures=MEASURES,
+        published=_published(_TABLE_1),
+        claims=_claims(-0.058, -0.38, -0.12),
+        note=_RECONSTRUCTION + "The printed 26.6820 of path 4 is no lattice length; our task for it is 26.5563 long, "
+        "the longest length below that two cells of one zone have on our map. " + _BASELINES,
+    ),
+    Study(
+        name="000_table_2",
+        paper=PAPER,
+        title="Table 2 of paper 000: paths across the zones of the warehouse",
+        settings=cross_zone,
+        systems=SYSTEMS,
+        runs=_RUNS,
+        measures=MEASURES,
+        published=_published(_TABLE_2),
+        claims=_claims(-0.055, -0.5, -0.158),
+        note=_RECONSTRUCTION + _BASELINES + "The printed convergences of the traditional colony, 101 and 106, need "
+        "more than the 100 iterations that we give every colony; the paper does not say how many it took.",
+    ),
+)
