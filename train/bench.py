@@ -14,14 +14,19 @@ from train.rows import Row, RowFile, select
 from warehouse_env import __version__
 from warehouse_env.errors import ConfigError
 
-What = Literal["simulator", "pettingzoo", "vec_env", "train_reinforce", "train_ppo", "plan", "ant_walk", "start"]
+What = Literal[
+    "simulator", "pettingzoo", "vec_env", "train_reinforce", "train_ppo", "plan", "ant_walk", "tracking", "start"
+]  # fmt: skip
+    "simulator", "pettingzoo", "vec_env", "train_reinforce", "train_ppo", "plan", "ant_walk", "tracking", "start"
+]
 
 _SMALL = 32  # robots of the single world that larger ones are held against
 
 
 @dataclass(frozen=True)
 class Bench:
-    """Measure agent-steps/s of the simulator, the environments and the trainers, plans/s, and the time to start."""
+    """Measure agent-steps/s of the simulator, the environments and the trainers, plans/s, the path follower's tracking
+    error, and the time to start."""
 
     only: tuple[What, ...] = ()
     """What to measure (everything if left out)."""
@@ -86,7 +91,7 @@ def measure(
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return the tables of speeds, plans and starting times, as far as they were measured."""
+    """Return the tables of speeds, plans, tracking errors and starting times, as far as they were measured."""
     made = []
     speeds = [row for row in rows if "agent_steps_per_s" in row]
     if speeds:
@@ -98,6 +103,11 @@ def tables(rows: Sequence[Row]) -> list[Table]:
     walks = select(rows, what="ant_walk")
     if walks:
         made.append(_walks(walks))
+    tracks = select(rows, what="tracking")
+    if tracks:
+        from train.bench_tracking import tracking_table
+
+        made.append(tracking_table(tracks))
     starts = select(rows, what="start")
     if starts:
         times = tuple((row["step"], number(row["seconds"], 2)) for row in starts)

@@ -22,6 +22,7 @@ from warehouse_env.config import EnvConfig
 
 _PLANNER = "astar"  # its routes are there at once; ants would be measured under "plan"
 _POOL = 32  # random actions are drawn before the clock starts, and then cycled
+_SIMULATED = 100  # seconds that the path follower drives for each second of the budget
 _CHUNKS = 9  # the rate of a row is the median over these
 _START_SEEDS = 16  # large batches repeat so many starts, for laying 30,000 routes is not what is measured
 _SQUARE_PER_ROBOTS = {32: 46, 256: 130, 1024: 260}  # robots -> side of the floor [cells], at one density
@@ -203,6 +204,14 @@ def ant_walk(budget: Budget) -> Iterator[Row]:
             }  # fmt: skip
 
 
+def tracking(budget: Budget) -> Iterator[Row]:
+    """The path follower's lateral offsets on every layout, with and without smoothed routes."""
+    from train.bench_tracking import tracking as follow
+
+    numba.set_num_threads(1)
+    yield from follow(_SIMULATED * budget.seconds, budget.seed)
+
+
 _IMPORT = "import warehouse_env"
 _FIRST_STEP = (
     "from warehouse_env import parallel_env; env = parallel_env(num_agents=8, planner='astar'); env.reset(seed=0); "
@@ -230,5 +239,6 @@ PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
     "train_ppo": train_ppo,
     "plan": plan,
     "ant_walk": ant_walk,
+    "tracking": tracking,
     "start": start,
 }

@@ -1,0 +1,96 @@
+"""The colony of paper 004: its equations against numbers worked out by hand, and its smoothed line."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.planning.ants.colonies import EAST, SOUTH, SOUTH_EAST, WEST, search, walked
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
+from warehouse_env.planning import path_length
+from warehouse_env.planning.ants.floor import make_floor
+from warehouse_env.planning.ants.iaco import Iaco
+from warehouse_env.planning.plan import validate_line
+from warehouse_env.planning.smoothing import smooth
+
+TASK = NAMED_TASKS["paper46"]["in_zone_1"]
+
+
+def test_attraction_of_equation_7() -> None:
+    floor = make_floor(GridMap(np.zeros((4, 5), dtype=bool)), (3, 4))
+    colony = Iaco().colony(GridMap(np.zeros((4, 5), dtype=bool)), floor, np.zeros(1, np.int64))
+    turning, straight = colony.attraction(3)
+    assert turning is straight
+    assert turning[0, SOUTH_EAST] == pytest.approx((10 / math.sqrt(13)) ** 7)
+    assert turning[13, SOUTH_EAST] == pytest.approx(100.0**7)  # into the goal, whose distance counts as 0.1
+    assert (colony.pheromone == 1).all()
+
+
+def test_greed_of_equation_14() -> None:
+    planner = Iaco()
+    assert [planner.greedy_share(k) for k in range(20)] == [0.15] * 8 + [0.8] * 3 + [0.1] * 9
+
+
+def test_evaporation_of_equation_9() -> None:
+    scaled, printed = Iaco(), Iaco(schedule="printed", evaporation=5.0)
+    assert scaled.evaporated(0) == pytest.approx(0.5 * math.exp(-3 / 400))
+    assert scaled.evaporated(9) == pytest.approx(0.5 * math.exp(-0.75))
+    assert scaled.evaporated(19) == pytest.approx(0.5 * math.exp(-3))
+    assert [printed.evaporated(k) for k in range(3)] == pytest.approx([1.0, 5 * math.exp(-4), 5 * math.exp(-9)])
+
+
+def test_update_by_hand() -> None:
+    floor = make_floor(GridMap(np.zeros((2, 3), dtype=bool)), (1, 2))
+    colony = Iaco().colony(GridMap(np.zeros((2, 3), dtype=bool)), floor, np.zeros(2, np.int64))
+    pheromone, kept = colony.pheromone.copy(), 1 - 0.5 * math.exp(-3 / 400)
+    colony.update(0, pheromone, walked(floor, [EAST, SOUTH_EAST], [EAST, EAST, SOUTH]), walked(floor))
+    diagonal = 100 / (1 + math.sqrt(2))
+    assert pheromone[0, EAST] == pytest.approx(kept + diagonal + 100 / 3)
+    assert pheromone[1, SOUTH_EAST] == pytest.approx(kept + diagonal)
+    assert pheromone[1, EAST] == pytest.approx(kept + 100 / 3)
+    assert pheromone[1, WEST] == pytest.approx(kept)
+
+
+@pytest.mark.parametrize("norms", ["squared", "printed"])
+@pytest.mark.parametrize("where", ["paper46", "random", "single_lane"])
+def test_the_line_is_the_smoothed_path(where: str, norms: str) -> None:
+    grid = make_layout(where)
+    start, goal = (tuple(grid.free_cells[k].tolist()) for k in (10, -30))
+    plan = search("iaco", grid, start, goal, norms=norms)
+    assert plan.line is not None
+    validate_line(grid, plan.line, start, goal, 0.35 - 1e-6)
+    np.testing.assert_array_equal(plan.line, smooth(plan.cells, grid.occupied, power=2 if norms == "squared" else 1))
+    assert plan.line_length < path_length(plan.cells)
+
+
+def test_the_line_does_not_change_the_search() -> None:
+    grid = make_layout("paper46")
+    smoothed = search("iaco", grid, TASK.start, TASK.goal, seed=4)
+    plain = search("iaco", grid, TASK.start, TASK.goal, seed=4, smoothing=False)
+    np.testing.assert_array_equal(smoothed.cells, plain.cells)
+    assert plain.line is None
+    assert plain.line_length == path_length(plain.cells)
+
+
+def test_it_is_near_the_optimum_in_the_zone() -> None:
+    grid = make_layout("paper46")
+    lengths = [path_length(search("iaco", grid, TASK.start, TASK.goal, seed).cells) for seed in range(10)]
+    assert np.mean(lengths) < 1.03 * grid.distance_to(TASK.goal)[TASK.start]
+
+
+def test_no_path_no_line() -> None:
+    grid = GridMap(np.array([[False, True, False]]))
+    plan = search("iaco", grid, (0, 0), (0, 2))
+    assert not plan.found
+    assert plan.line is None
+
+
+def test_shares_are_checked() -> None:
+    with pytest.raises(ConfigError, match=r"iaco parameter greed_middle=1.5 must be a share between 0 and 1"):
+        Iaco(greed_middle=1.5)
+    with pytest.raises(ConfigError, match=r"iaco parameter norms='cubed' must be one of squared, printed"):
+        Iaco(norms="cubed")  # type: ignore[arg-type]
