@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from collections.abc import Sequence
 from functools import cache
 
 from train.tables.study import Setting, Study
 from warehouse_env.errors import unknown_name
 
-MODULES = {
+_ALL = {
     "000": "train.tables.paper000",
+    "001": "train.tables.paper001",
+    "002": "train.tables.paper002",
+    "003": "train.tables.paper003",
+    "004": "train.tables.paper004",
     "all": "train.tables.all_planners",
 }
+MODULES = {key: module for key, module in _ALL.items() if importlib.util.find_spec(module)}
 
 
 @cache

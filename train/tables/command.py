@@ -55,7 +55,15 @@ class Tables:
         if self.benchmark:
             from train.tables.benchmark import Benchmark
 
-            Benchmark(self.out, self.json, self.runs, self.seed, self.processes, self.fresh, self.pictures).run()
+            Benchmark(
+                out=self.out,
+                json=self.json,
+                runs=self.runs,
+                seed=self.seed,
+                processes=self.processes,
+                fresh=self.fresh,
+                pictures=self.pictures,
+            ).run()
             return
         begin = time.perf_counter()
         studies = chosen(self.papers, self.tables)

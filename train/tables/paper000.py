@@ -55,8 +55,8 @@ _RECONSTRUCTION = (
 )
 _BASELINES = (
     "Which traditional colony the paper compares with is not said: its text describes 1/d to the next cell; 1/d to the "
-    "goal is the stronger baseline. The paper gives the best of 10 runs; ours is the mean best of ten over "
-    f"{_RUNS // 10} tens of runs. "
+    "goal is the stronger baseline. The paper gives the best of 10 runs; ours is the mean over the tens of "
+    "all runs. "
 )
 
 
@@ -75,11 +75,11 @@ def _claims(length: float, turned: float, converged: float) -> tuple[Claim, ...]
     rows = []
     for other, which in ((GOAL, "with 1/d to the goal"), (NEXT, "with 1/d to the next cell")):
         for measure, by, what in (
-            ("best_of_10", length, "shorter"),
-            ("best_of_10_turns", turned, "with fewer turns"),
-            ("best_of_10_converged_at", converged, "converged earlier"),
+            ("best_of_10", length, "is shorter"),
+            ("best_of_10_turns", turned, "has fewer turns"),
+            ("best_of_10_converged_at", converged, "is found in an earlier iteration"),
         ):
-            text = f"The best path is {what} (by at least {-100 * by:.0f}%) than that of a traditional colony {which}"
+            text = f"The best path {what} (by {-100 * by:.0f}% or more) than that of a traditional colony {which}"
             rows.append(Claim(text, PAPER_MODE, other, measure, by))
     start = "The gradient of the initial pheromone greatly reduces the iterations (no figure given)"
     rows.append(Claim(start, PAPER_MODE, NO_GRADIENT, "converged_at"))

@@ -17,6 +17,7 @@ from train.tables.all_planners import family
 from train.tables.figures import Figures
 from train.tables.study import Study
 from warehouse_env.render import charts, planner_charts
+from warehouse_env.render.colours import name_colours
 from warehouse_env.render.planner_charts import Point
 
 _MOST_SETTINGS = 4  # of which a study's pictures are drawn, where it names none
@@ -44,25 +45,26 @@ def _draw(picture: Picture) -> None:
 def study_pictures(study: Study, figures: Figures, folder: Path) -> list[Picture]:
     """Return the pictures of a study: for each pictured setting the paths on its first map, and the convergence."""
     pictures: list[Picture] = []
+    colours = name_colours(system.label for system in study.systems)
     for setting in study.settings():
         if setting.name not in (study.pictured or figures.settings[:_MOST_SETTINGS]):
             continue
         first = {system.label: figures.tasks(setting.name, system.label)[:1] for system in study.systems}
         rows = {label: tasks[0] for label, tasks in first.items() if tasks}
         grid = setting.tasks[0].grid
-        title = f"{study.name}, {setting.name}"
+        title = f"{study.name.replace('_', ' ')}: {setting.name}"
         best = {label: next((row for row in own if row.get("cells")), None) for label, own in rows.items()}
         ways = {label: _way(row) for label, row in best.items()}
         notes = {label: _note(row) for label, row in best.items() if row is not None}
         path = folder / f"{study.name}_paths_{file_name(setting.name)}.png"
         caption = f"{setting.name}: each system's best run{' on the first map' if len(setting.tasks) > 1 else ''}"
-        pictures.append(Picture(charts.paths, (grid, ways, title, path, notes), path, caption))
+        pictures.append(Picture(charts.paths, (grid, ways, title, path, notes, colours), path, caption))
         curves = {label: _curves(own) for label, own in rows.items() if any(row["curve"] for row in own)}
         if curves:
             path = folder / f"{study.name}_convergence_{file_name(setting.name)}.png"
             optimum = next(iter(rows.values()))[0]["optimal_length"]
             caption = f"{setting.name}: median of the runs, 10th to 90th percentile shaded"
-            pictures.append(Picture(charts.convergence, (curves, optimum, path, title), path, caption))
+            pictures.append(Picture(charts.convergence, (curves, optimum, path, title, colours), path, caption))
     return pictures
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.chart_style import INK, empty_figure, figures, hexed, save, style
-from warehouse_env.render.colours import CONTACT, name_colours, robot_colour
+from warehouse_env.render.colours import CONTACT, RGB, name_colours, robot_colour
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor import floor_image, scale_for
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_WIDE = 1.6  # times the optimum, from which lengths are drawn on a logarithmic axis
 _FLOOR_PIXELS = 1400  # of the floor's longer side in a chart
 
 
@@ -78,15 +79,16 @@ def paths(
     title: str,
     path: str | os.PathLike[str],
     notes: Mapping[str, str] | None = None,
+    colours: Mapping[str, RGB] | None = None,
 ) -> None:
     """Write a picture of planned paths: for each planner int[L, 2] cells (row, col), or the float[K, 2] of a line.
 
     notes: what the legend says beside a planner's name, e.g. its path's length and turns; a planner without a path
-    stands there as having none.
+    stands there as having none. colours: of the names, where several pictures are to agree.
     """
     with style():
         figure, ax = _floor_figure(grid, title)
-        colours = name_colours(cells)
+        colours = colours or name_colours(cells)
         shown = {name: np.asarray(way) for name, way in cells.items() if len(way)}
         for k, (name, way) in enumerate(shown.items()):
             # Side by side, so that shared stretches show every planner.
@@ -113,36 +115,59 @@ def convergence(
     optimum: float,
     path: str | os.PathLike[str],
     title: str = "Convergence",
+    colours: Mapping[str, RGB] | None = None,
 ) -> None:
     """Write convergence curves: for each planner float[runs, iterations], the best length so far [cells].
 
-    The line is the median of the runs that have a path by then, the band their 10th to 90th percentile.
+    The line is the median of all runs, the band their 10th to 90th percentile; both begin where so many runs have a
+    path. The lengths are on a logarithmic axis where they differ widely. colours: of the names, as for `paths`.
     """
     with style():
-        figure = empty_figure(7.0, 4.2)
+        figure = empty_figure(7.0, 4.6)
         ax = figure.add_subplot()
-        colours = name_colours(best)
-        most = 1
+        colours = colours or name_colours(best)
+        most, tallest = 1, 0.0
         for name, values in best.items():
             lengths = np.atleast_2d(np.asarray(values, dtype=np.float64))
-            iterations = np.arange(1, lengths.shape[1] + 1)
             most = max(most, lengths.shape[1])
-            found = np.isfinite(lengths).any(axis=0)
-            if not found.any():
-                ax.plot([], [], color=hexed(colours[name]), lw=2, label=f"{name}: no path")
-                continue
-            runs = np.where(np.isfinite(lengths), lengths, np.nan)[:, found]
-            low, middle, high = np.nanpercentile(runs, (10, 50, 90), axis=0)
-            colour = hexed(colours[name])
-            ax.fill_between(iterations[found], low, high, color=colour, alpha=0.18, lw=0)
-            ax.plot(iterations[found], middle, color=colour, lw=2, label=f"{name} ({len(lengths)} runs)")
+            tallest = max(tallest, _curve(ax, name, lengths, hexed(colours[name])))
         if math.isfinite(optimum):
             ax.axhline(optimum, color=INK, lw=1, ls=(0, (5, 3)), label=f"optimum {optimum:.4f}")
+            if tallest > _WIDE * optimum > 0:
+                _length_scale(ax, optimum, tallest)
         ax.set(xlabel="iteration", ylabel="best path length [cells]", xlim=(1, max(most, 2)))
         ax.set_title(title)
         ax.grid(axis="y")
-        ax.legend(loc="upper right")
+        figure.legend(loc="outside lower center", ncols=2)
         save(figure, path)
+
+
+def _curve(ax: Axes, name: str, lengths: NDArray[np.float64], colour: str) -> float:
+    """Draw one planner's median and band; return the largest length drawn."""
+    count = len(lengths)
+    found = int(np.isfinite(lengths[:, -1]).sum()) if lengths.shape[1] else 0
+    if not found:
+        ax.plot([], [], color=colour, lw=2, label=f"{name}: no path")
+        return 0.0
+    iterations = np.arange(1, lengths.shape[1] + 1)
+    ranked = np.sort(np.where(np.isfinite(lengths), lengths, np.inf), axis=0)  # a run without a path is the longest
+    low, middle, high = (ranked[math.ceil(share * count) - 1] for share in (0.1, 0.5, 0.9))
+    shown, banded = np.isfinite(middle), np.isfinite(high)
+    ax.fill_between(iterations[banded], low[banded], high[banded], color=colour, alpha=0.18, lw=0)
+    runs = _count(count, "run") if found == count else f"{found} of {_count(count, 'run')} found a path"
+    ax.plot(iterations[shown], middle[shown], color=colour, lw=2, label=f"{name} ({runs})")
+    drawn = np.concatenate([middle[shown], high[banded]])
+    return float(drawn.max()) if len(drawn) else 0.0
+
+
+def _length_scale(ax: Axes, shortest: float, longest: float) -> None:
+    """Make the axis of lengths logarithmic, with a few round numbers on it."""
+    ticker = load("matplotlib.ticker")
+    ax.set_yscale("log")
+    ax.set_ylim(shortest * 0.95, longest * 1.1)
+    ax.yaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
+    ax.yaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.yaxis.set_minor_locator(ticker.NullLocator())
 
 
 def collision_bars(
