@@ -17,8 +17,6 @@ from warehouse_env.errors import ConfigError
 What = Literal[
     "simulator", "pettingzoo", "vec_env", "train_reinforce", "train_ppo", "plan", "ant_walk", "tracking", "start"
 ]  # fmt: skip
-    "simulator", "pettingzoo", "vec_env", "train_reinforce", "train_ppo", "plan", "ant_walk", "tracking", "start"
-]
 
 _SMALL = 32  # robots of the single world that larger ones are held against
 
