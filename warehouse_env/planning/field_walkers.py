@@ -71,6 +71,7 @@ class ApfImproved:
     from the shelf, * d^n, and a pull to the goal, n/2 * k_rep * (1/d_shelf - 1/rho0)^2 * d^(n-1). Read so: 001 calls
     n = 0.5 a positive integer; its eqs. 11-12 write beta for both n and n - 1 and lose the squares; its two ranges
     of beta (below and above rho0 / 2) contradict a gradient and are left out. 002 has the same field with any n.
+    Far from the goal d^n makes the push of every shelf larger, so at a strong repulsion fewer goals are reached.
 
     intermediate_point: a walker that is stuck heads for the point P of 002 (`potential_field.intermediate_point`), by
     the same force, and then for the goal again; stuck once more it takes the next point, `points` at the most. The

@@ -35,7 +35,8 @@ class ApfAco(AntSystem):
     - eq. 17 (wolf-pack rule): as printed, the change of the best and worst path is a number of metres beside Q / L; it
       drives pheromone below zero. So the difference of the two deposits stands in its place, Q * |1/L_b - 1/L_w|,
       times rho and M, the number of ants as good as the best (as bad as the worst); and pheromone keeps to a range,
-      [`least_pheromone`, `most_pheromone`]. Best and worst are those of the iteration.
+      [`least_pheromone`, `most_pheromone`]. Best and worst are those of the iteration. `wolf_pack` weighs the rule;
+      0 leaves eq. 15 alone.
 
     With a cost map or a floor that climbs, L is the cost.
     """
@@ -48,6 +49,7 @@ class ApfAco(AntSystem):
     stuck_penalty: float = 4.0
     evaporation: float = 0.4  # rho
     strength: float = 10.0  # Q
+    wolf_pack: float = 1.0  # weight of eq. 17's two terms
     least_pheromone: float = 0.001
     most_pheromone: float = 20.0
 
@@ -69,7 +71,7 @@ class ApfAco(AntSystem):
         arrived = np.flatnonzero(walks.steps >= 0)
         if len(arrived):
             cost = walks.cost[arrived]
-            shift = self.evaporation * self.strength * (1.0 / cost.min() - 1.0 / cost.max())
+            shift = self.wolf_pack * self.evaporation * self.strength * (1.0 / cost.min() - 1.0 / cost.max())
             amount[arrived[cost.argmin()]] += (cost == cost.min()).sum() * shift
             amount[arrived[cost.argmax()]] -= (cost == cost.max()).sum() * shift
         pheromone *= 1.0 - self.evaporation
