@@ -15,7 +15,7 @@ from train.processes import work_all
 from train.report import Table, make_progress, require_charts
 from train.rows import Row, RowFile, check_writable, write_text
 from train.tables.all_planners import family
-from train.tables.benchmark_figures import NOTE, Summary, anytime_table, csv, summarise, table_of
+from train.tables.benchmark_figures import NOTE, Summary, anytime_table, csv, rank, summarise, table_of
 from train.tables.benchmark_maps import MAPS, make_map, make_tasks
 from train.tables.benchmark_runs import (
     MOMENTS,
@@ -87,12 +87,15 @@ class Benchmark:
 
     def _rows(self, blocks: Sequence[Block], path: Path) -> list[Row]:
         """Return the rows of all blocks in their order, those of the file and those that were missing in it."""
-        old = [] if self.fresh else read_whole_rows(path)
-        known = sort_out(blocks, old)
-        if old:  # torn lines, and rows of other code, seeds or maps, would only be in the way
-            write_text(path, "".join(json.dumps(row) + "\n" for row in known.rows))
+        old = read_whole_rows(path)
+        known = sort_out(blocks, [] if self.fresh else old)
+        if old:  # torn lines, and rows of other code or seeds, would only be in the way
+            chosen = {(block.map, block.planner, pair) for block in blocks for pair in range(block.first, block.last)}
+            others = [row for row in old if (row["map"], row["planner"], row["pair"]) not in chosen]
+            write_text(path, "".join(json.dumps(row) + "\n" for row in [*others, *known.rows]))
+        if known.rows:
             print(f"{len(known.rows)} rows are kept from {path}; --fresh runs everything again")
-        file, rows = RowFile(path, keep=not self.fresh), list(known.rows)
+        file, rows = RowFile(path, keep=True), list(known.rows)
         seconds = estimate(known.missing)
         total = sum(seconds)
         if known.missing:
@@ -174,7 +177,7 @@ def _draw(summaries: Sequence[Summary], maps: Sequence[str], folder: Path) -> li
 
     files = [folder / f"{what}.png" for what in ("pareto", "gaps", "anytime")]
     points, spreads, curves = ({file_name(name): [] for name in maps} for _ in files)  # type: ignore[var-annotated]
-    for one in summaries:
+    for one in sorted(summaries, key=rank):
         panel, kind = file_name(one.map), _family(one.planner)
         gap, low, high = (100 * value for value in one.gap[:3])
         median, p95, p99, worst = (100 * value for value in one.quantiles)

@@ -127,7 +127,7 @@ NOTE = (
 
 def table_of(name: str, summaries: Sequence[Summary]) -> Table:
     """Return the table of one map, the planners in the order of their mean gap, failures last."""
-    own = sorted((one for one in summaries if one.map == name), key=_rank)
+    own = sorted((one for one in summaries if one.map == name), key=rank)
     cells = tuple(
         (
             one.planner + (" (cuts corners)" if one.planner in PEERS and PEERS[one.planner].cuts_corners else ""),
@@ -150,7 +150,8 @@ def table_of(name: str, summaries: Sequence[Summary]) -> Table:
     return Table(f"Benchmark on {name}", _HEADER, cells, "\n".join(peers))
 
 
-def _rank(one: Summary) -> tuple[bool, float, float]:
+def rank(one: Summary) -> tuple[bool, float, float]:
+    """Return what summaries of one map are sorted by: failures last, then the mean gap, then the time."""
     return one.failed > 0, one.gap.mean if math.isfinite(one.gap.mean) else math.inf, one.ms
 
 
@@ -158,7 +159,7 @@ def anytime_table(name: str, summaries: Sequence[Summary]) -> Table:
     """Return the mean gap after some milliseconds, with the share of runs that have a path by then where not all do."""
     places = [MOMENTS.index(moment) for moment in _SHOWN_MOMENTS]
     cells = []
-    for one in sorted((one for one in summaries if one.map == name), key=_rank):
+    for one in sorted((one for one in summaries if one.map == name), key=rank):
         shown = [(float(one.anytime[k]), float(one.arrived[k])) for k in places]
         texts = [
             _percent(gap) + ("" if share in (0.0, 1.0) else f" ({_share(share)} have one)") for gap, share in shown

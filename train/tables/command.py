@@ -28,7 +28,7 @@ class Tables:
     tables: tuple[str, ...] = ()
     """Single tables by name, as 000_table_1."""
     runs: int | None = None
-    """Runs of each system on each task, instead of each table's own number."""
+    """Runs of each system on each task, instead of each table's own number (10 in the benchmark)."""
     seed: int = 0
     """Seed of the runs; the maps are fixed."""
     processes: int = field(default_factory=lambda: os.cpu_count() or 1)
@@ -43,6 +43,12 @@ class Tables:
     """Draw paths, convergence, and gap against time."""
     benchmark: bool = False
     """Run the benchmark of all planners on five maps instead of the papers' tables."""
+    pairs: int = 200
+    """Of the benchmark: pairs of cells planned on each map."""
+    maps: tuple[str, ...] = ()
+    """Of the benchmark: its maps by name, or MovingAI .map files (its five if left out)."""
+    planner: tuple[str, ...] = ()
+    """Of the benchmark: planners, ours and other libraries' by name (all that are installed if left out)."""
 
     def run(self) -> None:
         """Run what is missing, then write tables, verdicts and pictures."""
@@ -63,6 +69,9 @@ class Tables:
                 processes=self.processes,
                 fresh=self.fresh,
                 pictures=self.pictures,
+                pairs=self.pairs,
+                maps=self.maps,
+                planner=self.planner,
             ).run()
             return
         begin = time.perf_counter()

@@ -57,7 +57,7 @@ class Peer:
         """Search; a cost map is refused."""
         refuse_cost(self, cost)
         start, goal = check_endpoints(grid, start, goal)
-        prepared = _prepared(type(self), grid)
+        prepared = _prepared(self.prepare, grid)
         begin = time.perf_counter()
         try:
             cells = self.search(prepared, start, goal, rng)
@@ -77,8 +77,8 @@ class Peer:
 
 
 @lru_cache(maxsize=8)
-def _prepared(peer: Any, grid: GridMap) -> Any:
-    return peer.prepare(grid)
+def _prepared(prepare: Callable[[GridMap], Any], grid: GridMap) -> Any:
+    return prepare(grid)
 
 
 class Pathfinding(Peer):
