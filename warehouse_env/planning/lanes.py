@@ -153,20 +153,15 @@ def _relax(points, targets, room, solid, cell):  # type: ignore[no-untyped-def]
             points[k, 0], points[k, 1] = nx, ny
 
 
-def spaced(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Return `count` points, evenly spaced along the polyline float64[L, 2], both ends included."""
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    arc = np.concatenate([[0.0], np.cumsum(steps)])
-    at = np.linspace(0.0, arc[-1], count)
-    return np.column_stack([np.interp(at, arc, points[:, 0]), np.interp(at, arc, points[:, 1])])
-
-
 def resample(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
     """Return the polyline float64[L, 2] [m] as evenly spaced points, nearest to `spacing` [m]; both ends are kept."""
-    length = np.cumsum(np.hypot(*np.diff(points, axis=0).T))
-    if len(length) == 0 or length[-1] <= 0.0:
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    arc = np.concatenate([[0.0], np.cumsum(steps)])
+    if arc[-1] <= 0.0:
         return points[:1].copy()
-    return spaced(points, max(round(length[-1] / spacing), 1) + 1)
+    count = max(round(arc[-1] / spacing), 1) + 1
+    at = np.linspace(0.0, arc[-1], count)
+    return np.column_stack([np.interp(at, arc, points[:, 0]), np.interp(at, arc, points[:, 1])])
 
 
 def drivable_line(

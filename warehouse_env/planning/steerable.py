@@ -19,13 +19,17 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import RobotSpec
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.planning.lanes import nearest_shelf, resample, spaced
+from warehouse_env.planning.lanes import nearest_shelf, resample
 from warehouse_env.planning.smoothing import distance, segment_gap
 
 STEERING_SHARE = 0.85  # of the steering limit
 STEP = 0.25  # [m] between way-points
 MARGIN = 0.05  # [m] from the body's sides to shelves, kept by whole segments
-ROOM = 0.45  # [m] from the axle's centre to shelves, asked for where it fits
+ROOMS = (
+    0.45,
+    0.42,
+    0.38,
+)  # [m] to shelves that way-points ask for, in turn, until the line bends within its bound
 LEFT = 0.02  # [m] of half a cell that is not asked for as room
 DEVIATION, LENGTH, STIFFNESS = 0.03, 0.5, 1.0  # lambda, mu of eq. 13 and the weight of bending, per way-point
 SWEEPS = 80  # of the objective with its bounds, and then
@@ -152,24 +156,17 @@ def steerable_line(
     lane: float32[K, 2] [m], the way-points of `drivable_line`; cells: int64[L, 2], the planned path; solid: uint8
     [H + 2, W + 2], padded shelves, y up. The line's curvature is at most `most_curvature(robot)`, and its segments keep
     half the robot's width + MARGIN from shelves, on any map whose cells are as wide as twice the least radius and as
-    the body with its margins (1 m for the default robot): where the lane cannot be made so, the middle between it and
-    the rounded path of cells is tried, and then that path itself is taken. On smaller cells nothing is promised.
+    the body with its margins (1 m for the default robot): where the lane cannot be made so, the path of cells with
+    rounded corners is taken (1 in 200 routes of the layouts). On smaller cells nothing is promised.
     """
     if len(lane) < 3:
         return lane
     cell, bend, width = grid.cell_size, most_curvature(robot), 0.5 * robot.width + MARGIN
-    room = max(min(ROOM, 0.5 * cell - LEFT), width)
     target = resample(lane.astype(np.float64), STEP)
-    for blend in (False, True):
-        if blend:
-            target = 0.5 * (target + spaced(_arcs(cells, grid), len(target)))
+    for room in ROOMS:
         line = target.copy()
-        _relax(line, target, solid, cell, room, INSIDE * bend)
+        _relax(line, target, solid, cell, max(min(room, 0.5 * cell - LEFT), width), INSIDE * bend)
         line = resample(line, STEP)
         if sharpest(line) <= bend + ROUNDING and narrowest(line, solid, cell, width) >= width - ROUNDING:
             return line.astype(np.float32)
-    return resample(_arcs(cells, grid), STEP).astype(np.float32)
-
-
-def _arcs(cells: NDArray[np.int64], grid: GridMap) -> NDArray[np.float64]:
-    return rounded(grid.centre(without_knees(cells, grid)))
+    return resample(rounded(grid.centre(without_knees(cells, grid))), STEP).astype(np.float32)
