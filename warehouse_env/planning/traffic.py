@@ -64,24 +64,28 @@ class Flat(NamedTuple):
 
 def flatten(routes: Sequence[Route], columns: int) -> Flat:
     """Put routes int64[L, 2], one or more cells each, end to end."""
-    cells = [np.asarray(route, dtype=np.int64).reshape(-1, 2) for route in routes]
-    if any(len(route) == 0 for route in cells):
+    lengths = [len(route) for route in routes]
+    if not all(lengths):
         raise ConfigError("a route without cells has no traffic; leave out tasks for which no path was found")
-    arrivals = []
-    for route in cells:
-        diagonal = np.abs(np.diff(route, axis=0)).sum(axis=1) == 2
-        # Counted apart and added once, so that equal lengths are equal numbers.
-        straight, crosswise = np.cumsum(~diagonal), np.cumsum(diagonal)
-        arrivals.append(np.concatenate([[0.0], straight + crosswise * _SQRT2]))
-    first = np.cumsum([0, *map(len, cells)])
-    flat = [route[:, 0] * columns + route[:, 1] for route in cells]
-    empty = np.empty(0)
-    return Flat(
-        np.concatenate([empty.astype(np.int64), *flat]),
-        np.concatenate([empty, *arrivals]),
-        first.astype(np.int64),
-        columns,
-    )
+    cells = np.concatenate([np.empty((0, 2), np.int64), *routes])
+    first = np.zeros(len(routes) + 1, np.int64)
+    np.cumsum(lengths, out=first[1:])
+    flat = Flat(cells[:, 0] * columns + cells[:, 1], np.zeros(len(cells)), first, columns)
+    _arrive(flat)
+    return flat
+
+
+@njit(cache=True)
+def _arrive(flat: Any) -> None:
+    """Fill the arrivals. Steps are counted apart and added once, so that equal lengths are equal numbers."""
+    for i in range(len(flat.first) - 1):
+        straight = diagonal = 0
+        for k in range(flat.first[i] + 1, flat.first[i + 1]):
+            cell, before = flat.cell[k], flat.cell[k - 1]
+            along = cell // flat.columns == before // flat.columns or cell % flat.columns == before % flat.columns
+            straight += 1 if along else 0
+            diagonal += 0 if along else 1
+            flat.at[k] = straight + diagonal * _SQRT2
 
 
 def durations(flat: Flat) -> NDArray[np.float64]:
