@@ -7,6 +7,7 @@ import sqlite3
 from dataclasses import dataclass
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -323,3 +324,34 @@ def test_resample_keeps_the_ends_and_spaces_evenly() -> None:
     np.testing.assert_allclose(points[:5, 0], 0.525 * np.arange(5))
     np.testing.assert_allclose(points[6:], [[3.0, 0.15], [3.0, 0.675], [3.0, 1.2]])
     assert resample(line[:1].repeat(2, axis=0), 0.5).tolist() == [[0.0, 0.0]]
+
+
+def test_plans_prepared_side_by_side_are_those_made_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    grid = make_layout("paper46")
+    rng = np.random.default_rng(8)
+    ends = grid.free_cells[rng.integers(0, len(grid.free_cells), (12, 2))].tolist()
+    tasks = [((a[0], a[1]), (b[0], b[1])) for a, b in ends]
+    books = []
+    for threads in (1, 2):
+        monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(tmp_path / str(threads)))
+        numba.set_num_threads(threads)
+        try:
+            routes_of = RouteBook(grid, make_planner("pf_aco", ants=10, iterations=8))
+            routes_of.prepare(tasks)
+            assert len(routes_of._fresh) == (0 if threads == 1 else len(set(tasks)))
+            books.append([routes_of.cells(*task) for task in tasks])
+        finally:
+            numba.set_num_threads(2)
+    for one, two in zip(*books, strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+def test_a_task_without_a_path_is_named_when_its_route_is_asked_for(tmp_path: Path) -> None:
+    grid = GridMap(
+        np.array([[False, False, True, False, False]]), picks=np.array([[0, 0]]), stations=np.array([[0, 1]])
+    )
+    routes_of = book(grid, "pf_aco")
+    routes_of.prepare([((0, 0), (0, 4)), ((0, 0), (0, 1)), ((0, 1), (0, 4))])
+    assert routes_of.cells((0, 0), (0, 1)).tolist() == [[0, 0], [0, 1]]
+    with pytest.raises(PlanError, match=r"no path from \(0, 0\) to \(0, 4\)"):
+        routes_of.route((0, 0), (0, 4))

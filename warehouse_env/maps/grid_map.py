@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import math
 from collections import OrderedDict
@@ -160,7 +161,8 @@ class GridMap:
             if len(fields) > DISTANCE_FIELDS_KEPT:
                 fields.popitem(last=False)
         else:
-            fields.move_to_end(goal)
+            with contextlib.suppress(KeyError):  # another thread that plans on this map may just have dropped it
+                fields.move_to_end(goal)
         return known
 
     def check_cell(self, cell: ArrayLike, what: str) -> Cell:

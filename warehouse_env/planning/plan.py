@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol, get_args, get_origin, get_type_hints
 
@@ -11,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import ConfigError, PlanError
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-
 
 _NONE = np.empty(0)
 _NONE.flags.writeable = False
@@ -171,7 +171,7 @@ def validate_line(grid: GridMap, line: NDArray[np.float64], start: Cell, goal: C
     edge = min((points + 0.5).min(), (np.array(grid.occupied.shape) - 0.5 - points).min())
     if edge < clearance - _GRAZE:
         raise PlanError(f"the line comes {edge:.3f} cells near to the map's edge; {clearance} are wanted")
-    for a, b in zip(points, points[1:], strict=False):
+    for a, b in itertools.pairwise(points):
         low = np.floor(np.minimum(a, b) - clearance - 0.5).astype(int).clip(0)
         high = np.ceil(np.maximum(a, b) + clearance + 0.5).astype(int) + 1
         for row, column in np.argwhere(grid.occupied[low[0] : high[0], low[1] : high[1]]) + low:
@@ -230,8 +230,8 @@ def planner_key(planner: Any) -> str:
 def check_parameters(planner: Any, shares: tuple[str, ...] = ()) -> None:
     """Raise ConfigError unless each field of a planner dataclass fits its type.
 
-    bool: True or False; int: a whole number of at least 1, or None where the type allows it; float: finite and not negative, and at most 1 for the
-    fields named in `shares`; Literal: a choice.
+    bool: True or False; int: a whole number of at least 1; float: finite and not negative, and at most 1 for the fields
+    named in `shares`; Literal: a choice; None where the type allows it.
     """
     hints = get_type_hints(type(planner))
     for field in dataclasses.fields(planner):

@@ -11,8 +11,11 @@ import math
 import os
 import sqlite3
 import weakref
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from platformdirs import user_cache_dir
@@ -21,10 +24,10 @@ from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import MapError, PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.lanes import drivable_line
-from warehouse_env.planning.plan import Planner
+from warehouse_env.planning.plan import Plan, Planner
 from warehouse_env.planning.steerable import steerable_line
 
-CACHE_FORMAT = 1  # raised whenever a planner's result changes for the same key
+CACHE_FORMAT = 2  # raised whenever a planner's result changes for the same key
 WORTH_KEEPING = 0.002  # [s] a plan must have taken to be kept on disk
 MEMORY = 200_000  # routes kept in memory
 PENDING = 64  # plans written to disk at once
@@ -94,24 +97,59 @@ class RouteBook:
         self._keep_right, self._robot, self._seed = keep_right, smooth_for, seed
         self._solid = np.pad(grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
         self._routes: dict[tuple[Cell, Cell, Cell | None], NDArray[np.float32]] = {}
+        self._fresh: dict[tuple[Cell, Cell, Cell | None], NDArray[np.int64]] = {}  # plans whose routes are not made yet
         self._store = PlanStore(cache_directory())
 
     def cells(self, start: Cell, goal: Cell, behind: Cell | None = None) -> NDArray[np.int64]:
         """Return the planned cells int64[L, 2], without a first step to `behind`; PlanError where there is no path."""
-        key = f"{self.grid.key} {self.planner.key} {start} {goal} {behind} {self._seed}"
-        known = self._store.get(key)
-        if known is not None and len(known) and tuple(known[0]) == start and tuple(known[-1]) == goal:
-            return known
-        rng = np.random.default_rng([self._seed, *start, *goal])
-        plan = self.planner.plan(self._without(behind), start, goal, rng)
-        if not plan.found:
+        known = self._stored(start, goal, behind)
+        if known is None:
+            plan = self._plan(start, goal, behind)
+            self._keep(start, goal, behind, plan)
+            known = plan.cells
+        if not len(known):
             raise PlanError(
                 f"planner {self.planner.name} found no path from {start} to {goal} on map {self.grid.name!r}; "
                 "choose reachable cells or another planner"
             )
-        if plan.seconds > WORTH_KEEPING:
-            self._store.put(key, plan.cells)
-        return plan.cells
+        return known
+
+    def prepare(self, tasks: Sequence[tuple[Cell, Cell]]) -> None:
+        """Plan the tasks (start, goal) that are not known yet side by side, on as many threads as Numba may use.
+
+        Each has its own generator, so the plans are the same in any order and number of threads. What fails is found
+        out when its route is asked for.
+        """
+        new = [task for task in dict.fromkeys(tasks) if (*task, None) not in self._routes]
+        new = [task for task in new if self._stored(*task) is None]
+        threads = min(numba.get_num_threads(), len(new))
+        if threads < 2:
+            return
+        with ThreadPoolExecutor(threads) as pool:
+            plans = pool.map(lambda task: self._plan(*task), new)
+            for task, plan in zip(new, plans, strict=True):
+                self._keep(*task, None, plan)
+
+    def _key(self, start: Cell, goal: Cell, behind: Cell | None) -> str:
+        return f"{self.grid.key} {self.planner.key} {start} {goal} {behind} {self._seed}"
+
+    def _stored(self, start: Cell, goal: Cell, behind: Cell | None = None) -> NDArray[np.int64] | None:
+        """Return a plan that was made before, None where there is none or it is damaged."""
+        known = self._fresh.get((start, goal, behind))
+        if known is None:
+            known = self._store.get(self._key(start, goal, behind))
+        right = known is not None and len(known) and tuple(known[0]) == start and tuple(known[-1]) == goal
+        return known if right else None
+
+    def _plan(self, start: Cell, goal: Cell, behind: Cell | None = None) -> Plan:
+        rng = np.random.default_rng([self._seed, *start, *goal])
+        return self.planner.plan(self._without(behind), start, goal, rng)
+
+    def _keep(self, start: Cell, goal: Cell, behind: Cell | None, plan: Plan) -> None:
+        """Keep a plan until its route is made, and on disk where it took long."""
+        self._fresh[start, goal, behind] = plan.cells
+        if plan.found and plan.seconds > WORTH_KEEPING:
+            self._store.put(self._key(start, goal, behind), plan.cells)
 
     def _without(self, cell: Cell | None) -> GridMap:
         """Return the map with one more cell occupied."""
@@ -156,4 +194,5 @@ class RouteBook:
             if len(self._routes) >= MEMORY:
                 self._routes.pop(next(iter(self._routes)))
             self._routes[start, goal, behind] = known
+            self._fresh.pop((start, goal, behind), None)
         return known

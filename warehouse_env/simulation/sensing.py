@@ -79,17 +79,27 @@ def scan_robot(x, y, squared, c, s, p, rays, out):  # type: ignore[no-untyped-de
 
 
 @inline
-def _remember(squared, j, out, start, count):  # type: ignore[no-untyped-def]
-    """Keep the nearest robots sorted in `out` itself: (squared distance, index) at the head of each entry."""
+def _comes_before(squared, dx, dy, out, at):  # type: ignore[no-untyped-def]
+    """Is a robot nearer than the one remembered at `at`? Equally near ones go by where they are, not by index."""
+    if squared != out[at] or squared == np.float32(np.inf):
+        return squared < out[at]
+    return dx > out[at + 2] or (dx == out[at + 2] and dy > out[at + 3])
+
+
+@inline
+def _remember(squared, dx, dy, j, out, start, count):  # type: ignore[no-untyped-def]
+    """Keep the nearest robots sorted in `out` itself: (squared distance, index, dx, dy) at the head of each entry."""
     k = count - 1
-    if squared >= out[start + k * NEIGHBOUR]:
+    if not _comes_before(squared, dx, dy, out, start + k * NEIGHBOUR):
         return
-    while k > 0 and squared < out[start + (k - 1) * NEIGHBOUR]:
-        out[start + k * NEIGHBOUR] = out[start + (k - 1) * NEIGHBOUR]
-        out[start + k * NEIGHBOUR + 1] = out[start + (k - 1) * NEIGHBOUR + 1]
+    while k > 0 and _comes_before(squared, dx, dy, out, start + (k - 1) * NEIGHBOUR):
+        for m in range(4):
+            out[start + k * NEIGHBOUR + m] = out[start + (k - 1) * NEIGHBOUR + m]
         k -= 1
     out[start + k * NEIGHBOUR] = squared
     out[start + k * NEIGHBOUR + 1] = np.float32(j)
+    out[start + k * NEIGHBOUR + 2] = dx
+    out[start + k * NEIGHBOUR + 3] = dy
 
 
 @inline
@@ -114,7 +124,7 @@ def look_around(i, robots, heads, nexts, bucket_size, p, rays, out, start):  # t
                 if squared < reach * reach and j != i:
                     _see(o, dx, dy, squared, c, s, p, rays, out)
                     if squared < p["lidar_range"] * p["lidar_range"]:
-                        _remember(squared, j, out, start, count)
+                        _remember(squared, dx, dy, j, out, start, count)
                 j = nexts[j]
 
 

@@ -194,22 +194,28 @@ class Simulator:
 
     def _place_all(self, world: int) -> None:
         """Give every robot of a world a start, a goal and a route."""
-        rng, tasks, robots = self._rngs[world], self._tasks[world], self.robots[world]
-        places = [tasks.places[k] for k in rng.permutation(len(tasks.places))]
-        for i in range(self.num_agents):
-            while True:
-                if not places:
+        rng, tasks = self._rngs[world], self._tasks[world]
+        places = [tasks.places[k] for k in rng.permutation(len(tasks.places))[::-1]]
+        cells, spare = places[: self.num_agents], places[self.num_agents :]
+        goals = [tasks.next_goal(robot, cell, rng) for robot, cell in enumerate(cells)]
+        self.route_book.prepare(list(zip(cells, goals, strict=True)))
+        for robot in range(self.num_agents):
+            placed = robot < len(cells) and self._place(world, robot, cells[robot], goals[robot])
+            while not placed:
+                if not spare:
                     raise ConfigError(
-                        f"num_agents={self.num_agents} do not fit on map {self.grid.name!r}: only {i} found a start "
-                        "that touches nothing; use fewer robots or a larger map"
+                        f"num_agents={self.num_agents} do not fit on map {self.grid.name!r}: only {robot} found a "
+                        "start that touches nothing; use fewer robots or a larger map"
                     )
-                cell = places.pop()
-                goal = tasks.next_goal(i, cell, rng)
-                self._set_route(world, i, cell, goal)
-                route = self.routes[world, i]
-                direction = route[min(2, max(int(robots[i]["points"]) - 1, 0))] - route[0]
-                if place(robots, i, self.grid.centre(cell), direction, self._params, self._floor):
-                    break
+                cell = spare.pop(0)
+                placed = self._place(world, robot, cell, tasks.next_goal(robot, cell, rng))
+
+    def _place(self, world: int, robot: int, cell: Cell, goal: Cell) -> bool:
+        """Put a robot on a cell, facing along its route; False if it touches something there."""
+        self._set_route(world, robot, cell, goal)
+        route = self.routes[world, robot]
+        direction = route[min(2, max(int(self.robots[world, robot]["points"]) - 1, 0))] - route[0]
+        return place(self.robots[world], robot, self.grid.centre(cell), direction, self._params, self._floor)
 
     def _set_route(self, world: int, robot: int, start: Cell, goal: Cell, heading: float | None = None) -> None:
         points = self.route_book.route(start, goal, heading)

@@ -138,7 +138,7 @@ def test_deposit_marks_directed_edges_once_per_ant() -> None:
     np.testing.assert_array_equal(pheromone, expected)
 
 
-def test_the_slots_are_called_in_their_order_and_improve_counts() -> None:
+def test_the_slots_are_called_in_their_order_and_an_improved_path_counts() -> None:
     floor = open_floor(3, 3)
     calls: list[str] = []
     table = np.ones((9, 8))
@@ -147,9 +147,10 @@ def test_the_slots_are_called_in_their_order_and_improve_counts() -> None:
         calls.append(f"attraction {iteration}")
         return table, table
 
-    def improve(start: int, moves: Any) -> Any:
-        calls.append(f"improve from {start}")
-        return np.array([SOUTH_EAST, SOUTH_EAST], dtype=np.int8)
+    def appraise(walks: Walks, first: int, last: int) -> int:
+        calls.append(f"appraise {first} to {last}")
+        walks.moves[1, :2], walks.steps[1] = SOUTH_EAST, 2
+        return measure(floor, walks, first, last)
 
     def update(iteration: int, pheromone: Table, walks: Walks, best: Walks) -> None:
         calls.append(f"update {iteration}")
@@ -157,8 +158,8 @@ def test_the_slots_are_called_in_their_order_and_improve_counts() -> None:
 
     start = np.ones((9, 8))
     ants, rng = np.zeros(3, np.int64), np.random.default_rng(0)
-    search = run(floor, Colony(start, attraction, update), ants, 2, rng, improve=improve)
-    once = ["attraction {}", "improve from 0", "update {}"]
+    search = run(floor, Colony(start, attraction, update), ants, 2, rng, appraise=appraise)
+    once = ["attraction {}", "appraise 0 to 3", "update {}"]
     assert calls == [call.format(iteration) for iteration in range(2) for call in once]
     assert cells_of(floor, search.best, 0).tolist() == [[0, 0], [1, 1], [2, 2]]
     assert search.best_by_iteration.tolist() == [[2 * math.sqrt(2)] * 2]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -58,9 +59,9 @@ def run(
     *,
     patience: int | None = None,
     backtrack: bool = True,
-    improve: Callable[[int, NDArray[np.int8]], NDArray[np.int8]] | None = None,
+    appraise: Callable[[Walks, int, int], int] | None = None,
 ) -> Search:
-    """Let ants walk to the goal, improve, and mark.
+    """Let ants walk to the goal, appraise their paths, and mark.
 
     Ants of several starts share the pheromone; best paths are kept for each start. The best path has the least
     (cost, turns). All random numbers follow from one draw of `rng`.
@@ -73,7 +74,8 @@ def run(
         rng: the only source of chance.
         patience: stop after so many iterations without a better path; None: never before the last.
         backtrack: at a dead end ants step back, and the cell stays tabu; False: they die.
-        improve: (start, moves of an iteration's best path from there) -> moves of a better one.
+        appraise: (walks, first, last) -> the best of ants first..last-1, -1 if none arrived; measures their paths, and
+            may improve them first. By default `measure`.
     """
     begin, m = time.perf_counter(), len(start)
     first = np.flatnonzero(np.diff(start, prepend=-1))  # ants of the s-th start: first[s] to last[s] - 1
@@ -84,17 +86,20 @@ def run(
     seeds = rng.integers(1, 2**63, size=(iterations, m), dtype=np.uint64)
     visited = np.zeros(cells, np.int64)
     history, elapsed = np.full((len(first), iterations), np.inf), np.zeros(iterations)
-    changed = 0
+    appraise, changed = appraise or partial(measure, floor), 0
     for iteration in range(iterations):
-        trail = pheromone if colony.trail_power == 1.0 else pheromone**colony.trail_power
+        trail = _raised(pheromone, colony.trail_power)
         turning, straight = colony.attraction(iteration)
         q0 = colony.greedy(iteration) if colony.greedy else 0.0
         local = (colony.local_decay, colony.local_level)
         walk(floor, trail, turning, straight, seeds[iteration], q0, backtrack, local, visited, 1 + iteration * m, walks)
         for row in range(len(first)):
-            if _improve_best(floor, walks, first[row], last[row], best, row, improve):
+            winner = appraise(walks, first[row], last[row])
+            if winner >= 0 and (walks.cost[winner], walks.turns[winner]) < (best.cost[row], best.turns[row]):
+                keep(walks, winner, best, row)
                 changed = iteration
-        _stay_at_home(walks, first, last, backtrack)
+        if iteration == 0:
+            _stay_at_home(walks, first, last, backtrack)
         history[:, iteration:], elapsed[iteration:] = best.length[:, None], time.perf_counter() - begin
         if (walks.start < 0).all():
             break
@@ -105,36 +110,20 @@ def run(
     return Search(best, history, elapsed, pheromone)
 
 
+def _raised(table: Table, power: float) -> Table:
+    """table^power; 1.5, that of paper 002, by a root, which takes an eighth of the time."""
+    if power == 1.0:
+        return table
+    raised: Table = table * np.sqrt(table) if power == 1.5 else table**power
+    return raised
+
+
 def _stay_at_home(walks: Walks, first: NDArray[np.int64], last: NDArray[np.int64], backtrack: bool) -> None:
     """Retire starts that are the goal, and those cut off: an ant that steps back then has visited all in its reach."""
     for a, b in zip(first, last, strict=True):
         if walks.steps[a] == 0 or (backtrack and walks.steps[a] < 0):
             walks.start[a:b] = walks.steps[a:b] = -1
             walks.length[a:b] = walks.cost[a:b] = np.inf
-
-
-def _improve_best(
-    floor: Floor,
-    walks: Walks,
-    first: int,
-    last: int,
-    best: Walks,
-    row: int,
-    improve: Callable[[int, NDArray[np.int8]], NDArray[np.int8]] | None,
-) -> bool:
-    """Improve the best of ants first..last-1, and keep it in best[row] if none was as good; True if it was kept."""
-    winner = measure(floor, walks, first, last)
-    if winner < 0:
-        return False
-    if improve:
-        moves = improve(int(best.start[row]), walks.moves[winner, : walks.steps[winner]])
-        walks.moves[winner, : len(moves)] = moves
-        walks.steps[winner] = len(moves)
-        measure(floor, walks, winner, winner + 1)
-    if (walks.cost[winner], walks.turns[winner]) >= (best.cost[row], best.turns[row]):
-        return False
-    keep(walks, winner, best, row)
-    return True
 
 
 def cells_of(floor: Floor, walks: Walks, ant: int) -> NDArray[np.int64]:

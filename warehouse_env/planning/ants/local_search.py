@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.planning.ants.floor import MICRO, Floor
+from warehouse_env.planning.ants.walks import Walks, measure
 
 _SQRT2 = math.sqrt(2.0)
 
@@ -45,6 +46,43 @@ def straight_runs(floor: Floor) -> Runs:
                 free[cell, move] = free[to, move] + 1
                 toll[cell, move] = toll[to, move] + floor.toll[cell, move]
     return Runs(free, toll)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def improve(floor: Floor, runs: Runs, elite: int, walks: Walks, first: int, last: int) -> int:
+    """Measure ants first..last-1, shorten the paths of the best `elite` of them, and return the best; -1 if none.
+
+    Paths with the same cost and turns are taken for the same, and but one of them is shortened.
+    """
+    measure(floor, walks, first, last)
+    chosen = np.empty(elite, np.int64)
+    count, cost, turns = 0, -1.0, 0
+    while count < elite:
+        ant = _next_best(walks, first, last, cost, turns)
+        if ant < 0:
+            break
+        cost, turns = walks.cost[ant], walks.turns[ant]
+        chosen[count] = ant
+        count += 1
+    for ant in chosen[:count]:
+        moves = shorten(floor, runs, walks.start[ant], walks.moves[ant, : walks.steps[ant]])
+        walks.moves[ant, : len(moves)] = moves
+        walks.steps[ant] = len(moves)
+        measure(floor, walks, ant, ant + 1)
+    return _next_best(walks, first, last, -1.0, 0)
+
+
+@njit(cache=True)
+def _next_best(walks: Walks, first: int, last: int, cost: float, turns: int) -> int:
+    """The first of the ants with the least (cost, turns) above those given; -1 if none arrived with more."""
+    best = -1
+    for ant in range(first, last):
+        if walks.steps[ant] < 0 or walks.cost[ant] < cost or (walks.cost[ant] == cost and walks.turns[ant] <= turns):
+            continue
+        better = best < 0 or walks.cost[ant] < walks.cost[best]
+        if better or (walks.cost[ant] == walks.cost[best] and walks.turns[ant] < walks.turns[best]):
+            best = ant
+    return best
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

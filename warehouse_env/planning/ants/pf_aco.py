@@ -44,8 +44,9 @@ class PfAco(AntSystem):
       equal for all, is left out. The length L is the walk's cost: with tolls, where the floor or a cost map takes them.
 
     "Best" is the least length + gentleness * metres climbed, then the fewest turns: the paper names length, gentleness
-    and smoothness as its aims but no order of them. local_search=False is the paper's own system; with it the
-    iteration's best path is straightened (local_search.py) before it counts and deposits.
+    and smoothness as its aims but no order of them. PfAco(local_search=False, patience=None) is the paper's own system;
+    with local search the best paths of an iteration are straightened (local_search.py) before they count and deposit,
+    and the search ends when 20 iterations have found none better.
 
     attraction="distance_field" replaces the straight pull by the descent of the true cost-to-go. It knows the answer
     beforehand: a hybrid of exact search and colony, for which 10 ants and 5 iterations suffice if the heuristic is
@@ -53,7 +54,9 @@ class PfAco(AntSystem):
     """
 
     local_search: bool = True
+    elite: int = 10
     gentleness: float = 10.0
+    patience: int | None = 20
     a: float = 1.0  # weight of the potential field
     b: float = 1.0  # weight of gentleness
     c: float = 0.3  # weight of smoothness; from 1 on paths get longer
@@ -68,7 +71,7 @@ class PfAco(AntSystem):
     straight_base: float = 0.2  # sigma, eq. 15
     initial_boost: float = 1.5  # phi * D, eq. 17
     evaporation: float = 0.2  # phi, eq. 18
-    strength: float = 10.0  # Q, eqs. 20-22
+    strength: float = 3.0  # Q, eqs. 20-22
     length_weight: float = 1.0  # A, eq. 20
     height_weight: float = 0.05  # B, eq. 21 [m]
     turn_weight: float = 0.2  # C, eq. 22

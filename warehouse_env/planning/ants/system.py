@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.ants.colony import Colony, Search, cells_of, run
 from warehouse_env.planning.ants.floor import MICRO, Floor, Table, make_floor
-from warehouse_env.planning.ants.local_search import shorten, straight_runs
+from warehouse_env.planning.ants.local_search import improve, straight_runs
 from warehouse_env.planning.plan import Plan, check_endpoints, check_parameters, planner_key
 
 STEP: NDArray[np.float64] = np.sqrt((MOVES**2).sum(axis=1))  # [8] length of each move: 1 or sqrt 2
@@ -28,14 +28,15 @@ class AntSystem:
     """Base of the ant systems: each gives its slots in `colony`, and its constants as further fields.
 
     An ant at a dead end steps back (dead_end="backtrack"), or dies as in the papers ("die"), which can leave a run
-    without any path. With local_search the iteration's best path is straightened (local_search.py) before it counts
-    and deposits.
+    without any path. With local_search an iteration's best paths are straightened (local_search.py) before they count
+    and deposit.
     """
 
     ants: int = 50
     iterations: int = 100
     dead_end: Literal["backtrack", "die"] = "backtrack"
     local_search: bool = False
+    elite: int = 1  # paths of an iteration that local search shortens: the best ones that differ
     gentleness: float = 0.0  # [cells/m] detour that a metre of climbing is worth
     patience: int | None = None  # stop after so many iterations without a better path; None: never before the last
 
@@ -112,9 +113,11 @@ class AntSystem:
             colony = replace(colony, attraction=_eased(floor, colony.attraction))
         if pheromone is not None:
             colony = replace(colony, pheromone=pheromone)
-        improve = partial(shorten, floor, straight_runs(floor)) if self.local_search else None
+        appraise = partial(improve, floor, straight_runs(floor), self.elite) if self.local_search else None
         back = self.dead_end == "backtrack"
-        found = run(floor, colony, start, self.iterations, rng, patience=self.patience, backtrack=back, improve=improve)
+        found = run(
+            floor, colony, start, self.iterations, rng, patience=self.patience, backtrack=back, appraise=appraise
+        )
         return floor, found
 
     def finish(self, grid: GridMap, plan: Plan) -> Plan:
