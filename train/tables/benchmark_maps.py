@@ -83,12 +83,16 @@ def make_tasks(name: str, count: int, seed: int) -> tuple[Task, ...]:
 
 @cache
 def clearance_field(name: str) -> NDArray[np.float64]:
+    """Return the clearance of every cell of a map."""
+    return clearance_of(make_map(name).occupied)
+
+
+def clearance_of(occupied: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Return float64[H, W], the distance [cells] of each cell's centre from the nearest shelf cell or the map's edge.
 
     On a path of legal moves the least distance is that of one of its cells: a diagonal move passes no shelf closer.
     """
-    grid = make_map(name)
-    solid = np.pad(grid.occupied, 1, constant_values=True)
+    solid = np.pad(occupied, 1, constant_values=True)
     rows, columns = solid.shape
     up_down = np.full(solid.shape, np.inf)  # to the nearest shelf cell of the same column
     for row in range(rows):
