@@ -44,11 +44,18 @@ class Figures:
         return self._cells.get((setting, system), [])
 
     def figure(self, setting: str, system: str, measure: str) -> Interval:
-        """Return mean and 95% interval of a measure, over runs on one map or over maps where there are several."""
+        """Return mean and 95% interval of a measure, over runs on one map or over maps where there are several.
+
+        The interval is cut to what is possible: no measure is negative, no share above 1.
+        """
         sampled = [MEASURES[measure].samples(rows) for rows in self.tasks(setting, system)]
         if len(sampled) == 1 and measure.endswith("_share"):
             return _wilson(sampled[0])
-        return mean_interval(sampled[0] if len(sampled) == 1 else [_mean(samples) for samples in sampled if samples])
+        found = mean_interval(sampled[0] if len(sampled) == 1 else [_mean(samples) for samples in sampled if samples])
+        if not math.isfinite(found.low):
+            return found
+        most = 1.0 if measure.endswith("_share") else math.inf
+        return found._replace(low=max(found.low, 0.0), high=min(found.high, most))
 
     def difference(self, setting: str, ours: str, other: str, measure: str) -> Interval:
         """Return ours - other with its 95% interval; NaN where one of them has no figure."""

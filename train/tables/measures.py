@@ -101,7 +101,7 @@ MEASURES: dict[str, Measure] = {
     "converged_at": Measure("converged at", _each("converged_at"), digits=3),
     "best_converged_at": Measure("best converged at", _of_best("converged_at"), digits=3, single=True),
     "iterations": Measure("iterations", _each("iterations"), digits=3),
-    "ms": Measure("median ms", _over("ms", statistics.median), digits=3, single=True),
+    "ms": Measure("median ms", _over("cpu_ms", statistics.median), digits=3, single=True),
     "line_length": Measure("smoothed length", _each("line_length")),
     "best_line_length": Measure("best smoothed length", _over("line_length", min), single=True),
     "line_turns": Measure("turns, smoothed", _each("line_turns"), digits=3),

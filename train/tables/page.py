@@ -24,8 +24,9 @@ from warehouse_env import __version__
 _SHOW_INTERVAL = 1e-6  # relative width below which an interval is no news
 INTERVALS = (
     "Means with their 95% intervals: by Student's t over runs where a setting is one map, over maps where it has "
-    "several; shares by Wilson's score. n: runs of each system, times maps. Lengths in cells. Lines in italics are in "
-    "print."
+    "several, cut to what is possible; shares on one map by Wilson's score. n: runs of each system, times maps. "
+    "Lengths in cells, times in milliseconds of processor time, the median, with no compilation in it. Lines in "
+    "italics are what the paper prints."
 )
 
 

@@ -43,28 +43,30 @@ def _draw(picture: Picture) -> None:
 
 
 def study_pictures(study: Study, figures: Figures, folder: Path) -> list[Picture]:
-    """Return the pictures of a study: for each pictured setting the paths on its first map, and the convergence."""
+    """Return the pictures of a study: for each pictured setting the paths on one of its maps, and the convergence."""
     pictures: list[Picture] = []
     colours = name_colours(system.label for system in study.systems)
     for setting in study.settings():
         if setting.name not in (study.pictured or figures.settings[:_MOST_SETTINGS]):
             continue
-        first = {system.label: figures.tasks(setting.name, system.label)[:1] for system in study.systems}
-        rows = {label: tasks[0] for label, tasks in first.items() if tasks}
-        grid = setting.tasks[0].grid
+        every = {system.label: figures.tasks(setting.name, system.label) for system in study.systems}
+        every = {label: tasks for label, tasks in every.items() if tasks}
+        optima = [task[0]["optimal_length"] for task in next(iter(every.values()))]
+        chosen = optima.index(max(optima))
+        rows = {label: tasks[chosen] for label, tasks in every.items()}
+        where = "" if len(optima) == 1 else ", on the task with the longest way"
         title = f"{study.name.replace('_', ' ')}: {setting.name}"
         best = {label: next((row for row in own if row.get("cells")), None) for label, own in rows.items()}
         ways = {label: _way(row) for label, row in best.items()}
         notes = {label: _note(row) for label, row in best.items() if row is not None}
         path = folder / f"{study.name}_paths_{file_name(setting.name)}.png"
-        caption = f"{setting.name}: each system's best run{' on the first map' if len(setting.tasks) > 1 else ''}"
+        grid, caption = setting.tasks[chosen].grid, f"{setting.name}: each system's best run{where}"
         pictures.append(Picture(charts.paths, (grid, ways, title, path, notes, colours), path, caption))
         curves = {label: _curves(own) for label, own in rows.items() if any(row["curve"] for row in own)}
         if curves:
             path = folder / f"{study.name}_convergence_{file_name(setting.name)}.png"
-            optimum = next(iter(rows.values()))[0]["optimal_length"]
-            caption = f"{setting.name}: median of the runs, 10th to 90th percentile shaded"
-            pictures.append(Picture(charts.convergence, (curves, optimum, path, title, colours), path, caption))
+            caption = f"{setting.name}: median of the runs{where}; 10th to 90th percentile shaded"
+            pictures.append(Picture(charts.convergence, (curves, optima[chosen], path, title, colours), path, caption))
     return pictures
 
 
@@ -104,7 +106,7 @@ def points_of(figures: Figures, settings: Sequence[str]) -> list[Point]:
         gaps = [[row["gap"] for row in task if row["gap"] is not None] for task in tasks]
         gap = mean_interval(100 * float(np.mean(own)) for own in gaps if own)
         failed = 1.0 - float(np.mean([row["success"] for row in rows]))
-        ms = float(np.median([row["ms"] for row in rows]))
+        ms = float(np.median([row["cpu_ms"] for row in rows]))
         points.append(Point(system.label, family(system.planner), ms, gap.mean, gap.low, gap.high, failed))
     return points
 
@@ -117,7 +119,10 @@ def pareto_pictures(figures: Figures, folder: Path) -> list[Picture]:
     title = "What a millisecond buys: all planners"
     panels = {setting: points_of(figures, [setting]) for setting in settings}
     one = {f"{', '.join(settings)} together": points_of(figures, settings)}
-    caption = "Lower left is better. Hollow: some runs found no path. Grey: what no planner without failures beats"
+    caption = (
+        "Lower left is better. Hollow: some runs found no path, and the gap is that of the others. Grey: what no "
+        "planner without failures beats"
+    )
     return [
         Picture(planner_charts.pareto, (one, together, title), together, caption),
         Picture(planner_charts.pareto, (panels, apart, title), apart, f"{caption}. Map by map"),

@@ -1,0 +1,22 @@
+"""The toy study as the only one of the catalogue."""
+
+from __future__ import annotations
+
+import sys
+import types
+
+import pytest
+
+from tests.train.tables.toy import STUDY
+from train.tables import catalogue
+from train.tables.study import Study
+
+
+@pytest.fixture
+def toy(monkeypatch: pytest.MonkeyPatch) -> Study:
+    """Make the toy study the only one of the catalogue."""
+    module = types.ModuleType("toy_paper")
+    module.STUDIES = (STUDY,)  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "toy_paper", module)
+    monkeypatch.setattr(catalogue, "MODULES", {"toy": "toy_paper"})
+    return STUDY

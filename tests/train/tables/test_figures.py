@@ -1,0 +1,175 @@
+"""Figures and verdicts, against values computed by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from functools import partial
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.train.tables.toy import STUDY, row
+from train.tables.figures import Figures, judge, percent, reaches_print
+from train.tables.measures import MEASURES
+from train.tables.study import Claim, Published, Study, System
+from warehouse_env.errors import ConfigError, WarehouseError
+
+
+def figures(*rows: dict[str, Any], study: Study = STUDY) -> Figures:
+    return Figures(study, rows)
+
+
+def runs(system: str, lengths: list[float | None], setting: str = "open", number: int = 0) -> list[dict[str, Any]]:
+    return [row(setting, system, length, run, number) for run, length in enumerate(lengths)]
+
+
+def test_one_map_has_its_interval_over_runs() -> None:
+    """Lengths 10, 11, 12: mean 11, standard error 1/sqrt 3, t(2) = 4.3027."""
+    found = figures(*runs("ants", [10.0, 11.0, 12.0])).figure("open", "ants", "mean")
+    assert (found.mean, found.samples) == (11.0, 3)
+    assert found.high - found.mean == pytest.approx(4.302653 / math.sqrt(3), rel=1e-5)
+
+
+def test_several_maps_have_their_interval_over_maps() -> None:
+    """Means 11 and 13 of two maps: t(1) = 12.7062 times the standard error 1; never below zero."""
+    rows = [*runs("ants", [10.0, 12.0], number=0), *runs("ants", [13.0, 13.0], number=1)]
+    found = figures(*rows).figure("open", "ants", "mean")
+    assert (found.mean, found.samples) == (12.0, 2)
+    assert (found.low, found.high) == (0.0, pytest.approx(12.0 + 12.7062, rel=1e-5))
+
+
+def test_runs_without_a_path_lower_the_share_and_leave_the_mean() -> None:
+    known = figures(*runs("ants", [10.0, None, 12.0, None]))
+    assert known.figure("open", "ants", "mean").mean == 11.0
+    assert known.figure("open", "ants", "found_share").mean == 0.5
+    assert known.figure("open", "ants", "optimal_share").mean == 0.25
+    assert math.isnan(figures(*runs("ants", [None])).figure("open", "ants", "mean").mean)
+
+
+def test_share_of_all_runs_has_an_interval() -> None:
+    """Wilson at 10 of 10: 10 / (10 + 1.96^2) = 0.7225."""
+    found = figures(*runs("ants", [10.0] * 10)).figure("open", "ants", "optimal_share")
+    assert (found.mean, found.high) == (1.0, 1.0)
+    assert found.low == pytest.approx(0.7225, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("measure", "wanted"),
+    [
+        ("best", [9.0]),
+        ("worst", [14.0]),
+        ("best_of_10", [9.0, 10.0]),
+        ("best_of_10_turns", [4.0, 3.0]),
+        ("sd", [math.sqrt((1.15**2 + 18 * 0.15**2 + 3.85**2) / 19)]),
+    ],
+)
+def test_measures_over_runs(measure: str, wanted: list[float]) -> None:
+    """Twenty runs: one of 9 with four turns, one of 14, all others of 10; the mean is 10.15."""
+    lengths = [9.0, *[10.0] * 18, 14.0]
+    rows = [
+        {**row("open", "ants", length, run), "turns": 4 if length == 9.0 else 3} for run, length in enumerate(lengths)
+    ]
+    assert MEASURES[measure].samples(rows) == pytest.approx(wanted)
+
+
+def claim(by: float | None = None, measure: str = "mean", **more: Any) -> Claim:
+    return Claim("a claim", "ants", "dijkstra", measure, by, **more)
+
+
+def verdict(ours: list[float | None], other: list[float | None], one: Claim) -> str:
+    return judge(figures(*runs("ants", ours), *runs("dijkstra", other)), one).word
+
+
+NEAR_EIGHT: list[float | None] = [7.9, 8.0, 8.1, 8.0]
+NEAR_TEN: list[float | None] = [9.9, 10.0, 10.1, 10.0]
+
+
+@pytest.mark.parametrize(
+    ("ours", "other", "one", "word"),
+    [
+        (NEAR_EIGHT, NEAR_TEN, claim(), "holds"),
+        (NEAR_EIGHT, NEAR_TEN, claim(-0.2), "holds"),
+        (NEAR_EIGHT, NEAR_TEN, claim(-0.5), "holds in part"),
+        (NEAR_TEN, NEAR_EIGHT, claim(), "does not hold"),
+        ([8.0, 12.0], [9.0, 12.0], claim(), "does not hold"),
+        ([8.0] * 3, [10.0] * 3, claim(-0.2), "holds"),
+        ([10.0] * 3, [10.0] * 3, claim(), "does not hold"),
+        ([None] * 3, [10.0] * 3, claim(), "cannot be told"),
+        ([10.0] * 8, [12.0] * 8, claim(measure="optimal_share"), "holds"),
+        ([10.0] * 8, [12.0] * 8, claim(0.5, "optimal_share"), "holds"),
+        ([12.0] * 8, [10.0] * 8, claim(measure="optimal_share"), "does not hold"),
+        ([8.0, 8.0, 8.1, 8.0] * 5, [8.0, 12.0, 16.0, 8.0] * 5, claim(measure="sd"), "holds"),
+    ],
+)
+def test_the_rule(ours: list[float | None], other: list[float | None], one: Claim, word: str) -> None:
+    assert verdict(ours, other, one) == word
+
+
+def test_a_claim_for_two_settings_that_holds_in_one() -> None:
+    rows = [
+        *runs("ants", NEAR_EIGHT), *runs("dijkstra", NEAR_TEN),
+        *runs("ants", NEAR_TEN, "shelves"), *runs("dijkstra", NEAR_TEN, "shelves"),
+    ]  # fmt: skip
+    assert judge(figures(*rows), claim()).word == "holds in part"
+    assert judge(figures(*rows), claim(settings=("open",))).word == "holds"
+    assert judge(figures(*rows), claim(settings=("nowhere",))).word == "cannot be told"
+
+
+def test_maps_are_compared_in_pairs() -> None:
+    """Maps differ by far more than the systems, and each map agrees: a difference of 1 on each of four maps."""
+    rows = []
+    for number, length in enumerate((10.0, 20.0, 30.0, 40.0)):
+        rows += [*runs("ants", [length - 1], number=number), *runs("dijkstra", [length], number=number)]
+    known = figures(*rows)
+    assert known.difference("open", "ants", "dijkstra", "mean")[:3] == (-1.0, -1.0, -1.0)
+    assert judge(known, claim()).word == "holds"
+    assert known.relative("open", "ants", "dijkstra", "mean").mean == pytest.approx(-1 / 25)
+
+
+def test_verdict_names_figures_and_failures() -> None:
+    why = judge(figures(*runs("ants", [8.0, 8.0]), *runs("dijkstra", [10.0, None])), claim()).why
+    assert why == "open: 8 against 10 (found 50%), -20.0%"
+
+
+@given(st.lists(st.floats(5, 50), min_size=2, max_size=6), st.lists(st.floats(5, 50), min_size=2, max_size=6))
+def test_no_claim_and_its_opposite_both_hold(ours: list[float | None], other: list[float | None]) -> None:
+    words = {verdict(ours, other, claim()), verdict(other, ours, claim())}
+    assert words != {"holds"}
+
+
+def test_printed_figures_reached_or_named() -> None:
+    printed = (Published("open", "theirs", "mean", 10.0, "ants"), Published("open", "theirs", "turns", 2, "ants"))
+    study = dataclasses.replace(STUDY, published=(*printed, Published("open", "theirs", "mean", 1.0)))
+    known = figures(*runs("ants", [9.0, 10.99]), study=study)
+    found = judge(known, Claim("reached", check=partial(reaches_print, ours="ants")))
+    assert found.word == "holds in part"
+    assert found.why == "1 of 2 figures reached; not: open, turns: 3 against 2 in print"
+
+
+def test_percent() -> None:
+    one = figures(*runs("ants", [8.0]), *runs("dijkstra", [10.0])).relative("open", "ants", "dijkstra", "mean")
+    assert percent(one) == "-20.0%"
+    assert percent(one._replace(low=-0.25, high=-0.15)) == "-20.0% [-25.0, -15.0]"
+    assert percent(one._replace(mean=math.nan)) == "no figure"
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"systems": (System("a", "astar"), System("a", "dijkstra"))},
+        {"measures": ("lenght",)},
+        {"published": (Published("open", "theirs", "mean", 1.0, "nobody"),)},
+        {"claims": (Claim("x", "ants", "nobody", "mean"),)},
+    ],
+)
+def test_a_study_with_a_wrong_name_is_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(WarehouseError):
+        dataclasses.replace(STUDY, **wrong)
+
+
+def test_a_system_with_a_wrong_parameter_is_refused() -> None:
+    with pytest.raises(ConfigError):
+        System("ants", "pf_aco", {"ant": 3}).make()

@@ -1,0 +1,46 @@
+"""A study of two tiny floors whose answers are known, and rows as a run would give them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from train.tables.study import Claim, Published, Setting, Study, System, TableTask
+from warehouse_env.maps.grid_map import GridMap
+
+
+def settings() -> tuple[Setting, ...]:
+    """An open floor of 5 x 5, and two floors of 6 x 6 with one shelf each."""
+    shelves = []
+    for row in (2, 3):
+        occupied = np.zeros((6, 6), dtype=np.bool_)
+        occupied[row, row] = True
+        shelves.append(TableTask(GridMap(occupied, name=f"shelf {row}"), (0, 0), (5, 5)))
+    one = TableTask(GridMap(np.zeros((5, 5), dtype=np.bool_), name="open"), (0, 0), (4, 4))
+    return Setting("open", (one,)), Setting("shelves", tuple(shelves))
+
+
+STUDY = Study(
+    name="toy",
+    paper="a toy",
+    title="A toy table",
+    settings=settings,
+    systems=(System("ants", "pf_aco", {"ants": 8, "iterations": 3}), System("dijkstra", "dijkstra")),
+    runs=3,
+    measures=("best", "mean", "optimal_share", "turns", "ms"),
+    published=(Published("open", "theirs", "mean", 6.0, "ants"), Published("open", "another", "turns", 2)),
+    claims=(Claim("ants are as good", "ants", "dijkstra", "mean"),),
+    note="A note.",
+)
+
+
+def row(setting: str, system: str, length: float | None, run: int = 0, number: int = 0, **more: Any) -> dict[str, Any]:
+    """A row of the toy study with an optimum of 10; length None: no path."""
+    found = length is not None
+    return {
+        "study": "toy", "setting": setting, "system": system, "number": number, "run": run, "success": found,
+        "length": length, "optimal_length": 10.0, "gap": length / 10 - 1 if length is not None else None,
+        "turns": 3 if found else None, "min_turns": 2, "converged_at": 5 if found else None, "iterations": 9,
+        "cpu_ms": 2.0, "line_length": length, "line_turns": 3, "curve": [], "cells": [], "line": None, **more,
+    }  # fmt: skip
