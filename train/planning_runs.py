@@ -82,6 +82,7 @@ def plan_once(grid: GridMap, planner: Planner, task: Task, number: int, run: int
         "climb_m": climb(grid, plan.cells) if plan.found else None,
         "line_length": plan.line_length if plan.found else None,
         "line_turns": line_turns(driven(plan)) if plan.found else None,
+        "turn_angle": turn_angle(driven(plan)) if plan.found else None,
         "clearance": least_gap(grid, driven(plan)) if plan.found else None,
         "converged_at": plan.converged_at or None,
         "iterations": len(plan.best_by_iteration),
@@ -105,6 +106,11 @@ def line_turns(line: NDArray[np.float64]) -> int:
     """Return how often the direction of a polyline float64[K, 2] changes by more than a degree."""
     step = np.diff(line, axis=0)
     return sum(_angle(a, b) > _BEND for a, b in itertools.pairwise(step))
+
+
+def turn_angle(line: NDArray[np.float64]) -> float:
+    """Return by how many degrees in all the direction of a polyline float64[K, 2] changes."""
+    return math.degrees(sum(_angle(a, b) for a, b in itertools.pairwise(np.diff(line, axis=0))))
 
 
 def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
