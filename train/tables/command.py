@@ -78,23 +78,41 @@ class Tables:
         studies = chosen(self.papers, self.tables)
         check_writable(self.out / "README.md")
         rows = self._rows(studies)
-        written = write_pages([study for _, study in studies], rows, self.out, self.pictures, self.processes)
+        before = self._made_before(studies)
+        written = write_pages(
+            [study for _, study in studies], rows, before, self.out, pictures=self.pictures, processes=self.processes
+        )
         print(f"wrote {written} files to {self.out} in {time.perf_counter() - begin:.0f} s; begin with README.md")
+
+    @property
+    def _path(self) -> Path:
+        return self.json or self.out / "rows.jsonl"
+
+    def _made_before(self, studies: Sequence[tuple[str, Study]]) -> list[tuple[Study, list[Row]]]:
+        """Return the other studies whose rows are all in the file, for the index."""
+        others, old = [one for one in chosen((), ()) if one not in studies], _complete_rows(self._path)
+        found = []
+        for module, study in others:
+            own = [row for row in old if row.get("study") == study.name]
+            blocks = blocks_of(module, study, self.runs, self.seed) if own else []
+            kept, missing = split(blocks, own)
+            if kept and not missing:
+                found.append((study, _in_order(kept, blocks)))
+        return found
 
     def _rows(self, studies: Sequence[tuple[str, Study]]) -> list[Row]:
         """Return the rows of all blocks, those of the file and those that were missing in it."""
         blocks = [block for module, study in studies for block in blocks_of(module, study, self.runs, self.seed)]
-        path = self.json or self.out / "rows.jsonl"
-        old = [] if self.fresh else _complete_rows(path)
-        kept, missing = split(blocks, old)
+        old = _complete_rows(self._path)
+        kept, missing = split(blocks, [] if self.fresh else old)
         wanted = {study.name for _, study in studies}
         good = [row for row in old if row.get("study") not in wanted] + kept
         if len(good) < len(old):  # rows of other code, runs or seeds would only be in the way
-            write_text(path, "".join(json.dumps(row) + "\n" for row in good))
-        file = RowFile(path, keep=not self.fresh)
+            write_text(self._path, "".join(json.dumps(row) + "\n" for row in good))
+        file = RowFile(self._path, keep=True)
         done = len(blocks) - len(missing)
         if done:
-            print(f"{done} of {len(blocks)} blocks are kept from {path}; --fresh runs them again")
+            print(f"{done} of {len(blocks)} blocks are kept from {self._path}; --fresh runs them again")
         try:
             with make_progress() as progress:
                 bar = progress.add_task(f"{self.processes} processes", total=len(blocks), completed=done)

@@ -39,15 +39,20 @@ class Written(NamedTuple):
     pictures: list[Picture]
 
 
-def write_pages(studies: Sequence[Study], rows: Sequence[Row], folder: Path, pictures: bool, processes: int) -> int:
-    """Write all pages, tables and pictures of the studies into a folder; return the number of files."""
-    written = []
-    for study in studies:
-        figures = Figures(study, rows)
-        drawn = study_pictures(study, figures, folder) if pictures else []
-        if pictures and study.name == all_planners.NAME:
-            drawn = [*pareto_pictures(figures, folder), *drawn]
-        written.append(Written(study, figures, [(claim, judge(figures, claim)) for claim in study.claims], drawn))
+def write_pages(
+    studies: Sequence[Study],
+    rows: Sequence[Row],
+    before: Sequence[tuple[Study, list[Row]]],
+    folder: Path,
+    *,
+    pictures: bool,
+    processes: int,
+) -> int:
+    """Write the pages, tables and pictures of studies into a folder, and an index; return the number of files.
+
+    before: studies whose pages are there already, with their rows; the index lists them too.
+    """
+    written = [_written(study, rows, folder, pictures) for study in studies]
     charts = [picture for one in written for picture in one.pictures]
     draw_all(charts, processes)
     files = 1 + len(charts)
@@ -58,8 +63,17 @@ def write_pages(studies: Sequence[Study], rows: Sequence[Row], folder: Path, pic
         if one.study.name == all_planners.NAME:
             write_text(folder / f"{one.study.name}.html", _html(one))
             files += 1
-    write_text(folder / "README.md", _index(written))
+    every = [*written, *(_written(study, own, folder, pictures) for study, own in before)]
+    write_text(folder / "README.md", _index(sorted(every, key=lambda one: one.study.name)))
     return files
+
+
+def _written(study: Study, rows: Sequence[Row], folder: Path, pictures: bool) -> Written:
+    figures = Figures(study, rows)
+    drawn = study_pictures(study, figures, folder) if pictures else []
+    if pictures and study.name == all_planners.NAME:
+        drawn = [*pareto_pictures(figures, folder), *drawn]
+    return Written(study, figures, [(claim, judge(figures, claim)) for claim in study.claims], drawn)
 
 
 def study_table(figures: Figures) -> Table:

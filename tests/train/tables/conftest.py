@@ -15,6 +15,8 @@ from train.tables.study import Study
 @pytest.fixture
 def toy(monkeypatch: pytest.MonkeyPatch) -> Study:
     """Make the toy study the only one of the catalogue."""
+    catalogue.studies_of.cache_clear()
+    catalogue.settings_of.cache_clear()
     module = types.ModuleType("toy_paper")
     module.STUDIES = (STUDY,)  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "toy_paper", module)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -150,3 +152,15 @@ def test_bad_options(tmp_path: Path, capsys: pytest.CaptureFixture[str], options
     assert main(["tables", "--out", str(tmp_path / "out"), *options]) == 2
     assert words in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_the_index_names_tables_made_before(tmp_path: Path, toy: Study, monkeypatch: pytest.MonkeyPatch) -> None:
+    both = (toy, dataclasses.replace(toy, name="toy_2", title="Another toy"))
+    monkeypatch.setattr(sys.modules["toy_paper"], "STUDIES", both)
+    assert tables(tmp_path, "--tables", "toy") == 0
+    assert "Another toy" not in (tmp_path / "README.md").read_text()
+    assert tables(tmp_path, "--tables", "toy_2", "--fresh") == 0
+    index = (tmp_path / "README.md").read_text()
+    assert "A toy table" in index
+    assert "Another toy" in index
+    assert len(read_rows(tmp_path / "rows.jsonl")) == 36
