@@ -98,3 +98,13 @@ def test_shorter_and_earlier_than_the_traditional_colony(task: str) -> None:
 def test_bad_parameters_are_named() -> None:
     with pytest.raises(ConfigError, match=r"apf_aco parameter evaporation=1.5"):
         ApfAco(evaporation=1.5)
+
+
+def test_a_cost_map_sends_the_colony_the_other_way_round() -> None:
+    occupied = np.zeros((5, 9), dtype=bool)
+    occupied[1:4, 2:7] = True  # ways round to the north and to the south, equally long
+    for busy, free in ((0, 4), (4, 0)):
+        cost = np.zeros((5, 9))
+        cost[busy] = 2.0
+        plan = ApfAco(ants=20, iterations=20).plan(GridMap(occupied), (2, 0), (2, 8), np.random.default_rng(0), cost)
+        assert {busy, free} & set(plan.cells[:, 0].tolist()) == {free}

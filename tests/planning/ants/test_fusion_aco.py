@@ -123,3 +123,13 @@ def test_the_same_seed_gives_the_same_plan() -> None:
         for _ in range(2)
     ]
     np.testing.assert_array_equal(plans[0].cells, plans[1].cells)
+
+
+def test_a_cost_map_sends_the_colony_the_other_way_round() -> None:
+    occupied = np.zeros((5, 9), dtype=bool)
+    occupied[1:4, 2:7] = True  # ways round to the north and to the south, equally long
+    for busy, free in ((0, 4), (4, 0)):
+        cost = np.zeros((5, 9))
+        cost[busy] = 2.0
+        plan = FusionAco(ants=20, iterations=20).plan(GridMap(occupied), (2, 0), (2, 8), np.random.default_rng(0), cost)
+        assert {busy, free} & set(plan.cells[:, 0].tolist()) == {free}
