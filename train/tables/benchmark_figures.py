@@ -120,8 +120,8 @@ NOTE = (
     "Gap: length over the shortest path by legal moves, minus 1, of the runs that found a path; mean with its 95% "
     "interval over pairs (Student's t), percentiles over runs. Optimal and failed: shares of all runs. T*: the fewest "
     "turns of a shortest path; all turns over all T*. Clearance: from cells' centres to the nearest shelf or the map's "
-    "edge, in cells. Line: the same gap of the any-angle or smoothed line, where the planner makes one. Times are of "
-    "one core while others may be busy. A planner that drew no random number runs once a pair, and counts for all runs."
+    "edge, in cells. Line: the same gap of the any-angle or smoothed line, where the planner makes one. Times are "
+    "processor times of one core. A planner that draws no random number runs once a pair, which counts for all runs."
 )
 
 

@@ -92,18 +92,20 @@ def test_the_first_pairs_are_those_of_any_number() -> None:
 def test_anytime_by_hand() -> None:
     cells = np.array([[0, 0], [0, 1], [0, 2]])
     plan = Plan(cells, np.array([math.inf, 3.0, 2.0]), 0.004, np.array([0.0001, 0.001, 0.003]))
-    gaps = dict(zip(MOMENTS, anytime(plan, 2.0), strict=True))
+    gaps = dict(zip(MOMENTS, anytime(plan, 2.0, 0.004), strict=True))
     assert [gaps[ms] for ms in (0.05, 0.5, 1.0, 2.0, 5.0, 5000.0)] == [None, None, 0.5, 0.5, 0.0, 0.0]
-    exact = anytime(Plan(cells, np.empty(0), 0.0015), 2.0)
+    slowed = dict(zip(MOMENTS, anytime(plan._replace(seconds=0.008), 2.0, 0.004), strict=True))
+    assert [slowed[ms] for ms in (0.5, 2.0)] == [0.5, 0.0]  # half of the time was others'
+    exact = anytime(Plan(cells, np.empty(0), 0.003), 2.0, 0.0015)
     assert exact == [None if ms < 1.5 else 0.0 for ms in MOMENTS]
-    assert anytime(Plan(np.empty((0, 2), np.int64), np.empty(0), 0.001), 2.0) == [None] * len(MOMENTS)
+    assert anytime(Plan(np.empty((0, 2), np.int64), np.empty(0), 0.001), 2.0, 0.001) == [None] * len(MOMENTS)
 
 
 def test_a_plan_measured_by_hand(small_map: str) -> None:
     task = Task("by hand", (0, 2), (2, 5), 5.0, 1)
     cells = np.array([[0, 2], [1, 1], [2, 2], [2, 3], [2, 4], [2, 5]])
     line = np.array([[0.0, 2.0], [2.0, 2.0], [2.0, 5.0]])
-    row = measure(small_map, make_planner("astar"), task, Plan(cells, np.empty(0), 0.002, line=line))
+    row = measure(small_map, make_planner("astar"), task, Plan(cells, np.empty(0), 0.003, line=line), 0.002)
     assert row["gap"] == pytest.approx((3 + 2 * math.sqrt(2)) / 5 - 1)
     assert row["line_gap"] == 0
     assert (row["turns"], row["min_turns"], row["ms"]) == (2, 1, 2.0)
@@ -111,7 +113,7 @@ def test_a_plan_measured_by_hand(small_map: str) -> None:
     beside = math.hypot(0.5, 0.5)  # of (2, 2) and (2, 4) from the corners of the wall's two ends
     assert row["mean_clearance"] == pytest.approx((0.5 + 1.5 + beside + 0.5 + beside + 1.5) / 6, abs=1e-4)
     with pytest.raises(PlanError, match="starts at"):
-        measure(small_map, make_planner("astar"), task, Plan(cells[1:], np.empty(0), 0.1))
+        measure(small_map, make_planner("astar"), task, Plan(cells[1:], np.empty(0), 0.1), 0.1)
 
 
 def test_a_planner_without_chance_runs_once_a_pair(small_map: str) -> None:

@@ -134,13 +134,13 @@ def test_a_path_that_cuts_corners_is_measured_by_its_own_optimum() -> None:
     (task,) = make_tasks(name, 1, 0)
     grid = make_map(name)
     path = shortest_cutting(grid, task.start, task.goal)
-    row = measure(name, Cutting(), task, Plan(path, np.empty(0), 0.001))
+    row = measure(name, Cutting(), task, Plan(path, np.empty(0), 0.001), 0.001)
     assert row["gap"] == pytest.approx(0)
     assert row["min_turns"] is None
     assert row["optimal_length"] <= task.optimal_length
     assert (row["clearance"] == 0) == touches_corner(grid, path)
     with pytest.raises(PlanError, match="jumps"):
-        measure(name, Cutting(), task, Plan(path[[0, -1]], np.empty(0), 0.001))
+        measure(name, Cutting(), task, Plan(path[[0, -1]], np.empty(0), 0.001), 0.001)
 
 
 def shortest_cutting(grid: GridMap, start: Cell, goal: Cell) -> np.ndarray:
