@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
 
 from train.tables import paper002
-from train.tables.paper002 import MAPS, SHARES, STUDIES, settings
-from train.tables.study import Study
+from train.tables.paper002 import MAPS, SHARES, STUDIES
+from train.tables.study import Setting, Study
 
 COMPARISON, WALKERS = STUDIES
+
+
+@cache
+def settings(study: Study = COMPARISON) -> tuple[Setting, ...]:
+    """The maps of a study, built once for all tests."""
+    return study.settings()
 
 
 def test_maps_have_the_size_and_the_ends_of_the_paper() -> None:
@@ -45,14 +52,14 @@ def test_what_the_paper_compares_is_measured_and_claimed() -> None:
 
 @pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
 def test_claims_name_settings_that_exist(study: Study) -> None:
-    names = {setting.name for setting in study.settings()}
+    names = {setting.name for setting in settings(study)}
     for claim in study.claims:
         assert set(claim.settings) <= names
     assert set(study.pictured) <= names
 
 
 def test_only_the_intermediate_point_leads_round_a_shelf() -> None:
-    task = WALKERS.settings()[1].tasks[4]
+    task = settings(WALKERS)[1].tasks[4]
     rng = np.random.default_rng(0)
     found = {s.label: s.make().plan(task.grid, task.start, task.goal, rng).found for s in WALKERS.systems}
     assert [label for label, arrived in found.items() if arrived] == [
