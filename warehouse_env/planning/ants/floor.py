@@ -5,6 +5,7 @@ Cells are flat indices row * columns + column, an edge is (cell, move), and a pa
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from warehouse_env.planning.plan import edge_cost
 
 Table = NDArray[np.float64]  # [C, 8]: one number an edge
 
+_MAPS_KEPT = 8  # whose terrain is remembered
 MICRO = 1e6  # heights and tolls are counted in whole millionths, so that sums of them are exact
 
 
@@ -39,13 +41,22 @@ def make_floor(grid: GridMap, goal: Cell, gentleness: float = 0.0, cost: NDArray
 
     gentleness: cells of length that a metre of climbing costs; cost: a cost map (Planner.plan).
     """
-    rows, cols = grid.occupied.shape
+    legal, neighbour, height = _terrain(grid)
+    toll = np.zeros(neighbour.shape, np.int64)
+    if gentleness:
+        toll += np.rint(gentleness * np.abs(height[neighbour] - height[:, None])).astype(np.int64)
+    if cost is not None:
+        toll += np.rint(np.where(legal, MICRO * edge_cost(grid, cost).reshape(-1, 8), 0.0)).astype(np.int64)
+    return Floor(legal, neighbour, height, toll, goal[0] * grid.shape[1] + goal[1], grid.shape[1])
+
+
+@lru_cache(maxsize=_MAPS_KEPT)
+def _terrain(grid: GridMap) -> tuple[NDArray[np.bool_], NDArray[np.int32], NDArray[np.int64]]:
+    """What does not depend on the task: legal moves, neighbours and heights of a Floor."""
+    rows, cols = grid.shape
     step = MOVES[:, 0] * cols + MOVES[:, 1]
     cell = np.arange(rows * cols)[:, None]
     legal = grid.legal_moves.reshape(-1, 8)
     neighbour = np.where(legal, cell + step, cell).astype(np.int32)
     height = np.rint(grid.height.astype(np.float64).ravel() * MICRO).astype(np.int64)
-    toll = gentleness * np.abs(height[neighbour] - height[:, None])
-    if cost is not None:
-        toll = toll + np.where(legal, MICRO * edge_cost(grid, cost).reshape(-1, 8), 0.0)
-    return Floor(legal, neighbour, height, np.rint(toll).astype(np.int64), goal[0] * cols + goal[1], cols)
+    return legal, neighbour, height

@@ -89,44 +89,42 @@ def _next_best(walks: Walks, first: int, last: int, cost: float, turns: int) -> 
 def shorten(floor: Floor, runs: Runs, start: int, moves: NDArray[np.int8]) -> NDArray[np.int8]:
     """Return the best choice of nodes and links along the path int8[n - 1] of moves from start, as moves again."""
     n = len(moves) + 1
-    node = np.empty(n, np.int64)
-    node[0] = start
-    for step in range(n - 1):
-        node[step + 1] = floor.neighbour[node[step], moves[step]]
+    node, rows, columns = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
+    cell = start
+    for step in range(n):
+        node[step], rows[step], columns[step] = cell, cell // floor.columns, cell % floor.columns
+        if step < n - 1:
+            cell = floor.neighbour[cell, moves[step]]
     # A state is a node and the move that arrives at it; sums are whole numbers, so equal costs are equal floats.
     cost = np.full((n, 8), np.inf)
     sums = np.zeros((n, 8, 4), np.int64)  # straight steps, diagonal steps, tolls, turns
-    origin = np.full(
-        (n, 8, 3), -1, np.int64
-    )  # node before, its arriving move (-1 at the start), first move of the link
+    origin = np.full((n, 8, 3), -1, np.int64)  # node before, its arriving move (-1 at the start), the link's first move
+    before, base = np.full(8, -1, np.int64), np.zeros((8, 4), np.int64)  # the arrival and the sums to leave with
     for i in range(n - 1):
-        _link_onwards(floor, runs, node, i, cost, sums, origin)
+        if i > 0:
+            _choose_arrivals(cost[i], sums[i], before, base)
+        _link_onwards(floor, runs, node, rows, columns, i, before, base, cost, sums, origin)
     return _unroll(floor, node, cost, sums, origin)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(cache=True, error_model="numpy")
 def _link_onwards(
     floor: Floor,
     runs: Runs,
     node: NDArray[np.int64],
+    rows: NDArray[np.int64],
+    columns: NDArray[np.int64],
     i: int,
+    before: NDArray[np.int64],
+    base: NDArray[np.int64],
     cost: NDArray[np.float64],
     sums: NDArray[np.int64],
     origin: NDArray[np.int64],
 ) -> None:
     """Try every link from node i to a later one: the diagonal first, and the straight first."""
-    start, columns = node[i], floor.columns
-    row, column = start // columns, start % columns
-    base = np.zeros((8, 4), np.int64)  # the sums with which to leave by each move
-    before = np.full(8, -1, np.int64)
-    if i > 0:
-        for move in range(8):
-            before[move] = _best_arrival(cost[i], sums[i], move)
-            base[move] = sums[i, before[move]]
-            base[move, 3] += 1 if before[move] != move else 0
+    start, row, column = node[i], rows[i], columns[i]
     for j in range(i + 1, len(node)):
-        end = node[j]
-        d_row, d_column = end // columns - row, end % columns - column
+        d_row, d_column = rows[j] - row, columns[j] - column
         diagonal = min(abs(d_row), abs(d_column))
         straight = max(abs(d_row), abs(d_column)) - diagonal
         for order in range(2 if straight > 0 and diagonal > 0 else 1):
@@ -136,12 +134,16 @@ def _link_onwards(
                 first, second, steps, more = second, first, straight, diagonal
             if more == 0:
                 second = first
-            corner = start + steps * (MOVES[first, 0] * columns + MOVES[first, 1])
-            if runs.free[start, first] < steps or runs.free[corner, second] < more:
+            if runs.free[start, first] < steps:
                 continue
             a, b = base[first, 0] + straight, base[first, 1] + diagonal
+            if a + b * _SQRT2 > cost[j, second]:  # without its tolls it is already worse
+                continue
+            corner = start + steps * (MOVES[first, 0] * floor.columns + MOVES[first, 1])
+            if runs.free[corner, second] < more:
+                continue
             tolls = base[first, 2] + runs.toll[start, first] - runs.toll[corner, first]
-            tolls += runs.toll[corner, second] - runs.toll[end, second]
+            tolls += runs.toll[corner, second] - runs.toll[node[j], second]
             turned = base[first, 3] + (1 if first != second else 0)
             total = (a + b * _SQRT2) + tolls / MICRO
             if total < cost[j, second] or (total == cost[j, second] and turned < sums[j, second, 3]):
@@ -168,15 +170,19 @@ def _diagonal_move(d_row: int, d_column: int) -> int:
 
 
 @njit(cache=True)
-def _best_arrival(cost: NDArray[np.float64], sums: NDArray[np.int64], leaving: int) -> int:
-    """The arriving move that is best to go on from with the move `leaving`; -1 if the node is not reached."""
-    best, best_turns = -1, 0
-    for move in range(8):
-        if cost[move] < np.inf:
-            turned = sums[move, 3] + (1 if move != leaving else 0)
-            if best < 0 or cost[move] < cost[best] or (cost[move] == cost[best] and turned < best_turns):
-                best, best_turns = move, turned
-    return best
+def _choose_arrivals(
+    cost: NDArray[np.float64], sums: NDArray[np.int64], before: NDArray[np.int64], base: NDArray[np.int64]
+) -> None:
+    """Write for each leaving move the arriving move of a node that is best to go on from, and the sums with the turn."""
+    least = 0
+    for move in range(1, 8):
+        if cost[move] < cost[least] or (cost[move] == cost[least] and sums[move, 3] < sums[least, 3]):
+            least = move
+    for leaving in range(8):
+        straight_on = cost[leaving] == cost[least] and sums[leaving, 3] <= sums[least, 3] + 1
+        before[leaving] = leaving if straight_on else least
+        base[leaving] = sums[before[leaving]]
+        base[leaving, 3] += 0 if straight_on else 1
 
 
 @njit(cache=True)
