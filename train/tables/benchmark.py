@@ -15,7 +15,7 @@ from train.processes import work_all
 from train.report import Table, make_progress, require_charts
 from train.rows import Row, RowFile, check_writable, write_text
 from train.tables.all_planners import family
-from train.tables.benchmark_figures import NOTE, Summary, anytime_table, csv, rank, summarise, table_of
+from train.tables.benchmark_figures import NOTE, Summary, anytime_table, csv, overview, rank, summarise, table_of
 from train.tables.benchmark_maps import MAPS, make_map, make_tasks
 from train.tables.benchmark_runs import (
     MOMENTS,
@@ -159,14 +159,16 @@ def _time(seconds: float) -> str:
 def write_report(summaries: Sequence[Summary], folder: Path, pictures: bool, note: str = "") -> int:
     """Write README.md, figures.csv and the pictures into a folder; return the number of files."""
     maps = list(dict.fromkeys(one.map for one in summaries))
-    tables: list[Table] = []
+    tables: list[Table] = [overview(summaries)]
     for name in maps:
         tables += [table_of(name, summaries), anytime_table(name, summaries)]
-        tables[-2].print()
+    for table in (*tables[1::2], tables[0]):
+        table.print()
     drawn = _draw(summaries, maps, folder) if pictures else []
     shown = "".join(f"![{path.stem}]({path.name})\n\n" for path in drawn)
-    text = "\n".join(table.markdown() for table in tables)
-    write_text(folder / "README.md", f"# Every planner on the same pairs of cells\n\n{NOTE} {note}\n\n{shown}{text}")
+    first, *rest = (table.markdown() for table in tables)
+    title = "# Every planner on the same pairs of cells"
+    write_text(folder / "README.md", "\n".join([f"{title}\n\n{NOTE} {note}\n", first, shown, *rest]))
     write_text(folder / "figures.csv", csv(summaries))
     return 2 + len(drawn)
 

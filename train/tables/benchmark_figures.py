@@ -55,7 +55,7 @@ def _summary(name: str, planner: str, rows: Sequence[Row]) -> Summary:
     gaps = _repeated([row["gap"] for row in found], found_weight)
     fewest = sum(row["min_turns"] * row["stands_for"] for row in found if row["min_turns"] is not None)
     turned = sum(row["turns"] * row["stands_for"] for row in found)
-    means = [_repeated([row["gap"] for row in pair], None).mean() for pair in grouped(found, ("pair",)).values()]
+    means = [statistics.fmean(row["gap"] for row in pair) for pair in grouped(found, ("pair",)).values()]
     curves = np.array([[math.nan if gap is None else gap for gap in row["anytime"]] for row in rows])
     known = np.isfinite(curves) * weight[:, None]
     with np.errstate(invalid="ignore"):
@@ -90,9 +90,8 @@ def _interval(means: Sequence[float], gaps: NDArray[np.float64]) -> Interval:
     return Interval(_mean(gaps), low, spread.high, spread.samples)
 
 
-def _repeated(values: Sequence[float], times: NDArray[np.int64] | None) -> NDArray[np.float64]:
-    array = np.array(values, dtype=np.float64)
-    return array if times is None else np.repeat(array, times)
+def _repeated(values: Sequence[float], times: NDArray[np.int64]) -> NDArray[np.float64]:
+    return np.repeat(np.array(values, dtype=np.float64), times)
 
 
 def _mean(values: NDArray[np.float64]) -> float:
@@ -148,6 +147,33 @@ def table_of(name: str, summaries: Sequence[Summary]) -> Table:
     )
     peers = [f"{one.planner}: {PEERS[one.planner].note}." for one in own if one.planner in PEERS]
     return Table(f"Benchmark on {name}", _HEADER, cells, "\n".join(peers))
+
+
+def _by_planner(summaries: Sequence[Summary]) -> dict[str, list[Summary]]:
+    names = dict.fromkeys(one.planner for one in summaries)
+    return {name: [one for one in summaries if one.planner == name] for name in names}
+
+
+def overview(summaries: Sequence[Summary]) -> Table:
+    """Return one line a planner over all maps: its worst map in each figure, the surest and shortest first."""
+    lines = []
+    for planner, own in _by_planner(summaries).items():
+        gaps = [one.gap.mean for one in own if math.isfinite(one.gap.mean)]
+        turns = [one.turns for one in own if math.isfinite(one.turns)]
+        failed, gap = max(one.failed for one in own), max(gaps, default=math.nan)
+        texts = (
+            planner,
+            _share(failed),
+            _percent(gap),
+            _share(min(one.optimal for one in own)),
+            number(max(turns, default=math.nan)),
+            *(number(pick(one.ms for one in own)) for pick in (min, max)),
+        )
+        lines.append(((failed > 0, gap if gaps else math.inf, max(one.ms for one in own)), texts))
+    header = ("planner", "failed", "gap %", "optimal", "turns / T*", "least ms", "most ms")
+    title = "All planners, each figure that of its worst map"
+    note = "Times: the medians of the quickest and of the slowest map."
+    return Table(title, header, tuple(texts for _, texts in sorted(lines)), note)
 
 
 def rank(one: Summary) -> tuple[bool, float, float]:

@@ -16,7 +16,7 @@ from train.cli import main
 from train.planning_runs import Task
 from train.rows import read_rows
 from train.tables import benchmark, code
-from train.tables.benchmark_figures import anytime_table, csv, summarise, table_of
+from train.tables.benchmark_figures import anytime_table, csv, overview, summarise, table_of
 from train.tables.benchmark_maps import clearance_of, make_map, make_tasks
 from train.tables.benchmark_runs import (
     MOMENTS,
@@ -227,6 +227,12 @@ def test_a_summary_by_hand() -> None:
     assert "| p | - | - | - | 8 (83.3% have one) |" in anytime_table("m", [one]).markdown()
     header, line = csv([one]).splitlines()
     assert len(header.split(",")) == len(line.split(","))
+
+
+def test_the_overview_shows_the_worst_map() -> None:
+    good, bad, lost = row(0, 0.0, ms=1.0), row(0, 0.02, map="n", turns=8, ms=3.0), row(0, None, planner="q")
+    table = overview(summarise([lost, good, bad]))
+    assert table.cells == (("p", "0%", "2", "0%", "2", "1", "3"), ("q", "100%", "-", "0%", "-", "2", "2"))
 
 
 def test_a_planner_that_never_arrives() -> None:
