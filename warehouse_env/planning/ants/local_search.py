@@ -173,7 +173,7 @@ def _diagonal_move(d_row: int, d_column: int) -> int:
 def _choose_arrivals(
     cost: NDArray[np.float64], sums: NDArray[np.int64], before: NDArray[np.int64], base: NDArray[np.int64]
 ) -> None:
-    """Write for each leaving move the arriving move of a node that is best to go on from, and the sums with the turn."""
+    """Write for each leaving move the arriving move of a node that is best to go on from, and its sums with a turn."""
     least = 0
     for move in range(1, 8):
         if cost[move] < cost[least] or (cost[move] == cost[least] and sums[move, 3] < sums[least, 3]):
