@@ -119,6 +119,24 @@ def test_a_cost_map_by_cell_counts_on_entering() -> None:
             edge_cost(shelf_map(), bad)
 
 
+def test_a_name_may_carry_parameters() -> None:
+    carried = make_planner("pf_aco:ants=20, local_search=false,attraction=distance_field,patience=null,c=0.5")
+    assert (
+        carried.key
+        == make_planner("pf_aco", ants=20, local_search=False, attraction="distance_field", patience=None, c=0.5).key
+    )
+    assert make_planner("pf_aco:ants=20", ants=30).key == make_planner("pf_aco", ants=30).key
+    for text, says in (
+        ("pf_aco:ants", "PARAMETER=VALUE"),
+        ("pf_aco:ants=", "PARAMETER=VALUE"),
+        ("aco:=3", "PARAMETER"),
+    ):
+        with pytest.raises(ConfigError, match=says):
+            make_planner(text)
+    with pytest.raises(ConfigError, match="ants='many' must be a whole number"):
+        make_planner("pf_aco:ants=many")
+
+
 def test_unknown_names_are_refused_with_near_matches() -> None:
     with pytest.raises(ConfigError, match="pf_aco"):
         make_planner("pf-aco")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -46,10 +47,30 @@ PLANNERS: dict[str, Callable[..., Planner]] = {
 
 
 def make_planner(name: str, **parameters: Any) -> Planner:
-    """Build a planner of PLANNERS; ConfigError for an unknown name, an unknown parameter or a bad value."""
+    """Build a planner of PLANNERS; ConfigError for an unknown name, an unknown parameter or a bad value.
+
+    The name may carry parameters, so that a configuration or a command line can: "pf_aco:ants=20,local_search=false".
+    Their values are JSON, words need no quotes; `parameters` come first.
+    """
+    name, _, text = name.partition(":")
     if name not in PLANNERS:
         raise unknown_name("planner", name, PLANNERS)
+    parameters = _parameters(name, text) | parameters
     if parameters and not inspect.signature(PLANNERS[name]).parameters:
         raise ConfigError(f"planner {name} takes no parameters; leave out {', '.join(parameters)}")
     check_names(f"{name} parameter", parameters, PLANNERS[name])
     return PLANNERS[name](**parameters)
+
+
+def _parameters(name: str, text: str) -> dict[str, Any]:
+    """Read "key=value,key=value"; "" has none."""
+    found: dict[str, Any] = {}
+    for part in text.split(",") if text else ():
+        key, equals, value = (piece.strip() for piece in part.partition("="))
+        if not (key and equals and value):
+            raise ConfigError(f"planner {name}: {part!r} must be PARAMETER=VALUE, as in {name}:ants=20,patience=null")
+        try:
+            found[key] = json.loads(value)
+        except json.JSONDecodeError:
+            found[key] = value
+    return found
