@@ -12,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.planning.graph_search import _fewest_turns, _pop, _push
+from warehouse_env.planning.graph_search import fewest_turns, pop, push
 from warehouse_env.planning.plan import Plan, check_endpoints, planner_key, refuse_cost
 
 
@@ -63,9 +63,9 @@ def _search(legal: NDArray[np.bool_], occupied: NDArray[np.bool_], start: int, g
     first, second, node = np.empty(8 * cells + 1), np.empty(8 * cells + 1), np.empty(8 * cells + 1, np.int64)
     length[start] = 0.0
     vertex[start] = start
-    size = _push(first, second, node, 0, 0.0, 0.0, start)
+    size = push(first, second, node, 0, 0.0, 0.0, start)
     while size > 0:
-        cell = _pop(first, second, node, size)
+        cell = pop(first, second, node, size)
         size -= 1
         if cell == goal:
             break
@@ -85,7 +85,7 @@ def _search(legal: NDArray[np.bool_], occupied: NDArray[np.bool_], start: int, g
             if new_length < length[to]:
                 length[to], vertex[to] = new_length, via
                 left = _straight(cols, to, goal)
-                size = _push(first, second, node, size, new_length + left, left, to)
+                size = push(first, second, node, size, new_length + left, left, to)
     return vertex
 
 
@@ -154,6 +154,6 @@ class ThetaStar:
         while flat[-1] != first:
             flat.append(int(vertex[flat[-1]]))
         line = np.stack(np.divmod(np.array(flat[::-1], dtype=np.int64), cols), axis=1)
-        followed = _fewest_turns(_band(grid.legal_moves, line), None, first, last)
+        followed = fewest_turns(_band(grid.legal_moves, line), None, first, last)
         cells = np.stack(np.divmod(np.array(followed, dtype=np.int64), cols), axis=1)
         return Plan(cells, np.empty(0), time.perf_counter() - begin, line=line.astype(np.float64))

@@ -27,7 +27,7 @@ _STEP = int(MICRO)  # millionths of a cell: a straight step
 
 
 @njit(cache=True)
-def _push(first: Any, second: Any, node: Any, size: int, a: float, b: float, value: int) -> int:
+def push(first: Any, second: Any, node: Any, size: int, a: float, b: float, value: int) -> int:
     """Put (a, b, value) on the binary heap held in the first `size` places of three arrays; return the new size."""
     i = size
     while i > 0:
@@ -41,7 +41,7 @@ def _push(first: Any, second: Any, node: Any, size: int, a: float, b: float, val
 
 
 @njit(cache=True)
-def _pop(first: Any, second: Any, node: Any, size: int) -> Any:
+def pop(first: Any, second: Any, node: Any, size: int) -> Any:
     """Return the node with the smallest (first, second); the heap then holds size - 1 entries."""
     top = node[0]
     last = size - 1
@@ -79,9 +79,9 @@ def _search(legal: Any, toll: Any, start: int, goal: int, informed: bool) -> Any
     first, second, node = np.empty(8 * cells + 1), np.empty(8 * cells + 1), np.empty(8 * cells + 1, np.int64)
     goal_row, goal_col = goal // cols, goal % cols
     length[start] = 0.0
-    size = _push(first, second, node, 0, 0.0, 0.0, start)
+    size = push(first, second, node, 0, 0.0, 0.0, start)
     while size > 0:
-        cell = _pop(first, second, node, size)
+        cell = pop(first, second, node, size)
         size -= 1
         if cell == goal:
             break
@@ -107,7 +107,7 @@ def _search(legal: Any, toll: Any, start: int, goal: int, informed: bool) -> Any
                     ahead_b = min(d_row, d_col)
                     ahead_a = max(d_row, d_col) - ahead_b
                 estimate = (a + ahead_a * _STEP) / MICRO + (b + ahead_b) * _SQRT2
-                size = _push(first, second, node, size, estimate, ahead_a + ahead_b * _SQRT2, to)
+                size = push(first, second, node, size, estimate, ahead_a + ahead_b * _SQRT2, to)
     return before
 
 
@@ -127,10 +127,10 @@ def _search_turns(legal: Any, toll: Any, start: int, goal: int) -> Any:
     closed = np.zeros(states, np.bool_)
     first, second, node = np.empty(8 * states + 1), np.empty(8 * states + 1), np.empty(8 * states + 1, np.int64)
     goal_row, goal_col = goal // cols, goal % cols
-    size = _push(first, second, node, 0, 0.0, 0.0, 9 * start + 8)
+    size = push(first, second, node, 0, 0.0, 0.0, 9 * start + 8)
     length[9 * start + 8] = 0.0
     while size > 0:
-        state = _pop(first, second, node, size)
+        state = pop(first, second, node, size)
         size -= 1
         cell, arrived = state // 9, state % 9
         if cell == goal:
@@ -156,7 +156,7 @@ def _search_turns(legal: Any, toll: Any, start: int, goal: int) -> Any:
                 d_row, d_col = abs(to_row - goal_row), abs(to_col - goal_col)
                 b += min(d_row, d_col)
                 a += (max(d_row, d_col) - min(d_row, d_col)) * _STEP
-                size = _push(first, second, node, size, a / MICRO + b * _SQRT2, float(new_turns), to)
+                size = push(first, second, node, size, a / MICRO + b * _SQRT2, float(new_turns), to)
     return before, -1
 
 
@@ -173,7 +173,7 @@ def _shortest(
     return path[::-1]
 
 
-def _fewest_turns(legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int) -> list[int]:
+def fewest_turns(legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int) -> list[int]:
     """Flat cells of a path with the fewest turns among the cheapest, empty where none."""
     before, state = _search_turns(legal, toll, start, goal)
     path = []
@@ -269,12 +269,12 @@ class AStarTurns:
         cost: NDArray[np.float64] | None = None,
     ) -> Plan:
         """Search; `rng` is not used."""
-        return _plan(grid, start, goal, cost, _fewest_turns)
+        return _plan(grid, start, goal, cost, fewest_turns)
 
 
 def min_turns(grid: GridMap, start: Cell, goal: Cell) -> int:
     """Fewest direction changes that a shortest path from start to goal can have; PlanError if there is no path."""
-    plan = _plan(grid, start, goal, None, _fewest_turns)
+    plan = _plan(grid, start, goal, None, fewest_turns)
     if not plan.found:
         raise PlanError(f"no path from {tuple(start)} to {tuple(goal)}")
     return turns(plan.cells)
