@@ -79,8 +79,8 @@ def _at(array: NDArray[np.generic]) -> ctypes.c_void_p:
 class Compared(NamedTuple):
     """The walks of one search, ours and those in C."""
 
-    ours: float  # [s]
-    c: float  # [s]
+    ours: float  # [s] processor time, the same on a busy machine
+    c: float  # [s] likewise
     same: bool  # every ant made the same moves in both
 
 
@@ -106,9 +106,9 @@ def compare(system: AntSystem, grid: GridMap, start: Cell, goal: Cell, in_c: Wal
             trail = pheromone**colony.trail_power
             back = system.dead_end == "backtrack"
             call = ways[k](floor, trail, *tables, seeds[iteration], q0, back, local, visited[k], stamp, walks[k])
-            begin = time.perf_counter()
+            begin = time.thread_time()
             call()
-            seconds[k] += time.perf_counter() - begin
+            seconds[k] += time.thread_time() - begin
         same.append(same_moves(*walks))
         colony.update(iteration, pheromone, walked, best)
 
