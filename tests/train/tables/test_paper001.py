@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -18,9 +19,13 @@ TABLE, WALKERS = STUDIES
 
 
 @cache
+def settings_of(build: Callable[[], tuple[Setting, ...]]) -> tuple[Setting, ...]:
+    return build()
+
+
 def settings(study: Study = TABLE) -> tuple[Setting, ...]:
     """The maps of a study, built once for all tests."""
-    return study.settings()
+    return settings_of(study.settings)
 
 
 def test_maps_have_the_size_the_share_and_the_corners_of_the_paper() -> None:
