@@ -49,7 +49,7 @@ class Benchmark:
     pictures: bool = True
     pairs: int = 200  # of each map
     maps: tuple[str, ...] = ()  # of MAPS, or MovingAI files; all of MAPS if empty
-    planner: tuple[str, ...] = ()  # of PLANNERS and PEERS; all that are installed if empty
+    planner: tuple[str, ...] = ()  # of PLANNERS, with parameters or without, and PEERS; all that are there if empty
 
     def run(self) -> None:
         """Run what is missing, then write tables, figures and pictures."""
@@ -78,10 +78,12 @@ class Benchmark:
 
     def _planners(self) -> tuple[str, ...]:
         for name in self.planner:
-            if name not in PLANNERS and name not in PEERS:
-                raise unknown_name("planner", name, [*PLANNERS, *PEERS])
+            kind = name.partition(":")[0]
+            if kind not in PLANNERS and kind not in PEERS:
+                raise unknown_name("planner", kind, [*PLANNERS, *PEERS])
             if name in PEERS and not installed(PEERS[name]):
                 raise ConfigError(f"{name} is not installed; pip install {PEERS[name].package}")
+            planner_of(name)  # a wrong parameter is noticed before anything is run
         peers = [name for name, peer in PEERS.items() if installed(peer)]
         return tuple(dict.fromkeys(self.planner)) or (*PLANNERS, *peers)
 
@@ -194,4 +196,4 @@ def _draw(summaries: Sequence[Summary], maps: Sequence[str], folder: Path) -> li
 
 
 def _family(planner: str) -> str:
-    return "another library" if planner in PEERS else family(planner)
+    return "another library" if planner in PEERS else family(planner.partition(":")[0])

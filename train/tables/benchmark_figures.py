@@ -218,5 +218,6 @@ def csv(summaries: Sequence[Summary]) -> str:
         values: list[float] = [one.pairs, one.runs, one.failed, *one.gap[:3], *one.quantiles, one.optimal, one.turns]
         values += [one.clearance, one.mean_clearance, one.ms, one.ms95, one.line_gap, *one.anytime, *one.arrived]
         texts = [f"{value:.9g}" if math.isfinite(value) else "" for value in values]
-        lines.append(",".join([one.map, one.planner, *texts]))
+        names = (f'"{name}"' if "," in name else name for name in (one.map, one.planner))
+        lines.append(",".join([*names, *texts]))
     return "\n".join(lines) + "\n"

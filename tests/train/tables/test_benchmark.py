@@ -235,6 +235,11 @@ def test_the_overview_shows_the_worst_map() -> None:
     assert table.cells == (("p", "0%", "2", "0%", "2", "1", "3"), ("q", "100%", "-", "0%", "-", "2", "2"))
 
 
+def test_names_with_parameters_stay_one_field_of_the_figures() -> None:
+    line = csv(summarise([row(0, 0.0, planner="aco:ants=5,iterations=6")])).splitlines()[1]
+    assert line.startswith('m,"aco:ants=5,iterations=6",1,1,0,0,')
+
+
 def test_a_planner_that_never_arrives() -> None:
     (one,) = summarise([row(0, None), row(1, None)])
     assert (one.failed, one.optimal) == (1.0, 0.0)
@@ -264,6 +269,7 @@ def test_two_processes_give_the_same_rows(tmp_path: Path, small_map: str) -> Non
         (("--maps", "paper47"), "did you mean paper46"),
         (("--maps", "no.map"), "no.map does not exist"),
         (("--planner", "asta"), "did you mean astar"),
+        (("--planner", "pf_aco:ant=3"), "did you mean ants"),
         (("--pairs", "0"), "--pairs 0 must be at least 1"),
     ],
 )
