@@ -174,6 +174,7 @@ def _index(written: Sequence[Written]) -> str:
     everyone = next((one for one in written if one.study.name == all_planners.NAME), None)
     if everyone is not None:
         parts += ["## What is worth using\n", f"{worth_using(everyone.figures)}\n"]
+        parts.append(f"Everything on one page: [{all_planners.NAME}.html]({all_planners.NAME}.html).\n")
         if everyone.pictures:
             picture = everyone.pictures[0]
             parts.append(f"![{picture.caption}]({picture.path.name})\n\n{picture.caption}.\n")
