@@ -221,8 +221,8 @@ STUDIES = (
         published=_published_1(),
         claims=_claims_1(),
         note="The floors of references [7], [9] and [12] are not in the paper's text. Ours are random ones of the kind "
-        "that it names, large blocks (about 20%) or scattered cells (12 to 14%), chosen so that the shortest path is as long as the "
-        "printed best of the reference, or nearly: 28.038 is no lattice length (28.042 is), and for [7] no best is "
+        "that it names, large blocks (about 20%) or scattered cells (12 to 14%), chosen so that the shortest path is as "
+        "long as the printed best of the reference, or nearly: 28.038 is no lattice length (28.042 is), and for [7] no best is "
         "printed (43.94 is taken). The colonies of the references are not rebuilt; claims against them are held "
         "against their printed figures. A smoothed length belongs beside the paper's own lengths, which lie below the "
         f"shortest path of cells. {MAPS} maps a line, a sample is a map.",
