@@ -25,6 +25,7 @@ MODES = (
     "pf_aco:local_search=false,patience=null",
     "pf_aco:attraction=distance_field,b=0.1,exponent=4",
     "fusion_aco:intermediate_point=true",
+    "shaa_acs:local_search=false",
     "iaco:smoothing=false",
     "apf_improved:intermediate_point=false",
 )
@@ -134,7 +135,7 @@ def test_a_cost_map_is_heeded_or_refused(mode: str) -> None:
         with pytest.raises(ConfigError, match="takes no cost map"):
             search(mode, grid, (3, 0), (3, 8), cost=dear)
         return
-    plan = search(mode, grid, (3, 0), (3, 8), cost=dear)
+    plan = make_planner(mode).plan(grid, (3, 0), (3, 8), np.random.default_rng(0), dear)
     validate(grid, plan.cells, (3, 0), (3, 8))
     assert dear[tuple(plan.cells.T)].sum() == 0
     free = search(mode, grid, (3, 0), (3, 8), cost=np.zeros((7, 9, 8)))

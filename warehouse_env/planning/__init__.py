@@ -10,13 +10,16 @@ from typing import Any
 from warehouse_env.config import check_names
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.planning.ants.aco import Aco
+from warehouse_env.planning.ants.acs import Acs, ShaaAcs
 from warehouse_env.planning.ants.apf_aco import ApfAco
 from warehouse_env.planning.ants.fusion_aco import FusionAco
 from warehouse_env.planning.ants.iaco import Iaco
 from warehouse_env.planning.ants.pf_aco import PfAco
 from warehouse_env.planning.any_angle import ThetaStar
 from warehouse_env.planning.field_walkers import Apf, ApfImproved
+from warehouse_env.planning.fish_swarm import FishSwarm
 from warehouse_env.planning.graph_search import AStar, AStarTurns, Dijkstra, min_turns
+from warehouse_env.planning.particle_swarm import ParticleSwarm
 from warehouse_env.planning.plan import Plan, Planner, climb, path_length, turns, validate
 
 __all__ = [
@@ -42,7 +45,11 @@ PLANNERS: dict[str, Callable[..., Planner]] = {
     "pf_aco": PfAco,
     "apf_aco": ApfAco,
     "fusion_aco": FusionAco,
+    "acs": Acs,
+    "shaa_acs": ShaaAcs,
     "iaco": Iaco,
+    "pso": ParticleSwarm,
+    "afsa": FishSwarm,
 }
 
 
