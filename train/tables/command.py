@@ -43,10 +43,12 @@ class Tables:
     """Draw paths, convergence, and gap against time."""
     benchmark: bool = False
     """Run the benchmark of all planners on five maps instead of the papers' tables."""
+    traffic: bool = False
+    """Run the study of several robots' routes: conflicts, choices of routes, replanning, what driving makes of it."""
     pairs: int = 200
     """Of the benchmark: pairs of cells planned on each map."""
     maps: tuple[str, ...] = ()
-    """Of the benchmark: its maps by name, or MovingAI .map files (its five if left out)."""
+    """Of the benchmark: its maps by name, or MovingAI .map files (its five if left out); of --traffic: layouts."""
     planner: tuple[str, ...] = ()
     """Of the benchmark: planners, ours and other libraries' by name (all that are installed if left out)."""
 
@@ -56,6 +58,8 @@ class Tables:
             raise ConfigError(f"--runs {self.runs} must be at least 1")
         if self.seed < 0 or self.processes < 1:
             raise ConfigError(f"--seed {self.seed} must be at least 0 and --processes {self.processes} at least 1")
+        if self.benchmark and self.traffic:
+            raise ConfigError("--benchmark and --traffic are two studies; ask for one at a time")
         if self.pictures:
             require_charts()
         if self.benchmark:
@@ -72,6 +76,20 @@ class Tables:
                 pairs=self.pairs,
                 maps=self.maps,
                 planner=self.planner,
+            ).run()
+            return
+        if self.traffic:
+            from train.tables.traffic import Traffic
+
+            Traffic(
+                out=self.out,
+                json=self.json,
+                runs=self.runs,
+                seed=self.seed,
+                processes=self.processes,
+                fresh=self.fresh,
+                pictures=self.pictures,
+                maps=self.maps,
             ).run()
             return
         begin = time.perf_counter()

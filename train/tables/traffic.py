@@ -1,0 +1,161 @@
+"""`warehouse tables --traffic`: what a colony can do that A* cannot, with several robots -> one report."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from train.processes import work_all
+from train.report import make_progress, require_charts
+from train.rows import Row, RowFile, check_writable, mean_interval, plain, read_rows, select, write_text
+from train.tables.k_shortest import require_networkx
+from train.tables.traffic_driving import DRIVEN, DRIVEN_ROBOTS, measure_driving
+from train.tables.traffic_figures import (
+    alternatives_table,
+    answers,
+    conflicts_of,
+    driving_table,
+    replanning_table,
+    routes_table,
+)
+from train.tables.traffic_jobs import MAPS, Job, floor
+from train.tables.traffic_replanning import measure_replanning
+from train.tables.traffic_routes import PRICE, measure_routes
+from warehouse_env.errors import ConfigError
+from warehouse_env.planning import make_planner
+from warehouse_env.planning.expected_traffic import endpoint_tasks
+from warehouse_env.planning.together import plan_together
+
+DRAWS = 30  # of tasks on each map
+CASES_A_DRAW = 2  # changed floors of each kind for every draw
+EPISODES_A_DRAW = 3  # draws for every driven episode
+_PARTS = {"routes": measure_routes, "replanning": measure_replanning, "driving": measure_driving}
+_PICTURED = 32  # robots
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """Routes of several robots: conflicts, alternatives, planning again, and what is left of it when driven."""
+
+    out: Path = Path("results/tables")
+    json: Path | None = None  # OUT/traffic/rows.jsonl if None
+    runs: int | None = None  # draws of tasks on each map; DRAWS if None
+    seed: int = 0
+    processes: int = 2
+    fresh: bool = False  # run everything again, instead of keeping the rows that are there
+    pictures: bool = True
+    maps: tuple[str, ...] = ()  # names of layouts; MAPS if empty
+    driving: bool = True  # also drive in the simulator, two thirds of the time
+
+    def run(self) -> None:
+        """Run what is missing, then write tables, answers and pictures."""
+        draws = DRAWS if self.runs is None else self.runs
+        if draws < 1 or self.seed < 0:
+            raise ConfigError(f"--runs {draws} must be at least 1 and --seed {self.seed} at least 0")
+        require_networkx()
+        maps = tuple(dict.fromkeys(self.maps)) or MAPS
+        for name in maps:
+            floor(name)  # a wrong name is noticed before anything is run
+        if self.pictures:
+            require_charts()
+        folder = self.out / "traffic"
+        check_writable(folder / "README.md")
+        begin = time.perf_counter()
+        jobs = self.jobs(draws, maps)
+        rows = self._rows(jobs, self.json or folder / "rows.jsonl")
+        written = write_report(rows, maps, folder, self.pictures, self.seed)
+        print(f"wrote {written} files to {folder} in {time.perf_counter() - begin:.0f} s; begin with README.md")
+
+    def jobs(self, draws: int, maps: Sequence[str]) -> list[Job]:
+        """Return all pieces of work; the first ones of every part and map come first."""
+        jobs = []
+        for number in range(draws * CASES_A_DRAW):
+            for name in maps:
+                if number < draws:
+                    jobs.append(Job("routes", name, number, self.seed))
+                jobs.append(Job("replanning", name, number, self.seed))
+                if self.driving and number < -(-draws // EPISODES_A_DRAW):
+                    jobs += [
+                        Job("driving", name, number, self.seed, system, robots)
+                        for robots in DRIVEN_ROBOTS
+                        for system in DRIVEN
+                    ]
+        return jobs
+
+    def _rows(self, jobs: Sequence[Job], path: Path) -> list[Row]:
+        """Return the rows of all jobs in their order, those of the file and those that were missing in it."""
+        old = [] if self.fresh else _whole_rows(path)
+        known: dict[str, list[Row]] = {}
+        for row in old:
+            known.setdefault(json.dumps(row["job"]), []).append(row)
+        keys = [json.dumps(plain(job.identity)) for job in jobs]
+        missing = [job for job, key in zip(jobs, keys, strict=True) if key not in known]
+        if old:
+            print(f"{len(jobs) - len(missing)} of {len(jobs)} pieces are kept from {path}; --fresh runs them again")
+        file = RowFile(path, keep=not self.fresh)
+        try:
+            with make_progress() as progress:
+                bar = progress.add_task("", total=len(jobs), completed=len(jobs) - len(missing))
+                for fresh in work_all(run_job, missing, self.processes):
+                    file.add(fresh)
+                    known[json.dumps(plain(fresh[0]["job"]))] = fresh
+                    progress.update(bar, advance=1, description=f"{fresh[0]['part']} · {fresh[0]['map']}")
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"{file.kept()}; the same command goes on from there") from None
+        return [row for key in keys for row in known[key]]
+
+
+def run_job(job: Job) -> list[Row]:
+    """Do a piece of work; every row carries the job's identity as `job`."""
+    about = {"part": job.part, "map": job.map, "number": job.number, "robots": job.robots}
+    return [{**about, **row, "job": job.identity} for row in _PARTS[job.part](job)]
+
+
+def _whole_rows(path: Path) -> list[Row]:
+    """Return the rows of a file, without a last piece that a stop may have cut short; none where there is no file."""
+    if not path.exists():
+        return []
+    text = path.read_text(encoding="utf-8")
+    write_text(path, text[: text.rfind("\n") + 1])
+    return read_rows(path)
+
+
+def write_report(rows: Sequence[Row], maps: Sequence[str], folder: Path, pictures: bool, seed: int) -> int:
+    """Write README.md, a CSV file and the pictures into a folder; return the number of files."""
+    tables = [answers(rows, maps), *(routes_table(name, rows) for name in maps)]
+    tables += [alternatives_table(rows), replanning_table(rows)]
+    if select(rows, part="driving"):
+        tables.append(driving_table(rows))
+    for table in tables:
+        table.print()
+    drawn = list(_draw(rows, maps, folder, seed)) if pictures else []
+    shown = "".join(f"![{path.stem}]({path.name})\n\n" for path in drawn)
+    text = "\n".join(table.markdown() for table in tables)
+    write_text(folder / "README.md", f"# What can a colony do that A* cannot?\n\n{shown}{text}")
+    return 1 + len(drawn)
+
+
+def _draw(rows: Sequence[Row], maps: Sequence[str], folder: Path, seed: int) -> Iterator[Path]:
+    from warehouse_env.render.traffic_charts import Trade, opposing_streets, trades
+
+    panels: dict[str, list[Trade]] = {}
+    for name in maps:
+        own = [row for row in rows if row["part"] == "routes" and row["map"] == name and row["robots"] == _PICTURED]
+        for system in dict.fromkeys(row["system"] for row in own):
+            for price in sorted({row["price"] for row in own if row["system"] == system}):
+                group = select(own, system=system, price=price)
+                met, paid = mean_interval(map(conflicts_of, group)), mean_interval(100 * row["paid"] for row in group)
+                panels.setdefault(name, []).append(Trade(system, price, paid.mean, met.mean, met.low, met.high))
+    yield folder / "trade.png"
+    trades(panels, folder / "trade.png", f"Conflicts against length, {_PICTURED} robots", PRICE)
+    grid, astar = floor(maps[0]), make_planner("astar")
+    tasks = endpoint_tasks(grid, _PICTURED, np.random.default_rng([seed, 0]))
+    alone = [astar.plan(grid, *task, np.random.default_rng(0)).cells for task in tasks]
+    around = [plan.cells for plan in plan_together(astar, grid, tasks, seed, price=PRICE)]
+    yield folder / "streets.png"
+    opposing_streets(grid, {"astar": alone, "astar, cost a move": around}, folder / "streets.png")

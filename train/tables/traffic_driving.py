@@ -1,0 +1,55 @@
+"""What routes made with a traffic cost map are worth when they are driven: episodes in the simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+
+from train.rollout import Routes, make_experiment
+from train.rollout import run as drive
+from train.rows import Row
+from train.tables.traffic_jobs import Job, floor
+from warehouse_env.config import EnvConfig
+from warehouse_env.planning import Planner, make_planner
+from warehouse_env.planning.expected_traffic import WithCost, expected_traffic
+from warehouse_env.planning.routes import RouteBook
+from warehouse_env.simulation.simulator import Simulator
+
+DRIVEN = ("astar_turns", "pf_aco", "astar_turns, cost a cell", "astar_turns, cost a move", "pf_aco, cost a move")
+DRIVEN_ROBOTS = (16, 32)
+DRIVEN_PRICE = 4.0  # [cells] of detour that avoiding a conflict is worth
+POLICY = "ppo"
+SECONDS = 600.0  # of an episode
+
+
+def measure_driving(job: Job) -> Iterator[Row]:
+    """Drive an episode with the shipped policy on routes of one system, and count what happens."""
+    grid = floor(job.map)
+    base = EnvConfig(layout=job.map, num_agents=job.robots)
+    experiment = make_experiment(POLICY, base, 1, SECONDS, job.seed + job.number)
+    book = RouteBook(grid, _driven_planner(job.map, job.system, job.robots), keep_right=experiment.config.keep_right)
+    (row,) = drive(experiment, routes=_OneBook(book))
+    yield {name: value for name, value in row.items() if name not in ("config", "layout", "planner")} | {
+        "system": job.system
+    }
+
+
+@cache
+def _driven_planner(name: str, system: str, robots: int) -> Planner:
+    planner, _, cost = system.partition(", cost a ")
+    if not cost:
+        return make_planner(planner)
+    lanes = expected_traffic(floor(name), robots, DRIVEN_PRICE, directed=cost == "move")
+    return WithCost(make_planner(planner), lanes)
+
+
+class _OneBook(Routes):
+    """Simulators that all use one route book."""
+
+    def __init__(self, book: RouteBook) -> None:
+        super().__init__()
+        self._book = book
+
+    def simulator(self, config: EnvConfig, worlds: int) -> Simulator:
+        """Return a new simulator on the book."""
+        return Simulator(config, worlds, routes=self._book)

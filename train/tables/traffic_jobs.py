@@ -1,0 +1,35 @@
+"""The traffic study in pieces, each known again by its identity: draws of tasks, changed floors, episodes."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+from train.rows import Row
+from warehouse_env import __version__
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.layouts import make_layout
+
+MAPS = ("paper46", "narrow", "single_lane")
+
+
+class Job(NamedTuple):
+    """A piece of work: its part of the study, its map, and the number of its draw, case or episode."""
+
+    part: str  # routes, replanning or driving
+    map: str
+    number: int
+    seed: int
+    system: str = ""  # of driving
+    robots: int = 0  # of driving
+
+    @property
+    def identity(self) -> Row:
+        """What its rows are known by."""
+        return {**self._asdict(), "version": __version__}
+
+
+@cache
+def floor(name: str) -> GridMap:
+    """Return the map of that name, the same object every time, so that its fields are kept."""
+    return make_layout(name)

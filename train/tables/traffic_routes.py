@@ -1,0 +1,140 @@
+"""Routes of 16, 32 and 64 robots by every system: what they conflict, what they cost."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from train.rows import Row
+from train.tables.k_shortest import k_shortest
+from train.tables.traffic_jobs import Job, floor
+from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.planning import make_planner, path_length
+from warehouse_env.planning.alternatives import differences, penalty_routes
+from warehouse_env.planning.ants.diverse import routes
+from warehouse_env.planning.ants.pf_aco import PfAco
+from warehouse_env.planning.expected_traffic import endpoint_tasks
+from warehouse_env.planning.together import Task, choose_together, plan_together
+from warehouse_env.planning.traffic import Route, conflicts
+
+ROBOTS = (16, 32, 64)
+PLANNERS = ("astar", "astar_turns", "pf_aco")
+PRICE = 2.0  # [cells] of detour that avoiding a conflict is worth
+PRICES = (0.5, 1.0, 4.0, 8.0)  # further ones, by astar and 32 robots alone
+SLOW_ROBOTS = 32  # robots up to which what takes long is measured
+K = 8  # routes for a robot to choose from
+YEN_DRAWS = 5  # draws of k shortest paths, with 16 robots only: each path takes a tenth of a second
+
+Alternatives = Callable[[GridMap, Cell, Cell, np.random.Generator], list[Route]]
+
+
+def measure_routes(job: Job) -> Iterator[Row]:
+    """Measure every system on one draw of tasks: its first 16, 32 and 64."""
+    grid = floor(job.map)
+    tasks = endpoint_tasks(grid, max(ROBOTS), np.random.default_rng([job.seed, job.number]))
+    for name in PLANNERS:
+        _warm_up(name, grid)
+        begin = time.perf_counter()
+        alone = [_plan_alone(name, grid, task, (job.seed, job.number, k)) for k, task in enumerate(tasks)]
+        seconds = (time.perf_counter() - begin) / len(tasks)
+        for robots in ROBOTS:
+            yield _measured(name, grid, tasks[:robots], alone[:robots], seconds)
+            yield _together(job, name, grid, tasks[:robots], True, PRICE)
+            if name == "astar" or robots == SLOW_ROBOTS:
+                yield _together(job, name, grid, tasks[:robots], False, PRICE)
+    for price in PRICES:
+        yield _together(job, "astar", grid, tasks[:SLOW_ROBOTS], True, price)
+    yield from _choices(job, grid, tasks)
+
+
+def _warm_up(name: str, grid: GridMap) -> None:
+    """Plan once with and once without a cost map, which may compile."""
+    planner, (start, goal) = make_planner(name), endpoint_tasks(grid, 1, np.random.default_rng(0))[0]
+    plan_together(planner, grid, [(start, goal), (goal, start)])
+
+
+def _plan_alone(name: str, grid: GridMap, task: Task, seed: Sequence[int]) -> Route:
+    return make_planner(name).plan(grid, *task, np.random.default_rng(seed)).cells
+
+
+def _together(job: Job, name: str, grid: GridMap, tasks: Sequence[Task], directed: bool, price: float) -> Row:
+    begin = time.perf_counter()
+    plans = plan_together(make_planner(name), grid, tasks, job.seed + job.number, price=price, directed=directed)
+    seconds = (time.perf_counter() - begin) / len(tasks)
+    label = f"{name}, cost a {'move' if directed else 'cell'}"
+    return {**_measured(label, grid, tasks, [plan.cells for plan in plans], seconds), "price": price}
+
+
+def _by_penalties(grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator) -> list[Route]:
+    return penalty_routes(make_planner("astar"), grid, start, goal, K, rng)
+
+
+def _by_colony(grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator) -> list[Route]:
+    return routes(PfAco(), grid, start, goal, K, rng)
+
+
+def _by_yen(grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator) -> list[Route]:
+    return k_shortest(grid, start, goal, K)
+
+
+def _choices(job: Job, grid: GridMap, tasks: Sequence[Task]) -> Iterator[Row]:
+    """Measure the choice among K routes of each robot, and how different these are."""
+    ways: dict[str, Alternatives] = {f"astar with penalties, choice of {K}": _by_penalties}
+    ways[f"pf_aco routes, choice of {K}"] = _by_colony
+    if job.number < YEN_DRAWS:
+        ways[f"k shortest paths, choice of {K}"] = _by_yen
+    for label, way in ways.items():
+        most = ROBOTS[0] if way is _by_yen else SLOW_ROBOTS if way is _by_colony else ROBOTS[-1]
+        counts = [robots for robots in ROBOTS if robots <= most]
+        way(grid, *tasks[0], np.random.default_rng(0))
+        begin = time.perf_counter()
+        sets = [
+            way(grid, *task, np.random.default_rng([job.seed, job.number, k])) for k, task in enumerate(tasks[:most])
+        ]
+        seconds = (time.perf_counter() - begin) / len(sets)
+        for robots in counts:
+            begin = time.perf_counter()
+            choice = choose_together(sets[:robots], grid.shape, PRICE)
+            chosen = [own[k] for own, k in zip(sets, choice, strict=False)]
+            own_seconds = seconds + (time.perf_counter() - begin) / robots
+            row = _measured(label, grid, tasks[:robots], chosen, own_seconds)
+            yield {**row, **_spread(grid, tasks[:robots], sets[:robots])}
+
+
+def _measured(label: str, grid: GridMap, tasks: Sequence[Task], paths: Sequence[Route], seconds: float) -> Row:
+    """Conflicts of a robot and task, and the length paid over the shortest."""
+    lifelong, start = (conflicts(paths, grid.shape, timing) for timing in ("lifelong", "start"))
+    shortest = sum(float(grid.distance_to(goal)[begin]) for begin, goal in tasks)
+    count = len(tasks)
+    return {
+        "system": label,
+        "robots": count,
+        "crossings": lifelong.crossings / count,
+        "opposing": lifelong.opposing / count,
+        "start_crossings": start.crossings / count,
+        "start_opposing": start.opposing / count,
+        "paid": sum(map(path_length, paths)) / shortest - 1,
+        "ms": 1000 * seconds,
+        "price": 0.0,
+    }
+
+
+def _spread(grid: GridMap, tasks: Sequence[Task], sets: Sequence[Sequence[Route]]) -> Row:
+    """How many routes there are for a robot, how different, and how much longer than the shortest."""
+    apart = []
+    for own in sets:
+        if len(own) > 1:
+            apart.append(float(differences(own, grid.shape)[np.triu_indices(len(own), 1)].mean()))
+        else:
+            apart.append(0.0)
+    longer = [
+        np.mean([path_length(path) for path in own]) / grid.distance_to(goal)[start] - 1
+        for own, (start, goal) in zip(sets, tasks, strict=True)
+    ]
+    return {
+        "alternatives": float(np.mean([len(own) for own in sets])),
+        "difference": float(np.mean(apart)),
+        "alternatives_paid": float(np.mean(longer)),
+    }
