@@ -220,12 +220,13 @@ STUDIES = (
         measures=(*_LENGTHS, *_CONVERGENCE, "mean", "optimum", "turn_angle", "clearance", "found_share", "ms"),
         published=_published_1(),
         claims=_claims_1(),
-        note="The floors of references [7], [9] and [12] are not in the paper's text. Ours are random ones of the kind "
-        "that it names, large blocks (about 20%) or scattered cells (12 to 14%), chosen so that the shortest path is as "
-        "long as the printed best of the reference, or nearly: 28.038 is no lattice length (28.042 is), and for [7] no best is "
-        "printed (43.94 is taken). The colonies of the references are not rebuilt; claims against them are held "
-        "against their printed figures. A smoothed length belongs beside the paper's own lengths, which lie below the "
-        f"shortest path of cells. {MAPS} maps a line, a sample is a map.",
+        note="The floors of references [7], [9] and [12] are not in the paper's text. Ours are random ones of the "
+        "kind that it names, large blocks (about 20%) or scattered cells (12 to 14%), chosen so that the "
+        "shortest path is as long as the printed best of the reference, or nearly: 28.038 is no lattice length "
+        "(28.042 is), and for [7] no best is printed (43.94 is taken). The colonies of the references are not "
+        "rebuilt; claims against them are held against their printed figures. A smoothed length belongs beside "
+        "the paper's own lengths, which lie below the shortest path of cells. "
+        f"{MAPS} maps a line, a sample is a map.",
     ),
     Study(
         name="004_table_2",
