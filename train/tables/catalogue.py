@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 from collections.abc import Sequence
 from functools import cache
 
 from train.tables.study import Setting, Study
 from warehouse_env.errors import unknown_name
 
-_ALL = {
+MODULES = {
     "000": "train.tables.paper000",
     "001": "train.tables.paper001",
     "002": "train.tables.paper002",
@@ -18,7 +17,6 @@ _ALL = {
     "004": "train.tables.paper004",
     "all": "train.tables.all_planners",
 }
-MODULES = {key: module for key, module in _ALL.items() if importlib.util.find_spec(module)}
 
 
 @cache
