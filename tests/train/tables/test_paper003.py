@@ -9,7 +9,7 @@ import pytest
 
 from train.tables.paper003 import COMPLEX, CONCAVE, E_SHAPED, OURS, SHIPPED, SIMPLE, STUDIES, scattered_task, settings
 
-TABLE = STUDIES[0]
+TABLE, MORE = STUDIES
 
 
 def test_maps_are_as_the_text_says() -> None:
@@ -38,6 +38,11 @@ def test_the_single_obstacles_trap(index: int) -> None:
 def test_the_same_seed_gives_the_same_map_and_others_differ() -> None:
     assert scattered_task(20, 0.2, 3, 1).grid.key == scattered_task(20, 0.2, 3, 1).grid.key
     assert scattered_task(20, 0.2, 3, 1).grid.key != scattered_task(20, 0.2, 3, 2).grid.key
+
+
+def test_more_maps_are_other_maps() -> None:
+    keys = {task.grid.key for setting in (*settings(), *MORE.settings()) for task in setting.tasks}
+    assert len(keys) == 4 + 24
 
 
 def test_printed_shares() -> None:
