@@ -46,6 +46,11 @@ def paired(rows: Sequence[Row], other: Sequence[Row], value: Value) -> Interval:
     return mean_interval(differences)
 
 
+def _possible(found: Interval, share: bool) -> Interval:
+    """Cut the interval of a share to the values that are possible."""
+    return found._replace(low=max(found.low, 0.0), high=min(found.high, 1.0)) if share else found
+
+
 def _sample_of(row: Row) -> tuple[object, ...]:
     return row["map"], row["number"], row.get("case")
 
@@ -96,7 +101,7 @@ def replanning_table(rows: Sequence[Row]) -> Table:
     lines = []
     for (case, system), group in grouped(own, ("case", "system")).items():
         texts = [
-            with_interval(mean_interval(float(row[m]) for row in group), factor)
+            with_interval(_possible(mean_interval(float(row[m]) for row in group), m == "optimal"), factor)
             for m, factor in (("first_gap", 100), ("gap", 100), ("optimal", 100), ("settled_at", 1), ("settled_ms", 1))
         ]
         ms = with_interval(mean_interval(row["ms"] for row in group)._replace(low=float("nan")))
