@@ -185,7 +185,7 @@ def _parts() -> tuple[Claim, ...]:
     )
 
 
-def _against(measure: str, by: float, what: str) -> tuple[Claim, ...]:
+def _against(measure: str, by: float | None, what: str) -> tuple[Claim, ...]:
     """Return a claim against the traditional colony as the paper seems to have it, and against fairer ones."""
     return tuple(
         Claim(f"{what} {which}", ours, other, measure, by)
@@ -239,7 +239,7 @@ STUDIES = (
         published=_published(_TABLE_2, "converged_at", "converged_sd"),
         claims=(
             *_against("converged_at", -0.466, "Far fewer iterations (at least 46.6%) than"),
-            *_against("converged_sd", 0.0, "A steadier convergence than"),
+            *_against("converged_sd", None, "A steadier convergence than"),
         ),
         note=_FLOORS + _BASELINE,
     ),
@@ -257,7 +257,7 @@ STUDIES = (
         published=_published(_TABLE_3, "line_length", "line_sd"),
         claims=(
             *_against("line_length", -0.097, "Shorter paths (at least 9.7%) than"),
-            *_against("line_sd", 0.0, "Steadier lengths than"),
+            *_against("line_sd", None, "Steadier lengths than"),
             Claim("Finds the known optimum at every share of obstacles", check=partial(finds_optimum, ours=OURS)),
             *_parts(),
         ),
