@@ -14,7 +14,7 @@ from train.tables.figures import Figures
 from train.tables.study import FAILS, HOLDS, IN_PART, Verdict
 
 _LEAST = 1e-9  # difference of gaps or turns that counts as one
-_NEGLIGIBLE = 0.5  # [%] mean excess over the shortest length that a driver would not notice
+_NEGLIGIBLE = 0.5  # [%] mean excess over the shortest length that a driver would not notice; also of turns
 
 
 class Summary(NamedTuple):
@@ -99,7 +99,7 @@ def _colonies(sure: Sequence[Summary]) -> list[str]:
     lines = [f"Of the ant colonies the best is {best.text()}."]
     for one in sure:
         if one.name == "astar_turns":
-            least = min(best.gap - one.gap, best.turns - one.turns) > -_LEAST
+            least = best.gap - one.gap > -_LEAST and best.turns - one.turns > -_NEGLIGIBLE / 100
             adds = "adds nothing to it here" if least else "has fewer turns"
             lines.append(f"It takes {number(best.ms / one.ms, 2)} times the time of `{one.name}` and {adds}.")
     beaten = [one for one in colonies if any(o.ms < one.ms and o.gap < one.gap - _LEAST for o in colonies)]
