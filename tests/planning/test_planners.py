@@ -30,7 +30,7 @@ MODES = (
     "apf_improved:intermediate_point=false",
 )
 SMALL = {"ants": 8, "particles": 8, "fish": 6, "iterations": 6}  # for speed; what a planner has of these
-MAY_FAIL = ("apf", "pso", "afsa", "die")  # walkers and swarms see only what is near them, and dying ants may all die
+MAY_FAIL = ("apf", "die")  # walkers see only what is near them, and dying ants may all die
 LAYOUTS_TRIED = [name for name in LAYOUTS if name != "blocks"]  # blocks asks for its measures
 
 
