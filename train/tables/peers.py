@@ -12,7 +12,6 @@ import importlib.util
 import itertools
 import math
 import random
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -23,23 +22,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.planning.plan import Plan, check_endpoints, refuse_cost
+from warehouse_env.planning.base import BasePlanner
+from warehouse_env.planning.plan import Plan
 
 _ANT_STEPS = 400  # the most steps an ant of aco-routing may take; a parameter without a default there
 
 
 @dataclass(frozen=True)
-class Peer:
+class Peer(BasePlanner):
     """A planner of another library. Errors that it raises for want of a path become an empty Plan."""
 
-    name: ClassVar[str]
     package: ClassVar[str]  # as pip knows it
     needs: ClassVar[tuple[str, ...]]  # modules
     note: ClassVar[str]
     cuts_corners: ClassVar[bool] = False  # its diagonals pass shelf corners: another optimum
     most_pairs: ClassVar[int | None] = None  # of a map, where it is slow
     most_runs: ClassVar[int | None] = None  # of a pair
-    takes_cost: ClassVar[bool] = False
 
     @property
     def key(self) -> str:
@@ -54,17 +52,19 @@ class Peer:
         rng: np.random.Generator,
         cost: NDArray[np.float64] | None = None,
     ) -> Plan:
-        """Search; a cost map is refused."""
-        refuse_cost(self, cost)
-        start, goal = check_endpoints(grid, start, goal)
-        prepared = _prepared(self.prepare, grid)
-        begin = time.perf_counter()
+        """Prepare the map, which is not timed, and search."""
+        _prepared(self.prepare, grid)
+        return super().plan(grid, start, goal, rng, cost)
+
+    def find(
+        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
+    ) -> Plan:
+        """Search."""
         try:
-            cells = self.search(prepared, start, goal, rng)
+            cells = self.search(_prepared(self.prepare, grid), start, goal, rng)
         except Exception:  # a peer may raise anything; what matters here is that it gave no path
             cells = ()
-        seconds = time.perf_counter() - begin
-        return Plan(np.array(cells, dtype=np.int64).reshape(-1, 2), np.empty(0), seconds)
+        return Plan(np.array(cells, dtype=np.int64).reshape(-1, 2))
 
     @staticmethod
     def prepare(grid: GridMap) -> Any:

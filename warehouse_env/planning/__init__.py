@@ -16,6 +16,7 @@ from warehouse_env.planning.ants.fusion_aco import FusionAco
 from warehouse_env.planning.ants.iaco import Iaco
 from warehouse_env.planning.ants.pf_aco import PfAco
 from warehouse_env.planning.any_angle import ThetaStar
+from warehouse_env.planning.base import BasePlanner
 from warehouse_env.planning.field_walkers import Apf, ApfImproved
 from warehouse_env.planning.fish_swarm import FishSwarm
 from warehouse_env.planning.graph_search import AStar, AStarTurns, Dijkstra, min_turns
@@ -24,6 +25,7 @@ from warehouse_env.planning.plan import Plan, Planner, climb, path_length, turns
 
 __all__ = [
     "PLANNERS",
+    "BasePlanner",
     "Plan",
     "Planner",
     "climb",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -12,8 +11,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.planning.graph_search import fewest_turns, pop, push
-from warehouse_env.planning.plan import Plan, check_endpoints, planner_key, refuse_cost
+from warehouse_env.planning.base import BasePlanner
+from warehouse_env.planning.graph_search import fewest_turns, pop, push, unflatten
+from warehouse_env.planning.plan import Plan
 
 
 @njit(cache=True)
@@ -112,7 +112,7 @@ def _band(legal: NDArray[np.bool_], line: NDArray[np.int64]) -> NDArray[np.bool_
 
 
 @dataclass(frozen=True)
-class ThetaStar:
+class ThetaStar(BasePlanner):
     """Basic Theta* (Nash, Daniel, Koenig & Felner 2007): a short path whose corners are cells, at any angle.
 
     `Plan.line` holds its vertices. It is close to the shortest such line, but in clutter seldom the shortest, since a
@@ -128,32 +128,18 @@ class ThetaStar:
     name: ClassVar[str] = "theta_star"
     takes_cost: ClassVar[bool] = False  # the cost of a line at any angle would have to be integrated along it
 
-    @property
-    def key(self) -> str:
-        """Name and parameters."""
-        return planner_key(self)
-
-    def plan(
-        self,
-        grid: GridMap,
-        start: Cell,
-        goal: Cell,
-        rng: np.random.Generator,
-        cost: NDArray[np.float64] | None = None,
+    def find(
+        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
     ) -> Plan:
-        """Search; `rng` is not used, a cost map is refused (ConfigError)."""
-        begin = time.perf_counter()
-        refuse_cost(self, cost)
-        start, goal = check_endpoints(grid, start, goal)
+        """Search; `rng` is not used."""
         cols = grid.shape[1]
         first, last = start[0] * cols + start[1], goal[0] * cols + goal[1]
         vertex = _search(grid.legal_moves, grid.occupied, first, last)
         if vertex[last] < 0:
-            return Plan(np.empty((0, 2), np.int64), np.empty(0), time.perf_counter() - begin)
+            return Plan(unflatten([], cols))
         flat = [last]
         while flat[-1] != first:
             flat.append(int(vertex[flat[-1]]))
-        line = np.stack(np.divmod(np.array(flat[::-1], dtype=np.int64), cols), axis=1)
+        line = unflatten(flat[::-1], cols)
         followed = fewest_turns(_band(grid.legal_moves, line), None, first, last)
-        cells = np.stack(np.divmod(np.array(followed, dtype=np.int64), cols), axis=1)
-        return Plan(cells, np.empty(0), time.perf_counter() - begin, line=line.astype(np.float64))
+        return Plan(unflatten(followed, cols), line=line.astype(np.float64))

@@ -5,7 +5,6 @@ It sees only the shelves near it, so it is fast and can fail; a walk that fails 
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -14,7 +13,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.planning.plan import Plan, check_endpoints, check_parameters, planner_key, refuse_cost
+from warehouse_env.planning.base import BasePlanner
+from warehouse_env.planning.plan import Plan
 from warehouse_env.planning.potential_field import force_at, intermediate_point, repulsion_parts
 
 _EQUAL = 1e-9  # [cosine] closer alignments count as equal, so that rounding does not choose the move
@@ -22,7 +22,7 @@ _HALF = float(np.sqrt(0.5))
 
 
 @dataclass(frozen=True)
-class Apf:
+class Apf(BasePlanner):
     """The classical artificial potential field (Khatib 1986), what papers 001 and 002 set out to improve.
 
     Attraction k * d to the goal (eq. 6 of 001, 12 of 002), repulsion k_rep * (1/d - 1/rho0) / d^2 from every shelf
@@ -40,30 +40,36 @@ class Apf:
     repulsion_reach: float = 2.0  # rho0 of 001, d0 of 002 [cells]
 
     name: ClassVar[str] = "apf"
-    takes_cost: ClassVar[bool] = False
 
-    def __post_init__(self) -> None:
-        check_parameters(self)
-
-    @property
-    def key(self) -> str:
-        """Name and parameters."""
-        return planner_key(self)
-
-    def plan(
-        self,
-        grid: GridMap,
-        start: Cell,
-        goal: Cell,
-        rng: np.random.Generator,
-        cost: NDArray[np.float64] | None = None,
+    def find(
+        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
     ) -> Plan:
-        """Walk; `rng` is not used, a cost map is refused."""
-        return _walk(self, grid, start, goal, cost, exponent=0.0, points=0)
+        """Walk; `rng` is not used."""
+        return self._walk(grid, start, goal, exponent=0.0, points=0)
+
+    def _walk(self, grid: GridMap, start: Cell, goal: Cell, exponent: float, points: int) -> Plan:
+        """Go leg by leg: to the goal, and where stuck to an intermediate point first, of which there are `points`."""
+        parts = repulsion_parts(grid.occupied, self.repulsion_gain, self.repulsion_reach)
+        tried = np.zeros(grid.shape, np.bool_)
+        way, target = [np.array([start], dtype=np.int64)], goal
+        while True:
+            here = (int(way[-1][-1, 0]), int(way[-1][-1, 1]))
+            leg, arrived = follow(grid.legal_moves, *parts, here, target, goal, self.attraction_gain, exponent)
+            way.append(leg)
+            here = (int(leg[-1, 0]), int(leg[-1, 1]))
+            if here == goal:
+                return Plan(np.concatenate([leg[1:] if i else leg for i, leg in enumerate(way)]))
+            target = goal
+            if not arrived:
+                points -= 1
+                target = intermediate_point(grid.occupied, here, goal, tried) if points >= 0 else (-1, -1)
+                if target[0] < 0:
+                    return Plan(np.empty((0, 2), np.int64))
+                tried[target] = True
 
 
 @dataclass(frozen=True)
-class ApfImproved:
+class ApfImproved(Apf):
     """The potential field with the repairs of papers 001 (eqs. 9-13) and 002 (eqs. 16-20 and the intermediate point).
 
     relative_distance: the repulsive potential is multiplied by d^n, d the distance to the goal, so that the goal is
@@ -79,71 +85,19 @@ class ApfImproved:
     detours and loops included. Without it, the walker fails where `apf` does but beside the goal.
     """
 
-    attraction_gain: float = 1.0  # k [1/cell]
-    repulsion_gain: float = 1.0  # k_rep
-    repulsion_reach: float = 2.0  # rho0 of 001, d0 of 002 [cells]
     relative_distance: bool = True
     exponent: float = 0.5  # n, of the distance to the goal
     intermediate_point: bool = True
     points: int = 20  # intermediate points on one walk
 
     name: ClassVar[str] = "apf_improved"
-    takes_cost: ClassVar[bool] = False
 
-    def __post_init__(self) -> None:
-        check_parameters(self)
-
-    @property
-    def key(self) -> str:
-        """Name and parameters."""
-        return planner_key(self)
-
-    def plan(
-        self,
-        grid: GridMap,
-        start: Cell,
-        goal: Cell,
-        rng: np.random.Generator,
-        cost: NDArray[np.float64] | None = None,
+    def find(
+        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
     ) -> Plan:
-        """Walk; `rng` is not used, a cost map is refused."""
+        """Walk; `rng` is not used."""
         exponent = self.exponent if self.relative_distance else 0.0
-        return _walk(self, grid, start, goal, cost, exponent, self.points if self.intermediate_point else 0)
-
-
-def _walk(
-    planner: Apf | ApfImproved,
-    grid: GridMap,
-    start: Cell,
-    goal: Cell,
-    cost: NDArray[np.float64] | None,
-    exponent: float,
-    points: int,
-) -> Plan:
-    """Go leg by leg: to the goal, and where stuck to an intermediate point first, of which there are `points`."""
-    begin = time.perf_counter()
-    refuse_cost(planner, cost)
-    start, goal = check_endpoints(grid, start, goal)
-    parts = repulsion_parts(grid.occupied, planner.repulsion_gain, planner.repulsion_reach)
-    tried = np.zeros(grid.shape, np.bool_)
-    way, target = [np.array([start], dtype=np.int64)], goal
-    while True:
-        here = (int(way[-1][-1, 0]), int(way[-1][-1, 1]))
-        leg, arrived = follow(grid.legal_moves, *parts, here, target, goal, planner.attraction_gain, exponent)
-        way.append(leg)
-        here = (int(leg[-1, 0]), int(leg[-1, 1]))
-        if here == goal:
-            cells = np.concatenate([leg[1:] if i else leg for i, leg in enumerate(way)])
-            break
-        target = goal
-        if not arrived:
-            points -= 1
-            target = intermediate_point(grid.occupied, here, goal, tried) if points >= 0 else (-1, -1)
-            if target[0] < 0:
-                cells = np.empty((0, 2), np.int64)
-                break
-            tried[target] = True
-    return Plan(cells, np.empty(0), time.perf_counter() - begin)
+        return self._walk(grid, start, goal, exponent, self.points if self.intermediate_point else 0)
 
 
 @njit(cache=True, error_model="numpy")

@@ -8,8 +8,6 @@ whatever the order of the steps and of the tolls.
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -20,7 +18,8 @@ from numpy.typing import NDArray
 from warehouse_env.errors import PlanError
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.ants.floor import MICRO
-from warehouse_env.planning.plan import Plan, check_endpoints, edge_cost, planner_key, turns
+from warehouse_env.planning.base import BasePlanner
+from warehouse_env.planning.plan import Plan, check_endpoints, edge_cost, turns
 
 _SQRT2 = math.sqrt(2.0)
 _STEP = int(MICRO)  # millionths of a cell: a straight step
@@ -183,98 +182,68 @@ def fewest_turns(legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start
     return path[::-1]
 
 
-def _plan(
-    grid: GridMap,
-    start: Cell,
-    goal: Cell,
-    cost: NDArray[np.float64] | None,
-    search: Callable[..., list[int]],
-    *options: bool,
-) -> Plan:
-    begin = time.perf_counter()
-    start, goal = check_endpoints(grid, start, goal)
-    cols = grid.occupied.shape[1]
-    toll = None if cost is None else np.rint(MICRO * edge_cost(grid, cost)).astype(np.int64)
-    flat = search(grid.legal_moves, toll, start[0] * cols + start[1], goal[0] * cols + goal[1], *options)
-    cells = np.stack(np.divmod(np.array(flat, dtype=np.int64), cols), axis=1)
-    return Plan(cells, np.empty(0), time.perf_counter() - begin)
+def unflatten(flat: list[int], columns: int) -> NDArray[np.int64]:
+    """Return flat cells as int64[L, 2] (row, col)."""
+    return np.stack(np.divmod(np.array(flat, dtype=np.int64), columns), axis=1)
 
 
 @dataclass(frozen=True)
-class Dijkstra:
+class _GraphSearch(BasePlanner):
+    """Base of the exact searches: each names its own in `search`. They draw no random numbers."""
+
+    takes_cost: ClassVar[bool] = True
+
+    def find(
+        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
+    ) -> Plan:
+        """Search on flat cells."""
+        columns = grid.shape[1]
+        toll = None if cost is None else np.rint(MICRO * edge_cost(grid, cost)).astype(np.int64)
+        flat = self.search(grid.legal_moves, toll, start[0] * columns + start[1], goal[0] * columns + goal[1])
+        return Plan(unflatten(flat, columns))
+
+    def search(self, legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int) -> list[int]:
+        """Return the flat cells of a path, none where there is none. legal, toll: as in `_search`."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Dijkstra(_GraphSearch):
     """Shortest path without a heuristic (Dijkstra 1959)."""
 
     name: ClassVar[str] = "dijkstra"
-    takes_cost: ClassVar[bool] = True
 
-    @property
-    def key(self) -> str:
-        """Name and parameters."""
-        return planner_key(self)
-
-    def plan(
-        self,
-        grid: GridMap,
-        start: Cell,
-        goal: Cell,
-        rng: np.random.Generator,
-        cost: NDArray[np.float64] | None = None,
-    ) -> Plan:
-        """Search; `rng` is not used."""
-        return _plan(grid, start, goal, cost, _shortest, False)
+    def search(self, legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int) -> list[int]:
+        """Return the flat cells of a shortest path."""
+        return _shortest(legal, toll, start, goal, False)
 
 
 @dataclass(frozen=True)
-class AStar:
+class AStar(_GraphSearch):
     """Shortest path with the octile distance as heuristic (Hart, Nilsson & Raphael 1968)."""
 
     name: ClassVar[str] = "astar"
-    takes_cost: ClassVar[bool] = True
 
-    @property
-    def key(self) -> str:
-        """Name and parameters."""
-        return planner_key(self)
-
-    def plan(
-        self,
-        grid: GridMap,
-        start: Cell,
-        goal: Cell,
-        rng: np.random.Generator,
-        cost: NDArray[np.float64] | None = None,
-    ) -> Plan:
-        """Search; `rng` is not used."""
-        return _plan(grid, start, goal, cost, _shortest, True)
+    def search(self, legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int) -> list[int]:
+        """Return the flat cells of a shortest path."""
+        return _shortest(legal, toll, start, goal, True)
 
 
 @dataclass(frozen=True)
-class AStarTurns:
+class AStarTurns(_GraphSearch):
     """The fewest turns among the shortest paths: A* on cell x direction with the cost (length, turns)."""
 
     name: ClassVar[str] = "astar_turns"
-    takes_cost: ClassVar[bool] = True
 
-    @property
-    def key(self) -> str:
-        """Name and parameters."""
-        return planner_key(self)
-
-    def plan(
-        self,
-        grid: GridMap,
-        start: Cell,
-        goal: Cell,
-        rng: np.random.Generator,
-        cost: NDArray[np.float64] | None = None,
-    ) -> Plan:
-        """Search; `rng` is not used."""
-        return _plan(grid, start, goal, cost, fewest_turns)
+    def search(self, legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int) -> list[int]:
+        """Return the flat cells of such a path."""
+        return fewest_turns(legal, toll, start, goal)
 
 
 def min_turns(grid: GridMap, start: Cell, goal: Cell) -> int:
     """Fewest direction changes that a shortest path from start to goal can have; PlanError if there is no path."""
-    plan = _plan(grid, start, goal, None, fewest_turns)
-    if not plan.found:
-        raise PlanError(f"no path from {tuple(start)} to {tuple(goal)}")
-    return turns(plan.cells)
+    start, goal = check_endpoints(grid, start, goal)
+    flat = fewest_turns(grid.legal_moves, None, start[0] * grid.shape[1] + start[1], goal[0] * grid.shape[1] + goal[1])
+    if not flat:
+        raise PlanError(f"no path from {start} to {goal}")
+    return turns(unflatten(flat, grid.shape[1]))

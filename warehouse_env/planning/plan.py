@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
-from typing import Any, ClassVar, Literal, NamedTuple, Protocol, get_args, get_origin, get_type_hints
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,8 +30,8 @@ class Plan(NamedTuple):
     """
 
     cells: NDArray[np.int64]
-    best_by_iteration: NDArray[np.float64]
-    seconds: float
+    best_by_iteration: NDArray[np.float64] = _NONE
+    seconds: float = 0.0
     elapsed: NDArray[np.float64] = _NONE
     line: NDArray[np.float64] | None = None
 
@@ -101,12 +100,6 @@ def edge_cost(grid: GridMap, cost: NDArray[np.float64]) -> NDArray[np.float64]:
     padded = np.pad(cost, 1)
     entered = [padded[1 + r : 1 + r + rows, 1 + c : 1 + c + columns] for r, c in MOVES.tolist()]
     return np.stack(entered, axis=-1)
-
-
-def refuse_cost(planner: Planner, cost: NDArray[np.float64] | None) -> None:
-    """Raise ConfigError if a cost map is given to a planner that cannot take one."""
-    if cost is not None:
-        raise ConfigError(f"planner {planner.name} takes no cost map; choose one with takes_cost, such as astar")
 
 
 def path_length(cells: ArrayLike) -> float:
@@ -219,35 +212,3 @@ def check_endpoints(grid: GridMap, start: Cell, goal: Cell) -> tuple[Cell, Cell]
             raise PlanError(f"{what} {cell} stands on a shelf; choose a free cell")
         checked.append(cell)
     return checked[0], checked[1]
-
-
-def planner_key(planner: Any) -> str:
-    """Stable text of a planner dataclass: its name and every parameter."""
-    parameters = (f"{f.name}={getattr(planner, f.name)!r}" for f in dataclasses.fields(planner))
-    return f"{planner.name}({', '.join(parameters)})"
-
-
-def check_parameters(planner: Any, shares: tuple[str, ...] = ()) -> None:
-    """Raise ConfigError unless each field of a planner dataclass fits its type.
-
-    bool: True or False; int: a whole number of at least 1; float: finite and not negative, and at most 1 for the fields
-    named in `shares`; Literal: a choice; None where the type allows it.
-    """
-    hints = get_type_hints(type(planner))
-    for field in dataclasses.fields(planner):
-        value, kind = getattr(planner, field.name), hints[field.name]
-        if value is None and type(None) in get_args(kind):
-            continue
-        number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        if get_origin(kind) is Literal:
-            good, rule = value in get_args(kind), f"one of {', '.join(get_args(kind))}"
-        elif kind is bool:
-            good, rule = isinstance(value, bool), "True or False"
-        elif int in (kind, *get_args(kind)):
-            good, rule = number and isinstance(value, int) and value >= 1, "a whole number of at least 1"
-        else:
-            good, rule = number and math.isfinite(value) and value >= 0, "a finite number of at least 0"
-        if good and field.name in shares:
-            good, rule = value <= 1, "a share between 0 and 1"
-        if not good:
-            raise ConfigError(f"{planner.name} parameter {field.name}={value!r} must be {rule}")

@@ -23,7 +23,8 @@ from warehouse_env.planning.ants.colony import cells_of
 from warehouse_env.planning.ants.floor import Floor, make_floor
 from warehouse_env.planning.ants.local_search import shorten, straight_runs
 from warehouse_env.planning.ants.walks import Walks, empty_walks, keep, measure
-from warehouse_env.planning.plan import Plan, check_endpoints, check_parameters, planner_key
+from warehouse_env.planning.base import BasePlanner
+from warehouse_env.planning.plan import Plan
 
 Code = NDArray[np.float64]  # [m, K, 2] way-points (row, col) [cells] of m agents
 
@@ -87,7 +88,7 @@ class Paths:
 
 
 @dataclass(frozen=True)
-class WaypointSwarm:
+class WaypointSwarm(BasePlanner):
     """Base of the swarms that search over way-points: each gives its `search`, and its constants as further fields.
 
     local_search: the best path of each round of decoding is straightened (ants/local_search.py) before it counts as
@@ -99,17 +100,7 @@ class WaypointSwarm:
     local_search: bool = False
     gentleness: float = 0.0  # [cells/m] detour that a metre of climbing is worth
 
-    name: ClassVar[str]
-    shares: ClassVar[tuple[str, ...]] = ()  # parameters that must lie between 0 and 1
     takes_cost: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        check_parameters(self, shares=self.shares)
-
-    @property
-    def key(self) -> str:
-        """Name and parameters."""
-        return planner_key(self)
 
     def search(self, paths: Paths, first: Code, rng: np.random.Generator) -> None:
         """Improve the first codes float64[m, K, 2]; call paths.end_iteration after each of the iterations."""
@@ -119,26 +110,19 @@ class WaypointSwarm:
         """Number of agents m."""
         raise NotImplementedError
 
-    def plan(
-        self,
-        grid: GridMap,
-        start: Cell,
-        goal: Cell,
-        rng: np.random.Generator,
-        cost: NDArray[np.float64] | None = None,
+    def find(
+        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
     ) -> Plan:
-        """Search; the same state of `rng` gives the same plan, to the bit. cost: see Planner.plan."""
+        """Let the swarm search."""
         begin = time.perf_counter()
-        start, goal = check_endpoints(grid, start, goal)
         floor = make_floor(grid, goal, self.gentleness, cost)
         paths = Paths(grid, floor, start[0] * floor.columns + start[1], self.local_search)
         if paths.reachable:
             self.search(paths, first_codes(grid.shape, start, goal, self.agents(), self.waypoints, rng), rng)
         else:
             paths.history, paths.elapsed = [np.inf] * self.iterations, [0.0] * self.iterations
-        cells, seconds = cells_of(floor, paths.best, 0), time.perf_counter() - begin
         elapsed = np.array(paths.elapsed) + (paths.begin - begin)
-        return Plan(cells, np.array(paths.history), seconds, elapsed)
+        return Plan(cells_of(floor, paths.best, 0), np.array(paths.history), elapsed=elapsed)
 
 
 def first_codes(

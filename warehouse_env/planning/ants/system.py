@@ -15,7 +15,8 @@ from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.ants.colony import Colony, Search, cells_of, run
 from warehouse_env.planning.ants.floor import MICRO, Floor, Table, make_floor
 from warehouse_env.planning.ants.local_search import improve, straight_runs
-from warehouse_env.planning.plan import Plan, check_endpoints, check_parameters, planner_key
+from warehouse_env.planning.base import BasePlanner
+from warehouse_env.planning.plan import Plan, check_endpoints
 
 STEP: NDArray[np.float64] = np.sqrt((MOVES**2).sum(axis=1))  # [8] length of each move: 1 or sqrt 2
 _AT_GOAL = 0.1  # [cells] stands for the distance 0 of the goal cell to itself
@@ -24,7 +25,7 @@ _EASE_POWER = 2  # an edge that costs twice its length is a quarter as attractiv
 
 
 @dataclass(frozen=True)
-class AntSystem:
+class AntSystem(BasePlanner):
     """Base of the ant systems: each gives its slots in `colony`, and its constants as further fields.
 
     An ant at a dead end steps back (dead_end="backtrack"), or dies as in the papers ("die"), which can leave a run
@@ -40,31 +41,16 @@ class AntSystem:
     gentleness: float = 0.0  # [cells/m] detour that a metre of climbing is worth
     patience: int | None = None  # stop after so many iterations without a better path; None: never before the last
 
-    name: ClassVar[str]
-    shares: ClassVar[tuple[str, ...]] = ()  # parameters that must lie between 0 and 1
     takes_cost: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        check_parameters(self, shares=self.shares)
-
-    @property
-    def key(self) -> str:
-        """Name and parameters."""
-        return planner_key(self)
 
     def colony(self, grid: GridMap, floor: Floor, start: NDArray[np.int64]) -> Colony:
         """Return the slots for ants that start on flat cells int64[m]."""
         raise NotImplementedError
 
-    def plan(
-        self,
-        grid: GridMap,
-        start: Cell,
-        goal: Cell,
-        rng: np.random.Generator,
-        cost: NDArray[np.float64] | None = None,
+    def find(
+        self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
     ) -> Plan:
-        """Search; the same state of `rng` gives the same plan, to the bit. cost: see Planner.plan."""
+        """Search from one start."""
         return self.plan_shared(grid, [start], goal, rng, cost)[0]
 
     def plan_shared(
