@@ -87,6 +87,21 @@ def read_rows(path: Path) -> list[Row]:
     return rows
 
 
+def whole_rows(path: Path) -> list[Row]:
+    """Return the rows of a file and cut off a last line that a stop left unfinished; none where there is no file."""
+    if not path.exists():
+        return []
+    text = path.read_text(encoding="utf-8")
+    if not text.endswith("\n"):
+        write_text(path, text[: text.rfind("\n") + 1])
+    return read_rows(path)
+
+
+def write_rows(path: Path, rows: Iterable[Row]) -> None:
+    """Write a JSON-lines file, all of it or nothing."""
+    write_text(path, "".join(json.dumps(plain(row), allow_nan=False) + "\n" for row in rows))
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text file, all of it or nothing."""
     with complete_file(path) as part:

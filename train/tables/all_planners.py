@@ -50,7 +50,9 @@ STUDIES = (
         runs=_RUNS,
         measures=("found_share", "gap", "optimal_share", "turns", "line_length", "clearance", "converged_at", "ms"),
         note=f"Each planner with its shipped constants, on {_TASKS} random pairs of cells of each 46 x 46 floor, "
-        f"{_RUNS} runs each: two warehouses, and 20% and 35% of random clutter. A sample is a pair.",
+        f"{_RUNS} runs each: two warehouses, and 20% and 35% of random clutter. A sample is a pair. "
+        "`shaa_acs` is a special case: its ants are led by a neural network's activity, which spreads from the goal "
+        "around the shelves and so amounts to the true distance; they know the way beforehand.",
         pictured=("clutter20",),
     ),
 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,9 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from train.pictures import file_name
-from train.processes import work_all
-from train.report import Table, make_progress, require_charts
-from train.rows import Row, RowFile, check_writable, write_text
+from train.report import Table, require_charts
+from train.rows import Row, RowFile, check_writable, whole_rows, write_rows, write_text
 from train.tables.all_planners import family
 from train.tables.benchmark_figures import NOTE, Summary, anytime_table, csv, overview, rank, summarise, table_of
 from train.tables.benchmark_maps import MAPS, make_map, make_tasks
@@ -23,12 +21,12 @@ from train.tables.benchmark_runs import (
     Watched,
     blocks_of,
     planner_of,
-    read_whole_rows,
     run_block,
     sort_out,
     warm_up,
 )
 from train.tables.peers import PEERS, Peer, installed, missing_note
+from train.tables.pieces import run_missing
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.planning import PLANNERS
 
@@ -89,38 +87,23 @@ class Benchmark:
 
     def _rows(self, blocks: Sequence[Block], path: Path) -> list[Row]:
         """Return the rows of all blocks in their order, those of the file and those that were missing in it."""
-        old = read_whole_rows(path)
-        known = sort_out(blocks, [] if self.fresh else old)
-        if old:  # torn lines, and rows of other code or seeds, would only be in the way
+        old = whole_rows(path)
+        known = sort_out(blocks, [] if self.fresh else [row for row in old if "made" in row])
+        if old:  # rows of other code or seeds would only be in the way
             chosen = {(block.map, block.planner, pair) for block in blocks for pair in range(block.first, block.last)}
-            others = [row for row in old if (row["map"], row["planner"], row["pair"]) not in chosen]
-            write_text(path, "".join(json.dumps(row) + "\n" for row in [*others, *known.rows]))
+            others = [row for row in old if (row.get("map"), row.get("planner"), row.get("pair")) not in chosen]
+            write_rows(path, [*others, *known.rows])
         if known.rows:
             print(f"{len(known.rows)} rows are kept from {path}; --fresh runs everything again")
-        file, rows = RowFile(path, keep=True), list(known.rows)
         seconds = estimate(known.missing)
-        total = sum(seconds)
         if known.missing:
             plans = sum((block.last - block.first) * block.runs for block in known.missing)
-            hours = _time(total / self.processes)
+            hours = _time(sum(seconds) / self.processes)
             print(f"up to {plans} plans in {self.processes} processes, about {hours}; a stop loses a block at most")
-        try:
-            with make_progress() as progress:
-                bar = progress.add_task(f"{self.processes} processes", total=total)
-                costs = dict(zip(known.missing, seconds, strict=True))
-                for block, fresh in work_all(_run, known.missing, self.processes):
-                    file.add(fresh)
-                    rows += fresh
-                    progress.update(
-                        bar, advance=costs[block], description=f"{block.map} · {block.planner}, seconds of work"
-                    )
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"{file.kept()}; the same command goes on from there") from None
-        return _in_order(rows, blocks)
-
-
-def _run(block: Block) -> tuple[Block, list[Row]]:
-    return block, run_block(block)
+        size = dict(zip(known.missing, seconds, strict=True)).__getitem__
+        file, say = RowFile(path, keep=True), lambda row: f"{row['map']} · {row['planner']}, seconds of work"
+        fresh = run_missing(run_block, known.missing, file, self.processes, say, size=size)
+        return _in_order([*known.rows, *fresh], blocks)
 
 
 def _in_order(rows: Sequence[Row], blocks: Sequence[Block]) -> list[Row]:

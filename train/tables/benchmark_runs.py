@@ -10,7 +10,6 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -184,21 +183,6 @@ def anytime(plan: Plan, optimum: float, seconds: float) -> list[float | None]:
     known = np.searchsorted(at, MOMENTS, side="right")
     lengths: NDArray[np.float64] = np.concatenate([[np.inf], best])[known]
     return [_gap(length, optimum) if math.isfinite(length) else None for length in lengths.tolist()]
-
-
-def read_whole_rows(path: Path) -> list[Row]:
-    """Return the rows of a file that a run may have left in the middle of a line; the torn line is left out."""
-    if not path.is_file():
-        return []
-    rows = []
-    for line in path.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True):
-        try:
-            row = json.loads(line) if line.endswith("\n") else None
-        except json.JSONDecodeError:
-            row = None
-        if isinstance(row, dict) and "made" in row:
-            rows.append(row)
-    return rows
 
 
 @dataclass(frozen=True)

@@ -5,34 +5,40 @@ from __future__ import annotations
 import ast
 import hashlib
 import importlib.util
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
-_OURS = ("warehouse_env.planning.", "train.tables.")
+_PROJECT = ("warehouse_env.", "agents.", "train.")
+PLANNING = ("warehouse_env.planning.", "train.tables.")  # what plans and their figures depend on
 
 
 @cache
 def code_key(planner: type) -> str:
-    """Return 16 hex digits for the code of a planner's class and of all in `planning` that it is built on.
+    """Return 16 hex digits for the code of a planner's class and of all that it is built on."""
+    return code_of(*(cls.__module__ for cls in planner.__mro__ if cls.__module__.startswith(PLANNING)))
+
+
+@cache
+def code_of(*modules: str, within: tuple[str, ...] = PLANNING) -> str:
+    """Return 16 hex digits for the code of modules and of all that they import, directly or not, `within` packages.
 
     Comments and docstrings do not count.
     """
-    todo = [cls.__module__ for cls in planner.__mro__ if cls.__module__.startswith(_OURS)]
     content = hashlib.blake2b(digest_size=8)
-    for module in _closure(todo):
+    for module in _closure(modules, within):
         content.update(ast.dump(_without_docstrings(_tree(module))).encode())
     return content.hexdigest()
 
 
-def _closure(todo: list[str]) -> list[str]:
-    """Return the modules and all of ours that they import, directly or not, in order of their names."""
-    known: set[str] = set()
+def _closure(modules: Iterable[str], within: tuple[str, ...] = PLANNING) -> list[str]:
+    """Return the modules and all that they import `within` packages, directly or not, in order of their names."""
+    todo, known = list(modules), set()
     while todo:
         module = todo.pop()
         if module not in known:
             known.add(module)
-            todo += _imported(_tree(module))
+            todo += [name for name in _imported(_tree(module)) if name.startswith(within)]
     return sorted(known)
 
 
@@ -40,7 +46,7 @@ def _imported(tree: ast.Module) -> Iterator[str]:
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.module:
             for name in (node.module, *(f"{node.module}.{alias.name}" for alias in node.names)):
-                if name.startswith(_OURS) and _file(name) is not None:
+                if name.startswith(_PROJECT) and _file(name) is not None:
                     yield name
 
 

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from train.processes import work_all
-from train.report import make_progress, require_charts
-from train.rows import Row, RowFile, check_writable, read_rows, write_text
+from train.report import require_charts
+from train.rows import Row, RowFile, check_writable, whole_rows, write_rows
 from train.tables.blocks import Block, blocks_of, mixed, run_block, split
 from train.tables.catalogue import chosen
 from train.tables.page import write_pages
+from train.tables.pieces import run_missing
 from train.tables.study import Study
 from warehouse_env.errors import ConfigError
 
@@ -62,35 +62,8 @@ class Tables:
             raise ConfigError("--benchmark and --traffic are two studies; ask for one at a time")
         if self.pictures:
             require_charts()
-        if self.benchmark:
-            from train.tables.benchmark import Benchmark
-
-            Benchmark(
-                out=self.out,
-                json=self.json,
-                runs=self.runs,
-                seed=self.seed,
-                processes=self.processes,
-                fresh=self.fresh,
-                pictures=self.pictures,
-                pairs=self.pairs,
-                maps=self.maps,
-                planner=self.planner,
-            ).run()
-            return
-        if self.traffic:
-            from train.tables.traffic import Traffic
-
-            Traffic(
-                out=self.out,
-                json=self.json,
-                runs=self.runs,
-                seed=self.seed,
-                processes=self.processes,
-                fresh=self.fresh,
-                pictures=self.pictures,
-                maps=self.maps,
-            ).run()
+        if self.benchmark or self.traffic:
+            self._run_study()
             return
         begin = time.perf_counter()
         studies = chosen(self.papers, self.tables)
@@ -102,13 +75,26 @@ class Tables:
         )
         print(f"wrote {written} files to {self.out} in {time.perf_counter() - begin:.0f} s; begin with README.md")
 
+    def _run_study(self) -> None:
+        """Run the benchmark or the study of traffic, which have tables of their own."""
+        names = ("out", "json", "runs", "seed", "processes", "fresh", "pictures", "maps")
+        options: dict[str, Any] = {name: getattr(self, name) for name in names}
+        if self.benchmark:
+            from train.tables.benchmark import Benchmark
+
+            Benchmark(**options, pairs=self.pairs, planner=self.planner).run()
+        else:
+            from train.tables.traffic import Traffic
+
+            Traffic(**options).run()
+
     @property
     def _path(self) -> Path:
         return self.json or self.out / "rows.jsonl"
 
     def _made_before(self, studies: Sequence[tuple[str, Study]]) -> list[tuple[Study, list[Row]]]:
         """Return the other studies whose rows are all in the file, for the index."""
-        others, old = [one for one in chosen((), ()) if one not in studies], _complete_rows(self._path)
+        others, old = [one for one in chosen((), ()) if one not in studies], whole_rows(self._path)
         found = []
         for module, study in others:
             own = [row for row in old if row.get("study") == study.name]
@@ -121,25 +107,17 @@ class Tables:
     def _rows(self, studies: Sequence[tuple[str, Study]]) -> list[Row]:
         """Return the rows of all blocks, those of the file and those that were missing in it."""
         blocks = [block for module, study in studies for block in blocks_of(module, study, self.runs, self.seed)]
-        old = _complete_rows(self._path)
+        old = whole_rows(self._path)
         kept, missing = split(blocks, [] if self.fresh else old)
         wanted = {study.name for _, study in studies}
         good = [row for row in old if row.get("study") not in wanted] + kept
         if len(good) < len(old):  # rows of other code, runs or seeds would only be in the way
-            write_text(self._path, "".join(json.dumps(row) + "\n" for row in good))
-        file = RowFile(self._path, keep=True)
+            write_rows(self._path, good)
         done = len(blocks) - len(missing)
         if done:
             print(f"{done} of {len(blocks)} blocks are kept from {self._path}; --fresh runs them again")
-        try:
-            with make_progress() as progress:
-                bar = progress.add_task(f"{self.processes} processes", total=len(blocks), completed=done)
-                for fresh in work_all(run_block, mixed(missing), self.processes):
-                    file.add(fresh)
-                    kept += fresh
-                    progress.update(bar, advance=1, description=f"{fresh[0]['study']} · {fresh[0]['system']}")
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"{file.kept()}; the same command goes on from there") from None
+        file, say = RowFile(self._path, keep=True), lambda row: f"{row['study']} · {row['system']}"
+        kept += run_missing(run_block, mixed(missing), file, self.processes, say, done=done)
         return _in_order(kept, blocks)
 
 
@@ -148,13 +126,3 @@ def _in_order(rows: Sequence[Row], blocks: Sequence[Block]) -> list[Row]:
     place = {block[1:5]: index for index, block in enumerate(blocks)}
     keys = ("study", "setting", "number", "system")
     return sorted(rows, key=lambda row: (place[tuple(row[name] for name in keys)], row["run"]))
-
-
-def _complete_rows(path: Path) -> list[Row]:
-    """Return the rows of a file, without a last line that a stop cut short; none where there is no file."""
-    if not path.exists():
-        return []
-    text = path.read_text(encoding="utf-8")
-    if not text.endswith("\n"):
-        write_text(path, text[: text.rfind("\n") + 1])
-    return read_rows(path)

@@ -227,10 +227,10 @@ def _inline(text: str) -> str:
 _HTML = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{title}</title>
 <style>
-body {{ font: 15px/1.5 system-ui, sans-serif; color: #2b3038; max-width: 1150px; margin: 2em auto; padding: 0 1em }}
+body {{ font: 15px/1.5 system-ui, sans-serif; color: #2b3038; max-width: 1350px; margin: 2em auto; padding: 0 1em }}
 img {{ max-width: 100% }} figure {{ margin: 1.5em 0 }} figcaption {{ color: #5f6771 }}
 table {{ border-collapse: collapse; font-size: 13px; display: block; overflow-x: auto }}
-th, td {{ padding: .3em .7em; text-align: right; border-bottom: 1px solid #e3e5e8; white-space: nowrap }}
+th, td {{ padding: .3em .5em; text-align: right; border-bottom: 1px solid #e3e5e8; white-space: nowrap }}
 th:nth-child(-n+2), td:nth-child(-n+2) {{ text-align: left }}
 code {{ background: #f2f3f5; padding: 0 .25em }}
 </style></head><body>

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from train.processes import work_all
-from train.report import make_progress, require_charts
-from train.rows import Row, RowFile, check_writable, mean_interval, plain, read_rows, select, write_text
+from train.report import require_charts
+from train.rows import Row, RowFile, check_writable, mean_interval, select, whole_rows, write_rows, write_text
 from train.tables.k_shortest import require_networkx
+from train.tables.pieces import run_missing
 from train.tables.traffic_driving import DRIVEN, DRIVEN_ROBOTS, measure_driving
 from train.tables.traffic_figures import (
     alternatives_table,
@@ -89,40 +89,35 @@ class Traffic:
 
     def _rows(self, jobs: Sequence[Job], path: Path) -> list[Row]:
         """Return the rows of all jobs in their order, those of the file and those that were missing in it."""
-        old = [] if self.fresh else _whole_rows(path)
+        wanted = {_key(job.identity): job for job in jobs}
+        asked = {_key(job._asdict()) for job in jobs}
         known: dict[str, list[Row]] = {}
-        for row in old:
-            known.setdefault(json.dumps(row["job"]), []).append(row)
-        keys = [json.dumps(plain(job.identity)) for job in jobs]
-        missing = [job for job, key in zip(jobs, keys, strict=True) if key not in known]
-        if old:
-            print(f"{len(jobs) - len(missing)} of {len(jobs)} pieces are kept from {path}; --fresh runs them again")
-        file = RowFile(path, keep=not self.fresh)
-        try:
-            with make_progress() as progress:
-                bar = progress.add_task("", total=len(jobs), completed=len(jobs) - len(missing))
-                for fresh in work_all(run_job, missing, self.processes):
-                    file.add(fresh)
-                    known[json.dumps(plain(fresh[0]["job"]))] = fresh
-                    progress.update(bar, advance=1, description=f"{fresh[0]['part']} · {fresh[0]['map']}")
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"{file.kept()}; the same command goes on from there") from None
-        return [row for key in keys for row in known[key]]
+        others = []
+        for row in whole_rows(path):
+            made = row.get("job", {})
+            if not self.fresh and _key(made) in wanted:
+                known.setdefault(_key(made), []).append(row)
+            elif _key({name: made.get(name) for name in Job._fields}) not in asked:  # else of other code: in the way
+                others.append(row)
+        if known:
+            print(f"{len(known)} of {len(jobs)} pieces are kept from {path}; --fresh runs them again")
+        write_rows(path, [*others, *(row for own in known.values() for row in own)])
+        missing = [job for key, job in wanted.items() if key not in known]
+        file, say = RowFile(path, keep=True), lambda row: f"{row['part']} · {row['map']}"
+        for row in run_missing(run_job, missing, file, self.processes, say, done=len(known)):
+            known.setdefault(_key(row["job"]), []).append(row)
+        return [row for key in wanted for row in known[key]]
+
+
+def _key(identity: Row) -> str:
+    """Return a piece's identity as text."""
+    return json.dumps(identity, sort_keys=True)
 
 
 def run_job(job: Job) -> list[Row]:
     """Do a piece of work; every row carries the job's identity as `job`."""
     about = {"part": job.part, "map": job.map, "number": job.number, "robots": job.robots}
     return [{**about, **row, "job": job.identity} for row in _PARTS[job.part](job)]
-
-
-def _whole_rows(path: Path) -> list[Row]:
-    """Return the rows of a file, without a last piece that a stop may have cut short; none where there is no file."""
-    if not path.exists():
-        return []
-    text = path.read_text(encoding="utf-8")
-    write_text(path, text[: text.rfind("\n") + 1])
-    return read_rows(path)
 
 
 def write_report(rows: Sequence[Row], maps: Sequence[str], folder: Path, pictures: bool, seed: int) -> int:

@@ -6,6 +6,7 @@ from functools import cache
 from typing import NamedTuple
 
 from train.rows import Row
+from train.tables.code import PLANNING, code_of
 from warehouse_env import __version__
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
@@ -26,7 +27,9 @@ class Job(NamedTuple):
     @property
     def identity(self) -> Row:
         """What its rows are known by."""
-        return {**self._asdict(), "version": __version__}
+        within = ("train.tables.", "warehouse_env.", "agents.") if self.part == "driving" else PLANNING
+        code = code_of(f"train.tables.traffic_{self.part}", within=within)
+        return {**self._asdict(), "version": __version__, "code": code}
 
 
 @cache

@@ -14,7 +14,7 @@ import pytest
 
 from train.cli import main
 from train.rows import read_rows
-from train.tables import command
+from train.tables import pieces
 from train.tables.blocks import Block, blocks_of, mixed, run_block
 from train.tables.study import Study
 
@@ -35,7 +35,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[Block]:
             yield work(job)
             done.append(job)
 
-    monkeypatch.setattr(command, "work_all", work_all)
+    monkeypatch.setattr(pieces, "work_all", work_all)
     return done
 
 
@@ -73,7 +73,7 @@ def test_goes_on_where_it_stopped(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(command, "work_all", stopped)
+        patch.setattr(pieces, "work_all", stopped)
         assert tables(tmp_path) == 130
     assert "6 rows are kept" in capsys.readouterr().err
     assert tables(tmp_path) == 0

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from train.rows import Row
+from train.rows import Row, read_rows, write_rows
+from train.tables import traffic
 from train.tables.command import Tables
 from train.tables.k_shortest import k_shortest
 from train.tables.traffic import Traffic, run_job, write_report
@@ -90,6 +91,40 @@ def test_wrong_options_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="--runs 0"):
         Traffic(out=tmp_path, runs=0).run()
     assert not list(tmp_path.iterdir())
+
+
+def test_it_goes_on_where_it_was_cut(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ran: list[Job] = []
+
+    def quick(job: Job) -> list[Row]:
+        ran.append(job)
+        rows = [{**row, "number": job.number, "map": job.map} for row in ROWS] if job.part == "routes" else [{}]
+        return [{"part": job.part, "map": job.map, **row, "job": job.identity} for row in rows]
+
+    monkeypatch.setattr(traffic, "run_job", quick)
+    monkeypatch.setattr(traffic, "write_report", lambda *given: 0)
+
+    def command(name: str, **more: Any) -> list[Row]:
+        ran.clear()
+        Traffic(out=tmp_path, runs=1, maps=(name,), processes=1, pictures=False, driving=False, **more).run()
+        return read_rows(tmp_path / "traffic" / "rows.jsonl")
+
+    narrow = command("narrow")
+    assert [job.part for job in ran] == ["routes", "replanning", "replanning"]
+    both = command("paper46")
+    assert both[: len(narrow)] == narrow  # what was not asked for stays
+    path = tmp_path / "traffic" / "rows.jsonl"
+    old = [{**row, "job": {**row["job"], "code": "old"}} if row["part"] == "routes" else row for row in narrow]
+    write_rows(path, old)
+    capsys.readouterr()
+    again = command("narrow")
+    assert [job.part for job in ran] == ["routes"]  # whose code is another
+    assert "2 of 3 pieces are kept" in capsys.readouterr().out
+    assert sorted(map(str, again)) == sorted(map(str, narrow))
+    command("narrow", fresh=True)
+    assert len(ran) == 3
 
 
 def test_pieces_of_work() -> None:
