@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from train.tables.benchmark_maps import make_map, make_tasks
+from train.tables.benchmark.maps import make_map, make_tasks
 from train.tables.study import Setting, Study, System, TableTask
 from warehouse_env.planning import PLANNERS
 from warehouse_env.planning.ants.system import AntSystem

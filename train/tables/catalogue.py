@@ -10,11 +10,11 @@ from train.tables.study import Setting, Study
 from warehouse_env.errors import unknown_name
 
 MODULES = {
-    "000": "train.tables.paper000",
-    "001": "train.tables.paper001",
-    "002": "train.tables.paper002",
-    "003": "train.tables.paper003",
-    "004": "train.tables.paper004",
+    "000": "train.tables.papers.paper000",
+    "001": "train.tables.papers.paper001",
+    "002": "train.tables.papers.paper002",
+    "003": "train.tables.papers.paper003",
+    "004": "train.tables.papers.paper004",
     "all": "train.tables.all_planners",
 }
 

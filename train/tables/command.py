@@ -80,11 +80,11 @@ class Tables:
         names = ("out", "json", "runs", "seed", "processes", "fresh", "pictures", "maps")
         options: dict[str, Any] = {name: getattr(self, name) for name in names}
         if self.benchmark:
-            from train.tables.benchmark import Benchmark
+            from train.tables.benchmark.command import Benchmark
 
             Benchmark(**options, pairs=self.pairs, planner=self.planner).run()
         else:
-            from train.tables.traffic import Traffic
+            from train.tables.traffic.command import Traffic
 
             Traffic(**options).run()
 

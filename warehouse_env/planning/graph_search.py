@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from warehouse_env.errors import PlanError
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.planning.ants.floor import MICRO
 from warehouse_env.planning.base import BasePlanner
-from warehouse_env.planning.plan import Plan, check_endpoints, edge_cost, turns
+from warehouse_env.planning.plan import MICRO, Plan, check_endpoints, edge_cost, turns
 
 _SQRT2 = math.sqrt(2.0)
 _STEP = int(MICRO)  # millionths of a cell: a straight step

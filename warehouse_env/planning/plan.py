@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from warehouse_env.errors import ConfigError, PlanError
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 
+MICRO = 1e6  # tolls and heights are counted in whole millionths, so that sums of them are exact
+
 _NONE = np.empty(0)
 _NONE.flags.writeable = False
 _GRAZE = 1e-9  # [cells] by which a line may seem to enter a shelf, for rounding

@@ -20,24 +20,13 @@ from warehouse_env.planning.routes import RouteBook
 from warehouse_env.simulation import metrics, state, step
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.buckets import bucket_grid
-from warehouse_env.simulation.floor import floor_of
+from warehouse_env.simulation.floor import floor_of, load_grid
 from warehouse_env.simulation.placement import place
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.tasks import Tasks
 
 PARALLEL_FROM = 256  # robots in all from which entering a parallel region pays
 _ROUTE_BLOCK = 64  # way-points by which the routes' array grows
-
-
-def load_grid(config: EnvConfig) -> GridMap:
-    """Return the map that a config names: its map_file, or else its layout."""
-    if config.map_file is not None:
-        from warehouse_env.maps.movingai import read_map
-
-        return read_map(config.map_file)
-    from warehouse_env.maps.layouts import make_layout
-
-    return make_layout(config.layout)
 
 
 class Simulator:

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.planning.plan import edge_cost
+from warehouse_env.planning.plan import MICRO, edge_cost
 
 Table = NDArray[np.float64]  # [C, 8]: one number an edge
 
 _MAPS_KEPT = 8  # whose terrain is remembered
-MICRO = 1e6  # heights and tolls are counted in whole millionths, so that sums of them are exact
 
 
 class Floor(NamedTuple):

@@ -17,8 +17,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES
-from warehouse_env.planning.ants.floor import MICRO, Floor
+from warehouse_env.planning.ants.floor import Floor
 from warehouse_env.planning.ants.walks import Walks, measure
+from warehouse_env.planning.plan import MICRO
 
 _SQRT2 = math.sqrt(2.0)
 

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning import potential_field
 from warehouse_env.planning.ants.colony import Colony
-from warehouse_env.planning.ants.floor import MICRO, Floor, Table
+from warehouse_env.planning.ants.floor import Floor, Table
 from warehouse_env.planning.ants.system import AntSystem
 from warehouse_env.planning.ants.walks import Walks, deposit
+from warehouse_env.planning.plan import MICRO
 
 
 @dataclass(frozen=True)

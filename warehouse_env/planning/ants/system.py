@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.ants.colony import Colony, Search, cells_of, run
-from warehouse_env.planning.ants.floor import MICRO, Floor, Table, make_floor
+from warehouse_env.planning.ants.floor import Floor, Table, make_floor
 from warehouse_env.planning.ants.local_search import improve, straight_runs
 from warehouse_env.planning.base import BasePlanner
-from warehouse_env.planning.plan import Plan, check_endpoints
+from warehouse_env.planning.plan import MICRO, Plan, check_endpoints
 
 STEP: NDArray[np.float64] = np.sqrt((MOVES**2).sum(axis=1))  # [8] length of each move: 1 or sqrt 2
 _AT_GOAL = 0.1  # [cells] stands for the distance 0 of the goal cell to itself

@@ -9,7 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from warehouse_env.planning.ants.floor import MICRO, Floor, Table
+from warehouse_env.planning.ants.floor import Floor, Table
+from warehouse_env.planning.plan import MICRO
 
 _SQRT2 = math.sqrt(2.0)
 

@@ -7,7 +7,17 @@ import math
 import numpy as np
 import pytest
 
-from train.tables.paper003 import COMPLEX, CONCAVE, E_SHAPED, OURS, SHIPPED, SIMPLE, STUDIES, scattered_task, settings
+from train.tables.papers.paper003 import (
+    COMPLEX,
+    CONCAVE,
+    E_SHAPED,
+    OURS,
+    SHIPPED,
+    SIMPLE,
+    STUDIES,
+    scattered_task,
+    settings,
+)
 
 TABLE, MORE = STUDIES
 

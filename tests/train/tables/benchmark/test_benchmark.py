@@ -15,10 +15,11 @@ from hypothesis import strategies as st
 from train.cli import main
 from train.planning_runs import Task
 from train.rows import read_rows
-from train.tables import benchmark, code
-from train.tables.benchmark_figures import anytime_table, csv, overview, summarise, table_of
-from train.tables.benchmark_maps import clearance_of, make_map, make_tasks
-from train.tables.benchmark_runs import (
+from train.tables import code
+from train.tables.benchmark import command as benchmark
+from train.tables.benchmark.figures import anytime_table, csv, overview, summarise, table_of
+from train.tables.benchmark.maps import clearance_of, make_map, make_tasks
+from train.tables.benchmark.runs import (
     MOMENTS,
     Block,
     Known,

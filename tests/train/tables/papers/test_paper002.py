@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from train.tables import paper002
-from train.tables.paper002 import MAPS, SHARES, STUDIES
+from train.tables.papers import paper002
+from train.tables.papers.paper002 import MAPS, SHARES, STUDIES
 from train.tables.study import Setting, Study
 
 COMPARISON, WALKERS = STUDIES

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from train.rows import Row
-from train.tables.k_shortest import k_shortest
-from train.tables.traffic_jobs import Job, floor
+from train.tables.traffic.jobs import Job, floor
+from train.tables.traffic.k_shortest import k_shortest
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import make_planner, path_length
 from warehouse_env.planning.alternatives import differences, penalty_routes

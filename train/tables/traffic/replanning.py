@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.rows import Row
-from train.tables.traffic_jobs import Job, floor
+from train.tables.traffic.jobs import Job, floor
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Plan, make_planner, path_length
 from warehouse_env.planning.ants.diverse import replan

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from train.tables.figures import Figures, judge
-from train.tables.paper004 import (
+from train.tables.papers.paper004 import (
     BLOCKS_20,
     MAPS,
     OPTIMA,

@@ -8,7 +8,7 @@ from functools import cache
 from train.rollout import Routes, make_experiment
 from train.rollout import run as drive
 from train.rows import Row
-from train.tables.traffic_jobs import Job, floor
+from train.tables.traffic.jobs import Job, floor
 from warehouse_env.config import EnvConfig
 from warehouse_env.planning import Planner, make_planner
 from warehouse_env.planning.expected_traffic import WithCost, expected_traffic

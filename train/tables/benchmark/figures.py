@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from train.plan_report import is_optimal
 from train.report import Table, grouped, number, with_interval
 from train.rows import Interval, Row, mean_interval
-from train.tables.benchmark_runs import MOMENTS
-from train.tables.peers import PEERS
+from train.tables.benchmark.peers import PEERS
+from train.tables.benchmark.runs import MOMENTS
 
 _SHOWN_MOMENTS = (0.1, 1.0, 5.0, 20.0, 100.0, 500.0, 2000.0)  # [ms]
 _QUANTILES = (0.5, 0.95, 0.99, 1.0)

@@ -28,7 +28,7 @@ class Job(NamedTuple):
     def identity(self) -> Row:
         """What its rows are known by."""
         within = ("train.tables.", "warehouse_env.", "agents.") if self.part == "driving" else PLANNING
-        code = code_of(f"train.tables.traffic_{self.part}", within=within)
+        code = code_of(f"train.tables.traffic.{self.part}", within=within)
         return {**self._asdict(), "version": __version__, "code": code}
 
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from train.report import Table, grouped, with_interval
 from train.rows import Interval, Row, mean_interval, select
-from train.tables.traffic_driving import DRIVEN_PRICE, POLICY
-from train.tables.traffic_routes import PRICE
+from train.tables.traffic.driving import DRIVEN_PRICE, POLICY
+from train.tables.traffic.routes import PRICE
 
 Value = Callable[[Row], float | None]
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from train.tables import peers
-from train.tables.benchmark_maps import make_map, make_tasks
-from train.tables.benchmark_runs import identity, measure
-from train.tables.peers import PEERS, Peer, cutting_length, installed, missing_note, touches_corner
+from train.tables.benchmark import peers
+from train.tables.benchmark.maps import make_map, make_tasks
+from train.tables.benchmark.peers import PEERS, Peer, cutting_length, installed, missing_note, touches_corner
+from train.tables.benchmark.runs import identity, measure
 from warehouse_env.errors import ConfigError, PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Plan, path_length, validate

@@ -13,9 +13,10 @@ from train.pictures import file_name
 from train.report import Table, require_charts
 from train.rows import Row, RowFile, check_writable, whole_rows, write_rows, write_text
 from train.tables.all_planners import family
-from train.tables.benchmark_figures import NOTE, Summary, anytime_table, csv, overview, rank, summarise, table_of
-from train.tables.benchmark_maps import MAPS, make_map, make_tasks
-from train.tables.benchmark_runs import (
+from train.tables.benchmark.figures import NOTE, Summary, anytime_table, csv, overview, rank, summarise, table_of
+from train.tables.benchmark.maps import MAPS, make_map, make_tasks
+from train.tables.benchmark.peers import PEERS, Peer, installed, missing_note
+from train.tables.benchmark.runs import (
     MOMENTS,
     Block,
     Watched,
@@ -25,7 +26,6 @@ from train.tables.benchmark_runs import (
     sort_out,
     warm_up,
 )
-from train.tables.peers import PEERS, Peer, installed, missing_note
 from train.tables.pieces import run_missing
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.planning import PLANNERS

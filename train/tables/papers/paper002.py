@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from train.tables.maps import clutter
-from train.tables.paper001 import BESIDE, IN_FRONT, LIGHT, STRONG, WAREHOUSE, walker_settings
+from train.tables.papers.paper001 import BESIDE, IN_FRONT, LIGHT, STRONG, WAREHOUSE, walker_settings
 from train.tables.study import Claim, Setting, Study, System
 from warehouse_env.maps.grid_map import Cell
 

@@ -12,10 +12,9 @@ import numpy as np
 
 from train.report import require_charts
 from train.rows import Row, RowFile, check_writable, mean_interval, select, whole_rows, write_rows, write_text
-from train.tables.k_shortest import require_networkx
 from train.tables.pieces import run_missing
-from train.tables.traffic_driving import DRIVEN, DRIVEN_ROBOTS, measure_driving
-from train.tables.traffic_figures import (
+from train.tables.traffic.driving import DRIVEN, DRIVEN_ROBOTS, measure_driving
+from train.tables.traffic.figures import (
     alternatives_table,
     answers,
     conflicts_of,
@@ -23,9 +22,10 @@ from train.tables.traffic_figures import (
     replanning_table,
     routes_table,
 )
-from train.tables.traffic_jobs import MAPS, Job, floor
-from train.tables.traffic_replanning import measure_replanning
-from train.tables.traffic_routes import PRICE, measure_routes
+from train.tables.traffic.jobs import MAPS, Job, floor
+from train.tables.traffic.k_shortest import require_networkx
+from train.tables.traffic.replanning import measure_replanning
+from train.tables.traffic.routes import PRICE, measure_routes
 from warehouse_env.errors import ConfigError
 from warehouse_env.planning import make_planner
 from warehouse_env.planning.expected_traffic import endpoint_tasks

@@ -9,9 +9,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from train.tables import paper001
 from train.tables.figures import Figures, judge
-from train.tables.paper001 import BESIDE, IN_BLOCKS, MAPS, SCATTERED, STUDIES, block_task
+from train.tables.papers import paper001
+from train.tables.papers.paper001 import BESIDE, IN_BLOCKS, MAPS, SCATTERED, STUDIES, block_task
 from train.tables.study import OPEN, Setting, Study
 from warehouse_env.planning import path_length
 

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from train.planning_runs import Task
 from train.rows import Row
-from train.tables.benchmark_maps import clearance_field, make_map, make_tasks
+from train.tables.benchmark.maps import clearance_field, make_map, make_tasks
+from train.tables.benchmark.peers import PEERS, Peer, cutting_length, touches_corner
 from train.tables.code import code_key
-from train.tables.peers import PEERS, Peer, cutting_length, touches_corner
 from warehouse_env import __version__
 from warehouse_env.errors import PlanError
 from warehouse_env.maps.grid_map import GridMap

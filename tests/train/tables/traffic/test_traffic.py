@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from train.rows import Row, read_rows, write_rows
-from train.tables import traffic
 from train.tables.command import Tables
-from train.tables.k_shortest import k_shortest
-from train.tables.traffic import Traffic, run_job, write_report
-from train.tables.traffic_figures import answers, conflicts_of, paired
-from train.tables.traffic_jobs import Job
+from train.tables.traffic import command as traffic
+from train.tables.traffic.command import Traffic, run_job, write_report
+from train.tables.traffic.figures import answers, conflicts_of, paired
+from train.tables.traffic.jobs import Job
+from train.tables.traffic.k_shortest import k_shortest
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning import path_length, validate
