@@ -13,8 +13,8 @@ from warehouse_env.maps.generators import random_floor
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.ants.acs import Acs, ShaaAcs, draw_towards_best
 from warehouse_env.planning.ants.floor import make_floor
+from warehouse_env.planning.ants.shunting import rise, settle
 from warehouse_env.planning.plan import path_length, validate
-from warehouse_env.planning.shunting import rise, settle
 
 DIAGONAL = 10.0 ** (1 - math.sqrt(2))
 

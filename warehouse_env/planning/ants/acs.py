@@ -15,10 +15,10 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.ants.aco import power
 from warehouse_env.planning.ants.colony import Colony
 from warehouse_env.planning.ants.floor import Floor, Table
+from warehouse_env.planning.ants.shunting import LEAST_DECAY, rise, settle
 from warehouse_env.planning.ants.system import STEP, AntSystem, goal_distance
 from warehouse_env.planning.ants.walks import Walks
 from warehouse_env.planning.plan import MICRO
-from warehouse_env.planning.shunting import LEAST_DECAY, rise, settle
 
 _LEAST_WEIGHT = 1e-300  # so that no toll, however high, cuts the network in two
 
