@@ -70,3 +70,8 @@ def figures(value: float) -> str:
     if value == 0:
         return "0"
     return f"{value:.{max(0, 2 - math.floor(math.log10(abs(value))))}f}"
+
+
+def fails(share: float) -> str:
+    """Say in two digits what share of runs [0, 1] found no path."""
+    return f"{100 * share:.2g}% fail" if share < 0.995 else "no path"

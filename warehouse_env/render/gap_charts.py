@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from warehouse_env.render.chart_style import FAINT, INK, empty_figure, hexed, save, style
+from warehouse_env.render.chart_style import FAINT, INK, empty_figure, fails, hexed, save, style
 from warehouse_env.render.colours import CONTACT, name_colours
 from warehouse_env.render.extras import load
 
@@ -86,7 +86,7 @@ def _draw(ax: Axes, place: int, spread: Spread, colour: str) -> None:
         ax.plot(spread.worst, place, "x", color=colour, ms=5, mew=1.2, clip_on=False)
         ax.plot(spread.mean, place, "o", color=colour, mec=INK, mew=0.6, ms=5.5, clip_on=False, zorder=4)
     if spread.failed > 0:
-        text = f"{100 * spread.failed:.2g}% fail" if spread.failed < 0.995 else "no path"
+        text = fails(spread.failed)
         ax.annotate(
             text, (1.0, place), xycoords=("axes fraction", "data"), xytext=(3, 0), textcoords="offset points",
             va="center", color=hexed(CONTACT), fontsize=8.5, annotation_clip=False,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.render.chart_style import FAINT, INK, empty_figure, hexed, save, style
+from warehouse_env.render.chart_style import FAINT, INK, empty_figure, fails, hexed, save, style
 from warehouse_env.render.colours import CONTACT, name_colours
 from warehouse_env.render.extras import load
 
@@ -184,7 +184,7 @@ def _label(ax: Axes, panel: Sequence[Point], top: float) -> None:
     places = [ax.transData.transform((point.ms, _height(point, top))) for point in panel]
     taken: list[tuple[float, ...]] = [(x - 5, y - 5, x + 5, y + 5) for x, y in places]
     for point in sorted(panel, key=lambda p: (p.gap if math.isfinite(p.gap) else top, p.ms)):
-        lost = f" {100 * point.failed:.2g}% fail" if point.failed else ""
+        lost = f" {fails(point.failed)}" if point.failed else ""
         best: tuple[float, Annotation] | None = None
         for dx, dy, ha, va in _PLACES:
             far = max(abs(dx), abs(dy)) > 12

@@ -145,8 +145,7 @@ def table_of(name: str, summaries: Sequence[Summary]) -> Table:
         )
         for one in own
     )
-    peers = [f"{one.planner}: {PEERS[one.planner].note}." for one in own if one.planner in PEERS]
-    return Table(f"Benchmark on {name}", _HEADER, cells, "\n".join(peers))
+    return Table(f"Benchmark on {name}", _HEADER, cells)
 
 
 def _by_planner(summaries: Sequence[Summary]) -> dict[str, list[Summary]]:
@@ -172,8 +171,9 @@ def overview(summaries: Sequence[Summary]) -> Table:
         lines.append(((failed > 0, gap if gaps else math.inf, max(one.ms for one in own)), texts))
     header = ("planner", "failed", "gap %", "optimal", "turns / T*", "least ms", "most ms")
     title = "All planners, each figure that of its worst map"
-    note = "Times: the medians of the quickest and of the slowest map."
-    return Table(title, header, tuple(texts for _, texts in sorted(lines)), note)
+    notes = ["Times: the medians of the quickest and of the slowest map."]
+    notes += [f"{name}: {PEERS[name].note}." for name in _by_planner(summaries) if name in PEERS]
+    return Table(title, header, tuple(texts for _, texts in sorted(lines)), "\n".join(notes))
 
 
 def rank(one: Summary) -> tuple[bool, float, float]:
