@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from train.planning_runs import Run
 from train.report import grouped, number
@@ -23,7 +24,11 @@ def evaluation_pictures(rows: Sequence[Row], traces: Sequence[Trace], folder: Pa
     files = []
     groups = grouped(rows, ("layout", "tasks", "planner"))
     for (layout, tasks, planner), group in groups.items():
-        name = "collisions" if len(groups) == 1 else f"collisions_{file_name(str(layout))}_{tasks}_{planner}"
+        name = (
+            "collisions"
+            if len(groups) == 1
+            else f"collisions_{file_name(str(layout))}_{tasks}_{file_name(str(planner))}"
+        )
         files.append(folder / f"{name}.png")
         title = f"{Path(str(layout)).stem}, {tasks}, routes by {planner}"
         collisions, goals = _bars(group, "collisions_per_km"), _bars(group, "goals_per_robot_hour")
@@ -65,7 +70,7 @@ def plan_pictures(grid: GridMap, runs: Sequence[Run], folder: Path) -> list[Path
         files.append(folder / f"paths_{file_name(task.name)}.png")
         charts.paths(grid, cells, title, files[-1], notes)
         curves = {
-            name: np.stack([run.plan.best_by_iteration for run in own if run.planner == name])
+            name: _side_by_side([run.plan.best_by_iteration for run in own if run.planner == name])
             for name in cells
             if len(first[name].plan.best_by_iteration) and any(run.row["success"] for run in own if run.planner == name)
         }
@@ -73,6 +78,12 @@ def plan_pictures(grid: GridMap, runs: Sequence[Run], folder: Path) -> list[Path
             files.append(folder / f"convergence_{file_name(task.name)}.png")
             charts.convergence(curves, task.optimal_length, files[-1], f"Convergence on {task.name}, {grid.name}")
     return files
+
+
+def _side_by_side(histories: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return float64[runs, iterations]; a run that stopped early keeps its best."""
+    longest = max(map(len, histories))
+    return np.stack([np.pad(history, (0, longest - len(history)), mode="edge") for history in histories])
 
 
 def file_name(text: str) -> str:

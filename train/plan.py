@@ -34,7 +34,7 @@ class PlanCommand:
     scen: Path | None = None
     """A MovingAI .scen file with tasks for the map; without --map, the map of that name beside it is used."""
     planner: tuple[str, ...] = ("pf_aco", "aco", "astar_turns", "astar")
-    """Planners to compare."""
+    """Planners to compare; a name may carry parameters, as in pf_aco:ants=20."""
     start: str | None = None
     """Start of a single task, as ROW,COLUMN."""
     goal: str | None = None
@@ -56,7 +56,7 @@ class PlanCommand:
         """Plan all, print the table, write rows and pictures."""
         if self.runs < 1 or self.seed < 0:
             raise ConfigError(f"--runs {self.runs} must be at least 1 and --seed {self.seed} at least 0")
-        planners = [make_planner(name) for name in dict.fromkeys(self.planner)]
+        planners = {name: make_planner(name) for name in self.planner}
         if not planners:
             raise ConfigError("--planner needs at least one name")
         grid = self._grid()
@@ -136,15 +136,15 @@ def _random_tasks(grid: GridMap, count: int, seed: int) -> list[tuple[str, Cell,
     return [(f"random_{k}", (a[0], a[1]), (b[0], b[1])) for k, (a, b) in enumerate(pairs, start=1)]
 
 
-def _runs(grid: GridMap, planners: list[Planner], tasks: list[Task], runs: int, seed: int) -> Iterator[Run]:
+def _runs(grid: GridMap, planners: dict[str, Planner], tasks: list[Task], runs: int, seed: int) -> Iterator[Run]:
     """Yield every run, under a progress bar; a first plan of each planner, which may compile, is thrown away."""
     with make_progress() as progress:
         bar = progress.add_task("", total=len(planners) * len(tasks) * runs)
-        for planner in planners:
-            progress.update(bar, description=f"{planner.name}: warming up")
+        for label, planner in planners.items():
+            progress.update(bar, description=f"{label}: warming up")
             planner.plan(grid, tasks[0].start, tasks[0].goal, np.random.default_rng(seed))
             for number, task in enumerate(tasks):
-                progress.update(bar, description=f"{planner.name} · {task.name}")
+                progress.update(bar, description=f"{label} · {task.name}")
                 for run in range(runs):
-                    yield plan_once(grid, planner, task, number, run, seed)
+                    yield plan_once(grid, planner, task, number, run, seed, label)
                     progress.advance(bar)

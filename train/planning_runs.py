@@ -52,9 +52,10 @@ class Run:
     plan: Plan = field(repr=False)
 
 
-def plan_once(grid: GridMap, planner: Planner, task: Task, number: int, run: int, seed: int) -> Run:
+def plan_once(grid: GridMap, planner: Planner, task: Task, number: int, run: int, seed: int, label: str = "") -> Run:
     """Plan run `run` of task number `number` with random numbers of its own, and check the path without the planner.
 
+    label: what the row and the pictures call the planner; its name if empty.
     Equal numbers give equal plans. Raises PlanError where the planner's path breaks the rules of the map.
     """
     begin = time.thread_time()
@@ -66,7 +67,7 @@ def plan_once(grid: GridMap, planner: Planner, task: Task, number: int, run: int
             validate_line(grid, plan.line, task.start, task.goal)
     length = path_length(plan.cells)
     row: Row = {
-        "planner": planner.name,
+        "planner": label or planner.name,
         "layout": grid.name,
         "task": task.name,
         "start": list(task.start),
@@ -91,7 +92,7 @@ def plan_once(grid: GridMap, planner: Planner, task: Task, number: int, run: int
         "parameters": planner.key,
         "version": __version__,
     }
-    return Run(task, planner.name, row, plan)
+    return Run(task, row["planner"], row, plan)
 
 
 def driven(plan: Plan) -> NDArray[np.float64]:

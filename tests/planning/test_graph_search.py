@@ -208,3 +208,15 @@ def test_astar_takes_well_under_a_millisecond() -> None:
     task = NAMED_TASKS["paper46"]["cross_zone_1"]
     best = min(make_planner("astar").plan(grid, task.start, task.goal, RNG).seconds for _ in range(30))
     assert best < 0.001
+
+
+def test_a_detour_that_saves_enough_climbing_by_hand() -> None:
+    # Over the hill: 4 cells and 2 m up and down. Around it: two diagonals more, 2 * (sqrt(2) - 1) longer.
+    height = np.zeros((3, 5), np.float32)
+    height[0, 2] = 1.0
+    grid = GridMap(np.zeros((3, 5), dtype=bool), height=height)
+    around = 4 + 2 * (math.sqrt(2) - 1)
+    for name in EXACT:
+        for gentleness, wanted in ((0.0, 4), (0.4, 4), (0.42, around)):
+            plan = make_planner(name, gentleness=gentleness).plan(grid, (0, 0), (0, 4), RNG)
+            assert path_length(plan.cells) == pytest.approx(wanted), (name, gentleness)

@@ -143,7 +143,7 @@ def test_unknown_names_are_refused_with_near_matches() -> None:
     with pytest.raises(ConfigError, match="evaporation"):
         make_planner("pf_aco", evaporatoin=0.2)
     with pytest.raises(ConfigError, match="takes no parameters"):
-        make_planner("astar", ants=3)
+        make_planner("theta_star", ants=3)
 
 
 @pytest.mark.parametrize(

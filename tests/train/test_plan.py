@@ -89,6 +89,28 @@ def row(planner: str, length: float, turns: int, ms: float, iterations: int = 0,
     }  # fmt: skip
 
 
+def test_planners_that_differ_in_their_parameters_stay_apart(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    both = ("astar_turns", "astar_turns:gentleness=10")
+    rows = plan(tmp_path, "--layout", "paper46_rough", "--runs", "1", "--planner", *both)
+    for task in ("ramp", "broken_corridor"):
+        flat, gentle = (next(r for r in rows if (r["planner"], r["task"]) == (name, task)) for name in both)
+        assert gentle["climb_m"] == 0 < flat["climb_m"]
+        assert gentle["length"] > flat["length"]
+    table = (tmp_path / "out" / "table.md").read_text()
+    assert all(f"| {name} | ramp |" in table for name in both)
+
+
+def test_runs_that_stop_at_different_iterations_are_drawn(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    command = ["plan", "--planner", "pf_aco:ants=2,iterations=30,patience=1,elite=1", "--runs", "6", "--tasks", "1"]
+    json = tmp_path / "rows.jsonl"
+    assert main([*command, "--json", str(json), "--out", str(tmp_path / "out")]) == 0
+    assert len({row["iterations"] for row in read_rows(json)}) > 1
+    assert (tmp_path / "out" / "convergence_random_1.png").exists()
+
+
 def test_note_says_what_ants_add_and_what_not() -> None:
     rows = [row("astar", 10, 4, 0.1), row("astar_turns", 10, 2, 0.2), row("pf_aco", 10, 2, 20, 100)]
     note = plan_note(rows)

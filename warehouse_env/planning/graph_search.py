@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from warehouse_env.errors import PlanError
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.base import BasePlanner
-from warehouse_env.planning.plan import MICRO, Plan, check_endpoints, edge_cost, turns
+from warehouse_env.planning.plan import MICRO, Plan, check_endpoints, tolls, turns
 
 _SQRT2 = math.sqrt(2.0)
 _STEP = int(MICRO)  # millionths of a cell: a straight step
@@ -190,6 +190,8 @@ def unflatten(flat: list[int], columns: int) -> NDArray[np.int64]:
 class _GraphSearch(BasePlanner):
     """Base of the exact searches: each names its own in `search`. They draw no random numbers."""
 
+    gentleness: float = 0.0  # [cells/m] detour that a metre of climbing is worth
+
     takes_cost: ClassVar[bool] = True
 
     def find(
@@ -197,7 +199,7 @@ class _GraphSearch(BasePlanner):
     ) -> Plan:
         """Search on flat cells."""
         columns = grid.shape[1]
-        toll = None if cost is None else np.rint(MICRO * edge_cost(grid, cost)).astype(np.int64)
+        toll = tolls(grid, self.gentleness, cost)
         flat = self.search(grid.legal_moves, toll, start[0] * columns + start[1], goal[0] * columns + goal[1])
         return Plan(unflatten(flat, columns))
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import ClassVar, NamedTuple, Protocol
+from functools import lru_cache
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -98,10 +99,40 @@ def edge_cost(grid: GridMap, cost: NDArray[np.float64]) -> NDArray[np.float64]:
         raise ConfigError("a cost map must hold finite numbers of at least 0")
     if cost.ndim == 3:
         return cost
-    rows, columns = grid.shape
-    padded = np.pad(cost, 1)
-    entered = [padded[1 + r : 1 + r + rows, 1 + c : 1 + c + columns] for r, c in MOVES.tolist()]
-    return np.stack(entered, axis=-1)
+    return _entered(cost)
+
+
+def tolls(grid: GridMap, gentleness: float = 0.0, cost: NDArray[np.float64] | None = None) -> NDArray[np.int64] | None:
+    """Return what each legal move costs on top of its length [millionths of a cell], int64[H, W, 8]; None: nothing.
+
+    gentleness: cells of length that a metre of climbing, up or down, is worth; cost: a cost map (Planner.plan).
+    """
+    climbing = bool(gentleness) and bool(_climbs(grid).any())
+    if not climbing and cost is None:
+        return None
+    toll = np.zeros((*grid.shape, 8), np.int64)
+    if climbing:
+        toll += np.rint(gentleness * _climbs(grid)).astype(np.int64)
+    if cost is not None:
+        toll += np.rint(np.where(grid.legal_moves, MICRO * edge_cost(grid, cost), 0.0)).astype(np.int64)
+    return toll
+
+
+@lru_cache(maxsize=8)
+def _climbs(grid: GridMap) -> NDArray[np.int64]:
+    """Micrometres gone up or down by each legal move, int64[H, W, 8]; 0 where a move is not legal."""
+    height = np.rint(grid.height.astype(np.float64) * MICRO).astype(np.int64)
+    climbs = np.abs(_entered(height) - height[..., None])
+    climbs[~grid.legal_moves] = 0
+    climbs.flags.writeable = False
+    return climbs
+
+
+def _entered(field: NDArray[Any]) -> NDArray[Any]:
+    """Return the value [H, W, 8] of a field [H, W] on the cell that each move enters, 0 outside the map."""
+    rows, columns = field.shape
+    padded = np.pad(field, 1)
+    return np.stack([padded[1 + r : 1 + r + rows, 1 + c : 1 + c + columns] for r, c in MOVES.tolist()], axis=-1)
 
 
 def path_length(cells: ArrayLike) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.planning.plan import MICRO, edge_cost
+from warehouse_env.planning.plan import MICRO, tolls
 
 Table = NDArray[np.float64]  # [C, 8]: one number an edge
 
@@ -41,11 +41,8 @@ def make_floor(grid: GridMap, goal: Cell, gentleness: float = 0.0, cost: NDArray
     gentleness: cells of length that a metre of climbing costs; cost: a cost map (Planner.plan).
     """
     legal, neighbour, height = _terrain(grid)
-    toll = np.zeros(neighbour.shape, np.int64)
-    if gentleness:
-        toll += np.rint(gentleness * np.abs(height[neighbour] - height[:, None])).astype(np.int64)
-    if cost is not None:
-        toll += np.rint(np.where(legal, MICRO * edge_cost(grid, cost).reshape(-1, 8), 0.0)).astype(np.int64)
+    taken = tolls(grid, gentleness, cost)
+    toll = np.zeros(neighbour.shape, np.int64) if taken is None else taken.reshape(-1, 8)
     return Floor(legal, neighbour, height, toll, goal[0] * grid.shape[1] + goal[1], grid.shape[1])
 
 
