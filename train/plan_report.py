@@ -6,7 +6,7 @@ import statistics
 from collections.abc import Iterable, Sequence
 
 from train.report import Table, grouped, number, with_interval
-from train.rows import Row, mean_interval, select
+from train.rows import Row, mean_interval
 
 _OPTIMAL = 1e-9  # relative excess of a length that still counts as the optimum, for rounding
 _HEADER = (
@@ -55,19 +55,19 @@ def plan_table(rows: Sequence[Row], note: str = "") -> Table:
 
 def plan_note(rows: Sequence[Row]) -> str:
     """Say what the exact searches cost and find, and what every colony adds to them, in the figures of `rows`."""
-    exact = {name: select(rows, planner=name) for name in ("astar", "astar_turns")}
+    every = {str(planner): group for (planner,), group in grouped(rows, ("planner",)).items()}
+    exact = {name: group for name, group in every.items() if name.partition(":")[0] in ("astar", "astar_turns")}
     lines = [
         f"{name} takes {number(_median_ms(group), 2)} ms and finds the shortest path in "
         f"{_share(map(is_optimal, group))} of its runs, one with the fewest possible turns in "
         f"{_share(map(_fewest, group))}."
         for name, group in exact.items()
-        if group
     ]
     if lines:
         lines[0] = f"Plainly: {lines[0]}"
-    for (planner,), group in grouped(rows, ("planner",)).items():
+    for name, group in every.items():
         if any(row["iterations"] for row in group):
-            lines += _colony(str(planner), group, {name: own for name, own in exact.items() if own})
+            lines += _colony(name, group, exact)
     return "\n".join(lines)
 
 
