@@ -1,4 +1,14 @@
-"""Global planners: from a map, a start and a goal to a path of cells. A new planner is one line in PLANNERS."""
+"""Global planners: from a map, a start and a goal to a path of cells. A new planner is one line in PLANNERS.
+
+Which to take when; `warehouse tables --benchmark` has the figures (200 pairs of cells on each of five floors):
+
+1. `astar_turns`: always a shortest path, with the fewest turns, 0.1 to 0.6 ms.
+2. Floor heights: `astar_turns` with gentleness=10; the default `pf_aco` finds the same paths, 40 times slower.
+3. A cost map, such as other robots' traffic: `astar_turns` heeds it exactly, every colony nearly.
+4. Lines off the lattice: `theta_star`, 2.5 to 4.6% shorter, close to the shelves' corners.
+5. Of the colonies `pf_aco`: optimal in 92 to 100% of the runs, never more than 0.14% longer in the mean, 10 to 52 ms.
+   The ants of `shaa_acs` are led by what amounts to the true distance. The others are there to be compared.
+"""
 
 from __future__ import annotations
 

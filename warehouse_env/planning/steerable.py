@@ -25,11 +25,7 @@ from warehouse_env.planning.smoothing import distance, segment_gap
 STEERING_SHARE = 0.85  # of the steering limit
 STEP = 0.25  # [m] between way-points
 MARGIN = 0.05  # [m] from the body's sides to shelves, kept by whole segments
-ROOMS = (
-    0.45,
-    0.42,
-    0.38,
-)  # [m] to shelves that way-points ask for, in turn, until the line bends within its bound
+ROOMS = (0.45, 0.42, 0.38)  # [m] to shelves that way-points ask for, in turn, until the line bends within its bound
 LEFT = 0.02  # [m] of half a cell that is not asked for as room
 DEVIATION, LENGTH, STIFFNESS = 0.03, 0.5, 1.0  # lambda, mu of eq. 13 and the weight of bending, per way-point
 SWEEPS = 80  # of the objective with its bounds, and then
