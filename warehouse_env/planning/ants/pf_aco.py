@@ -47,7 +47,7 @@ class PfAco(AntSystem):
     "Best" is the least length + gentleness * metres climbed, then the fewest turns: the paper names length, gentleness
     and smoothness as its aims but no order of them. PfAco(local_search=False, patience=None) is the paper's own system;
     with local search the best paths of an iteration are straightened (local_search.py) before they count and deposit,
-    and the search ends when 20 iterations have found none better.
+    and the search ends when 8 iterations have found none better.
 
     attraction="distance_field" replaces the straight pull by the descent of the true cost-to-go. It knows the answer
     beforehand: a hybrid of exact search and colony, for which 10 ants and 5 iterations suffice if the heuristic is
@@ -57,7 +57,7 @@ class PfAco(AntSystem):
     local_search: bool = True
     elite: int = 10
     gentleness: float = 10.0
-    patience: int | None = 20
+    patience: int | None = 8
     a: float = 1.0  # weight of the potential field
     b: float = 1.0  # weight of gentleness
     c: float = 0.3  # weight of smoothness; from 1 on paths get longer
