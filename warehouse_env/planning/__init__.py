@@ -6,7 +6,7 @@ Which to take when; `warehouse tables --benchmark` has the figures (200 pairs of
 2. Floor heights: `astar_turns` with gentleness=10; the default `pf_aco` finds the same paths, 40 times slower.
 3. A cost map, such as other robots' traffic: `astar_turns` heeds it exactly, every colony nearly.
 4. Lines off the lattice: `theta_star`, 2.5 to 4.6% shorter, close to the shelves' corners.
-5. Of the colonies `pf_aco`: optimal in 92 to 100% of the runs, never more than 0.14% longer in the mean, 10 to 52 ms.
+5. Of the colonies `pf_aco`: optimal in 88 to 100% of the runs, never more than 0.21% longer in the mean, 8 to 46 ms.
    The ants of `shaa_acs` are led by what amounts to the true distance. The others are there to be compared.
 """
 
