@@ -14,7 +14,7 @@ import math
 import random
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from importlib import metadata
 from typing import Any, ClassVar
 
@@ -53,7 +53,7 @@ class Peer(BasePlanner):
         cost: NDArray[np.float64] | None = None,
     ) -> Plan:
         """Prepare the map, which is not timed, and search."""
-        _prepared(self.prepare, grid)
+        self.ready(grid)
         return super().plan(grid, start, goal, rng, cost)
 
     def find(
@@ -61,14 +61,18 @@ class Peer(BasePlanner):
     ) -> Plan:
         """Search."""
         try:
-            cells = self.search(_prepared(self.prepare, grid), start, goal, rng)
+            cells = self.search(self.ready(grid), start, goal, rng)
         except Exception:  # a peer may raise anything; what matters here is that it gave no path
             cells = ()
         return Plan(np.array(cells, dtype=np.int64).reshape(-1, 2))
 
+    def ready(self, grid: GridMap) -> Any:
+        """Return what `search` takes for this map, prepared the first time it is asked for."""
+        return _prepared(self.prepare, grid)
+
     @staticmethod
     def prepare(grid: GridMap) -> Any:
-        """Return what `search` takes for this map."""
+        """Prepare what `search` takes for this map."""
         raise NotImplementedError
 
     def search(self, prepared: Any, start: Cell, goal: Cell, rng: np.random.Generator) -> Sequence[Sequence[int]]:
@@ -76,7 +80,7 @@ class Peer(BasePlanner):
         raise NotImplementedError
 
 
-@lru_cache(maxsize=8)
+@cache
 def _prepared(prepare: Callable[[GridMap], Any], grid: GridMap) -> Any:
     return prepare(grid)
 

@@ -92,10 +92,12 @@ class Watched:
 
 @cache
 def warm_up(planner: str, name: str, task: Task) -> None:
-    """Plan once in this process, which may compile and fill the map's caches; a peer of seconds a plan needs none."""
-    made = planner_of(planner)
+    """Prepare the map for a peer and plan once in this process, which may compile; slow peers need no such plan."""
+    made, grid = planner_of(planner), make_map(name)
+    if isinstance(made, Peer):
+        made.ready(grid)
     if not (isinstance(made, Peer) and made.most_pairs):
-        made.plan(make_map(name), task.start, task.goal, np.random.default_rng(0))
+        made.plan(grid, task.start, task.goal, np.random.default_rng(0))
 
 
 def run_block(block: Block) -> list[Row]:

@@ -13,7 +13,7 @@ import pytest
 from train.tables.benchmark import peers
 from train.tables.benchmark.maps import make_map, make_tasks
 from train.tables.benchmark.peers import PEERS, Peer, cutting_length, installed, missing_note, touches_corner
-from train.tables.benchmark.runs import identity, measure
+from train.tables.benchmark.runs import identity, measure, warm_up
 from warehouse_env.errors import ConfigError, PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Plan, path_length, validate
@@ -53,6 +53,29 @@ def test_a_peer_plans_by_its_rules(peer: Peer) -> None:
         validate(GRID, plan.cells, start, goal)
         if peer.name != "aco-routing":
             assert path_length(plan.cells) == pytest.approx(float(GRID.distance_to(goal)[start]))
+
+
+def test_a_map_is_prepared_once_and_before_its_plans_are_timed(monkeypatch: pytest.MonkeyPatch) -> None:
+    prepared: list[GridMap] = []
+
+    class Counting(Peer):
+        name = "counting"
+        most_pairs = 1  # as for the slow ones: nothing is planned beforehand
+
+        @staticmethod
+        def prepare(grid: GridMap) -> None:
+            prepared.append(grid)
+
+        def search(self, prepared: None, start: Cell, goal: Cell, rng: np.random.Generator) -> Sequence[Sequence[int]]:
+            return []
+
+    monkeypatch.setitem(PEERS, "counting", Counting)
+    warm_up.__wrapped__("counting", "paper46", make_tasks("paper46", 1, 0)[0])
+    assert prepared == [make_map("paper46")]
+    grids = [drawn("." * size) for size in range(2, 22)]
+    for grid in [*grids, *grids]:  # as the benchmark does: map after map, then all over again
+        Counting().plan(grid, (0, 0), (0, 1), RNG)
+    assert prepared[1:] == grids
 
 
 def test_a_peer_without_a_path_gives_an_empty_plan(peer: Peer) -> None:
