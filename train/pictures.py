@@ -24,12 +24,8 @@ def evaluation_pictures(rows: Sequence[Row], traces: Sequence[Trace], folder: Pa
     files = []
     groups = grouped(rows, ("layout", "tasks", "planner"))
     for (layout, tasks, planner), group in groups.items():
-        name = (
-            "collisions"
-            if len(groups) == 1
-            else f"collisions_{file_name(str(layout))}_{tasks}_{file_name(str(planner))}"
-        )
-        files.append(folder / f"{name}.png")
+        which = () if len(groups) == 1 else map(file_name, map(str, (layout, tasks, planner)))
+        files.append(folder / f"{'_'.join(('collisions', *which))}.png")
         title = f"{Path(str(layout)).stem}, {tasks}, routes by {planner}"
         collisions, goals = _bars(group, "collisions_per_km"), _bars(group, "goals_per_robot_hour")
         charts.collision_bars(collisions, goals, files[-1], title)

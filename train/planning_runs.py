@@ -55,8 +55,7 @@ class Run:
 def plan_once(grid: GridMap, planner: Planner, task: Task, number: int, run: int, seed: int, label: str = "") -> Run:
     """Plan run `run` of task number `number` with random numbers of its own, and check the path without the planner.
 
-    label: what the row and the pictures call the planner; its name if empty.
-    Equal numbers give equal plans. Raises PlanError where the planner's path breaks the rules of the map.
+    Equal numbers give equal plans; PlanError where a path breaks the rules of the map. label: what to call the planner.
     """
     begin = time.thread_time()
     plan = planner.plan(grid, task.start, task.goal, np.random.default_rng([seed, number, run]))

@@ -116,9 +116,13 @@ class Tables:
         done = len(blocks) - len(missing)
         if done:
             print(f"{done} of {len(blocks)} blocks are kept from {self._path}; --fresh runs them again")
-        file, say = RowFile(self._path, keep=True), lambda row: f"{row['study']} · {row['system']}"
-        kept += run_missing(run_block, mixed(missing), file, self.processes, say, done=done)
+        file = RowFile(self._path, keep=True)
+        kept += run_missing(run_block, mixed(missing), file, self.processes, _at_hand, done=done)
         return _in_order(kept, blocks)
+
+
+def _at_hand(row: Row) -> str:
+    return f"{row['study']} · {row['system']}"
 
 
 def _in_order(rows: Sequence[Row], blocks: Sequence[Block]) -> list[Row]:

@@ -101,9 +101,12 @@ class Benchmark:
             hours = _time(sum(seconds) / self.processes)
             print(f"up to {plans} plans in {self.processes} processes, about {hours}; a stop loses a block at most")
         size = dict(zip(known.missing, seconds, strict=True)).__getitem__
-        file, say = RowFile(path, keep=True), lambda row: f"{row['map']} · {row['planner']}, seconds of work"
-        fresh = run_missing(run_block, known.missing, file, self.processes, say, size=size)
+        fresh = run_missing(run_block, known.missing, RowFile(path, keep=True), self.processes, _at_hand, size=size)
         return _in_order([*known.rows, *fresh], blocks)
+
+
+def _at_hand(row: Row) -> str:
+    return f"{row['map']} · {row['planner']}, seconds of work"
 
 
 def _in_order(rows: Sequence[Row], blocks: Sequence[Block]) -> list[Row]:

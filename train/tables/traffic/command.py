@@ -103,10 +103,14 @@ class Traffic:
             print(f"{len(known)} of {len(jobs)} pieces are kept from {path}; --fresh runs them again")
         write_rows(path, [*others, *(row for own in known.values() for row in own)])
         missing = [job for key, job in wanted.items() if key not in known]
-        file, say = RowFile(path, keep=True), lambda row: f"{row['part']} · {row['map']}"
-        for row in run_missing(run_job, missing, file, self.processes, say, done=len(known)):
+        file = RowFile(path, keep=True)
+        for row in run_missing(run_job, missing, file, self.processes, _at_hand, done=len(known)):
             known.setdefault(_key(row["job"]), []).append(row)
         return [row for key in wanted for row in known[key]]
+
+
+def _at_hand(row: Row) -> str:
+    return f"{row['part']} · {row['map']}"
 
 
 def _key(identity: Row) -> str:
