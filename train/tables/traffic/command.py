@@ -99,6 +99,7 @@ class Traffic:
                 known.setdefault(_key(made), []).append(row)
             elif _key({name: made.get(name) for name in Job._fields}) not in asked:  # else of other code: in the way
                 others.append(row)
+        known = {key: own for key, own in known.items() if len(own) == own[0].get("rows")}  # a stop may tear a piece
         if known:
             print(f"{len(known)} of {len(jobs)} pieces are kept from {path}; --fresh runs them again")
         write_rows(path, [*others, *(row for own in known.values() for row in own)])
@@ -119,9 +120,15 @@ def _key(identity: Row) -> str:
 
 
 def run_job(job: Job) -> list[Row]:
-    """Do a piece of work; every row carries the job's identity as `job`."""
+    """Do a piece of work; every row carries the job's identity as `job`, and how many rows there are of it."""
     about = {"part": job.part, "map": job.map, "number": job.number, "robots": job.robots}
-    return [{**about, **row, "job": job.identity} for row in _PARTS[job.part](job)]
+    rows = measured(job)
+    return [{**about, **row, "rows": len(rows), "job": job.identity} for row in rows]
+
+
+def measured(job: Job) -> list[Row]:
+    """Measure what the job's part of the study asks for."""
+    return list(_PARTS[job.part](job))
 
 
 def write_report(rows: Sequence[Row], maps: Sequence[str], folder: Path, pictures: bool, seed: int) -> int:

@@ -100,10 +100,9 @@ def test_it_goes_on_where_it_was_cut(
 
     def quick(job: Job) -> list[Row]:
         ran.append(job)
-        rows = [{**row, "number": job.number, "map": job.map} for row in ROWS] if job.part == "routes" else [{}]
-        return [{"part": job.part, "map": job.map, **row, "job": job.identity} for row in rows]
+        return [{**row, "number": job.number, "map": job.map} for row in ROWS] if job.part == "routes" else [{}]
 
-    monkeypatch.setattr(traffic, "run_job", quick)
+    monkeypatch.setattr(traffic, "measured", quick)
     monkeypatch.setattr(traffic, "write_report", lambda *given: 0)
 
     def command(name: str, **more: Any) -> list[Row]:
@@ -125,6 +124,11 @@ def test_it_goes_on_where_it_was_cut(
     assert sorted(map(str, again)) == sorted(map(str, narrow))
     command("narrow", fresh=True)
     assert len(ran) == 3
+    whole = read_rows(path)
+    torn = [row for row in whole if row["part"] == "routes" and row["map"] == "narrow"][:-1]
+    write_rows(path, [row for row in whole if row["job"] != torn[0]["job"]] + torn)
+    command("narrow")
+    assert [job.part for job in ran] == ["routes"]  # of which a stop left a part only
 
 
 def test_pieces_of_work() -> None:
