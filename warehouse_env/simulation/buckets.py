@@ -1,4 +1,4 @@
-"""Broad phase: a uniform grid of buckets, each a linked list of robots, so cost per robot does not grow with N."""
+"""Broad phase: a uniform grid of buckets, the robots sorted into it, so that cost per robot does not grow with N."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from warehouse_env.simulation.kernel import inline
 
 SEARCH = 2  # buckets to either side that hold all robots within lidar range
 FEW = 32  # robots up to which one bucket holds all of them
+CENTRE_X, CENTRE_Y, COS, SIN, SPEED = 0, 1, 2, 3, 4  # rows of `bodies`
+BODY = 5
 
 
 def bucket_grid(num_robots: int, width: float, height: float, reach: float) -> tuple[int, int, float]:
@@ -21,19 +23,46 @@ def bucket_grid(num_robots: int, width: float, height: float, reach: float) -> t
 
 
 @inline
-def bucket_at(x, y, heads, side):  # type: ignore[no-untyped-def]
+def bucket_at(x, y, p):  # type: ignore[no-untyped-def]
     """Return (row, column) of the bucket of a point [m]."""
-    row = min(max(int(y / side), 0), heads.shape[0] - 1)
-    column = min(max(int(x / side), 0), heads.shape[1] - 1)
+    row = min(max(int(y / p["bucket"]), 0), p["bucket_rows"] - 1)
+    column = min(max(int(x / p["bucket"]), 0), p["bucket_columns"] - 1)
     return row, column
 
 
 @inline
-def fill(robots, heads, nexts, offset, side):  # type: ignore[no-untyped-def]
-    """Sort all robots by their body's centre. heads int32[rows, columns], nexts int32[N]; -1 ends a list."""
-    heads[:, :] = np.int32(-1)
-    for i in range(robots.shape[0] - 1, -1, -1):
-        r = robots[i]
-        row, column = bucket_at(r["x"] - offset * r["cos"], r["y"] - offset * r["sin"], heads, side)
-        nexts[i] = heads[row, column]
-        heads[row, column] = i
+def sort(robots, p, starts, order, bodies):  # type: ignore[no-untyped-def]
+    """Sort all robots by the bucket of their body's centre, and lay what others see of them side by side.
+
+    starts int32[rows x columns + 2]: where a bucket begins in `order` int32[N], the robots' indices, ascending within
+    a bucket; so the buckets of one row from column a to b hold order[starts[row, a]:starts[row, b + 1]].
+    bodies float32[BODY, N], in that order: centre x, y [m], cosine and sine of the heading, speed [m/s].
+    """
+    count = robots.shape[0]
+    offset = p["offset"]
+    starts[:] = 0
+    columns = p["bucket_columns"]
+    if p["bucket_rows"] * columns == 1:
+        starts[1] = count
+        for i in range(count):
+            order[i] = i
+    else:
+        keys = np.empty(count, np.int32)
+        for i in range(count):
+            r = robots[i]
+            row, column = bucket_at(r["x"] - offset * r["cos"], r["y"] - offset * r["sin"], p)
+            keys[i] = row * columns + column
+            starts[keys[i] + 2] += 1
+        for k in range(2, len(starts)):
+            starts[k] += starts[k - 1]
+        for i in range(count):  # moves each start on to the next bucket's
+            order[starts[keys[i] + 1]] = i
+            starts[keys[i] + 1] += 1
+    for n in range(count):
+        r = robots[order[n]]
+        c, s = r["cos"], r["sin"]
+        bodies[CENTRE_X, n] = r["x"] - offset * c
+        bodies[CENTRE_Y, n] = r["y"] - offset * s
+        bodies[COS, n] = c
+        bodies[SIN, n] = s
+        bodies[SPEED, n] = r["speed"]

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.simulation.buckets import bucket_at
-from warehouse_env.simulation.footprint import body_touches_shelf
+from warehouse_env.simulation.buckets import CENTRE_X, CENTRE_Y, bucket_at
+from warehouse_env.simulation.footprint import body_touches_shelf, clearance_at
 from warehouse_env.simulation.geometry import rectangle_gap, rectangles_touch
 from warehouse_env.simulation.kernel import inline
 from warehouse_env.simulation.kinematics import drive
@@ -22,164 +22,190 @@ from warehouse_env.simulation.trigonometry import ZERO, sin_cos
 _HORIZON = np.float32(GAP_HORIZON)
 NEAR, CONTACT = 1, 2  # status of a pair: near and untouched, in a contact episode; 0 = apart
 
+# Rows of `motion` float32[MOTION, N], the robots' motion within one physics step, field by field side by side: the
+# present pose, what changes it, the pose that is tried, and the room [m] that a robot has to the nearest shelf.
+X, Y, HEADING, COS, SIN, SPEED, STEER, ACCELERATION, STEER_RATE = range(9)
+TRY_X, TRY_Y, TRY_HEADING, TRY_COS, TRY_SIN, ROOM = range(9, 15)
+MOTION = 15
+# Rows of `flags` int32[FLAGS, N]: does the tried pose differ from the present one, is it to be put back?
+MOVING, BLOCKED = 0, 1
+FLAGS = 2
+
 
 @inline
-def list_pairs(robots, heads, nexts, side, p, pairs):  # type: ignore[no-untyped-def]
-    """Write the pairs (i, j, touched = 0), j < i, that could come near within a physics step; return their number."""
+def list_pairs(bodies, order, starts, p, pairs):  # type: ignore[no-untyped-def]
+    """Write the pairs (i, j, touched = 0), j < i, that could come near within a physics step; return their number.
+
+    bodies, order, starts: see buckets.sort.
+    """
     count = 0
-    reach = p["pair_range"]
-    offset = p["offset"]
-    for i in range(robots.shape[0]):
-        r = robots[i]
-        cx, cy = r["x"] - offset * r["cos"], r["y"] - offset * r["sin"]
-        row, column = bucket_at(cx, cy, heads, side)
-        for by in range(max(row - 1, 0), min(row + 2, heads.shape[0])):
-            for bx in range(max(column - 1, 0), min(column + 2, heads.shape[1])):
-                j = heads[by, bx]
-                while j >= 0:
-                    if j < i:
-                        o = robots[j]
-                        dx = o["x"] - offset * o["cos"] - cx
-                        dy = o["y"] - offset * o["sin"] - cy
-                        if dx * dx + dy * dy < reach * reach and count < pairs.shape[0]:
-                            pairs[count, 0] = i
-                            pairs[count, 1] = j
-                            pairs[count, 2] = 0
-                            count += 1
-                    j = nexts[j]
+    reach, columns = p["pair_range"], p["bucket_columns"]
+    for n in range(bodies.shape[1]):
+        cx, cy = bodies[CENTRE_X, n], bodies[CENTRE_Y, n]
+        row, column = bucket_at(cx, cy, p)
+        left, right = max(column - 1, 0), min(column + 2, columns)
+        for by in range(max(row - 1, 0), row + 1):
+            # each pair once: of the own row and the one below, those that come before in the order
+            for m in range(starts[by * columns + left], min(starts[by * columns + right], n)):
+                dx, dy = bodies[CENTRE_X, m] - cx, bodies[CENTRE_Y, m] - cy
+                if dx * dx + dy * dy < reach * reach and count < pairs.shape[0]:
+                    pairs[count, 0] = max(order[n], order[m])
+                    pairs[count, 1] = min(order[n], order[m])
+                    pairs[count, 2] = 0
+                    count += 1
     return count
 
 
 @inline
-def try_motion(r, p):  # type: ignore[no-untyped-def]
-    """Move one robot for a substep, on trial: the try_ fields; speed and steering change for good."""
-    speed, steer = r["speed"], r["steer"]
-    next_speed = min(max(speed + r["acceleration"] * p["dt"], p["min_speed"]), p["max_speed"])
-    next_steer = min(max(steer + r["steer_rate"] * p["dt"], -p["max_steer"]), p["max_steer"])
-    r["steer"] = next_steer
-    r["speed"] = next_speed
-    if speed == ZERO and next_speed == ZERO:
-        r["moving"] = 0
-        stay(r)
-        return
-    r["moving"] = 1
-    x, y, heading = drive(r["x"], r["y"], r["heading"], speed, next_speed, steer, next_steer, p["wheelbase"], p["dt"])
-    r["try_x"], r["try_y"], r["try_heading"] = x, y, heading
-    r["try_sin"], r["try_cos"] = sin_cos(heading)
+def load(robots, i, acceleration, steer_rate, p, clearance, motion):  # type: ignore[no-untyped-def]
+    """Take robot i's state at the start of a physics step, and its command [m/s^2], [rad/s], into `motion`."""
+    r = robots[i]
+    c, s = r["cos"], r["sin"]
+    motion[X, i], motion[Y, i], motion[HEADING, i] = r["x"], r["y"], r["heading"]
+    motion[COS, i], motion[SIN, i] = c, s
+    motion[SPEED, i], motion[STEER, i] = r["speed"], r["steer"]
+    motion[ACCELERATION, i], motion[STEER_RATE, i] = acceleration, steer_rate
+    centre_x, centre_y = r["x"] - p["offset"] * c, r["y"] - p["offset"] * s
+    motion[ROOM, i] = clearance_at(centre_x, centre_y, clearance, p["cell"]) - p["radius"]
 
 
 @inline
-def stay(r):  # type: ignore[no-untyped-def]
-    """Make the trial pose the present one."""
-    r["try_x"], r["try_y"], r["try_heading"] = r["x"], r["y"], r["heading"]
-    r["try_cos"], r["try_sin"] = r["cos"], r["sin"]
-
-
-@inline
-def _put_back(r):  # type: ignore[no-untyped-def]
-    stay(r)
-    r["moving"] = 0
-    r["blocked"] = 0
-    r["speed"] = ZERO
-
-
-@inline
-def keep_off_shelves(robots, p, solid, clearance):  # type: ignore[no-untyped-def]
-    """Put back the robots whose trial pose touches a shelf."""
+def store(robots, motion):  # type: ignore[no-untyped-def]
+    """Write the motion of a physics step back into the robots."""
     for i in range(robots.shape[0]):
         r = robots[i]
-        if r["moving"] != 0:
-            c, s = r["try_cos"], r["try_sin"]
-            cx, cy = r["try_x"] - p["offset"] * c, r["try_y"] - p["offset"] * s
-            if body_touches_shelf(cx, cy, c, s, p["half_length"], p["half_width"], solid, clearance, p["cell"]):
-                _put_back(r)
-                r["touching"] = 1
-                if r["shelf_contact"] == 0:
-                    r["hit_shelf"] += 1
-                r["shelf_contact"] = 1
+        r["x"], r["y"], r["heading"] = motion[X, i], motion[Y, i], motion[HEADING, i]
+        r["cos"], r["sin"] = motion[COS, i], motion[SIN, i]
+        r["speed"], r["steer"] = motion[SPEED, i], motion[STEER, i]
 
 
 @inline
-def _tried_bodies_touch(r, o, p):  # type: ignore[no-untyped-def]
-    """Whether the trial poses of two robots touch."""
-    dx = (o["try_x"] - p["offset"] * o["try_cos"]) - (r["try_x"] - p["offset"] * r["try_cos"])
-    dy = (o["try_y"] - p["offset"] * o["try_sin"]) - (r["try_y"] - p["offset"] * r["try_sin"])
+def try_motion(motion, flags, p):  # type: ignore[no-untyped-def]
+    """Move all robots for a substep, on trial: the TRY_ rows; speed and steering change for good."""
+    dt, wheelbase = p["dt"], p["wheelbase"]
+    slowest, fastest, lock = p["min_speed"], p["max_speed"], p["max_steer"]
+    for i in range(motion.shape[1]):
+        speed, steer = motion[SPEED, i], motion[STEER, i]
+        next_speed = min(max(speed + motion[ACCELERATION, i] * dt, slowest), fastest)
+        next_steer = min(max(steer + motion[STEER_RATE, i] * dt, -lock), lock)
+        x, y, heading, c, s = motion[X, i], motion[Y, i], motion[HEADING, i], motion[COS, i], motion[SIN, i]
+        to_x, to_y, to_heading = drive(x, y, heading, speed, next_speed, steer, next_steer, wheelbase, dt)
+        to_s, to_c = sin_cos(to_heading)
+        stands = (speed == ZERO) & (next_speed == ZERO)
+        motion[SPEED, i], motion[STEER, i] = next_speed, next_steer
+        motion[TRY_X, i] = x if stands else to_x
+        motion[TRY_Y, i] = y if stands else to_y
+        motion[TRY_HEADING, i] = heading if stands else to_heading
+        motion[TRY_COS, i] = c if stands else to_c
+        motion[TRY_SIN, i] = s if stands else to_s
+        flags[MOVING, i] = 0 if stands else 1
+
+
+@inline
+def _put_back(motion, flags, i):  # type: ignore[no-untyped-def]
+    """Make the present pose the one that robot i tries, and stop it."""
+    motion[TRY_X, i], motion[TRY_Y, i], motion[TRY_HEADING, i] = motion[X, i], motion[Y, i], motion[HEADING, i]
+    motion[TRY_COS, i], motion[TRY_SIN, i] = motion[COS, i], motion[SIN, i]
+    motion[SPEED, i] = ZERO
+    flags[MOVING, i] = 0
+    flags[BLOCKED, i] = 0
+
+
+@inline
+def keep_off_shelves(robots, motion, flags, p, solid, clearance):  # type: ignore[no-untyped-def]
+    """Put back the robots whose trial pose touches a shelf."""
+    for i in range(robots.shape[0]):
+        if flags[MOVING, i] == 0 or motion[ROOM, i] > p["stride"]:  # too far off for this physics step
+            continue
+        c, s = motion[TRY_COS, i], motion[TRY_SIN, i]
+        cx, cy = motion[TRY_X, i] - p["offset"] * c, motion[TRY_Y, i] - p["offset"] * s
+        if body_touches_shelf(cx, cy, c, s, p["half_length"], p["half_width"], solid, clearance, p["cell"]):
+            _put_back(motion, flags, i)
+            r = robots[i]
+            r["touching"] = 1
+            if r["shelf_contact"] == 0:
+                r["hit_shelf"] += 1
+            r["shelf_contact"] = 1
+
+
+@inline
+def _tried_bodies_touch(motion, i, j, p):  # type: ignore[no-untyped-def]
+    """Whether the trial poses of robots i and j touch."""
+    offset, half_length, half_width = p["offset"], p["half_length"], p["half_width"]
+    c, s, other_c, other_s = motion[TRY_COS, i], motion[TRY_SIN, i], motion[TRY_COS, j], motion[TRY_SIN, j]
+    dx = (motion[TRY_X, j] - offset * other_c) - (motion[TRY_X, i] - offset * c)
+    dy = (motion[TRY_Y, j] - offset * other_s) - (motion[TRY_Y, i] - offset * s)
     reach = p["radius"] + p["radius"]
     return dx * dx + dy * dy <= reach * reach and rectangles_touch(
-        dx, dy, r["try_cos"], r["try_sin"], p["half_length"], p["half_width"],
-        o["try_cos"], o["try_sin"], p["half_length"], p["half_width"],
-    )  # fmt: skip
+        dx, dy, c, s, half_length, half_width, other_c, other_s, half_length, half_width
+    )
 
 
 @inline
-def _runs_into(r, o, p):  # type: ignore[no-untyped-def]
-    """Whether robot r's trial pose touches robot o where o stood: then r is at fault, whatever o does."""
-    dx = (o["x"] - p["offset"] * o["cos"]) - (r["try_x"] - p["offset"] * r["try_cos"])
-    dy = (o["y"] - p["offset"] * o["sin"]) - (r["try_y"] - p["offset"] * r["try_sin"])
-    return rectangles_touch(
-        dx, dy, r["try_cos"], r["try_sin"], p["half_length"], p["half_width"],
-        o["cos"], o["sin"], p["half_length"], p["half_width"],
-    )  # fmt: skip
+def _runs_into(motion, i, j, p):  # type: ignore[no-untyped-def]
+    """Whether robot i's trial pose touches robot j where that stood: then i is at fault, whatever j does."""
+    offset, half_length, half_width = p["offset"], p["half_length"], p["half_width"]
+    c, s, other_c, other_s = motion[TRY_COS, i], motion[TRY_SIN, i], motion[COS, j], motion[SIN, j]
+    dx = (motion[X, j] - offset * other_c) - (motion[TRY_X, i] - offset * c)
+    dy = (motion[Y, j] - offset * other_s) - (motion[TRY_Y, i] - offset * s)
+    return rectangles_touch(dx, dy, c, s, half_length, half_width, other_c, other_s, half_length, half_width)
 
 
 @inline
-def keep_off_robots(robots, pairs, count, p):  # type: ignore[no-untyped-def]
+def keep_off_robots(motion, flags, pairs, count, p):  # type: ignore[no-untyped-def]
     """Put back the robots whose trial poses touch, at once, again and again until none do.
 
     Of two that touch, the one that ran into where the other stood is put back, so that nobody is held by a robot
     that pushes it; both are if both did, or if they met half-way.
     """
-    again = True
+    again = count > 0
+    flags[BLOCKED, :] = 0
     while again:
         again = False
         for k in range(count):
-            r, o = robots[pairs[k, 0]], robots[pairs[k, 1]]
-            if (r["moving"] == 0 and o["moving"] == 0) or not _tried_bodies_touch(r, o, p):
+            i, j = pairs[k, 0], pairs[k, 1]
+            if (flags[MOVING, i] == 0 and flags[MOVING, j] == 0) or not _tried_bodies_touch(motion, i, j, p):
                 continue
-            first, second = _runs_into(r, o, p), _runs_into(o, r, p)
+            first, second = _runs_into(motion, i, j, p), _runs_into(motion, j, i, p)
             if first or not second:
-                r["blocked"] = r["moving"]
+                flags[BLOCKED, i] = flags[MOVING, i]
             if second or not first:
-                o["blocked"] = o["moving"]
+                flags[BLOCKED, j] = flags[MOVING, j]
             pairs[k, 2] = 1
             again = True
         if again:
-            for i in range(robots.shape[0]):
-                if robots[i]["blocked"] != 0:
-                    _put_back(robots[i])
+            for i in range(flags.shape[1]):
+                if flags[BLOCKED, i] != 0:
+                    _put_back(motion, flags, i)
 
 
 @inline
-def accept_motion(robots):  # type: ignore[no-untyped-def]
+def accept_motion(robots, motion):  # type: ignore[no-untyped-def]
     """Make the trial poses the real ones, and add up the distance driven."""
     for i in range(robots.shape[0]):
-        r = robots[i]
-        if r["moving"] != 0:
-            dx, dy = r["try_x"] - r["x"], r["try_y"] - r["y"]
-            r["distance"] += np.float64(np.sqrt(dx * dx + dy * dy))
-            r["x"], r["y"], r["heading"] = r["try_x"], r["try_y"], r["try_heading"]
-            r["cos"], r["sin"] = r["try_cos"], r["try_sin"]
+        dx, dy = motion[TRY_X, i] - motion[X, i], motion[TRY_Y, i] - motion[Y, i]
+        robots[i]["distance"] += np.float64(np.sqrt(dx * dx + dy * dy))
+    for k in range(5):
+        motion[X + k] = motion[TRY_X + k]
 
 
 @inline
-def judge_pairs(robots, pairs, count, stamps, clock, p):  # type: ignore[no-untyped-def]
+def judge_pairs(robots, motion, pairs, count, stamps, clock, p):  # type: ignore[no-untyped-def]
     """Measure the gaps, and begin and end contact episodes and near misses.
 
     stamps int32[N, N]: 4 x clock + status of a pair when it was last near, so that nothing must be cleared.
     """
-    offset = p["offset"]
+    offset, half_length, half_width = p["offset"], p["half_length"], p["half_width"]
     reach = p["radius"] + p["radius"] + _HORIZON
     for k in range(count):
         i, j = pairs[k, 0], pairs[k, 1]
-        r, o = robots[i], robots[j]
-        dx = (o["x"] - offset * o["cos"]) - (r["x"] - offset * r["cos"])
-        dy = (o["y"] - offset * o["sin"]) - (r["y"] - offset * r["sin"])
+        c, s, other_c, other_s = motion[COS, i], motion[SIN, i], motion[COS, j], motion[SIN, j]
+        dx = (motion[X, j] - offset * other_c) - (motion[X, i] - offset * c)
+        dy = (motion[Y, j] - offset * other_s) - (motion[Y, i] - offset * s)
         if dx * dx + dy * dy > reach * reach:
             continue
-        gap = rectangle_gap(
-            dx, dy, r["cos"], r["sin"], p["half_length"], p["half_width"],
-            o["cos"], o["sin"], p["half_length"], p["half_width"],
-        )  # fmt: skip
+        gap = rectangle_gap(dx, dy, c, s, half_length, half_width, other_c, other_s, half_length, half_width)
+        r, o = robots[i], robots[j]
         if pairs[k, 2] != 0:
             gap = ZERO
         r["gap"] = min(r["gap"], gap)

@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.config import EnvConfig
+from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.maps.movingai import read_map
+from warehouse_env.simulation.edges import Edges, edges_of
 from warehouse_env.simulation.kernel import kernel
 
 FINE = 8  # samples of the clearance field per cell side
@@ -30,6 +31,7 @@ class Floor(NamedTuple):
     solid: NDArray[np.uint8]  # [H + 2, W + 2], 1 = shelf or outside; row 0 is the rim south of the map
     clearance: NDArray[np.uint8]  # [H * FINE, W * FINE], y up: lower bound of the distance to the nearest shelf
     cell: np.float32  # [m]
+    edges: Edges  # what the lidar sees of the shelves
 
 
 @kernel
@@ -58,7 +60,7 @@ def _clearance(solid, cell, fine, unit, out):  # type: ignore[no-untyped-def]
 
 
 @lru_cache(maxsize=16)
-def _floor(key: str, grid_text: bytes, rows: int, columns: int, cell: float) -> Floor:
+def _floor(key: str, grid_text: bytes, rows: int, columns: int, cell: float, lidar_range: float) -> Floor:
     occupied = np.frombuffer(grid_text, dtype=np.uint8).reshape(rows, columns)
     solid = np.ones((rows + 2, columns + 2), dtype=np.uint8)
     solid[1:-1, 1:-1] = occupied[::-1]
@@ -66,10 +68,11 @@ def _floor(key: str, grid_text: bytes, rows: int, columns: int, cell: float) -> 
     _clearance(solid, float(cell), FINE, UNIT, clearance)
     solid.flags.writeable = False
     clearance.flags.writeable = False
-    return Floor(solid, clearance, np.float32(cell))
+    return Floor(solid, clearance, np.float32(cell), edges_of(solid, cell, lidar_range))
 
 
-def floor_of(grid: GridMap) -> Floor:
-    """Return the kernels' view of a map; cached by the map's content."""
+def floor_of(grid: GridMap, lidar_range: float = SensorSpec.lidar_range) -> Floor:
+    """Return the kernels' view of a map, with its edges within `lidar_range` [m]; cached by the map's content."""
     rows, columns = grid.shape
-    return _floor(grid.key, grid.occupied.astype(np.uint8).tobytes(), rows, columns, grid.cell_size)
+    text = grid.occupied.astype(np.uint8).tobytes()
+    return _floor(grid.key, text, rows, columns, grid.cell_size, lidar_range)

@@ -64,11 +64,28 @@ def body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, 
 
 
 @inline
+def _room(cx, cy, c, s, half_length, half_width, clearance, cell):  # type: ignore[no-untyped-def]
+    """Return metres that no point of the body at (cx, cy) can be moved into a shelf; none or negative: not known."""
+    room = clearance_at(cx, cy, clearance, cell) - np.sqrt(half_length * half_length + half_width * half_width)
+    if room > ZERO:
+        return room
+    third = half_length * _THIRD
+    shift = half_length * _TWO_THIRDS
+    nearest = min(
+        clearance_at(cx, cy, clearance, cell),
+        clearance_at(cx + shift * c, cy + shift * s, clearance, cell),
+        clearance_at(cx - shift * c, cy - shift * s, clearance, cell),
+    )
+    return nearest - np.sqrt(third * third + half_width * half_width)
+
+
+@inline
 def sweep_is_free(x, y, c, s, bend, distance, margin, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Return whether the body keeps `margin` [m] from shelves along an arc of curvature `bend` [1/m].
 
     (x, y) is the front axle, (c, s) its heading, `distance` [m] signed (negative: backwards).
     The pose at the start is not checked: a robot that stands too close must be able to leave.
+    Poses that are nearer to a checked one than its room allows are free as well, and passed over.
     """
     cell = p["cell"]
     half_length = p["half_length"] + margin
@@ -80,12 +97,19 @@ def sweep_is_free(x, y, c, s, bend, distance, margin, p, solid, clearance):  # t
     step = distance / np.float32(count)
     turn_s, turn_c = sin_cos(step * bend)
     half_s, half_c = sin_cos(HALF * step * bend)
-    for _ in range(count):
+    most = abs(step) * (ONE + (p["offset"] + half_length) * abs(bend))  # that any point moves from pose to pose
+    room = ZERO
+    for k in range(count):
         x += step * (c * half_c - s * half_s)
         y += step * (s * half_c + c * half_s)
         c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
-        if body_touches_shelf(
-            x - p["offset"] * c, y - p["offset"] * s, c, s, half_length, half_width, solid, clearance, cell
-        ):
+        room -= most
+        if room > ZERO:
+            continue
+        cx, cy = x - p["offset"] * c, y - p["offset"] * s
+        room = _room(cx, cy, c, s, half_length, half_width, clearance, cell)
+        if room > most * np.float32(count - 1 - k):
+            return True
+        if room <= ZERO and body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, cell):
             return False
     return True

@@ -65,7 +65,7 @@ class Simulator:
         self._tasks = [Tasks(self.grid, config) for _ in range(num_worlds)]
         self._rngs = [np.random.default_rng() for _ in range(num_worlds)]
         self._params = state.parameters_of(config, self.grid.cell_size)
-        self._floor = floor_of(self.grid)
+        self._floor = floor_of(self.grid, config.sensor.lidar_range)
         self._make_spaces()
         self._weights = weight_vector(config.reward)
         self._reward_weights = config.reward
@@ -77,7 +77,7 @@ class Simulator:
         self._actions = ActionDecoder(config)
         self.action_space = self._actions.space
         angles = 2 * math.pi * np.arange(config.sensor.rays) / config.sensor.rays
-        self._rays = np.column_stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
+        self._rays = np.stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
 
     def _make_arrays(self) -> None:
         b, n, p = self.num_worlds, self.num_agents, self._params
@@ -101,22 +101,24 @@ class Simulator:
         size = self.grid.cell_size
         look = max(self.config.sensor.lidar_range + float(p["radius"][0]), 2 * reach)
         bucket_rows, bucket_columns, side = bucket_grid(n, columns * size, rows * size, look)
-        self._heads = np.zeros((b, bucket_rows, bucket_columns), dtype=np.int32)
-        self._nexts = np.zeros((b, n), dtype=np.int32)
-        self._side = np.float32(side)
+        p["bucket_rows"], p["bucket_columns"], p["bucket"] = bucket_rows, bucket_columns, side
+        self._starts = np.zeros((b, bucket_rows * bucket_columns + 2), dtype=np.int32)
+        self._order = np.zeros((b, n), dtype=np.int32)
+        self._waiting = np.zeros(b, dtype=np.int32)
         self._bind()
 
     def _bind(self) -> None:
         """Keep the kernels' arguments ready: collecting them takes longer than a small world's step."""
-        common = (self._heads, self._nexts, self._side)
-        self._advance_arguments = (
-            self.robots, self.routes, self._commands, self._stamps, self._pairs, *common, self._clocks,
-            self._params, self._floor.solid, self._floor.clearance,
+        seen = (
+            self._rays, self._actions.table, self._weights, *self._floor.edges,
+            self.observation, self.reward_terms, self.reward,
+        )  # fmt: skip
+        self._step_arguments = (
+            self.robots, self.routes, self._commands, self._stamps, self._pairs, self._order, self._starts,
+            self._clocks, self._waiting, self._params, self._floor.solid, self._floor.clearance, *seen,
         )  # fmt: skip
         self._observe_arguments = (
-            self.robots, self.routes, *common, self._params, self._rays, self._actions.table, self._weights,
-            self._floor.solid,
-            self.observation, self.reward_terms, self.reward,
+            self.robots, self.routes, self._order, self._starts, self._waiting, self._params, *seen,
         )  # fmt: skip
 
     @property
@@ -231,29 +233,20 @@ class Simulator:
         shape, out of range or not finite.
         """
         self._actions.decode(actions, self._commands)
-        many = self._many()
-        arrivals = (step.advance_parallel if many else step.advance)(*self._advance_arguments)
+        arrivals = (step.step_parallel if self._many() else step.step)(*self._step_arguments)
         self.steps += 1
-        if self.config.terminate_on_collision:
-            self._park_collided()
         if arrivals:
             self._arrive()
+            step.observe(*self._observe_arguments)
         np.greater_equal(self.steps, self.config.max_steps, out=self.truncated)
         if self.config.tasks == "one_shot" or self.config.terminate_on_collision:
             np.equal(self.robots["alive"], 0, out=self.terminated)
-        (step.observe_parallel if many else step.observe)(*self._observe_arguments)
         return self.observation
 
     def _many(self) -> bool:
         return (
             self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and numba.get_num_threads() > 1
         )
-
-    def _park_collided(self) -> None:
-        robots = self.robots
-        hit = (robots["alive"] != 0) & ((robots["hit_robot"] > 0) | (robots["hit_shelf"] > 0))
-        robots["alive"][hit] = 0
-        robots["speed"][hit] = 0
 
     def _arrive(self) -> None:
         """Book the arrivals, and give lifelong robots their next task and route."""
@@ -270,14 +263,10 @@ class Simulator:
                 self._set_route(world, robot, start, goal, float(r["heading"]))
 
     def _observe(self, world: int | None = None) -> None:
-        if world is None:
-            step.observe(*self._observe_arguments)
-            return
-        per_world = (0, 1, 2, 3, -3, -2, -1)  # robots, routes, heads, nexts; observation, terms, reward
-        arguments: list[Any] = list(self._observe_arguments)
-        for k in per_world:
-            arguments[k] = arguments[k][world : world + 1]
-        step.observe(*arguments)
+        self._waiting[...] = world is None
+        if world is not None:
+            self._waiting[world] = 1
+        step.observe(*self._observe_arguments)
 
     def episode_metrics(self, world: int = 0) -> dict[str, float]:
         """Return the row of numbers of a world's episode so far (see metrics.episode_row)."""

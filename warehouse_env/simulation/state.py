@@ -21,12 +21,8 @@ ROBOT = np.dtype(
         ("x", F), ("y", F), ("heading", F),  # front axle [m], [m], [rad]
         ("speed", F), ("steer", F),  # [m/s], [rad]
         ("cos", F), ("sin", F),  # of the heading
-        # the motion tried within a substep
-        ("try_x", F), ("try_y", F), ("try_heading", F), ("try_cos", F), ("try_sin", F),
-        ("moving", B), ("blocked", B),
         # command
         ("target_speed", F), ("target_steer", F),  # [m/s], [rad], as commanded by the action
-        ("acceleration", F), ("steer_rate", F),  # [m/s^2], [rad/s], held over one physics step
         ("previous_speed", F), ("previous_steer", F),  # the last env step's command, for smoothness
         ("follow_steer", F),  # [rad], what the path follower would steer without an offset
         ("gear", B), ("gear_distance", F),  # +1 forward, -1 backing out [m left]
@@ -54,10 +50,11 @@ PARAMETERS = np.dtype(
         ("half_length", F), ("half_width", F), ("offset", F), ("radius", F),  # [m]; offset: front axle to centre
         ("wheelbase", F), ("min_speed", F), ("max_speed", F), ("max_acceleration", F),
         ("max_steer", F), ("max_steer_rate", F),
-        ("arrival_radius", F), ("near_miss_gap", F), ("pair_range", F),
+        ("arrival_radius", F), ("near_miss_gap", F), ("pair_range", F), ("stride", F),
         ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
         ("predictions", B),
-        ("action_type", I), ("one_shot", B),
+        ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator, as the floor asks for
+        ("action_type", I), ("one_shot", B), ("collision_ends", B),
     ],
     align=True,
 )  # fmt: skip
@@ -74,7 +71,7 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
     radius = float(np.hypot(half_length, half_width))
     fastest = max(robot.max_speed, -robot.min_speed)
     swing = (robot.rear_reach - half_length) * math.tan(robot.max_steering) / robot.wheelbase
-    closing = 2 * fastest * math.hypot(1.0, swing) * config.time_step  # two centres, in one physics step
+    stride = fastest * math.hypot(1.0, swing) * config.time_step  # of the centre, at most, in one physics step
     values = {
         "dt": config.time_step / config.substeps, "time_step": config.time_step,
         "substeps": config.substeps, "repeat": config.action_repeat,
@@ -84,11 +81,12 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
         "max_acceleration": robot.max_acceleration,
         "max_steer": robot.max_steering, "max_steer_rate": robot.max_steering_rate,
         "arrival_radius": config.arrival_radius, "near_miss_gap": config.near_miss_gap,
-        "pair_range": 2 * radius + GAP_HORIZON + closing,
+        "pair_range": 2 * radius + GAP_HORIZON + 2 * stride, "stride": stride,
         "cell": cell, "lidar_range": sensor.lidar_range, "rays": sensor.rays, "neighbours": sensor.neighbours,
         "route_points": sensor.route_points, "route_spacing": sensor.route_spacing,
         "predictions": sensor.predictions,
         "action_type": ACTION_TYPES.index(config.action_type), "one_shot": config.tasks == "one_shot",
+        "collision_ends": config.terminate_on_collision,
     }  # fmt: skip
     for name, value in values.items():
         p[name] = value

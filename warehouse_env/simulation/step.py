@@ -1,7 +1,6 @@
 """The batched step: command, move, judge contacts, advance along the routes; then observe.
 
-Two entries, `advance` and `observe`, since tasks and routes may change between them. Each has a driver that
-runs worlds one after another and one that runs them on all threads; both call the same function per world.
+Two entries: `step`, and `observe` for the worlds where tasks and routes change in between.
 """
 
 from __future__ import annotations
@@ -38,23 +37,18 @@ def _begin(r):  # type: ignore[no-untyped-def]
 
 @inline
 def _command(r, route, first, second, p, solid, clearance):  # type: ignore[no-untyped-def]
-    """Turn the action into an acceleration and a steering rate for one physics step."""
+    """Turn the action into (acceleration [m/s^2], steering rate [rad/s]) for one physics step."""
     if r["alive"] == 0:
-        r["acceleration"] = ZERO
-        r["steer_rate"] = ZERO
-        return
+        return ZERO, ZERO
     dt = p["time_step"]
     if p["action_type"] == _RAW:
-        r["acceleration"] = first
-        r["steer_rate"] = second
         r["target_speed"] = r["speed"] + first * dt
         r["target_steer"] = r["steer"] + second * dt
-        return
+        return first, second
     tracking.follow(r, route, first, second, p, solid, clearance)
     next_speed = approach(r["speed"], r["target_speed"], p["max_acceleration"] * dt)
     next_steer = approach(r["steer"], r["target_steer"], p["max_steer_rate"] * dt)
-    r["acceleration"] = (next_speed - r["speed"]) / dt
-    r["steer_rate"] = (next_steer - r["steer"]) / dt
+    return (next_speed - r["speed"]) / dt, (next_steer - r["steer"]) / dt
 
 
 @inline
@@ -84,54 +78,64 @@ def _end(r, route, p):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _total(r):  # type: ignore[no-untyped-def]
-    """Add the env step's events to the episode's totals."""
+def _total(r, p):  # type: ignore[no-untyped-def]
+    """Add the env step's events to the episode's totals; park a robot that a collision ends."""
     r["hits_robot"] += r["hit_robot"]
     r["hits_shelf"] += r["hit_shelf"]
     r["near_misses"] += r["near_miss"]
     r["min_gap"] = min(r["min_gap"], r["gap"])
+    if p["collision_ends"] != 0 and (r["hit_robot"] > 0 or r["hit_shelf"] > 0):
+        r["alive"] = 0
+        r["speed"] = ZERO
 
 
-@kernel
-def _advance_world(robots, routes, actions, stamps, pairs, heads, nexts, side, clock, p, solid, clearance):  # type: ignore[no-untyped-def]
+@inline
+def _advance_world(robots, routes, commands, stamps, pairs, order, starts, bodies, clock, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Advance one world by one env step; return the number of arrivals."""
-    arrivals = 0
-    for i in range(robots.shape[0]):
+    arrivals, count = 0, robots.shape[0]
+    motion = np.empty((contact.MOTION, count), np.float32)
+    flags = np.empty((contact.FLAGS, count), np.int32)
+    for i in range(count):
         _begin(robots[i])
     for repeat in range(p["repeat"]):
-        buckets.fill(robots, heads, nexts, p["offset"], side)
-        count = contact.list_pairs(robots, heads, nexts, side, p, pairs)
-        for i in range(robots.shape[0]):
-            _command(robots[i], routes[i], actions[i, 0], actions[i, 1], p, solid, clearance)
+        buckets.sort(robots, p, starts, order, bodies)
+        near = contact.list_pairs(bodies, order, starts, p, pairs)
+        for i in range(count):
+            first, second = _command(robots[i], routes[i], commands[i, 0], commands[i, 1], p, solid, clearance)
+            contact.load(robots, i, first, second, p, clearance, motion)
         for _ in range(p["substeps"]):
-            for i in range(robots.shape[0]):
-                contact.try_motion(robots[i], p)
-            contact.keep_off_shelves(robots, p, solid, clearance)
-            contact.keep_off_robots(robots, pairs, count, p)
-            contact.accept_motion(robots)
-        contact.judge_pairs(robots, pairs, count, stamps, clock + repeat, p)
+            contact.try_motion(motion, flags, p)
+            contact.keep_off_shelves(robots, motion, flags, p, solid, clearance)
+            contact.keep_off_robots(motion, flags, pairs, near, p)
+            contact.accept_motion(robots, motion)
+        contact.store(robots, motion)
+        contact.judge_pairs(robots, motion, pairs, near, stamps, clock + repeat, p)
         contact.end_shelf_contacts(robots, p, solid, clearance)
-        for i in range(robots.shape[0]):
+        for i in range(count):
             arrivals += _end(robots[i], routes[i], p)
-    for i in range(robots.shape[0]):
-        _total(robots[i])
+    for i in range(count):
+        _total(robots[i], p)
     return arrivals
 
 
-@kernel
-def _observe_world(robots, routes, heads, nexts, side, p, rays, table, weights, solid, out, terms, reward):  # type: ignore[no-untyped-def]
+@inline
+def _observe_world(  # type: ignore[no-untyped-def]
+    robots, routes, order, starts, bodies, p, rays, table, weights, edges, seen, first, out, terms, reward
+):
     """Write observations, reward terms and rewards of one world."""
     ego = p["rays"]
     route = ego + EGO
     near = route + 2 * p["route_points"]
-    buckets.fill(robots, heads, nexts, p["offset"], side)
-    for i in range(robots.shape[0]):
+    buckets.sort(robots, p, starts, order, bodies)
+    turned = np.empty((sensing.TURNED, p["rays"]), np.float32)
+    for n in range(robots.shape[0]):
+        i = order[n]
         r = robots[i]
         row = out[i]
-        cx, cy = r["x"] - p["offset"] * r["cos"], r["y"] - p["offset"] * r["sin"]
-        sensing.scan_shelves(cx, cy, r["cos"], r["sin"], p["lidar_range"], solid, p["cell"], rays, row)
-        sensing.look_around(i, robots, heads, nexts, side, p, rays, row, near)
-        sensing.write_neighbours(i, robots, p, row, near)
+        cx, cy = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n]
+        sensing.scan_shelves(cx, cy, r["cos"], r["sin"], p, edges, seen, first, rays, turned, row)
+        sensing.look_around(n, bodies, order, starts, p, rays, row, near)
+        sensing.write_neighbours(n, bodies, p, row, near)
         for k in range(p["rays"]):
             row[k] = ONE / (ONE + row[k])
         sensing.write_ego_and_route(r, routes[i], p, row, ego)
@@ -141,53 +145,80 @@ def _observe_world(robots, routes, heads, nexts, side, p, rays, table, weights, 
 
 
 @kernel
-def advance(robots, routes, actions, stamps, pairs, heads, nexts, side, clocks, params, solid, clearance):  # type: ignore[no-untyped-def]
-    """Advance all worlds by one env step; return the number of arrivals. Leading axis of the arrays: world.
+def _step_world(  # type: ignore[no-untyped-def]
+    b,
+    robots,
+    routes,
+    commands,
+    stamps,
+    pairs,
+    order,
+    starts,
+    clocks,
+    waiting,
+    params,
+    solid,
+    clearance,
+    rays,
+    table,
+    weights,
+    edges,
+    seen,
+    first,
+    out,
+    terms,
+    reward,
+):
+    """Step world b; where somebody arrives, the observation waits until the Simulator has given out new tasks."""
+    p = params[0]
+    bodies = np.empty((buckets.BODY, robots.shape[1]), np.float32)
+    waiting[b] = _advance_world(
+        robots[b], routes[b], commands[b], stamps[b], pairs[b], order[b], starts[b], bodies, clocks[b],
+        p, solid, clearance,
+    )  # fmt: skip
+    clocks[b] += p["repeat"]
+    if waiting[b] == 0:
+        _observe_world(
+            robots[b], routes[b], order[b], starts[b], bodies, p, rays, table, weights, edges, seen, first,
+            out[b], terms[b], reward[b],
+        )  # fmt: skip
+    return waiting[b]
 
-    robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; actions float32[B, N, 2]: speed [m/s] and offset [m], or raw
-    acceleration and steering rate; stamps int32[B, N, N]; pairs int32[B, P, 3], heads int32[B, rows, columns] and
-    nexts int32[B, N] are scratch; clocks int32[B] physics steps since the reset, advanced here.
+
+@kernel
+def step(*world):  # type: ignore[no-untyped-def]
+    """Step all worlds; return the number of arrivals. Leading axis of the arrays: world.
+
+    robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; commands float32[B, N, 2]: speed [m/s] and offset [m], or raw
+    acceleration and steering rate; stamps int32[B, N, N]; pairs int32[B, P, 3], order int32[B, N] and starts int32[B,
+    buckets + 2] are scratch; clocks int32[B] physics steps since the reset, advanced here; waiting int32[B]: the
+    arrivals of each world; out: observations float32[B, N, D]; terms float32[B, N, T]; reward float32[B, N].
     """
     arrivals = 0
-    p = params[0]
-    for b in range(robots.shape[0]):
-        arrivals += _advance_world(
-            robots[b], routes[b], actions[b], stamps[b], pairs[b], heads[b], nexts[b], side, clocks[b],
-            p, solid, clearance,
-        )  # fmt: skip
-        clocks[b] += p["repeat"]
+    for b in range(len(world[0])):
+        arrivals += _step_world(b, *world)
     return arrivals
 
 
 @parallel_kernel
-def advance_parallel(robots, routes, actions, stamps, pairs, heads, nexts, side, clocks, params, solid, clearance):  # type: ignore[no-untyped-def]
-    """`advance` with the worlds on all threads."""
+def step_parallel(*world):  # type: ignore[no-untyped-def]
+    """`step` with the worlds on all threads."""
     arrivals = 0
-    for b in prange(robots.shape[0]):
-        p = params[0]
-        arrivals += _advance_world(
-            robots[b], routes[b], actions[b], stamps[b], pairs[b], heads[b], nexts[b], side, clocks[b],
-            p, solid, clearance,
-        )  # fmt: skip
-        clocks[b] += p["repeat"]
+    for b in prange(len(world[0])):
+        arrivals += _step_world(b, *world)
     return arrivals
 
 
 @kernel
-def observe(robots, routes, heads, nexts, side, params, rays, table, weights, solid, out, terms, reward):  # type: ignore[no-untyped-def]
-    """Write observations float32[B, N, D], reward terms float32[B, N, T] and rewards float32[B, N] of all worlds."""
-    p = params[0]
+def observe(  # type: ignore[no-untyped-def]
+    robots, routes, order, starts, waiting, params, rays, table, weights, edges, seen, first, out, terms, reward
+):
+    """Write observations, reward terms and rewards of the worlds that are `waiting`, which then are no more."""
+    bodies = np.empty((buckets.BODY, robots.shape[1]), np.float32)
     for b in range(robots.shape[0]):
-        _observe_world(
-            robots[b], routes[b], heads[b], nexts[b], side, p, rays, table, weights, solid, out[b], terms[b], reward[b]
-        )
-
-
-@parallel_kernel
-def observe_parallel(robots, routes, heads, nexts, side, params, rays, table, weights, solid, out, terms, reward):  # type: ignore[no-untyped-def]
-    """`observe` with the worlds on all threads."""
-    for b in prange(robots.shape[0]):
-        p = params[0]
-        _observe_world(
-            robots[b], routes[b], heads[b], nexts[b], side, p, rays, table, weights, solid, out[b], terms[b], reward[b]
-        )
+        if waiting[b] != 0:
+            waiting[b] = 0
+            _observe_world(
+                robots[b], routes[b], order[b], starts[b], bodies, params[0], rays, table, weights, edges, seen, first,
+                out[b], terms[b], reward[b],
+            )  # fmt: skip

@@ -23,6 +23,7 @@ _TWO_OVER_PI = np.float32(2.0 / math.pi)
 # pi/2 in two parts, the first with few bits: k * _PIO2_HIGH is exact for small k
 _PIO2_HIGH = np.float32(1.5703125)
 _PIO2_LOW = np.float32(math.pi / 2 - 1.5703125)
+_1, _2 = np.int32(1), np.int32(2)
 _TAN_PI_8 = np.float32(math.tan(math.pi / 8))
 
 _S3, _S5, _S7, _S9 = (np.float32(c / math.factorial(n)) for c, n in ((-1, 3), (1, 5), (-1, 7), (1, 9)))
@@ -38,14 +39,11 @@ def sin_cos(angle):  # type: ignore[no-untyped-def]
     q = r * r
     s = r + r * q * (_S3 + q * (_S5 + q * (_S7 + q * _S9)))
     c = ONE + q * (_C2 + q * (_C4 + q * (_C6 + q * _C8)))
-    quadrant = int(k) & 3
-    if quadrant == 0:
-        return s, c
-    if quadrant == 1:
-        return c, -s
-    if quadrant == 2:
-        return -s, -c
-    return -c, s
+    quadrant = np.int32(k)  # choices, not branches: a loop over many angles becomes vector instructions
+    odd = (quadrant & _1) != 0
+    sine = c if odd else s
+    cosine = s if odd else c
+    return (-sine if (quadrant & _2) != 0 else sine), (-cosine if ((quadrant + _1) & _2) != 0 else cosine)
 
 
 @inline
