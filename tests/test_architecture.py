@@ -18,7 +18,10 @@ ROOT = Path(__file__).parent.parent
 PACKAGES = ("warehouse_env", "agents", "train")
 
 BASE = ("warehouse_env.errors", "warehouse_env.config", "warehouse_env.files")
-WORLD = (*BASE, "warehouse_env.observation", "warehouse_env.maps", "warehouse_env.planning")
+PLANNING = (*BASE, "warehouse_env.maps", "warehouse_env.planning")
+ROUTES = (*PLANNING, "warehouse_env.routes")
+TRAFFIC = (*ROUTES, "warehouse_env.traffic")
+SIMULATION = (*TRAFFIC, "warehouse_env.observation", "warehouse_env.simulation")
 
 # The first prefix that fits a module says which of our own modules it may import.
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
@@ -27,12 +30,14 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.config": BASE,
     "warehouse_env.observation": BASE,
     "warehouse_env.maps": (*BASE, "warehouse_env.maps"),
-    "warehouse_env.planning": (*BASE, "warehouse_env.maps", "warehouse_env.planning"),
-    "warehouse_env.simulation": (*WORLD, "warehouse_env.simulation"),
+    "warehouse_env.planning": PLANNING,
+    "warehouse_env.routes": ROUTES,
+    "warehouse_env.traffic": TRAFFIC,
+    "warehouse_env.simulation": SIMULATION,
     "warehouse_env.render": (*BASE, "warehouse_env.maps", "warehouse_env.simulation.state", "warehouse_env.render"),
-    "warehouse_env.envs": (*WORLD, "warehouse_env.simulation", "warehouse_env.envs", "warehouse_env.render"),
+    "warehouse_env.envs": (*SIMULATION, "warehouse_env.envs", "warehouse_env.render"),
     "warehouse_env": ("warehouse_env",),
-    "agents": (*WORLD, "agents"),
+    "agents": (*PLANNING, "warehouse_env.observation", "agents"),
     "train": ("warehouse_env", "agents", "train"),
 }
 
@@ -132,6 +137,10 @@ def test_every_import_is_allowed() -> None:
     [
         ("warehouse_env.maps.grid_map", "from warehouse_env.planning import PLANNERS"),
         ("warehouse_env.planning.ants.aco", "import warehouse_env.simulation.step"),
+        ("warehouse_env.planning.ants.iaco", "from warehouse_env.routes.lanes import resample"),
+        ("warehouse_env.planning.ants.warm", "from warehouse_env.traffic.conflicts import Route"),
+        ("warehouse_env.routes.book", "from warehouse_env.traffic.conflicts import congestion"),
+        ("warehouse_env.traffic.together", "from warehouse_env.simulation.simulator import Simulator"),
         ("warehouse_env.planning.ants.aco", "from warehouse_env import Simulator"),
         ("warehouse_env.simulation.step", "from warehouse_env.envs.parallel import parallel_env"),
         ("warehouse_env.simulation.step", "def f():\n    import torch"),
@@ -140,6 +149,7 @@ def test_every_import_is_allowed() -> None:
         ("warehouse_env.render.frame", "import pygame"),
         ("agents.brake", "from warehouse_env.simulation.simulator import Simulator"),
         ("agents.brake", "from warehouse_env import Simulator"),
+        ("agents.brake", "from warehouse_env.traffic.conflicts import conflicts"),
         ("agents.learned", "from train.config import PPOConfig"),
         ("agents.brake", "import importlib\nt = importlib.import_module('torch')"),
         ("train.reinforce", "from stable_baselines3.common import vec_env"),

@@ -16,7 +16,7 @@ from train.report import Table, number, with_interval
 from train.rows import Interval, Row, mean_interval
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.layouts import LAYOUTS
-from warehouse_env.planning.steerable import sharpest
+from warehouse_env.routes.steerable import sharpest
 from warehouse_env.simulation.simulator import Simulator
 
 ON_LINE = (0.1, 0.3)  # [m] beside the route and [rad] off its direction from which on a robot counts as on its line

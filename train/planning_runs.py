@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from train.rows import Row
 from warehouse_env import __version__
 from warehouse_env.errors import PlanError
+from warehouse_env.maps.clearance import segment_gap
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Plan, Planner, climb, min_turns, path_length, turns, validate
 from warehouse_env.planning.plan import validate_line
-from warehouse_env.planning.smoothing import segment_gap
 
 _FAR = 5.0  # [cells] clearances beyond are not told apart
 _BEND = math.radians(1.0)  # smaller changes of direction along a line are no turns

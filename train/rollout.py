@@ -19,7 +19,7 @@ from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.planning.routes import RouteBook
+from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.simulator import Simulator
 
 Watcher = Callable[[Simulator, int], None]

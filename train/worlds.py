@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from train.config import HELD_OUT_SEED
 from warehouse_env.config import EnvConfig, RewardWeights
-from warehouse_env.planning.routes import RouteBook
+from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.rewards import REWARD_TERMS
 from warehouse_env.simulation.simulator import Simulator
 

@@ -9,8 +9,8 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner, path_length, validate
-from warehouse_env.planning.alternatives import differences, penalty_routes, varied
-from warehouse_env.planning.traffic import Route
+from warehouse_env.traffic.alternatives import differences, penalty_routes, varied
+from warehouse_env.traffic.conflicts import Route
 
 SHAPE = (3, 4)
 

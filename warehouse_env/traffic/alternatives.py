@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.plan import Planner, path_length
-from warehouse_env.planning.traffic import Route
+from warehouse_env.traffic.conflicts import Route
 
 
 def differences(routes: Sequence[Route], shape: tuple[int, int]) -> NDArray[np.float64]:

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import RobotSpec
+from warehouse_env.maps.clearance import distance, nearest_shelf, segment_gap
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.planning.lanes import nearest_shelf, resample
-from warehouse_env.planning.smoothing import distance, segment_gap
+from warehouse_env.routes.lanes import resample
 
 STEERING_SHARE = 0.85  # of the steering limit
 STEP = 0.25  # [m] between way-points

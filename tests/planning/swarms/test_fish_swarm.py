@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from tests.planning.swarms import TARGET, Recorder
+from tests.planning.swarms.recorder import TARGET, Recorder
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.generators import random_floor
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
-from warehouse_env.planning.fish_swarm import FishSwarm
 from warehouse_env.planning.plan import path_length, validate
+from warehouse_env.planning.swarms.fish_swarm import FishSwarm
 
 
 def test_vision_narrows() -> None:

@@ -16,9 +16,9 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.planning import make_planner
-from warehouse_env.planning.lanes import drivable_line
-from warehouse_env.planning.routes import RouteBook
-from warehouse_env.planning.steerable import most_curvature, narrowest, rounded, sharpest, without_knees
+from warehouse_env.routes.book import RouteBook
+from warehouse_env.routes.lanes import drivable_line
+from warehouse_env.routes.steerable import most_curvature, narrowest, rounded, sharpest, without_knees
 from warehouse_env.simulation.kinematics import drive
 from warehouse_env.simulation.simulator import Simulator
 

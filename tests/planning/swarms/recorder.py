@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.ants.floor import make_floor
-from warehouse_env.planning.waypoints import Code, Paths
+from warehouse_env.planning.swarms.waypoints import Code, Paths
 
 TARGET = (2.0, 3.0)
 

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from warehouse_env.errors import PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
-from warehouse_env.planning import Plan, make_planner, routes
-from warehouse_env.planning.lanes import resample
-from warehouse_env.planning.routes import RouteBook
+from warehouse_env.planning import Plan, make_planner
+from warehouse_env.routes import book as route_book
+from warehouse_env.routes.book import RouteBook
+from warehouse_env.routes.lanes import resample
 
 EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
 
@@ -299,7 +300,7 @@ def test_a_row_that_is_no_path_is_planned_anew(own_cache: Path, blob: bytes) -> 
 
 
 def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(routes, "MEMORY", 2)
+    monkeypatch.setattr(route_book, "MEMORY", 2)
     known = RouteBook(LOOP, Counting(seconds=0.0))
     for start, goal in TASKS * 2:
         known.route(start, goal)

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.planning.waypoints import Code, Paths, WaypointSwarm
+from warehouse_env.planning.swarms.waypoints import Code, Paths, WaypointSwarm
 
 _TOUCHING = 1e-9  # [cells] below this two fish are at one place
 

@@ -13,8 +13,8 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner, path_length, validate
-from warehouse_env.planning.together import choose_together, plan_together
-from warehouse_env.planning.traffic import HOLD, Conflicts, Route, conflict_table, conflicts, congestion
+from warehouse_env.traffic.conflicts import HOLD, Conflicts, Route, conflict_table, conflicts, congestion
+from warehouse_env.traffic.together import choose_together, plan_together
 
 SHAPE = (7, 7)
 ROW = [(3, c) for c in range(7)]

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.planning.swarms import TARGET, Recorder
+from tests.planning.swarms.recorder import TARGET, Recorder
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.generators import random_floor
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
-from warehouse_env.planning.particle_swarm import ParticleSwarm
 from warehouse_env.planning.plan import path_length, validate
+from warehouse_env.planning.swarms.particle_swarm import ParticleSwarm
 
 
 def test_velocity_and_place_by_hand() -> None:

@@ -9,8 +9,8 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner, path_length, validate
-from warehouse_env.planning.expected_traffic import WithCost, endpoint_tasks, expected_traffic
-from warehouse_env.planning.routes import RouteBook
+from warehouse_env.routes.book import RouteBook
+from warehouse_env.traffic.expected import WithCost, endpoint_tasks, expected_traffic
 
 RNG = np.random.default_rng(0)
 

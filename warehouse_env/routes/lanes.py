@@ -13,6 +13,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.maps.clearance import nearest_shelf
+
 SPACING = 0.5  # [m] between way-points
 LANE_CLEARANCE = 0.55  # [m] from the right-hand wall in the narrowest two-way aisle
 CLEARANCE = 0.6  # [m] from shelves, where there is room
@@ -114,25 +116,6 @@ def _direction(points, k):  # type: ignore[no-untyped-def]
     dx, dy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
     norm = math.sqrt(dx * dx + dy * dy)
     return (dx / norm, dy / norm) if norm > 1e-9 else (1.0, 0.0)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def nearest_shelf(solid, x, y, cell):  # type: ignore[no-untyped-def]
-    """Return (distance, unit vector away from it) of the nearest shelf among the 3 x 3 cells around a point."""
-    row, column = int(math.floor(y / cell)) + 1, int(math.floor(x / cell)) + 1
-    best, bx, by = 1e18, 0.0, 0.0
-    for i in range(max(row - 1, 0), min(row + 2, solid.shape[0])):
-        for j in range(max(column - 1, 0), min(column + 2, solid.shape[1])):
-            if solid[i, j]:
-                dx = x - min(max(x, (j - 1) * cell), j * cell)
-                dy = y - min(max(y, (i - 1) * cell), i * cell)
-                d = dx * dx + dy * dy
-                if d < best:
-                    best, bx, by = d, dx, dy
-    d = math.sqrt(best)
-    if d < 1e-9:
-        return d, 0.0, 0.0
-    return d, bx / d, by / d
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -13,7 +13,7 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.ants.colony import cells_of
 from warehouse_env.planning.ants.floor import make_floor
 from warehouse_env.planning.plan import path_length, validate
-from warehouse_env.planning.waypoints import Paths, first_codes
+from warehouse_env.planning.swarms.waypoints import Paths, first_codes
 
 
 def drawn(*lines: str) -> GridMap:

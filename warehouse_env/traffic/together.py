@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from warehouse_env.errors import ConfigError, PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.plan import Plan, Planner, path_length
-from warehouse_env.planning.traffic import Route, Timing, conflict_table, congestion
+from warehouse_env.traffic.conflicts import Route, Timing, conflict_table, congestion
 
 Task = tuple[Cell, Cell]
 

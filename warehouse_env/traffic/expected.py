@@ -19,8 +19,8 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.graph_search import AStarTurns
 from warehouse_env.planning.plan import Plan, Planner, edge_cost
-from warehouse_env.planning.together import Task, plan_together
-from warehouse_env.planning.traffic import congestion
+from warehouse_env.traffic.conflicts import congestion
+from warehouse_env.traffic.together import Task, plan_together
 
 TASKS = 200  # drawn to stand for the traffic
 ROUNDS = 3

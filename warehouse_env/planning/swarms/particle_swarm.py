@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from warehouse_env.planning.waypoints import Code, Paths, WaypointSwarm
+from warehouse_env.planning.swarms.waypoints import Code, Paths, WaypointSwarm
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,9 @@ from platformdirs import user_cache_dir
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import MapError, PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.planning.lanes import drivable_line
 from warehouse_env.planning.plan import Plan, Planner
-from warehouse_env.planning.steerable import steerable_line
+from warehouse_env.routes.lanes import drivable_line
+from warehouse_env.routes.steerable import steerable_line
 
 CACHE_FORMAT = 2  # raised whenever a planner's result changes for the same key
 WORTH_KEEPING = 0.002  # [s] a plan must have taken to be kept on disk
