@@ -22,6 +22,7 @@ PLANNING = (*BASE, "warehouse_env.maps", "warehouse_env.planning")
 ROUTES = (*PLANNING, "warehouse_env.routes")
 TRAFFIC = (*ROUTES, "warehouse_env.traffic")
 SIMULATION = (*TRAFFIC, "warehouse_env.observation", "warehouse_env.simulation")
+BELOW_TRAIN = ("warehouse_env", "agents")
 
 # The first prefix that fits a module says which of our own modules it may import.
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
@@ -38,7 +39,11 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.envs": (*SIMULATION, "warehouse_env.envs", "warehouse_env.render"),
     "warehouse_env": ("warehouse_env",),
     "agents": (*PLANNING, "warehouse_env.observation", "agents"),
-    "train": ("warehouse_env", "agents", "train"),
+    "train.reporting": ("warehouse_env", "train.reporting"),
+    "train.learning": (*BELOW_TRAIN, "train.reporting", "train.learning"),
+    "train.evaluation": (*BELOW_TRAIN, "train.reporting", "train.evaluation"),
+    "train.tables": (*BELOW_TRAIN, "train.reporting", "train.evaluation", "train.tables"),
+    "train": (*BELOW_TRAIN, "train"),
 }
 
 # A package that only these modules may import.
@@ -46,10 +51,10 @@ ONLY_IN: dict[str, tuple[str, ...]] = {
     "torch": ("agents.networks", "agents.learned", "train"),
     "stable_baselines3": ("warehouse_env.envs.vector", "agents.learned", "train.ppo"),
     "ray": ("train.distributed",),
-    "pygame": ("warehouse_env.render", "train.report"),
-    "matplotlib": ("warehouse_env.render", "train.report"),
-    "imageio": ("warehouse_env.render", "train.report"),
-    "imageio_ffmpeg": ("warehouse_env.render", "train.report"),
+    "pygame": ("warehouse_env.render", "train.reporting.report"),
+    "matplotlib": ("warehouse_env.render", "train.reporting.report"),
+    "imageio": ("warehouse_env.render", "train.reporting.report"),
+    "imageio_ffmpeg": ("warehouse_env.render", "train.reporting.report"),
 }
 
 # Optional packages, and our own pictures: imported where they are used, never when a module is loaded.
@@ -150,10 +155,13 @@ def test_every_import_is_allowed() -> None:
         ("agents.brake", "from warehouse_env.simulation.simulator import Simulator"),
         ("agents.brake", "from warehouse_env import Simulator"),
         ("agents.brake", "from warehouse_env.traffic.conflicts import conflicts"),
-        ("agents.learned", "from train.config import PPOConfig"),
+        ("agents.learned", "from train.learning.config import PPOConfig"),
         ("agents.brake", "import importlib\nt = importlib.import_module('torch')"),
         ("train.reinforce", "from stable_baselines3.common import vec_env"),
-        ("train.report", "import matplotlib.pyplot as plt"),
+        ("train.reporting.report", "import matplotlib.pyplot as plt"),
+        ("train.reporting.rows", "from train.evaluation.rollout import run"),
+        ("train.learning.worlds", "from train.evaluation.rollout import run"),
+        ("train.evaluation.rollout", "from train.commands.evaluate import Evaluate"),
     ],
 )
 def test_the_rules_catch(module: str, source: str) -> None:
@@ -167,7 +175,7 @@ def test_the_rules_catch(module: str, source: str) -> None:
         ("warehouse_env.envs.camera", "if TYPE_CHECKING:\n    from warehouse_env.render.window import Window"),
         ("warehouse_env.envs.vector", "import stable_baselines3"),
         ("agents.learned", "import torch"),
-        ("train.report", "def f():\n    import matplotlib"),
+        ("train.reporting.report", "def f():\n    import matplotlib"),
     ],
 )
 def test_the_rules_let_through(module: str, source: str) -> None:

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from train.report import grouped, number
-from train.rows import Interval, Row, mean_interval, t_quantile
+from train.reporting.report import grouped, number
+from train.reporting.rows import Interval, Row, mean_interval, t_quantile
 from train.tables.measures import MEASURES
 from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Claim, Study, Verdict
 

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from train.report import Table, number, with_interval
-from train.rows import Row, write_text
+from train.reporting.report import Table, number, with_interval
+from train.reporting.rows import Row, write_text
 from train.tables import all_planners
 from train.tables.figures import RULE, Figures, judge
 from train.tables.measures import MEASURES

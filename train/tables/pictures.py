@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from train.pictures import file_name
-from train.processes import work_all
-from train.report import number
-from train.rows import Row, mean_interval
+from train.evaluation.pictures import file_name
+from train.evaluation.processes import work_all
+from train.reporting.report import number
+from train.reporting.rows import Row, mean_interval
 from train.tables.all_planners import family
 from train.tables.figures import Figures
 from train.tables.study import Study

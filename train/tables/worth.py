@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from train.report import number
+from train.reporting.report import number
 from train.tables.all_planners import family
 from train.tables.figures import Figures
 from train.tables.study import FAILS, HOLDS, IN_PART, Verdict

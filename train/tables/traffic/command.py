@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from train.report import require_charts
-from train.rows import Row, RowFile, check_writable, mean_interval, select, whole_rows, write_rows, write_text
+from train.reporting.report import require_charts
+from train.reporting.rows import Row, RowFile, check_writable, mean_interval, select, whole_rows, write_rows, write_text
 from train.tables.pieces import run_missing
 from train.tables.traffic.driving import DRIVEN, DRIVEN_ROBOTS, measure_driving
 from train.tables.traffic.figures import (

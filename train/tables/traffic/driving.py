@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cache
 
-from train.rollout import Routes, make_experiment
-from train.rollout import run as drive
-from train.rows import Row
+from train.evaluation.rollout import Routes, make_experiment
+from train.evaluation.rollout import run as drive
+from train.reporting.rows import Row
 from train.tables.traffic.jobs import Job, floor
 from warehouse_env.config import EnvConfig
 from warehouse_env.planning import Planner, make_planner

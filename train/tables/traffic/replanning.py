@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from train.rows import Row
+from train.reporting.rows import Row
 from train.tables.traffic.jobs import Job, floor
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Plan, make_planner, path_length

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from train.rows import Row
+from train.reporting.rows import Row
 from train.tables.traffic.jobs import Job, floor
 from train.tables.traffic.k_shortest import k_shortest
 from warehouse_env.maps.grid_map import Cell, GridMap
