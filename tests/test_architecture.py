@@ -127,6 +127,27 @@ def faults(found: Iterator[Import]) -> list[str]:
     return sentences
 
 
+def circles(imports: dict[str, set[str]]) -> list[str]:
+    """Return the modules that import each other, and those that need them: what is left when leaves are taken off."""
+    rest = dict(imports)
+    while leaves := [module for module, targets in rest.items() if not targets & rest.keys()]:
+        for module in leaves:
+            del rest[module]
+    return sorted(rest)
+
+
+def test_no_two_modules_import_each_other() -> None:
+    sources = {module_name(path): path for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
+    imports: dict[str, set[str]] = {module: set() for module in sources}
+    for module, path in sources.items():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = {alias.name for alias in node.names} if isinstance(node, ast.ImportFrom) else set()
+            inner = {f"{node.module}.{name}" for name in names if isinstance(node, ast.ImportFrom)} & sources.keys()
+            imports[module] |= inner or set(_targets(node))
+    assert not circles(imports)
+    assert circles({"a": {"b", "c"}, "b": {"c"}, "c": {"a", "math"}, "d": {"a"}, "e": {"math"}}) == ["a", "b", "c", "d"]
+
+
 def test_every_import_is_allowed() -> None:
     found = [
         fault
