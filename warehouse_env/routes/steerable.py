@@ -5,8 +5,8 @@ behind, at the steering angle d, turn the body by w = -v tan(d) / L, so the axle
 2.89/m at most (a radius of 0.35 m) for 60 degrees and 0.6 m. Lines ask for no more than STEERING_SHARE of the steering
 angle (51 degrees, 2.06/m, 0.49 m), which leaves the follower 9 degrees to come back onto the line.
 
-The objective is eq. 13 of paper 004 with squared norms (smoothing.py), x(i) being the way-points in their lane, and a
-third term against bending: what is least in length alone bends sharply wherever it touches a clearance.
+The objective is eq. 13 of paper 004 with squared norms (planning/smoothing.py), x(i) being the way-points in their
+lane, and a third term against bending: what is least in length alone bends sharply wherever it touches a clearance.
 """
 
 from __future__ import annotations
