@@ -17,7 +17,7 @@ import tyro
 
 from agents import POLICIES
 from train.cli import COMMANDS, main
-from train.rows import read_rows
+from train.reporting.rows import read_rows
 from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, SensorSpec, Simulator, observation_layout
 from warehouse_env.simulation.rewards import REWARD_TERMS
 

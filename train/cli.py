@@ -26,16 +26,22 @@ class Command(NamedTuple):
 
 
 COMMANDS: dict[str, Command] = {
-    "demo": Command("train.demo", "Demo", "compare the shipped policies in three minutes: table, pictures, video"),
-    "plan": Command("train.plan", "PlanCommand", "compare planners on the tasks of a map"),
+    "demo": Command(
+        "train.commands.demo", "Demo", "compare the shipped policies in three minutes: table, pictures, video"
+    ),
+    "plan": Command("train.commands.plan", "PlanCommand", "compare planners on the tasks of a map"),
     "tables": Command(
         "train.tables.command", "Tables", "make the papers' tables again, ours beside theirs, with verdicts"
     ),
-    "layouts": Command("train.layouts", "Layouts", "list, draw, check and convert maps"),
-    "train reinforce": Command("train.training", "TrainReinforce", "train our policy gradient"),
-    "train ppo": Command("train.training", "TrainPPO", "train PPO by stable-baselines3"),
-    "evaluate": Command("train.evaluate", "Evaluate", "drive policies over held-out episodes and count collisions"),
-    "bench": Command("train.bench", "Bench", "measure the speed of the simulator, the planners and the trainers"),
+    "layouts": Command("train.commands.layouts", "Layouts", "list, draw, check and convert maps"),
+    "train reinforce": Command("train.commands.training", "TrainReinforce", "train our policy gradient"),
+    "train ppo": Command("train.commands.training", "TrainPPO", "train PPO by stable-baselines3"),
+    "evaluate": Command(
+        "train.commands.evaluate", "Evaluate", "drive policies over held-out episodes and count collisions"
+    ),
+    "bench": Command(
+        "train.commands.bench", "Bench", "measure the speed of the simulator, the planners and the trainers"
+    ),
 }
 
 

@@ -24,12 +24,12 @@ from stable_baselines3.common.vec_env import VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 from agents.networks import first_actor_critic, tensors_of
-from train import checkpoint
-from train.config import PPOConfig
-from train.timing import Split, set_threads
-from train.training_run import network_of, run_training
-from train.training_run import profile as profile_trainer
-from train.worlds import Tally, make_simulators
+from train.learning import checkpoint
+from train.learning.config import PPOConfig
+from train.learning.timing import Split, set_threads
+from train.learning.training_run import network_of, run_training
+from train.learning.training_run import profile as profile_trainer
+from train.learning.worlds import Tally, make_simulators
 from warehouse_env.envs.vector import WarehouseVecEnv
 
 

@@ -24,13 +24,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from agents.networks import first_actor_critic, tensors_of
-from train import checkpoint
-from train.config import ReinforceConfig
-from train.experience import Rollout, RolloutWorker
-from train.timing import Split, set_threads
-from train.training_run import network_of, run_training
-from train.training_run import profile as profile_trainer
-from train.worlds import Counts
+from train.learning import checkpoint
+from train.learning.config import ReinforceConfig
+from train.learning.experience import Rollout, RolloutWorker
+from train.learning.timing import Split, set_threads
+from train.learning.training_run import network_of, run_training
+from train.learning.training_run import profile as profile_trainer
+from train.learning.worlds import Counts
 
 T = TypeVar("T")
 

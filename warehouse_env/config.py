@@ -115,7 +115,7 @@ class EnvConfig:
     speed_levels: tuple[float, ...] = (-0.4, 0.0, 0.5, 1.3)  # [m/s], of discrete actions
     lateral_offsets: tuple[float, ...] = (0.0, 0.6, -0.6, 1.2, -1.2)  # [m], left of the route is positive
     keep_right: float = 0.5  # [m] that routes move to the right of the planned path where there is room
-    smooth_routes: bool = False  # bound the routes' curvature by the steering limit (planning/steerable.py)
+    smooth_routes: bool = False  # bound the routes' curvature by the steering limit (routes/steerable.py)
     robot: RobotSpec = field(default_factory=RobotSpec)
     sensor: SensorSpec = field(default_factory=SensorSpec)
     reward: RewardWeights = field(default_factory=RewardWeights)

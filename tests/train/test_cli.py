@@ -11,7 +11,7 @@ import pytest
 
 from train import cli
 from train.cli import COMMANDS, main
-from train.rows import read_rows
+from train.reporting.rows import read_rows
 from warehouse_env import __version__
 from warehouse_env.maps.layouts import LAYOUTS
 from warehouse_env.maps.movingai import EXAMPLE_MAP, read_map

@@ -16,7 +16,7 @@ from agents import LearnedPolicy, PolicyRecord, save_policy
 from agents.networks import ActorCritic
 from agents.weights_folder import read_record
 from train import ppo
-from train.config import PPOConfig
+from train.learning.config import PPOConfig
 from train.ppo import Ppo
 from warehouse_env.errors import ConfigError
 from warehouse_env.observation import observation_layout

@@ -15,10 +15,10 @@ from agents import make_policy, policy_config
 from agents.networks import ActorCritic
 from agents.weights_folder import Network, read_record
 from train import reinforce
-from train.config import HELD_OUT_SEED, ReinforceConfig
-from train.experience import advantages
+from train.learning.config import HELD_OUT_SEED, ReinforceConfig
+from train.learning.experience import advantages
+from train.learning.worlds import TrainingWorlds
 from train.reinforce import Reinforce, joint_scale, policy_loss
-from train.worlds import TrainingWorlds
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError
 

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from train.planning_runs import Run, make_task, plan_once
-from train.rows import Row
+from train.evaluation.planning_runs import Run, make_task, plan_once
+from train.reporting.rows import Row
 from train.tables.catalogue import settings_of, studies_of
 from train.tables.code import code_key
 from train.tables.study import Study, TableTask

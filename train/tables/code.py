@@ -10,7 +10,12 @@ from functools import cache
 from pathlib import Path
 
 _PROJECT = ("warehouse_env.", "agents.", "train.")
-PLANNING = ("warehouse_env.planning.", "train.tables.")  # what plans and their figures depend on
+PLANNING = (
+    "warehouse_env.planning.",
+    "warehouse_env.routes.",
+    "warehouse_env.traffic.",
+    "train.tables.",
+)  # what plans and their figures depend on
 
 
 @cache

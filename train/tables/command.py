@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from train.report import require_charts
-from train.rows import Row, RowFile, check_writable, whole_rows, write_rows
+from train.reporting.report import require_charts
+from train.reporting.rows import Row, RowFile, check_writable, whole_rows, write_rows
 from train.tables.blocks import Block, blocks_of, mixed, run_block, split
 from train.tables.catalogue import chosen
 from train.tables.page import write_pages

@@ -1,38 +1,25 @@
-"""From rows to the figures of a table and the verdicts on its claims."""
+"""From rows to the figures of a table: means, shares and differences, each with its interval."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from train.report import grouped, number
-from train.rows import Interval, Row, mean_interval, t_quantile
+from train.reporting.report import grouped
+from train.reporting.rows import Interval, Row, mean_interval, t_quantile
 from train.tables.measures import MEASURES
-from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Claim, Study, Verdict
 
 _RESAMPLES = 400  # of the runs of one map, where a figure needs them all together (a best, a standard deviation)
-_PRINT_ROUNDING = 1e-5  # relative: the papers print four decimals
-_ROUNDING = 1e-9  # relative difference that counts as none
-
-RULE = (
-    "How a claim is judged, setting by setting: the difference of the two systems' figures with its 95% interval "
-    "(Welch's t over runs where there is one map, paired by map where there are several, a bootstrap of the runs for "
-    "best, longest and standard deviation of one map). It **holds** if in every setting the difference has the claimed "
-    "sign, its interval is clear of zero and reaches the claimed size; it **holds in part** if in at least one setting "
-    "the sign is right and the interval clear of zero; otherwise it **does not hold**. Lengths and turns are those of "
-    "the runs that found a path."
-)
+ROUNDING = 1e-9  # relative difference that counts as none
 
 
 class Figures:
-    """All figures of one study, read from its rows."""
+    """All figures of one study, by its name, read from rows."""
 
-    def __init__(self, study: Study, rows: Sequence[Row]) -> None:
-        self.study = study
-        self.rows = [row for row in rows if row["study"] == study.name]
+    def __init__(self, study: str, rows: Sequence[Row]) -> None:
+        self.rows = [row for row in rows if row["study"] == study]
         self.settings = tuple(dict.fromkeys(str(row["setting"]) for row in self.rows))
         self._cells = {
             (setting, system): list(grouped(own, ("number",)).values())
@@ -99,7 +86,7 @@ def _welch(first: Sequence[float], second: Sequence[float]) -> Interval:
         spread = max((float(np.ptp(sample)) for sample in (first, second)), default=0.0)
         return Interval(mean, mean, mean, 1) if spread == 0.0 else Interval(mean, math.nan, math.nan, 1)
     errors = [float(np.var(sample, ddof=1)) / len(sample) for sample in (first, second)]
-    if sum(errors) <= (_ROUNDING * max(abs(_mean(first)), abs(_mean(second)))) ** 2:
+    if sum(errors) <= (ROUNDING * max(abs(_mean(first)), abs(_mean(second)))) ** 2:
         return Interval(mean, mean, mean, count)
     freedom = sum(errors) ** 2 / sum(e**2 / (len(s) - 1) for e, s in zip(errors, (first, second), strict=True))
     half = t_quantile(max(1, math.floor(freedom))) * math.sqrt(sum(errors))
@@ -128,78 +115,3 @@ def _wilson(samples: Sequence[float]) -> Interval:
     middle = (share + z * z / (2 * count)) / (1 + z * z / count)
     half = z / (1 + z * z / count) * math.sqrt(share * (1 - share) / count + z * z / (4 * count * count))
     return Interval(share, max(0.0, min(share, middle - half)), min(1.0, max(share, middle + half)), count)
-
-
-class Judged(NamedTuple):
-    """One setting's part of a verdict: the relative difference, and whether it has the claimed sign and size."""
-
-    setting: str
-    relative: Interval
-    clear: bool
-    reaches: bool
-    text: str
-
-
-def judge(figures: Figures, claim: Claim) -> Verdict:
-    """Return the verdict on a claim by RULE, with the figures of each setting behind it."""
-    if claim.check is not None:
-        return claim.check(figures)
-    settings = claim.settings or figures.settings
-    judged = [one for one in (_judge(figures, claim, setting) for setting in settings) if one is not None]
-    why = "; ".join(one.text for one in judged)
-    if not judged or all(not math.isfinite(one.relative.mean) for one in judged):
-        return Verdict(OPEN, why or "nothing was run for it")
-    if all(one.clear and one.reaches for one in judged):
-        return Verdict(HOLDS, why)
-    return Verdict(IN_PART if any(one.clear for one in judged) else FAILS, why)
-
-
-def _judge(figures: Figures, claim: Claim, setting: str) -> Judged | None:
-    if not figures.tasks(setting, claim.ours) or not figures.tasks(setting, claim.other):
-        return None
-    relative = figures.relative(setting, claim.ours, claim.other, claim.measure)
-    less = MEASURES[claim.measure].better != "more" if claim.by is None else claim.by < 0
-    sign = -1.0 if less else 1.0
-    best, worst = (relative.low, relative.high) if less else (relative.high, relative.low)
-    clear = math.isfinite(worst) and sign * worst > 0 and sign * relative.mean > _ROUNDING
-    reaches = claim.by is None or (math.isfinite(best) and sign * best >= sign * claim.by - _ROUNDING)
-    ours, other = (figures.figure(setting, label, claim.measure).mean for label in (claim.ours, claim.other))
-    measure = MEASURES[claim.measure]
-    shown = [number(measure.factor * value, measure.digits) for value in (ours, other)]
-    found = [figures.figure(setting, label, "found_share").mean for label in (claim.ours, claim.other)]
-    shown = [
-        text + ("" if share == 1 else f" (found {number(100 * share)}%)")
-        for text, share in zip(shown, found, strict=True)
-    ]
-    unit = " points" if claim.measure.endswith("_share") else "%"
-    text = f"{setting}: {shown[0]} against {shown[1]}, {percent(relative, unit)}"
-    return Judged(setting, relative, clear, reaches, text)
-
-
-def reaches_print(figures: Figures, ours: str) -> Verdict:
-    """Return whether our figures are at or better than every printed one beside `ours`; names the others."""
-    worse, told = [], 0
-    for printed in figures.study.published:
-        figure = figures.figure(printed.setting, ours, printed.measure)
-        measure = MEASURES[printed.measure]
-        if printed.ours != ours or measure.better == "neither" or not math.isfinite(figure.mean):
-            continue
-        told += 1
-        sign = -1.0 if measure.better == "more" else 1.0
-        if sign * (figure.mean - printed.value) > _PRINT_ROUNDING * abs(printed.value):
-            shown = [number(measure.factor * value, measure.digits) for value in (figure.mean, printed.value)]
-            worse.append(f"{printed.setting}, {measure.heading}: {shown[0]} against {shown[1]} in print")
-    if not told:
-        return Verdict(OPEN, "nothing was run for it")
-    why = f"{told - len(worse)} of {told} figures reached" + ("; not: " + "; ".join(worse) if worse else "")
-    return Verdict(HOLDS if not worse else IN_PART if len(worse) < told else FAILS, why)
-
-
-def percent(relative: Interval, unit: str = "%") -> str:
-    """Format a relative difference with its interval: "-11.6% [-12.3, -10.9]"."""
-    if not math.isfinite(relative.mean):
-        return "no figure"
-    mean = f"{100 * relative.mean:+.1f}{unit}"
-    if not math.isfinite(relative.low) or relative.high - relative.low < 1e-6:
-        return mean
-    return f"{mean} [{100 * relative.low:+.1f}, {100 * relative.high:+.1f}]"

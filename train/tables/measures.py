@@ -11,8 +11,8 @@ import statistics
 from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple
 
-from train.plan_report import is_optimal
-from train.rows import Row
+from train.reporting.plan_report import is_optimal
+from train.reporting.rows import Row
 
 Samples = Callable[[Sequence[Row]], list[float]]
 _TEN = 10  # runs of which paper 000 gives the best

@@ -11,13 +11,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from train.report import Table, number, with_interval
-from train.rows import Row, write_text
+from train.reporting.report import Table, number, with_interval
+from train.reporting.rows import Row, write_text
 from train.tables import all_planners
-from train.tables.figures import RULE, Figures, judge
+from train.tables.figures import Figures
 from train.tables.measures import MEASURES
 from train.tables.pictures import Picture, draw_all, pareto_pictures, study_pictures
 from train.tables.study import Claim, Published, Study, Verdict
+from train.tables.verdicts import RULE, judge
 from train.tables.worth import verdict_counts, worth_using
 from warehouse_env import __version__
 
@@ -69,16 +70,15 @@ def write_pages(
 
 
 def _written(study: Study, rows: Sequence[Row], folder: Path, pictures: bool) -> Written:
-    figures = Figures(study, rows)
+    figures = Figures(study.name, rows)
     drawn = study_pictures(study, figures, folder) if pictures else []
     if pictures and study.name == all_planners.NAME:
-        drawn = [*pareto_pictures(figures, folder), *drawn]
+        drawn = [*pareto_pictures(study, figures, folder), *drawn]
     return Written(study, figures, [(claim, judge(figures, claim)) for claim in study.claims], drawn)
 
 
-def study_table(figures: Figures) -> Table:
+def study_table(study: Study, figures: Figures) -> Table:
     """Return a study's table: for each setting our systems, each with the printed lines that stand beside it."""
-    study = figures.study
     lines: list[tuple[str, ...]] = []
     for setting in figures.settings:
         begin = len(lines)
@@ -94,14 +94,14 @@ def study_table(figures: Figures) -> Table:
             lines += _printed_lines([one for one in printed if one.ours == system.label], study.measures)
         lines += _printed_lines([one for one in printed if not one.ours], study.measures)
         if len(lines) > begin:
-            lines[begin] = (_named(figures, setting), *lines[begin][1:])
+            lines[begin] = (_named(study, figures, setting), *lines[begin][1:])
     header = ("setting", "system", "n", *(MEASURES[measure].heading for measure in study.measures))
     return Table(study.title, header, tuple(lines))
 
 
-def _named(figures: Figures, setting: str) -> str:
+def _named(study: Study, figures: Figures, setting: str) -> str:
     """Return a setting's name with the optimum: of its map, or the mean of its maps."""
-    label = figures.study.systems[0].label
+    label = study.systems[0].label
     optimum, fewest = (figures.figure(setting, label, name).mean for name in ("optimum", "min_turns"))
     return f"**{setting}** (optimum {number(optimum, 6)}, {number(fewest, 3)} turns)"
 
@@ -127,12 +127,12 @@ def _printed_lines(printed: Sequence[Published], measures: Sequence[str]) -> lis
 
 def _page(one: Written) -> str:
     parts = [f"# {one.study.title}\n", f"{one.study.paper}.\n"]
-    parts.append(_markdown(study_table(one.figures)))
+    parts.append(_markdown(study_table(one.study, one.figures)))
     parts.append(f"{INTERVALS} {one.study.note}\n")
     if one.verdicts:
         parts += ["## Claims\n", _claims(one.verdicts), f"{RULE}\n"]
     if one.study.name == all_planners.NAME:
-        parts += ["## What is worth using\n", f"{worth_using(one.figures)}\n"]
+        parts += ["## What is worth using\n", f"{worth_using(one.study, one.figures)}\n"]
     if one.pictures:
         parts.append("## Pictures\n")
         parts += [f"![{picture.caption}]({picture.path.name})\n\n{picture.caption}.\n" for picture in one.pictures]
@@ -173,7 +173,7 @@ def _index(written: Sequence[Written]) -> str:
     parts.append(f"Made by `warehouse tables`, version {__version__}, from fixed seeds. {INTERVALS}\n")
     everyone = next((one for one in written if one.study.name == all_planners.NAME), None)
     if everyone is not None:
-        parts += ["## What is worth using\n", f"{worth_using(everyone.figures)}\n"]
+        parts += ["## What is worth using\n", f"{worth_using(everyone.study, everyone.figures)}\n"]
         parts.append(f"Everything on one page: [{all_planners.NAME}.html]({all_planners.NAME}.html).\n")
         if everyone.pictures:
             picture = everyone.pictures[0]
@@ -203,12 +203,12 @@ def _html(one: Written) -> str:
         "</figcaption></figure>"
         for picture in one.pictures[:2]
     )
-    table = study_table(one.figures)
+    table = study_table(one.study, one.figures)
     head = "".join(f"<th>{html.escape(name)}</th>" for name in table.header)
     lines = "".join(f"<tr>{''.join(f'<td>{_inline(cell)}</td>' for cell in line)}</tr>" for line in table.cells)
     return _HTML.format(
         title=html.escape(one.study.title),
-        worth=_inline(worth_using(one.figures)),
+        worth=_inline(worth_using(one.study, one.figures)),
         images=images,
         table=f"<table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table>",
         note=html.escape(f"{INTERVALS} {one.study.note}"),

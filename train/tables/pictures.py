@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from train.pictures import file_name
-from train.processes import work_all
-from train.report import number
-from train.rows import Row, mean_interval
+from train.evaluation.pictures import file_name
+from train.evaluation.processes import work_all
+from train.reporting.report import number
+from train.reporting.rows import Row, mean_interval
 from train.tables.all_planners import family
 from train.tables.figures import Figures
 from train.tables.study import Study
@@ -95,10 +95,10 @@ def _curves(rows: Sequence[Row]) -> NDArray[np.float64]:
     return curves
 
 
-def points_of(figures: Figures, settings: Sequence[str]) -> list[Point]:
+def points_of(study: Study, figures: Figures, settings: Sequence[str]) -> list[Point]:
     """Return each system of a study over some of its settings as a point of gap against time; a sample is a task."""
     points = []
-    for system in figures.study.systems:
+    for system in study.systems:
         tasks = [rows for setting in settings for rows in figures.tasks(setting, system.label)]
         rows = [row for task in tasks for row in task]
         if not rows:
@@ -111,14 +111,14 @@ def points_of(figures: Figures, settings: Sequence[str]) -> list[Point]:
     return points
 
 
-def pareto_pictures(figures: Figures, folder: Path) -> list[Picture]:
+def pareto_pictures(study: Study, figures: Figures, folder: Path) -> list[Picture]:
     """Return gap against time of all planners, over all maps together and map by map."""
     settings = figures.settings
-    together = folder / f"{figures.study.name}_pareto.png"
-    apart = folder / f"{figures.study.name}_pareto_by_map.png"
+    together = folder / f"{study.name}_pareto.png"
+    apart = folder / f"{study.name}_pareto_by_map.png"
     title = "What a millisecond buys: all planners"
-    panels = {setting: points_of(figures, [setting]) for setting in settings}
-    one = {f"{', '.join(settings)} together": points_of(figures, settings)}
+    panels = {setting: points_of(study, figures, [setting]) for setting in settings}
+    one = {f"{', '.join(settings)} together": points_of(study, figures, settings)}
     caption = (
         "Lower left is better. Hollow: some runs found no path, and the gap is that of the others. Grey: what no "
         "planner without failures beats"

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TypeVar
 
-from train.processes import work_all
-from train.report import make_progress
-from train.rows import Row, RowFile
+from train.evaluation.processes import work_all
+from train.reporting.report import make_progress
+from train.reporting.rows import Row, RowFile
 
 Piece = TypeVar("Piece")
 

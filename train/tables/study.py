@@ -8,15 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
+from train.tables.figures import Figures
 from train.tables.measures import MEASURES
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Planner, make_planner
-
-if TYPE_CHECKING:
-    from train.tables.figures import Figures
 
 Word = Literal["holds", "holds in part", "does not hold", "cannot be told"]
 HOLDS: Final = "holds"

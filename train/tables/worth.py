@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from train.report import number
+from train.reporting.report import number
 from train.tables.all_planners import family
 from train.tables.figures import Figures
-from train.tables.study import FAILS, HOLDS, IN_PART, Verdict
+from train.tables.study import FAILS, HOLDS, IN_PART, Study, Verdict
 
 _LEAST = 1e-9  # difference of gaps or turns that counts as one
 _NEGLIGIBLE = 0.5  # [%] mean excess over the shortest length that a driver would not notice; also of turns
@@ -40,10 +40,10 @@ class Summary(NamedTuple):
         )
 
 
-def summaries(figures: Figures) -> list[Summary]:
+def summaries(study: Study, figures: Figures) -> list[Summary]:
     """Return each planner's figures over all settings of the study, the quickest first."""
     found = []
-    for system in figures.study.systems:
+    for system in study.systems:
         rows = [r for setting in figures.settings for task in figures.tasks(setting, system.label) for r in task]
         good = [row for row in rows if row["success"]]
         if not rows:
@@ -66,9 +66,9 @@ def summaries(figures: Figures) -> list[Summary]:
     return sorted(found, key=lambda one: one.ms)
 
 
-def worth_using(figures: Figures) -> str:
+def worth_using(study: Study, figures: Figures) -> str:
     """Return the paragraph: what to take for the shortest path, for few turns, at any angle; the colonies; failures."""
-    every = summaries(figures)
+    every = summaries(study, figures)
     sure = [one for one in every if one.found == 1.0]
     return " ".join([*_searches(sure), *_colonies(sure), *_failures(every)])
 

@@ -1,5 +1,10 @@
 """Numba kernels over the cells of a map: exact distance fields and connected regions.
 
+Fields are made by label setting with buckets of width 1 (Dial 1969): no move is shorter than 1, so a cell whose
+distance lies in the bucket under work can no longer improve, and no heap is needed. A move reaches at most two buckets
+ahead, so three lists suffice. A length is kept as its two counts, straight and diagonal: it does not depend on the
+order of adding.
+
 Imported only when first needed, because importing numba takes about 0.4 s.
 """
 
@@ -17,10 +22,6 @@ def distance_field(legal: NDArray[np.bool_], moves: NDArray[np.int64], row: int,
     """Return float64[H, W]: length [cells] of the shortest walk of eq. 26 moves to (row, column), inf if there is none.
 
     legal: bool[H, W, 8], `GridMap.legal_moves`; moves: int64[8, 2], odd indices diagonal (length sqrt 2).
-
-    Label setting with buckets of width 1 (Dial 1969): no move is shorter than 1, so a cell whose distance lies in the
-    bucket under work can no longer improve, and no heap is needed. A move reaches at most two buckets ahead, so three
-    lists suffice. A length is kept as its two counts, straight and diagonal: it does not depend on the order of adding.
     """
     rows, columns = legal.shape[0], legal.shape[1]
     distance = np.full(rows * columns, np.inf)
@@ -49,9 +50,7 @@ def distance_field(legal: NDArray[np.bool_], moves: NDArray[np.int64], row: int,
                 length = s + d * SQRT2
                 before = distance[other]
                 if length < before:
-                    distance[other] = length
-                    straight[other] = s
-                    diagonal[other] = d
+                    distance[other], straight[other], diagonal[other] = length, s, d
                     target = int(length)
                     if before == np.inf or int(before) != target:  # once a bucket is enough
                         buckets[target % 3, sizes[target % 3]] = other

@@ -37,35 +37,34 @@ def blocks(
     well as 46 x 46 suits 32, and 260 x 260 suits 1024.
     """
     for what, value, least in (
-        ("rows", rows, 3),
-        ("columns", columns, 3),
-        ("block_rows", block_rows, 1),
-        ("block_columns", block_columns, 1),
-        ("aisle", aisle, 1),
-        ("cross", cross, 1),
-        ("zone_rows", zone_rows, 1),
-        ("zone_columns", zone_columns, 1),
-        ("rim_rows", rim_rows, 1),
-        ("rim_columns", rim_columns, 1),
-        ("station_spacing", station_spacing, 1),
-    ):
+        ("rows", rows, 3), ("columns", columns, 3), ("block_rows", block_rows, 1), ("block_columns", block_columns, 1),
+        ("aisle", aisle, 1), ("cross", cross, 1), ("zone_rows", zone_rows, 1), ("zone_columns", zone_columns, 1),
+        ("rim_rows", rim_rows, 1), ("rim_columns", rim_columns, 1), ("station_spacing", station_spacing, 1),
+    ):  # fmt: skip
         check_whole(what, value, least)
     tops = _starts(rows, rim_rows, block_rows, aisle, cross, zone_rows)
     lefts = _starts(columns, rim_columns, block_columns, aisle, cross, zone_columns)
     if not tops or not lefts:
         raise ConfigError(f"rows={rows}, columns={columns} leave no room for a shelf block inside the rims")
-    occupied = np.zeros((rows, columns), dtype=np.bool_)
-    for top in tops:
-        for left in lefts:
-            occupied[top : top + block_rows, left : left + block_columns] = True
+    occupied = np.outer(_covered(tops, block_rows, rows), _covered(lefts, block_columns, columns))
+    gaps = itertools.pairwise(lefts) if corridor_stations else ()
+    middles = [(a + block_columns + b) // 2 for a, b in gaps if b - a - block_columns > aisle]
     offsets = (min(1, (tops[0] - 1) // 2), min(1, (lefts[0] - 1) // 2))
-    stations = rim_stations(rows, columns, offsets, station_spacing)
-    if corridor_stations:
-        gaps = itertools.pairwise(lefts)
-        middles = [(a + block_columns + b) // 2 for a, b in gaps if b - a - block_columns > aisle]
-        inner = _spread(offsets[0] + station_spacing, rows - 1 - offsets[0] - station_spacing, station_spacing)
-        stations += [(row, column) for column in middles for row in inner]
+    stations = _stations(rows, columns, offsets, middles, station_spacing)
     return _with_endpoints(occupied, stations, beside(occupied), "blocks")
+
+
+def _stations(rows: int, columns: int, offsets: tuple[int, int], middles: list[int], spacing: int) -> list[Cell]:
+    """Return stations along the rims, and along the columns `middles` of the cross corridors."""
+    inner = _spread(offsets[0] + spacing, rows - 1 - offsets[0] - spacing, spacing)
+    return rim_stations(rows, columns, offsets, spacing) + [(row, column) for column in middles for row in inner]
+
+
+def _covered(starts: list[int], block: int, length: int) -> NDArray[np.bool_]:
+    """Return which cells along one axis the blocks cover that begin at `starts`."""
+    at = np.arange(length)[:, None] - np.array(starts)
+    covered: NDArray[np.bool_] = ((at >= 0) & (at < block)).any(axis=1)
+    return covered
 
 
 def _starts(length: int, rim: int, block: int, aisle: int, cross: int, zone: int) -> list[int]:

@@ -28,10 +28,10 @@ from warehouse_env.planning.ants.pf_aco import PfAco
 from warehouse_env.planning.any_angle import ThetaStar
 from warehouse_env.planning.base import BasePlanner
 from warehouse_env.planning.field_walkers import Apf, ApfImproved
-from warehouse_env.planning.fish_swarm import FishSwarm
 from warehouse_env.planning.graph_search import AStar, AStarTurns, Dijkstra, min_turns
-from warehouse_env.planning.particle_swarm import ParticleSwarm
 from warehouse_env.planning.plan import Plan, Planner, climb, path_length, turns, validate
+from warehouse_env.planning.swarms.fish_swarm import FishSwarm
+from warehouse_env.planning.swarms.particle_swarm import ParticleSwarm
 
 __all__ = [
     "PLANNERS",

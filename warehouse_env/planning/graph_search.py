@@ -60,6 +60,28 @@ def pop(first: Any, second: Any, node: Any, size: int) -> Any:
     return top
 
 
+@njit(cache=True, forceinline=True)
+def _labels(states: int, start: int) -> Any:
+    """Labels of a search, [states]: straight (with tolls), diagonal, length, turns, state before, closed; and a heap.
+
+    A state is put on the heap at most once for each of the 8 moves that enter its cell. The order of the arrays
+    counts: with others after the heap's, malloc gives pages back after every search, and a short one takes twice as
+    long.
+    """
+    straight, diagonal, length = np.zeros(states, np.int64), np.zeros(states, np.int64), np.full(states, np.inf)
+    length[start] = 0.0
+    turned, before, closed = np.zeros(states, np.int64), np.full(states, -1, np.int64), np.zeros(states, np.bool_)
+    heap = np.empty(8 * states + 1), np.empty(8 * states + 1), np.empty(8 * states + 1, np.int64)
+    return straight, diagonal, length, turned, before, closed, heap
+
+
+@njit(cache=True, forceinline=True)
+def _ahead(d_row: int, d_col: int) -> Any:
+    """Straight and diagonal steps over so many rows and columns where no shelf is in the way."""
+    diagonal = min(abs(d_row), abs(d_col))
+    return max(abs(d_row), abs(d_col)) - diagonal, diagonal
+
+
 @njit(cache=True)
 def _search(legal: Any, toll: Any, start: int, goal: int, informed: bool) -> Any:
     """Return the cell (flat index) before each on a cheapest path, -1 where none.
@@ -68,15 +90,8 @@ def _search(legal: Any, toll: Any, start: int, goal: int, informed: bool) -> Any
     informed: A* with the octile distance, ties to the cell nearer the goal; otherwise Dijkstra.
     """
     rows, cols = legal.shape[0], legal.shape[1]
-    cells = rows * cols
-    straight = np.zeros(cells, np.int64)
-    diagonal = np.zeros(cells, np.int64)
-    length = np.full(cells, np.inf)
-    before = np.full(cells, -1, np.int64)
-    closed = np.zeros(cells, np.bool_)
-    first, second, node = np.empty(8 * cells + 1), np.empty(8 * cells + 1), np.empty(8 * cells + 1, np.int64)
+    straight, diagonal, length, _, before, closed, (first, second, node) = _labels(rows * cols, start)
     goal_row, goal_col = goal // cols, goal % cols
-    length[start] = 0.0
     size = push(first, second, node, 0, 0.0, 0.0, start)
     while size > 0:
         cell = pop(first, second, node, size)
@@ -99,11 +114,7 @@ def _search(legal: Any, toll: Any, start: int, goal: int, informed: bool) -> Any
             new_length = a / MICRO + b * _SQRT2
             if new_length < length[to]:
                 length[to], straight[to], diagonal[to], before[to] = new_length, a, b, cell
-                ahead_a, ahead_b = 0, 0
-                if informed:
-                    d_row, d_col = abs(to_row - goal_row), abs(to_col - goal_col)
-                    ahead_b = min(d_row, d_col)
-                    ahead_a = max(d_row, d_col) - ahead_b
+                ahead_a, ahead_b = _ahead(to_row - goal_row, to_col - goal_col) if informed else (0, 0)
                 estimate = (a + ahead_a * _STEP) / MICRO + (b + ahead_b) * _SQRT2
                 size = push(first, second, node, size, estimate, ahead_a + ahead_b * _SQRT2, to)
     return before
@@ -116,17 +127,9 @@ def _search_turns(legal: Any, toll: Any, start: int, goal: int) -> Any:
     State = 9 * cell + move, move 8 at the start. legal, toll: as in `_search`.
     """
     rows, cols = legal.shape[0], legal.shape[1]
-    states = 9 * rows * cols
-    straight = np.zeros(states, np.int64)
-    diagonal = np.zeros(states, np.int64)
-    length = np.full(states, np.inf)
-    turned = np.zeros(states, np.int64)
-    before = np.full(states, -1, np.int64)
-    closed = np.zeros(states, np.bool_)
-    first, second, node = np.empty(8 * states + 1), np.empty(8 * states + 1), np.empty(8 * states + 1, np.int64)
+    straight, diagonal, length, turned, before, closed, (first, second, node) = _labels(9 * rows * cols, 9 * start + 8)
     goal_row, goal_col = goal // cols, goal % cols
     size = push(first, second, node, 0, 0.0, 0.0, 9 * start + 8)
-    length[9 * start + 8] = 0.0
     while size > 0:
         state = pop(first, second, node, size)
         size -= 1
@@ -151,10 +154,9 @@ def _search_turns(legal: Any, toll: Any, start: int, goal: int) -> Any:
             if new_length < length[to] or (new_length == length[to] and new_turns < turned[to]):
                 length[to], straight[to], diagonal[to] = new_length, a, b
                 turned[to], before[to] = new_turns, state
-                d_row, d_col = abs(to_row - goal_row), abs(to_col - goal_col)
-                b += min(d_row, d_col)
-                a += (max(d_row, d_col) - min(d_row, d_col)) * _STEP
-                size = push(first, second, node, size, a / MICRO + b * _SQRT2, float(new_turns), to)
+                ahead_a, ahead_b = _ahead(to_row - goal_row, to_col - goal_col)
+                estimate = (a + ahead_a * _STEP) / MICRO + (b + ahead_b) * _SQRT2
+                size = push(first, second, node, size, estimate, float(new_turns), to)
     return before, -1
 
 

@@ -14,81 +14,16 @@ is least and every a(i) is more than sqrt(2)/2 from obstacles. What is doubtful 
 
 from __future__ import annotations
 
-import math
-
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.planning.lanes import nearest_shelf
+from warehouse_env.maps.clearance import distance, nearest_shelf, segment_gap
 
 SWEEPS = 400  # at most, over all nodes of a path
 STILL = 1e-6  # [cells] of the largest move in a sweep with which it is done
 HALVINGS = 4  # of a move that would come too near to a shelf
 SLACK = 1e-9  # [cells] of rounding in comparisons of clearances
-
-
-@numba.njit(cache=True, error_model="numpy")
-def distance(ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Return the distance of two points, the same to the bit in compiled and in plain Python."""
-    return math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _to_square(x, y, low_x, low_y, side):  # type: ignore[no-untyped-def]
-    """Return the vector from a point to the nearest one of a closed square, (0, 0) inside."""
-    return min(max(x, low_x), low_x + side) - x, min(max(y, low_y), low_y + side) - y
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _crosses(ax, ay, bx, by, low_x, low_y, side):  # type: ignore[no-untyped-def]
-    """Return whether the segment a-b has a point in the closed square (clipping by its four sides)."""
-    first, last = 0.0, 1.0
-    for start, step, low in ((ax, bx - ax, low_x), (ay, by - ay, low_y)):
-        if step == 0.0:
-            if start < low or start > low + side:
-                return False
-            continue
-        enter, leave = (low - start) / step, (low + side - start) / step
-        first, last = max(first, min(enter, leave)), min(last, max(enter, leave))
-    return first <= last
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _segment_to_square(ax, ay, bx, by, low_x, low_y, side):  # type: ignore[no-untyped-def]
-    """Return the distance between the segment a-b and a closed square: of an end or of a corner, or 0."""
-    if _crosses(ax, ay, bx, by, low_x, low_y, side):
-        return 0.0
-    best = math.inf
-    for x, y in ((ax, ay), (bx, by)):
-        dx, dy = _to_square(x, y, low_x, low_y, side)
-        best = min(best, dx * dx + dy * dy)
-    ux, uy = bx - ax, by - ay
-    length = ux * ux + uy * uy
-    for x in (low_x, low_x + side):
-        for y in (low_y, low_y + side):
-            at = min(max(((x - ax) * ux + (y - ay) * uy) / length, 0.0), 1.0) if length > 0.0 else 0.0
-            dx, dy = x - ax - at * ux, y - ay - at * uy
-            best = min(best, dx * dx + dy * dy)
-    return math.sqrt(best)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def segment_gap(solid, ax, ay, bx, by, cell, reach):  # type: ignore[no-untyped-def]
-    """Return the distance from the segment a-b to the nearest shelf or rim, at most `reach`.
-
-    solid: uint8[H + 2, W + 2], shelves with a rim; its square [i, j] lies from ((j - 1) cell, (i - 1) cell) on.
-    """
-    best = reach
-    first_row = max(int(math.floor((min(ay, by) - reach) / cell)) + 1, 0)
-    last_row = min(int(math.floor((max(ay, by) + reach) / cell)) + 1, solid.shape[0] - 1)
-    first_column = max(int(math.floor((min(ax, bx) - reach) / cell)) + 1, 0)
-    last_column = min(int(math.floor((max(ax, bx) + reach) / cell)) + 1, solid.shape[1] - 1)
-    for i in range(first_row, last_row + 1):
-        for j in range(first_column, last_column + 1):
-            if solid[i, j]:
-                best = min(best, _segment_to_square(ax, ay, bx, by, (j - 1) * cell, (i - 1) * cell, cell))
-    return best
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -16,7 +16,7 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.observation import observation_layout
 from warehouse_env.planning.plan import Planner
-from warehouse_env.planning.routes import RouteBook
+from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation import metrics, state, step
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.buckets import bucket_grid

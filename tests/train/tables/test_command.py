@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from train.cli import main
-from train.rows import read_rows
+from train.reporting.rows import read_rows
 from train.tables import pieces
 from train.tables.blocks import Block, blocks_of, mixed, run_block
 from train.tables.study import Study

@@ -12,14 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.train.tables.toy import STUDY, row
-from train.tables.figures import Figures, judge, percent, reaches_print
+from train.tables.figures import Figures
 from train.tables.measures import MEASURES
-from train.tables.study import Claim, Published, Study, System
+from train.tables.study import Claim, Published, System
+from train.tables.verdicts import judge, percent, reaches_print
 from warehouse_env.errors import ConfigError, WarehouseError
 
 
-def figures(*rows: dict[str, Any], study: Study = STUDY) -> Figures:
-    return Figures(study, rows)
+def figures(*rows: dict[str, Any]) -> Figures:
+    return Figures(STUDY.name, rows)
 
 
 def runs(system: str, lengths: list[float | None], setting: str = "open", number: int = 0) -> list[dict[str, Any]]:
@@ -142,9 +143,9 @@ def test_no_claim_and_its_opposite_both_hold(ours: list[float | None], other: li
 
 def test_printed_figures_reached_or_named() -> None:
     printed = (Published("open", "theirs", "mean", 10.0, "ants"), Published("open", "theirs", "turns", 2, "ants"))
-    study = dataclasses.replace(STUDY, published=(*printed, Published("open", "theirs", "mean", 1.0)))
-    known = figures(*runs("ants", [9.0, 10.99]), study=study)
-    found = judge(known, Claim("reached", check=partial(reaches_print, ours="ants")))
+    printed = (*printed, Published("open", "theirs", "mean", 1.0))  # beside none of ours
+    known = figures(*runs("ants", [9.0, 10.99]))
+    found = judge(known, Claim("reached", check=partial(reaches_print, published=printed, ours="ants")))
     assert found.word == "holds in part"
     assert found.why == "1 of 2 figures reached; not: open, turns: 3 against 2 in print"
 

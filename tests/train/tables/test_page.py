@@ -41,7 +41,7 @@ def planner_rows() -> list[dict[str, Any]]:
 
 
 def test_what_is_worth_using() -> None:
-    text = worth_using(Figures(EVERYONE, planner_rows()))
+    text = worth_using(EVERYONE, Figures(EVERYONE.name, planner_rows()))
     assert text == (
         "For a shortest path take `astar` (0.10 ms, 0% over the shortest, 2 times the fewest turns): nothing that "
         "always finds one is as quick. For few turns on a path as short take `astar_turns` (0.20 ms, 0% over the "
@@ -54,10 +54,10 @@ def test_what_is_worth_using() -> None:
 
 
 def test_summaries_and_points_agree_with_the_rows() -> None:
-    figures = Figures(EVERYONE, planner_rows())
-    aco = next(one for one in summaries(figures) if one.name == "aco")
+    figures = Figures(EVERYONE.name, planner_rows())
+    aco = next(one for one in summaries(EVERYONE, figures) if one.name == "aco")
     assert (aco.gap, aco.optimal, aco.turns, aco.found) == (pytest.approx(10.0), 0.0, 4.0, 1.0)
-    points = {point.name: point for point in points_of(figures, ["open"])}
+    points = {point.name: point for point in points_of(EVERYONE, figures, ["open"])}
     assert (points["aco"].ms, points["aco"].family) == (30.0, "ant colony")
     assert points["aco"].gap == pytest.approx(10.0)
     assert (points["apf"].failed, points["apf"].gap) == (0.5, pytest.approx(20.0))
@@ -74,7 +74,7 @@ def test_count_of_verdicts() -> None:
 
 
 def test_table_puts_print_beside_ours() -> None:
-    table = study_table(Figures(STUDY, [row("open", "ants", 10.0), row("open", "dijkstra", 10.0)]))
+    table = study_table(STUDY, Figures(STUDY.name, [row("open", "ants", 10.0), row("open", "dijkstra", 10.0)]))
     assert [line[1] for line in table.cells] == [
         "ants", "*in print: theirs*", "dijkstra", "*in print: another*",
     ]  # fmt: skip
@@ -88,7 +88,7 @@ def test_convergence_of_runs_that_fell_at_their_own_times() -> None:
         row("open", "ants", 10.0, 0, iterations=4, curve=[[2, 12.0], [4, 10.0]], cells=[[0, 0], [1, 1]]),
         row("open", "ants", 11.0, 1, iterations=2, curve=[[1, 11.0]]),
     ]
-    pictures = study_pictures(STUDY, Figures(STUDY, rows), Path("out"))
+    pictures = study_pictures(STUDY, Figures(STUDY.name, rows), Path("out"))
     curves = pictures[1].arguments[0]["ants"]
     inf = np.inf
     assert curves.tolist() == [[inf, 12.0, 12.0, 10.0], [11.0, 11.0, 11.0, 11.0]]

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from train.pictures import file_name
-from train.report import Table, require_charts
-from train.rows import Row, RowFile, check_writable, whole_rows, write_rows, write_text
+from train.evaluation.pictures import file_name
+from train.reporting.report import Table, require_charts
+from train.reporting.rows import Row, RowFile, check_writable, whole_rows, write_rows, write_text
 from train.tables.all_planners import family
 from train.tables.benchmark.figures import NOTE, Summary, anytime_table, csv, overview, rank, summarise, table_of
 from train.tables.benchmark.maps import MAPS, make_map, make_tasks

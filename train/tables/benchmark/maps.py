@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from train.planning_runs import Task, make_task
+from train.evaluation.planning_runs import Task, make_task
 from warehouse_env.errors import MapError, unknown_name
 from warehouse_env.maps.generators import blocks, random_floor
 from warehouse_env.maps.grid_map import GridMap

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from train.planning_runs import Task
-from train.rows import Row
+from train.evaluation.planning_runs import Task
+from train.reporting.rows import Row
 from train.tables.benchmark.maps import clearance_field, make_map, make_tasks
 from train.tables.benchmark.peers import PEERS, Peer, cutting_length, touches_corner
 from train.tables.code import code_key

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from train.report import number
+from train.reporting.report import number
 from train.tables.figures import Figures
 from train.tables.maps import clutter, clutter_task
 from train.tables.measures import MEASURES as KINDS

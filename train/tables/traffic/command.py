@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from train.report import require_charts
-from train.rows import Row, RowFile, check_writable, mean_interval, select, whole_rows, write_rows, write_text
+from train.reporting.report import require_charts
+from train.reporting.rows import Row, RowFile, check_writable, mean_interval, select, whole_rows, write_rows, write_text
 from train.tables.pieces import run_missing
 from train.tables.traffic.driving import DRIVEN, DRIVEN_ROBOTS, measure_driving
 from train.tables.traffic.figures import (
@@ -28,8 +28,8 @@ from train.tables.traffic.replanning import measure_replanning
 from train.tables.traffic.routes import PRICE, measure_routes
 from warehouse_env.errors import ConfigError
 from warehouse_env.planning import make_planner
-from warehouse_env.planning.expected_traffic import endpoint_tasks
-from warehouse_env.planning.together import plan_together
+from warehouse_env.traffic.expected import endpoint_tasks
+from warehouse_env.traffic.together import plan_together
 
 DRAWS = 30  # of tasks on each map
 CASES_A_DRAW = 2  # changed floors of each kind for every draw

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cache
 
-from train.rollout import Routes, make_experiment
-from train.rollout import run as drive
-from train.rows import Row
+from train.evaluation.rollout import Routes, make_experiment
+from train.evaluation.rollout import run as drive
+from train.reporting.rows import Row
 from train.tables.traffic.jobs import Job, floor
 from warehouse_env.config import EnvConfig
 from warehouse_env.planning import Planner, make_planner
-from warehouse_env.planning.expected_traffic import WithCost, expected_traffic
-from warehouse_env.planning.routes import RouteBook
+from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.traffic.expected import WithCost, expected_traffic
 
 DRIVEN = ("astar_turns", "pf_aco", "astar_turns, cost a cell", "astar_turns, cost a move", "pf_aco, cost a move")
 DRIVEN_ROBOTS = (16, 32)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from train.report import Table, grouped, with_interval
-from train.rows import Interval, Row, mean_interval, select
+from train.reporting.report import Table, grouped, with_interval
+from train.reporting.rows import Interval, Row, mean_interval, select
 from train.tables.traffic.driving import DRIVEN_PRICE, POLICY
 from train.tables.traffic.routes import PRICE
 

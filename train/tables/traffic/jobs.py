@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import NamedTuple
 
-from train.rows import Row
+from train.reporting.rows import Row
 from train.tables.code import PLANNING, code_of
 from warehouse_env import __version__
 from warehouse_env.maps.grid_map import GridMap

@@ -11,7 +11,7 @@ import numpy as np
 
 from warehouse_env.errors import WarehouseError
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.planning.traffic import Route
+from warehouse_env.traffic.conflicts import Route
 
 
 def require_networkx() -> Any:

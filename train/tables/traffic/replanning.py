@@ -7,15 +7,15 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from train.rows import Row
+from train.reporting.rows import Row
 from train.tables.traffic.jobs import Job, floor
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Plan, make_planner, path_length
-from warehouse_env.planning.ants.diverse import replan
 from warehouse_env.planning.ants.pf_aco import PfAco
-from warehouse_env.planning.expected_traffic import endpoint_tasks
-from warehouse_env.planning.together import Task
-from warehouse_env.planning.traffic import Route
+from warehouse_env.planning.ants.warm import replan
+from warehouse_env.traffic.conflicts import Route
+from warehouse_env.traffic.expected import endpoint_tasks
+from warehouse_env.traffic.together import Task
 
 Trails = dict[str, NDArray[np.float64]]  # the pheromone that each colony left behind
 CASES = ("pallet", "closed aisle", "moved shelf")

@@ -7,17 +7,17 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from train.rows import Row
+from train.reporting.rows import Row
 from train.tables.traffic.jobs import Job, floor
 from train.tables.traffic.k_shortest import k_shortest
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import make_planner, path_length
-from warehouse_env.planning.alternatives import differences, penalty_routes
-from warehouse_env.planning.ants.diverse import routes
 from warehouse_env.planning.ants.pf_aco import PfAco
-from warehouse_env.planning.expected_traffic import endpoint_tasks
-from warehouse_env.planning.together import Task, choose_together, plan_together
-from warehouse_env.planning.traffic import Route, conflicts
+from warehouse_env.traffic.alternatives import differences, penalty_routes
+from warehouse_env.traffic.conflicts import Route, conflicts
+from warehouse_env.traffic.diverse import routes
+from warehouse_env.traffic.expected import endpoint_tasks
+from warehouse_env.traffic.together import Task, choose_together, plan_together
 
 ROBOTS = (16, 32, 64)
 PLANNERS = ("astar", "astar_turns", "pf_aco")

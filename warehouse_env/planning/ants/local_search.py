@@ -133,12 +133,9 @@ def _link_onwards(
             steps, more = diagonal, straight
             if order == 1 or diagonal == 0:
                 first, second, steps, more = second, first, straight, diagonal
-            if more == 0:
-                second = first
-            if runs.free[start, first] < steps:
-                continue
+            second = second if more > 0 else first
             a, b = base[first, 0] + straight, base[first, 1] + diagonal
-            if a + b * _SQRT2 > cost[j, second]:  # without its tolls it is already worse
+            if runs.free[start, first] < steps or a + b * _SQRT2 > cost[j, second]:  # cut off, or worse without tolls
                 continue
             corner = start + steps * (MOVES[first, 0] * floor.columns + MOVES[first, 1])
             if runs.free[corner, second] < more:

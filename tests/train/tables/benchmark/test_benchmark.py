@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from train.cli import main
-from train.planning_runs import Task
-from train.rows import read_rows
+from train.evaluation.planning_runs import Task
+from train.reporting.rows import read_rows
 from train.tables import code
 from train.tables.benchmark import command as benchmark
 from train.tables.benchmark.figures import anytime_table, csv, overview, summarise, table_of

@@ -9,10 +9,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from train.tables.figures import Figures, judge
+from train.tables.figures import Figures
 from train.tables.papers import paper001
 from train.tables.papers.paper001 import BESIDE, IN_BLOCKS, MAPS, SCATTERED, STUDIES, block_task
 from train.tables.study import OPEN, Setting, Study
+from train.tables.verdicts import judge
 from warehouse_env.planning import path_length
 
 TABLE, WALKERS = STUDIES
@@ -96,7 +97,7 @@ def test_claims_name_settings_that_exist(study: Study) -> None:
 
 
 def test_what_the_paper_leaves_out_stands_open() -> None:
-    verdicts = [judge(Figures(TABLE, []), claim) for claim in TABLE.claims if claim.check is not None]
+    verdicts = [judge(Figures(TABLE.name, []), claim) for claim in TABLE.claims if claim.check is not None]
     assert [verdict.word for verdict in verdicts] == [OPEN, OPEN]
 
 

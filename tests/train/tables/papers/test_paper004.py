@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from train.tables.figures import Figures, judge
+from train.tables.figures import Figures
 from train.tables.papers.paper004 import (
     BLOCKS_20,
     MAPS,
@@ -24,6 +24,7 @@ from train.tables.papers.paper004 import (
     shares,
 )
 from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Setting
+from train.tables.verdicts import judge
 
 TABLE_1, TABLE_2, TABLE_3 = STUDIES
 
@@ -83,7 +84,7 @@ def test_the_paper_s_colony_has_its_constants() -> None:
 @pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
 def test_claims_of_a_study_without_rows_are_open(study: Any) -> None:
     assert study.claims
-    assert all(judge(Figures(study, []), claim).word == OPEN for claim in study.claims)
+    assert all(judge(Figures(study.name, []), claim).word == OPEN for claim in study.claims)
 
 
 def rows(gaps: list[float], converged: list[int]) -> list[dict[str, Any]]:
@@ -98,15 +99,15 @@ def rows(gaps: list[float], converged: list[int]) -> list[dict[str, Any]]:
 
 
 def test_the_optimum_must_be_found_on_every_map() -> None:
-    assert finds_optimum(Figures(TABLE_1, rows([0, 0.1, 0.2, 0], [1] * 4)), OURS).word == HOLDS
-    verdict = finds_optimum(Figures(TABLE_1, rows([0, 0.1, 0.2, 0.1], [1] * 4)), OURS)
+    assert finds_optimum(Figures(TABLE_1.name, rows([0, 0.1, 0.2, 0], [1] * 4)), OURS).word == HOLDS
+    verdict = finds_optimum(Figures(TABLE_1.name, rows([0, 0.1, 0.2, 0.1], [1] * 4)), OURS)
     assert verdict.word == FAILS
     assert verdict.why == f"{BLOCKS_20}: on 1 of 2 maps"
 
 
 def test_figures_against_print() -> None:
     def word(converged: list[int], printed: float, by: float) -> str:
-        return below_print(Figures(TABLE_1, rows([0] * 4, converged)), BLOCKS_20, "converged_at", printed, by).word
+        return below_print(Figures(TABLE_1.name, rows([0] * 4, converged)), BLOCKS_20, "converged_at", printed, by).word
 
     assert word([2, 2, 2, 2], 5.0, -0.5) == HOLDS
     assert word([3, 3, 3, 3], 5.0, -0.5) == IN_PART

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from train.rows import Row, read_rows, write_rows
+from train.reporting.rows import Row, read_rows, write_rows
 from train.tables.command import Tables
 from train.tables.traffic import command as traffic
 from train.tables.traffic.command import Traffic, run_job, write_report

@@ -1,0 +1,80 @@
+"""The particle swarm: its equation by hand, and what it reaches."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.planning.swarms.recorder import TARGET, Recorder
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.generators import random_floor
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
+from warehouse_env.planning.plan import path_length, validate
+from warehouse_env.planning.swarms.particle_swarm import ParticleSwarm
+
+
+def test_velocity_and_place_by_hand() -> None:
+    swarm = ParticleSwarm(iterations=3, particles=2, waypoints=1, speed_limit=0.5, own_pull=1.0, swarm_pull=2.0)
+    paths = Recorder()
+    swarm.search(paths, np.array([[[2.0, 4.0]], [[6.0, 3.0]]]), np.random.default_rng(1))
+    rng = np.random.default_rng(1)
+    first, second, third = paths.tried
+    # No particle moves of its own at first, and each is at its own best; the first one leads, 1 off against 4.
+    pulls = rng.random((2, 2, 1, 2))
+    assert (second[0] == first[0]).all()
+    assert second[1] == pytest.approx(first[1] + np.clip(2.0 * pulls[1, 1] * (first[0] - first[1]), -5.5, 5.5))
+    # Then, with the middle one of three inertias.
+    off = [np.abs(code[1] - TARGET).sum() for code in (first, second)]
+    own, leads = second[1] if off[1] < off[0] else first[1], second[1] if off[1] < 1.0 else first[0]
+    pulls = rng.random((2, 2, 1, 2))
+    velocity = 0.65 * (second[1] - first[1]) + pulls[0, 1] * (own - second[1]) + 2.0 * pulls[1, 1] * (leads - second[1])
+    assert third[1] == pytest.approx(np.clip(second[1] + np.clip(velocity, -5.5, 5.5), 0, 10))
+
+
+def test_speed_is_limited_and_the_edge_holds() -> None:
+    paths = Recorder()
+    first = np.random.default_rng(0).uniform(0, 10, (8, 3, 2))
+    ParticleSwarm(iterations=30, particles=8, waypoints=3, speed_limit=0.1).search(
+        paths, first, np.random.default_rng(0)
+    )
+    tried = np.array(paths.tried)
+    assert np.abs(np.diff(tried, axis=0)).max() <= 1.1 + 1e-12
+    assert tried.min() >= 0
+    assert tried.max() <= 10
+    assert np.abs(tried[-1] - TARGET).max() < np.abs(tried[0] - TARGET).max() / 4
+
+
+@pytest.mark.parametrize("task", NAMED_TASKS["paper46"])
+def test_it_finds_the_shortest_paths_of_the_warehouse(task: str) -> None:
+    grid = make_layout("paper46")
+    start, goal, optimum = NAMED_TASKS["paper46"][task]
+    plan = ParticleSwarm().plan(grid, start, goal, np.random.default_rng(0))
+    validate(grid, plan.cells, start, goal)
+    assert path_length(plan.cells) <= 1.03 * optimum
+    assert len(plan.best_by_iteration) == len(plan.elapsed) == 100
+    assert (np.diff(plan.best_by_iteration) <= 0).all()
+    assert 0 < plan.elapsed[0] < plan.elapsed[-1] <= plan.seconds
+
+
+def test_clutter_is_within_six_per_cent_on_average() -> None:
+    grid = random_floor(46, 46, 0.25, 5)
+    start, goal = (tuple(grid.free_cells[k].tolist()) for k in (0, -1))
+    lengths = [path_length(ParticleSwarm().plan(grid, start, goal, np.random.default_rng(s)).cells) for s in range(5)]
+    assert np.mean(lengths) < 1.06 * grid.distance_to(goal)[start]
+
+
+def test_a_cost_map_is_heeded() -> None:
+    grid = GridMap(np.zeros((9, 9), dtype=bool))
+    cost = np.zeros((9, 9))
+    cost[3:6, 4] = 20.0
+    plan = ParticleSwarm(iterations=30).plan(grid, (4, 0), (4, 8), np.random.default_rng(0), cost)
+    assert path_length(plan.cells) == pytest.approx(4 * 2**0.5 + 4)
+    assert cost[plan.cells[:, 0], plan.cells[:, 1]].sum() == 0
+
+
+def test_bad_parameters_are_named() -> None:
+    with pytest.raises(ConfigError, match="pso parameter particles=0 must be a whole number of at least 1"):
+        ParticleSwarm(particles=0)
+    with pytest.raises(ConfigError, match="pso parameter inertia_first=nan"):
+        ParticleSwarm(inertia_first=float("nan"))

@@ -1,0 +1,358 @@
+"""Routes: smooth, off the shelves, each to its own side; kept in memory and on disk, whatever state the disk is in."""
+
+from __future__ import annotations
+
+import math
+import sqlite3
+from dataclasses import dataclass
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from warehouse_env.errors import PlanError
+from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.maps.layouts import LAYOUTS, make_layout
+from warehouse_env.planning import Plan, make_planner
+from warehouse_env.routes import book as route_book
+from warehouse_env.routes.book import RouteBook
+from warehouse_env.routes.lanes import resample
+
+EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A plan cache for each test."""
+    monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def drawn(*lines: str) -> GridMap:
+    occupied = np.array([[mark == "#" for mark in line] for line in lines])
+    free = np.argwhere(~occupied)
+    return GridMap(occupied, picks=free[::2], stations=free[1::2], name="drawn")
+
+
+def book(grid: GridMap, planner: str = "astar", **settings: float) -> RouteBook:
+    return RouteBook(grid, make_planner(planner), **settings)  # type: ignore[arg-type]
+
+
+def to_shelves(grid: GridMap, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distance [m] of each point [K, 2] to the nearest shelf or rim, cell by cell."""
+    solid = np.pad(grid.occupied[::-1], 1, constant_values=True)
+    rows, columns = np.nonzero(solid)
+    low = np.stack([columns - 1.0, rows - 1.0], -1)
+    away = np.maximum(np.maximum(low - points[:, None], points[:, None] - low - 1.0), 0.0)
+    return np.asarray(np.hypot(away[..., 0], away[..., 1]).min(axis=1))
+
+
+def some_tasks(grid: GridMap, count: int) -> list[tuple[Cell, Cell]]:
+    ends = np.concatenate([grid.picks, grid.stations])
+    rng = np.random.default_rng(0)
+    chosen = [rng.choice(len(ends), 2, replace=False) for _ in range(count)]
+    return [(tuple(ends[a].tolist()), tuple(ends[b].tolist())) for a, b in chosen]
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_routes_join_the_cells_centres_evenly_and_off_the_shelves(name: str) -> None:
+    grid = make_layout(name)
+    known = book(grid)
+    # half the robot's width is 0.3 m; scattered shelves and single lanes leave no more room than this
+    nearest = {"single_lane": (0.42, 0.38), "random": (0.35, 0.33)}.get(name, (0.43, 0.398))
+    for start, goal in some_tasks(grid, 25):
+        route = known.route(start, goal)
+        assert route.dtype == np.float32
+        np.testing.assert_allclose(route[[0, -1]], grid.centre([start, goal]), atol=1e-5)
+        steps = np.hypot(*np.diff(route.astype(np.float64), axis=0).T)
+        assert steps.max() < 0.56
+        assert steps.min() > 0.40
+        points = route.astype(np.float64)
+        assert to_shelves(grid, points).min() > nearest[0]
+        assert to_shelves(grid, resample(points, 0.05)).min() > nearest[1]
+        # about as long as the plan: the smoothing cuts corners, the lanes cost a little
+        planned = np.hypot(*np.diff(grid.centre(known.cells(start, goal)), axis=0).T).sum()
+        assert 0.85 * planned - 0.5 < steps.sum() < 1.1 * planned + 2.0
+
+
+def test_start_and_goal_in_one_cell_are_one_point() -> None:
+    route = book(drawn("....", "....")).route((1, 2), (1, 2))
+    assert route.tolist() == [[2.5, 0.5]]
+
+
+def test_neighbouring_cells() -> None:
+    route = book(drawn("....", "....")).route((1, 1), (1, 2))
+    np.testing.assert_allclose(route, [[1.5, 0.5], [2.0, 0.5], [2.5, 0.5]], atol=0.1)
+
+
+def aisle(width: int, length: int = 30) -> GridMap:
+    return drawn("#" * length, *["." * length] * width, "#" * length)
+
+
+@pytest.mark.parametrize(("width", "from_wall"), [(2, 0.55), (3, 0.75)])
+@pytest.mark.parametrize("upright", [False, True])
+def test_opposite_routes_keep_to_their_own_right(width: int, from_wall: float, upright: bool) -> None:
+    # A quarter of the aisle's width from the right-hand wall, but at least 0.55 m: two bodies of 0.6 m pass.
+    grid = aisle(width)
+    near, far = (1 + width // 2, 1), (1 + width // 2, 28)
+    if upright:
+        grid = GridMap(grid.occupied.T.copy(), name="upright")
+        near, far = near[::-1], far[::-1]
+    known = book(grid)
+    there, back = known.route(near, far).astype(np.float64), known.route(far, near).astype(np.float64)
+    across, along = (0, 1) if upright else (1, 0)
+    low, high = 1.0, 1.0 + width  # the aisle's walls
+    first = there[np.abs(there[:, along] - 15.0) < 8.0][:, across]
+    second = back[np.abs(back[:, along] - 15.0) < 8.0][:, across]
+    # east has south to its right; upright, `near` is at the north end, and south has west to its right
+    np.testing.assert_allclose(first, low + from_wall, atol=0.06)
+    np.testing.assert_allclose(second, high - from_wall, atol=0.06)
+
+
+@pytest.mark.parametrize("width", [1, 3])
+def test_both_ways_mirror_each_other(width: int) -> None:
+    known = book(aisle(width))
+    there, back = (known.route(*ends)[20:30, 1] for ends in (((1, 1), (1, 28)), ((1, 28), (1, 1))))
+    np.testing.assert_allclose(there + back, 2 * (1 + width / 2), atol=0.01)
+
+
+def test_without_lanes_both_ways_keep_to_the_middle() -> None:
+    known = book(aisle(3), keep_right=0.0)
+    for ends in (((2, 1), (2, 28)), ((2, 28), (2, 1))):
+        np.testing.assert_allclose(known.route(*ends)[:, 1], 2.5, atol=0.02)
+
+
+def test_on_open_floor_routes_move_right_by_keep_right() -> None:
+    grid = drawn(*["." * 30] * 13)
+    route = book(grid, keep_right=0.4).route((6, 2), (6, 27)).astype(np.float64)
+    middle = route[(route[:, 0] > 8) & (route[:, 0] < 22)]
+    np.testing.assert_allclose(middle[:, 1], 6.5 - 0.4, atol=0.02)
+
+
+def test_single_lanes_are_entered_gently_and_down_the_middle() -> None:
+    side, lane = "." * 12, "#" * 16
+    grid = drawn("#" * 40, side + lane + side, side + "." * 16 + side, side + lane + side, "#" * 40)
+    route = book(grid).route((2, 1), (2, 38)).astype(np.float64)
+    inside = route[(route[:, 0] > 12) & (route[:, 0] < 28)]
+    np.testing.assert_allclose(inside[:, 1], 2.5, atol=0.06)
+    before = route[(route[:, 0] > 4) & (route[:, 0] < 8)]
+    assert before[:, 1].min() < 2.3  # in its lane on the right
+    slope = np.abs(np.diff(route[:, 1]) / np.diff(route[:, 0]))[(route[:-1, 0] > 5) & (route[:-1, 0] < 35)]
+    assert slope.max() < 0.3  # 0.15 m a metre are asked for, and smoothing bends them
+
+
+def test_no_way_is_a_plan_error_that_names_it() -> None:
+    grid = GridMap(np.array([[False, False, False, True, False]] * 3), name="drawn")
+    with pytest.raises(PlanError, match=r"astar found no path from \(0, 0\) to \(0, 4\) on map 'drawn'"):
+        book(grid).route((0, 0), (0, 4))
+    with pytest.raises(PlanError):
+        book(grid).route((0, 0), (0, 4), EAST)
+
+
+# A single lane with a way round through the wide part, and a dead end.
+LOOP = drawn("............", ".##########.", "............", "............")
+DEAD_END = drawn("############", "........####", "############")
+
+
+def test_a_robot_in_a_single_lane_goes_on_where_it_can() -> None:
+    known = book(LOOP)
+    start, goal = (0, 6), (0, 2)
+    ahead, there = known.route(start, goal, EAST), known.route(start, goal, WEST)
+    assert ahead[1, 0] > 6.5 > there[1, 0]
+    assert np.hypot(*np.diff(ahead, axis=0).T).sum() > 20.0  # round the block
+    assert len(there) == 9
+    np.testing.assert_array_equal(known.route(start, goal), there)  # no heading: the shortest
+    np.testing.assert_array_equal(known.route(start, goal, 0.785), there)  # neither along nor across
+    np.testing.assert_array_equal(known.route(start, goal, 0.3), ahead)  # nearly east
+
+
+def test_the_same_goes_for_upright_lanes() -> None:
+    grid = GridMap(LOOP.occupied.T.copy(), name="upright")
+    known = book(grid)
+    south = known.route((6, 0), (2, 0), SOUTH)
+    assert south[1, 1] < south[0, 1]  # on south, though the goal is north
+    north = known.route((6, 0), (2, 0), NORTH)
+    assert north[1, 1] > north[0, 1]
+
+
+def test_in_a_dead_end_it_backs_out() -> None:
+    known = book(DEAD_END)
+    route = known.route((1, 5), (1, 1), EAST)
+    np.testing.assert_array_equal(route, known.route((1, 5), (1, 1)))
+
+
+def test_the_cell_right_behind_may_be_the_goal() -> None:
+    known = book(LOOP)
+    np.testing.assert_array_equal(known.route((0, 6), (0, 5), EAST), known.route((0, 6), (0, 5)))
+
+
+def test_where_there_is_room_to_turn_the_heading_does_not_matter() -> None:
+    known = book(LOOP)
+    for heading in (EAST, NORTH, WEST, SOUTH):
+        np.testing.assert_array_equal(known.route((3, 6), (3, 2), heading), known.route((3, 6), (3, 2)))
+
+
+@pytest.mark.parametrize(
+    ("lines", "start", "goal"),
+    [
+        (("......", ".####.", "......"), (0, 1), (2, 2)),  # the first free cell is behind the robot
+        (("...#####", "..##....", ".......#"), (2, 3), (1, 6)),  # and here it is cut off by taking (2, 2) away
+    ],
+)
+def test_the_first_free_cell_is_a_cell_like_any_other(lines: tuple[str, ...], start: Cell, goal: Cell) -> None:
+    grid = drawn(*lines)
+    route = book(grid).route(start, goal, EAST)
+    np.testing.assert_allclose(route[[0, -1]], grid.centre([start, goal]), atol=1e-5)
+
+
+@dataclass
+class Counting:
+    """A* that counts its plans and says that each took long enough to be kept on disk."""
+
+    seconds: float = 1.0
+    name: str = "counting"
+    key: str = "counting(1)"
+    plans: int = 0
+
+    def plan(self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator) -> Plan:
+        self.plans += 1
+        found = make_planner("astar").plan(grid, start, goal, rng)
+        return found._replace(seconds=self.seconds)
+
+
+TASKS = [((0, 0), (3, 11)), ((2, 3), (0, 6)), ((3, 0), (0, 11))]
+
+
+def plans_made(planner: Counting, grid: GridMap = LOOP, seed: int = 0) -> int:
+    """How many plans a fresh book with this planner has to make for TASKS, each asked for twice."""
+    before = planner.plans
+    known = RouteBook(grid, planner, seed=seed)
+    expected = book(grid)
+    for start, goal in TASKS * 2:
+        np.testing.assert_array_equal(known.route(start, goal), expected.route(start, goal))
+    known._store.flush()
+    return planner.plans - before
+
+
+def test_plans_are_kept_in_memory_and_on_disk(own_cache: Path) -> None:
+    planner = Counting()
+    assert plans_made(planner) == 3
+    assert plans_made(planner) == 0
+    assert list(own_cache.iterdir())
+    # whatever the plan depends on parts the entries
+    assert plans_made(Counting(key="counting(2)")) == 3
+    assert plans_made(planner, seed=1) == 3
+    other = GridMap(LOOP.occupied, np.eye(4, 12, dtype=np.float32), name="uneven")
+    assert plans_made(planner, other) == 3
+
+
+def test_quick_plans_are_not_worth_the_disk() -> None:
+    assert plans_made(Counting(seconds=1e-4)) == 3
+    assert plans_made(Counting(seconds=1e-4)) == 3
+
+
+def test_a_book_that_goes_away_writes_what_is_pending() -> None:
+    planner = Counting()
+    known = RouteBook(LOOP, planner)
+    known.route(*TASKS[0])
+    del known
+    again = RouteBook(LOOP, planner)
+    again.route(*TASKS[0])
+    assert planner.plans == 1
+
+
+def database(folder: Path) -> Path:
+    return next(folder.glob("*.sqlite"))
+
+
+@pytest.mark.parametrize("damage", ["garbage", "truncated", "empty", "torn"])
+def test_a_damaged_cache_is_simply_not_used(own_cache: Path, damage: str) -> None:
+    plans_made(Counting())
+    file = database(own_cache)
+    content = file.read_bytes()
+    damaged = {
+        "garbage": b"no database at all" * 99,
+        "truncated": content[:3000],
+        "empty": b"",
+        "torn": content[:100] + bytes(len(content) - 100),
+    }
+    file.write_bytes(damaged[damage])
+    assert plans_made(Counting()) == 3
+
+
+def test_a_cache_folder_that_cannot_be_made_is_simply_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("in the way")
+    monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(blocked / "cache"))
+    assert plans_made(Counting()) == 3
+    assert blocked.read_text() == "in the way"
+
+
+@pytest.mark.parametrize("blob", [b"abc", b"\x00" * 12, b""])
+def test_a_row_that_is_no_path_is_planned_anew(own_cache: Path, blob: bytes) -> None:
+    plans_made(Counting())
+    with sqlite3.connect(database(own_cache)) as connection:
+        connection.execute("UPDATE plan SET cells = ?", (blob,))
+    connection.close()
+    assert plans_made(Counting()) == 3
+
+
+def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(route_book, "MEMORY", 2)
+    known = RouteBook(LOOP, Counting(seconds=0.0))
+    for start, goal in TASKS * 2:
+        known.route(start, goal)
+    assert len(known._routes) == 2
+
+
+def test_routes_do_not_depend_on_the_order_they_are_asked_in() -> None:
+    grid = make_layout("random")
+    tasks = some_tasks(grid, 4)
+    forward, backward = book(grid, "pf_aco"), book(grid, "pf_aco")
+    first = [forward.route(*task) for task in tasks]
+    second = [backward.route(*task) for task in reversed(tasks)]
+    for one, other in zip(first, reversed(second), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_resample_keeps_the_ends_and_spaces_evenly() -> None:
+    line = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.2]])
+    points = resample(line, 0.5)
+    np.testing.assert_allclose(points[[0, -1]], line[[0, -1]])
+    assert len(points) == 9  # 4.2 m in 8 pieces
+    np.testing.assert_allclose(points[:5, 0], 0.525 * np.arange(5))
+    np.testing.assert_allclose(points[6:], [[3.0, 0.15], [3.0, 0.675], [3.0, 1.2]])
+    assert resample(line[:1].repeat(2, axis=0), 0.5).tolist() == [[0.0, 0.0]]
+
+
+def test_plans_prepared_side_by_side_are_those_made_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    grid = make_layout("paper46")
+    rng = np.random.default_rng(8)
+    ends = grid.free_cells[rng.integers(0, len(grid.free_cells), (12, 2))].tolist()
+    tasks = [((a[0], a[1]), (b[0], b[1])) for a, b in ends]
+    books = []
+    for threads in (1, 2):
+        monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(tmp_path / str(threads)))
+        numba.set_num_threads(threads)
+        try:
+            routes_of = RouteBook(grid, make_planner("pf_aco", ants=10, iterations=8))
+            routes_of.prepare(tasks)
+            assert len(routes_of._fresh) == (0 if threads == 1 else len(set(tasks)))
+            books.append([routes_of.cells(*task) for task in tasks])
+        finally:
+            numba.set_num_threads(2)
+    for one, two in zip(*books, strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+def test_a_task_without_a_path_is_named_when_its_route_is_asked_for(tmp_path: Path) -> None:
+    grid = GridMap(
+        np.array([[False, False, True, False, False]]), picks=np.array([[0, 0]]), stations=np.array([[0, 1]])
+    )
+    routes_of = book(grid, "pf_aco")
+    routes_of.prepare([((0, 0), (0, 4)), ((0, 0), (0, 1)), ((0, 1), (0, 4))])
+    assert routes_of.cells((0, 0), (0, 1)).tolist() == [[0, 0], [0, 1]]
+    with pytest.raises(PlanError, match=r"no path from \(0, 0\) to \(0, 4\)"):
+        routes_of.route((0, 0), (0, 4))

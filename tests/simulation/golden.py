@@ -1,0 +1,86 @@
+"""Episodes and digests recorded once and kept: what is computed must not change unawares.
+
+`python -m tests.simulation.golden` records them anew, for a change that means to change what is computed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import EnvConfig, SensorSpec
+from warehouse_env.maps.layouts import LAYOUTS
+from warehouse_env.simulation.recording import Recorder
+from warehouse_env.simulation.simulator import Simulator
+
+DATA = Path(__file__).parent / "data"
+DIGESTS = DATA / "digests.json"
+ACTION_TYPES = ("discrete", "continuous", "raw")
+STEPS = 200
+COUNTERS = ("goals", "hits_robot", "hits_shelf", "near_misses", "goal_row", "goal_col")
+
+COMMON: dict[str, Any] = {"num_agents": 8, "action_repeat": 2, "sensor": SensorSpec(rays=4, neighbours=2)}
+EPISODES: dict[str, tuple[dict[str, Any], int]] = {  # file -> what differs from COMMON, seed of the world
+    "discrete": ({"planner": "astar_turns", "action_type": "discrete"}, 12),
+    "continuous": ({"planner": "astar", "action_type": "continuous", "smooth_routes": True}, 12),
+    "raw": ({"planner": "astar_turns", "action_type": "raw"}, 3),
+}
+# Beside each layout with each action type: what else leads through code of its own.
+OTHERS: dict[str, dict[str, Any]] = {
+    "paper46_rough, pf_aco": {"layout": "paper46_rough", "planner": "pf_aco"},
+    "narrow, smooth routes": {"layout": "narrow", "smooth_routes": True},
+    "narrow, one shot": {"layout": "narrow", "tasks": "one_shot"},
+    "paper46, no lanes": {"layout": "paper46", "keep_right": 0.0},
+}
+CASES: dict[str, dict[str, Any]] = {
+    f"{layout}, {kind}": {"layout": layout, "action_type": kind} for layout in LAYOUTS for kind in ACTION_TYPES
+} | OTHERS
+
+
+def actions_for(kind: str, worlds: int, robots: int, seed: int = 4) -> Iterator[NDArray[Any]]:
+    """Yield STEPS actions of mostly driving ahead, so that robots get about and meet."""
+    rng = np.random.default_rng(seed)
+    for _ in range(STEPS):
+        if kind == "discrete":
+            yield rng.choice([0, 5, 10, 15, 16, 17], (worlds, robots), p=[0.05, 0.05, 0.1, 0.6, 0.1, 0.1])
+        else:
+            yield rng.uniform(-0.6, 1.0, (worlds, robots, 2)).astype(np.float32)
+
+
+def digest(case: dict[str, Any]) -> str:
+    """Return a digest of where all robots of two worlds were, how fast, and what they counted, step by step."""
+    config = EnvConfig(**{"planner": "astar_turns:gentleness=10", **COMMON, **case})
+    simulator = Simulator(config, 2)
+    simulator.reset(seed=3)
+    content = hashlib.blake2b(digest_size=16)
+    for actions in actions_for(config.action_type, 2, config.num_agents):
+        simulator.step(actions)
+        for values in (simulator.state.pose, simulator.state.speed, simulator.state.steer):
+            content.update(values.astype("<f4").tobytes())
+        for name in COUNTERS:
+            content.update(simulator.robots[name].astype("<i4").tobytes())
+    return content.hexdigest()
+
+
+def record() -> None:
+    """Write the episodes and the digests."""
+    for name, (changes, seed) in EPISODES.items():
+        config = EnvConfig(**COMMON, **changes)
+        recorder = Recorder(Simulator(config), (seed,))
+        for actions in actions_for(config.action_type, 1, config.num_agents):
+            recorder.step(actions)
+        robots = recorder.simulator.robots
+        print(name, {counter: int(robots[counter].sum()) for counter in COUNTERS[:4]})
+        recorder.episode.save(DATA / f"{name}.npz")
+    found = {name: digest(case) for name, case in CASES.items()}
+    DIGESTS.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    record()

@@ -1,0 +1,68 @@
+"""The benchmark: rates by a clock that we hold, ratios by hand, and every part on a tiny budget."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+
+from train.benchmarks import parts
+from train.benchmarks.parts import PARTS, Budget, rate
+from train.cli import main
+from train.commands.bench import What, ratios, tables
+from train.reporting.rows import read_rows
+
+TINY = Budget(seconds=0.02, largest=32, threads=(1,), action_repeat=1, seed=0)
+
+
+def test_rate_by_a_clock_in_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    ticks = itertools.count()
+    monkeypatch.setattr(parts.time, "perf_counter", lambda: 0.5 * next(ticks))
+    calls: list[int] = []
+    measured = rate(calls.append, seconds=9.0)
+    # Each chunk is timed by two readings half a second apart, so its rate is twice its calls.
+    per_chunk = measured.median / 2
+    assert measured.low == measured.median == measured.high
+    assert per_chunk == int(per_chunk)
+    assert calls == list(range(len(calls)))
+
+
+def simulator_row(envs: int, agents: int, threads: int, speed: float) -> dict[str, Any]:
+    return {"what": "simulator", "envs": envs, "agents": agents, "threads": threads, "agent_steps_per_s": speed}
+
+
+def test_ratios_by_hand() -> None:
+    rows = [
+        simulator_row(64, 16, 1, 1000.0), simulator_row(64, 16, 2, 1900.0), simulator_row(1, 32, 1, 800.0),
+        simulator_row(1, 1024, 1, 600.0),
+    ]  # fmt: skip
+    assert ratios(rows) == ["64x16, 2 threads over 1: 1.90", "1x1024 over 1x32: 0.75"]
+    (table,) = tables([{**row, "action_repeat": 1} for row in rows])
+    assert table.cells[0][:5] == ("simulator", "64", "16", "1", "1,000")
+
+
+def test_every_part_can_be_asked_for() -> None:
+    assert list(PARTS) == list(get_args(What))
+
+
+def test_single_worlds_keep_their_density() -> None:
+    for robots, side in parts._SQUARE_PER_ROBOTS.items():
+        assert side * side / robots == pytest.approx(46 * 46 / 32, rel=0.03)
+
+
+@pytest.mark.parametrize("what", ["pettingzoo", "plan"])
+def test_parts_measure(what: str) -> None:
+    for row in PARTS[what](TINY):
+        assert row.get("agent_steps_per_s", 1) > 0
+        assert row.get("ms", 1) > 0
+
+
+def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "rows.jsonl"
+    assert main(["bench", "--only", "pettingzoo", "--seconds", "0.02", "--json", str(path)]) == 0
+    (row,) = read_rows(path)
+    assert (row["what"], row["envs"], row["agents"], row["threads"]) == ("pettingzoo", 1, 8, 1)
+    assert row["env_steps_per_s"] * 8 == pytest.approx(row["agent_steps_per_s"])
+    assert "pettingzoo" in capsys.readouterr().out

@@ -1,0 +1,201 @@
+"""Evaluation: rows with all fields, reproducible, independent of what runs beside them, and resumable."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from train.cli import main
+from train.commands.evaluate import Evaluate
+from train.evaluation import pool
+from train.evaluation.rollout import Experiment, Trace, make_experiment, pair_centres, run
+from train.reporting.rows import RowFile, read_rows
+from warehouse_env import __version__
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
+
+FIELDS = {
+    "policy", "layout", "robots", "tasks", "planner", "episode", "seed", "robot_km", "collisions_robot",
+    "collisions_shelf", "collisions_per_km", "near_misses", "min_clearance_m", "goals", "goals_per_robot_hour",
+    "success_rate", "path_length_m", "path_length_ratio", "makespan_s", "sum_of_costs_s", "stuck", "ms_per_step",
+    "config", "version",
+}  # fmt: skip
+OPEN = EnvConfig(layout="open", num_agents=4, planner="astar")
+
+
+def timeless(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [{name: value for name, value in row.items() if name != "ms_per_step"} for row in rows]
+
+
+def small(episodes: int = 1, policy: str = "brake", base: EnvConfig = OPEN, seconds: float = 30.0) -> Experiment:
+    return make_experiment(policy, base, episodes, seconds, seed=1_000_000)
+
+
+def test_rows_have_all_fields() -> None:
+    rows = run(small(episodes=2))
+    for k, row in enumerate(rows):
+        assert set(row) >= FIELDS
+        assert (row["policy"], row["layout"], row["robots"]) == ("brake", "open", 4)
+        assert (row["episode"], row["seed"], row["version"]) == (k, 1_000_000 + k, __version__)
+        assert EnvConfig.from_dict(row["config"]) == small().config
+        assert row["robot_km"] > 0
+        assert row["ms_per_step"] > 0
+
+
+def test_seconds_become_steps_of_the_decision_time() -> None:
+    assert small(seconds=600.0).config.max_steps == 6000
+    assert make_experiment("brake", OPEN.replace(action_repeat=3), 1, 600.0, 0).config.max_steps == 2000
+
+
+def test_same_seed_gives_the_same_rows() -> None:
+    assert timeless(run(small(episodes=2))) == timeless(run(small(episodes=2)))
+
+
+def test_an_episode_does_not_depend_on_those_beside_it() -> None:
+    assert timeless(run(small(episodes=3)))[:1] == timeless(run(small(episodes=1)))
+
+
+def test_seeds_differ() -> None:
+    first, second = timeless(run(small(episodes=2)))
+    assert first["robot_km"] != second["robot_km"]
+
+
+def test_one_shot_episodes_end_when_all_have_arrived() -> None:
+    base = OPEN.replace(tasks="one_shot", num_agents=1)
+    rows = run(small(episodes=2, base=base, seconds=300.0))
+    for row in rows:
+        assert row["success_rate"] == 1.0
+        assert row["makespan_s"] < 300
+    # A world that waits for a slower one beside it is measured when it ended.
+    assert timeless(run(small(episodes=1, base=base, seconds=300.0))) == timeless(rows)[:1]
+
+
+def test_trace_keeps_every_pose() -> None:
+    experiment = small(seconds=10.0)
+    trace = Trace(experiment)
+    run(experiment, [trace])
+    assert trace.poses.shape == (101, 4, 3)
+    assert trace.contacts.shape[1] == 2
+    assert np.hypot(*np.diff(trace.poses[:, :, :2], axis=0).transpose(2, 0, 1)).max() < 0.31  # 1.5 m/s for 0.2 s
+
+
+def test_contacts_are_marked_once_for_each_pair() -> None:
+    points = np.array([[0, 0], [1, 0], [10, 0], [10, 2], [0, 1.5]], dtype=np.float32)
+    assert pair_centres(points).tolist() == [[0.5, 0.0], [0.0, 0.75], [10.0, 1.0]]
+    assert pair_centres(points[:0]).shape == (0, 2)
+
+
+def command(tmp_path: Path, *more: str) -> list[str]:
+    fixed = "--layout open --robots 2 --seconds 10 --planner astar --no-pictures --out"
+    return ["evaluate", *fixed.split(), str(tmp_path), *more]
+
+
+def test_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(command(tmp_path, "--policy", "follow", "brake", "--episodes", "2")) == 0
+    printed = capsys.readouterr().out
+    assert "collisions/km" in printed
+    assert "follow" in printed
+    rows = read_rows(tmp_path / "rows.jsonl")
+    assert [(row["policy"], row["episode"]) for row in rows] == [
+        ("follow", 0), ("follow", 1), ("brake", 0), ("brake", 1),
+    ]  # fmt: skip
+    assert (tmp_path / "table.md").read_text().count("| brake |") == 1
+
+
+def test_several_robot_counts_and_floors_make_one_table(tmp_path: Path) -> None:
+    from warehouse_env.maps.movingai import EXAMPLE_MAP
+
+    options = ["--policy", "brake", "--robots", "1", "3", "--map", str(EXAMPLE_MAP), "--episodes", "1"]
+    assert main(command(tmp_path, *options)) == 0
+    rows = read_rows(tmp_path / "rows.jsonl")
+    assert [(row["layout"], row["robots"]) for row in rows] == [
+        ("open", 1), ("open", 3), (str(EXAMPLE_MAP), 1), (str(EXAMPLE_MAP), 3),
+    ]  # fmt: skip
+
+
+def test_resume_plays_only_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert main(command(tmp_path, "--policy", "brake", "--episodes", "1")) == 0
+    played: list[tuple[str, tuple[int, ...]]] = []
+
+    def watched(experiment: Experiment, *rest: Any) -> list[dict[str, Any]]:
+        played.append((experiment.policy, experiment.episodes))
+        return run(experiment, *rest)
+
+    monkeypatch.setattr(pool, "run", watched)
+    assert main(command(tmp_path, "--policy", "brake", "follow", "--episodes", "2", "--resume")) == 0
+    assert played == [("brake", (1,)), ("follow", (0, 1))]
+    resumed = read_rows(tmp_path / "rows.jsonl")
+    assert main(command(tmp_path / "fresh", "--policy", "brake", "follow", "--episodes", "2")) == 0
+    assert timeless(resumed) == timeless(read_rows(tmp_path / "fresh" / "rows.jsonl"))
+
+
+def test_processes_give_the_same_rows(tmp_path: Path) -> None:
+    options = ["--policy", "brake", "follow", "--episodes", "2"]
+    assert main(command(tmp_path / "one", *options)) == 0
+    assert main(command(tmp_path / "two", *options, "--processes", "2")) == 0
+    one, two = (read_rows(tmp_path / name / "rows.jsonl") for name in ("one", "two"))
+    assert timeless(one) == timeless(sorted(two, key=lambda row: row["policy"]))
+    tables = [(tmp_path / name / "table.md").read_text() for name in ("one", "two")]
+    assert [line.split("|")[3] for line in tables[0].splitlines()[2:6]] == [
+        line.split("|")[3] for line in tables[1].splitlines()[2:6]
+    ]
+
+
+def test_an_error_in_a_process_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--policy", "brake", "follow", "--robots", "5000", "--processes", "2"]
+    assert main(command(tmp_path, *options)) == 2
+    error = capsys.readouterr().err
+    assert "num_agents=5000" in error
+    assert "Traceback" not in error
+
+
+def test_ctrl_c_keeps_the_finished_rows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(experiment: Experiment, *rest: Any) -> list[dict[str, Any]]:
+        if experiment.policy == "follow":
+            raise KeyboardInterrupt
+        return run(experiment, *rest)
+
+    monkeypatch.setattr(pool, "run", interrupted)
+    assert main(command(tmp_path, "--policy", "brake", "follow", "--episodes", "2")) == 130
+    assert capsys.readouterr().err == f"warehouse: stopped; 2 rows are kept in {tmp_path / 'rows.jsonl'}\n"
+    assert len(read_rows(tmp_path / "rows.jsonl")) == 2
+
+
+def test_pictures(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    options = command(tmp_path, "--policy", "brake", "--episodes", "1")
+    options.remove("--no-pictures")
+    assert main(options) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "rows.jsonl", "table.md", "collisions.png", "trajectories_open_2_brake.png",
+    }  # fmt: skip
+
+
+def test_a_missing_package_is_told_before_the_first_episode(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    options = command(tmp_path, "--policy", "brake")
+    options.remove("--no-pictures")
+    assert main(options) == 2
+    assert "install warehouse-env[render]" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_bad_numbers_are_named() -> None:
+    with pytest.raises(ConfigError, match=r"seconds=-5\.0 must be a finite number above 0"):
+        Evaluate(policy=("brake",), seconds=-5.0).experiments()
+    with pytest.raises(ConfigError, match="episodes=0 must be at least 1"):
+        Evaluate(policy=("brake",), episodes=0).experiments()
+
+
+def test_bad_input_leaves_old_rows_alone(tmp_path: Path) -> None:
+    RowFile(tmp_path / "rows.jsonl").add([{"old": 1}])
+    assert main(command(tmp_path, "--policy", "brake", "--robots", "100000")) == 2
+    assert read_rows(tmp_path / "rows.jsonl") == [{"old": 1}]

@@ -1,0 +1,131 @@
+"""`warehouse plan`: rows with all fields, the tasks it can take, and a note that is honest."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from train.cli import main
+from train.reporting.plan_report import plan_note, plan_table
+from train.reporting.rows import read_rows
+from warehouse_env.maps.movingai import EXAMPLE_MAP
+
+FIELDS = {
+    "planner", "start", "goal", "success", "length", "optimal_length", "gap", "turns", "min_turns", "converged_at",
+    "iterations", "ms", "layout", "task", "run", "seed", "version",
+}  # fmt: skip
+
+
+def plan(tmp_path: Path, *options: str) -> list[dict[str, Any]]:
+    json = tmp_path / "rows.jsonl"
+    assert main(["plan", "--no-pictures", "--json", str(json), "--out", str(tmp_path / "out"), *options]) == 0
+    return read_rows(json)
+
+
+def test_named_tasks_by_default(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = plan(tmp_path, "--planner", "astar", "astar_turns", "--runs", "2")
+    assert len(rows) == 2 * 5 * 2
+    for row in rows:
+        assert set(row) >= FIELDS
+        assert row["success"]
+        assert row["gap"] == pytest.approx(0, abs=1e-12)
+        assert row["length"] == pytest.approx(row["optimal_length"])
+        assert row["turns"] >= row["min_turns"]
+        assert (row["converged_at"], row["iterations"]) == (None, 0)
+    optima = {row["task"]: row["optimal_length"] for row in rows}
+    assert optima["in_zone_1"] == pytest.approx(8 + 13 * math.sqrt(2))
+    assert optima["cross_zone_2"] == pytest.approx(23 + 28 * math.sqrt(2))
+    printed = capsys.readouterr().out
+    assert "Plainly: astar takes" in printed
+    assert (tmp_path / "out" / "table.md").exists()
+
+
+def test_a_colony_reports_its_convergence(tmp_path: Path) -> None:
+    rows = plan(tmp_path, "--planner", "pf_aco", "--start", "22,1", "--goal", "5,18", "--runs", "2")
+    assert [(row["start"], row["goal"], row["run"]) for row in rows] == [([22, 1], [5, 18], 0), ([22, 1], [5, 18], 1)]
+    for row in rows:
+        assert 1 <= row["converged_at"] <= row["iterations"]
+
+
+def test_same_seed_gives_the_same_plans(tmp_path: Path) -> None:
+    options = ("--planner", "pf_aco", "--tasks", "1", "--runs", "2", "--seed", "3")
+    first, second = plan(tmp_path / "a", *options), plan(tmp_path / "b", *options)
+    timeless = {"ms": 0, "cpu_ms": 0}
+    for one, other in zip(first, second, strict=True):
+        assert one | timeless == other | timeless
+
+
+def test_random_tasks_on_a_map(tmp_path: Path) -> None:
+    rows = plan(tmp_path, "--map", str(EXAMPLE_MAP), "--planner", "astar", "--tasks", "3", "--runs", "1")
+    assert [row["task"] for row in rows] == ["random_1", "random_2", "random_3"]
+
+
+def test_tasks_of_a_scenario_file(tmp_path: Path) -> None:
+    scenario = EXAMPLE_MAP.with_suffix(".scen")
+    if not scenario.exists():
+        pytest.skip("the example map has no scenarios")
+    rows = plan(tmp_path, "--scen", str(scenario), "--planner", "astar", "--tasks", "2", "--runs", "1")
+    assert len(rows) == 2
+    assert all(row["task"].startswith("scenario_") for row in rows)
+
+
+def test_pictures(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    options = ["--planner", "pf_aco", "astar", "--tasks", "1", "--runs", "2", "--out", str(tmp_path)]
+    assert main(["plan", *options]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "table.md", "paths_random_1.png", "convergence_random_1.png",
+    }  # fmt: skip
+
+
+def row(planner: str, length: float, turns: int, ms: float, iterations: int = 0, climb: float = 0.0) -> dict[str, Any]:
+    return {
+        "planner": planner, "task": "a", "layout": "floor", "run": 0, "success": True, "length": length,
+        "optimal_length": 10.0, "gap": length / 10 - 1, "turns": turns, "min_turns": 2, "ms": ms,
+        "iterations": iterations, "converged_at": 1 if iterations else None, "climb_m": climb,
+    }  # fmt: skip
+
+
+def test_planners_that_differ_in_their_parameters_stay_apart(tmp_path: Path) -> None:
+    both = ("astar_turns", "astar_turns:gentleness=10")
+    rows = plan(tmp_path, "--layout", "paper46_rough", "--runs", "1", "--planner", *both)
+    for task in ("ramp", "broken_corridor"):
+        flat, gentle = (next(r for r in rows if (r["planner"], r["task"]) == (name, task)) for name in both)
+        assert gentle["climb_m"] == 0 < flat["climb_m"]
+        assert gentle["length"] > flat["length"]
+    table = (tmp_path / "out" / "table.md").read_text()
+    assert all(f"| {name} | ramp |" in table for name in both)
+    assert "astar_turns:gentleness=10 takes" in table
+
+
+def test_runs_that_stop_at_different_iterations_are_drawn(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    command = ["plan", "--planner", "pf_aco:ants=2,iterations=30,patience=1,elite=1", "--runs", "6", "--tasks", "1"]
+    json = tmp_path / "rows.jsonl"
+    assert main([*command, "--json", str(json), "--out", str(tmp_path / "out")]) == 0
+    assert len({row["iterations"] for row in read_rows(json)}) > 1
+    assert (tmp_path / "out" / "convergence_random_1.png").exists()
+
+
+def test_note_says_what_ants_add_and_what_not() -> None:
+    rows = [row("astar", 10, 4, 0.1), row("astar_turns", 10, 2, 0.2), row("pf_aco", 10, 2, 20, 100)]
+    note = plan_note(rows)
+    assert "astar takes 0.10 ms and finds the shortest path in 100%" in note
+    assert "Over astar, which is 200 times as fast, it adds fewer turns (2 against 4 turns a path)." in note
+    assert "Over astar_turns, which is 100 times as fast, it adds nothing." in note
+
+
+def test_note_names_the_price_of_a_gentle_floor() -> None:
+    rows = [row("astar_turns", 10, 2, 0.2, climb=0.5), row("pf_aco", 10.5, 4, 20, 100, climb=0.1)]
+    note = plan_note(rows)
+    assert "gentler floor (0.100 against 0.500 m of climb a path) for paths 5% longer" in note
+    assert "climb [m]" in plan_table(rows).header
+
+
+def test_table_of_failed_runs() -> None:
+    lost = {**row("aco", 10, 4, 1, 100), "success": False, "length": None, "gap": None, "turns": None, "climb_m": None}
+    line = plan_table([lost, row("aco", 12, 4, 3, 100)]).cells[0]
+    assert line[:7] == ("aco", "a", "50%", "12", "10", "20%", "0%")

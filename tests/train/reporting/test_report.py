@@ -1,0 +1,133 @@
+"""Means, intervals and tables against numbers worked out by hand; files of rows."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from train.reporting.report import Table, evaluation_table, number, summarise, with_interval
+from train.reporting.rows import Interval, RowFile, mean_interval, read_rows, t_quantile, write_text
+from warehouse_env.errors import WarehouseError
+
+
+@pytest.mark.parametrize(
+    ("freedom", "expected"),
+    [(1, 12.7062), (2, 4.3027), (3, 3.1824), (4, 2.7764), (9, 2.2622), (10, 2.2281), (29, 2.0452), (100, 1.9840)],
+)
+def test_t_quantile_is_the_printed_one(freedom: int, expected: float) -> None:
+    assert t_quantile(freedom) == pytest.approx(expected, abs=5e-5)
+
+
+def test_interval_of_three_values_by_hand() -> None:
+    # mean 2, standard deviation 1, half width 4.3027 / sqrt(3) = 2.4841
+    assert mean_interval([1, 2, 3]) == pytest.approx((2.0, -0.4841, 4.4841, 3), abs=1e-4)
+
+
+def test_interval_leaves_out_what_is_missing() -> None:
+    assert mean_interval([1, None, 2, math.nan, 3]).samples == 3
+    one = mean_interval([5.0, None])
+    assert (one.mean, one.samples) == (5.0, 1)
+    assert math.isnan(one.low)
+    assert math.isnan(mean_interval([]).mean)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0, "0"), (12.345, "12.3"), (2835.4, "2835"), (0.01234, "0.0123"), (7.0, "7"), (math.nan, "-"), (-1.5, "-1.50")],
+)
+def test_number_keeps_three_figures(value: float, text: str) -> None:
+    assert number(value) == text
+
+
+def test_intervals_are_shown_only_where_there_is_spread() -> None:
+    assert with_interval(Interval(2.0, 1.5, 2.5, 3)) == "2.00 [1.50, 2.50]"
+    assert with_interval(Interval(0.25, 0.125, 0.5, 3), factor=100) == "25.0 [12.5, 50.0]"
+    assert with_interval(Interval(2.0, 2.0, 2.0, 3)) == "2"
+    assert with_interval(Interval(2.0, math.nan, math.nan, 1)) == "2"
+
+
+def row(policy: str, collisions: float, **changes: object) -> dict[str, object]:
+    """One episode: 2 km driven, one shelf contact, the rest robots."""
+    return {
+        "policy": policy, "layout": "paper46", "robots": 16, "tasks": "lifelong", "planner": "astar", "episode": 0,
+        "robot_km": 2.0, "collisions_robot": collisions - 1, "collisions_shelf": 1.0, "near_misses": 4.0,
+        "collisions_per_km": collisions / 2, "goals_per_robot_hour": 100.0, "stuck": 0.25, "success_rate": 1.0,
+        "makespan_s": None, "ms_per_step": 0.5, **changes,
+    }  # fmt: skip
+
+
+def test_summary_by_hand() -> None:
+    rows = [row("follow", 20), row("follow", 22), row("follow", 24), row("brake", 2)]
+    follow, brake = summarise(rows)
+    assert (follow["policy"], follow["episodes"], brake["policy"]) == ("follow", 3, "brake")
+    # Rates 10, 11, 12 per km: mean 11, half width 2.4841. Shelves: always half a contact per km.
+    assert follow["collisions_per_km"] == pytest.approx((11, 8.5159, 13.4841, 3), abs=1e-4)
+    assert follow["shelf_collisions_per_km"] == pytest.approx((0.5, 0.5, 0.5, 3))
+    assert follow["robot_collisions_per_km"] == pytest.approx((10.5, 8.0159, 12.9841, 3), abs=1e-4)
+    assert follow["near_misses_per_km"] == pytest.approx((2, 2, 2, 3))
+
+
+def test_intervals_are_cut_at_what_is_possible() -> None:
+    rows = [row("follow", 2, stuck=0.5), row("follow", 20, stuck=1.0)]
+    (line,) = summarise(rows)
+    assert line["collisions_per_km"].low == 0.0  # type: ignore[attr-defined]
+    assert line["stuck"].high == 1.0  # type: ignore[attr-defined]
+
+
+def test_a_robot_that_never_moved_has_no_rate() -> None:
+    (line,) = summarise([row("brake", 1, robot_km=0.0, collisions_per_km=None)])
+    assert math.isnan(line["collisions_per_km"].mean)  # type: ignore[attr-defined]
+    assert evaluation_table([row("brake", 1, robot_km=0.0, collisions_per_km=None)]).cells[0][4] == "-"
+
+
+def test_table_has_success_only_where_tasks_end() -> None:
+    assert not any("success" in name for name in evaluation_table([row("follow", 2)]).header)
+    table = evaluation_table([row("follow", 2, tasks="one_shot", success_rate=0.75, makespan_s=50.0)])
+    assert "75" in table.cells[0][table.header.index("success %")]
+    assert "one_shot" in table.title
+
+
+def test_markdown_and_print(capsys: pytest.CaptureFixture[str]) -> None:
+    table = Table("Speeds", ("what", "rate"), (("simulator", "10.0"), ("vec_env", "-")), "A note.")
+    assert table.markdown() == (
+        "### Speeds\n\n| what | rate |\n| --- | --: |\n| simulator | 10.0 |\n| vec_env | - |\n\nA note.\n"
+    )
+    table.print()
+    printed = capsys.readouterr().out
+    assert all(text in printed for text in ("Speeds", "simulator", "10.0", "A note."))
+
+
+def test_rows_survive_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "rows.jsonl"
+    file = RowFile(path)
+    assert not path.exists()  # nothing is touched before the first row
+    file.add([{"a": np.float32(0.5), "b": np.arange(2), "c": math.nan, "d": path, "e": (1, math.inf)}])
+    file.add([{"a": 2}])
+    assert read_rows(path) == [{"a": 0.5, "b": [0, 1], "c": None, "d": str(path), "e": [1, None]}, {"a": 2}]
+    assert file.kept() == f"2 rows are kept in {path}"
+
+
+def test_a_new_file_replaces_the_old_one_unless_told(tmp_path: Path) -> None:
+    path = tmp_path / "rows.jsonl"
+    RowFile(path).add([{"a": 1}])
+    RowFile(path, keep=True).add([{"a": 2}])
+    assert [one["a"] for one in read_rows(path)] == [1, 2]
+    RowFile(path).add([{"a": 3}])
+    assert [one["a"] for one in read_rows(path)] == [3]
+
+
+def test_a_damaged_row_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "rows.jsonl"
+    path.write_text(json.dumps({"a": 1}) + '\n{"a": 2')
+    with pytest.raises(WarehouseError, match=r"rows\.jsonl, line 2: not a JSON object"):
+        read_rows(path)
+
+
+def test_text_files_are_whole(tmp_path: Path) -> None:
+    write_text(tmp_path / "new" / "table.md", "text")
+    assert (tmp_path / "new" / "table.md").read_text() == "text"
+    assert [one.name for one in (tmp_path / "new").iterdir()] == ["table.md"]

@@ -1,0 +1,244 @@
+"""The measurements of `warehouse bench`: each part yields rows. Heavy imports stay inside the parts."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+
+from train.reporting.rows import Row
+from warehouse_env.config import EnvConfig
+
+_PLANNER = "astar"  # its routes are there at once; ants would be measured under "plan"
+_POOL = 32  # random actions are drawn before the clock starts, and then cycled
+_SIMULATED = 100  # seconds that the path follower drives for each second of the budget
+_CHUNKS = 9  # the rate of a row is the median over these
+_START_SEEDS = 16  # large batches repeat so many starts, for laying 30,000 routes is not what is measured
+_SQUARE_PER_ROBOTS = {32: 46, 256: 130, 1024: 260}  # robots -> side of the floor [cells], at one density
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How long and how large to measure."""
+
+    seconds: float  # for each row
+    largest: int  # robots in a single world
+    threads: tuple[int, ...]
+    action_repeat: int  # of the simulator rows
+    seed: int
+
+
+def _most_threads() -> int:
+    return int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
+
+
+def _choices(space: Any) -> int:
+    """Return the number of discrete actions."""
+    return int(space.n)
+
+
+class Rate(NamedTuple):
+    """Calls a second: median, lowest and highest chunk."""
+
+    median: float
+    low: float
+    high: float
+
+
+def rate(call: Callable[[int], object], seconds: float) -> Rate:
+    """Measure how often a second `call(k)` can be called, k counting up; the first calls only warm up."""
+    begin, count = time.perf_counter(), 0
+    while count < 3 or time.perf_counter() - begin < 0.1 * seconds:
+        call(count)
+        count += 1
+        if count == 1:
+            begin = time.perf_counter()  # the first call may compile
+    per_chunk = max(1, math.ceil(count * 10 / _CHUNKS))
+    rates = []
+    for _ in range(_CHUNKS):
+        begin = time.perf_counter()
+        for k in range(count, count + per_chunk):
+            call(k)
+        rates.append(per_chunk / (time.perf_counter() - begin))
+        count += per_chunk
+    return Rate(statistics.median(rates), min(rates), max(rates))
+
+
+def _speed(measured: Rate, envs: int, agents: int, threads: int) -> Row:
+    """Return the common fields of a row from a rate of calls that step `envs` environments of `agents` robots each."""
+    rows = envs * agents
+    return {
+        "envs": envs, "agents": agents, "threads": threads, "agent_steps_per_s": measured.median * rows,
+        "low": measured.low * rows, "high": measured.high * rows, "env_steps_per_s": measured.median * envs,
+    }  # fmt: skip
+
+
+def simulator(budget: Budget) -> Iterator[Row]:
+    """Batches of worlds on paper46 with each number of threads, and single worlds at one density with one thread."""
+    from warehouse_env.maps.layouts import make_layout
+    from warehouse_env.simulation.simulator import Simulator
+
+    for worlds, robots in ((64, 16), (1024, 32), (1, 32), (1, 256), (1, 1024)):
+        if worlds == 1 and robots > budget.largest:
+            continue
+        config = EnvConfig(
+            num_agents=robots, planner=_PLANNER, max_steps=sys.maxsize, action_repeat=budget.action_repeat
+        )
+        side = _SQUARE_PER_ROBOTS[robots] if worlds == 1 else 0
+        grid = make_layout("blocks", rows=side, columns=side) if worlds == 1 else None
+        sim = Simulator(config, worlds, grid=grid)
+        sim.reset([budget.seed + k % _START_SEEDS for k in range(worlds)])
+        pool = np.random.default_rng(budget.seed).integers(0, _choices(sim.action_space), (_POOL, worlds, robots))
+        for threads in budget.threads if worlds > 1 else (1,):
+            if threads > _most_threads():
+                continue
+            numba.set_num_threads(threads)
+            measured = rate(lambda k, sim=sim, pool=pool: sim.step(pool[k % _POOL]), budget.seconds)  # type: ignore[misc]
+            yield {**_speed(measured, worlds, robots, threads), "action_repeat": budget.action_repeat}
+    numba.set_num_threads(_most_threads())
+
+
+def pettingzoo(budget: Budget) -> Iterator[Row]:
+    """One parallel PettingZoo environment with 8 robots: dicts in, dicts out."""
+    from warehouse_env import parallel_env
+
+    numba.set_num_threads(1)
+    env = parallel_env(num_agents=8, planner=_PLANNER, max_steps=sys.maxsize)
+    env.reset(seed=budget.seed)
+    draws = np.random.default_rng(budget.seed).integers(0, _choices(env.action_space(env.agents[0])), (_POOL, 8))
+    pool = [dict(zip(env.agents, draw, strict=True)) for draw in draws]
+    yield _speed(rate(lambda k: env.step(pool[k % _POOL]), budget.seconds), 1, 8, 1)
+
+
+def vec_env(budget: Budget) -> Iterator[Row]:
+    """The VecEnv of stable-baselines3 with 64 worlds of 16 robots."""
+    from warehouse_env import vec_env as make
+
+    numba.set_num_threads(1)
+    env = make(64, num_agents=16, planner=_PLANNER, max_steps=sys.maxsize)
+    env.seed(budget.seed)
+    env.reset()
+    pool = np.random.default_rng(budget.seed).integers(0, _choices(env.action_space), (_POOL, 64 * 16))
+    yield _speed(rate(lambda k: env.step(pool[k % _POOL]), budget.seconds), 64, 16, 1)
+
+
+def train_reinforce(budget: Budget) -> Iterator[Row]:
+    """Our trainer at its defaults: agent-steps/s, and the shares of simulator, policy and update."""
+    from train.learning.config import ReinforceConfig
+    from train.reinforce import profile
+
+    yield _training(lambda updates: profile(ReinforceConfig(seed=budget.seed), updates), ReinforceConfig(), budget)
+
+
+def train_ppo(budget: Budget) -> Iterator[Row]:
+    """The PPO trainer at its defaults, likewise."""
+    from train.learning.config import PPOConfig
+    from train.ppo import profile
+
+    yield _training(lambda updates: profile(PPOConfig(seed=budget.seed), updates), PPOConfig(), budget)
+
+
+def _training(profile: Callable[[int], dict[str, float]], config: Any, budget: Budget) -> Row:
+    figures = profile(max(2, round(budget.seconds)))
+    parts = {name.removesuffix("_s"): figures[name] for name in ("simulator_s", "policy_s", "update_s")}
+    shares = {name: seconds / sum(parts.values()) for name, seconds in parts.items()}  # threads add up
+    worlds = sum(count for _, count in config.worlds(config.rows))
+    return {
+        "envs": worlds, "agents": "/".join(map(str, config.robots)), "threads": config.threads,
+        "agent_steps_per_s": figures["steps_per_second"], "shares": shares,
+    }  # fmt: skip
+
+
+def plan(budget: Budget) -> Iterator[Row]:
+    """Every planner on the named tasks of paper46: median milliseconds of a plan."""
+    from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
+    from warehouse_env.planning import PLANNERS, make_planner
+
+    layout = "paper46"
+    grid, tasks = make_layout(layout), list(NAMED_TASKS[layout].values())
+    for name in PLANNERS:
+        planner, rng = make_planner(name), np.random.default_rng(budget.seed)
+        planner.plan(grid, tasks[0].start, tasks[0].goal, rng)
+        begin = time.perf_counter()
+        seconds: list[float] = []
+        while len(seconds) < 2 * len(tasks) or (time.perf_counter() - begin < budget.seconds and len(seconds) < 2000):
+            task = tasks[len(seconds) % len(tasks)]
+            seconds.append(planner.plan(grid, task.start, task.goal, rng).seconds)
+        yield {"planner": name, "ms": 1000 * statistics.median(seconds), "on": layout, "plans": len(seconds)}
+
+
+def ant_walk(budget: Budget) -> Iterator[Row]:
+    """The colony's walk against plain C, on paper46: milliseconds of the walks of one plan, the least of many."""
+    from train.benchmarks.ant_walk import Compared, c_walk, compare, compiler
+    from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
+    from warehouse_env.planning.ants.aco import Aco
+    from warehouse_env.planning.ants.pf_aco import PfAco
+
+    if compiler() is None:
+        yield {"note": "The walk was not held against C: there is no C compiler (cc) here."}
+        return
+    grid = make_layout("paper46")
+    with tempfile.TemporaryDirectory() as folder:
+        in_c = c_walk(Path(folder))
+        for system, name in itertools.product((PfAco(patience=None), Aco()), ("in_zone_1", "cross_zone_1")):
+            task = NAMED_TASKS["paper46"][name]
+            compare(system, grid, task.start, task.goal, in_c, budget.seed)
+            begin, found = time.perf_counter(), list[Compared]()
+            while len(found) < 3 or time.perf_counter() - begin < budget.seconds:
+                found.append(compare(system, grid, task.start, task.goal, in_c, budget.seed))
+            ours, c = min(one.ours for one in found), min(one.c for one in found)
+            yield {
+                "planner": system.name, "on": name, "ants": system.ants, "iterations": system.iterations,
+                "ms": 1000 * ours, "c_ms": 1000 * c, "over_c": ours / c, "same_moves": all(one.same for one in found),
+            }  # fmt: skip
+
+
+def tracking(budget: Budget) -> Iterator[Row]:
+    """The path follower's lateral offsets on every layout, with and without smoothed routes."""
+    from train.benchmarks.tracking import tracking as follow
+
+    numba.set_num_threads(1)
+    yield from follow(_SIMULATED * budget.seconds, budget.seed)
+
+
+_IMPORT = "import warehouse_env"
+_FIRST_STEP = (
+    "from warehouse_env import parallel_env; env = parallel_env(num_agents=8, planner='astar'); env.reset(seed=0); "
+    "env.step({agent: 0 for agent in env.agents})"
+)
+
+
+def start(budget: Budget) -> Iterator[Row]:
+    """Seconds of a fresh interpreter until `import warehouse_env`, and until the first step of an environment."""
+    repeats = 3 if budget.seconds < 1 else 5
+    for step, code in (("import warehouse_env", _IMPORT), ("first step of an environment", _FIRST_STEP)):
+        timed: str = f"import time; begin = time.perf_counter(); {code}; print(time.perf_counter() - begin)"
+        seconds: list[float] = []
+        for _ in range(repeats + 1):  # the first fills the caches
+            done = subprocess.run([sys.executable, "-c", timed], capture_output=True, text=True, check=True)
+            seconds.append(float(done.stdout.split()[-1]))
+        yield {"step": step, "seconds": statistics.median(seconds[1:])}
+
+
+PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
+    "simulator": simulator,
+    "pettingzoo": pettingzoo,
+    "vec_env": vec_env,
+    "train_reinforce": train_reinforce,
+    "train_ppo": train_ppo,
+    "plan": plan,
+    "ant_walk": ant_walk,
+    "tracking": tracking,
+    "start": start,
+}

@@ -1,0 +1,175 @@
+"""`warehouse bench`: how fast everything is on this machine -> rows, tables, and ratios within the same run."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+from train.reporting.report import Table, make_progress, number
+from train.reporting.rows import Row, RowFile, select
+from warehouse_env import __version__
+from warehouse_env.errors import ConfigError
+
+What = Literal[
+    "simulator", "pettingzoo", "vec_env", "train_reinforce", "train_ppo", "plan", "ant_walk", "tracking", "start"
+]  # fmt: skip
+
+_SMALL = 32  # robots of the single world that larger ones are held against
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Measure agent-steps/s of the simulator, the environments and the trainers, plans/s, the path follower's tracking
+    error, and the time to start."""
+
+    only: tuple[What, ...] = ()
+    """What to measure (everything if left out)."""
+    quick: bool = False
+    """Measure a fifth as long, and no world of more than 256 robots: for a first impression."""
+    threads: tuple[int, ...] = (1, 2)
+    """Numbers of threads for batches of worlds."""
+    seconds: float = 3.0
+    """Time for each measurement, after its warm-up [s]."""
+    action_repeat: int = 1
+    """Physics steps of 0.1 s in one step of the simulator (an environment's default is 2)."""
+    seed: int = 0
+    """Seed of the worlds and of the random actions."""
+    json: Path | None = None
+    """Write the rows to this file as JSON lines."""
+
+    def run(self) -> None:
+        """Measure and print; a row is written as soon as it is measured."""
+        from train.benchmarks.parts import PARTS, Budget
+
+        if not 0 < self.seconds < 3600 or self.seed < 0 or min(self.threads, default=0) < 1 or self.action_repeat < 1:
+            raise ConfigError(
+                f"--seconds {self.seconds} must lie between 0 and 3600, --seed {self.seed} be at least 0, "
+                f"--threads {' '.join(map(str, self.threads))} and --action-repeat {self.action_repeat} at least 1"
+            )
+        budget = Budget(
+            seconds=self.seconds / 5 if self.quick else self.seconds,
+            largest=256 if self.quick else 1024,
+            threads=self.threads,
+            action_repeat=self.action_repeat,
+            seed=self.seed,
+        )
+        parts: dict[str, Callable[[Budget], Iterator[Row]]] = PARTS
+        chosen = [what for what in get_args(What) if not self.only or what in self.only]
+        rows = measure(chosen, parts, budget, RowFile(self.json))
+        for table in tables(rows):
+            table.print()
+
+
+def measure(
+    chosen: Sequence[str],
+    parts: dict[str, Callable[..., Iterator[Row]]],
+    budget: object,
+    file: RowFile,
+) -> list[Row]:
+    """Run the chosen parts under a progress bar; return all rows, each also added to `file` at once."""
+    machine = {"cores": os.cpu_count(), "machine": platform.machine(), "python": platform.python_version()}
+    rows: list[Row] = []
+    try:
+        with make_progress() as progress:
+            bar = progress.add_task("", total=len(chosen))
+            for what in chosen:
+                progress.update(bar, description=what)
+                for measured in parts[what](budget):
+                    rows.append({"what": what, **measured, **machine, "version": __version__})
+                    file.add(rows[-1:])
+                    progress.update(bar, description=f"{what}: {len(rows)} rows")
+                progress.advance(bar)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(file.kept()) from None
+    return rows
+
+
+def tables(rows: Sequence[Row]) -> list[Table]:
+    """Return the tables of speeds, plans, tracking errors and starting times, as far as they were measured."""
+    made = []
+    speeds = [row for row in rows if "agent_steps_per_s" in row]
+    if speeds:
+        made.append(_speeds(speeds))
+    plans = select(rows, what="plan")
+    if plans:
+        cells = tuple((row["planner"], number(row["ms"], 2), number(1000 / row["ms"], 3), row["on"]) for row in plans)
+        made.append(Table("Plans, one core", ("planner", "median ms", "plans/s", "on"), cells))
+    walks = select(rows, what="ant_walk")
+    if walks:
+        made.append(_walks(walks))
+    tracks = select(rows, what="tracking")
+    if tracks:
+        from train.benchmarks.tracking import tracking_table
+
+        made.append(tracking_table(tracks))
+    starts = select(rows, what="start")
+    if starts:
+        times = tuple((row["step"], number(row["seconds"], 2)) for row in starts)
+        made.append(Table("A fresh process, compile cache warm", ("until", "seconds"), times))
+    return made
+
+
+def _walks(rows: Sequence[Row]) -> Table:
+    header = ("planner", "task", "ants x iterations", "ms", "ms in C", "over C", "the same moves")
+    cells = tuple(
+        (
+            row["planner"],
+            row["on"],
+            f"{row['ants']} x {row['iterations']}",
+            *(number(row[name], 3) for name in ("ms", "c_ms", "over_c")),
+            "yes" if row["same_moves"] else "NO",
+        )
+        for row in rows
+        if "note" not in row
+    )
+    return Table("The ants' walk against plain C", header, cells, "".join(row.get("note", "") for row in rows))
+
+
+def _speeds(rows: Sequence[Row]) -> Table:
+    header = ("what", "worlds", "robots", "threads", "agent-steps/s", "spread", "env-steps/s", "where the time goes")
+    cells = []
+    for row in rows:
+        low, high = row.get("low"), row.get("high")
+        cells.append(
+            (
+                row["what"],
+                *(str(row[name]) for name in ("envs", "agents", "threads")),
+                _thousands(row["agent_steps_per_s"]),
+                f"{_thousands(low)} to {_thousands(high)}" if low is not None and high is not None else "",
+                _thousands(row["env_steps_per_s"]) if "env_steps_per_s" in row else "",
+                ", ".join(f"{name} {100 * share:.0f}%" for name, share in row.get("shares", {}).items()),
+            )
+        )
+    steps = {row["action_repeat"] for row in rows if "action_repeat" in row}
+    note = [f"One simulator step here: {count} physics step(s) of 0.1 s and one observation." for count in steps]
+    return Table("Speed", header, tuple(cells), "\n".join(note + ratios(rows)))
+
+
+def ratios(rows: Sequence[Row]) -> list[str]:
+    """Return the ratios of rates within these rows: threads over one thread, large single worlds over a small one."""
+    lines = []
+    simulator = select(rows, what="simulator")
+    for row in simulator:
+        if row["threads"] > 1:
+            alone = select(simulator, envs=row["envs"], agents=row["agents"], threads=1)
+            lines += [f"{_name(row)}, {row['threads']} threads over 1: {_ratio(row, one)}" for one in alone]
+        elif row["envs"] == 1 and row["agents"] > _SMALL:
+            small = select(simulator, envs=1, agents=_SMALL, threads=1)
+            lines += [f"{_name(row)} over {_name(one)}: {_ratio(row, one)}" for one in small]
+    return lines
+
+
+def _name(row: Row) -> str:
+    return f"{row['envs']}x{row['agents']}"
+
+
+def _ratio(row: Row, base: Row) -> str:
+    return f"{row['agent_steps_per_s'] / base['agent_steps_per_s']:.2f}"
+
+
+def _thousands(value: float) -> str:
+    return f"{round(value):,}"

@@ -1,0 +1,120 @@
+"""`warehouse demo`: the main job in three minutes. The shipped policies against two rules: table, pictures, video."""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from train.commands.evaluate import Evaluate
+from train.evaluation.rollout import make_experiment, run
+from train.learning.config import HELD_OUT_SEED
+from train.reporting.report import make_progress, require_video
+from train.reporting.rows import read_rows
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
+from warehouse_env.simulation.simulator import Simulator
+
+if TYPE_CHECKING:
+    from warehouse_env.render.frame import Scene
+
+_FRAMES_PER_SECOND = 10.0
+_SIDE = 560  # [px], longest side of one of the two floors in the video
+
+
+@dataclass(frozen=True)
+class Demo:
+    """Compare the shipped policies with path following alone and with stopping for what is ahead, on one floor."""
+
+    policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo")
+    """Policies to compare; the video shows the first beside the one with the most goals among the others."""
+    layout: str = "paper46"
+    """Layout to drive on."""
+    robots: int = 16
+    """Number of robots."""
+    episodes: int = 3
+    """Episodes of each policy."""
+    seconds: float = 600.0
+    """Simulated time of an episode [s]."""
+    video_seconds: float = 60.0
+    """Simulated time that the video shows, at twice the speed [s]; 0 makes none."""
+    planner: str = EnvConfig.planner
+    """Planner of the routes."""
+    processes: int = field(default_factory=lambda: min(os.cpu_count() or 1, 4))
+    """Policies to drive at a time, each in a process of its own."""
+    seed: int = HELD_OUT_SEED
+    """Seed of the first episode; no training uses seeds from the default on."""
+    json: Path | None = None
+    """File for the rows, one an episode, as JSON lines (OUT/rows.jsonl if left out)."""
+    out: Path = Path("results/demo")
+    """Folder for the rows, the table, the pictures and the video."""
+
+    def run(self) -> None:
+        """Evaluate, then film."""
+        if not 0 <= self.video_seconds <= 3600:
+            raise ConfigError(f"--video-seconds {self.video_seconds} must lie between 0 and 3600")
+        if self.video_seconds:
+            require_video()
+        begin = time.perf_counter()
+        Evaluate(
+            policy=self.policy,
+            layout=(self.layout,),
+            robots=(self.robots,),
+            episodes=self.episodes,
+            seconds=self.seconds,
+            planner=self.planner,
+            seed=self.seed,
+            json=self.json,
+            out=self.out,
+            processes=self.processes,
+        ).run()
+        if self.video_seconds:
+            print(f"wrote the video to {self._film(self.out / 'video.mp4')}")
+        print(f"done in {time.perf_counter() - begin:.0f} s")
+
+    def _film(self, path: Path) -> Path:
+        """Write the first policy and the best of the others side by side, driving the same tasks."""
+        from warehouse_env.render.floor import scale_for
+        from warehouse_env.render.frame import draw
+        from warehouse_env.render.video import VideoWriter
+
+        base = EnvConfig(layout=self.layout, num_agents=self.robots, planner=self.planner)
+        reels = []
+        for policy in dict.fromkeys((self.policy[0], self._best())):
+            reel = Reel(Path(policy).name)
+            run(make_experiment(policy, base, 1, self.video_seconds, self.seed), [reel])
+            reels.append(reel.scenes)
+        scale = scale_for(reels[0][0].grid, _SIDE)
+        with make_progress() as progress, VideoWriter(path, _FRAMES_PER_SECOND) as video:
+            bar = progress.add_task("video", total=min(map(len, reels)))
+            for scenes in zip(*reels, strict=False):
+                video.add(np.concatenate([draw(scene, scale) for scene in scenes], axis=1))
+                progress.advance(bar)
+        return path
+
+    def _best(self) -> str:
+        """Return the policy with the most goals in the rows just written, the first one left out if there are more."""
+        rows = read_rows(self.json or self.out / "rows.jsonl")
+        goals = {name: sum(row["goals"] for row in rows if row["policy"] == name) for name in self.policy}
+        return max(self.policy[1:] or self.policy, key=goals.__getitem__)
+
+
+class Reel:
+    """A watcher that keeps a scene of the first world at every step, captioned with the contacts so far."""
+
+    def __init__(self, name: str) -> None:
+        self.scenes: list[Scene] = []
+        self._name = name
+
+    def __call__(self, simulator: Simulator, steps: int) -> None:
+        """Keep the scene."""
+        from warehouse_env.render.frame import scene_of
+
+        metrics = simulator.episode_metrics(0)
+        contacts = round(metrics["collisions_robot"] + metrics["collisions_shelf"])
+        text = f"{self._name}   {contacts} collisions   {round(metrics['goals'])} goals"
+        self.scenes.append(scene_of(simulator)._replace(text=text))

@@ -1,0 +1,139 @@
+"""`warehouse evaluate`: policies over held-out episodes -> rows, a table with intervals, pictures."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from train.evaluation.pool import Job, play_all
+from train.evaluation.rollout import Experiment, Trace, identity, make_experiment
+from train.learning.config import HELD_OUT_SEED
+from train.reporting.report import evaluation_table, make_progress, require_charts
+from train.reporting.rows import Row, RowFile, check_writable, read_rows, write_text
+from warehouse_env.config import EnvConfig, TaskMode
+from warehouse_env.errors import ConfigError, unknown_name
+from warehouse_env.maps.layouts import LAYOUTS
+from warehouse_env.maps.movingai import read_map
+from warehouse_env.planning import make_planner
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Drive policies through held-out episodes on layouts or maps; print means with 95% intervals."""
+
+    policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo")
+    """Policies to compare: names, or folders of trained ones."""
+    layout: tuple[str, ...] = ()
+    """Layouts to drive on (paper46 if neither layout nor map is given)."""
+    map: tuple[Path, ...] = ()
+    """MovingAI .map files to drive on."""
+    robots: tuple[int, ...] = (16,)
+    """Numbers of robots."""
+    episodes: int = 5
+    """Episodes of each policy, floor and number of robots."""
+    seconds: float = 600.0
+    """Simulated time of an episode [s]."""
+    tasks: TaskMode = "lifelong"
+    """lifelong: a new goal after every arrival; one_shot: one goal each, then parked."""
+    planner: str = EnvConfig.planner
+    """Planner of the routes."""
+    seed: int = HELD_OUT_SEED
+    """Seed of the first episode, the next ones count on; no training uses seeds from the default on."""
+    json: Path | None = None
+    """File for the rows, one an episode, as JSON lines (OUT/rows.jsonl if left out)."""
+    out: Path = Path("results/evaluate")
+    """Folder for the rows, the table and the pictures."""
+    resume: bool = False
+    """Keep the rows that the file holds already, and play only the episodes that it lacks."""
+    processes: int = 1
+    """Experiments to play at a time, each in a process of its own; the rows stay the same but for ms_per_step."""
+    pictures: bool = True
+    """Draw the trajectories of one episode of each policy, and the bar chart of collisions."""
+
+    def run(self) -> None:
+        """Play all experiments, print the table, write rows and pictures."""
+        experiments = self.experiments()
+        path, table_path = self.json or self.out / "rows.jsonl", self.out / "table.md"
+        check_writable(table_path)
+        if self.pictures:
+            require_charts()
+        old = read_rows(path) if self.resume and path.exists() else []
+        rows, traces = play(experiments, RowFile(path, keep=self.resume), old, self.pictures, self.processes)
+        table = evaluation_table(rows)
+        table.print()
+        write_text(table_path, table.markdown())
+        if self.pictures:
+            from train.evaluation.pictures import evaluation_pictures
+
+            evaluation_pictures(rows, traces, self.out)
+        print(f"wrote the rows to {path}, the table{' and the pictures' if self.pictures else ''} to {self.out}")
+
+    def experiments(self) -> list[Experiment]:
+        """Return the product of floors, robot counts and policies; everything that can be checked now is."""
+        if self.processes < 1:
+            raise ConfigError(f"--processes {self.processes} must be at least 1")
+        for name, values in (("policy", self.policy), ("robots", self.robots)):
+            if not values:
+                raise ConfigError(f"--{name} needs at least one value")
+        make_planner(self.planner)
+        floors: list[dict[str, Any]] = [{"layout": name} for name in self.layout]
+        for name in self.layout:
+            if name not in LAYOUTS:
+                raise unknown_name("layout", name, LAYOUTS)
+        for path in self.map:
+            read_map(path)
+            floors.append({"map_file": str(path)})
+        experiments = []
+        for floor in floors or [{}]:
+            for robots in dict.fromkeys(self.robots):
+                base = EnvConfig(num_agents=robots, planner=self.planner, tasks=self.tasks, **floor)
+                experiments += [
+                    make_experiment(policy, base, self.episodes, self.seconds, self.seed)
+                    for policy in dict.fromkeys(self.policy)
+                ]
+        return experiments
+
+
+def play(
+    experiments: Sequence[Experiment],
+    file: RowFile,
+    old: Sequence[Row] = (),
+    traced: bool = False,
+    processes: int = 1,
+) -> tuple[list[Row], list[Trace]]:
+    """Run experiments under a progress bar, writing the rows of each as soon as it ends.
+
+    Episodes whose rows are among `old` are not played again. Returns all rows in the order of the experiments, and
+    if `traced` the traces of the first episodes played. On Ctrl-C the KeyboardInterrupt says which rows are kept.
+    """
+    rows: dict[int, list[Row]] = {}
+    traces: dict[int, Trace] = {}
+    jobs = []
+    for index, experiment in enumerate(experiments):
+        rows[index], missing = _split(experiment, old)
+        if missing is not None:
+            jobs.append(Job(index, missing, traced))
+    try:
+        with make_progress() as progress:
+            bar = progress.add_task("", total=sum(job.experiment.config.max_steps for job in jobs))
+            moved = lambda steps, title: progress.update(bar, completed=steps, description=title)  # noqa: E731
+            for played in play_all(jobs, processes, moved):
+                file.add(played.rows)
+                rows[played.number] += played.rows
+                if played.trace is not None:
+                    traces[played.number] = played.trace
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(file.kept()) from None
+    return [row for index in sorted(rows) for row in rows[index]], [traces[index] for index in sorted(traces)]
+
+
+def _split(experiment: Experiment, old: Iterable[Row]) -> tuple[list[Row], Experiment | None]:
+    """Return the rows of an experiment that exist already, and the experiment of its missing episodes, if any."""
+    same = identity(experiment).items()
+    found = {row["episode"]: row for row in old if all(row.get(name) == value for name, value in same)}
+    done = [found[k] for k in experiment.episodes if k in found and found[k]["seed"] == experiment.seed + k]
+    missing = tuple(k for k in experiment.episodes if all(row["episode"] != k for row in done))
+    return done, dataclasses.replace(experiment, episodes=missing) if missing else None

@@ -1,0 +1,130 @@
+"""`warehouse layouts`: what floors there are, and whether a map file can be used."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from train.reporting.report import Table
+from train.reporting.rows import Row, RowFile
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.layouts import LAYOUTS, make_layout
+from warehouse_env.maps.movingai import read_map, write_map
+
+
+@dataclass(frozen=True)
+class Layouts:
+    """List the layouts; or draw one, check a map file, or convert a layout or map into a MovingAI file."""
+
+    draw: str | None = None
+    """Name of a layout, or a .map file, to draw in the terminal."""
+    png: Path | None = None
+    """Also write the drawing as a picture to this file."""
+    check: Path | None = None
+    """A MovingAI .map file to check."""
+    convert: Path | None = None
+    """Write the layout or map named by --draw to this .map file instead of drawing it."""
+    seed: int | None = None
+    """Seed of the generated layouts (their own default if left out)."""
+    json: Path | None = None
+    """Write the rows of the list to this file as JSON lines."""
+
+    def run(self) -> None:
+        """Do the first of check, convert, draw that is asked for, else list."""
+        if self.draw is None and (self.png is not None or self.convert is not None):
+            raise ConfigError("--png and --convert need --draw NAME_OR_FILE, the floor to write")
+        if self.check is not None:
+            self._check(self.check)
+        elif self.draw is not None:
+            self._draw(self.draw)
+        else:
+            self._list()
+
+    def _floor(self, name: str) -> GridMap:
+        if Path(name).suffix == ".map":
+            return read_map(Path(name))
+        seeded = name in LAYOUTS and "seed" in inspect.signature(LAYOUTS[name]).parameters
+        return make_layout(name, **({"seed": self.seed} if seeded and self.seed is not None else {}))
+
+    def _list(self) -> None:
+        rows = [facts(self._floor(name)) for name in LAYOUTS]
+        RowFile(self.json).add(rows)
+        cells = [
+            (
+                name,
+                f"{row['rows']} x {row['columns']}",
+                *(str(row[key]) for key in ("free", "picks", "stations", "narrowest", "max_height_m")),
+                (inspect.getdoc(LAYOUTS[name]) or "").split("\n")[0].removeprefix("Return ").rstrip("."),
+            )
+            for name, row in zip(LAYOUTS, rows, strict=True)
+        ]
+        header = ("layout", "cells", "free", "picks", "stations", "narrowest aisle", "floor height [m]", "what it is")
+        Table("Layouts", header, tuple(cells)).print()
+
+    def _draw(self, name: str) -> None:
+        grid = self._floor(name)
+        if self.convert is not None:
+            write_map(grid, self.convert)
+            print(f"wrote {self.convert}")
+            return
+        print("\n".join(grid.text()))
+        print("# shelf   p pick   s station   ~ uneven floor   . floor")
+        RowFile(self.json).add([facts(grid)])
+        if self.png is not None:
+            _picture(grid, self.png)
+            print(f"wrote {self.png}")
+
+    def _check(self, path: Path) -> None:
+        grid = read_map(path)
+        row = facts(grid)
+        RowFile(self.json).add([row])
+        left_out = int((~grid.occupied).sum()) - row["free"]
+        aside = f", {left_out} free cells are cut off and not used" if left_out else ""
+        print(
+            f"{path} is good: {row['rows']} x {row['columns']} cells, {row['free']} of them free and connected{aside}; "
+            f"{row['picks']} picks, {row['stations']} stations, narrowest aisle {row['narrowest']} cells"
+        )
+
+
+def facts(grid: GridMap) -> Row:
+    """Return what a list of floors says about one: sizes in cells, heights in metres."""
+    rows, columns = grid.shape
+    return {
+        "layout": grid.name,
+        "rows": rows,
+        "columns": columns,
+        "free": len(grid.free_cells),
+        "picks": len(grid.picks),
+        "stations": len(grid.stations),
+        "narrowest": narrowest_aisle(grid),
+        "max_height_m": round(float(np.abs(grid.height).max()), 3),
+    }
+
+
+def narrowest_aisle(grid: GridMap) -> int:
+    """Return the fewest free cells side by side, in a row or a column, at any cell of the connected floor."""
+    free = np.zeros(grid.shape, dtype=np.bool_)
+    free[tuple(grid.free_cells.T)] = True
+    across = np.minimum(_run_lengths(free), _run_lengths(free.T).T)
+    return int(across[free].min())
+
+
+def _run_lengths(free: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return int[H, W]: for every free cell the length of the run of free cells in its row, 0 elsewhere."""
+    lengths = np.zeros(free.shape, dtype=np.int64)
+    for row, line in enumerate(free):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], line.astype(np.int64), [0]])))
+        for start, end in zip(edges[::2], edges[1::2], strict=True):
+            lengths[row, start:end] = end - start
+    return lengths
+
+
+def _picture(grid: GridMap, path: Path) -> None:
+    from warehouse_env.render.charts import paths
+
+    paths(grid, {}, f"{grid.name}: {len(grid.picks)} picks, {len(grid.stations)} stations", path)

@@ -1,0 +1,87 @@
+"""Pictures of results: which rows, plans and traces go into which chart, under which file name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from train.evaluation.planning_runs import Run
+from train.evaluation.rollout import Trace
+from train.reporting.report import grouped, number
+from train.reporting.rows import Row, mean_interval
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.render import charts
+
+_MOST_TASKS = 10  # of which pictures are drawn; a scenario file may hold thousands
+
+
+def evaluation_pictures(rows: Sequence[Row], traces: Sequence[Trace], folder: Path) -> list[Path]:
+    """Write a bar chart for each floor, task mode and planner, and the trajectories of each trace; return the files."""
+    files = []
+    groups = grouped(rows, ("layout", "tasks", "planner"))
+    for (layout, tasks, planner), group in groups.items():
+        which = () if len(groups) == 1 else map(file_name, map(str, (layout, tasks, planner)))
+        files.append(folder / f"{'_'.join(('collisions', *which))}.png")
+        title = f"{Path(str(layout)).stem}, {tasks}, routes by {planner}"
+        collisions, goals = _bars(group, "collisions_per_km"), _bars(group, "goals_per_robot_hour")
+        charts.collision_bars(collisions, goals, files[-1], title)
+    for trace in traces:
+        one = trace.experiment
+        parts = (one.place, str(one.config.num_agents), one.policy)
+        files.append(folder / f"trajectories_{'_'.join(map(file_name, parts))}.png")
+        poses, seed = trace.poses, one.seeds[0]
+        title = f"{Path(one.policy).name}: {one.config.num_agents} robots on {Path(one.place).stem}, seed {seed}"
+        assert trace.grid is not None
+        charts.trajectories(trace.grid, list(poses[:, :, :2].swapaxes(0, 1)), trace.contacts, title, files[-1])
+    return files
+
+
+def _bars(rows: Sequence[Row], measure: str) -> list[charts.Bar]:
+    bars = []
+    for (policy, robots), group in grouped(rows, ("policy", "robots")).items():
+        interval = mean_interval(row[measure] for row in group)
+        name = Path(str(policy)).name
+        bars.append(charts.Bar(name, int(str(robots)), interval.mean, interval.low, interval.high))
+    return bars
+
+
+def plan_pictures(grid: GridMap, runs: Sequence[Run], folder: Path) -> list[Path]:
+    """Write for each task the first run's path of every planner, and the convergence of all runs; return the files."""
+    files = []
+    tasks = list(dict.fromkeys(run.task for run in runs))[:_MOST_TASKS]
+    for task in tasks:
+        own = [run for run in runs if run.task == task]
+        first = {run.planner: run for run in reversed(own)}
+        cells = {name: first[name].plan.cells for name in dict.fromkeys(run.planner for run in own)}
+        notes = {
+            name: f"{number(run.row['length'], 5)} cells, {run.row['turns']} turns"
+            for name, run in first.items()
+            if run.row["success"]
+        }
+        title = f"{task.name} on {grid.name}: {task.start} to {task.goal}"
+        files.append(folder / f"paths_{file_name(task.name)}.png")
+        charts.paths(grid, cells, title, files[-1], notes)
+        curves = {
+            name: _side_by_side([run.plan.best_by_iteration for run in own if run.planner == name])
+            for name in cells
+            if len(first[name].plan.best_by_iteration) and any(run.row["success"] for run in own if run.planner == name)
+        }
+        if curves:
+            files.append(folder / f"convergence_{file_name(task.name)}.png")
+            charts.convergence(curves, task.optimal_length, files[-1], f"Convergence on {task.name}, {grid.name}")
+    return files
+
+
+def _side_by_side(histories: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return float64[runs, iterations]; a run that stopped early keeps its best."""
+    longest = max(map(len, histories))
+    return np.stack([np.pad(history, (0, longest - len(history)), mode="edge") for history in histories])
+
+
+def file_name(text: str) -> str:
+    """Return `text`, a name or the path of a file, as a part of a file name."""
+    return re.sub(r"[^A-Za-z0-9.-]+", "_", Path(text).name.removesuffix(".map")).strip("_") or "unnamed"

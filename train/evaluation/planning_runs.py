@@ -1,0 +1,126 @@
+"""One planner on one task, one run -> a checked plan and its row; shared by `plan`, the tables and the benchmark."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from train.reporting.rows import Row
+from warehouse_env import __version__
+from warehouse_env.errors import PlanError
+from warehouse_env.maps.clearance import segment_gap
+from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.planning import Plan, Planner, climb, min_turns, path_length, turns, validate
+from warehouse_env.planning.plan import validate_line
+
+_FAR = 5.0  # [cells] clearances beyond are not told apart
+_BEND = math.radians(1.0)  # smaller changes of direction along a line are no turns
+
+
+class Task(NamedTuple):
+    """A start and a goal with the length that no path can beat and the fewest turns of a path of that length."""
+
+    name: str
+    start: Cell
+    goal: Cell
+    optimal_length: float  # [cells]
+    min_turns: int
+
+
+def make_task(grid: GridMap, name: str, start: Cell, goal: Cell) -> Task:
+    """Return the task with its truth, by exact search; MapError or PlanError if it has no solution."""
+    start, goal = grid.check_cell(start, "start"), grid.check_cell(goal, "goal")
+    length = float(grid.distance_to(goal)[start])
+    if not math.isfinite(length):
+        raise PlanError(f"no path leads from {start} to {goal} on map {grid.name!r}; choose connected cells")
+    return Task(name, start, goal, length, min_turns(grid, start, goal))
+
+
+@dataclass(frozen=True)
+class Run:
+    """One plan with its row; the plan's cells and convergence are for the pictures."""
+
+    task: Task
+    planner: str
+    row: Row
+    plan: Plan = field(repr=False)
+
+
+def plan_once(grid: GridMap, planner: Planner, task: Task, number: int, run: int, seed: int, label: str = "") -> Run:
+    """Plan run `run` of task number `number` with random numbers of its own, and check the path without the planner.
+
+    Equal numbers give equal plans; PlanError where a path breaks the rules of the map. label: what to call the planner.
+    """
+    begin = time.thread_time()
+    plan = planner.plan(grid, task.start, task.goal, np.random.default_rng([seed, number, run]))
+    worked = time.thread_time() - begin
+    if plan.found:
+        validate(grid, plan.cells, task.start, task.goal)
+        if plan.line is not None:
+            validate_line(grid, plan.line, task.start, task.goal)
+    length = path_length(plan.cells)
+    row: Row = {
+        "planner": label or planner.name,
+        "layout": grid.name,
+        "task": task.name,
+        "start": list(task.start),
+        "goal": list(task.goal),
+        "run": run,
+        "seed": seed,
+        "success": plan.found,
+        "length": length if plan.found else None,
+        "optimal_length": task.optimal_length,
+        "gap": length / task.optimal_length - 1 if plan.found and task.optimal_length else None,
+        "turns": turns(plan.cells) if plan.found else None,
+        "min_turns": task.min_turns,
+        "climb_m": climb(grid, plan.cells) if plan.found else None,
+        "line_length": plan.line_length if plan.found else None,
+        "line_turns": line_turns(driven(plan)) if plan.found else None,
+        "turn_angle": turn_angle(driven(plan)) if plan.found else None,
+        "clearance": least_gap(grid, driven(plan)) if plan.found else None,
+        "converged_at": plan.converged_at or None,
+        "iterations": len(plan.best_by_iteration),
+        "ms": 1000 * plan.seconds,
+        "cpu_ms": 1000 * worked,  # the same on a busy machine
+        "parameters": planner.key,
+        "version": __version__,
+    }
+    return Run(task, row["planner"], row, plan)
+
+
+def driven(plan: Plan) -> NDArray[np.float64]:
+    """Return the polyline float64[K, 2] (row, col) of a found plan: its line, or the corners of its cells."""
+    points = plan.cells.astype(np.float64) if plan.line is None else plan.line
+    step = np.diff(points, axis=0)
+    inner = [k for k in range(1, len(points) - 1) if _angle(step[k - 1], step[k]) > 0.0]
+    return points[[0, *inner, len(points) - 1]] if len(points) > 1 else points
+
+
+def line_turns(line: NDArray[np.float64]) -> int:
+    """Return how often the direction of a polyline float64[K, 2] changes by more than a degree."""
+    step = np.diff(line, axis=0)
+    return sum(_angle(a, b) > _BEND for a, b in itertools.pairwise(step))
+
+
+def turn_angle(line: NDArray[np.float64]) -> float:
+    """Return by how many degrees in all the direction of a polyline float64[K, 2] changes."""
+    return math.degrees(sum(_angle(a, b) for a, b in itertools.pairwise(np.diff(line, axis=0))))
+
+
+def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    return abs(math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]))
+
+
+def least_gap(grid: GridMap, line: NDArray[np.float64]) -> float:
+    """Return the least distance [cells] of a polyline float64[K, 2] to shelves and the map's edge, at most 5."""
+    solid = np.pad(grid.occupied, 1, constant_values=True).astype(np.uint8)
+    gap, corners = _FAR, (line[:, ::-1] + 0.5).tolist()  # (x, y) with cell corners on whole numbers
+    for a, b in zip(corners, corners[1:] or corners, strict=False):
+        gap = min(gap, float(segment_gap(solid, *a, *b, 1.0, gap)))  # type: ignore[call-arg]
+    return gap

@@ -1,0 +1,183 @@
+"""One experiment: an environment, a policy and seeds, played to the end -> one row per episode."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents import make_policy, policy_config
+from agents.policy import Policy
+from train.reporting.rows import Row, plain
+from warehouse_env import __version__
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.routes.book import RouteBook
+from warehouse_env.simulation.simulator import Simulator
+
+Watcher = Callable[[Simulator, int], None]
+"""Called after the reset (step 0) and after every step with the simulator and the number of steps done."""
+
+_POLICY_STREAM = 1  # apart from the world's own stream SeedSequence([seed, 0])
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Names and numbers only, so it is JSON: an environment with its planner, a policy, and the episodes' seeds."""
+
+    policy: str  # a name of POLICIES or a policy folder
+    config: EnvConfig  # as the policy needs it; max_steps is the length of an episode
+    seed: int  # of episode 0; episode k has seed + k
+    episodes: tuple[int, ...]  # the numbers of the episodes to play
+
+    @property
+    def seeds(self) -> list[int]:
+        """Seeds of the episodes."""
+        return [self.seed + k for k in self.episodes]
+
+    @property
+    def place(self) -> str:
+        """Name of the layout, or the path of the map."""
+        return self.config.map_file or self.config.layout
+
+    @property
+    def title(self) -> str:
+        """What the progress bar says."""
+        return f"{self.place} · {self.config.num_agents} robots · {self.policy}"
+
+
+def make_experiment(policy: str, base: EnvConfig, episodes: int, seconds: float, seed: int) -> Experiment:
+    """Return the experiment of `episodes` episodes of `seconds` simulated time, with what the policy needs put in.
+
+    Raises ConfigError for an unknown policy or a number out of range, WeightsError for an unusable policy folder.
+    """
+    if episodes < 1:
+        raise ConfigError(f"episodes={episodes} must be at least 1")
+    if not (math.isfinite(seconds) and seconds > 0):
+        raise ConfigError(f"seconds={seconds!r} must be a finite number above 0")
+    if seed < 0:
+        raise ConfigError(f"seed={seed} must be at least 0")
+    config = policy_config(policy, base)
+    steps = max(1, round(seconds / (config.time_step * config.action_repeat)))
+    return Experiment(policy, config.replace(max_steps=steps), seed, tuple(range(episodes)))
+
+
+class Routes:
+    """Route books by floor, planner, lanes and smoothing, so that experiments on one floor share their plans."""
+
+    def __init__(self) -> None:
+        self._books: dict[tuple[object, ...], RouteBook] = {}
+
+    def simulator(self, config: EnvConfig, worlds: int) -> Simulator:
+        """Return a new simulator that uses the shared route book of its floor."""
+        smooth_for = config.robot if config.smooth_routes else None
+        key = (config.layout, config.map_file, config.planner, config.keep_right, smooth_for)
+        simulator = Simulator(config, worlds, routes=self._books.get(key))
+        self._books[key] = simulator.route_book
+        return simulator
+
+
+def run(experiment: Experiment, watch: Sequence[Watcher] = (), routes: Routes | None = None) -> list[Row]:
+    """Play all episodes side by side, one world each; return their rows in the order of their seeds.
+
+    An episode's numbers do not depend on which others are played beside it: every world has its own generators, and
+    the policy is asked for one world at a time. ms_per_step is the median time of one decision of all robots of
+    one world, policy and simulator together, so that a compilation at the start leaves no mark.
+    """
+    config, seeds = experiment.config, experiment.seeds
+    simulator = (routes or Routes()).simulator(config, len(seeds))
+    policy = make_policy(experiment.policy, config)
+    generators = [np.random.default_rng([seed, _POLICY_STREAM]) for seed in seeds]
+    observation = simulator.reset(seeds)
+    metrics: list[dict[str, float] | None] = [None] * len(seeds)
+    _call(watch, simulator, 0)
+    seconds: list[float] = []
+    steps = 0
+    while steps < config.max_steps and None in metrics:
+        begin = time.perf_counter()
+        observation = simulator.step(_actions(policy, observation, generators))
+        seconds.append(time.perf_counter() - begin)
+        steps += 1
+        # A world that is over is measured at once; it then idles until the last one is over.
+        for world in np.flatnonzero(simulator.terminated.all(axis=1)).tolist():
+            metrics[world] = metrics[world] or simulator.episode_metrics(world)
+        _call(watch, simulator, steps)
+    measured = [values or simulator.episode_metrics(world) for world, values in enumerate(metrics)]
+    ms_per_step = 1000 * statistics.median(seconds) / len(seeds)
+    return [_row(experiment, k, values, ms_per_step) for k, values in zip(experiment.episodes, measured, strict=True)]
+
+
+def _actions(
+    policy: Policy, observation: NDArray[np.float32], generators: Sequence[np.random.Generator]
+) -> NDArray[Any]:
+    return np.concatenate([policy.act(observation[b : b + 1], rng) for b, rng in enumerate(generators)])
+
+
+def _call(watch: Sequence[Watcher], simulator: Simulator, steps: int) -> None:
+    for watcher in watch:
+        watcher(simulator, steps)
+
+
+def identity(experiment: Experiment) -> Row:
+    """Return the fields that all rows of an experiment share and by which they are found again in a file."""
+    config = experiment.config
+    shared = {"policy": experiment.policy, "layout": experiment.place, "robots": config.num_agents}
+    return dict(plain({**shared, "tasks": config.tasks, "planner": config.planner, "config": config.to_dict()}))
+
+
+def _row(experiment: Experiment, episode: int, metrics: dict[str, float], ms_per_step: float) -> Row:
+    shared = identity(experiment)
+    config = shared.pop("config")
+    numbers = {"episode": episode, "seed": experiment.seed + episode, **metrics, "ms_per_step": ms_per_step}
+    return dict(plain({**shared, **numbers, "config": config, "version": __version__}))
+
+
+class Trace:
+    """A watcher that keeps where the robots of an experiment's first episode drove and where they touched something."""
+
+    def __init__(self, experiment: Experiment) -> None:
+        self.experiment = experiment
+        self.grid: GridMap | None = None
+        self._poses: list[NDArray[np.float32]] = []
+        self._contacts: list[NDArray[np.float32]] = []
+
+    def __call__(self, simulator: Simulator, steps: int) -> None:
+        """Keep the poses, and the places at which contacts began."""
+        pose, events = simulator.state.pose[0].copy(), simulator.events
+        self.grid = simulator.grid
+        self._poses.append(pose)
+        if steps:
+            robot = simulator.config.robot
+            back = np.float32(robot.length / 2 - robot.front_overhang)  # from the front axle to the body's centre [m]
+            centre = pose[:, :2] - back * np.stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])], axis=1)
+            self._contacts += [centre[events.hit_shelf[0] > 0], pair_centres(centre[events.hit_robot[0] > 0])]
+
+    @property
+    def poses(self) -> NDArray[np.float32]:
+        """Poses, float32[T, N, 3]: front axle x [m], y [m], heading [rad]."""
+        return np.stack(self._poses)
+
+    @property
+    def contacts(self) -> NDArray[np.float32]:
+        """Where contacts began, float32[K, 2] [m]: the body's centre at a shelf, the middle between two robots."""
+        return np.concatenate([np.empty((0, 2), dtype=np.float32), *self._contacts])
+
+
+def pair_centres(centre: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return float32[P, 2], the middles of the pairs that robots at float32[K, 2], all hit in one step, make.
+
+    A contact hits both of its robots in the same step, so each robot's partner is the nearest one of them.
+    """
+    if len(centre) < 2:
+        return np.empty((0, 2), dtype=np.float32)
+    distance = np.hypot(*(centre[:, None] - centre[None]).transpose(2, 0, 1))
+    np.fill_diagonal(distance, np.inf)
+    pairs = {(min(i, j), max(i, j)) for i, j in enumerate(distance.argmin(axis=1).tolist())}
+    return np.stack([(centre[i] + centre[j]) / 2 for i, j in sorted(pairs)])

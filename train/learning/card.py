@@ -1,0 +1,116 @@
+"""CARD.md of a policy folder: what it was trained on, how long, and its measured figures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from agents.weights_folder import PolicyRecord, read_record
+from train.learning.config import HELD_OUT_SEED
+from train.reporting.rows import Row, mean_interval, write_text
+
+CARD = "CARD.md"
+_BY = ("policy", "layout", "robots")  # one line of the table each
+_FIGURES = ("collisions_per_km", "collisions_robot", "collisions_shelf", "goals_per_robot_hour", "stuck", "robot_km")
+
+
+def write_card(directory: Path | str, rows: Sequence[Row] = ()) -> Path:
+    """Write the card of the policy in `directory` from its config.json; return its path.
+
+    Args:
+        directory: a policy folder (WeightsError if it is none).
+        rows: of an evaluation (`warehouse evaluate --json`), for the table of measured figures; without them the card
+            says that none were measured.
+    """
+    directory = Path(directory)
+    record = read_record(directory)
+    parts = [f"# {record.algorithm}", _origin(record), _settings(record), _measured(rows), _limits(record)]
+    write_text(directory / CARD, "\n\n".join(part for part in parts if part) + "\n")
+    return directory / CARD
+
+
+def _origin(record: PolicyRecord) -> str:
+    training = record.training
+    config = training.get("config", {})
+    minutes, steps = training.get("seconds", 0.0) / 60.0, training.get("steps", 0)
+    sentences = (
+        f"A policy for one robot among many, from its own observation of {record.network.observation_size} numbers to "
+        f"{_action(record)}.",
+        f"Trained by `{record.algorithm}` for {minutes:.1f} minutes on {config.get('threads')} threads: {steps:,} "
+        f"agent-steps in {training.get('updates', 0):,} updates, seed {config.get('seed')}, on the layouts "
+        f"{_list(config.get('layouts'))} with {_list(config.get('robots'))} robots, routes by "
+        f"`{config.get('planner')}`, episodes of {config.get('episode_seconds')} s (worlds that jammed for "
+        f"{config.get('jam_seconds')} s ended early), without a protective field.",
+        _start(record),
+        f"Training seeds lie below {HELD_OUT_SEED:,}, evaluation seeds from there on.",
+        f"Actions are chosen by: {record.mode}.",
+    )
+    return " ".join(sentence for sentence in sentences if sentence)
+
+
+def _start(record: PolicyRecord) -> str:
+    if not record.env.sensor.predictions:
+        return ""
+    return (
+        "Before the training the policy was set by hand to prefer the fastest command for which the observation "
+        "predicts no conflict; what the training adds is the difference to that."
+    )
+
+
+def _action(record: PolicyRecord) -> str:
+    env, decision = record.env, record.env.time_step * record.env.action_repeat
+    if record.network.discrete:
+        what = f"one of {record.network.actions} commands (speed x offset from the route)"
+    else:
+        what = f"a {env.action_type} command of {record.network.actions} numbers"
+    return f"{what} every {decision:g} s"
+
+
+def _settings(record: PolicyRecord) -> str:
+    training = record.training
+    lines = ["## How it was trained", "", "| option | value |", "|---|---|"]
+    lines += [f"| {name} | {value} |" for name, value in training.get("config", {}).items() if name not in ("out",)]
+    lines += [f"| {name} (version) | {value} |" for name, value in training.get("versions", {}).items()]
+    figures = training.get("last_figures", {})
+    if figures:
+        shown = ", ".join(f"{name} {value:.4g}" for name, value in figures.items() if name != "steps_per_second")
+        lines += ["", f"Last figures of the training itself (its own worlds, exploring; they flatter): {shown}."]
+    return "\n".join(lines)
+
+
+def _measured(rows: Sequence[Row]) -> str:
+    head = "## Measured"
+    if not rows:
+        return f"{head}\n\nNot measured yet: `warehouse evaluate --policy` this folder."
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(tuple(row.get(name) for name in _BY), []).append(row)
+    columns = (*_BY, "episodes", *_FIGURES)
+    lines = [head, "", "Held-out seeds; means over episodes with 95% intervals.", ""]
+    lines += ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
+    for key, group in groups.items():
+        cells = [Path(str(value)).name for value in key] + [str(len(group))]  # a map by its file's name
+        cells += [_cell([row.get(name) for row in group]) for name in _FIGURES]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def _cell(values: list[Any]) -> str:
+    interval = mean_interval(values)
+    if math.isnan(interval.mean):
+        return "-"
+    half = interval.high - interval.mean
+    return f"{interval.mean:.3g}" + (f" ± {half:.2g}" if not math.isnan(half) else "")
+
+
+def _list(values: Any) -> str:
+    return ", ".join(str(value) for value in values or ("?",))
+
+
+def _limits(record: PolicyRecord) -> str:
+    return (
+        "## Limits\n\nOne training run in simulation with exact sensing. It lowers collisions, it does not exclude "
+        "them: a real vehicle needs its own certified protective field."
+    )

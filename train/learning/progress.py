@@ -1,0 +1,98 @@
+"""How a training shows itself: a progress bar, rows in progress.jsonl, and TensorBoard if it is installed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+from train.reporting.rows import RowFile, read_rows
+
+ROWS = "progress.jsonl"
+LOG_SECONDS = 5.0  # between two rows
+
+
+class ProgressLog:
+    """Averages over some seconds of updates go to the bar, to a file of rows and to TensorBoard.
+
+    Attributes:
+        last: figures of the last row.
+    """
+
+    def __init__(self, directory: Path, show: bool, steps: int) -> None:
+        """Open the log of the run in `directory`; `steps` are those done before, later rows of a broken run go."""
+        path = directory / ROWS
+        before = [row for row in read_rows(path) if row["steps"] <= steps] if path.is_file() and steps else []
+        self._rows = RowFile(path)
+        self._rows.add(before)
+        self.last: dict[str, float] = {}
+        self._console = Console(stderr=True, quiet=not show)
+        columns = (BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("{task.fields[text]}"))
+        self._bar = Progress(*columns, console=self._console, disable=not show)
+        self._task = self._bar.add_task("training", total=1.0, text="first rollout")
+        self._board = self._open_board(directory / "tensorboard")
+        self._since, self._steps, self._losses = time.monotonic(), steps, []  # type: tuple[float, int, list[dict[str, float]]]
+
+    def _open_board(self, directory: Path) -> Any:
+        try:
+            from torch.utils.tensorboard import SummaryWriter
+        except ImportError:
+            self.say('no TensorBoard log: for one, pip install "warehouse-env[train]"')
+            return None
+        return SummaryWriter(str(directory))
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+        if self._board is not None:
+            self._board.close()
+
+    def say(self, text: str) -> None:
+        """Print one line above the bar."""
+        self._console.print(text, markup=False, highlight=False)
+
+    def update(
+        self,
+        steps: int,
+        seconds: float,
+        spent: float,
+        figures: Callable[[], dict[str, float]],
+        losses: dict[str, float],
+    ) -> None:
+        """Note one update; every LOG_SECONDS, and at the end of the budget, a row is written.
+
+        Args:
+            steps: agent-steps done in all.
+            seconds: of training in all.
+            spent: share of the budget, 0 to 1.
+            figures: gives what happened in the worlds since its last call; called with each row.
+            losses: figures of this update alone.
+        """
+        self._losses.append(losses)
+        self._bar.update(self._task, completed=spent)
+        now = time.monotonic()
+        if now - self._since < LOG_SECONDS and spent < 1.0:
+            return
+        rate = (steps - self._steps) / max(now - self._since, 1e-9)
+        means = {key: sum(one[key] for one in self._losses) / len(self._losses) for key in losses}
+        self.last = {"steps_per_second": rate, **figures(), **means}
+        self._rows.add([{"steps": steps, "seconds": seconds, "spent": spent, **self.last}])
+        if self._board is not None:
+            for key, value in self.last.items():
+                self._board.add_scalar(f"train/{key}", value, steps)
+        self._since, self._steps, self._losses = now, steps, []
+        self._bar.update(
+            self._task,
+            text=f"{steps / 1e6:.2f} M, {rate:,.0f} steps/s, reward {self.last['reward']:.3f}, "
+            f"{self.last['goals_per_robot_hour']:.0f} goals/h, {self.last['collisions_per_km']:.1f} collisions/km",
+        )

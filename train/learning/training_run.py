@@ -1,0 +1,222 @@
+"""What both trainers need around their updates: folder, budget, log, checkpoints, and a clean stop on Ctrl-C."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.metadata
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.weights_folder import CONFIG, Network, PolicyRecord, save_policy
+from train.learning import checkpoint
+from train.learning.card import write_card
+from train.learning.config import TrainingConfig
+from train.learning.progress import ProgressLog
+from train.learning.timing import Split
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError, WeightsError
+from warehouse_env.simulation.simulator import Simulator
+
+CHECKPOINT = "checkpoint"
+_FREE_ON_RESUME = ("resume", "progress")  # what may differ without changing the schedule
+
+ConfigT = TypeVar("ConfigT", bound=TrainingConfig)
+
+
+class Trainer(Protocol):
+    """One algorithm: all that `run_training` needs to know of it."""
+
+    algorithm: str
+    env: EnvConfig  # what the policy needs of an environment
+    network: Network
+    rows: int  # robots stepped at a time
+    rollout: int  # decisions of each between two updates
+
+    @property
+    def split(self) -> Split:
+        """Where the time went so far."""
+        ...
+
+    def update(self, number: int, spent: float) -> dict[str, float]:
+        """Collect one rollout and learn from it.
+
+        Args:
+            number: updates done before; all chance of this update follows from it and the seed.
+            spent: share of the budget used, 0 to 1; the schedules follow it.
+
+        Returns:
+            Losses and such, for the log.
+        """
+        ...
+
+    def take_figures(self) -> dict[str, float]:
+        """Return what happened in the worlds since the last call: reward, goals and collisions."""
+        ...
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return all that `load` needs to go on."""
+        ...
+
+    def load(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Put back what `arrays` returned; the config is the same."""
+        ...
+
+    def policy_tensors(self) -> dict[str, NDArray[np.float32]]:
+        """Return the tensors of the policy as it stands, for a weights folder."""
+        ...
+
+
+@dataclasses.dataclass
+class Position:
+    """How far a training has come; kept in the checkpoint."""
+
+    update: int = 0
+    steps: int = 0  # agent-steps
+    seconds: float = 0.0
+
+    def spent(self, config: TrainingConfig) -> float:
+        """Return the share of the budget used, 0 to 1."""
+        shares = [0.0]
+        if config.total_steps is not None:
+            shares.append(self.steps / config.total_steps)
+        if config.minutes is not None:
+            shares.append(self.seconds / (60.0 * config.minutes))
+        return min(max(shares), 1.0)
+
+
+def network_of(simulator: Simulator, hidden: tuple[int, ...]) -> Network:
+    """Return the sizes of the networks for one robot of `simulator`."""
+    space = simulator.action_space
+    discrete = isinstance(space, gymnasium.spaces.Discrete)
+    actions = int(space.n) if isinstance(space, gymnasium.spaces.Discrete) else (space.shape or (0,))[0]
+    return Network(simulator.layout.size, actions, discrete, hidden)
+
+
+def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trainer]) -> Path:
+    """Train until the budget is used or a stop is asked for; return the run's folder, which is a policy folder.
+
+    Raises ConfigError if the folder holds a run already and `resume` is not given, WeightsError if the run to go on
+    with has no usable checkpoint or is of another algorithm.
+    """
+    config, saved = _begin(config, algorithm)
+    trainer = make(config)
+    position = Position()
+    if saved is not None:
+        trainer.load(saved.arrays)
+        position = Position(**{f.name: saved.data[f.name] for f in dataclasses.fields(Position)})
+    with ExitStack() as stack:
+        stop = stack.enter_context(_stop_signal())
+        log = stack.enter_context(ProgressLog(config.directory, config.progress, position.steps))
+        _loop(config, trainer, position, log, stop)
+        _save(config, trainer, position, log.last)
+        log.say(_summary(config, trainer, position, stop.is_set()))
+    return config.directory
+
+
+def profile(trainer: Trainer, updates: int, warm_up: int = 1) -> dict[str, float]:
+    """Run some updates and return where the time went, without writing anything.
+
+    Returns:
+        "simulator_s", "policy_s", "update_s", "seconds" (all), "steps" (agent-steps) and "steps_per_second".
+    """
+    for number in range(warm_up):
+        trainer.update(number, 0.0)
+    before, begun = dict(trainer.split.seconds), time.perf_counter()
+    for number in range(warm_up, warm_up + updates):
+        trainer.update(number, 0.0)
+    seconds = time.perf_counter() - begun
+    steps = updates * trainer.rows * trainer.rollout
+    parts = {part: trainer.split.seconds[part] - before[part] for part in before}
+    return {**parts, "seconds": seconds, "steps": float(steps), "steps_per_second": steps / seconds}
+
+
+def _begin(config: ConfigT, algorithm: str) -> tuple[ConfigT, checkpoint.Checkpoint | None]:
+    """Check the run's folder; return the config to train with and the checkpoint to go on from, if any."""
+    directory = config.directory
+    if config.resume is None:
+        if checkpoint.exists(directory / CHECKPOINT) or (directory / CONFIG).exists():
+            raise ConfigError(f"{directory} holds a training already: go on with --resume {directory}, or use --name")
+        return config, None
+    saved = checkpoint.read(directory / CHECKPOINT)
+    try:
+        if saved.data["algorithm"] != algorithm:
+            raise WeightsError(f"{directory} was trained by {saved.data['algorithm']}, not by {algorithm}")
+        stored = type(config).from_dict(saved.data["config"])
+    except (KeyError, TypeError) as error:
+        raise WeightsError(f"the checkpoint in {directory} lacks the entry {error}") from None
+    for field in dataclasses.fields(config):
+        given, default = getattr(config, field.name), getattr(type(config)(), field.name)
+        if field.name not in _FREE_ON_RESUME and given not in (default, getattr(stored, field.name)):
+            raise ConfigError(f"--resume goes on with the schedule of {directory}: leave out {field.name}={given!r}")
+    kept = {name: getattr(config, name) for name in _FREE_ON_RESUME}
+    return dataclasses.replace(stored, **kept), saved
+
+
+def _loop(
+    config: TrainingConfig, trainer: Trainer, position: Position, log: ProgressLog, stop: threading.Event
+) -> None:
+    begun, saved = time.monotonic() - position.seconds, time.monotonic()
+    while (spent := position.spent(config)) < 1.0 and not stop.is_set():
+        losses = trainer.update(position.update, spent)
+        position.update += 1
+        position.steps += trainer.rows * trainer.rollout
+        position.seconds = time.monotonic() - begun
+        log.update(position.steps, position.seconds, position.spent(config), trainer.take_figures, losses)
+        if time.monotonic() - saved >= config.checkpoint_seconds:
+            _save(config, trainer, position, log.last)
+            saved = time.monotonic()
+
+
+def _save(config: TrainingConfig, trainer: Trainer, position: Position, figures: dict[str, float]) -> None:
+    """Write the checkpoint and, beside it, the policy as it stands with its card."""
+    plain = {key: value for key, value in config.to_dict().items() if key != "resume"}
+    data = {"algorithm": trainer.algorithm, "config": plain, **dataclasses.asdict(position)}
+    directory = config.directory
+    checkpoint.write(directory / CHECKPOINT, trainer.arrays(), data)
+    versions = {name: importlib.metadata.version(name) for name in ("torch", "numpy", "numba")}
+    training = {
+        "steps": position.steps, "updates": position.update, "seconds": round(position.seconds, 1),
+        "spent": position.spent(config), "config": plain, "last_figures": figures, "versions": versions,
+    }  # fmt: skip
+    record = PolicyRecord(trainer.algorithm, trainer.network, trainer.env, "sample", training)
+    save_policy(directory, record, trainer.policy_tensors())
+    write_card(directory)
+
+
+def _summary(config: TrainingConfig, trainer: Trainer, position: Position, stopped: bool) -> str:
+    parts = trainer.split.seconds
+    total = max(sum(parts.values()), 1e-9)
+    shares = ", ".join(f"{name.removesuffix('_s')} {100 * value / total:.0f}%" for name, value in parts.items())
+    state = f"stopped; go on with --resume {config.directory}" if stopped else f"policy in {config.directory}"
+    return f"{position.steps:,} agent-steps in {position.seconds:.0f} s ({shares}); {state}"
+
+
+@contextmanager
+def _stop_signal() -> Iterator[threading.Event]:
+    """Yield an event that Ctrl-C or a termination sets, so that the running update ends well; a second one is hard."""
+    stop = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+
+    def ask(number: int, frame: object) -> None:
+        if stop.is_set():
+            os._exit(130)
+        stop.set()
+
+    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

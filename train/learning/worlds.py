@@ -1,0 +1,233 @@
+"""The worlds of our own trainer: several simulators of different layouts and robot counts, stepped as one block.
+
+A world is reset after a fixed number of steps, with a seed that follows from (training seed, world, episode) alone; the
+worlds' ends are spread evenly over time, so that a batch holds fresh and crowded warehouses alike. Since nothing else
+enters, the actions since the last resets are enough to come back to the same state: that is what a checkpoint keeps.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from train.learning.config import HELD_OUT_SEED
+from warehouse_env.config import EnvConfig, RewardWeights
+from warehouse_env.routes.book import RouteBook
+from warehouse_env.simulation.rewards import REWARD_TERMS
+from warehouse_env.simulation.simulator import Simulator
+
+_COLLISION, _CONTACT = REWARD_TERMS.index("collision"), REWARD_TERMS.index("contact")
+_JAM_SHARE = 0.2  # of a world's robots
+
+
+class TrainingSimulator(Simulator):
+    """Worlds whose episodes end at different times, and early when they jam: little is learned in a jam."""
+
+    def __init__(self, config: EnvConfig, num_worlds: int, jam_seconds: float, routes: RouteBook | None) -> None:
+        """Make the worlds.
+
+        Args:
+            config: of the environment; its max_steps bounds an episode.
+            num_worlds: how many.
+            jam_seconds: a world is truncated once a fifth of its robots have not come forward for this long [s].
+            routes: shared with other simulators on the same floor.
+        """
+        super().__init__(config, num_worlds, routes=routes)
+        self._jam_seconds = jam_seconds
+
+    def reset(self, seed: int | Sequence[int] | None = None) -> NDArray[np.float32]:
+        """Start all worlds as `Simulator.reset` does, but spread the ends of their first episodes evenly."""
+        observation = super().reset(seed)
+        self.steps += self.config.max_steps * np.arange(self.num_worlds) // self.num_worlds
+        return observation
+
+    def step(self, actions: ArrayLike) -> NDArray[np.float32]:
+        """Step all worlds as `Simulator.step` does; `truncated` also tells the jammed ones.
+
+        A robot that was told to stand is not blamed for being touched, nor one that stood already for being run
+        into: else nobody would gain by giving way first.
+        """
+        stood = self.state.speed == 0
+        observation = super().step(actions)
+        told = (self.events.touching != 0) & (self.robots["target_speed"] == 0)
+        self.reward[told] -= self.reward_terms[told, _CONTACT]
+        hit = told & stood
+        self.reward[hit] -= self.reward_terms[hit, _COLLISION]
+        self.truncated |= (self.robots["stalled_time"] > self._jam_seconds).mean(axis=1) > _JAM_SHARE
+        return observation
+
+
+def make_simulators(mixes: Sequence[tuple[EnvConfig, int]], jam_seconds: float) -> list[TrainingSimulator]:
+    """Return one simulator for each (environment, number of worlds); those on the same floor share their routes."""
+    books: dict[tuple[str, str | None], RouteBook] = {}
+    simulators = []
+    for config, worlds in mixes:
+        floor = (config.layout, config.map_file)
+        simulators.append(TrainingSimulator(config, worlds, jam_seconds, books.get(floor)))
+        books[floor] = simulators[-1].route_book
+    return simulators
+
+
+@dataclass
+class Counts:
+    """Sums over agent-steps; pairs count once."""
+
+    steps: int = 0
+    goals: int = 0
+    collisions: float = 0.0
+    metres: float = 0.0
+    reward: float = 0.0
+
+    def __add__(self, other: Counts) -> Counts:
+        return Counts(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
+
+    def figures(self, decision_seconds: float) -> dict[str, float]:
+        """Return what the progress bar and the log show."""
+        hours = self.steps * decision_seconds / 3600.0
+        return {
+            "reward": self.reward / max(self.steps, 1),
+            "goals_per_robot_hour": self.goals / hours if hours else 0.0,
+            "collisions_per_km": 1000.0 * self.collisions / max(self.metres, 1.0),
+        }
+
+
+class Tally:
+    """Counts what happens in some simulators; the cost is a few sums a step."""
+
+    def __init__(self, simulators: Sequence[Simulator]) -> None:
+        self._simulators = simulators
+        self._driven = [simulator.state.distance.copy() for simulator in simulators]
+        self._counts = Counts()
+
+    def add(self) -> None:
+        """Count the step just made. A world's first step after a reset adds no distance."""
+        counts = self._counts
+        for number, simulator in enumerate(self._simulators):
+            events, driven = simulator.events, simulator.state.distance
+            counts.steps += events.arrived.size
+            counts.goals += int(events.arrived.sum())
+            counts.collisions += float(events.hit_robot.sum()) / 2 + float(events.hit_shelf.sum())
+            counts.metres += float(np.maximum(driven - self._driven[number], 0.0).sum())
+            counts.reward += float(simulator.reward.sum())
+            np.copyto(self._driven[number], driven)
+
+    def take(self) -> Counts:
+        """Return the counts since the last call, and start anew."""
+        counts, self._counts = self._counts, Counts()
+        return counts
+
+
+class TrainingWorlds:
+    """Rows are the robots of all worlds of all simulators, in order.
+
+    Attributes:
+        observation: float32[rows, D], of the worlds as they now stand.
+        reward: float32[rows], of the last step.
+        tally: counts of goals, collisions and metres.
+    """
+
+    def __init__(self, mixes: Sequence[tuple[EnvConfig, int]], seed: list[int], jam_seconds: float) -> None:
+        """Make and reset all worlds.
+
+        Args:
+            mixes: environments with the number of worlds of each; all with the same observation, action and max_steps.
+            seed: of the training, and what tells these worlds from others.
+            jam_seconds: a world is reset early once a fifth of its robots have not come forward for this long [s].
+        """
+        self.simulators = make_simulators(mixes, jam_seconds)
+        config = mixes[0][0]
+        self.tally = Tally(self.simulators)
+        self._seed = seed
+        self._world = [(s, w) for s, (_, worlds) in enumerate(mixes) for w in range(worlds)]
+        sizes = [simulator.num_worlds * simulator.num_agents for simulator in self.simulators]
+        starts = np.concatenate([[0], np.cumsum(sizes)])
+        self._blocks = [slice(int(a), int(b)) for a, b in itertools.pairwise(starts)]
+        self.rows = int(starts[-1])
+        self.observation = np.zeros((self.rows, self.simulators[0].layout.size), np.float32)
+        self.reward = np.zeros(self.rows, np.float32)
+        self._actions: deque[NDArray[Any]] = deque(maxlen=config.max_steps)
+        self._episode = np.zeros(len(self._world), np.int64)
+        for number, simulator in enumerate(self.simulators):
+            simulator.reset([self._world_seed(w) for w, (s, _) in enumerate(self._world) if s == number])
+        self._observe()
+
+    def _world_seed(self, world: int) -> int:
+        """Return the seed of a world's present episode, below the held-out ones."""
+        entropy = [*self._seed, world, int(self._episode[world])]
+        return int(np.random.SeedSequence(entropy).generate_state(1)[0]) % HELD_OUT_SEED
+
+    def world_rows(self, world: int) -> slice:
+        """Return the rows of one world, counted over all simulators."""
+        number, index = self._world[world]
+        robots = self.simulators[number].num_agents
+        start = self._blocks[number].start + index * robots
+        return slice(start, start + robots)
+
+    def _reset_world(self, world: int) -> None:
+        number, index = self._world[world]
+        self.simulators[number].reset_world(index, self._world_seed(world))
+
+    def _observe(self) -> None:
+        for simulator, block in zip(self.simulators, self._blocks, strict=True):
+            self.observation[block] = simulator.observation.reshape(-1, self.observation.shape[1])
+
+    def _step_simulators(self, actions: NDArray[Any]) -> None:
+        for simulator, block in zip(self.simulators, self._blocks, strict=True):
+            shape = (simulator.num_worlds, simulator.num_agents, *actions.shape[1:])
+            simulator.step(actions[block].reshape(shape))
+
+    def step(self, actions: NDArray[Any]) -> list[tuple[slice, NDArray[np.float32]]]:
+        """Step all worlds once with actions [rows] or [rows, 2].
+
+        Returns the rows of the worlds that ended with this step, each with its last observation; in `observation`
+        they hold already the first one of their next episode.
+        """
+        self._actions.append(actions.copy())
+        self._step_simulators(actions)
+        for simulator, block in zip(self.simulators, self._blocks, strict=True):
+            self.reward[block] = simulator.reward.ravel()
+        self.tally.add()
+        self._observe()
+        return self._end_worlds()
+
+    def _end_worlds(self) -> list[tuple[slice, NDArray[np.float32]]]:
+        ended = []
+        for world in np.flatnonzero(np.concatenate([simulator.truncated for simulator in self.simulators])).tolist():
+            rows = self.world_rows(world)
+            ended.append((rows, self.observation[rows].copy()))
+            self._episode[world] += 1
+            self._reset_world(world)
+            number, index = self._world[world]
+            self.observation[rows] = self.simulators[number].observation[index]
+        return ended
+
+    def set_reward(self, weights: RewardWeights) -> None:
+        """Change the reward weights of all worlds from the next step on."""
+        for simulator in self.simulators:
+            simulator.reward_weights = weights
+
+    def history(self) -> dict[str, NDArray[Any]]:
+        """Return what `replay` needs: the last actions, and every world's age in steps and episode number."""
+        age = np.concatenate([simulator.steps for simulator in self.simulators])
+        return {"actions": np.stack(self._actions), "age": age, "episode": self._episode.copy()}
+
+    def replay(self, history: dict[str, NDArray[Any]]) -> None:
+        """Bring all worlds, just made with the same arguments, to where they stood when `history` was taken."""
+        actions, age = history["actions"], history["age"]
+        self._episode[:] = history["episode"]
+        begun = np.where(self._episode > 0, len(actions) - age, 0)  # the step before which a world was last reset
+        for step in range(len(actions) + 1):
+            for world in np.flatnonzero(begun == step).tolist():
+                self._reset_world(world)
+            if step < len(actions):
+                self._actions.append(actions[step])
+                self._step_simulators(actions[step])
+        for world, (number, index) in enumerate(self._world):
+            self.simulators[number].steps[index] = age[world]  # first episodes are older than their steps
+        self._observe()

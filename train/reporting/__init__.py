@@ -1,0 +1,1 @@
+"""What is written down: rows of results, and the tables made of them."""

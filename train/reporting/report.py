@@ -1,0 +1,187 @@
+"""From rows to tables, as text and as Markdown. Pictures of an evaluation are in `train/evaluation/pictures.py`."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table as RichTable
+
+from train.reporting.rows import Interval, Row, mean_interval
+from warehouse_env.render.extras import load
+
+_PLAIN_WIDTH = 180  # [characters] where the output is no terminal: tables go to files and pipes uncut
+
+
+@dataclass(frozen=True)
+class Table:
+    """A title, a heading for each column, rows of text, and a note below."""
+
+    title: str
+    header: tuple[str, ...]
+    cells: tuple[tuple[str, ...], ...]
+    note: str = ""
+
+    def print(self, file: TextIO | None = None) -> None:
+        """Print for reading, on stdout unless `file` is given; text columns to the left, numbers to the right."""
+        table = RichTable(title=self.title, title_justify="left", title_style="bold")
+        for index, name in enumerate(self.header):
+            table.add_column(name, justify="right" if self._numeric(index) else "left", no_wrap=index == 0)
+        for row in self.cells:
+            table.add_row(*row)
+        console = make_console(file or sys.stdout)
+        console.print(table)
+        if self.note:
+            console.print(self.note, highlight=False)
+
+    def markdown(self) -> str:
+        """Return the table as Markdown."""
+        rule = ["--:" if self._numeric(index) else "---" for index in range(len(self.header))]
+        lines = [" | ".join(row) for row in (self.header, rule, *self.cells)]
+        body = "\n".join(f"| {line} |" for line in lines)
+        return f"### {self.title}\n\n{body}\n" + ("".join(f"\n{line.strip()}\n" for line in self.note.splitlines()))
+
+    def _numeric(self, index: int) -> bool:
+        return any(row[index][:1] in "-0123456789" for row in self.cells if row[index])
+
+
+def make_console(file: TextIO) -> Console:
+    """Return a console on `file`: as wide as the terminal, or wide enough for every table where it is none."""
+    return Console(file=file, width=None if file.isatty() else _PLAIN_WIDTH, markup=False)
+
+
+def make_progress() -> Progress:
+    """Return a progress bar on stderr, so that stdout stays clean for tables and pipes."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    console = Console(stderr=True)
+    return Progress(
+        *columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console, disable=not console.is_terminal
+    )
+
+
+def require_charts() -> None:
+    """Raise WarehouseError if charts cannot be drawn: asked before a long run, not found out after it."""
+    load("matplotlib")
+
+
+def require_video() -> None:
+    """Raise WarehouseError if no video can be made."""
+    load("pygame")
+    load("imageio_ffmpeg")
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Format with `digits` significant digits and no exponent; "-" for NaN."""
+    if not math.isfinite(value):
+        return "-"
+    if value == 0:
+        return "0"
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    text = f"{value:.{decimals}f}"
+    return text.rstrip("0").rstrip(".") if "." in text and abs(value - round(value)) < 1e-12 else text
+
+
+def with_interval(interval: Interval, factor: float = 1.0, digits: int = 3) -> str:
+    """Format "mean [low, high]", each times `factor`; the mean alone where there is no interval or no spread."""
+    mean, low, high = (factor * value for value in interval[:3])
+    if not math.isfinite(low) or high - low <= 1e-9 * abs(mean):
+        return number(mean, digits)
+    decimals = max(0, digits - 1 - math.floor(math.log10(max(abs(mean), abs(low), abs(high)))))
+    return f"{mean:.{decimals}f} [{low:.{decimals}f}, {high:.{decimals}f}]"
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One column of the evaluation table: how to read it from a row, and in which unit to show it."""
+
+    name: str
+    heading: str
+    value: Callable[[Row], float | None]
+    factor: float = 1.0
+    most: float = math.inf
+
+    def interval(self, rows: Iterable[Row]) -> Interval:
+        """Return mean and 95% interval over rows, the interval cut to the values that are possible."""
+        found = mean_interval(self.value(row) for row in rows)
+        if not math.isfinite(found.low):
+            return found
+        return found._replace(low=max(found.low, 0.0), high=min(found.high, self.most))
+
+
+def _field(name: str) -> Callable[[Row], float | None]:
+    return lambda row: row.get(name)
+
+
+def _per_km(name: str) -> Callable[[Row], float | None]:
+    return lambda row: row[name] / row["robot_km"] if row.get("robot_km") else None
+
+
+MEASURES = (
+    Measure("collisions_per_km", "collisions/km", _field("collisions_per_km")),
+    Measure("robot_collisions_per_km", "robot-robot/km", _per_km("collisions_robot")),
+    Measure("shelf_collisions_per_km", "robot-shelf/km", _per_km("collisions_shelf")),
+    Measure("near_misses_per_km", "near misses/km", _per_km("near_misses")),
+    Measure("goals_per_robot_hour", "goals/robot-h", _field("goals_per_robot_hour")),
+    Measure("stuck", "stuck %", _field("stuck"), factor=100.0, most=1.0),
+    Measure("ms_per_step", "ms/step", _field("ms_per_step")),
+)
+_ONE_SHOT = (
+    Measure("success_rate", "success %", _field("success_rate"), factor=100.0, most=1.0),
+    Measure("makespan_s", "makespan s", _field("makespan_s")),
+)
+_GROUP = ("layout", "robots", "tasks", "planner", "policy")
+EVALUATION_NOTE = (
+    "Means over episodes [95% interval by Student's t over episodes, cut at what is possible]; a collision counts once "
+    "per contact and pair; stuck: share of robots that at the end have not advanced for over a minute."
+)
+
+
+def measures_for(rows: Sequence[Row]) -> tuple[Measure, ...]:
+    """Return the columns that say something about these rows: success and makespan only where tasks end."""
+    return MEASURES[:-1] + (_ONE_SHOT if any(row["tasks"] == "one_shot" for row in rows) else ()) + MEASURES[-1:]
+
+
+def grouped(rows: Iterable[Row], names: Sequence[str]) -> dict[tuple[object, ...], list[Row]]:
+    """Split rows by the values of some fields, in the order of their first appearance."""
+    groups: dict[tuple[object, ...], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(tuple(row.get(name) for name in names), []).append(row)
+    return groups
+
+
+def summarise(rows: Sequence[Row]) -> list[dict[str, object]]:
+    """Return for each layout, robot count, task mode, planner and policy its `Interval` of every measure."""
+    summary = []
+    for values, group in grouped(rows, _GROUP).items():
+        intervals = {m.name: m.interval(group) for m in measures_for(rows)}
+        summary.append({**dict(zip(_GROUP, values, strict=True)), "episodes": len(group), **intervals})
+    return summary
+
+
+def _short_names(names: set[str]) -> dict[str, str]:
+    """Return for each name, where it is a path, its last part, unless two would then be the same."""
+    last = {name: Path(name).name or name for name in names}
+    counts = Counter(last.values())
+    return {name: short if counts[short] == 1 else name for name, short in last.items()}
+
+
+def evaluation_table(rows: Sequence[Row]) -> Table:
+    """Return the table of an evaluation: one line for each layout, robot count and policy."""
+    constant = [name for name in ("tasks", "planner") if len({row[name] for row in rows}) == 1]
+    names = [name for name in _GROUP if name not in constant]
+    shown = measures_for(rows)
+    short = _short_names({str(row[name]) for row in rows for name in names})
+    cells = []
+    for line in summarise(rows):
+        texts = [with_interval(line[m.name], m.factor) for m in shown]  # type: ignore[arg-type]
+        cells.append((*(short[str(line[name])] for name in names), str(line["episodes"]), *texts))
+    shared = ", ".join(f"{name} {rows[0][name]}" for name in constant)
+    header = (*names, "episodes", *(m.heading for m in shown))
+    return Table(f"Evaluation ({shared})" if shared else "Evaluation", header, tuple(cells), EVALUATION_NOTE)

@@ -1,0 +1,198 @@
+"""Routes: plans turned into way-points, and a cache of plans in memory and on disk.
+
+A plan depends on the map, the planner with its parameters, start, goal and seed, and on nothing else,
+so it is made once: an ant colony takes milliseconds, a look-up microseconds.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import sqlite3
+import weakref
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from platformdirs import user_cache_dir
+
+from warehouse_env.config import EnvConfig, RobotSpec
+from warehouse_env.errors import MapError, PlanError
+from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.planning.plan import Plan, Planner
+from warehouse_env.routes.lanes import drivable_line
+from warehouse_env.routes.steerable import steerable_line
+
+CACHE_FORMAT = 2  # raised whenever a planner's result changes for the same key
+WORTH_KEEPING = 0.002  # [s] a plan must have taken to be kept on disk
+MEMORY = 200_000  # routes kept in memory
+PENDING = 64  # plans written to disk at once
+
+
+def cache_directory() -> Path:
+    """Return the folder of the plan cache: $WAREHOUSE_CACHE_DIR, or the user's cache folder."""
+    return Path(os.environ.get("WAREHOUSE_CACHE_DIR") or user_cache_dir("warehouse_env"))
+
+
+class PlanStore:
+    """Plans on disk, shared by processes; a store that cannot be opened or is damaged is simply not used."""
+
+    def __init__(self, folder: Path) -> None:
+        self._pending: list[tuple[str, bytes]] = []
+        self._database: sqlite3.Connection | None = None
+        with contextlib.suppress(OSError, sqlite3.Error):
+            folder.mkdir(parents=True, exist_ok=True)
+            database = sqlite3.connect(folder / f"plans-{CACHE_FORMAT}.sqlite", timeout=5.0, check_same_thread=False)
+            database.execute("PRAGMA synchronous=OFF")
+            database.execute("CREATE TABLE IF NOT EXISTS plan (key TEXT PRIMARY KEY, cells BLOB) WITHOUT ROWID")
+            self._database = database
+        weakref.finalize(self, _write, self._database, self._pending)  # also at the interpreter's exit
+
+    def get(self, key: str) -> NDArray[np.int64] | None:
+        """Return the cells int64[L, 2] kept under a key, or None."""
+        if self._database is None:
+            return None
+        try:
+            row = self._database.execute("SELECT cells FROM plan WHERE key = ?", (key,)).fetchone()
+            return None if row is None else np.frombuffer(row[0], dtype="<i4").reshape(-1, 2).astype(np.int64)
+        except (sqlite3.Error, ValueError, TypeError):
+            return None
+
+    def put(self, key: str, cells: NDArray[np.int64]) -> None:
+        """Keep cells under a key."""
+        self._pending.append((key, cells.astype("<i4").tobytes()))
+        if len(self._pending) >= PENDING:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what is pending."""
+        _write(self._database, self._pending)
+
+
+def _write(database: sqlite3.Connection | None, pending: list[tuple[str, bytes]]) -> None:
+    if database is not None and pending:
+        with contextlib.suppress(sqlite3.Error), database:
+            database.executemany("INSERT OR REPLACE INTO plan VALUES (?, ?)", pending)
+    pending.clear()
+
+
+class RouteBook:
+    """Routes on one map by one planner."""
+
+    def __init__(
+        self,
+        grid: GridMap,
+        planner: Planner,
+        *,
+        keep_right: float = EnvConfig.keep_right,
+        smooth_for: RobotSpec | None = None,
+        seed: int = 0,
+    ) -> None:
+        """Open the book. smooth_for: the robot that must be able to drive the routes (steerable.py); None: any line."""
+        self.grid, self.planner = grid, planner
+        self._keep_right, self._robot, self._seed = keep_right, smooth_for, seed
+        self._solid = np.pad(grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
+        self._routes: dict[tuple[Cell, Cell, Cell | None], NDArray[np.float32]] = {}
+        self._fresh: dict[tuple[Cell, Cell, Cell | None], NDArray[np.int64]] = {}  # plans whose routes are not made yet
+        self._store = PlanStore(cache_directory())
+
+    def cells(self, start: Cell, goal: Cell, behind: Cell | None = None) -> NDArray[np.int64]:
+        """Return the planned cells int64[L, 2], without a first step to `behind`; PlanError where there is no path."""
+        known = self._stored(start, goal, behind)
+        if known is None:
+            plan = self._plan(start, goal, behind)
+            self._keep(start, goal, behind, plan)
+            known = plan.cells
+        if not len(known):
+            raise PlanError(
+                f"planner {self.planner.name} found no path from {start} to {goal} on map {self.grid.name!r}; "
+                "choose reachable cells or another planner"
+            )
+        return known
+
+    def prepare(self, tasks: Sequence[tuple[Cell, Cell]]) -> None:
+        """Plan the tasks (start, goal) that are not known yet side by side, on as many threads as Numba may use.
+
+        Each has its own generator, so the plans are the same in any order and number of threads. What fails is found
+        out when its route is asked for.
+        """
+        new = [task for task in dict.fromkeys(tasks) if (*task, None) not in self._routes]
+        new = [task for task in new if self._stored(*task) is None]
+        threads = min(numba.get_num_threads(), len(new))
+        if threads < 2:
+            return
+        with ThreadPoolExecutor(threads) as pool:
+            plans = pool.map(lambda task: self._plan(*task), new)
+            for task, plan in zip(new, plans, strict=True):
+                self._keep(*task, None, plan)
+
+    def _key(self, start: Cell, goal: Cell, behind: Cell | None) -> str:
+        return f"{self.grid.key} {self.planner.key} {start} {goal} {behind} {self._seed}"
+
+    def _stored(self, start: Cell, goal: Cell, behind: Cell | None = None) -> NDArray[np.int64] | None:
+        """Return a plan that was made before, None where there is none or it is damaged."""
+        known = self._fresh.get((start, goal, behind))
+        if known is None:
+            known = self._store.get(self._key(start, goal, behind))
+        right = known is not None and len(known) and tuple(known[0]) == start and tuple(known[-1]) == goal
+        return known if right else None
+
+    def _plan(self, start: Cell, goal: Cell, behind: Cell | None = None) -> Plan:
+        rng = np.random.default_rng([self._seed, *start, *goal])
+        return self.planner.plan(self._without(behind), start, goal, rng)
+
+    def _keep(self, start: Cell, goal: Cell, behind: Cell | None, plan: Plan) -> None:
+        """Keep a plan until its route is made, and on disk where it took long."""
+        self._fresh[start, goal, behind] = plan.cells
+        if plan.found and plan.seconds > WORTH_KEEPING:
+            self._store.put(self._key(start, goal, behind), plan.cells)
+
+    def _without(self, cell: Cell | None) -> GridMap:
+        """Return the map with one more cell occupied."""
+        if cell is None:
+            return self.grid
+        occupied = self.grid.occupied.copy()
+        occupied[cell] = True
+        return GridMap(occupied, self.grid.height, self.grid.cell_size, name=self.grid.name)
+
+    def _blocked_turn(self, start: Cell, goal: Cell, heading: float) -> Cell | None:
+        """Return the cell behind a robot that stands in a single lane, where it cannot turn round; else None."""
+        forward = (-round(math.sin(heading)), round(math.cos(heading)))
+        if abs(forward[0]) + abs(forward[1]) != 1:
+            return None
+        rows, columns = self.grid.shape
+        for side in (1, -1):
+            row, column = start[0] + side * forward[1], start[1] + side * forward[0]
+            if 0 <= row < rows and 0 <= column < columns and not self.grid.occupied[row, column]:
+                return None
+        behind = (start[0] - forward[0], start[1] - forward[1])
+        inside = 0 <= behind[0] < rows and 0 <= behind[1] < columns
+        return behind if inside and behind != goal and not self.grid.occupied[behind] else None
+
+    def route(self, start: Cell, goal: Cell, heading: float | None = None) -> NDArray[np.float32]:
+        """Return way-points float32[R, 2] [m] from start's centre to goal's centre; PlanError where there is no path.
+
+        heading [rad]: of the robot at start. In a single lane its route goes on ahead where it can, since a robot
+        cannot turn round there.
+        """
+        behind = None if heading is None else self._blocked_turn(start, goal, heading)
+        known = self._routes.get((start, goal, behind))
+        if known is None:
+            try:
+                cells = self.cells(start, goal, behind)
+            except (MapError, PlanError):
+                if behind is None:
+                    raise
+                cells = self.cells(start, goal)  # a dead end: it must back out
+            known = drivable_line(self.grid.centre(cells), self._solid, self.grid.cell_size, self._keep_right)
+            if self._robot is not None:
+                known = steerable_line(known, cells, self.grid, self._solid, self._robot)
+            if len(self._routes) >= MEMORY:
+                self._routes.pop(next(iter(self._routes)))
+            self._routes[start, goal, behind] = known
+            self._fresh.pop((start, goal, behind), None)
+        return known

@@ -1,0 +1,164 @@
+"""From a path of cells to a drivable line: smooth, off the shelves, and in the right-hand lane.
+
+A lattice path runs beside shelves and turns on the spot; a rear-steer robot needs room for its tail, and
+robots that meet need a side each. The line is relaxed like an elastic band: every point is drawn to its
+lane, to its neighbours' middle, and away from shelves that are nearer than CLEARANCE.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.maps.clearance import nearest_shelf
+
+SPACING = 0.5  # [m] between way-points
+LANE_CLEARANCE = 0.55  # [m] from the right-hand wall in the narrowest two-way aisle
+CLEARANCE = 0.6  # [m] from shelves, where there is room
+SIGHT = 2.8  # [m] to either side within which a wall makes an aisle: aisles of up to 3 cells have two lanes
+TWO_WAY = 1.2  # [m] of free width from which there are two lanes
+FADE = 1.5  # [m] at both ends over which the lane is reached
+NARROWER = 0.02  # [m] less than half the free width is asked for as clearance
+EASE = 0.15  # [m/m] sideways where a lane widens or narrows
+ITERATIONS = 60
+PULL, SMOOTH, PUSH = 0.12, 0.45, 0.5  # shares of the way to lane, neighbours and clearance in one iteration
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _free_to(solid, x, y, ux, uy, cell):  # type: ignore[no-untyped-def]
+    """Distance [m] along (ux, uy) to the first shelf, at most SIGHT, in steps of 5 cm."""
+    steps = round(SIGHT / 0.05)
+    for k in range(1, steps + 1):
+        t = 0.05 * k - 0.025
+        row = int(math.floor((y + t * uy) / cell)) + 1
+        column = int(math.floor((x + t * ux) / cell)) + 1
+        if row < 0 or column < 0 or row >= solid.shape[0] or column >= solid.shape[1] or solid[row, column]:
+            return t
+    return SIGHT
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _lane_shift(left, right, keep_right):  # type: ignore[no-untyped-def]
+    """Metres to the right of the path where the lane is, from the free widths to both sides; nan beside a crossing."""
+    width = left + right
+    if width < TWO_WAY:
+        return 0.5 * (right - left)
+    if keep_right <= 0.0:
+        return 0.0
+    if right < SIGHT and left < SIGHT:
+        return right - min(max(0.25 * width, LANE_CLEARANCE), 2.0 * keep_right)
+    if right < SIGHT:  # a wall to the right only: keep to it, as in a lane
+        return min(right - LANE_CLEARANCE, keep_right)
+    return math.nan
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _fill_gaps(shift, keep_right):  # type: ignore[no-untyped-def]
+    """Replace runs of nan: between two lanes by the way from one to the other, on open floor by keep_right."""
+    n = shift.shape[0]
+    k = 0
+    while k < n:
+        if not math.isnan(shift[k]):
+            k += 1
+            continue
+        first = k
+        while k < n and math.isnan(shift[k]):
+            k += 1
+        before = shift[first - 1] if first > 0 else keep_right
+        after = shift[k] if k < n else keep_right
+        for m in range(first, k):
+            part = (m - first + 1) / (k - first + 1)
+            shift[m] = before + part * (after - before)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _ease_into_single_lanes(shift, room):  # type: ignore[no-untyped-def]
+    """Let the lane leave and enter single lanes (fixed) with no more than EASE metres sideways per metre."""
+    n = shift.shape[0]
+    for fixed in range(n):
+        if room[fixed] >= 0.5 * TWO_WAY - NARROWER:
+            continue
+        for step in (-1, 1):
+            k = fixed + step
+            while 0 <= k < n and room[k] >= 0.5 * TWO_WAY - NARROWER:
+                most = EASE * SPACING * abs(k - fixed)
+                shift[k] = min(max(shift[k], shift[fixed] - most), shift[fixed] + most)
+                k += step
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _lane_targets(points, solid, cell, keep_right, shift, room, out):  # type: ignore[no-untyped-def]
+    """Write where each point should be (right of the middle where there are two lanes), and its possible clearance."""
+    n = points.shape[0]
+    for k in range(n):
+        ux, uy = _direction(points, k)
+        right = _free_to(solid, points[k, 0], points[k, 1], uy, -ux, cell)
+        left = _free_to(solid, points[k, 0], points[k, 1], -uy, ux, cell)
+        shift[k] = _lane_shift(left, right, keep_right)
+        room[k] = min(CLEARANCE, 0.5 * (left + right) - NARROWER)
+    _fill_gaps(shift, keep_right)
+    _ease_into_single_lanes(shift, room)
+    for k in range(n):
+        ux, uy = _direction(points, k)
+        along = SPACING * min(k, n - 1 - k)
+        s = shift[k] * min(1.0, along / FADE)
+        out[k, 0] = points[k, 0] + s * uy
+        out[k, 1] = points[k, 1] - s * ux
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _direction(points, k):  # type: ignore[no-untyped-def]
+    """Unit vector along the line at point k, over a metre to either side."""
+    a, b = max(k - 2, 0), min(k + 2, points.shape[0] - 1)
+    dx, dy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+    norm = math.sqrt(dx * dx + dy * dy)
+    return (dx / norm, dy / norm) if norm > 1e-9 else (1.0, 0.0)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _relax(points, targets, room, solid, cell):  # type: ignore[no-untyped-def]
+    """Move the inner points in place until lane, smoothness and clearance balance."""
+    n = points.shape[0]
+    for _ in range(ITERATIONS):
+        for k in range(1, n - 1):
+            x, y = points[k, 0], points[k, 1]
+            mx = 0.5 * (points[k - 1, 0] + points[k + 1, 0])
+            my = 0.5 * (points[k - 1, 1] + points[k + 1, 1])
+            nx = x + PULL * (targets[k, 0] - x) + SMOOTH * (mx - x)
+            ny = y + PULL * (targets[k, 1] - y) + SMOOTH * (my - y)
+            d, ux, uy = nearest_shelf(solid, nx, ny, cell)
+            if d < room[k]:
+                nx += PUSH * (room[k] - d) * ux
+                ny += PUSH * (room[k] - d) * uy
+            points[k, 0], points[k, 1] = nx, ny
+
+
+def resample(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """Return the polyline float64[L, 2] [m] as evenly spaced points, nearest to `spacing` [m]; both ends are kept."""
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    arc = np.concatenate([[0.0], np.cumsum(steps)])
+    if arc[-1] <= 0.0:
+        return points[:1].copy()
+    count = max(round(arc[-1] / spacing), 1) + 1
+    at = np.linspace(0.0, arc[-1], count)
+    return np.column_stack([np.interp(at, arc, points[:, 0]), np.interp(at, arc, points[:, 1])])
+
+
+def drivable_line(
+    points: NDArray[np.float64], solid: NDArray[np.uint8], cell: float, keep_right: float
+) -> NDArray[np.float32]:
+    """Return way-points float32[R, 2] [m], evenly spaced about SPACING apart, from the first to the last point.
+
+    points: float64[L, 2] [m], the planned path's cell centres; solid: uint8[H + 2, W + 2], padded shelves, y up;
+    keep_right [m]: how far to the right on open floor, 0 for no lanes.
+    """
+    line = resample(points, SPACING)
+    if len(line) > 2:
+        targets, shift, room = np.empty_like(line), np.empty(len(line)), np.empty(len(line))
+        _lane_targets(line, solid, cell, keep_right, shift, room, targets)
+        _relax(line, targets, room, solid, cell)
+        line = resample(line, SPACING)
+    return line.astype(np.float32)
