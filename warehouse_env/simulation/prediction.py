@@ -11,7 +11,7 @@ import numpy as np
 
 from warehouse_env.observation import NEIGHBOUR
 from warehouse_env.simulation.geometry import rectangles_touch
-from warehouse_env.simulation.kernel import inline, kernel
+from warehouse_env.simulation.kernel import inline
 from warehouse_env.simulation.trigonometry import HALF, ONE, PI, ZERO, sin_cos
 
 HORIZON = np.float32(2.4)  # [s]
@@ -26,45 +26,58 @@ _SHORT = np.float32(1e-3)
 _DIAGONAL = np.float32(1.4143)  # of a unit square, rounded up
 
 
+# Rows of `legs` float32[LEGS, route_points], the route between its points: begin (x, y), the way to its end (x, y) [m],
+# its direction (x, y).
+FROM_X, FROM_Y, LEG_X, LEG_Y, ALONG_X, ALONG_Y = range(6)
+LEGS = 6
+# Rows of `path` float32[PATH, SAMPLES], where one speed leads: the time [s], metres driven, the front axle without an
+# offset (x, y), the route's direction there (x, y), and how much of the present lateral offset is left.
+TIME, ALONG, PATH_X, PATH_Y, UNIT_X, UNIT_Y, LEFT = range(7)
+PATH = 7
+
+
 @inline
 def travel(speed, target, acceleration, t):  # type: ignore[no-untyped-def]
     """Return the metres driven in t [s] while the speed changes to `target` at the given rate."""
     rise = abs(target - speed) / acceleration
-    if t <= rise:
-        sign = ONE if target > speed else -ONE
-        return speed * t + HALF * sign * acceleration * t * t
-    return HALF * (speed + target) * rise + target * (t - rise)
+    sign = ONE if target > speed else -ONE
+    rising = speed * t + HALF * sign * acceleration * t * t
+    risen = HALF * (speed + target) * rise + target * (t - rise)
+    return rising if t <= rise else risen
 
 
 @inline
-def _route_at(row, route, p, lateral, nx, ny, s):  # type: ignore[no-untyped-def]
-    """Point of the route `s` [m] ahead in the own frame, and the step (x, y, dx, dy) between its route points.
-
-    (nx, ny): unit vector to the left of the route; its foot point is `lateral` [m] to the right of the robot.
-    """
-    k = min(int(s / p["route_spacing"]), p["route_points"] - 1)
-    ax, ay = -lateral * nx, -lateral * ny
-    if k > 0:
-        ax, ay = _FIVE * row[route + 2 * k - 2], _FIVE * row[route + 2 * k - 1]
-    dx, dy = _FIVE * row[route + 2 * k] - ax, _FIVE * row[route + 2 * k + 1] - ay
-    part = min(s / p["route_spacing"] - np.float32(k), ONE)
-    if dx * dx + dy * dy < _SHORT * _SHORT:
-        part = ZERO
-    return ax + part * dx, ay + part * dy, dx, dy
+def _lay_out_route(row, ego, route, p, legs):  # type: ignore[no-untyped-def]
+    """Fill `legs`, from the route's foot point beside the robot to its last route point."""
+    sine, cosine = sin_cos(row[ego + 3] * PI)
+    x, y = row[ego + 4] * sine, -row[ego + 4] * cosine
+    for k in range(p["route_points"]):
+        to_x, to_y = _FIVE * row[route + 2 * k], _FIVE * row[route + 2 * k + 1]
+        dx, dy = to_x - x, to_y - y
+        norm = np.sqrt(dx * dx + dy * dy)
+        known = norm >= _SHORT
+        legs[FROM_X, k], legs[FROM_Y, k] = x, y
+        legs[LEG_X, k], legs[LEG_Y, k] = dx if known else ZERO, dy if known else ZERO
+        legs[ALONG_X, k], legs[ALONG_Y, k] = dx / norm if known else ONE, dy / norm if known else ZERO
+        x, y = to_x, to_y
 
 
 @inline
-def _own_pose(x, y, dx, dy, lateral, offset, s):  # type: ignore[no-untyped-def]
-    """Front axle and heading (x, y, c, s) after `s` [m] towards a lateral offset; x, y, dx, dy as of _route_at."""
-    if s <= ZERO:
-        return s, ZERO, ONE, ZERO
-    norm = np.sqrt(dx * dx + dy * dy)
-    ux, uy = (dx / norm, dy / norm) if norm >= _SHORT else (ONE, ZERO)
-    left = max(ZERO, ONE - s / SETTLE)
-    side = offset + (lateral - offset) * left
-    slope = (offset - lateral) / SETTLE if left > ZERO else ZERO
-    norm = np.sqrt(ONE + slope * slope)
-    return x - side * uy, y + side * ux, (ux - slope * uy) / norm, (uy + slope * ux) / norm
+def _lay_out_path(v0, speed, p, legs, path):  # type: ignore[no-untyped-def]
+    """Fill `path` for a speed: along the route where it leads ahead, along the heading where it leads back."""
+    acceleration, spacing, last = p["max_acceleration"], p["route_spacing"], p["route_points"] - 1
+    for k in range(SAMPLES):
+        t = HORIZON * np.float32(k + 1) / np.float32(SAMPLES)
+        along = travel(v0, speed, acceleration, t)
+        s = max(along, ZERO)
+        legs_passed = s / spacing
+        at = min(int(legs_passed), last)
+        part = min(legs_passed - np.float32(at), ONE)
+        path[TIME, k], path[ALONG, k] = t, along
+        path[PATH_X, k] = legs[FROM_X, at] + part * legs[LEG_X, at] if along > ZERO else along
+        path[PATH_Y, k] = legs[FROM_Y, at] + part * legs[LEG_Y, at] if along > ZERO else ZERO
+        path[UNIT_X, k], path[UNIT_Y, k] = legs[ALONG_X, at], legs[ALONG_Y, at]
+        path[LEFT, k] = max(ZERO, ONE - along / SETTLE)
 
 
 @inline
@@ -88,65 +101,89 @@ def _turns_into(ox, oy, oc, os, p):  # type: ignore[no-untyped-def]
     )
 
 
-@kernel
-def _meet(row, ego, route, start, table, k, ox, oy, oc, os, p):  # type: ignore[no-untyped-def]
-    """Enter the conflicts that the commands have with one neighbour at time `k` of SAMPLES, where it is at (ox, oy)."""
-    v0 = row[ego] * p["max_speed"]
-    bearing, lateral = row[ego + 3] * PI, row[ego + 4]
-    sine, cosine = sin_cos(bearing)
-    t = HORIZON * np.float32(k) / np.float32(SAMPLES)
-    margin = MARGIN + MARGIN_RATE * t
-    share = np.float32(k - 1) / np.float32(SAMPLES)
-    level = -1  # the row that begins this speed level: braking, backing and turning do not depend on the offset
-    for a in range(table.shape[0]):
-        speed = table[a, 0]
-        if level < 0 or speed != table[level, 0]:
-            level = a
-            turning = abs(bearing) > TURNING and speed > ZERO
-            along = travel(v0, speed, p["max_acceleration"], t)
-            x, y, dx, dy = _route_at(row, route, p, lateral, -sine, cosine, max(along, ZERO))
-        elif speed <= ZERO or turning:
-            row[start + a] = row[start + level]
-            continue
-        if row[start + a] < ONE:  # an earlier conflict
+@inline
+def _offset_touches(path, k, lateral, offset, margin, ox, oy, oc, os, p):  # type: ignore[no-untyped-def]
+    """Whether the body, on its way from `lateral` to `offset` [m] beside the route, touches the other."""
+    ux, uy, left = path[UNIT_X, k], path[UNIT_Y, k], path[LEFT, k]
+    side = offset + (lateral - offset) * left
+    x, y = path[PATH_X, k] - side * uy, path[PATH_Y, k] + side * ux
+    far = p["radius"] + p["radius"] + _DIAGONAL * margin + p["offset"]  # however the body stands about its axle
+    gap_x, gap_y = ox - x - p["offset"], oy - y
+    if gap_x * gap_x + gap_y * gap_y > far * far:
+        return False
+    slope = (offset - lateral) / SETTLE if left > ZERO else ZERO
+    norm = np.sqrt(ONE + slope * slope)
+    c, s = (ux - slope * uy) / norm, (uy + slope * ux) / norm
+    return _touches(x, y, c, s, margin, ox, oy, oc, os, p)
+
+
+@inline
+def _conflicts(row, start, table, at, count, path, k, lateral, turning, ox, oy, oc, os, p):  # type: ignore[no-untyped-def]
+    """Enter the conflicts at time k of `count` commands from table[at] on, all of one speed, with one neighbour."""
+    share = np.float32(k) / np.float32(SAMPLES)
+    margin = MARGIN + MARGIN_RATE * path[TIME, k]
+    for a in range(at, at + count):
+        if row[start + a] <= share:  # an earlier one
             continue
         if turning:
             touches = _turns_into(ox, oy, oc, os, p)
+        elif path[ALONG, k] <= ZERO:
+            touches = _touches(path[PATH_X, k], ZERO, ONE, ZERO, margin, ox, oy, oc, os, p)
         else:
-            offset = table[a, 1] if speed > ZERO else ZERO
-            own_x, own_y, c, s = _own_pose(x, y, dx, dy, lateral, offset, along)
-            touches = _touches(own_x, own_y, c, s, margin, ox, oy, oc, os, p)
+            offset = table[a, 1] if table[a, 0] > ZERO else ZERO
+            touches = _offset_touches(path, k, lateral, offset, margin, ox, oy, oc, os, p)
         if touches:
             row[start + a] = share
 
 
 @inline
-def write_predictions(row, ego, route, near, table, p, start):  # type: ignore[no-untyped-def]
+def _look(row, start, near, others, table, at, count, path, v0, lateral, turning, p):  # type: ignore[no-untyped-def]
+    """Enter all conflicts of `count` commands from table[at] on; bodies far from the path are passed over."""
+    widest = abs(lateral)
+    if table[at, 0] > ZERO:
+        for a in range(at, at + count):
+            widest = max(widest, abs(table[a, 1]))
+    bodies = p["radius"] + p["radius"] + p["offset"] + widest + _DIAGONAL * MARGIN
+    for j in range(others):
+        entry = near + j * NEIGHBOUR
+        x, vx = row[entry] * p["lidar_range"], row[entry + 4] * p["max_speed"] + v0
+        y, vy = row[entry + 1] * p["lidar_range"], row[entry + 5] * p["max_speed"]
+        for k in range(SAMPLES):
+            t = path[TIME, k]
+            ox, oy = x + vx * t, y + vy * t
+            reach = bodies + _DIAGONAL * MARGIN_RATE * t
+            gap_x, gap_y = ox - path[PATH_X, k] - p["offset"], oy - path[PATH_Y, k]
+            if turning or gap_x * gap_x + gap_y * gap_y < reach * reach:
+                oc, os = row[entry + 2], row[entry + 3]
+                _conflicts(row, start, table, at, count, path, k, lateral, turning, ox, oy, oc, os, p)
+
+
+@inline
+def write_predictions(row, ego, route, near, table, p, start, legs, path):  # type: ignore[no-untyped-def]
     """Write the slice `predictions` from row[start] on: of each command the share of HORIZON until the body would
     touch a neighbour, 1 if it would not.
 
     row: the observation float32[D], written but for this; ego, route, near: where its slices start; table float32[K,
-    2]: the commands (speed, offset). Nothing is looked at where no command can bring the bodies together.
+    2]: the commands (speed, offset), those of one speed together; legs, path: scratch. Braking, backing and turning on
+    the spot do not depend on the offset, so they are looked at once.
     """
+    others = 0
+    while others < p["neighbours"] and row[near + others * NEIGHBOUR + 6] != ZERO:
+        others += 1
     for a in range(table.shape[0]):
         row[start + a] = ONE
-    v0, lateral = row[ego] * p["max_speed"], abs(row[ego + 4])
-    slowest, fastest, widest = ZERO, ZERO, ZERO
-    for a in range(table.shape[0]):
-        slowest, fastest = min(slowest, table[a, 0]), max(fastest, table[a, 0])
-        widest = max(widest, abs(table[a, 1]))
-    for k in range(1, SAMPLES + 1):
-        t = HORIZON * np.float32(k) / np.float32(SAMPLES)
-        ahead = travel(v0, fastest, p["max_acceleration"], t)
-        behind = -travel(v0, slowest, p["max_acceleration"], t)
-        # of the centre from where it is: the way, sideways to the route and to the offset, the axle about the centre
-        reach = max(max(ahead, behind), ZERO) + lateral + max(lateral, widest) + p["offset"] + p["offset"]
-        reach += p["radius"] + p["radius"] + max(_DIAGONAL * (MARGIN + MARGIN_RATE * t), TURN_SIDE)
-        for j in range(p["neighbours"]):
-            at = near + j * NEIGHBOUR
-            if row[at + 6] == ZERO:
-                break
-            ox = row[at] * p["lidar_range"] + (row[at + 4] * p["max_speed"] + v0) * t
-            oy = row[at + 1] * p["lidar_range"] + row[at + 5] * p["max_speed"] * t
-            if ox * ox + oy * oy < reach * reach:
-                _meet(row, ego, route, start, table, k, ox, oy, row[at + 2], row[at + 3], p)
+    if others > 0:
+        _lay_out_route(row, ego, route, p, legs)
+    at = 0
+    while others > 0 and at < table.shape[0]:
+        speed = table[at, 0]
+        end = at + 1
+        while end < table.shape[0] and table[end, 0] == speed:
+            end += 1
+        turning = abs(row[ego + 3] * PI) > TURNING and speed > ZERO
+        count = end - at if speed > ZERO and not turning else 1
+        _lay_out_path(row[ego] * p["max_speed"], speed, p, legs, path)
+        _look(row, start, near, others, table, at, count, path, row[ego] * p["max_speed"], row[ego + 4], turning, p)
+        for a in range(at + count, end):
+            row[start + a] = row[start + at]
+        at = end

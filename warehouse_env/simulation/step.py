@@ -128,6 +128,8 @@ def _observe_world(  # type: ignore[no-untyped-def]
     near = route + 2 * p["route_points"]
     buckets.sort(robots, p, starts, order, bodies)
     turned = np.empty((sensing.TURNED, p["rays"]), np.float32)
+    legs = np.empty((prediction.LEGS, p["route_points"]), np.float32)
+    path = np.empty((prediction.PATH, prediction.SAMPLES), np.float32)
     for n in range(robots.shape[0]):
         i = order[n]
         r = robots[i]
@@ -140,7 +142,9 @@ def _observe_world(  # type: ignore[no-untyped-def]
             row[k] = ONE / (ONE + row[k])
         sensing.write_ego_and_route(r, routes[i], p, row, ego)
         if p["predictions"] != 0:
-            prediction.write_predictions(row, ego, route, near, table, p, near + NEIGHBOUR * p["neighbours"])
+            prediction.write_predictions(
+                row, ego, route, near, table, p, near + NEIGHBOUR * p["neighbours"], legs, path
+            )
         reward[i] = write_terms(r, p, weights, terms[i])
 
 
