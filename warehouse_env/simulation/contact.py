@@ -156,7 +156,9 @@ def accept_motion(robots):  # type: ignore[no-untyped-def]
         r = robots[i]
         if r["moving"] != 0:
             dx, dy = r["try_x"] - r["x"], r["try_y"] - r["y"]
-            r["distance"] += np.float64(np.sqrt(dx * dx + dy * dy))
+            way = np.sqrt(dx * dx + dy * dy)
+            r["driven"] += way
+            r["distance"] += np.float64(way)
             r["x"], r["y"], r["heading"] = r["try_x"], r["try_y"], r["try_heading"]
             r["cos"], r["sin"] = r["try_cos"], r["try_sin"]
 

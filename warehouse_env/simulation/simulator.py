@@ -34,7 +34,8 @@ class Simulator:
 
     Outputs are the simulator's own arrays, overwritten by the next step: `observation` float32[B, N, D], `reward`
     float32[B, N], `reward_terms` float32[B, N, T] in the order of REWARD_TERMS, `terminated` bool[B, N] (not alive
-    any more), `truncated` bool[B] (max_steps reached; stepping on is allowed), and the views `state` and `events`.
+    any more), `truncated` bool[B] (max_steps reached; stepping on is allowed), the views `state` and `events`, and
+    `arrivals`, a list of [world, robot] of the last step.
     """
 
     def __init__(
@@ -90,6 +91,7 @@ class Simulator:
         self.terminated = np.zeros((b, n), dtype=np.bool_)
         self.truncated = np.zeros(b, dtype=np.bool_)
         self.steps = np.zeros(b, dtype=np.int64)  # env steps since each world's reset
+        self.arrivals: list[list[int]] = []
         self._commands = np.zeros((b, n, 2), dtype=np.float32)
         reach = float(p["pair_range"][0])
         area = math.pi * (reach + float(p["radius"][0])) ** 2 / (self.config.robot.length * self.config.robot.width)
@@ -172,6 +174,7 @@ class Simulator:
         self._stamps[world] = 0
         self._clocks[world] = 1
         self.steps[world] = 0
+        self.arrivals = [arrival for arrival in self.arrivals if arrival[0] != world]
         self._commands[world] = 0
         self.truncated[world] = False
         self.terminated[world] = False
@@ -236,8 +239,8 @@ class Simulator:
         self.steps += 1
         if self.config.terminate_on_collision:
             self._park_collided()
-        if arrivals:
-            self._arrive()
+        self.arrivals = np.argwhere(self.events.arrived).tolist() if arrivals else []
+        self._arrive()
         np.greater_equal(self.steps, self.config.max_steps, out=self.truncated)
         if self.config.tasks == "one_shot" or self.config.terminate_on_collision:
             np.equal(self.robots["alive"], 0, out=self.terminated)
@@ -257,11 +260,13 @@ class Simulator:
 
     def _arrive(self) -> None:
         """Book the arrivals, and give lifelong robots their next task and route."""
-        for world, robot in np.argwhere(self.robots["arrived"] != 0).tolist():
+        for world, robot in self.arrivals:
             r = self.robots[world, robot]
             r["goals"] += 1
-            r["planned"] += float(r["points"] - 1) * float(r["spacing"])
-            r["driven_to_goals"] += r["distance"] - r["distance_at_goal"]
+            r["task_planned"] = float(r["points"] - 1) * float(r["spacing"])
+            r["task_driven"] = r["distance"] - r["distance_at_goal"]
+            r["planned"] += r["task_planned"]
+            r["driven_to_goals"] += r["task_driven"]
             r["distance_at_goal"] = r["distance"]
             r["finish_time"] = self.seconds(world)
             if self.config.tasks == "lifelong" and r["alive"]:
