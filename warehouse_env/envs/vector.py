@@ -18,6 +18,7 @@ from warehouse_env.envs.options import build_simulator
 from warehouse_env.errors import ActionError, ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
+from warehouse_env.simulation.kernel import kernel
 from warehouse_env.simulation.simulator import Simulator
 
 StepResult = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]
@@ -89,13 +90,19 @@ class WarehouseVecEnv(VecEnv):
         otherwise the generators go on.
         """
         seed = self._seeds[0]
-        observation = np.empty((self.num_envs, *(self.observation_space.shape or ())), dtype=np.float32)
+        observation = self._new_observation()
         for k, block in enumerate(self.blocks):
-            block_seed = seed if seed is None or k == 0 else _seed_of_block(seed, k)
-            observation[block.rows] = _flat(block.simulator.reset(block_seed))
+            block.simulator.reset(seed if seed is None or k == 0 else _seed_of_block(seed, k))
         self._reset_seeds()
         self._reset_options()
         self._begin(slice(None))
+        return observation
+
+    def _new_observation(self) -> NDArray[np.float32]:
+        """Return an array [rows, D] that the Simulators write into from now on: given away without a copy."""
+        observation = np.empty((self.num_envs, *(self.observation_space.shape or ())), dtype=np.float32)
+        for block in self.blocks:
+            block.simulator.observe_into(observation[block.rows].reshape(block.simulator.observation.shape))
         return observation
 
     def step_async(self, actions: NDArray[Any]) -> None:
@@ -111,24 +118,24 @@ class WarehouseVecEnv(VecEnv):
 
     def step_wait(self) -> StepResult:
         """Step all worlds; returns observations [rows, D], rewards [rows], dones [rows] and infos."""
-        observation = np.empty((self.num_envs, *(self.observation_space.shape or ())), dtype=np.float32)
+        observation = self._new_observation()
         reward = np.empty(self.num_envs, dtype=np.float32)
         dones = np.empty(self.num_envs, dtype=np.bool_)
         infos = list(self._blank_infos)
+        some_done = False
         for block in self.blocks:
             simulator, rows = block.simulator, block.rows
             simulator.step(block.actions)
-            observation[rows] = _flat(simulator.observation)
-            reward[rows] = simulator.reward.ravel()
-            ended = dones[rows].reshape(simulator.terminated.shape)
-            np.logical_or(simulator.terminated, simulator.truncated[:, None], out=ended)
+            some_done |= _write_rows(
+                simulator.reward, simulator.terminated, simulator.truncated,
+                reward[rows], dones[rows], self._returns[rows],
+            )  # fmt: skip
             for world, robot in simulator.arrivals:
                 infos[block.world_rows(world).start + robot] = finished_task(simulator, world, robot)
-        self._returns += reward
         self._steps += 1
-        if np.count_nonzero(dones):
+        if some_done:
             self._end_rows(infos, observation, dones)
-            self._restart_worlds(infos, observation, dones)
+            self._restart_worlds(infos, dones)
         return observation, reward, dones, infos
 
     def _end_rows(
@@ -154,17 +161,14 @@ class WarehouseVecEnv(VecEnv):
                 info[EPISODE_METRICS] = next(metrics)
             parked |= terminated
 
-    def _restart_worlds(
-        self, infos: list[dict[str, Any]], observation: NDArray[np.float32], dones: NDArray[np.bool_]
-    ) -> None:
-        """Reset every world whose robots are all done and put its first observations in place of the last."""
+    def _restart_worlds(self, infos: list[dict[str, Any]], dones: NDArray[np.bool_]) -> None:
+        """Reset every world whose robots are all done; its first observations come in place of the last."""
         for block in self.blocks:
             over = dones[block.rows].reshape(block.simulator.num_worlds, -1).all(axis=1)
             for world in np.flatnonzero(over).tolist():
                 rows = block.world_rows(world)
                 infos[rows.start]["world_metrics"] = block.simulator.episode_metrics(world)
                 block.simulator.reset_world(world)
-                observation[rows] = block.simulator.observation[world]
                 self._begin(rows)
 
     def _begin(self, rows: slice) -> None:
@@ -216,9 +220,22 @@ class WarehouseVecEnv(VecEnv):
         self._camera.close()
 
 
-def _flat(array: NDArray[np.float32]) -> NDArray[np.float32]:
-    """[B, N, D] as [B * N, D]."""
-    return array.reshape(-1, array.shape[-1])
+@kernel
+def _write_rows(reward, terminated, truncated, rewards, dones, returns):  # type: ignore[no-untyped-def]
+    """Write a block's rewards [B, N] and ends [B, N], [B] into its rows, and add to their returns; is any row done?
+
+    One kernel, for after a step of the Simulator has filled the caches each call of NumPy takes 10 us.
+    """
+    some_done = False
+    row = 0
+    for world in range(reward.shape[0]):
+        for robot in range(reward.shape[1]):
+            rewards[row] = reward[world, robot]
+            returns[row] += reward[world, robot]
+            dones[row] = terminated[world, robot] or truncated[world]
+            some_done |= dones[row]
+            row += 1
+    return some_done
 
 
 def _seed_of_block(seed: int, block: int) -> int:

@@ -121,6 +121,11 @@ class Simulator:
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
 
+    def observe_into(self, observation: NDArray[np.float32]) -> None:
+        """Write observations into this array [B, N, D] from now on; the last one stays as it is, its holder's own."""
+        self.observation = observation
+        self._bind()
+
     @property
     def reward_weights(self) -> RewardWeights:
         """The weights in force; may be set at any time (for schedules)."""
