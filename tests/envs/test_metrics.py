@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from gymnasium.wrappers import RecordEpisodeStatistics
 from stable_baselines3 import DQN, PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import DummyVecEnv
 
@@ -186,8 +187,9 @@ def test_the_last_infos_pass_through_wrappers(tiny: EnvConfig) -> None:
     assert info["episode_metrics"]["seconds"] == pytest.approx(1.2)
 
 
-def logged(folder: Path) -> list[dict[str, float]]:
-    """The rows of stable-baselines3's progress.csv, without empty cells."""
+def logged(model: BaseAlgorithm, folder: Path) -> list[dict[str, float]]:
+    """The rows of stable-baselines3's progress.csv, without empty cells; its logger is closed."""
+    model.logger.close()
     with (folder / "progress.csv").open() as file:
         return [{name: float(cell) for name, cell in row.items() if cell} for row in csv.DictReader(file)]
 
@@ -208,7 +210,7 @@ def test_the_callback_logs_what_the_infos_say(tiny: EnvConfig, tmp_path: Path) -
             return super()._on_step()
 
     model.learn(4 * 40 * 12, callback=Spy())
-    rows = logged(tmp_path)
+    rows = logged(model, tmp_path)
     assert len(rows) == len(seen) == 4
     board = accumulator.EventAccumulator(str(tmp_path)).Reload()
     assert {"robot/distance_m", "robot/waiting_share", "world/collisions_per_km"} <= set(board.Tags()["scalars"])
@@ -230,7 +232,7 @@ def test_the_callback_serves_other_algorithms_and_envs(tiny: EnvConfig, tmp_path
     model = DQN("MlpPolicy", env, learning_starts=10, buffer_size=200, seed=0, device="cpu")
     model.set_logger(configure(str(tmp_path), ["csv"]))
     model.learn(120, callback=MetricsCallback(), log_interval=5)
-    rows = logged(tmp_path)
+    rows = logged(model, tmp_path)
     assert len(rows) == 2  # after five and ten episodes
     assert rows[0]["robot/seconds"] == pytest.approx(1.2)
     assert not any(name.startswith("world/") for name in rows[0])
