@@ -117,9 +117,8 @@ class Tally:
             counts.collisions += float(events.hit_robot.sum()) / 2 + float(events.hit_shelf.sum())
             counts.metres += float(events.driven.sum(dtype=np.float64))
             counts.reward += float(simulator.reward.sum())
-            for world, robot in simulator.arrivals:
-                counts.driven += float(simulator.robots["task_driven"][world, robot])
-                counts.planned += float(simulator.robots["task_planned"][world, robot])
+            counts.driven += sum(arrival.driven for arrival in simulator.arrivals)
+            counts.planned += sum(arrival.planned for arrival in simulator.arrivals)
 
     def take(self) -> Counts:
         """Return the counts since the last call, and start anew."""

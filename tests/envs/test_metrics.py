@@ -115,18 +115,21 @@ def test_the_metrics_are_the_sums_of_the_infos(mode: EnvConfig) -> None:
 
 
 def test_arrivals_stand_in_the_rows_of_their_robots(tiny: EnvConfig) -> None:
-    """Several worlds and blocks; the rows by the Simulators' own events."""
+    """Several worlds and blocks; the rows by the Simulators' own events, the lengths by their totals."""
     env = vec_env(2, configs=[tiny, tiny.replace(num_agents=2)], max_steps=10**6)
     env.seed(0)
     env.reset()
     cruise = np.stack([env.get_attr("cruise_action")[0]] * env.num_envs)
     total = 0
     for _ in range(200):
+        before = np.concatenate([block.simulator.robots.ravel() for block in env.blocks])
         infos = env.step(cruise)[3]
         robots = np.concatenate([block.simulator.robots.ravel() for block in env.blocks])
-        for info, robot in zip(infos, robots, strict=True):
-            told = {"path_length_m": robot["task_driven"], "planned_length_m": robot["task_planned"]}
-            assert info == (told if robot["arrived"] else {})
+        for info, was, robot in zip(infos, before, robots, strict=True):
+            assert bool(info) == bool(robot["arrived"])
+            if info:
+                assert info["path_length_m"] == pytest.approx(robot["driven_to_goals"] - was["driven_to_goals"])
+                assert info["planned_length_m"] == pytest.approx(robot["planned"] - was["planned"])
         total += int(robots["arrived"].sum())
     assert total > 3
 

@@ -195,9 +195,9 @@ def test_an_arrival_tells_the_finished_task() -> None:
     while not simulator.arrivals:
         assert simulator.steps[0] < 48
         simulator.step(cruise)
-    assert simulator.arrivals == [[0, 0]]
-    assert simulator.robots["task_planned"][0, 0] == 12.0
-    assert 11.5 <= simulator.robots["task_driven"][0, 0] <= 11.5 + 1.3 * 0.1 + 1e-4
+    (arrival,) = simulator.arrivals
+    assert (arrival.world, arrival.robot, arrival.planned) == (0, 0, 12.0)
+    assert 11.5 <= arrival.driven <= 11.5 + 1.3 * 0.1 + 1e-4
     simulator.step(cruise)
     assert simulator.arrivals == []
 

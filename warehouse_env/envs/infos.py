@@ -12,6 +12,7 @@ from warehouse_env.simulation.metrics import robot_rows
 
 if TYPE_CHECKING:
     from warehouse_env.simulation.simulator import Simulator
+    from warehouse_env.simulation.tasks import Arrival
 
 EPISODE_METRICS = "episode_metrics"  # the key under which a robot's last info holds its row of metrics
 # what is read of a robot's record at every step, in the record's order
@@ -64,16 +65,15 @@ class RobotInfos:
                 self._terms.iter_unpack(self._term_bytes), self._events.iter_unpack(self._event_bytes)
             )
         ]  # fmt: skip
-        for world, robot in self._simulator.arrivals:
-            if world == 0 and robot < self._count:
-                infos[robot] |= finished_task(self._simulator, world, robot)
+        for arrival in self._simulator.arrivals:
+            if arrival.world == 0 and arrival.robot < self._count:
+                infos[arrival.robot] |= finished_task(arrival)
         return infos
 
 
-def finished_task(simulator: Simulator, world: int, robot: int) -> dict[str, float]:
+def finished_task(arrival: Arrival) -> dict[str, float]:
     """Return what the info of an arrival says besides: metres driven and planned for the task just finished."""
-    record = simulator.robots[world, robot]
-    return {"path_length_m": float(record["task_driven"]), "planned_length_m": float(record["task_planned"])}
+    return {"path_length_m": arrival.driven, "planned_length_m": arrival.planned}
 
 
 def final_metrics(simulator: Simulator, robots: ArrayLike) -> list[dict[str, float]]:

@@ -130,8 +130,8 @@ class WarehouseVecEnv(VecEnv):
                 simulator.reward, simulator.terminated, simulator.truncated,
                 reward[rows], dones[rows], self._returns[rows],
             )  # fmt: skip
-            for world, robot in simulator.arrivals:
-                infos[block.world_rows(world).start + robot] = finished_task(simulator, world, robot)
+            for arrival in simulator.arrivals:
+                infos[block.world_rows(arrival.world).start + arrival.robot] = finished_task(arrival)
         self._steps += 1
         if some_done:
             self._end_rows(infos, observation, dones)

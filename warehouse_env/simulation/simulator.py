@@ -23,7 +23,7 @@ from warehouse_env.simulation.buckets import bucket_grid
 from warehouse_env.simulation.floor import floor_of, load_grid
 from warehouse_env.simulation.placement import place
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
-from warehouse_env.simulation.tasks import Tasks
+from warehouse_env.simulation.tasks import Arrival, Tasks
 
 PARALLEL_FROM = 256  # robots in all from which entering a parallel region pays
 _ROUTE_BLOCK = 64  # way-points by which the routes' array grows
@@ -35,7 +35,7 @@ class Simulator:
     Outputs are the simulator's own arrays, overwritten by the next step: `observation` float32[B, N, D], `reward`
     float32[B, N], `reward_terms` float32[B, N, T] in the order of REWARD_TERMS, `terminated` bool[B, N] (not alive
     any more), `truncated` bool[B] (max_steps reached; stepping on is allowed), the views `state` and `events`, and
-    `arrivals`, a list of [world, robot] of the last step.
+    `arrivals`, the tasks finished with the last step.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class Simulator:
         self.terminated = np.zeros((b, n), dtype=np.bool_)
         self.truncated = np.zeros(b, dtype=np.bool_)
         self.steps = np.zeros(b, dtype=np.int64)  # env steps since each world's reset
-        self.arrivals: list[list[int]] = []
+        self.arrivals: list[Arrival] = []
         self._commands = np.zeros((b, n, 2), dtype=np.float32)
         reach = float(p["pair_range"][0])
         area = math.pi * (reach + float(p["radius"][0])) ** 2 / (self.config.robot.length * self.config.robot.width)
@@ -179,7 +179,7 @@ class Simulator:
         self._stamps[world] = 0
         self._clocks[world] = 1
         self.steps[world] = 0
-        self.arrivals = [arrival for arrival in self.arrivals if arrival[0] != world]
+        self.arrivals = [arrival for arrival in self.arrivals if arrival.world != world]
         self._commands[world] = 0
         self.truncated[world] = False
         self.terminated[world] = False
@@ -244,8 +244,7 @@ class Simulator:
         self.steps += 1
         if self.config.terminate_on_collision:
             self._park_collided()
-        self.arrivals = np.argwhere(self.events.arrived).tolist() if arrivals else []
-        self._arrive()
+        self.arrivals = self._arrive() if arrivals else []
         np.greater_equal(self.steps, self.config.max_steps, out=self.truncated)
         if self.config.tasks == "one_shot" or self.config.terminate_on_collision:
             np.equal(self.robots["alive"], 0, out=self.terminated)
@@ -263,21 +262,23 @@ class Simulator:
         robots["alive"][hit] = 0
         robots["speed"][hit] = 0
 
-    def _arrive(self) -> None:
-        """Book the arrivals, and give lifelong robots their next task and route."""
-        for world, robot in self.arrivals:
+    def _arrive(self) -> list[Arrival]:
+        """Book the arrivals and return them, and give lifelong robots their next task and route."""
+        arrivals = []
+        for world, robot in np.argwhere(self.robots["arrived"] != 0).tolist():
             r = self.robots[world, robot]
+            planned, driven = float(r["points"] - 1) * float(r["spacing"]), float(r["distance"] - r["distance_at_goal"])
+            arrivals.append(Arrival(world, robot, driven, planned))
             r["goals"] += 1
-            r["task_planned"] = float(r["points"] - 1) * float(r["spacing"])
-            r["task_driven"] = r["distance"] - r["distance_at_goal"]
-            r["planned"] += r["task_planned"]
-            r["driven_to_goals"] += r["task_driven"]
+            r["planned"] += planned
+            r["driven_to_goals"] += driven
             r["distance_at_goal"] = r["distance"]
             r["finish_time"] = self.seconds(world)
             if self.config.tasks == "lifelong" and r["alive"]:
                 start = (int(r["goal_row"]), int(r["goal_col"]))
                 goal = self._tasks[world].next_goal(robot, start, self._rngs[world])
                 self._set_route(world, robot, start, goal, float(r["heading"]))
+        return arrivals
 
     def _observe(self, world: int | None = None) -> None:
         if world is None:

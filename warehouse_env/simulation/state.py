@@ -43,7 +43,6 @@ ROBOT = np.dtype(
         # totals of the episode
         ("distance", np.float64), ("planned", np.float64), ("driven_to_goals", np.float64),
         ("distance_at_goal", np.float64), ("min_gap", F),
-        ("task_driven", np.float64), ("task_planned", np.float64),  # [m], of the task finished last
         ("hits_robot", I), ("hits_shelf", I), ("near_misses", I), ("goals", I), ("finish_time", F),
         ("lived", I), ("waited", I),  # physics steps alive; of those, standing
     ],
