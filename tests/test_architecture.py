@@ -49,7 +49,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
 # A package that only these modules may import.
 ONLY_IN: dict[str, tuple[str, ...]] = {
     "torch": ("agents.networks", "agents.learned", "train"),
-    "stable_baselines3": ("warehouse_env.envs.vector", "agents.learned", "train.ppo"),
+    "stable_baselines3": ("warehouse_env.envs.vector", "warehouse_env.envs.callback", "agents.learned", "train.ppo"),
     "ray": ("train.distributed",),
     "pygame": ("warehouse_env.render", "train.reporting.report"),
     "matplotlib": ("warehouse_env.render", "train.reporting.report"),

@@ -13,6 +13,7 @@ import gymnasium
 
 if TYPE_CHECKING:
     from warehouse_env.config import EnvConfig, RewardWeights, RobotSpec, SensorSpec
+    from warehouse_env.envs.callback import MetricsCallback
     from warehouse_env.envs.parallel import WarehouseParallelEnv, aec_env, parallel_env
     from warehouse_env.envs.single import WarehouseSingleEnv, single_env
     from warehouse_env.envs.vector import WarehouseVecEnv, vec_env
@@ -31,6 +32,7 @@ _HOME = {
     "RewardWeights": "config",
     "RobotSpec": "config",
     "SensorSpec": "config",
+    "MetricsCallback": "envs.callback",
     "WarehouseParallelEnv": "envs.parallel",
     "aec_env": "envs.parallel",
     "parallel_env": "envs.parallel",
@@ -65,6 +67,7 @@ __all__ = [
     "EnvConfig",
     "GridMap",
     "MapError",
+    "MetricsCallback",
     "PlanError",
     "RewardWeights",
     "RobotSpec",

@@ -87,6 +87,9 @@ class RewardWeights:
     proximity: float = -0.3  # per step at gap 0, fading out at three near_miss_gaps
     time: float = -0.01  # per step
     smoothness: float = -0.01  # per step, times the relative change of command
+    # per metre driven in any direction. 0: `progress` pays the way and `time` charges detours already, and the shipped
+    # policies were trained, and their returns measured, without it; below 0 it makes way-giving dearer, too
+    path_length: float = 0.0
 
     def __post_init__(self) -> None:
         for f in dataclasses.fields(self):

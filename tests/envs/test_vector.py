@@ -100,12 +100,14 @@ def test_a_parked_robot_keeps_its_row(tiny: EnvConfig) -> None:
 def test_what_is_given_away_stays_as_it_was(tiny: EnvConfig) -> None:
     env = vec_env(2, tiny)
     rng = np.random.default_rng(0)
-    env.reset()
+    first = env.reset()
     given = env.step(random_actions(env, rng))
-    copies = [np.array(part) for part in given[:3]]
+    parts = (first, *given[:3])
+    copies = [np.array(part) for part in parts]
     for _ in range(14):
         env.step(random_actions(env, rng))
-    for part, copy in zip(given[:3], copies, strict=True):
+    env.reset()
+    for part, copy in zip(parts, copies, strict=True):
         np.testing.assert_array_equal(part, copy)
     assert given[3] == [{}] * 6
 

@@ -13,15 +13,16 @@ from numpy.typing import NDArray
 from tests.simulation.reference import FRONT, REAR
 from tests.simulation.worlds import coast, drawn, raw, room, stage
 from warehouse_env.config import EnvConfig, RewardWeights
-from warehouse_env.simulation.metrics import episode_row
+from warehouse_env.simulation.metrics import episode_row, robot_rows
 from warehouse_env.simulation.rewards import REWARD_TERMS
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import ROBOT
 
-TERMS = ("progress", "arrival", "collision", "contact", "proximity", "time", "smoothness")
+TERMS = ("progress", "arrival", "collision", "contact", "proximity", "time", "smoothness", "path_length")
 HARD = RewardWeights(
-    progress=2.0, arrival=3.0, collision=-7.0, contact=-0.25, proximity=-0.5, time=-0.125, smoothness=-4
-)
+    progress=2.0, arrival=3.0, collision=-7.0, contact=-0.25, proximity=-0.5, time=-0.125, smoothness=-4,
+    path_length=-0.375,
+)  # fmt: skip
 
 
 def record(**totals: list[Any]) -> NDArray[Any]:
@@ -44,6 +45,8 @@ def test_a_row_by_hand() -> None:
         driven_to_goals=[480.0, 690.0, 293.0, 0.0],
         stalled_time=[0.0, 60.0, 60.5, 600.0],
         min_gap=[0.0, 0.0, 0.02, 0.5],
+        lived=[6000, 6000, 6000, 2000],
+        waited=[0, 500, 1500, 2000],
     )
     row = episode_row(robots, 600.0, EnvConfig(num_agents=4))
     assert row["seconds"] == 600.0
@@ -59,8 +62,56 @@ def test_a_row_by_hand() -> None:
     assert row["path_length_m"] == pytest.approx(1463 / 30)
     assert row["path_length_ratio"] == pytest.approx(1463 / 1330)
     assert row["stuck"] == 0.5
+    assert row["waiting_share"] == 0.2
     assert math.isnan(row["makespan_s"])
     assert math.isnan(row["sum_of_costs_s"])
+
+
+def test_a_robots_row_by_hand() -> None:
+    robots = record(
+        distance=[500.0, 31.0],
+        hits_robot=[2, 0],
+        hits_shelf=[1, 0],
+        near_misses=[3, 0],
+        goals=[10, 0],
+        planned=[400.0, 0.0],
+        driven_to_goals=[480.0, 0.0],
+        stalled_time=[0.0, 60.5],
+        min_gap=[0.0, 0.5],
+        lived=[6000, 0],
+        waited=[1500, 0],
+    )
+    first, second = robot_rows(robots, np.array([600.0, 300.0]), EnvConfig(num_agents=2))
+    assert first == {
+        "seconds": 600.0, "distance_m": 500.0, "collisions_robot": 2.0, "collisions_shelf": 1.0, "near_misses": 3.0,
+        "min_clearance_m": 0.0, "goals": 10.0, "goals_per_robot_hour": 60.0, "success_rate": 1.0,
+        "path_length_m": 48.0, "path_length_ratio": 1.2, "stuck": 0.0, "waiting_share": 0.25,
+    }  # fmt: skip
+    nothing = dict.fromkeys(("min_clearance_m", "path_length_m", "path_length_ratio", "waiting_share"), math.nan)
+    np.testing.assert_equal(
+        second,
+        {**dict.fromkeys(first, 0.0), "seconds": 300.0, "distance_m": 31.0, "stuck": 1.0, **nothing},
+    )
+
+
+def test_the_rows_of_the_robots_add_up_to_the_worlds() -> None:
+    simulator = Simulator(EnvConfig(num_agents=8, planner="astar", max_steps=10**6), grid=room(8, 8))
+    simulator.reset(seed=2)
+    rng = np.random.default_rng(0)
+    for _ in range(600):
+        simulator.step(rng.choice([0, 5, 10, 15, 16, 17], (1, 8), p=[0.05, 0.1, 0.15, 0.5, 0.1, 0.1]))
+    world = simulator.episode_metrics()
+    rows = robot_rows(simulator.robots[0], np.full(8, simulator.seconds(0)), simulator.config)
+    total = {name: sum(row[name] for row in rows) for name in rows[0]}
+    assert set(rows[0]) - {"distance_m"} <= set(world)
+    assert total["distance_m"] / 1000 == pytest.approx(world["robot_km"])
+    for name, share in (("collisions_robot", 2), ("near_misses", 2), ("collisions_shelf", 1), ("goals", 1)):
+        assert total[name] == share * world[name]
+    assert min(total["collisions_robot"], total["near_misses"], total["goals"]) > 0
+    for name in ("success_rate", "stuck", "waiting_share", "goals_per_robot_hour"):
+        assert total[name] / 8 == pytest.approx(world[name])
+    assert world["waiting_share"] > 0
+    assert np.nanmin([row["min_clearance_m"] for row in rows]) == world["min_clearance_m"]
 
 
 def test_one_shot_times() -> None:
@@ -85,6 +136,7 @@ def test_figures_without_data_are_nan() -> None:
         "path_length_m",
         "path_length_ratio",
         "min_clearance_m",
+        "waiting_share",
     ):
         assert math.isnan(row[name])
 
@@ -117,6 +169,37 @@ def test_a_straight_drive_by_hand() -> None:
     assert row["goals_per_robot_hour"] == pytest.approx(3600 / 9.6)
     assert row["success_rate"] == 1.0
     assert math.isnan(row["min_clearance_m"])
+
+
+def test_standing_is_counted_until_the_robot_is_parked() -> None:
+    # 6 physics steps under a command to stand; the first that drives ends at 0.1 m/s, where standing ends.
+    simulator = straight(tasks="one_shot")
+    stop, cruise = np.full((1, 1), 5), np.full((1, 1), simulator.cruise_action)
+    for action in (stop, stop, stop, cruise, cruise, cruise, cruise, cruise, cruise, cruise):
+        simulator.step(action)
+    still = int(simulator.robots["waited"][0, 0])
+    assert still in (6, 7)  # 0.1 m/s in float32 may fall on either side
+    assert simulator.robots["lived"][0, 0] == 20
+    assert simulator.episode_metrics()["waiting_share"] == still / 20
+    while not simulator.terminated[0, 0]:
+        simulator.step(cruise)
+    lived = int(simulator.robots["lived"][0, 0])
+    for _ in range(5):
+        simulator.step(stop)
+    assert (simulator.robots["lived"][0, 0], simulator.robots["waited"][0, 0]) == (lived, still)
+
+
+def test_an_arrival_tells_the_finished_task() -> None:
+    simulator = straight(tasks="one_shot")
+    cruise = np.full((1, 1), simulator.cruise_action)
+    while not simulator.arrivals:
+        assert simulator.steps[0] < 48
+        simulator.step(cruise)
+    (arrival,) = simulator.arrivals
+    assert (arrival.world, arrival.robot, arrival.planned) == (0, 0, 12.0)
+    assert 11.5 <= arrival.driven <= 11.5 + 1.3 * 0.1 + 1e-4
+    simulator.step(cruise)
+    assert simulator.arrivals == []
 
 
 def test_progress_adds_up_to_the_way() -> None:
@@ -157,11 +240,36 @@ def test_terms_of_a_quiet_step() -> None:
     simulator.step(cruise)
     terms = dict(zip(TERMS, simulator.reward_terms[0, 0].tolist(), strict=True))
     assert terms["progress"] == pytest.approx(2.0 * 0.26, abs=1e-4)
+    assert terms["path_length"] == pytest.approx(-0.375 * 0.26, abs=1e-4)
     assert terms["time"] == -0.125
     assert terms["smoothness"] == pytest.approx(0.0, abs=1e-4)
     for name in ("arrival", "collision", "contact", "proximity"):
         assert terms[name] == 0.0
     assert simulator.reward[0, 0] == pytest.approx(sum(terms.values()), abs=1e-6)
+
+
+def test_metres_count_backwards_too() -> None:
+    simulator = straight(reward=HARD)
+    simulator.robots["x"], simulator.robots["speed"], simulator.robots["position"] = 5.5, -0.4, 4.0
+    back = np.zeros((1, 1), dtype=int)  # level -0.4 m/s
+    simulator.step(back)
+    simulator.step(back)
+    terms = dict(zip(TERMS, simulator.reward_terms[0, 0].tolist(), strict=True))
+    assert terms["path_length"] == pytest.approx(-0.375 * 0.08, abs=1e-4)
+    assert terms["progress"] == pytest.approx(-2.0 * 0.08, abs=1e-4)
+
+
+def test_the_path_length_costs_nothing_by_default() -> None:
+    """So that what is known of the shipped policies stays true: the sum is that of the other terms, to the bit."""
+    simulator = straight()
+    cruise = np.full((1, 1), simulator.cruise_action)
+    for _ in range(10):
+        simulator.step(cruise)
+        total = np.float32(0.0)
+        for term in simulator.reward_terms[0, 0, :7]:
+            total += term
+        assert simulator.events.driven[0, 0] > 0
+        assert simulator.reward[0, 0] == total
 
 
 def test_terms_of_a_collision() -> None:
@@ -206,10 +314,11 @@ def test_terms_by_an_independent_sum_over_a_busy_episode() -> None:
     simulator = Simulator(config, 2, grid=room(8, 8))
     simulator.reset(seed=2)
     rng = np.random.default_rng(0)
-    seen = np.zeros(7, dtype=bool)
+    seen = np.zeros(8, dtype=bool)
     for _ in range(150):
         r = simulator.robots
         before = (r["target_speed"].copy(), r["target_steer"].copy())
+        distance = simulator.state.distance.copy()
         simulator.step(rng.choice([0, 5, 10, 15, 16, 17], (2, 8), p=[0.05, 0.1, 0.15, 0.5, 0.1, 0.1]))
         e = simulator.events
         expected = np.stack(
@@ -225,6 +334,7 @@ def test_terms_by_an_independent_sum_over_a_busy_episode() -> None:
                     np.abs(r["target_speed"] - before[0]) / 1.5
                     + np.abs(r["target_steer"] - before[1]) / math.radians(60)
                 ),
+                -0.375 * (simulator.state.distance - distance),
             ],
             axis=-1,
         )

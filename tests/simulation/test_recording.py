@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,21 @@ def test_the_file_holds_its_map(tmp_path: Path) -> None:
     episode.save(tmp_path / "episode.npz")
     loaded = Episode.load(tmp_path / "episode.npz")
     assert loaded.grid.name == "my hall"
+    assert [sim.robots.tobytes() for sim in loaded.replay()] == bits
+
+
+def test_an_episode_from_before_a_reward_term_replays(tmp_path: Path) -> None:
+    """The file of a version that had no `path_length`: the term is worth nothing then."""
+    episode, bits = _recorded("discrete", 20)
+    episode.save(tmp_path / "episode.npz")
+    with np.load(tmp_path / "episode.npz") as data:
+        arrays = dict(data)
+    about = json.loads(arrays["about"].tobytes())
+    assert about["config"]["reward"].pop("path_length") == 0.0
+    arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+    np.savez_compressed(tmp_path / "old.npz", **arrays)
+    loaded = Episode.load(tmp_path / "old.npz")
+    assert loaded.config == episode.config
     assert [sim.robots.tobytes() for sim in loaded.replay()] == bits
 
 

@@ -17,10 +17,11 @@ from agents.weights_folder import Network, read_record
 from train import reinforce
 from train.learning.config import HELD_OUT_SEED, ReinforceConfig
 from train.learning.experience import advantages
-from train.learning.worlds import TrainingWorlds
+from train.learning.worlds import Tally, TrainingWorlds
 from train.reinforce import Reinforce, joint_scale, policy_loss
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError
+from warehouse_env.simulation.simulator import Simulator
 
 
 @pytest.fixture
@@ -102,7 +103,14 @@ def test_a_training_leaves_a_policy_that_acts(config: ReinforceConfig) -> None:
     training = read_record(folder).training
     assert (training["steps"], training["updates"], training["spent"]) == (config.steps, 4, 1.0)
     row = json.loads((folder / "progress.jsonl").read_text().splitlines()[-1])
-    assert {"steps_per_second", "reward", "goals_per_robot_hour", "collisions_per_km", "entropy"} <= set(row)
+    assert {
+        "steps_per_second",
+        "reward",
+        "goals_per_robot_hour",
+        "collisions_per_km",
+        "path_length_ratio",
+        "entropy",
+    } <= set(row)
     card = (folder / "CARD.md").read_text()
     assert "192 agent-steps in 4 updates, seed 0" in card
     assert not [path.name for path in folder.rglob(".*")]
@@ -180,6 +188,20 @@ def test_the_mix_shares_the_rows(config: ReinforceConfig) -> None:
     assert [(env.layout, env.num_agents, worlds) for env, worlds in mix] == [
         ("open", 8, 8), ("open", 32, 2), ("narrow", 8, 8), ("narrow", 32, 2),
     ]  # fmt: skip
+
+
+def test_the_tally_counts_what_the_episode_counts() -> None:
+    simulator = Simulator(EnvConfig(layout="open", num_agents=8, planner="astar", max_steps=10**6))
+    simulator.reset(seed=1)
+    tally = Tally([simulator])
+    for _ in range(400):
+        simulator.step(np.full((1, 8), simulator.cruise_action))
+        tally.add()
+    figures, metrics = tally.take().figures(0.1), simulator.episode_metrics()
+    for name in ("goals_per_robot_hour", "collisions_per_km", "path_length_ratio"):
+        assert figures[name] == pytest.approx(metrics[name], rel=1e-5)
+        assert figures[name] > 0
+    assert set(tally.take().figures(0.1).values()) == {0.0}
 
 
 def test_training_worlds_end_spread_and_draw_seeds_below_the_held_out_ones(config: ReinforceConfig) -> None:

@@ -82,6 +82,8 @@ class Counts:
     goals: int = 0
     collisions: float = 0.0
     metres: float = 0.0
+    driven: float = 0.0  # [m], for the goals reached
+    planned: float = 0.0  # [m], likewise
     reward: float = 0.0
 
     def __add__(self, other: Counts) -> Counts:
@@ -94,6 +96,7 @@ class Counts:
             "reward": self.reward / max(self.steps, 1),
             "goals_per_robot_hour": self.goals / hours if hours else 0.0,
             "collisions_per_km": 1000.0 * self.collisions / max(self.metres, 1.0),
+            "path_length_ratio": self.driven / max(self.planned, 1.0),
         }
 
 
@@ -102,20 +105,20 @@ class Tally:
 
     def __init__(self, simulators: Sequence[Simulator]) -> None:
         self._simulators = simulators
-        self._driven = [simulator.state.distance.copy() for simulator in simulators]
         self._counts = Counts()
 
     def add(self) -> None:
-        """Count the step just made. A world's first step after a reset adds no distance."""
+        """Count the step just made."""
         counts = self._counts
-        for number, simulator in enumerate(self._simulators):
-            events, driven = simulator.events, simulator.state.distance
+        for simulator in self._simulators:
+            events = simulator.events
             counts.steps += events.arrived.size
             counts.goals += int(events.arrived.sum())
             counts.collisions += float(events.hit_robot.sum()) / 2 + float(events.hit_shelf.sum())
-            counts.metres += float(np.maximum(driven - self._driven[number], 0.0).sum())
+            counts.metres += float(events.driven.sum(dtype=np.float64))
             counts.reward += float(simulator.reward.sum())
-            np.copyto(self._driven[number], driven)
+            counts.driven += sum(arrival.driven for arrival in simulator.arrivals)
+            counts.planned += sum(arrival.planned for arrival in simulator.arrivals)
 
     def take(self) -> Counts:
         """Return the counts since the last call, and start anew."""

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.envs.actions import bad_action, pack_actions
+from warehouse_env.envs.actions import ActionPacker
 from warehouse_env.envs.camera import RENDER_MODES, Camera, render_fps
-from warehouse_env.envs.infos import RobotInfos
+from warehouse_env.envs.infos import EPISODE_METRICS, RobotInfos, final_metrics
 from warehouse_env.envs.options import build_simulator
 from warehouse_env.errors import ActionError
 from warehouse_env.maps.grid_map import GridMap
@@ -24,7 +24,8 @@ Others = Callable[[NDArray[np.float32]], Any]
 class WarehouseSingleEnv(gymnasium.Env[NDArray[np.float32], Any]):
     """One robot's view of a warehouse that it shares with others.
 
-    The episode terminates when robot 0 does (one-shot arrival) and is truncated at `max_steps`.
+    The episode terminates when robot 0 does (one-shot arrival) and is truncated at `max_steps`. The last info holds
+    the metrics of robot 0's episode under "episode_metrics" (see metrics.robot_rows).
     """
 
     metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]  # gymnasium's is no ClassVar
@@ -56,8 +57,8 @@ class WarehouseSingleEnv(gymnasium.Env[NDArray[np.float32], Any]):
         self.observation_space = self.simulator.observation_space
         self.action_space = self.simulator.action_space
         self._others = others
-        self._names = [f"robot_{k}" for k in range(self.simulator.num_agents)]
-        self._infos = RobotInfos(self.simulator)
+        self._actions = ActionPacker([f"robot_{k}" for k in range(self.simulator.num_agents)], self.action_space)
+        self._infos = RobotInfos(self.simulator, 1)
         self._started = False
 
     def reset(
@@ -77,20 +78,18 @@ class WarehouseSingleEnv(gymnasium.Env[NDArray[np.float32], Any]):
             raise gymnasium.error.ResetNeeded("call reset() before step()")
         simulator = self.simulator
         given = [action, *self._actions_of_others()]
-        packed = pack_actions(given, self._names, simulator.action_space)
+        packed = self._actions.pack(given)
         try:
             simulator.step(packed)
         except ActionError:
-            raise bad_action(given, self._names, simulator.action_space) from None
+            raise self._actions.bad_action(given) from None
         if self.render_mode == "human":
             self.render()
-        return (
-            simulator.observation[0, 0].copy(),
-            float(simulator.reward[0, 0]),
-            bool(simulator.terminated[0, 0]),
-            bool(simulator.truncated[0]),
-            self._infos.read()[0],
-        )
+        terminated, truncated = bool(simulator.terminated[0, 0]), bool(simulator.truncated[0])
+        info = self._infos.read()[0]
+        if terminated or truncated:
+            info[EPISODE_METRICS] = final_metrics(simulator, [0])[0]
+        return simulator.observation[0, 0].copy(), float(simulator.reward[0, 0]), terminated, truncated, info
 
     def _actions_of_others(self) -> list[Any]:
         """Return one action for each robot but the first."""

@@ -13,10 +13,12 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.envs.camera import Camera, render_fps
+from warehouse_env.envs.infos import EPISODE_METRICS, final_metrics, finished_task
 from warehouse_env.envs.options import build_simulator
 from warehouse_env.errors import ActionError, ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
+from warehouse_env.simulation.kernel import kernel
 from warehouse_env.simulation.simulator import Simulator
 
 StepResult = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]
@@ -48,9 +50,10 @@ class WarehouseVecEnv(VecEnv):
     `infos[row]["padding"] = True`, so that no value leaks across its end.
 
     A done row's info holds "terminal_observation" and "TimeLimit.truncated"; where an episode ended it also holds
-    "episode" (r: return, l: steps, t: seconds), and the first row of a world that starts anew holds
-    "world_metrics" (`Simulator.episode_metrics`). All other rows' infos are empty dicts, the same ones at each
-    step. Observations and rewards given away are never overwritten.
+    "episode" (r: return, l: steps, t: seconds) and "episode_metrics" (of the robot, see metrics.robot_rows), and the
+    first row of a world that starts anew holds "world_metrics" (`Simulator.episode_metrics`). At an arrival the info
+    holds "path_length_m" and "planned_length_m" of the finished task. All other rows' infos are empty dicts, the same
+    ones at each step. Observations and rewards given away are never overwritten.
     """
 
     def __init__(self, simulators: Sequence[Simulator], render_mode: str | None = None) -> None:
@@ -76,7 +79,8 @@ class WarehouseVecEnv(VecEnv):
         self._blank_infos: list[dict[str, Any]] = [{} for _ in range(rows)]
         self._parked = np.zeros(rows, dtype=np.bool_)
         self._returns = np.zeros(rows, dtype=np.float64)
-        self._lengths = np.zeros(rows, dtype=np.int64)
+        self._steps = 0  # of this env since it was made
+        self._first = np.zeros(rows, dtype=np.int64)  # of those, the ones before each row's episode
         self._begun = np.full(rows, time.perf_counter())
 
     def reset(self) -> NDArray[np.float32]:
@@ -86,13 +90,19 @@ class WarehouseVecEnv(VecEnv):
         otherwise the generators go on.
         """
         seed = self._seeds[0]
-        observation = np.empty((self.num_envs, *(self.observation_space.shape or ())), dtype=np.float32)
+        observation = self._new_observation()
         for k, block in enumerate(self.blocks):
-            block_seed = seed if seed is None or k == 0 else _seed_of_block(seed, k)
-            observation[block.rows] = _flat(block.simulator.reset(block_seed))
+            block.simulator.reset(seed if seed is None or k == 0 else _seed_of_block(seed, k))
         self._reset_seeds()
         self._reset_options()
         self._begin(slice(None))
+        return observation
+
+    def _new_observation(self) -> NDArray[np.float32]:
+        """Return an array [rows, D] that the Simulators write into from now on: given away without a copy."""
+        observation = np.empty((self.num_envs, *(self.observation_space.shape or ())), dtype=np.float32)
+        for block in self.blocks:
+            block.simulator.observe_into(observation[block.rows].reshape(block.simulator.observation.shape))
         return observation
 
     def step_async(self, actions: NDArray[Any]) -> None:
@@ -108,66 +118,64 @@ class WarehouseVecEnv(VecEnv):
 
     def step_wait(self) -> StepResult:
         """Step all worlds; returns observations [rows, D], rewards [rows], dones [rows] and infos."""
-        observation = np.empty((self.num_envs, *(self.observation_space.shape or ())), dtype=np.float32)
+        observation = self._new_observation()
         reward = np.empty(self.num_envs, dtype=np.float32)
-        terminated = np.empty(self.num_envs, dtype=np.bool_)
-        truncated = np.empty(self.num_envs, dtype=np.bool_)
-        for block in self.blocks:
-            simulator = block.simulator
-            simulator.step(block.actions)
-            observation[block.rows] = _flat(simulator.observation)
-            reward[block.rows] = simulator.reward.ravel()
-            terminated[block.rows] = simulator.terminated.ravel()
-            truncated[block.rows] = np.repeat(simulator.truncated, simulator.num_agents)
-        reward[self._parked] = 0.0
-        self._returns += reward
-        self._lengths += 1
-        dones = terminated | truncated
+        dones = np.empty(self.num_envs, dtype=np.bool_)
         infos = list(self._blank_infos)
-        if dones.any():
-            self._end_rows(infos, observation, terminated, dones)
-            self._restart_worlds(infos, observation, dones)
+        some_done = False
+        for block in self.blocks:
+            simulator, rows = block.simulator, block.rows
+            simulator.step(block.actions)
+            some_done |= _write_rows(
+                simulator.reward, simulator.terminated, simulator.truncated,
+                reward[rows], dones[rows], self._returns[rows],
+            )  # fmt: skip
+            for arrival in simulator.arrivals:
+                infos[block.world_rows(arrival.world).start + arrival.robot] = finished_task(arrival)
+        self._steps += 1
+        if some_done:
+            self._end_rows(infos, observation, dones)
+            self._restart_worlds(infos, dones)
         return observation, reward, dones, infos
 
     def _end_rows(
-        self,
-        infos: list[dict[str, Any]],
-        observation: NDArray[np.float32],
-        terminated: NDArray[np.bool_],
-        dones: NDArray[np.bool_],
+        self, infos: list[dict[str, Any]], observation: NDArray[np.float32], dones: NDArray[np.bool_]
     ) -> None:
         """Give every done row its info, and mark the terminated ones as parked."""
         now = time.perf_counter()
-        ended = np.flatnonzero(dones)
-        final = observation[ended]  # a copy: the rows themselves may start anew below
-        for row, last in zip(ended.tolist(), final, strict=True):
-            over = bool(terminated[row])
-            infos[row] = {"terminal_observation": last, "TimeLimit.truncated": not over}
-            if self._parked[row]:
-                infos[row]["padding"] = True
-            else:
-                length, begun = int(self._lengths[row]), float(self._begun[row])
-                infos[row]["episode"] = {"r": float(self._returns[row]), "l": length, "t": round(now - begun, 6)}
-        self._parked |= terminated
+        for block in self.blocks:
+            terminated, parked = block.simulator.terminated.ravel(), self._parked[block.rows]
+            ended = np.flatnonzero(dones[block.rows])
+            final = observation[block.rows][ended]  # a copy: the rows themselves may start anew below
+            metrics = iter(final_metrics(block.simulator, ended[~parked[ended]]))
+            for robot, last in zip(ended.tolist(), final, strict=True):
+                row = block.start + robot
+                infos[row] = info = {
+                    **infos[row], "terminal_observation": last, "TimeLimit.truncated": not terminated[robot]
+                }  # fmt: skip
+                if parked[robot]:
+                    info["padding"] = True
+                    continue
+                length, seconds = self._steps - int(self._first[row]), round(now - float(self._begun[row]), 6)
+                info["episode"] = {"r": float(self._returns[row]), "l": length, "t": seconds}
+                info[EPISODE_METRICS] = next(metrics)
+            parked |= terminated
 
-    def _restart_worlds(
-        self, infos: list[dict[str, Any]], observation: NDArray[np.float32], dones: NDArray[np.bool_]
-    ) -> None:
-        """Reset every world whose robots are all done and put its first observations in place of the last."""
+    def _restart_worlds(self, infos: list[dict[str, Any]], dones: NDArray[np.bool_]) -> None:
+        """Reset every world whose robots are all done; its first observations come in place of the last."""
         for block in self.blocks:
             over = dones[block.rows].reshape(block.simulator.num_worlds, -1).all(axis=1)
             for world in np.flatnonzero(over).tolist():
                 rows = block.world_rows(world)
                 infos[rows.start]["world_metrics"] = block.simulator.episode_metrics(world)
                 block.simulator.reset_world(world)
-                observation[rows] = block.simulator.observation[world]
                 self._begin(rows)
 
     def _begin(self, rows: slice) -> None:
         """Set the episode counters of some rows to a start."""
         self._parked[rows] = False
         self._returns[rows] = 0.0
-        self._lengths[rows] = 0
+        self._first[rows] = self._steps
         self._begun[rows] = time.perf_counter()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
@@ -212,9 +220,22 @@ class WarehouseVecEnv(VecEnv):
         self._camera.close()
 
 
-def _flat(array: NDArray[np.float32]) -> NDArray[np.float32]:
-    """[B, N, D] as [B * N, D]."""
-    return array.reshape(-1, array.shape[-1])
+@kernel
+def _write_rows(reward, terminated, truncated, rewards, dones, returns):  # type: ignore[no-untyped-def]
+    """Write a block's rewards [B, N] and ends [B, N], [B] into its rows, and add to their returns; is any row done?
+
+    One kernel, for after a step of the Simulator has filled the caches each call of NumPy takes 10 us.
+    """
+    some_done = False
+    row = 0
+    for world in range(reward.shape[0]):
+        for robot in range(reward.shape[1]):
+            rewards[row] = reward[world, robot]
+            returns[row] += reward[world, robot]
+            dones[row] = terminated[world, robot] or truncated[world]
+            some_done |= dones[row]
+            row += 1
+    return some_done
 
 
 def _seed_of_block(seed: int, block: int) -> int:

@@ -184,7 +184,10 @@ def accept_motion(robots, motion):  # type: ignore[no-untyped-def]
     """Make the trial poses the real ones, and add up the distance driven."""
     for i in range(robots.shape[0]):
         dx, dy = motion[TRY_X, i] - motion[X, i], motion[TRY_Y, i] - motion[Y, i]
-        robots[i]["distance"] += np.float64(np.sqrt(dx * dx + dy * dy))
+        way = np.sqrt(dx * dx + dy * dy)
+        r = robots[i]
+        r["driven"] += way
+        r["distance"] += np.float64(way)
     for k in range(5):
         motion[X + k] = motion[TRY_X + k]
 

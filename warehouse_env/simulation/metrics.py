@@ -1,4 +1,4 @@
-"""Totals over an episode -> one row of numbers."""
+"""Totals over an episode -> one row of numbers, of a world or of each robot."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ def episode_row(robots: NDArray[Any], seconds: float, config: EnvConfig) -> dict
     robots: ROBOT[N]; seconds since the reset. A pair's contact counts once; `collisions_per_km` adds pairs and
     shelf contacts. `stuck`: share of robots that for `stuck_after` seconds have not advanced 1 m on their route.
     `path_length_m`: driven per goal reached; `path_length_ratio`: driven over planned, over reached goals.
+    `waiting_share`: of the robots' time until they were parked, standing.
     Without a reached goal, or with a robot that has not arrived, the figures that need it are nan.
     """
     count = len(robots)
@@ -31,6 +32,7 @@ def episode_row(robots: NDArray[Any], seconds: float, config: EnvConfig) -> dict
     arrived = robots["goals"] > 0
     times = np.where(arrived, robots["finish_time"], seconds)
     gap = float(robots["min_gap"].min())
+    lived = int(robots["lived"].sum())
     return {
         "seconds": seconds,
         "robot_km": kilometres,
@@ -47,4 +49,41 @@ def episode_row(robots: NDArray[Any], seconds: float, config: EnvConfig) -> dict
         "makespan_s": float(times.max()) if one_shot and arrived.all() else math.nan,
         "sum_of_costs_s": float(times.sum()) if one_shot else math.nan,
         "stuck": float(stuck.mean()),
+        "waiting_share": float(robots["waited"].sum()) / lived if lived else math.nan,
     }
+
+
+def robot_rows(robots: NDArray[Any], seconds: NDArray[np.float64], config: EnvConfig) -> list[dict[str, float]]:
+    """Return the metrics of each of some robots, whatever world they are in, as `episode_row` names and means them.
+
+    robots: ROBOT[K]; seconds [K] since the resets of their worlds. Only the robot's own are counted: a contact or a
+    near miss with another robot counts one for each of the two. `distance_m`: driven in all, to goals or not.
+    """
+    goals = robots["goals"].astype(np.float64)
+    gap = robots["min_gap"].astype(np.float64)
+    columns = {
+        "seconds": seconds,
+        "distance_m": robots["distance"],
+        "collisions_robot": robots["hits_robot"].astype(np.float64),
+        "collisions_shelf": robots["hits_shelf"].astype(np.float64),
+        "near_misses": robots["near_misses"].astype(np.float64),
+        "min_clearance_m": np.where(gap < GAP_HORIZON, gap, math.nan),
+        "goals": goals,
+        "goals_per_robot_hour": _ratio(goals * 3600.0, seconds),
+        "success_rate": (goals > 0).astype(np.float64),
+        "path_length_m": _ratio(robots["driven_to_goals"], goals),
+        "path_length_ratio": _ratio(robots["driven_to_goals"], robots["planned"]),
+        "stuck": ((robots["stalled_time"] > config.stuck_after) & (robots["alive"] != 0)).astype(np.float64),
+        "waiting_share": _ratio(robots["waited"], robots["lived"]),
+    }
+    return [
+        dict(zip(columns, row, strict=True))
+        for row in zip(*(column.tolist() for column in columns.values()), strict=True)
+    ]
+
+
+def _ratio(part: NDArray[Any], whole: NDArray[Any]) -> NDArray[np.float64]:
+    """Divide; nan where the whole is 0."""
+    ratio = np.full(len(whole), math.nan)
+    np.divide(part, whole, out=ratio, where=whole != 0)
+    return ratio

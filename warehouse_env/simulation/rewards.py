@@ -24,7 +24,8 @@ def write_terms(r, p, weights, terms):  # type: ignore[no-untyped-def]
     """Write a robot's terms, already weighed, in the order of REWARD_TERMS; return their sum. A parked one has none.
 
     progress [m]; arrival 0|1; collision: contact episodes that began; contact 0|1; proximity: 1 at gap 0, 0 from
-    near_miss_gap x 3 on; time 1; smoothness: change of commanded speed / max_speed + of steering / max_steering.
+    near_miss_gap x 3 on; time 1; smoothness: change of commanded speed / max_speed + of steering / max_steering;
+    path_length [m] driven in any direction.
     """
     if r["acting"] == 0:
         terms[:] = ZERO
@@ -40,6 +41,7 @@ def write_terms(r, p, weights, terms):  # type: ignore[no-untyped-def]
         abs(r["target_speed"] - r["previous_speed"]) / p["max_speed"]
         + abs(r["target_steer"] - r["previous_steer"]) / p["max_steer"]
     )
+    terms[7] = weights[7] * r["driven"]
     total = ZERO
     for k in range(terms.shape[0]):
         total += terms[k]

@@ -23,7 +23,7 @@ from warehouse_env.simulation.buckets import bucket_grid
 from warehouse_env.simulation.floor import floor_of, load_grid
 from warehouse_env.simulation.placement import place
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
-from warehouse_env.simulation.tasks import Tasks
+from warehouse_env.simulation.tasks import Arrival, Tasks
 
 PARALLEL_FROM = 256  # robots in all from which entering a parallel region pays
 _ROUTE_BLOCK = 64  # way-points by which the routes' array grows
@@ -34,7 +34,8 @@ class Simulator:
 
     Outputs are the simulator's own arrays, overwritten by the next step: `observation` float32[B, N, D], `reward`
     float32[B, N], `reward_terms` float32[B, N, T] in the order of REWARD_TERMS, `terminated` bool[B, N] (not alive
-    any more), `truncated` bool[B] (max_steps reached; stepping on is allowed), and the views `state` and `events`.
+    any more), `truncated` bool[B] (max_steps reached; stepping on is allowed), the views `state` and `events`, and
+    `arrivals`, the tasks finished with the last step.
     """
 
     def __init__(
@@ -90,6 +91,7 @@ class Simulator:
         self.terminated = np.zeros((b, n), dtype=np.bool_)
         self.truncated = np.zeros(b, dtype=np.bool_)
         self.steps = np.zeros(b, dtype=np.int64)  # env steps since each world's reset
+        self.arrivals: list[Arrival] = []
         self._commands = np.zeros((b, n, 2), dtype=np.float32)
         reach = float(p["pair_range"][0])
         area = math.pi * (reach + float(p["radius"][0])) ** 2 / (self.config.robot.length * self.config.robot.width)
@@ -120,6 +122,11 @@ class Simulator:
         self._observe_arguments = (
             self.robots, self.routes, self._order, self._starts, self._waiting, self._params, *seen,
         )  # fmt: skip
+
+    def observe_into(self, observation: NDArray[np.float32]) -> None:
+        """Write observations into this array [B, N, D] from now on; the last one stays as it is, its holder's own."""
+        self.observation = observation
+        self._bind()
 
     @property
     def reward_weights(self) -> RewardWeights:
@@ -174,6 +181,7 @@ class Simulator:
         self._stamps[world] = 0
         self._clocks[world] = 1
         self.steps[world] = 0
+        self.arrivals = [arrival for arrival in self.arrivals if arrival.world != world]
         self._commands[world] = 0
         self.truncated[world] = False
         self.terminated[world] = False
@@ -235,8 +243,8 @@ class Simulator:
         self._actions.decode(actions, self._commands)
         arrivals = (step.step_parallel if self._many() else step.step)(*self._step_arguments)
         self.steps += 1
+        self.arrivals = self._arrive() if arrivals else []
         if arrivals:
-            self._arrive()
             step.observe(*self._observe_arguments)
         np.greater_equal(self.steps, self.config.max_steps, out=self.truncated)
         if self.config.tasks == "one_shot" or self.config.terminate_on_collision:
@@ -248,19 +256,23 @@ class Simulator:
             self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and numba.get_num_threads() > 1
         )
 
-    def _arrive(self) -> None:
-        """Book the arrivals, and give lifelong robots their next task and route."""
+    def _arrive(self) -> list[Arrival]:
+        """Book the arrivals and return them, and give lifelong robots their next task and route."""
+        arrivals = []
         for world, robot in np.argwhere(self.robots["arrived"] != 0).tolist():
             r = self.robots[world, robot]
+            planned, driven = float(r["points"] - 1) * float(r["spacing"]), float(r["distance"] - r["distance_at_goal"])
+            arrivals.append(Arrival(world, robot, driven, planned))
             r["goals"] += 1
-            r["planned"] += float(r["points"] - 1) * float(r["spacing"])
-            r["driven_to_goals"] += r["distance"] - r["distance_at_goal"]
+            r["planned"] += planned
+            r["driven_to_goals"] += driven
             r["distance_at_goal"] = r["distance"]
             r["finish_time"] = self.seconds(world)
             if self.config.tasks == "lifelong" and r["alive"]:
                 start = (int(r["goal_row"]), int(r["goal_col"]))
                 goal = self._tasks[world].next_goal(robot, start, self._rngs[world])
                 self._set_route(world, robot, start, goal, float(r["heading"]))
+        return arrivals
 
     def _observe(self, world: int | None = None) -> None:
         self._waiting[...] = world is None

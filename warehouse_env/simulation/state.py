@@ -32,7 +32,7 @@ ROBOT = np.dtype(
         ("goal_x", F), ("goal_y", F), ("goal_row", I), ("goal_col", I),
         ("alive", B), ("acting", B),  # acting: was alive when the env step began
         # events of the last env step
-        ("progress", F), ("gap", F), ("arrived", B), ("touching", B),
+        ("progress", F), ("driven", F), ("gap", F), ("arrived", B), ("touching", B),
         ("hit_robot", I), ("hit_shelf", I), ("near_miss", I), ("shelf_contact", B),
         ("contact_time", F), ("waiting_time", F),  # [s] in touch, standing
         ("milestone", F), ("stalled_time", F),  # [m] on the route; [s] since it was reached
@@ -40,6 +40,7 @@ ROBOT = np.dtype(
         ("distance", np.float64), ("planned", np.float64), ("driven_to_goals", np.float64),
         ("distance_at_goal", np.float64), ("min_gap", F),
         ("hits_robot", I), ("hits_shelf", I), ("near_misses", I), ("goals", I), ("finish_time", F),
+        ("lived", I), ("waited", I),  # physics steps alive; of those, standing
     ],
     align=True,
 )  # fmt: skip
@@ -111,6 +112,7 @@ class Events(NamedTuple):
     """Views of what happened in the last env step; all [B, N]."""
 
     progress: NDArray[np.float32]  # [m] along the route
+    driven: NDArray[np.float32]  # [m] of the front axle, in any direction
     gap: NDArray[np.float32]  # smallest to another robot [m], at most GAP_HORIZON
     arrived: NDArray[np.int8]
     touching: NDArray[np.int8]

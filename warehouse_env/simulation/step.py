@@ -25,6 +25,7 @@ def _begin(r):  # type: ignore[no-untyped-def]
     """Clear the events of the last env step."""
     r["acting"] = r["alive"]
     r["progress"] = ZERO
+    r["driven"] = ZERO
     r["gap"] = _HORIZON
     r["arrived"] = 0
     r["touching"] = 0
@@ -63,7 +64,12 @@ def _end(r, route, p):  # type: ignore[no-untyped-def]
         r["stalled_time"] = ZERO
     else:
         r["stalled_time"] += dt
-    r["waiting_time"] = r["waiting_time"] + dt if abs(r["speed"]) < _SLOW else ZERO
+    r["lived"] += 1
+    if abs(r["speed"]) < _SLOW:
+        r["waited"] += 1
+        r["waiting_time"] += dt
+    else:
+        r["waiting_time"] = ZERO
     r["contact_time"] = r["contact_time"] + dt if r["touching"] != 0 else ZERO
     if r["arrived"] != 0:
         return 0

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
+
+
+class Arrival(NamedTuple):
+    """A task that a robot finished with the last step."""
+
+    world: int
+    robot: int
+    driven: float  # [m], since the robot's last goal or the reset
+    planned: float  # [m]
 
 
 class Tasks:

@@ -1,0 +1,241 @@
+"""An episode's metrics and path lengths in the infos: the same in PettingZoo, Gymnasium and stable-baselines3."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.wrappers import RecordEpisodeStatistics
+from stable_baselines3 import DQN, PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.logger import configure
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from warehouse_env import EnvConfig, GridMap, MetricsCallback, aec_env, parallel_env, single_env, vec_env
+
+Info = dict[str, Any]
+
+MODES: dict[str, dict[str, Any]] = {
+    "lifelong": {"max_steps": 150},
+    "one_shot": {"tasks": "one_shot", "max_steps": 150},
+    "until_collision": {"terminate_on_collision": True, "layout": "narrow", "num_agents": 8, "max_steps": 120},
+}
+
+
+@pytest.fixture(params=MODES)
+def mode(request: pytest.FixtureRequest, tiny: EnvConfig) -> EnvConfig:
+    """An episode that ends for all at once, one by one by arrival, and one by one by collision."""
+    return tiny.replace(**MODES[request.param])
+
+
+def zoo(config: EnvConfig, seed: int) -> dict[int, list[Info]]:
+    """Every robot's infos in PettingZoo, all of them cruising."""
+    env = parallel_env(config)
+    env.reset(seed=seed)
+    infos: dict[int, list[Info]] = {k: [] for k in range(config.num_agents)}
+    while env.agents:
+        given = env.step(dict.fromkeys(env.agents, env.simulator.cruise_action))[4]
+        for agent, info in given.items():
+            infos[int(agent.removeprefix("robot_"))].append(info)
+    return infos
+
+
+def single(config: EnvConfig, seed: int) -> list[Info]:
+    """Robot 0's infos in Gymnasium, all robots cruising."""
+    env = single_env(config)
+    env.reset(seed=seed)
+    infos, over = [], False
+    while not over:
+        _, _, terminated, truncated, info = env.step(env.simulator.cruise_action)
+        infos.append(info)
+        over = terminated or truncated
+    return infos
+
+
+def rows(config: EnvConfig, seed: int) -> dict[int, list[Info]]:
+    """Every robot's infos in the VecEnv until its end, all of them cruising; padding left out."""
+    env = vec_env(1, config)
+    env.seed(seed)
+    env.reset()
+    cruise = np.stack([env.get_attr("cruise_action")[0]] * config.num_agents)
+    infos: dict[int, list[Info]] = {k: [] for k in range(config.num_agents)}
+    over = np.zeros(config.num_agents, dtype=bool)
+    while not over.all():
+        _, _, dones, given = env.step(cruise)
+        for row in np.flatnonzero(~over):
+            infos[int(row)].append(given[row])
+        for row in np.flatnonzero(over):
+            assert given[row]["padding"]
+            assert "episode_metrics" not in given[row]
+        over |= dones
+    return infos
+
+
+def test_all_adapters_give_each_robot_the_same_metrics(mode: EnvConfig) -> None:
+    in_zoo, in_rows, alone = zoo(mode, 2), rows(mode, 2), single(mode, 2)
+    lengths = {len(infos) for infos in in_zoo.values()}
+    assert (len(lengths) > 1) == (mode.tasks == "one_shot" or mode.terminate_on_collision), "this tests too little"
+    for robot, infos in in_zoo.items():
+        assert [k for k, info in enumerate(infos) if "episode_metrics" in info] == [len(infos) - 1]
+        np.testing.assert_equal(in_rows[robot][-1]["episode_metrics"], infos[-1]["episode_metrics"])
+        assert in_rows[robot][-1]["episode"]["l"] == len(infos) == len(in_rows[robot])
+        for mine, row in zip(infos, in_rows[robot], strict=True):
+            for name in ("path_length_m", "planned_length_m"):
+                assert (name in mine) == (name in row) == bool(mine["goals"])
+                assert mine.get(name) == row.get(name)
+    np.testing.assert_equal(alone, in_zoo[0])
+
+
+def test_the_metrics_are_the_sums_of_the_infos(mode: EnvConfig) -> None:
+    seen: dict[str, float] = {}
+    for infos in zoo(mode, 2).values():
+        metrics = infos[-1]["episode_metrics"]
+        for name in ("distance_m", "goals", "collisions_robot", "collisions_shelf", "near_misses"):
+            assert metrics[name] == pytest.approx(sum(info[name] for info in infos), rel=1e-6)
+            seen[name] = seen.get(name, 0.0) + metrics[name]
+        assert metrics["seconds"] == pytest.approx(0.1 * len(infos))
+        gap = min(info["gap"] for info in infos)
+        np.testing.assert_equal(metrics["min_clearance_m"], gap if gap < 0.5 else math.nan)
+        tasks = [info for info in infos if "path_length_m" in info]
+        driven, planned = (sum(info[name] for info in tasks) for name in ("path_length_m", "planned_length_m"))
+        assert len(tasks) == metrics["goals"]
+        if tasks:
+            assert metrics["path_length_m"] == pytest.approx(driven / len(tasks))
+            assert metrics["path_length_ratio"] == pytest.approx(driven / planned)
+        else:
+            assert math.isnan(metrics["path_length_m"])
+    assert seen["distance_m"] > 0
+    assert seen["goals"] > 0 or mode.terminate_on_collision
+    assert seen["collisions_robot"] + seen["collisions_shelf"] > 0 or not mode.terminate_on_collision
+
+
+def test_arrivals_stand_in_the_rows_of_their_robots(tiny: EnvConfig) -> None:
+    """Several worlds and blocks; the rows by the Simulators' own events, the lengths by their totals."""
+    env = vec_env(2, configs=[tiny, tiny.replace(num_agents=2)], max_steps=10**6)
+    env.seed(0)
+    env.reset()
+    cruise = np.stack([env.get_attr("cruise_action")[0]] * env.num_envs)
+    total = 0
+    for _ in range(200):
+        before = np.concatenate([block.simulator.robots.ravel() for block in env.blocks])
+        infos = env.step(cruise)[3]
+        robots = np.concatenate([block.simulator.robots.ravel() for block in env.blocks])
+        for info, was, robot in zip(infos, before, robots, strict=True):
+            assert bool(info) == bool(robot["arrived"])
+            if info:
+                assert info["path_length_m"] == pytest.approx(robot["driven_to_goals"] - was["driven_to_goals"])
+                assert info["planned_length_m"] == pytest.approx(robot["planned"] - was["planned"])
+        total += int(robots["arrived"].sum())
+    assert total > 3
+
+
+def aisle() -> GridMap:
+    """One cell wide: a pick face towards one end, a station 12 m on, and room for the tail behind either."""
+    occupied = np.ones((3, 15), dtype=bool)
+    occupied[1] = False
+    return GridMap(occupied, picks=np.array([[1, 1]]), stations=np.array([[1, 13]]), name="aisle")
+
+
+def test_path_lengths_by_hand() -> None:
+    """12 m straight on: to 1.3 m/s in 13 steps over 0.845 m, then 82 steps of 0.13 m, and it is within 0.5 m."""
+    env = parallel_env(grid=aisle(), num_agents=1, planner="astar", max_steps=100)
+    env.reset(seed=0)
+    infos = [env.step({"robot_0": env.simulator.cruise_action})[4]["robot_0"] for _ in range(100)]
+    assert [k for k, info in enumerate(infos) if info["goals"]] == [94]
+    assert infos[0]["distance_m"] == pytest.approx(0.005, abs=1e-5)
+    assert infos[50]["distance_m"] == pytest.approx(0.13, abs=1e-5)
+    assert infos[94]["path_length_m"] == pytest.approx(11.505, abs=1e-3)
+    assert infos[94]["planned_length_m"] == pytest.approx(12.0, abs=1e-3)
+    assert all("path_length_m" not in info and "planned_length_m" not in info for info in infos[:94] + infos[95:])
+    metrics = infos[-1]["episode_metrics"]
+    assert metrics["path_length_m"] == infos[94]["path_length_m"]
+    assert metrics["distance_m"] > 11.505
+
+
+def test_the_distance_is_the_front_axles_way() -> None:
+    """Any direction, curves and backing too: from the poses, with one motion a step, so that no chord cuts short."""
+    env = parallel_env(num_agents=4, layout="open", planner="astar", substeps=1, action_type="raw", max_steps=300)
+    env.reset(seed=3)
+    rng = np.random.default_rng(0)
+    backed = False
+    while env.agents:
+        before = env.simulator.state.pose[0, :, :2].copy()
+        backed |= bool((env.simulator.state.speed < 0).any())
+        infos = env.step({agent: rng.uniform(-1, 1, 2) for agent in env.agents})[4]
+        way = np.hypot(*(env.simulator.state.pose[0, :, :2] - before).T)
+        np.testing.assert_allclose([info["distance_m"] for info in infos.values()], way, atol=1e-6)
+    assert backed
+
+
+def test_the_last_infos_pass_through_wrappers(tiny: EnvConfig) -> None:
+    """The turn-based PettingZoo env, and Gymnasium's statistics, which use keys of their own."""
+    turns = aec_env(tiny)
+    turns.reset(seed=1)
+    last = {}
+    for agent in turns.agent_iter():
+        over = turns.terminations[agent] or turns.truncations[agent]
+        last[agent] = dict(turns.infos[agent])
+        turns.step(None if over else turns.action_space(agent).sample())
+    assert [info["episode_metrics"]["seconds"] for info in last.values()] == [pytest.approx(1.2)] * 3
+    env = RecordEpisodeStatistics(gymnasium.make("Warehouse-v0", config=tiny))
+    env.reset(seed=1)
+    for _ in range(12):
+        info = env.step(env.action_space.sample())[4]
+    assert info["episode"]["l"] == 12
+    assert info["episode_metrics"]["seconds"] == pytest.approx(1.2)
+
+
+def logged(model: BaseAlgorithm, folder: Path) -> list[dict[str, float]]:
+    """The rows of stable-baselines3's progress.csv, without empty cells; its logger is closed."""
+    model.logger.close()
+    with (folder / "progress.csv").open() as file:
+        return [{name: float(cell) for name, cell in row.items() if cell} for row in csv.DictReader(file)]
+
+
+def test_the_callback_logs_what_the_infos_say(tiny: EnvConfig, tmp_path: Path) -> None:
+    accumulator = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+    configs = [tiny, tiny.replace(tasks="one_shot", max_steps=150)]
+    model = PPO("MlpPolicy", vec_env(2, configs=configs), n_steps=40, batch_size=80, n_epochs=1, seed=0, device="cpu")
+    model.set_logger(configure(str(tmp_path), ["csv", "tensorboard"]))
+    seen: list[list[dict[str, float]]] = []
+
+    class Spy(MetricsCallback):
+        def _on_rollout_start(self) -> None:
+            seen.append([])
+
+        def _on_step(self) -> bool:
+            seen[-1].extend(info["episode_metrics"] for info in self.locals["infos"] if "episode_metrics" in info)
+            return super()._on_step()
+
+    model.learn(4 * 40 * 12, callback=Spy())
+    rows = logged(model, tmp_path)
+    assert len(rows) == len(seen) == 4
+    board = accumulator.EventAccumulator(str(tmp_path)).Reload()
+    assert {"robot/distance_m", "robot/waiting_share", "world/collisions_per_km"} <= set(board.Tags()["scalars"])
+    for k, (row, episodes) in enumerate(zip(rows, seen, strict=True)):
+        assert len(episodes) >= 18  # 40 steps end three episodes of 6 robots at least
+        for name in episodes[0]:
+            values = [episode[name] for episode in episodes if not math.isnan(episode[name])]
+            assert (f"robot/{name}" in row) == bool(values)
+            if values:
+                mean = float(np.mean(values))
+                assert row[f"robot/{name}"] == pytest.approx(mean, rel=1e-6, abs=1e-9)
+        assert board.Scalars("robot/distance_m")[k].value == pytest.approx(row["robot/distance_m"], rel=1e-5)
+        assert row["world/robot_km"] > 0
+
+
+def test_the_callback_serves_other_algorithms_and_envs(tiny: EnvConfig, tmp_path: Path) -> None:
+    """Off-policy, on single envs: no world's metrics there, and the logger writes within a rollout."""
+    env = DummyVecEnv([lambda: gymnasium.make("Warehouse-v0", config=tiny)])
+    model = DQN("MlpPolicy", env, learning_starts=10, buffer_size=200, seed=0, device="cpu")
+    model.set_logger(configure(str(tmp_path), ["csv"]))
+    model.learn(120, callback=MetricsCallback(), log_interval=5)
+    rows = logged(model, tmp_path)
+    assert len(rows) == 2  # after five and ten episodes
+    assert rows[0]["robot/seconds"] == pytest.approx(1.2)
+    assert not any(name.startswith("world/") for name in rows[0])

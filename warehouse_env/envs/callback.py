@@ -1,0 +1,31 @@
+"""stable-baselines3: what the infos say of ended episodes, in the trainer's logger and so in TensorBoard."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from stable_baselines3.common.callbacks import BaseCallback
+
+from warehouse_env.envs.infos import EPISODE_METRICS
+
+_PREFIXES = {EPISODE_METRICS: "robot", "world_metrics": "world"}  # of the keys of an info
+
+
+class MetricsCallback(BaseCallback):
+    """Logs the metrics of the episodes that ended: `model.learn(..., callback=MetricsCallback())`.
+
+    "robot/...": means over robots (metrics.robot_rows), with any of our environments; "world/...": means over worlds
+    (metrics.episode_row), with `vec_env`. Each is over the episodes that ended since the logger last wrote; a figure
+    that an episode does not have (nan, as the path length of one without a goal) is left out of its mean.
+    """
+
+    def _on_step(self) -> bool:
+        """Note the rows of this step; go on in any case."""
+        for row in np.flatnonzero(self.locals["dones"]).tolist():
+            info = self.locals["infos"][row]
+            for key, prefix in _PREFIXES.items():
+                for name, value in info.get(key, {}).items():
+                    if not math.isnan(value):
+                        self.logger.record_mean(f"{prefix}/{name}", value)
+        return True
