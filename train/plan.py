@@ -14,6 +14,7 @@ from train.plan_report import plan_note, plan_table
 from train.planning_runs import Run, Task, make_task, plan_once
 from train.report import make_progress, require_charts
 from train.rows import RowFile, check_writable, write_text
+from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
@@ -24,7 +25,7 @@ _RANDOM_TASKS = 5  # on a floor without named tasks
 
 
 @dataclass(frozen=True)
-class PlanCommand:
+class PlanCommand(Checked):
     """Compare planners on the tasks of a map: how often they find the shortest path, with how many turns, how fast."""
 
     layout: str = "paper46"

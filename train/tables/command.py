@@ -16,11 +16,12 @@ from train.tables.catalogue import chosen
 from train.tables.page import write_pages
 from train.tables.pieces import run_missing
 from train.tables.study import Study
+from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
 
 
 @dataclass(frozen=True)
-class Tables:
+class Tables(Checked):
     """Make the tables of the papers: ours beside theirs, a verdict on every claim, pictures, all planners at once."""
 
     papers: tuple[str, ...] = ()

@@ -17,7 +17,7 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-from warehouse_env.config import check_names
+from warehouse_env.checked import check_names
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.planning.ants.aco import Aco
 from warehouse_env.planning.ants.acs import Acs, ShaaAcs
