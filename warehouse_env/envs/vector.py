@@ -14,9 +14,10 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 from warehouse_env.config import EnvConfig
 from warehouse_env.envs.camera import Camera, render_fps
 from warehouse_env.envs.options import build_simulator
-from warehouse_env.errors import ActionError, ConfigError
+from warehouse_env.errors import ActionError, ConfigError, shown
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
+from warehouse_env.simulation.given import check_count
 from warehouse_env.simulation.simulator import Simulator
 
 StepResult = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]
@@ -255,12 +256,14 @@ def vec_env(
     """
     if configs is not None and config is not None:
         raise ConfigError("give either config or configs, not both")
-    chosen = list(configs) if configs is not None else [config or EnvConfig()]
-    counts = [num_worlds] * len(chosen) if isinstance(num_worlds, int) else list(num_worlds)
+    several = (Sequence, np.ndarray)
+    if configs is not None and not isinstance(configs, several):
+        raise ConfigError(f"configs={shown(configs)} must be a list of EnvConfigs")
+    chosen = list(configs) if configs is not None else [EnvConfig() if config is None else config]
+    counts = list(num_worlds) if isinstance(num_worlds, several) and np.ndim(num_worlds) else [num_worlds] * len(chosen)
     if not chosen or len(counts) != len(chosen):
-        raise ConfigError(f"num_worlds={num_worlds!r} needs one number for each of the {len(chosen)} configs")
-    if any(not isinstance(count, int) or count < 1 for count in counts):
-        raise ConfigError(f"num_worlds={num_worlds!r} must be whole numbers of at least 1")
+        raise ConfigError(f"num_worlds={shown(num_worlds)} needs one number for each of the {len(chosen)} configs")
+    counts = [check_count("num_worlds", count) for count in counts]
     simulators: list[Simulator] = []
     for one, count in zip(chosen, counts, strict=True):
         simulators.append(build_simulator(one, changes, num_worlds=count, grid=grid, planner=planner))
