@@ -23,7 +23,7 @@ MOVES: NDArray[np.int64] = np.array(
     [(0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1)], dtype=np.int64
 )
 
-SMALLEST_CELL, LARGEST_CELL = 1e-3, 1e4  # [m]
+SMALLEST_CELL, LARGEST_CELL = 0.01, 1000.0  # [m]
 HIGHEST = 1e4  # [m], up or down
 DISTANCE_FIELDS_KEPT = 128  # per map; 17 kB each on 46 x 46 cells
 

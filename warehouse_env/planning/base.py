@@ -15,7 +15,12 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.plan import Plan, check_endpoints
 
-_MOST, _LARGEST = 1_000_000, 1e6  # beyond, a search takes days and gigabytes, and its powers leave float64
+_MOST, _LARGEST = 1_000_000, 1e6  # beyond, a search takes days
+# What takes memory by its square or by the floor's size, and powers that would leave float64, by name in any planner.
+_MOST_OF = {
+    "ants": 10_000, "particles": 10_000, "fish": 1000, "waypoints": 100,
+    "exponent": 20, "trail_exponent": 20, "distance_exponent": 20, "repulsion_reach": 100,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -37,9 +42,9 @@ class BasePlanner(Checked):
             if field.name in self.shares:
                 self._require(value <= 1, field.name, "a share between 0 and 1")
             if isinstance(value, float):
-                self._between(0.0, _LARGEST, field.name)
+                self._between(0.0, float(_MOST_OF.get(field.name, _LARGEST)), field.name)
             elif isinstance(value, int) and not isinstance(value, bool):
-                self._between(1, _MOST, field.name)
+                self._between(1, _MOST_OF.get(field.name, _MOST), field.name)
 
     def _called(self, name: str) -> str:
         """Return what errors call a parameter."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -40,14 +42,33 @@ def check_memory(worlds: int, robots: int, size: int, bytes_a_robot: int) -> Non
         )
 
 
+def check_pace(config: EnvConfig, cell: float) -> None:
+    """Raise ConfigError for robots so fast that between two contact checks they could leap over a shelf or the rim."""
+    robot = config.robot
+    distance = max(robot.max_speed, -robot.min_speed) * config.time_step / config.substeps  # [m]
+    turn = distance * math.tan(robot.max_steering) / robot.wheelbase  # [rad]
+    tail = math.hypot(distance, turn * (robot.rear_reach - robot.length / 2))  # [m] that the body's centre moves
+    if tail > cell or turn > math.pi:
+        raise ConfigError(
+            f"robots could move {tail:.3g} m and turn {turn:.3g} rad between two contact checks, more than a cell of "
+            f"{cell:g} m or half a turn; use a shorter time_step, more substeps, or slower robots"
+        )
+
+
+def listed(values: object) -> list[Any] | None:
+    """Return the entries of a list, tuple or flat array, None for anything else."""
+    if isinstance(values, np.ndarray):
+        return list(values) if values.ndim == 1 else None
+    return list(values) if isinstance(values, Sequence) and not isinstance(values, (str, bytes)) else None
+
+
 def seeds_of(seed: object, worlds: int) -> list[list[int]] | list[None]:
     """Return each world's entropy, or None for each: see Simulator.reset; ConfigError for what is no seed."""
     if seed is None:
         return [None] * worlds
-    several = isinstance(seed, (Sequence, np.ndarray)) and not isinstance(seed, (str, bytes))
-    if not several or (isinstance(seed, np.ndarray) and seed.ndim != 1):
+    given = listed(seed)
+    if given is None:
         return [[whole_seed(seed), world] for world in range(worlds)]
-    given = list(seed)  # type: ignore[call-overload]
     if len(given) != worlds:
         raise ConfigError(f"seed has {len(given)} entries for {worlds} worlds; give one for each")
     return [[whole_seed(one), 0] for one in given]

@@ -22,6 +22,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, shown
 from warehouse_env.files import complete_file, path_of
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.given import listed, whole_seed
 from warehouse_env.simulation.simulator import Simulator
 
 FORMAT = 1
@@ -103,10 +104,13 @@ class Recorder:
 
     def __init__(self, simulator: Simulator, seeds: tuple[int, ...]) -> None:
         """Reset the simulator with one seed a world, below 2**63 so that a file can hold them, and begin."""
-        if any(seed >= 2**63 for seed in seeds):
+        given = listed(seeds)
+        if given is None:
+            raise ConfigError(f"seeds={shown(seeds)} must be a list of one whole number for each world")
+        self.simulator, self._seeds = simulator, tuple(whole_seed(seed) for seed in given)
+        if any(seed >= 2**63 for seed in self._seeds):
             raise ConfigError(f"seeds={shown(seeds)} must be below 2**63 to be recorded")
-        self.simulator, self._seeds = simulator, seeds
-        simulator.reset(seeds)
+        simulator.reset(self._seeds)
         self._actions: list[NDArray[Any]] = []
         self._pose = [simulator.state.pose.copy()]
 

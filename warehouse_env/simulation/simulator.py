@@ -21,7 +21,14 @@ from warehouse_env.simulation import metrics, state, step
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.buckets import bucket_grid
 from warehouse_env.simulation.floor import floor_of, load_grid
-from warehouse_env.simulation.given import check_count, check_memory, check_parts, seeds_of, whole_seed
+from warehouse_env.simulation.given import (
+    check_count,
+    check_memory,
+    check_pace,
+    check_parts,
+    seeds_of,
+    whole_seed,
+)
 from warehouse_env.simulation.placement import place
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.tasks import Tasks
@@ -62,6 +69,7 @@ class Simulator:
             smooth_for = config.robot if config.smooth_routes else None
             routes = RouteBook(self.grid, planner, keep_right=config.keep_right, smooth_for=smooth_for)
         self.route_book = routes
+        check_pace(config, self.grid.cell_size)
         self.layout = observation_layout(config)
         check_memory(num_worlds, config.num_agents, self.layout.size, state.ROBOT.itemsize + 8 * _ROUTE_BLOCK)
         self._tasks = [Tasks(self.grid, config) for _ in range(num_worlds)]
