@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import warnings
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agents.weights_folder import Network, PolicyRecord
+from tests.odd import numbers, values, works_or_says
 from train.bench import Bench
 from train.config import PPOConfig, ReinforceConfig
 from train.demo import Demo
 from train.evaluate import Evaluate
 from train.plan import PlanCommand
 from warehouse_env.config import EnvConfig, RewardWeights, RobotSpec, SensorSpec
-from warehouse_env.errors import ConfigError, WarehouseError
+from warehouse_env.errors import ConfigError
 from warehouse_env.planning import PLANNERS, make_planner
 
 COMMANDS = (Evaluate, PlanCommand, Bench, Demo)
@@ -40,32 +39,6 @@ NEEDED: dict[type, dict[str, Any]] = {
     Network: {"observation_size": 3, "actions": 2, "discrete": True},
     PolicyRecord: {"algorithm": "ppo", "network": Network(3, 2, True), "env": EnvConfig()},
 }
-
-numbers = st.one_of(
-    st.integers(-3, 40),
-    st.floats(),
-    st.sampled_from([10**9, 10**12, 2**63, -(2**70), 10**400, 1e-30, 1e30, -1e300, True]),
-    st.sampled_from([np.float32(0.5), np.float64(np.nan), np.int8(3), np.uint64(2**64 - 1), np.bool_(True)]),
-)
-odd = st.sampled_from(
-    [None, "", "x", "\0", "\ud800", b"a", object(), {}, {"a": 1}, [], (), set(), 1j, np.zeros(2), np.zeros((2, 2)),
-     np.array(1.0), np.array(["a"]), [[1]], Path("p"), EnvConfig, SensorSpec(), "lifelong", "raw", range(3)]
-)  # fmt: skip
-values = st.one_of(numbers, odd, st.text(max_size=5), st.lists(numbers, max_size=4), st.lists(odd, max_size=2))
-
-
-def works_or_says(make: Callable[[], Any]) -> Any:
-    """Return what `make` makes, or None where it raises a WarehouseError of one sentence; nothing else may happen."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        try:
-            return make()
-        except WarehouseError as error:
-            text = str(error)
-            assert text
-            assert "\n" not in text
-            assert len(text) < 600
-            return None
 
 
 @given(st.sampled_from(CLASSES), st.data())

@@ -111,8 +111,8 @@ class WarehouseVecEnv(VecEnv):
         if actions.shape != wanted or actions.dtype.kind not in ("iu" if whole else "fiu"):
             kind = "whole numbers" if whole else "numbers"
             raise ActionError(f"actions of shape {actions.shape} ({actions.dtype}) given, {wanted} {kind} needed")
-        if actions.dtype.kind == "f":  # as the Simulator would; else float32 might not hold them
-            actions = np.clip(actions, -1.0, 1.0)
+        if actions.dtype == np.float64:  # clipped as the Simulator would, for float32 may not hold them
+            actions = np.where(np.isinf(actions), actions, np.clip(actions, -1.0, 1.0))
         for block in self.blocks:
             block.actions[:] = actions[block.rows].reshape(block.actions.shape)
 
