@@ -24,7 +24,7 @@ from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import MapError, PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.lanes import drivable_line
-from warehouse_env.planning.plan import Plan, Planner
+from warehouse_env.planning.plan import Plan, Planner, validate
 from warehouse_env.planning.steerable import steerable_line
 
 CACHE_FORMAT = 2  # raised whenever a planner's result changes for the same key
@@ -136,10 +136,14 @@ class RouteBook:
     def _stored(self, start: Cell, goal: Cell, behind: Cell | None = None) -> NDArray[np.int64] | None:
         """Return a plan that was made before, None where there is none or it is damaged."""
         known = self._fresh.get((start, goal, behind))
-        if known is None:
-            known = self._store.get(self._key(start, goal, behind))
-        right = known is not None and len(known) and tuple(known[0]) == start and tuple(known[-1]) == goal
-        return known if right else None
+        if known is not None:
+            return known if len(known) else None
+        known = self._store.get(self._key(start, goal, behind))
+        try:
+            validate(self.grid, [] if known is None else known, start, goal)
+        except PlanError:
+            return None
+        return known
 
     def _plan(self, start: Cell, goal: Cell, behind: Cell | None = None) -> Plan:
         rng = np.random.default_rng([self._seed, *start, *goal])
