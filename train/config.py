@@ -100,7 +100,7 @@ class TrainingConfig(Checked):
         self._between(0, 2**32 - 1, "seed")
         self._between(0.0, 1e9, "entropy_first", "entropy_last", "cruise_bias", "keep_right", "checkpoint_seconds")
         self._between(1e-9, 1e9, "minutes", "episode_seconds", "jam_seconds")
-        self._between(1e-9, 1e9, "reward_scale", "learning_rate", "gradient_clip")
+        self._between(1e-30, 1e9, "reward_scale", "learning_rate", "gradient_clip")
         self._between(0.0, 1.0, "gamma", "gae_lambda")
         self._between(-1e9, 1e9, "collision_first", "collision_last", "contact")
         self._between(1, 16_384, "hidden")

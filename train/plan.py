@@ -13,6 +13,7 @@ from train.pictures import plan_pictures
 from train.plan_report import plan_note, plan_table
 from train.planning_runs import Run, Task, make_task, plan_once
 from train.report import make_progress, require_charts
+from train.rollout import MOST
 from train.rows import RowFile, check_writable, write_text
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapError
@@ -55,8 +56,8 @@ class PlanCommand(Checked):
 
     def run(self) -> None:
         """Plan all, print the table, write rows and pictures."""
-        if self.runs < 1 or self.seed < 0:
-            raise ConfigError(f"--runs {self.runs} must be at least 1 and --seed {self.seed} at least 0")
+        if not 1 <= self.runs <= MOST or self.seed < 0:
+            raise ConfigError(f"--runs {self.runs} must lie in 1..{MOST:,} and --seed {self.seed} be at least 0")
         planners = {name: make_planner(name) for name in self.planner}
         if not planners:
             raise ConfigError("--planner needs at least one name")
@@ -92,8 +93,8 @@ class PlanCommand(Checked):
 
     def _tasks(self, grid: GridMap) -> list[tuple[str, Cell, Cell]]:
         """Return (name, start, goal) of the tasks that the options ask for."""
-        if self.tasks is not None and self.tasks < 1:
-            raise ConfigError(f"--tasks {self.tasks} must be at least 1")
+        if self.tasks is not None and not 1 <= self.tasks <= MOST:
+            raise ConfigError(f"--tasks {self.tasks} must lie in 1..{MOST:,}")
         if (self.start is None) != (self.goal is None):
             raise ConfigError("--start and --goal belong together; give both")
         if self.start is not None and self.goal is not None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from train.report import require_charts
+from train.rollout import MOST
 from train.rows import Row, RowFile, check_writable, whole_rows, write_rows
 from train.tables.blocks import Block, blocks_of, mixed, run_block, split
 from train.tables.catalogue import chosen
@@ -55,8 +56,8 @@ class Tables(Checked):
 
     def run(self) -> None:
         """Run what is missing, then write tables, verdicts and pictures."""
-        if self.runs is not None and self.runs < 1:
-            raise ConfigError(f"--runs {self.runs} must be at least 1")
+        if not all(1 <= count <= MOST for count in (self.pairs, 1 if self.runs is None else self.runs)):
+            raise ConfigError(f"--runs {self.runs} and --pairs {self.pairs} must lie in 1..{MOST:,}")
         if self.seed < 0 or self.processes < 1:
             raise ConfigError(f"--seed {self.seed} must be at least 0 and --processes {self.processes} at least 1")
         if self.benchmark and self.traffic:
