@@ -137,6 +137,13 @@ def _stored(folder: Path) -> Path:
     return next(folder.glob("*.sqlite"))
 
 
+def test_a_store_whose_table_is_no_text_is_not_used(tmp_path: Path) -> None:
+    """SQLite repeats the table's text in its error, and Python could not decode that."""
+    path = _stored(tmp_path)
+    path.write_bytes(path.read_bytes().replace(b"CREATE TABLE plan", b"CREATE TABL\xff plan"))
+    assert PlanStore(tmp_path).get("key 3") is None
+
+
 @given(values)
 def test_any_path(value: Any) -> None:
     works_or_says(lambda: Episode.load(value))

@@ -20,6 +20,7 @@ _MOST, _LARGEST = 1_000_000, 1e6  # beyond, a search takes days
 _MOST_OF = {
     "ants": 10_000, "particles": 10_000, "fish": 1000, "waypoints": 100,
     "exponent": 20, "trail_exponent": 20, "distance_exponent": 20, "repulsion_reach": 100,
+    "field_weight": 100,
 }  # fmt: skip
 
 

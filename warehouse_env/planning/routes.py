@@ -44,7 +44,7 @@ class PlanStore:
     def __init__(self, folder: Path) -> None:
         self._pending: list[tuple[str, bytes]] = []
         self._database: sqlite3.Connection | None = None
-        with contextlib.suppress(OSError, sqlite3.Error):
+        with contextlib.suppress(OSError, ValueError, sqlite3.Error):  # ValueError: an error that is no UTF-8
             folder.mkdir(parents=True, exist_ok=True)
             database = sqlite3.connect(folder / f"plans-{CACHE_FORMAT}.sqlite", timeout=5.0, check_same_thread=False)
             database.execute("PRAGMA synchronous=OFF")
@@ -75,7 +75,7 @@ class PlanStore:
 
 def _write(database: sqlite3.Connection | None, pending: list[tuple[str, bytes]]) -> None:
     if database is not None and pending:
-        with contextlib.suppress(sqlite3.Error), database:
+        with contextlib.suppress(ValueError, sqlite3.Error), database:
             database.executemany("INSERT OR REPLACE INTO plan VALUES (?, ?)", pending)
     pending.clear()
 
