@@ -8,13 +8,14 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
+from warehouse_env.checked import Checked, from_plain
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WarehouseError, WeightsError
 from warehouse_env.files import complete_file
@@ -26,13 +27,17 @@ Tensors = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
-class Network:
+class Network(Checked):
     """Sizes of an actor and a critic that are separate tanh networks."""
 
     observation_size: int
     actions: int  # number of discrete actions, or length of a real-valued one
     discrete: bool
     hidden: tuple[int, ...] = (128, 128)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(1, 10**9, "observation_size", "actions", "hidden")
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Return the name and shape of every tensor that a weights file must hold."""
@@ -46,7 +51,7 @@ class Network:
 
 
 @dataclass(frozen=True)
-class PolicyRecord:
+class PolicyRecord(Checked):
     """What config.json holds: enough to rebuild the policy and to know where it came from."""
 
     algorithm: str
@@ -88,29 +93,15 @@ def read_record(directory: Path | str) -> PolicyRecord:
         raise WeightsError(f"{directory} is not a policy folder: it has no {CONFIG}")
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise WeightsError(f"{path} cannot be read as JSON: {error}") from None
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         found = data.get("format") if isinstance(data, dict) else None
         raise WeightsError(f"{path} has format {found!r}; this version reads format {FORMAT}")
     try:
-        network, mode = data["network"], data["mode"]
-        sizes = Network(
-            int(network["observation_size"]),
-            int(network["actions"]),
-            bool(network["discrete"]),
-            tuple(int(width) for width in network["hidden"]),
-        )
-        if mode not in get_args(Mode):
-            raise WeightsError(f"mode is {mode!r}, not one of {', '.join(get_args(Mode))}")
-        env = EnvConfig.from_dict(data["env"])
-        return PolicyRecord(str(data["algorithm"]), sizes, env, mode, dict(data.get("training", {})))
+        return from_plain(PolicyRecord, {name: value for name, value in data.items() if name != "format"})
     except WarehouseError as error:
         raise WeightsError(f"{path}: {error}") from None
-    except KeyError as error:
-        raise WeightsError(f"{path} lacks the entry {error}") from None
-    except (TypeError, ValueError, AttributeError) as error:
-        raise WeightsError(f"{path} holds a value of the wrong kind: {error}") from None
 
 
 def read_tensors(directory: Path | str, network: Network) -> dict[str, NDArray[np.float32]]:

@@ -17,7 +17,7 @@ import warehouse_env
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("warehouse_env", "agents", "train")
 
-BASE = ("warehouse_env.errors", "warehouse_env.config", "warehouse_env.files")
+BASE = ("warehouse_env.errors", "warehouse_env.checked", "warehouse_env.config", "warehouse_env.files")
 PLANNING = (*BASE, "warehouse_env.maps", "warehouse_env.planning")
 ROUTES = (*PLANNING, "warehouse_env.routes")
 TRAFFIC = (*ROUTES, "warehouse_env.traffic")
@@ -27,6 +27,7 @@ BELOW_TRAIN = ("warehouse_env", "agents")
 # The first prefix that fits a module says which of our own modules it may import.
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.errors": (),
+    "warehouse_env.checked": ("warehouse_env.errors",),
     "warehouse_env.files": ("warehouse_env.errors",),
     "warehouse_env.config": BASE,
     "warehouse_env.observation": BASE,

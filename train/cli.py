@@ -9,7 +9,7 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from warehouse_env.errors import WarehouseError, unknown_name
 
@@ -82,10 +82,22 @@ def _run(arguments: list[str]) -> int:
     command = COMMANDS[name]
     rest = arguments[len(name.split()) :]
     options = getattr(importlib.import_module(command.module), command.options)
+    _options(options, f"{PROGRAM} {name}", rest).run()
+    return 0
+
+
+def _options(options: Any, program: str, arguments: list[str]) -> Any:
+    """Return an instance of the dataclass made from a command line; what it refuses is raised as it is.
+
+    Given a function, tyro leaves its errors alone; given the class, it would put them in a box of its own.
+    """
     import tyro
 
-    tyro.cli(options, prog=f"{PROGRAM} {name}", args=rest).run()
-    return 0
+    def made(chosen: Any) -> Any:
+        return chosen
+
+    made.__annotations__["chosen"] = Annotated[options, tyro.conf.arg(name="")]
+    return tyro.cli(made, prog=program, description=options.__doc__, args=arguments)
 
 
 def _no_command(arguments: list[str]) -> int:

@@ -5,33 +5,20 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
-from warehouse_env.errors import ConfigError
+from warehouse_env.checked import Checked, check_names, from_plain
 
 ActionType = Literal["discrete", "continuous", "raw"]
 TaskMode = Literal["lifelong", "one_shot"]
 
-
-def _require(condition: bool, parameter: str, value: object, rule: str) -> None:
-    if not condition:
-        raise ConfigError(f"{parameter}={value!r} must be {rule}")
-
-
-def _positive(owner: object, *parameters: str) -> None:
-    for parameter in parameters:
-        value = getattr(owner, parameter)
-        _require(math.isfinite(value) and value > 0, parameter, value, "a finite number above 0")
-
-
-def _not_negative(owner: object, *parameters: str) -> None:
-    for parameter in parameters:
-        value = getattr(owner, parameter)
-        _require(math.isfinite(value) and value >= 0, parameter, value, "a finite number of at least 0")
+# What single precision and an afternoon can bear; a warehouse needs a thousandth of it.
+_LEAST, _MOST = 1e-3, 1e4  # [m], [s], [m/s] ...
+_COMMANDS = 4096  # of discrete actions: speed levels x lateral offsets
 
 
 @dataclass(frozen=True)
-class RobotSpec:
+class RobotSpec(Checked):
     """Four wheels, rear steer, rear drive; the pose is the centre of the fixed front axle (paper 000, eq. 2)."""
 
     length: float = 0.9  # [m]
@@ -47,11 +34,13 @@ class RobotSpec:
     payload: float = 500.0  # [kg], paper 000; for pictures and cards only
 
     def __post_init__(self) -> None:
-        _positive(self, "length", "width", "height", "wheelbase", "max_speed", "max_acceleration", "max_steering_rate")
-        _not_negative(self, "front_overhang", "payload")
-        _require(self.front_overhang < self.length, "front_overhang", self.front_overhang, "less than the length")
-        _require(self.min_speed <= 0 and math.isfinite(self.min_speed), "min_speed", self.min_speed, "0 or negative")
-        _require(0 < self.max_steering < math.pi / 2, "max_steering", self.max_steering, "between 0 and pi/2 rad")
+        super().__post_init__()
+        self._between(_LEAST, _MOST, "length", "width", "height", "wheelbase")
+        self._between(_LEAST, _MOST, "max_speed", "max_acceleration", "max_steering_rate")
+        self._between(0.0, 1e9, "payload")
+        self._between(-_MOST, 0.0, "min_speed")
+        self._between(_LEAST, 1.57, "max_steering")
+        self._require(0 <= self.front_overhang < self.length, "front_overhang", "at least 0 and less than the length")
 
     @property
     def rear_reach(self) -> float:
@@ -60,7 +49,7 @@ class RobotSpec:
 
 
 @dataclass(frozen=True)
-class SensorSpec:
+class SensorSpec(Checked):
     """What a robot perceives: lidar, its nearest robots, and the route ahead."""
 
     rays: int = 32
@@ -71,13 +60,13 @@ class SensorSpec:
     predictions: bool = False  # also the time to a predicted conflict of every (speed level, lateral offset)
 
     def __post_init__(self) -> None:
-        _positive(self, "lidar_range", "route_spacing")
-        for name in ("rays", "neighbours", "route_points"):
-            _require(getattr(self, name) >= 1, name, getattr(self, name), "at least 1")
+        super().__post_init__()
+        self._between(1, 4096, "rays", "neighbours", "route_points")
+        self._between(_LEAST, _MOST, "lidar_range", "route_spacing")
 
 
 @dataclass(frozen=True)
-class RewardWeights:
+class RewardWeights(Checked):
     """Weights of the named reward terms (see simulation/rewards.py); a term is per robot and step."""
 
     progress: float = 1.0  # per metre along the route
@@ -92,13 +81,16 @@ class RewardWeights:
     path_length: float = 0.0
 
     def __post_init__(self) -> None:
-        for f in dataclasses.fields(self):
-            value = getattr(self, f.name)
-            _require(math.isfinite(value), f"RewardWeights.{f.name}", value, "a finite number")
+        super().__post_init__()
+        self._between(-1e12, 1e12, *(f.name for f in dataclasses.fields(self)))
+
+    def _called(self, name: str) -> str:
+        """Return what errors call a weight; `contact` alone could be anything."""
+        return f"RewardWeights.{name}"
 
 
 @dataclass(frozen=True)
-class EnvConfig:
+class EnvConfig(Checked):
     """One warehouse with its robots: all that defines an episode but the seed."""
 
     layout: str = "paper46"  # a name of LAYOUTS, unless map_file is given
@@ -124,20 +116,20 @@ class EnvConfig:
     reward: RewardWeights = field(default_factory=RewardWeights)
 
     def __post_init__(self) -> None:
-        for name in ("num_agents", "max_steps", "substeps", "action_repeat"):
-            value = getattr(self, name)
-            _require(isinstance(value, int) and value >= 1, name, value, "a whole number of at least 1")
-        _positive(self, "time_step", "arrival_radius", "near_miss_gap", "stuck_after")
-        _not_negative(self, "keep_right")
-        _require(isinstance(self.smooth_routes, bool), "smooth_routes", self.smooth_routes, "True or False")
-        for name, choices in (("tasks", get_args(TaskMode)), ("action_type", get_args(ActionType))):
-            _require(getattr(self, name) in choices, name, getattr(self, name), f"one of {', '.join(choices)}")
+        super().__post_init__()
+        self._between(1, 100_000, "num_agents")
+        self._between(1, 2**63 - 1, "max_steps")
+        self._between(1, 1000, "substeps", "action_repeat")
+        self._between(_LEAST, 10.0, "time_step")
+        self._between(_LEAST, _MOST, "arrival_radius", "near_miss_gap")
+        self._between(_LEAST, 1e12, "stuck_after")
+        self._between(0.0, 100.0, "keep_right")
         for name in ("speed_levels", "lateral_offsets"):
-            values = getattr(self, name)
-            _require(
-                len(values) >= 1 and all(math.isfinite(v) for v in values), name, values, "finite numbers, one or more"
-            )
-            object.__setattr__(self, name, tuple(float(v) for v in values))
+            self._between(-_MOST, _MOST, name)
+            self._require(1 <= len(getattr(self, name)) <= _COMMANDS, name, f"1 to {_COMMANDS} numbers")
+        levels = len(self.speed_levels)
+        rule = f"at most {_COMMANDS // levels} numbers beside {levels} speed_levels"
+        self._require(levels * len(self.lateral_offsets) <= _COMMANDS, "lateral_offsets", rule)
 
     def replace(self, **changes: Any) -> EnvConfig:
         """Return a copy with some fields changed; unknown names raise ConfigError."""
@@ -150,21 +142,5 @@ class EnvConfig:
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> EnvConfig:
-        """Build from `to_dict`'s result; raises ConfigError on unknown names."""
-        check_names("EnvConfig parameter", data, cls)
-        data = dict(data)
-        for name, kind in (("robot", RobotSpec), ("sensor", SensorSpec), ("reward", RewardWeights)):
-            if isinstance(data.get(name), dict):
-                check_names(f"{kind.__name__} parameter", data[name], kind)
-                data[name] = kind(**data[name])
-        return cls(**data)
-
-
-def check_names(kind: str, given: dict[str, Any], owner: Any) -> None:
-    """Raise ConfigError, with near matches, for a key that is no field of the dataclass `owner`."""
-    from warehouse_env.errors import unknown_name
-
-    known = [f.name for f in dataclasses.fields(owner)]
-    for name in given:
-        if name not in known:
-            raise unknown_name(kind, name, known)
+        """Build from `to_dict`'s result; raises ConfigError on unknown names and wrong values."""
+        return from_plain(cls, data)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import Any
+
+_SHOWN = 80  # characters of a wrong value that an error repeats
 
 
 class WarehouseError(ValueError):
@@ -30,9 +33,18 @@ class WeightsError(WarehouseError):
     """A weights folder is incomplete, damaged, or made for another observation or action."""
 
 
-def unknown_name(kind: str, name: str, known: Iterable[str]) -> ConfigError:
+def shown(value: Any) -> str:
+    """Return a wrong value for an error's sentence: on one line, cut where it is long."""
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:  # whatever the value's own code raises; Python itself where a number has thousands of digits
+        text = f"(a value of type {type(value).__name__})"
+    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
+
+
+def unknown_name(kind: str, name: Any, known: Iterable[str]) -> ConfigError:
     """Return (not raise) the error for a name that a registry does not hold, with its nearest matches."""
     names = sorted(known)
-    near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+    near = difflib.get_close_matches(name[:_SHOWN], names, n=3, cutoff=0.5) if isinstance(name, str) else []
     hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(names)}"
-    return ConfigError(f"unknown {kind} {name!r}; {hint}")
+    return ConfigError(f"unknown {kind} {shown(name)}; {hint}")

@@ -8,7 +8,19 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from warehouse_env.errors import WarehouseError
+from warehouse_env.errors import WarehouseError, shown
+
+
+def path_of(given: object, error: type[WarehouseError] = WarehouseError) -> Path:
+    """Return what a user gives as the name of a file as a Path; raises `error` for what names none."""
+    try:
+        path = Path(given)  # type: ignore[arg-type]
+        named = b"\0" not in os.fsencode(path)
+    except (TypeError, UnicodeEncodeError):
+        named = False
+    if not named:
+        raise error(f"{shown(given)} is no file name")
+    return path
 
 
 def part_file(path: Path) -> Path:
@@ -37,7 +49,7 @@ def complete_file(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     Raises WarehouseError where it cannot be written, be it that the disk is full.
     """
-    target = Path(path)
+    target = path_of(path)
     part = part_file(target)
     try:
         yield part

@@ -132,7 +132,7 @@ def test_a_cost_map_is_refused(planner: Apf | ApfImproved) -> None:
 
 
 def test_bad_parameters_are_named() -> None:
-    with pytest.raises(ConfigError, match=r"apf parameter repulsion_gain=-1.0 must be a finite number"):
+    with pytest.raises(ConfigError, match=r"apf parameter repulsion_gain=-1.0 must be a number from 0"):
         Apf(repulsion_gain=-1.0)
     with pytest.raises(ConfigError, match="apf_improved parameter points=0"):
         ApfImproved(points=0)

@@ -356,3 +356,17 @@ def test_a_task_without_a_path_is_named_when_its_route_is_asked_for(tmp_path: Pa
     assert routes_of.cells((0, 0), (0, 1)).tolist() == [[0, 0], [0, 1]]
     with pytest.raises(PlanError, match=r"no path from \(0, 0\) to \(0, 4\)"):
         routes_of.route((0, 0), (0, 4))
+
+
+@pytest.mark.parametrize("middle", [(0, 10**9), (0, 3), (2, 2)])
+def test_a_plan_that_was_damaged_on_disk_is_made_anew(middle: Cell) -> None:
+    """Its ends alone do not tell: a way far off the map once made a line of a billion way-points."""
+    occupied = np.zeros((5, 5), bool)
+    occupied[2, 2] = True
+    grid = GridMap(occupied, name="five")
+    book = RouteBook(grid, make_planner("astar"))
+    right = book.cells((0, 0), (4, 4))
+    book = RouteBook(grid, make_planner("astar"))
+    book._store.put(book._key((0, 0), (4, 4), None), np.array([(0, 0), middle, (4, 4)]))
+    book._store.flush()
+    assert np.array_equal(book.cells((0, 0), (4, 4)), right)

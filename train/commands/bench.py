@@ -12,6 +12,7 @@ from typing import Literal, get_args
 from train.reporting.report import Table, make_progress, number
 from train.reporting.rows import Row, RowFile, select
 from warehouse_env import __version__
+from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
 
 What = Literal[
@@ -22,7 +23,7 @@ _SMALL = 32  # robots of the single world that larger ones are held against
 
 
 @dataclass(frozen=True)
-class Bench:
+class Bench(Checked):
     """Measure agent-steps/s of the simulator, the environments and the trainers, plans/s, the path follower's tracking
     error, and the time to start."""
 

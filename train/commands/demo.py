@@ -15,6 +15,7 @@ from train.evaluation.rollout import make_experiment, run
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import make_progress, require_video
 from train.reporting.rows import read_rows
+from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.simulator import Simulator
@@ -27,7 +28,7 @@ _SIDE = 560  # [px], longest side of one of the two floors in the video
 
 
 @dataclass(frozen=True)
-class Demo:
+class Demo(Checked):
     """Compare the shipped policies with path following alone and with stopping for what is ahead, on one floor."""
 
     policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo")

@@ -13,6 +13,7 @@ from train.evaluation.rollout import Experiment, Trace, identity, make_experimen
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import evaluation_table, make_progress, require_charts
 from train.reporting.rows import Row, RowFile, check_writable, read_rows, write_text
+from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.layouts import LAYOUTS
@@ -21,7 +22,7 @@ from warehouse_env.planning import make_planner
 
 
 @dataclass(frozen=True)
-class Evaluate:
+class Evaluate(Checked):
     """Drive policies through held-out episodes on layouts or maps; print means with 95% intervals."""
 
     policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo")

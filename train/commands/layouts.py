@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from train.reporting.report import Table
 from train.reporting.rows import Row, RowFile
+from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
@@ -18,7 +19,7 @@ from warehouse_env.maps.movingai import read_map, write_map
 
 
 @dataclass(frozen=True)
-class Layouts:
+class Layouts(Checked):
     """List the layouts; or draw one, check a map file, or convert a layout or map into a MovingAI file."""
 
     draw: str | None = None

@@ -11,9 +11,11 @@ import numpy as np
 
 from train.evaluation.pictures import plan_pictures
 from train.evaluation.planning_runs import Run, Task, make_task, plan_once
+from train.evaluation.rollout import MOST
 from train.reporting.plan_report import plan_note, plan_table
 from train.reporting.report import make_progress, require_charts
 from train.reporting.rows import RowFile, check_writable, write_text
+from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
@@ -24,7 +26,7 @@ _RANDOM_TASKS = 5  # on a floor without named tasks
 
 
 @dataclass(frozen=True)
-class PlanCommand:
+class PlanCommand(Checked):
     """Compare planners on the tasks of a map: how often they find the shortest path, with how many turns, how fast."""
 
     layout: str = "paper46"
@@ -54,8 +56,8 @@ class PlanCommand:
 
     def run(self) -> None:
         """Plan all, print the table, write rows and pictures."""
-        if self.runs < 1 or self.seed < 0:
-            raise ConfigError(f"--runs {self.runs} must be at least 1 and --seed {self.seed} at least 0")
+        if not 1 <= self.runs <= MOST or self.seed < 0:
+            raise ConfigError(f"--runs {self.runs} must lie in 1..{MOST:,} and --seed {self.seed} be at least 0")
         planners = {name: make_planner(name) for name in self.planner}
         if not planners:
             raise ConfigError("--planner needs at least one name")
@@ -91,8 +93,8 @@ class PlanCommand:
 
     def _tasks(self, grid: GridMap) -> list[tuple[str, Cell, Cell]]:
         """Return (name, start, goal) of the tasks that the options ask for."""
-        if self.tasks is not None and self.tasks < 1:
-            raise ConfigError(f"--tasks {self.tasks} must be at least 1")
+        if self.tasks is not None and not 1 <= self.tasks <= MOST:
+            raise ConfigError(f"--tasks {self.tasks} must lie in 1..{MOST:,}")
         if (self.start is None) != (self.goal is None):
             raise ConfigError("--start and --goal belong together; give both")
         if self.start is not None and self.goal is not None:

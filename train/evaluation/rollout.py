@@ -25,6 +25,7 @@ from warehouse_env.simulation.simulator import Simulator
 Watcher = Callable[[Simulator, int], None]
 """Called after the reset (step 0) and after every step with the simulator and the number of steps done."""
 
+MOST = 1_000_000  # episodes of an experiment, runs of a planner, tasks: whatever a command makes a list of
 _POLICY_STREAM = 1  # apart from the world's own stream SeedSequence([seed, 0])
 
 
@@ -60,6 +61,10 @@ def make_experiment(policy: str, base: EnvConfig, episodes: int, seconds: float,
     """
     if episodes < 1:
         raise ConfigError(f"episodes={episodes} must be at least 1")
+    if episodes > MOST:
+        raise ConfigError(f"episodes={episodes} must be at most {MOST:,}")
+    if seconds > MOST * MOST:
+        raise ConfigError(f"seconds={seconds!r} must be at most {MOST * MOST:,}")
     if not (math.isfinite(seconds) and seconds > 0):
         raise ConfigError(f"seconds={seconds!r} must be a finite number above 0")
     if seed < 0:

@@ -17,7 +17,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
 from train.reporting.rows import write_text
-from warehouse_env.errors import WeightsError
+from warehouse_env.errors import WeightsError, shown
 from warehouse_env.files import complete_file
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -64,8 +64,8 @@ def read(directory: Path) -> Checkpoint:
         if not isinstance(data, dict) or data.get("format") != FORMAT:
             raise ValueError(f"it is not of format {FORMAT}")
         arrays = load_file(directory / Path(str(data["arrays"])).name)
-    except (OSError, ValueError, KeyError, SafetensorError) as error:
-        raise WeightsError(f"the checkpoint {path} is damaged: {error}") from None
+    except (OSError, ValueError, KeyError, RecursionError, SafetensorError) as error:
+        raise WeightsError(f"the checkpoint {path} is damaged: {shown(error)}") from None
     return Checkpoint(arrays, data)
 
 

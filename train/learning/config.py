@@ -7,16 +7,16 @@ measured episode was ever trained on.
 from __future__ import annotations
 
 import dataclasses
-import math
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from warehouse_env.config import ActionType, EnvConfig, RewardWeights, SensorSpec, check_names
-from warehouse_env.errors import ConfigError
+from warehouse_env.checked import Checked, from_plain
+from warehouse_env.config import ActionType, EnvConfig, RewardWeights, SensorSpec
 
 HELD_OUT_SEED = 1_000_000
+_MOST_SAMPLES = 100_000_000  # decisions of all rows between two updates; with 112 numbers each they fill 45 GB
 
 _Config = TypeVar("_Config", bound="TrainingConfig")
 
@@ -26,7 +26,7 @@ def _cores() -> int:
 
 
 @dataclass(frozen=True)
-class TrainingConfig:
+class TrainingConfig(Checked):
     """What both trainers share: the worlds, the budget, the reward schedule, the network, and where it all goes."""
 
     name: str = "policy"
@@ -93,30 +93,21 @@ class TrainingConfig:
     """Show the progress bar."""
 
     def __post_init__(self) -> None:
-        self._at_least(1, "steps", "rows", "threads", "action_repeat")
-        self._at_least(0, "seed", "entropy_first", "entropy_last", "cruise_bias", "keep_right", "checkpoint_seconds")
-        for name in ("minutes", "episode_seconds", "jam_seconds", "reward_scale", "learning_rate", "gradient_clip"):
-            value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0):
-                raise ConfigError(f"{name}={value!r} must be a finite number above 0")
-        for name in ("gamma", "gae_lambda"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise ConfigError(f"{name}={getattr(self, name)!r} must be between 0 and 1")
-        for name in ("collision_first", "collision_last", "contact"):
-            if not math.isfinite(getattr(self, name)):
-                raise ConfigError(f"{name}={getattr(self, name)!r} must be a finite number")
-        for name in ("layouts", "robots", "hidden"):
-            values = getattr(self, name)
-            if not values or (name != "layouts" and min(values) < 1):
-                raise ConfigError(f"{name}={values!r} must be one value or more, numbers at least 1")
-        if not self.name or Path(self.name).name != self.name:
-            raise ConfigError(f"name={self.name!r} must be a plain folder name; the folder around it is --out")
-
-    def _at_least(self, least: int, *names: str) -> None:
-        for name in names:
-            value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value >= least):
-                raise ConfigError(f"{name}={value!r} must be a finite number of at least {least}")
+        super().__post_init__()
+        self._between(1, 10**15, "steps")
+        self._between(1, 1_000_000, "rows", "robots", "action_repeat")
+        self._between(1, 1024, "threads")
+        self._between(0, 2**32 - 1, "seed")
+        self._between(0.0, 1e9, "entropy_first", "entropy_last", "cruise_bias", "keep_right", "checkpoint_seconds")
+        self._between(1e-9, 1e9, "minutes", "episode_seconds", "jam_seconds")
+        self._between(1e-30, 1e9, "reward_scale", "learning_rate", "gradient_clip")
+        self._between(0.0, 1.0, "gamma", "gae_lambda")
+        self._between(-1e9, 1e9, "collision_first", "collision_last", "contact")
+        self._between(1, 16_384, "hidden")
+        for name, most in (("layouts", 100), ("robots", 100), ("hidden", 16)):
+            self._require(1 <= len(getattr(self, name)) <= most, name, f"1 to {most} values")
+        plain = bool(self.name) and Path(self.name).name == self.name
+        self._require(plain, "name", "a plain folder name; the folder around it is --out")
 
     @property
     def directory(self) -> Path:
@@ -166,10 +157,7 @@ class TrainingConfig:
     @classmethod
     def from_dict(cls: type[_Config], data: dict[str, Any]) -> _Config:
         """Build from `to_dict`'s result; raises ConfigError on unknown names and values out of range."""
-        check_names(f"{cls.__name__} parameter", data, cls)
-        lists = {key: tuple(value) for key, value in data.items() if isinstance(value, list)}
-        paths = {key: Path(data[key]) for key in ("out", "resume") if data.get(key) is not None}
-        return cls(**{**data, **lists, **paths})
+        return from_plain(cls, data)
 
 
 @dataclass(frozen=True)
@@ -187,8 +175,9 @@ class ReinforceConfig(TrainingConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._at_least(1, "rollout", "minibatch")
-        self._at_least(0, "critic_factor")
+        self._between(1, _MOST_SAMPLES // self.rows, "rollout")
+        self._between(1, _MOST_SAMPLES, "minibatch")
+        self._between(0.0, 1e9, "critic_factor")
 
 
 @dataclass(frozen=True)
@@ -210,6 +199,6 @@ class PPOConfig(TrainingConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._at_least(1, "rollout", "minibatch", "epochs")
-        if not 0 < self.clip < 1:
-            raise ConfigError(f"clip={self.clip!r} must be between 0 and 1")
+        self._between(1, _MOST_SAMPLES // self.rows, "rollout")
+        self._between(1, _MOST_SAMPLES, "minibatch", "epochs")
+        self._require(0 < self.clip < 1, "clip", "between 0 and 1")

@@ -76,10 +76,12 @@ def check_writable(path: Path) -> None:
 def read_rows(path: Path) -> list[Row]:
     """Return the rows of a JSON-lines file; raises WarehouseError naming the file and line of a damaged one."""
     rows = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+    for number, line in enumerate(_read_text(path).split("\n"), start=1):
+        if not line.strip():
+            continue
         try:
             row = json.loads(line)
-        except json.JSONDecodeError:
+        except (ValueError, RecursionError):
             row = None
         if not isinstance(row, dict):
             raise WarehouseError(f"{path}, line {number}: not a JSON object; delete the line or the file")
@@ -87,11 +89,18 @@ def read_rows(path: Path) -> list[Row]:
     return rows
 
 
+def _read_text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise WarehouseError(f"{path} cannot be read as text: {getattr(error, 'strerror', None) or error}") from None
+
+
 def whole_rows(path: Path) -> list[Row]:
     """Return the rows of a file and cut off a last line that a stop left unfinished; none where there is no file."""
     if not path.exists():
         return []
-    text = path.read_text(encoding="utf-8")
+    text = _read_text(path)
     if not text.endswith("\n"):
         write_text(path, text[: text.rfind("\n") + 1])
     return read_rows(path)

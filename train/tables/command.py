@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from train.evaluation.rollout import MOST
 from train.reporting.report import require_charts
 from train.reporting.rows import Row, RowFile, check_writable, whole_rows, write_rows
 from train.tables.blocks import Block, blocks_of, mixed, run_block, split
@@ -16,11 +17,12 @@ from train.tables.catalogue import chosen
 from train.tables.page import write_pages
 from train.tables.pieces import run_missing
 from train.tables.study import Study
+from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
 
 
 @dataclass(frozen=True)
-class Tables:
+class Tables(Checked):
     """Make the tables of the papers: ours beside theirs, a verdict on every claim, pictures, all planners at once."""
 
     papers: tuple[str, ...] = ()
@@ -54,8 +56,8 @@ class Tables:
 
     def run(self) -> None:
         """Run what is missing, then write tables, verdicts and pictures."""
-        if self.runs is not None and self.runs < 1:
-            raise ConfigError(f"--runs {self.runs} must be at least 1")
+        if not all(1 <= count <= MOST for count in (self.pairs, 1 if self.runs is None else self.runs)):
+            raise ConfigError(f"--runs {self.runs} and --pairs {self.pairs} must lie in 1..{MOST:,}")
         if self.seed < 0 or self.processes < 1:
             raise ConfigError(f"--seed {self.seed} must be at least 0 and --processes {self.processes} at least 1")
         if self.benchmark and self.traffic:

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from warehouse_env.errors import ActionError
+from warehouse_env.errors import ActionError, shown
 
 
 class ActionPacker:
@@ -53,15 +53,15 @@ def _problem(action: Any, space: spaces.Space[Any]) -> str:
     try:
         value = np.asarray(action)
     except ValueError:
-        return f"{action!r} is not an array of numbers"
+        return f"{shown(action)} is not an array of numbers"
     if isinstance(space, spaces.Discrete):
         if value.shape != () or value.dtype.kind not in "iu":
-            return f"{action!r} is not one whole number"
+            return f"{shown(action)} is not one whole number"
         if not 0 <= int(value) < space.n:
-            return f"{action!r} is outside 0..{space.n - 1}"
+            return f"{shown(action)} is outside 0..{space.n - 1}"
         return ""
     if value.dtype.kind not in "fiu":
-        return f"{action!r} is not an array of numbers"
+        return f"{shown(action)} is not an array of numbers"
     if value.shape != space.shape:
         return f"shape {value.shape} given, {space.shape} needed"
     if not np.isfinite(value).all():

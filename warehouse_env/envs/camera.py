@@ -27,7 +27,7 @@ class Camera:
 
     def __init__(self, mode: str | None, fps: float) -> None:
         """Remember the mode (None, "rgb_array" or "human"); any other raises ConfigError."""
-        if mode is not None and mode not in RENDER_MODES:
+        if mode is not None and (not isinstance(mode, str) or mode not in RENDER_MODES):
             raise unknown_name("render_mode", mode, RENDER_MODES)
         self.mode = mode
         self._fps = fps

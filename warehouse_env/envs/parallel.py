@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,7 +17,7 @@ from warehouse_env.envs.actions import ActionPacker
 from warehouse_env.envs.camera import RENDER_MODES, Camera, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, RobotInfos, final_metrics
 from warehouse_env.envs.options import build_simulator
-from warehouse_env.errors import ActionError
+from warehouse_env.errors import ActionError, shown
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 
@@ -98,6 +99,8 @@ class WarehouseParallelEnv(ParallelEnv):  # type: ignore[misc]  # pettingzoo shi
 
         Raises ActionError, naming the robot, for a missing, superfluous, misshapen or non-finite action.
         """
+        if not isinstance(actions, (dict, Mapping)):
+            raise ActionError(f"actions {shown(actions)} must be a dict of one action for each robot")
         agents, names = self.agents, self.possible_agents
         if not agents and not actions:
             return {}, {}, {}, {}, {}

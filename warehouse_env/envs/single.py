@@ -17,6 +17,7 @@ from warehouse_env.envs.options import build_simulator
 from warehouse_env.errors import ActionError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
+from warehouse_env.simulation.given import whole_seed
 
 Others = Callable[[NDArray[np.float32]], Any]
 
@@ -65,6 +66,7 @@ class WarehouseSingleEnv(gymnasium.Env[NDArray[np.float32], Any]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode; a seed fixes it to the bit, without one the generators go on. `options` is not used."""
+        seed = None if seed is None else whole_seed(seed)
         super().reset(seed=seed)
         observation = self.simulator.reset(seed)
         self._started = True

@@ -15,9 +15,10 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.envs.camera import Camera, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, final_metrics, finished_task
 from warehouse_env.envs.options import build_simulator
-from warehouse_env.errors import ActionError, ConfigError
+from warehouse_env.errors import ActionError, ConfigError, shown
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
+from warehouse_env.simulation.given import check_count, listed, whole_seed
 from warehouse_env.simulation.kernel import kernel
 from warehouse_env.simulation.simulator import Simulator
 
@@ -105,14 +106,23 @@ class WarehouseVecEnv(VecEnv):
             block.simulator.observe_into(observation[block.rows].reshape(block.simulator.observation.shape))
         return observation
 
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Set the seed of the next reset; ConfigError unless it is a whole number of at least 0."""
+        return list(super().seed(None if seed is None else whole_seed(seed)))
+
     def step_async(self, actions: NDArray[Any]) -> None:
         """Take the actions [rows] or [rows, 2] of the next step; ActionError on a wrong shape or kind."""
-        actions = np.asarray(actions)
+        try:
+            actions = np.asarray(actions)
+        except ValueError:
+            raise ActionError(f"actions {shown(actions)} are no array of numbers") from None
         wanted = (self.num_envs, *(self.action_space.shape or ()))
         whole = self.blocks[0].actions.dtype.kind in "iu"
         if actions.shape != wanted or actions.dtype.kind not in ("iu" if whole else "fiu"):
             kind = "whole numbers" if whole else "numbers"
             raise ActionError(f"actions of shape {actions.shape} ({actions.dtype}) given, {wanted} {kind} needed")
+        if actions.dtype == np.float64:  # clipped as the Simulator would, for float32 may not hold them
+            actions = np.where(np.isinf(actions), actions, np.clip(actions, -1.0, 1.0))
         for block in self.blocks:
             block.actions[:] = actions[block.rows].reshape(block.actions.shape)
 
@@ -276,12 +286,14 @@ def vec_env(
     """
     if configs is not None and config is not None:
         raise ConfigError("give either config or configs, not both")
-    chosen = list(configs) if configs is not None else [config or EnvConfig()]
-    counts = [num_worlds] * len(chosen) if isinstance(num_worlds, int) else list(num_worlds)
+    chosen = [EnvConfig() if config is None else config] if configs is None else listed(configs)
+    if chosen is None:
+        raise ConfigError(f"configs={shown(configs)} must be a list of EnvConfigs")
+    counts = listed(num_worlds)
+    counts = [num_worlds] * len(chosen) if counts is None else counts
     if not chosen or len(counts) != len(chosen):
-        raise ConfigError(f"num_worlds={num_worlds!r} needs one number for each of the {len(chosen)} configs")
-    if any(not isinstance(count, int) or count < 1 for count in counts):
-        raise ConfigError(f"num_worlds={num_worlds!r} must be whole numbers of at least 1")
+        raise ConfigError(f"num_worlds={shown(num_worlds)} needs one number for each of the {len(chosen)} configs")
+    counts = [check_count("num_worlds", count) for count in counts]
     simulators: list[Simulator] = []
     for one, count in zip(chosen, counts, strict=True):
         simulators.append(build_simulator(one, changes, num_worlds=count, grid=grid, planner=planner))

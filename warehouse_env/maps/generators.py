@@ -7,9 +7,11 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, shown
 from warehouse_env.maps.endpoints import beside, largest_region
 from warehouse_env.maps.grid_map import Cell, GridMap
+
+LARGEST = 4096  # [cells] of a floor's side; a robot would be an hour under way
 
 
 def blocks(
@@ -42,6 +44,8 @@ def blocks(
         ("rim_rows", rim_rows, 1), ("rim_columns", rim_columns, 1), ("station_spacing", station_spacing, 1),
     ):  # fmt: skip
         check_whole(what, value, least)
+    if not isinstance(corridor_stations, bool):
+        raise ConfigError(f"corridor_stations={shown(corridor_stations)} must be True or False")
     tops = _starts(rows, rim_rows, block_rows, aisle, cross, zone_rows)
     lefts = _starts(columns, rim_columns, block_columns, aisle, cross, zone_columns)
     if not tops or not lefts:
@@ -107,7 +111,7 @@ def single_lane(zone_rows: int = 5, lane: int = 16, rim: int = 4, cross: int = 4
     room to turn into an aisle (the north-south corridor is 2 wider). In cells; the defaults give 46 x 46.
     """
     for what, value, least in (("zone_rows", zone_rows, 1), ("lane", lane, 8), ("rim", rim, 3), ("cross", cross, 3)):
-        check_whole(what, value, least)
+        check_whole(what, value, least, LARGEST // 8)
     zone_height = 3 * zone_rows + 2
     rows = 2 * (rim + zone_height) + cross
     columns = 2 * (rim + lane) + cross + 2
@@ -140,10 +144,11 @@ def random_floor(rows: int = 32, columns: int = 32, share: float = 0.1, seed: in
 
     share: part of the cells that is drawn, 0 to 0.6; seed: the same seed gives the same floor.
     """
-    for what, value, least in (("rows", rows, 1), ("columns", columns, 1), ("seed", seed, 0)):
-        check_whole(what, value, least)
+    check_whole("rows", rows, 1)
+    check_whole("columns", columns, 1)
+    check_whole("seed", seed, 0, 2**63 - 1)
     if isinstance(share, bool) or not isinstance(share, (int, float)) or not 0 <= share <= 0.6:
-        raise ConfigError(f"share={share!r} must be a number between 0 and 0.6")
+        raise ConfigError(f"share={shown(share)} must be a number between 0 and 0.6")
     drawn = np.random.default_rng(seed).permutation(rows * columns)[: int(share * rows * columns)]
     occupied = np.zeros(rows * columns, dtype=np.bool_)
     occupied[drawn] = True
@@ -165,7 +170,9 @@ def _with_endpoints(occupied: NDArray[np.bool_], stations: list[Cell], picks: ND
     return GridMap(occupied, picks=np.argwhere(marked), stations=np.array(free), name=name)
 
 
-def check_whole(what: str, value: object, least: int) -> None:
-    """Raise ConfigError unless the parameter is a whole number of at least `least`."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
-        raise ConfigError(f"{what}={value!r} must be a whole number of at least {least}")
+def check_whole(what: str, value: object, least: int, most: int = LARGEST) -> None:
+    """Raise ConfigError unless the parameter is a whole number from `least` to `most`."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise ConfigError(f"{what}={shown(value)} must be a whole number of at least {least}")
+    if value > most:
+        raise ConfigError(f"{what}={shown(value)} must be a whole number of at most {most}")

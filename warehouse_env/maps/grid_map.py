@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import math
+import operator
 from collections import OrderedDict
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warehouse_env.errors import MapError
+from warehouse_env.errors import MapError, WarehouseError, shown
 
 Cell = tuple[int, int]
 T = TypeVar("T", bound=np.generic)
@@ -23,6 +23,8 @@ MOVES: NDArray[np.int64] = np.array(
     [(0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1)], dtype=np.int64
 )
 
+SMALLEST_CELL, LARGEST_CELL = 0.01, 1000.0  # [m]
+HIGHEST = 1e4  # [m], up or down
 DISTANCE_FIELDS_KEPT = 128  # per map; 17 kB each on 46 x 46 cells
 
 
@@ -48,9 +50,12 @@ class GridMap:
         object.__setattr__(self, "occupied", _frozen(occupied))
         object.__setattr__(self, "height", _frozen(_checked_height(self.height, occupied.shape)))
         size = self.cell_size
-        if isinstance(size, bool) or not isinstance(size, (int, float, np.number)) or not 0 < float(size) < math.inf:
-            raise MapError(f"cell_size={size!r} must be a finite number of metres above 0")
+        number = isinstance(size, (int, float, np.integer, np.floating)) and not isinstance(size, bool)
+        if not (number and SMALLEST_CELL <= size <= LARGEST_CELL):
+            raise MapError(f"cell_size={shown(size)} must be a number from {SMALLEST_CELL} to {LARGEST_CELL} metres")
         object.__setattr__(self, "cell_size", float(size))
+        if not isinstance(self.name, str):
+            raise MapError(f"name={shown(self.name)} must be a text")
         if self.picks is None or self.stations is None:
             from warehouse_env.maps.endpoints import default_endpoints
 
@@ -67,12 +72,12 @@ class GridMap:
     def _checked_endpoints(self, cells: ArrayLike, what: str) -> NDArray[np.int64]:
         try:
             array = np.asarray(cells)
-        except ValueError:  # rows of different lengths
+        except (TypeError, ValueError):  # rows of different lengths, or no table at all
             array = np.empty(0)
         if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0 or array.dtype.kind not in "iu":
             raise MapError(f"{what} must be a list of one or more cells, each two whole numbers (row, column)")
-        array = array.astype(np.int64)
         rows, columns = self.shape
+        array = np.asarray(np.clip(array, -1, max(rows, columns)), dtype=np.int64)  # so that none wraps round
         inside = ((array >= 0) & (array < (rows, columns))).all(axis=1)
         clipped = np.clip(array, 0, (rows - 1, columns - 1))
         usable = inside & self._region[tuple(clipped.T)]
@@ -167,10 +172,7 @@ class GridMap:
 
     def check_cell(self, cell: ArrayLike, what: str) -> Cell:
         """Return `cell` as two Python ints; MapError, beginning with `what`, if it is outside or on a shelf."""
-        array = np.asarray(cell)
-        if array.shape != (2,) or array.dtype.kind not in "iu":
-            raise MapError(f"{what} {cell!r} must be two whole numbers (row, column)")
-        row, column = int(array[0]), int(array[1])
+        row, column = whole_cell(cell, what, MapError)
         rows, columns = self.shape
         if not (0 <= row < rows and 0 <= column < columns):
             raise MapError(
@@ -188,6 +190,15 @@ class GridMap:
         return ["".join(row) for row in drawing]
 
 
+def whole_cell(cell: ArrayLike, what: str, error: type[WarehouseError]) -> Cell:
+    """Return a cell as two Python ints; raises `error`, beginning with `what`, for anything but two whole numbers."""
+    try:
+        row, column = (operator.index(number) for number in cell)  # type: ignore[union-attr, arg-type]
+    except (TypeError, ValueError):
+        raise error(f"{what} {shown(cell)} must be two whole numbers (row, column)") from None
+    return row, column
+
+
 def _frozen(array: NDArray[T]) -> NDArray[T]:
     array.setflags(write=False)
     return array
@@ -197,7 +208,7 @@ def _checked_occupied(occupied: ArrayLike) -> NDArray[np.bool_]:
     """Return a C-ordered bool[H, W] copy with at least one free cell, or raise MapError."""
     try:
         array = np.array(occupied)
-    except ValueError:
+    except (TypeError, ValueError):
         raise MapError("occupied has rows of different lengths; all rows must be equally long") from None
     if array.ndim != 2:
         raise MapError(f"occupied must have 2 dimensions (rows, columns), not {array.ndim}")
@@ -217,12 +228,15 @@ def _checked_height(height: ArrayLike | None, shape: tuple[int, ...]) -> NDArray
         return np.zeros(shape, dtype=np.float32)
     try:
         with np.errstate(over="ignore"):  # too large for float32 becomes inf, and is refused below
-            array = np.array(height, dtype=np.float32, order="C")
-    except (ValueError, TypeError):
+            array = np.array(np.asarray(height).astype(np.float64, casting="same_kind"), dtype=np.float32, order="C")
+    except (ValueError, TypeError, OverflowError):
         raise MapError("height must be a table of numbers [m]") from None
     if array.shape != shape:
         raise MapError(f"height has shape {array.shape} but the map has {shape}; give one height [m] a cell")
-    if not np.isfinite(array).all():
-        row, column = np.argwhere(~np.isfinite(array))[0].tolist()
-        raise MapError(f"height at cell ({row}, {column}) is {array[row, column]}; heights must be finite metres")
+    wrong = ~(np.abs(array) <= HIGHEST)  # nan as well
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0].tolist()
+        raise MapError(
+            f"height at cell ({row}, {column}) is {array[row, column]}; heights must be finite metres up to {HIGHEST:g}"
+        )
     return array

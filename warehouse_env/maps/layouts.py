@@ -113,10 +113,11 @@ NAMED_TASKS: dict[str, dict[str, NamedTask]] = {
 
 def make_layout(name: str, **parameters: Any) -> GridMap:
     """Return the named layout; ConfigError, with near matches, for an unknown name or an unknown parameter."""
-    if name not in LAYOUTS:
+    if not isinstance(name, str) or name not in LAYOUTS:
         raise unknown_name("layout", name, LAYOUTS)
     known = inspect.signature(LAYOUTS[name]).parameters
     for parameter in parameters:
         if parameter not in known:
             raise unknown_name(f"parameter of layout {name!r}:", parameter, known or ["none"])
-    return LAYOUTS[name](**parameters)
+    plain = {key: value.item() if isinstance(value, np.generic) else value for key, value in parameters.items()}
+    return LAYOUTS[name](**plain)

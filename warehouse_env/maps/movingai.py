@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.errors import MapError
-from warehouse_env.files import complete_file
+from warehouse_env.errors import MapError, shown
+from warehouse_env.files import complete_file, path_of
 from warehouse_env.maps.grid_map import Cell, GridMap
 
 FREE = ".GS"  # floor; S is swamp, which the benchmarks' shortest paths treat as floor
@@ -42,7 +42,7 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
 
     MapError, naming the file and line, if it is missing, not text, or breaks the format.
     """
-    path = Path(path)
+    path = path_of(path, MapError)
     lines = _read_lines(path, "map")
     height, width, first = _read_header(path, lines)
     body = lines[first:]
@@ -88,14 +88,16 @@ def write_map(grid: GridMap, path: str | os.PathLike[str]) -> None:
 
     The format holds neither heights, cell size nor endpoints: these are lost.
     """
+    if not isinstance(grid, GridMap):
+        raise MapError(f"{shown(grid)} is no GridMap, so it cannot be written as a .map file")
     rows, columns = grid.shape
     floor = ["".join("@" if taken else "." for taken in row) for row in grid.occupied.tolist()]
-    _write_whole(Path(path), ["type octile", f"height {rows}", f"width {columns}", "map", *floor])
+    _write_whole(path_of(path, MapError), ["type octile", f"height {rows}", f"width {columns}", "map", *floor])
 
 
 def read_scen(path: str | os.PathLike[str]) -> list[Scenario]:
     """Return the scenarios of a `.scen` file; MapError, naming the file and line, if it breaks the format."""
-    path = Path(path)
+    path = path_of(path, MapError)
     lines = _read_lines(path, "scenario")
     if lines[0].split() not in (["version", "1"], ["version", "1.0"]):
         raise _bad(path, 1, "a .scen begins with the line 'version 1'")
@@ -122,20 +124,31 @@ def _scenario(path: Path, number: int, line: str) -> Scenario:
     except ValueError:
         length = math.nan
     if not (math.isfinite(length) and length >= 0):
-        raise _bad(path, number, f"length {words[8]!r} must be a finite number of at least 0")
+        raise _bad(path, number, f"length {shown(words[8])} must be a finite number of at least 0")
     return Scenario(bucket, words[1], width, height, (places[1], places[0]), (places[3], places[2]), length)
 
 
 def write_scen(scenarios: Iterable[Scenario], path: str | os.PathLike[str]) -> None:
     """Write scenarios as a `.scen` file, whole or not at all; MapError if it cannot be written."""
-    lines = ["version 1"]
-    for number, s in enumerate(scenarios, start=2):
-        if any(c in s.map_name for c in "\t\r\n") or not s.map_name.strip():
-            raise _bad(Path(path), number, f"map name {s.map_name!r} must be one line of text without tabs")
-        ends = (s.start[1], s.start[0], s.goal[1], s.goal[0])
-        lines.append("\t".join(map(str, (s.bucket, s.map_name, s.width, s.height, *ends, f"{s.length:.8f}"))))
-        _scenario(Path(path), number, lines[-1])  # what cannot be read back is not written
-    _write_whole(Path(path), lines)
+    path, lines = path_of(path, MapError), ["version 1"]
+    try:
+        numbered = list(enumerate(scenarios, start=2))
+    except TypeError:
+        raise MapError(f"{shown(scenarios)} holds no scenarios, so it cannot be written as a .scen file") from None
+    for number, s in numbered:
+        if not isinstance(s, Scenario) or not isinstance(s.map_name, str):
+            raise _bad(path, number, f"{shown(s)} is no Scenario")
+        written = s.map_name.encode(errors="replace").decode() == s.map_name  # no half of a surrogate pair
+        if any(c in s.map_name for c in "\t\r\n") or not s.map_name.strip() or not written:
+            raise _bad(path, number, f"map name {shown(s.map_name)} must be one line of text without tabs")
+        try:
+            (row, column), (goal_row, goal_column), length = s.start, s.goal, f"{s.length:.8f}"
+        except (TypeError, ValueError, OverflowError):
+            raise _bad(path, number, f"{shown(s)} needs a start and a goal (row, column), and a length") from None
+        sizes = (s.width, s.height, column, row, goal_column, goal_row)
+        lines.append("\t".join([_digits(s.bucket), s.map_name, *map(_digits, sizes), length]))
+        _scenario(path, number, lines[-1])  # what cannot be read back is not written
+    _write_whole(path, lines)
 
 
 def make_scenarios(grid: GridMap, count: int, rng: np.random.Generator) -> list[Scenario]:
@@ -156,6 +169,11 @@ def make_scenarios(grid: GridMap, count: int, rng: np.random.Generator) -> list[
     return sorted(made, key=lambda scenario: scenario.length)
 
 
+def _digits(value: object) -> str:
+    """Return a whole number as it stands in a file, and anything else as `_whole` will refuse it."""
+    return shown(int(value) if isinstance(value, np.integer) else value)
+
+
 def _bad(path: Path, line: int, reason: str) -> MapError:
     return MapError(f"{path}, line {line}: {reason}")
 
@@ -163,7 +181,7 @@ def _bad(path: Path, line: int, reason: str) -> MapError:
 def _whole(path: Path, line: int, text: str, what: str, least: int) -> int:
     # isascii and isdigit refuse what int() would let pass: signs, underscores, spaces, other scripts' digits
     if not (text.isascii() and text.isdigit() and len(text) < 10 and int(text) >= least):
-        raise _bad(path, line, f"{what} {text!r} must be a whole number of at least {least}")
+        raise _bad(path, line, f"{what} {shown(text)} must be a whole number of at least {least}")
     return int(text)
 
 

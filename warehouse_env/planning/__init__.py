@@ -17,8 +17,8 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-from warehouse_env.config import check_names
-from warehouse_env.errors import ConfigError, unknown_name
+from warehouse_env.checked import check_names
+from warehouse_env.errors import ConfigError, shown, unknown_name
 from warehouse_env.planning.ants.aco import Aco
 from warehouse_env.planning.ants.acs import Acs, ShaaAcs
 from warehouse_env.planning.ants.apf_aco import ApfAco
@@ -71,8 +71,8 @@ def make_planner(name: str, **parameters: Any) -> Planner:
     The name may carry parameters, so that a configuration or a command line can: "pf_aco:ants=20,local_search=false".
     Their values are JSON, words need no quotes; `parameters` come first.
     """
-    name, _, text = name.partition(":")
-    if name not in PLANNERS:
+    name, _, text = name.partition(":") if isinstance(name, str) else (name, "", "")
+    if not isinstance(name, str) or name not in PLANNERS:
         raise unknown_name("planner", name, PLANNERS)
     parameters = _parameters(name, text) | parameters
     if parameters and not inspect.signature(PLANNERS[name]).parameters:
@@ -87,9 +87,11 @@ def _parameters(name: str, text: str) -> dict[str, Any]:
     for part in text.split(",") if text else ():
         key, equals, value = (piece.strip() for piece in part.partition("="))
         if not (key and equals and value):
-            raise ConfigError(f"planner {name}: {part!r} must be PARAMETER=VALUE, as in {name}:ants=20,patience=null")
+            raise ConfigError(
+                f"planner {name}: {shown(part)} must be PARAMETER=VALUE, as in {name}:ants=20,patience=null"
+            )
         try:
             found[key] = json.loads(value)
-        except json.JSONDecodeError:
+        except (ValueError, RecursionError):  # a word, or nothing that JSON can hold
             found[key] = value
     return found

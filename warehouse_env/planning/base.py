@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import time
 from dataclasses import dataclass
-from typing import ClassVar, Literal, get_args, get_origin, get_type_hints
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.plan import Plan, check_endpoints
 
+_MOST, _LARGEST = 1_000_000, 1e6  # beyond, a search takes days
+# What takes memory by its square or by the floor's size, and powers that would leave float64, by name in any planner.
+_MOST_OF = {
+    "ants": 10_000, "particles": 10_000, "fish": 1000, "waypoints": 100,
+    "exponent": 20, "trail_exponent": 20, "distance_exponent": 20, "repulsion_reach": 100,
+    "field_weight": 100,
+}  # fmt: skip
+
 
 @dataclass(frozen=True)
-class BasePlanner:
+class BasePlanner(Checked):
     """A Planner whose dataclass fields are its parameters, checked, and whose `find` is its search."""
 
     name: ClassVar[str]
@@ -25,29 +33,23 @@ class BasePlanner:
     shares: ClassVar[tuple[str, ...]] = ()  # parameters that must lie between 0 and 1
 
     def __post_init__(self) -> None:
-        """Raise ConfigError unless each field fits its type.
+        """Raise ConfigError unless each field fits its type and range.
 
-        bool: True or False; int: a whole number of at least 1; float: finite and not negative, and at most 1 for the
-        fields named in `shares`; Literal: a choice; str: any; None where the type allows it.
+        Whole numbers are at least 1, numbers at least 0, and at most 1 for the fields named in `shares`.
         """
-        hints = get_type_hints(type(self))
+        super().__post_init__()
         for field in dataclasses.fields(self):
-            value, kind = getattr(self, field.name), hints[field.name]
-            if value is None and type(None) in get_args(kind):
-                continue
-            number = isinstance(value, (int, float)) and not isinstance(value, bool)
-            if get_origin(kind) is Literal:
-                good, rule = value in get_args(kind), f"one of {', '.join(get_args(kind))}"
-            elif kind in (bool, str):
-                good, rule = isinstance(value, kind), "True or False" if kind is bool else "a text"
-            elif int in (kind, *get_args(kind)):
-                good, rule = number and isinstance(value, int) and value >= 1, "a whole number of at least 1"
-            else:
-                good, rule = number and math.isfinite(value) and value >= 0, "a finite number of at least 0"
-            if good and field.name in self.shares:
-                good, rule = value <= 1, "a share between 0 and 1"
-            if not good:
-                raise ConfigError(f"{self.name} parameter {field.name}={value!r} must be {rule}")
+            value = getattr(self, field.name)
+            if field.name in self.shares:
+                self._require(value <= 1, field.name, "a share between 0 and 1")
+            if isinstance(value, float):
+                self._between(0.0, float(_MOST_OF.get(field.name, _LARGEST)), field.name)
+            elif isinstance(value, int) and not isinstance(value, bool):
+                self._between(1, _MOST_OF.get(field.name, _MOST), field.name)
+
+    def _called(self, name: str) -> str:
+        """Return what errors call a parameter."""
+        return f"{self.name} parameter {name}"
 
     @property
     def key(self) -> str:

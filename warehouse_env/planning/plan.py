@@ -10,9 +10,11 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warehouse_env.errors import ConfigError, PlanError
-from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
+from warehouse_env.errors import ConfigError, PlanError, shown
+from warehouse_env.maps.grid_map import MOVES, Cell, GridMap, whole_cell
 
+DEAREST = 1e6  # [cells] that a move may cost
+_COUNTED = 2.0**61  # a path's sum of tolls that int64 holds with room to spare
 MICRO = 1e6  # tolls and heights are counted in whole millionths, so that sums of them are exact
 
 _NONE = np.empty(0)
@@ -92,11 +94,14 @@ class Planner(Protocol):
 
 def edge_cost(grid: GridMap, cost: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a cost map, float64[H, W] a cell or float64[H, W, 8] a move, as float64[H, W, 8] a move; ConfigError."""
-    cost = np.asarray(cost, dtype=np.float64)
+    try:
+        cost = np.asarray(cost, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise ConfigError(f"a cost map must be an array of numbers, not {shown(cost)}") from None
     if cost.shape not in (grid.shape, (*grid.shape, 8)):
         raise ConfigError(f"a cost map must have the shape {grid.shape} or {(*grid.shape, 8)}, not {cost.shape}")
-    if not (np.isfinite(cost).all() and (cost >= 0).all()):
-        raise ConfigError("a cost map must hold finite numbers of at least 0")
+    if not (cost >= 0).all() or not (cost <= DEAREST).all():  # nan is neither
+        raise ConfigError(f"a cost map must hold finite numbers of at least 0 and at most {DEAREST:g}")
     if cost.ndim == 3:
         return cost
     return _entered(cost)
@@ -111,6 +116,8 @@ def tolls(grid: GridMap, gentleness: float = 0.0, cost: NDArray[np.float64] | No
     if not climbing and cost is None:
         return None
     toll = np.zeros((*grid.shape, 8), np.int64)
+    if climbing and gentleness * float(_climbs(grid).max()) * len(grid.free_cells) > _COUNTED:
+        raise ConfigError(f"gentleness={gentleness:g} is too much on map {grid.name!r}, whose floor is that uneven")
     if climbing:
         toll += np.rint(gentleness * _climbs(grid)).astype(np.int64)
     if cost is not None:
@@ -238,7 +245,7 @@ def check_endpoints(grid: GridMap, start: Cell, goal: Cell) -> tuple[Cell, Cell]
     rows, cols = grid.occupied.shape
     checked: list[Cell] = []
     for what, given in (("start", start), ("goal", goal)):
-        cell = (int(given[0]), int(given[1]))
+        cell = whole_cell(given, what, PlanError)
         if not (0 <= cell[0] < rows and 0 <= cell[1] < cols):
             raise PlanError(f"{what} {cell} is outside the map of {rows} rows and {cols} columns; choose a free cell")
         if grid.occupied[cell]:

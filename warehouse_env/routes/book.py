@@ -23,7 +23,7 @@ from platformdirs import user_cache_dir
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import MapError, PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.planning.plan import Plan, Planner
+from warehouse_env.planning.plan import Plan, Planner, validate
 from warehouse_env.routes.lanes import drivable_line
 from warehouse_env.routes.steerable import steerable_line
 
@@ -44,7 +44,7 @@ class PlanStore:
     def __init__(self, folder: Path) -> None:
         self._pending: list[tuple[str, bytes]] = []
         self._database: sqlite3.Connection | None = None
-        with contextlib.suppress(OSError, sqlite3.Error):
+        with contextlib.suppress(OSError, ValueError, sqlite3.Error):  # ValueError: an error that is no UTF-8
             folder.mkdir(parents=True, exist_ok=True)
             database = sqlite3.connect(folder / f"plans-{CACHE_FORMAT}.sqlite", timeout=5.0, check_same_thread=False)
             database.execute("PRAGMA synchronous=OFF")
@@ -75,7 +75,7 @@ class PlanStore:
 
 def _write(database: sqlite3.Connection | None, pending: list[tuple[str, bytes]]) -> None:
     if database is not None and pending:
-        with contextlib.suppress(sqlite3.Error), database:
+        with contextlib.suppress(ValueError, sqlite3.Error), database:
             database.executemany("INSERT OR REPLACE INTO plan VALUES (?, ?)", pending)
     pending.clear()
 
@@ -136,10 +136,14 @@ class RouteBook:
     def _stored(self, start: Cell, goal: Cell, behind: Cell | None = None) -> NDArray[np.int64] | None:
         """Return a plan that was made before, None where there is none or it is damaged."""
         known = self._fresh.get((start, goal, behind))
-        if known is None:
-            known = self._store.get(self._key(start, goal, behind))
-        right = known is not None and len(known) and tuple(known[0]) == start and tuple(known[-1]) == goal
-        return known if right else None
+        if known is not None:
+            return known if len(known) else None
+        known = self._store.get(self._key(start, goal, behind))
+        try:
+            validate(self.grid, [] if known is None else known, start, goal)
+        except PlanError:
+            return None
+        return known
 
     def _plan(self, start: Cell, goal: Cell, behind: Cell | None = None) -> Plan:
         rng = np.random.default_rng([self._seed, *start, *goal])

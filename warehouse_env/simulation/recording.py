@@ -6,7 +6,10 @@ One compressed file of arrays, without pickle: the config as JSON, the map, the 
 from __future__ import annotations
 
 import json
+import struct
+import tokenize
 import zipfile
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,12 +19,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import WarehouseError
-from warehouse_env.files import complete_file
+from warehouse_env.errors import ConfigError, WarehouseError, shown
+from warehouse_env.files import complete_file, path_of
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.given import listed, whole_seed
 from warehouse_env.simulation.simulator import Simulator
 
 FORMAT = 1
+# What NumPy, zip and JSON raise where bytes are not what they were.
+_DAMAGE = (
+    OSError, KeyError, ValueError, AttributeError, TypeError, EOFError, OverflowError, MemoryError, RecursionError,
+    NotImplementedError, SyntaxError, zipfile.BadZipFile, zlib.error, struct.error,
+    tokenize.TokenError,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,21 +58,36 @@ class Episode:
     @classmethod
     def load(cls, path: str | Path) -> Episode:
         """Read a file of `save`; WarehouseError with one sentence if it is missing, damaged or of another format."""
+        path = path_of(path)
         try:
-            with np.load(path, allow_pickle=False) as data:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
                 about = json.loads(data["about"].tobytes())
                 if about.get("format") != FORMAT:
-                    raise WarehouseError(f"{path} has episode format {about.get('format')}, not {FORMAT}")
+                    raise WarehouseError(f"it has episode format {shown(about.get('format'))}, not {FORMAT}")
                 ends = (data["picks"], data["stations"])
                 grid = GridMap(data["occupied"], data["height"], about["cell_size"], *ends, about["map"])
                 seeds = tuple(data["seeds"].tolist())
-                return cls(EnvConfig.from_dict(about["config"]), grid, seeds, data["actions"], data["pose"])
+                episode = cls(EnvConfig.from_dict(about["config"]), grid, seeds, data["actions"], data["pose"])
+                episode._check_shapes()
+                return episode
         except FileNotFoundError:
             raise WarehouseError(f"episode file {path} does not exist") from None
-        except (OSError, KeyError, ValueError, AttributeError, TypeError, EOFError, zipfile.BadZipFile) as error:
-            if isinstance(error, WarehouseError):
-                raise
+        except WarehouseError as error:
             raise WarehouseError(f"{path} is no complete episode file: {error}") from None
+        except _DAMAGE as error:
+            raise WarehouseError(f"{path} is no complete episode file: {shown(error)}") from None
+
+    def _check_shapes(self) -> None:
+        """Raise WarehouseError unless seeds, actions and poses are of one length and of the config's robots."""
+        worlds, robots = len(self.seeds), self.config.num_agents
+        steps = self.actions.shape[0] if self.actions.ndim else 0
+        pair = () if self.config.action_type == "discrete" else (2,)
+        if not worlds or not all(isinstance(seed, int) and seed >= 0 for seed in self.seeds):
+            raise WarehouseError(f"the seeds {shown(self.seeds)} must be one whole number a world, none negative")
+        if steps and self.actions.shape != (steps, worlds, robots, *pair):
+            raise WarehouseError(f"actions of shape {self.actions.shape} do not fit {worlds} worlds of {robots} robots")
+        if self.pose.shape != (steps + 1, worlds, robots, 3) or self.pose.dtype.kind != "f":
+            raise WarehouseError(f"poses of shape {self.pose.shape} do not fit {steps} steps of {robots} robots")
 
     def replay(self) -> Iterator[Simulator]:
         """Run the episode again: yield the simulator after the reset and after every step."""
@@ -78,9 +103,14 @@ class Recorder:
     """Steps a simulator and keeps what an Episode needs. The planner must be the one that the config names."""
 
     def __init__(self, simulator: Simulator, seeds: tuple[int, ...]) -> None:
-        """Reset the simulator with one seed a world and begin."""
-        self.simulator, self._seeds = simulator, seeds
-        simulator.reset(seeds)
+        """Reset the simulator with one seed a world, below 2**63 so that a file can hold them, and begin."""
+        given = listed(seeds)
+        if given is None:
+            raise ConfigError(f"seeds={shown(seeds)} must be a list of one whole number for each world")
+        self.simulator, self._seeds = simulator, tuple(whole_seed(seed) for seed in given)
+        if any(seed >= 2**63 for seed in self._seeds):
+            raise ConfigError(f"seeds={shown(seeds)} must be below 2**63 to be recorded")
+        simulator.reset(self._seeds)
         self._actions: list[NDArray[Any]] = []
         self._pose = [simulator.state.pose.copy()]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import EnvConfig, RewardWeights
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, shown
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.observation import observation_layout
 from warehouse_env.planning.plan import Planner
@@ -21,6 +21,14 @@ from warehouse_env.simulation import metrics, state, step
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.buckets import bucket_grid
 from warehouse_env.simulation.floor import floor_of, load_grid
+from warehouse_env.simulation.given import (
+    check_count,
+    check_memory,
+    check_pace,
+    check_parts,
+    seeds_of,
+    whole_seed,
+)
 from warehouse_env.simulation.placement import place
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.tasks import Arrival, Tasks
@@ -51,8 +59,8 @@ class Simulator:
 
         grid, planner: instead of those that the config names; routes: a RouteBook shared with other simulators.
         """
-        if num_worlds < 1:
-            raise ConfigError(f"num_worlds={num_worlds} must be at least 1")
+        check_parts(config, grid, planner, routes)
+        num_worlds = check_count("num_worlds", num_worlds)
         self.config, self.num_worlds, self.num_agents = config, num_worlds, config.num_agents
         self.grid = routes.grid if routes is not None else grid if grid is not None else load_grid(config)
         if routes is None:
@@ -62,7 +70,9 @@ class Simulator:
             smooth_for = config.robot if config.smooth_routes else None
             routes = RouteBook(self.grid, planner, keep_right=config.keep_right, smooth_for=smooth_for)
         self.route_book = routes
+        check_pace(config, self.grid.cell_size)
         self.layout = observation_layout(config)
+        check_memory(num_worlds, config.num_agents, self.layout.size, state.ROBOT.itemsize + 8 * _ROUTE_BLOCK)
         self._tasks = [Tasks(self.grid, config) for _ in range(num_worlds)]
         self._rngs = [np.random.default_rng() for _ in range(num_worlds)]
         self._params = state.parameters_of(config, self.grid.cell_size)
@@ -135,6 +145,8 @@ class Simulator:
 
     @reward_weights.setter
     def reward_weights(self, weights: RewardWeights) -> None:
+        if not isinstance(weights, RewardWeights):
+            raise ConfigError(f"reward_weights={shown(weights)} must be of type RewardWeights")
         self._reward_weights = weights
         self._weights[:] = weight_vector(weights)
 
@@ -153,28 +165,18 @@ class Simulator:
         seed: an int (world b draws from SeedSequence([seed, b])), one int a world (each then equals a single world
         reset with that int), or None (each world goes on with its own generator).
         """
-        if seed is None:
-            seeds: list[list[int] | None] = [None] * self.num_worlds
-        elif isinstance(seed, (int, np.integer)):
-            seeds = [[int(seed), b] for b in range(self.num_worlds)]
-        else:
-            if len(seed) != self.num_worlds:
-                raise ConfigError(f"seed has {len(seed)} entries for {self.num_worlds} worlds; give one for each")
-            seeds = [[int(s), 0] for s in seed]
-        for world, entropy in enumerate(seeds):
+        for world, entropy in enumerate(seeds_of(seed, self.num_worlds)):
             self._reset_world(world, entropy)
         self._observe()
         return self.observation
 
     def reset_world(self, world: int, seed: int | None = None) -> None:
         """Start one world anew; its row of `observation` is updated. seed None: its generator goes on."""
-        self._reset_world(world, None if seed is None else [int(seed), 0])
+        self._reset_world(world, None if seed is None else [whole_seed(seed), 0])
         self._observe(world)
 
     def _reset_world(self, world: int, entropy: list[int] | None) -> None:
         if entropy is not None:
-            if min(entropy) < 0:
-                raise ConfigError(f"seed={entropy[0]} must not be negative")
             self._rngs[world] = np.random.default_rng(np.random.SeedSequence(entropy))
         robots = self.robots[world]
         robots[...] = np.zeros((), dtype=state.ROBOT)

@@ -74,7 +74,7 @@ def test_a_cost_map_is_heeded() -> None:
 
 
 def test_bad_parameters_are_named() -> None:
-    with pytest.raises(ConfigError, match="pso parameter particles=0 must be a whole number of at least 1"):
+    with pytest.raises(ConfigError, match="pso parameter particles=0 must be a whole number from 1"):
         ParticleSwarm(particles=0)
     with pytest.raises(ConfigError, match="pso parameter inertia_first=nan"):
         ParticleSwarm(inertia_first=float("nan"))

@@ -27,6 +27,7 @@ from train.tables.benchmark.runs import (
     warm_up,
 )
 from train.tables.pieces import run_missing
+from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.planning import PLANNERS
 
@@ -35,7 +36,7 @@ _PEER_SECONDS = 8.0  # a plan of a peer that is too slow to be tried out before 
 
 
 @dataclass(frozen=True)
-class Benchmark:
+class Benchmark(Checked):
     """The benchmark beyond the papers: gaps, failures, turns, clearance, time, and the gap as time goes by."""
 
     out: Path = Path("results/tables")

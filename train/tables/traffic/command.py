@@ -26,6 +26,7 @@ from train.tables.traffic.jobs import MAPS, Job, floor
 from train.tables.traffic.k_shortest import require_networkx
 from train.tables.traffic.replanning import measure_replanning
 from train.tables.traffic.routes import PRICE, measure_routes
+from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
 from warehouse_env.planning import make_planner
 from warehouse_env.traffic.expected import endpoint_tasks
@@ -39,7 +40,7 @@ _PICTURED = 32  # robots
 
 
 @dataclass(frozen=True)
-class Traffic:
+class Traffic(Checked):
     """Routes of several robots: conflicts, alternatives, planning again, and what is left of it when driven."""
 
     out: Path = Path("results/tables")

@@ -19,6 +19,7 @@ from warehouse_env.planning.base import BasePlanner
 from warehouse_env.planning.plan import MICRO, Plan, check_endpoints
 
 STEP: NDArray[np.float64] = np.sqrt((MOVES**2).sum(axis=1))  # [8] length of each move: 1 or sqrt 2
+_WALKS = 100_000_000
 _AT_GOAL = 0.1  # [cells] stands for the distance 0 of the goal cell to itself
 _LEAST_ANTS = 8  # of each start in a shared colony
 _EASE_POWER = 2  # an edge that costs twice its length is a quarter as attractive
@@ -42,6 +43,10 @@ class AntSystem(BasePlanner):
     patience: int | None = None  # stop after so many iterations without a better path; None: never before the last
 
     takes_cost: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(1, _WALKS // self.ants, "iterations")  # each walk's seed is drawn before the first
 
     def colony(self, grid: GridMap, floor: Floor, start: NDArray[np.int64]) -> Colony:
         """Return the slots for ants that start on flat cells int64[m]."""

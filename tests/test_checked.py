@@ -1,0 +1,146 @@
+"""Dataclasses refuse wrong values in one sentence: whatever comes in, they work or ConfigError says what is wrong."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from agents.weights_folder import Network, PolicyRecord
+from tests.odd import numbers, values, works_or_says
+from train.commands.bench import Bench
+from train.commands.demo import Demo
+from train.commands.evaluate import Evaluate
+from train.commands.plan import PlanCommand
+from train.learning.config import PPOConfig, ReinforceConfig
+from warehouse_env.config import EnvConfig, RewardWeights, RobotSpec, SensorSpec
+from warehouse_env.errors import ConfigError
+from warehouse_env.planning import PLANNERS, make_planner
+
+COMMANDS = (Evaluate, PlanCommand, Bench, Demo)
+CLASSES = (
+    EnvConfig,
+    RobotSpec,
+    SensorSpec,
+    RewardWeights,
+    ReinforceConfig,
+    PPOConfig,
+    Network,
+    PolicyRecord,
+    *COMMANDS,
+)
+NEEDED: dict[type, dict[str, Any]] = {
+    Network: {"observation_size": 3, "actions": 2, "discrete": True},
+    PolicyRecord: {"algorithm": "ppo", "network": Network(3, 2, True), "env": EnvConfig()},
+}
+
+
+@given(st.sampled_from(CLASSES), st.data())
+def test_any_value_of_a_field_works_or_is_refused(cls: type, data: st.DataObject) -> None:
+    names = [field.name for field in dataclasses.fields(cls)]
+    given_ = data.draw(st.dictionaries(st.sampled_from(names), values, min_size=1, max_size=2))
+    made = works_or_says(lambda: cls(**{**NEEDED.get(cls, {}), **given_}))
+    if made is not None:
+        assert cls is PolicyRecord or isinstance(hash(made), int)
+        if isinstance(made, EnvConfig):
+            text = json.dumps(made.to_dict(), allow_nan=False)
+            assert EnvConfig.from_dict(json.loads(text)) == made
+
+
+@given(st.sampled_from(sorted(PLANNERS)), st.data())
+def test_any_parameter_of_a_planner_works_or_is_refused(name: str, data: st.DataObject) -> None:
+    names = [field.name for field in dataclasses.fields(PLANNERS[name])]  # type: ignore[arg-type]
+    if names:  # theta_star has none
+        given_ = data.draw(st.dictionaries(st.sampled_from(names), values, min_size=1, max_size=2))
+        works_or_says(lambda: make_planner(name, **given_))
+    text = data.draw(st.sampled_from(["", *names])) + data.draw(st.text('ants=,:{}[]"0e9-. \0', max_size=8))
+    works_or_says(lambda: make_planner(f"{name}:{text}"))
+
+
+jsonish = st.recursive(
+    st.one_of(st.none(), st.booleans(), numbers, st.text(max_size=4)),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=3),
+        st.dictionaries(st.sampled_from([f.name for f in dataclasses.fields(EnvConfig)] + ["x"]), inner, max_size=3),
+    ),
+    max_leaves=6,
+)
+
+
+@given(jsonish)
+def test_any_json_works_or_is_refused(data: Any) -> None:
+    for build in (EnvConfig.from_dict, ReinforceConfig.from_dict, PPOConfig.from_dict):
+        works_or_says(lambda build=build: build(data))
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"keep_right": "x"}, "keep_right='x' must be a finite number"),
+        ({"keep_right": True}, "keep_right=True must be a finite number"),
+        ({"keep_right": 10**400}, "keep_right=10"),
+        ({"speed_levels": 3}, "speed_levels=3 must be a list with a finite number in each place"),
+        ({"speed_levels": "12"}, "speed_levels='12' must be a list"),
+        ({"speed_levels": []}, r"speed_levels=\(\) must be 1 to 4096 numbers"),
+        ({"lateral_offsets": [0.1] * 2000}, "lateral_offsets=.* must be at most 1024 numbers beside 4 speed_levels"),
+        ({"num_agents": True}, "num_agents=True must be a whole number"),
+        ({"num_agents": 2.0}, r"num_agents=2\.0 must be a whole number"),
+        ({"num_agents": 10**9}, "num_agents=1000000000 must be a whole number from 1 to 100,000"),
+        ({"num_agents": 10**5000}, "a value of type int"),
+        ({"substeps": 10**9}, "substeps=1000000000"),
+        ({"tasks": ["lifelong"]}, r"tasks=\['lifelong'\] must be one of lifelong, one_shot"),
+        ({"layout": 3}, "layout=3 must be a text"),
+        ({"layout": None}, "layout=None must be a text"),
+        ({"map_file": 3}, "map_file=3 must be a text or None"),
+        ({"smooth_routes": 1}, "smooth_routes=1 must be True or False"),
+        ({"robot": None}, "robot=None must be a RobotSpec"),
+        ({"sensor": RobotSpec()}, "sensor=.* must be a SensorSpec"),
+        ({"time_step": 1e-30}, "time_step=1e-30 must be a number from 0.001 to 10"),
+        ({"stuck_after": float("inf")}, "stuck_after=inf must be a finite number"),
+    ],
+)
+def test_wrong_values_are_named(changes: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(ConfigError, match=sentence):
+        EnvConfig(**changes)
+    with pytest.raises(ConfigError, match=sentence):
+        EnvConfig().replace(**changes)
+
+
+def test_numbers_become_plain_python() -> None:
+    config = EnvConfig(
+        num_agents=np.int8(3), keep_right=np.float32(1), time_step=1, terminate_on_collision=np.bool_(True),
+        speed_levels=np.array([1, 2]), lateral_offsets=[0, np.int64(1)], map_file=Path("a/b.map"),  # type: ignore[arg-type]
+    )  # fmt: skip
+    plain = EnvConfig(
+        num_agents=3, keep_right=1.0, time_step=1.0, terminate_on_collision=True, speed_levels=(1.0, 2.0),
+        lateral_offsets=(0.0, 1.0), map_file="a/b.map",
+    )  # fmt: skip
+    assert repr(config) == repr(plain)
+    assert hash(config) == hash(plain)
+
+
+def test_large_and_small_values_that_make_sense_still_work() -> None:
+    EnvConfig(num_agents=4096, max_steps=2**63 - 1, stuck_after=1e9, substeps=100, action_repeat=200, time_step=0.001)
+    SensorSpec(rays=720, lidar_range=500, neighbours=256, route_points=200)
+    RobotSpec(length=12, width=2.5, wheelbase=6, max_speed=30, max_acceleration=50)
+    RewardWeights(collision=-1e6)
+    make_planner("pf_aco", ants=5000, iterations=10_000)
+    ReinforceConfig(seed=2**31, steps=10**12, hidden=(4096, 4096), rows=20_000)
+
+
+def test_errors_of_from_dict_name_what_is_wrong() -> None:
+    for data, sentence in (
+        ([1], r"EnvConfig parameters must be an object of names and values, not \[1\]"),
+        ({"robot": None}, "RobotSpec parameters must be an object of names and values, not None"),
+        ({"robot": {"width": "x"}}, "width='x'"),
+        ({"robot": {"widht": 1}}, "did you mean width"),
+        ({1: 2}, "unknown EnvConfig parameter 1"),
+    ):
+        with pytest.raises(ConfigError, match=sentence):
+            EnvConfig.from_dict(data)  # type: ignore[arg-type]

@@ -1,0 +1,174 @@
+"""Dataclasses that refuse wrong values: every field is held against its annotation, in one place.
+
+Own code, for no library does just this: pydantic and msgspec convert "3" to 3 or refuse NumPy's numbers, beartype and
+typeguard take True for a number, convert nothing and explain themselves in paragraphs; all would be new in the core.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from warehouse_env.errors import ConfigError, shown, unknown_name
+
+T = TypeVar("T")
+
+_KINDS: dict[type, dict[str, Any]] = {}  # read once: it takes longer than all checks
+
+
+class _WrongError(Exception):
+    """A value that does not fit an annotation."""
+
+
+class Checked:
+    """Base of a frozen dataclass whose values become plain Python of their annotations, or ConfigError says why not.
+
+    bool, str, None, Literal and dataclasses are taken as they are, but a path is a str as well and a str a Path; int
+    and float take NumPy's numbers too, float any finite one, neither a bool; a tuple takes lists and arrays. So
+    instances stay hashable, and JSON-able where their annotations are.
+    """
+
+    def __post_init__(self) -> None:
+        """Check all fields; a subclass calls this first, and then checks ranges."""
+        for name, kind in _kinds_of(type(self)).items():
+            try:
+                object.__setattr__(self, name, _fitted(getattr(self, name), kind))
+            except _WrongError:
+                self._require(False, name, _rule(kind))
+
+    def _called(self, name: str) -> str:
+        """Return what errors call a field."""
+        return name
+
+    def _between(self, low: float, high: float, *names: str) -> None:
+        """Raise ConfigError unless the fields, and each entry of those that are tuples, lie within low..high."""
+        for name in names:
+            value = getattr(self, name)
+            entries = value if isinstance(value, tuple) else (value,)
+            if not all(entry is None or low <= entry <= high for entry in entries):
+                self._require(False, name, within(low, high, each=isinstance(value, tuple)))
+
+    def _require(self, condition: bool, name: str, rule: str) -> None:
+        """Raise ConfigError, saying the rule that a field must follow, unless the condition holds."""
+        if not condition:
+            raise ConfigError(f"{self._called(name)}={shown(getattr(self, name))} must be {rule}")
+
+
+def within(low: float, high: float, each: bool = False) -> str:
+    """Say in a few words what lies within low..high; whole numbers where both are; `each` of several."""
+    whole = isinstance(low, int) and isinstance(high, int)
+    kind = f"{'' if each else 'a '}{'whole ' if whole else ''}number{'s' if each else ''}"
+    return f"{kind} from {low:,} to {high:,}" if whole else f"{kind} from {low:g} to {high:g}"
+
+
+def from_plain(cls: type[T], data: Any) -> T:
+    """Build a dataclass from JSON types, inner dataclasses too.
+
+    ConfigError for what is no object, for an unknown or a missing name, and for a wrong value.
+    """
+    check_names(f"{cls.__name__} parameter", data, cls)
+    kinds = _kinds_of(cls)
+    inner: dict[str, Any] = {name: kind for name, kind in kinds.items() if dataclasses.is_dataclass(kind)}
+    for field in dataclasses.fields(cls):  # type: ignore[arg-type]
+        missing = field.default is field.default_factory is dataclasses.MISSING
+        if missing and field.name not in data:
+            raise ConfigError(f"{cls.__name__} lacks the entry {field.name!r}")
+    given = {
+        name: from_plain(inner[name], value) if name in inner and not isinstance(value, inner[name]) else value
+        for name, value in data.items()
+    }
+    return cls(**given)
+
+
+def check_names(what: str, given: Any, owner: Any) -> None:
+    """Raise ConfigError unless `given` is a dict, with near matches for a key that is no field of dataclass `owner`."""
+    if not isinstance(given, dict):
+        raise ConfigError(f"{what}s must be an object of names and values, not {shown(given)}")
+    known = [field.name for field in dataclasses.fields(owner)]
+    for name in given:
+        if name not in known:
+            raise unknown_name(what, name, known)
+
+
+def _kinds_of(cls: type) -> dict[str, Any]:
+    """Return field -> type of a dataclass."""
+    if cls not in _KINDS:
+        hints = get_type_hints(cls)
+        _KINDS[cls] = {field.name: hints[field.name] for field in dataclasses.fields(cls)}
+    return _KINDS[cls]
+
+
+def _fitted(value: Any, kind: Any) -> Any:
+    """Return a value as plain Python of a type; raises _WrongError."""
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        return _fitted_to_one(value, inner)
+    if origin is tuple:
+        several = isinstance(value, Sequence) and not isinstance(value, (str, bytes, bytearray))
+        if not several and not (isinstance(value, np.ndarray) and value.ndim):
+            raise _WrongError
+        return tuple(_fitted(entry, inner[0]) for entry in value)
+    if kind is Any or (origin is dict and isinstance(value, dict)):
+        return value
+    if kind is float:
+        return _finite(value)
+    if kind is int and isinstance(value, (int, np.integer)) and not isinstance(value, bool):
+        return int(value)
+    if kind is bool and isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    if kind in (str, Path) and isinstance(value, (str, os.PathLike)):
+        return kind(value)
+    if origin is Literal and isinstance(value, str) and value in inner:
+        return str(value)
+    if isinstance(kind, type) and (kind is NoneType or dataclasses.is_dataclass(kind)) and isinstance(value, kind):
+        return value
+    raise _WrongError
+
+
+def _fitted_to_one(value: Any, kinds: tuple[Any, ...]) -> Any:
+    """Return a value as plain Python of the first type that it fits; raises _WrongError."""
+    for kind in kinds:
+        try:
+            return _fitted(value, kind)
+        except _WrongError:
+            continue
+    raise _WrongError
+
+
+def _finite(value: Any) -> float:
+    """Return a finite float; raises _WrongError."""
+    if isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool):
+        try:
+            number = float(value)
+        except OverflowError:
+            raise _WrongError from None
+        if math.isfinite(number):
+            return number
+    raise _WrongError
+
+
+_RULES = {
+    float: "a finite number", int: "a whole number", bool: "True or False", str: "a text", Path: "a path",
+    NoneType: "None",
+}  # fmt: skip
+
+
+def _rule(kind: Any) -> str:
+    """Say in a few words what fits a type."""
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        return " or ".join(map(_rule, inner))
+    if origin is tuple:
+        return f"a list with {_rule(inner[0])} in each place"
+    if origin is Literal:
+        return f"one of {', '.join(inner)}"
+    if origin is dict:
+        return "an object of names and values"
+    return _RULES.get(kind) or f"a {kind.__name__}"
