@@ -108,7 +108,6 @@ class Simulator:
         most = min(n * (n - 1) // 2, n * (math.ceil(area) // 2 + 1))
         self._pairs = np.zeros((b, max(most, 1), 3), dtype=np.int32)
         self._stamps = np.zeros((b, n, n), dtype=np.int32)
-        self._clocks = np.ones(b, dtype=np.int32)
         rows, columns = self.grid.shape
         size = self.grid.cell_size
         look = max(self.config.sensor.lidar_range + float(p["radius"][0]), 2 * reach)
@@ -127,7 +126,8 @@ class Simulator:
         )  # fmt: skip
         self._step_arguments = (
             self.robots, self.routes, self._commands, self._stamps, self._pairs, self._order, self._starts,
-            self._clocks, self._waiting, self._params, self._floor.solid, self._floor.clearance, *seen,
+            self.steps, self.truncated, self.terminated, self._waiting, self._params,
+            self._floor.solid, self._floor.clearance, *seen,
         )  # fmt: skip
         self._observe_arguments = (
             self.robots, self.routes, self._order, self._starts, self._waiting, self._params, *seen,
@@ -181,7 +181,6 @@ class Simulator:
         robots = self.robots[world]
         robots[...] = np.zeros((), dtype=state.ROBOT)
         self._stamps[world] = 0
-        self._clocks[world] = 1
         self.steps[world] = 0
         self.arrivals = [arrival for arrival in self.arrivals if arrival.world != world]
         self._commands[world] = 0
@@ -244,13 +243,9 @@ class Simulator:
         """
         self._actions.decode(actions, self._commands)
         arrivals = (step.step_parallel if self._many() else step.step)(*self._step_arguments)
-        self.steps += 1
         self.arrivals = self._arrive() if arrivals else []
         if arrivals:
             step.observe(*self._observe_arguments)
-        np.greater_equal(self.steps, self.config.max_steps, out=self.truncated)
-        if self.config.tasks == "one_shot" or self.config.terminate_on_collision:
-            np.equal(self.robots["alive"], 0, out=self.terminated)
         return self.observation
 
     def _many(self) -> bool:

@@ -55,7 +55,7 @@ PARAMETERS = np.dtype(
         ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
         ("predictions", B),
         ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator, as the floor asks for
-        ("action_type", I), ("one_shot", B), ("collision_ends", B),
+        ("action_type", I), ("one_shot", B), ("collision_ends", B), ("max_steps", np.int64),
     ],
     align=True,
 )  # fmt: skip
@@ -87,7 +87,7 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
         "route_points": sensor.route_points, "route_spacing": sensor.route_spacing,
         "predictions": sensor.predictions,
         "action_type": ACTION_TYPES.index(config.action_type), "one_shot": config.tasks == "one_shot",
-        "collision_ends": config.terminate_on_collision,
+        "collision_ends": config.terminate_on_collision, "max_steps": config.max_steps,
     }  # fmt: skip
     for name, value in values.items():
         p[name] = value

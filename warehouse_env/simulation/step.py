@@ -154,39 +154,29 @@ def _observe_world(  # type: ignore[no-untyped-def]
         reward[i] = write_terms(r, p, weights, terms[i])
 
 
+@inline
+def _count_step(robots, steps, b, truncated, terminated, p):  # type: ignore[no-untyped-def]
+    """Count the env step of world b, and say which of its robots it ended."""
+    steps[b] += 1
+    truncated[b] = steps[b] >= p["max_steps"]
+    if p["one_shot"] != 0 or p["collision_ends"] != 0:
+        for i in range(robots.shape[0]):
+            terminated[b, i] = robots[i]["alive"] == 0
+
+
 @kernel
 def _step_world(  # type: ignore[no-untyped-def]
-    b,
-    robots,
-    routes,
-    commands,
-    stamps,
-    pairs,
-    order,
-    starts,
-    clocks,
-    waiting,
-    params,
-    solid,
-    clearance,
-    rays,
-    table,
-    weights,
-    edges,
-    seen,
-    first,
-    out,
-    terms,
-    reward,
-):
+    b, robots, routes, commands, stamps, pairs, order, starts, steps, truncated, terminated, waiting, params,
+    solid, clearance, rays, table, weights, edges, seen, first, out, terms, reward,
+):  # fmt: skip
     """Step world b; where somebody arrives, the observation waits until the Simulator has given out new tasks."""
     p = params[0]
     bodies = np.empty((buckets.BODY, robots.shape[1]), np.float32)
     waiting[b] = _advance_world(
-        robots[b], routes[b], commands[b], stamps[b], pairs[b], order[b], starts[b], bodies, clocks[b],
-        p, solid, clearance,
+        robots[b], routes[b], commands[b], stamps[b], pairs[b], order[b], starts[b], bodies,
+        steps[b] * p["repeat"] + 1, p, solid, clearance,
     )  # fmt: skip
-    clocks[b] += p["repeat"]
+    _count_step(robots[b], steps, b, truncated, terminated, p)
     if waiting[b] == 0:
         _observe_world(
             robots[b], routes[b], order[b], starts[b], bodies, p, rays, table, weights, edges, seen, first,
@@ -201,8 +191,9 @@ def step(*world):  # type: ignore[no-untyped-def]
 
     robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; commands float32[B, N, 2]: speed [m/s] and offset [m], or raw
     acceleration and steering rate; stamps int32[B, N, N]; pairs int32[B, P, 3], order int32[B, N] and starts int32[B,
-    buckets + 2] are scratch; clocks int32[B] physics steps since the reset, advanced here; waiting int32[B]: the
-    arrivals of each world; out: observations float32[B, N, D]; terms float32[B, N, T]; reward float32[B, N].
+    buckets + 2] are scratch; steps int64[B] since the reset, truncated bool[B], terminated bool[B, N];
+    waiting int32[B]: the arrivals of each world; out: observations float32[B, N, D]; terms float32[B, N, T]; reward
+    float32[B, N].
     """
     arrivals = 0
     for b in range(len(world[0])):
