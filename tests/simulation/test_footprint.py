@@ -95,3 +95,16 @@ def test_a_free_sweep_touches_nothing_on_its_way(
         assert apart[first].min() > 0.0
     if not free:  # some pose on the way comes within the margin, and its corners' growth
         assert apart.min() < 0.03 * math.sqrt(2) + 0.03
+
+
+@given(inside, st.floats(-math.pi, math.pi), st.floats(-1.04, 1.04), st.floats(-1.5, 1.5))
+def test_poses_passed_over_would_have_been_free(
+    axle: tuple[float, float], heading: float, steering: float, distance: float
+) -> None:
+    """A sweep that knows of no room, and so looks at every pose, gives the same answer."""
+    p = stage(MAP, (4.5, 3.5, 0.0))._params[0]
+    bend = -math.tan(steering) / WHEELBASE
+    values = [F(v) for v in (*axle, math.cos(heading), math.sin(heading), bend, distance, 0.03)]
+    blind = np.zeros_like(FLOOR.clearance)
+    known, every = (bool(sweep_is_free(*values, p, FLOOR.solid, field)) for field in (FLOOR.clearance, blind))
+    assert known == every
