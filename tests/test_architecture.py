@@ -17,12 +17,13 @@ import warehouse_env
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("warehouse_env", "agents", "train")
 
-BASE = ("warehouse_env.errors", "warehouse_env.config", "warehouse_env.files")
+BASE = ("warehouse_env.errors", "warehouse_env.config", "warehouse_env.files", "warehouse_env.portable")
 WORLD = (*BASE, "warehouse_env.observation", "warehouse_env.maps", "warehouse_env.planning")
 
 # The first prefix that fits a module says which of our own modules it may import.
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.errors": (),
+    "warehouse_env.portable": (),
     "warehouse_env.files": ("warehouse_env.errors",),
     "warehouse_env.config": BASE,
     "warehouse_env.observation": BASE,

@@ -20,18 +20,20 @@ from warehouse_env.envs.options import build_simulator
 from warehouse_env.errors import ActionError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
+from warehouse_env.portable import Portable
 
 Observations = dict[str, NDArray[np.float32]]
 Infos = dict[str, dict[str, Any]]
 
 
-class WarehouseParallelEnv(ParallelEnv):  # type: ignore[misc]  # pettingzoo ships no types
+class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pettingzoo ships no types
     """Robots "robot_0".."robot_{N-1}" of one warehouse, stepped together.
 
     Lifelong tasks: nobody terminates, all are truncated at `max_steps`. One-shot tasks: a robot that arrives
     terminates and leaves `agents`; its body stays parked. Arrays given away are never overwritten later.
     """
 
+    bound = ("_observation", "_reward", "_terminated", "_infos")
     metadata: ClassVar[dict[str, Any]] = {
         "name": "warehouse_v0",
         "render_modes": list(RENDER_MODES),
@@ -62,12 +64,15 @@ class WarehouseParallelEnv(ParallelEnv):  # type: ignore[misc]  # pettingzoo shi
         self.action_spaces = {a: copy.deepcopy(self.simulator.action_space) for a in self.possible_agents}
         shape = self.simulator.global_state(0).shape
         self.state_space = spaces.Box(-np.inf, np.inf, shape, np.float32)
-        # views of the one world; the Simulator writes its arrays in place
+        self._idle = self.simulator.cruise_action
+        self._bind()
+
+    def _bind(self) -> None:
+        """Take views of the one world; the Simulator writes its arrays in place."""
         self._observation = self.simulator.observation[0]
         self._reward = self.simulator.reward[0]
         self._terminated = self.simulator.terminated[0]
         self._infos = RobotInfos(self.simulator)
-        self._idle = self.simulator.cruise_action
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """Return the robot's own space instance, the same one at every call."""

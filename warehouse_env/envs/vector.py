@@ -77,7 +77,7 @@ class WarehouseVecEnv(VecEnv):
         self._parked = np.zeros(rows, dtype=np.bool_)
         self._returns = np.zeros(rows, dtype=np.float64)
         self._lengths = np.zeros(rows, dtype=np.int64)
-        self._begun = np.full(rows, time.perf_counter())
+        self._begun = np.full(rows, time.time())  # of a clock that all processes share
 
     def reset(self) -> NDArray[np.float32]:
         """Start every world; returns observations float32[rows, D].
@@ -137,7 +137,7 @@ class WarehouseVecEnv(VecEnv):
         dones: NDArray[np.bool_],
     ) -> None:
         """Give every done row its info, and mark the terminated ones as parked."""
-        now = time.perf_counter()
+        now = time.time()
         ended = np.flatnonzero(dones)
         final = observation[ended]  # a copy: the rows themselves may start anew below
         for row, last in zip(ended.tolist(), final, strict=True):
@@ -168,7 +168,7 @@ class WarehouseVecEnv(VecEnv):
         self._parked[rows] = False
         self._returns[rows] = 0.0
         self._lengths[rows] = 0
-        self._begun[rows] = time.perf_counter()
+        self._begun[rows] = time.time()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """Return, for each chosen row, the attribute of its Simulator ("render_mode": of this env)."""

@@ -64,6 +64,10 @@ class GridMap:
         """Pickle the fields only; the copy is checked and read-only again, its caches are empty."""
         return GridMap, (self.occupied, self.height, self.cell_size, self.picks, self.stations, self.name)
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> GridMap:
+        """Return itself: nobody can change it, and what it has worked out serves all."""
+        return self
+
     def _checked_endpoints(self, cells: ArrayLike, what: str) -> NDArray[np.int64]:
         try:
             array = np.asarray(cells)

@@ -17,6 +17,7 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.observation import observation_layout
 from warehouse_env.planning.plan import Planner
 from warehouse_env.planning.routes import RouteBook
+from warehouse_env.portable import Portable
 from warehouse_env.simulation import metrics, state, step
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.buckets import bucket_grid
@@ -29,13 +30,15 @@ PARALLEL_FROM = 256  # robots in all from which entering a parallel region pays
 _ROUTE_BLOCK = 64  # way-points by which the routes' array grows
 
 
-class Simulator:
+class Simulator(Portable):
     """B independent worlds of N robots in lock-step.
 
     Outputs are the simulator's own arrays, overwritten by the next step: `observation` float32[B, N, D], `reward`
     float32[B, N], `reward_terms` float32[B, N, T] in the order of REWARD_TERMS, `terminated` bool[B, N] (not alive
     any more), `truncated` bool[B] (max_steps reached; stepping on is allowed), and the views `state` and `events`.
     """
+
+    bound = ("state", "events", "_floor", "_advance_arguments", "_observe_arguments")
 
     def __init__(
         self,
@@ -65,7 +68,6 @@ class Simulator:
         self._tasks = [Tasks(self.grid, config) for _ in range(num_worlds)]
         self._rngs = [np.random.default_rng() for _ in range(num_worlds)]
         self._params = state.parameters_of(config, self.grid.cell_size)
-        self._floor = floor_of(self.grid)
         self._make_spaces()
         self._weights = weight_vector(config.reward)
         self._reward_weights = config.reward
@@ -82,7 +84,6 @@ class Simulator:
     def _make_arrays(self) -> None:
         b, n, p = self.num_worlds, self.num_agents, self._params
         self.robots = np.zeros((b, n), dtype=state.ROBOT)
-        self.state, self.events = state.state_of(self.robots), state.events_of(self.robots)
         self.routes = np.zeros((b, n, _ROUTE_BLOCK, 2), dtype=np.float32)  # [m]; state.route_points are valid
         self.observation = np.zeros((b, n, self.layout.size), dtype=np.float32)
         self.reward = np.zeros((b, n), dtype=np.float32)
@@ -107,7 +108,9 @@ class Simulator:
         self._bind()
 
     def _bind(self) -> None:
-        """Keep the kernels' arguments ready: collecting them takes longer than a small world's step."""
+        """Make the views; keep the kernels' arguments ready, since collecting them takes longer than a small step."""
+        self.state, self.events = state.state_of(self.robots), state.events_of(self.robots)
+        self._floor = floor_of(self.grid)
         common = (self._heads, self._nexts, self._side)
         self._advance_arguments = (
             self.robots, self.routes, self._commands, self._stamps, self._pairs, *common, self._clocks,
