@@ -29,9 +29,16 @@ class Camera(Portable):
     bound = ("_window",)
 
     def __init__(self, mode: str | None, fps: float) -> None:
-        """Remember the mode (None, "rgb_array" or "human"); any other raises ConfigError."""
+        """Remember the mode (None, "rgb_array" or "human"); any other raises ConfigError.
+
+        WarehouseError where it needs a package that is not installed: now, not at the first picture.
+        """
         if mode is not None and mode not in RENDER_MODES:
             raise unknown_name("render_mode", mode, RENDER_MODES)
+        if mode is not None:
+            from warehouse_env.render.extras import check_frames
+
+            check_frames()
         self.mode = mode
         self._fps = fps
         self._bind()
