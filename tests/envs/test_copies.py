@@ -242,6 +242,17 @@ def array_paths(thing: Any, path: str = "", seen: set[int] | None = None) -> Ite
 
 
 @pytest.mark.parametrize("way", WAYS)
+def test_copies_of_an_env_that_was_never_seeded_have_tasks_of_their_own(way: str) -> None:
+    """Else SuperSuit, which copies one env many times, would make many worlds of the same tasks."""
+    fresh = Simulator(EnvConfig(**SETTINGS), 2, grid=GRID)
+    starts = []
+    for env in (fresh, WAYS[way](fresh), WAYS[way](fresh)):
+        env.reset()
+        starts += [env.state.pose[world].tobytes() for world in range(2)]
+    assert len(set(starts)) == 6
+
+
+@pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("name", ["parallel", "single", "mixed", "simulator"])
 def test_views_in_a_copy_look_at_the_copy(name: str, way: str) -> None:
     """What shares memory in the original does so in the copy; between the two only read-only arrays do."""
