@@ -93,7 +93,7 @@ class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pett
     def step(
         self, actions: dict[str, Any]
     ) -> tuple[Observations, dict[str, float], dict[str, bool], dict[str, bool], Infos]:
-        """Step every live robot once; `actions` holds one action for each of `agents` and none besides.
+        """Step every live robot once; `actions` holds one for each of `agents`; of one that has left, it is not read.
 
         Raises ActionError, naming the robot, for a missing, superfluous, misshapen or non-finite action.
         """
@@ -122,8 +122,10 @@ class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pett
         """Check the live robots' actions and step the Simulator."""
         agents, names, space = self.agents, self.possible_agents, self.simulator.action_space
         if len(actions) > len(agents):
-            extra = next(name for name in actions if name not in agents)
-            raise ActionError(f"action given for {extra!r}, which is not among the live agents (call reset()?)")
+            known = names if agents else ()  # one that has left while others drive may be given an action
+            extra = next((name for name in actions if name not in known), None)
+            if extra is not None:
+                raise ActionError(f"action given for {extra!r}, which is not among the live agents (call reset()?)")
         try:
             if len(agents) < len(names):  # a parked robot's action is not read, but has to be there
                 given = [actions[name] if name in agents else self._idle for name in names]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
 
@@ -66,7 +67,8 @@ class Simulator(Portable):
         self.route_book = routes
         self.layout = observation_layout(config)
         self._tasks = [Tasks(self.grid, config) for _ in range(num_worlds)]
-        self._rngs: dict[int, np.random.Generator] = {}  # of worlds that have been reset: copies made before differ
+        # made when first used: never seeded copies of a Simulator that has not begun go their own ways
+        self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
         self._params = state.parameters_of(config, self.grid.cell_size)
         self._make_spaces()
         self._weights = weight_vector(config.reward)
@@ -170,8 +172,6 @@ class Simulator(Portable):
             if min(entropy) < 0:
                 raise ConfigError(f"seed={entropy[0]} must not be negative")
             self._rngs[world] = np.random.default_rng(np.random.SeedSequence(entropy))
-        elif world not in self._rngs:
-            self._rngs[world] = np.random.default_rng()
         robots = self.robots[world]
         robots[...] = np.zeros((), dtype=state.ROBOT)
         self._stamps[world] = 0
