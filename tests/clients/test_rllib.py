@@ -16,8 +16,9 @@ from warehouse_env import parallel_env
 
 
 @pytest.fixture
-def cluster() -> Iterator[None]:
-    """Ray on two cores of this machine."""
+def cluster(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Ray on two cores of this machine, telling nobody."""
+    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
     ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
     yield
     ray.shutdown()
