@@ -115,6 +115,12 @@ class GridMap:
         return _frozen(np.argwhere(self._region))
 
     @cached_property
+    def endpoints(self) -> tuple[list[Cell], list[Cell], list[Cell]]:
+        """Return the picks, the stations, and all of them in reading order, each once; as Python's numbers."""
+        picks, stations = ([(int(r), int(c)) for r, c in cells] for cells in (self.picks, self.stations))
+        return picks, stations, sorted({*picks, *stations})
+
+    @cached_property
     def legal_moves(self) -> NDArray[np.bool_]:
         """bool[H, W, 8]: may a robot on this cell make MOVES[m] (eq. 26, paper 000)?
 
