@@ -4,6 +4,8 @@
 PYTHON ?= python3
 VENV ?= .venv
 EXTRAS ?= render,train,dev
+CONSTRAINTS ?= constraints.txt
+TESTS ?= -n auto --maxprocesses 8
 DEMO ?= results/demo
 BENCH ?= results/bench.jsonl
 
@@ -13,7 +15,7 @@ PIP := $(RUN)/python -m pip --disable-pip-version-check
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test lint format bench clean missing
+.PHONY: help setup demo test clients lint format bench clean missing
 
 help: ## list what make can do (the default)
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -25,7 +27,11 @@ demo: $(STAMP) ## compare the shipped policies: 16 robots, a table, pictures and
 	$(RUN)/warehouse demo --out $(DEMO)
 
 test: $(STAMP) ## run all tests
-	$(RUN)/python -m pytest -n auto --maxprocesses 8
+	$(RUN)/python -m pytest $(TESTS)
+
+clients: ## use SuperSuit, TorchRL, RLlib, Gymnasium and SB3 for real, briefly, in .venv-clients
+	@$(MAKE) --no-print-directory test VENV=$(VENV)-clients EXTRAS=$(EXTRAS),clients \
+	  CONSTRAINTS=constraints-clients.txt TESTS="tests/clients --verbosity 1 --durations 0 --durations-min 1"
 
 lint: $(STAMP) ## ruff and strict mypy
 	$(RUN)/ruff check
@@ -40,12 +46,12 @@ bench: $(STAMP) ## measure the speeds that README gives
 	$(RUN)/warehouse bench --json $(BENCH)
 
 clean: ## remove the environment, caches and build products; results stay
-	rm -rf .venv .ci-venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-clients .ci-venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find warehouse_env agents train tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Done again when a version changes or the environment's Python is gone. Torch comes first: the CUDA build, which pip
 # takes where it sees no CPU build, works as well but is 3 GB larger. Setuptools is pinned, so no isolated build.
-$(STAMP): pyproject.toml constraints.txt $(if $(wildcard $(RUN)/python),,missing)
+$(STAMP): pyproject.toml $(CONSTRAINTS) $(if $(wildcard $(RUN)/python),,missing)
 	@$(RUN)/python -m pip --version >/dev/null 2>&1 || { \
 	  command -v $(PYTHON) >/dev/null || { \
 	    echo "$(PYTHON) was not found: install Python 3.11 or newer (Debian: apt install python3 python3-venv)," \
@@ -62,8 +68,8 @@ $(STAMP): pyproject.toml constraints.txt $(if $(wildcard $(RUN)/python),,missing
 	  echo "Making a virtual environment in $(VENV)"; \
 	  rm -rf $(VENV) && $(PYTHON) -m venv $(VENV); }
 	@echo "Installing the pinned packages (a few minutes the first time)"
-	@$(PIP) install --quiet --constraint constraints.txt setuptools numpy torch
+	@$(PIP) install --quiet --constraint $(CONSTRAINTS) setuptools numpy torch
 	@$(RUN)/python -c 'import torch; print(f"torch {torch.__version__}" + (torch.version.cuda and \
 	  ", with CUDA; for the smaller CPU build name its index in PIP_EXTRA_INDEX_URL" or ""))'
-	@$(PIP) install --quiet --constraint constraints.txt --no-build-isolation --editable ".[$(EXTRAS)]"
+	@$(PIP) install --quiet --constraint $(CONSTRAINTS) --no-build-isolation --editable ".[$(EXTRAS)]"
 	@touch $@

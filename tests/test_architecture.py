@@ -17,7 +17,13 @@ import warehouse_env
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("warehouse_env", "agents", "train")
 
-BASE = ("warehouse_env.errors", "warehouse_env.checked", "warehouse_env.config", "warehouse_env.files")
+BASE = (
+    "warehouse_env.errors",
+    "warehouse_env.checked",
+    "warehouse_env.config",
+    "warehouse_env.files",
+    "warehouse_env.portable",
+)
 PLANNING = (*BASE, "warehouse_env.maps", "warehouse_env.planning")
 ROUTES = (*PLANNING, "warehouse_env.routes")
 TRAFFIC = (*ROUTES, "warehouse_env.traffic")
@@ -28,6 +34,7 @@ BELOW_TRAIN = ("warehouse_env", "agents")
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.errors": (),
     "warehouse_env.checked": ("warehouse_env.errors",),
+    "warehouse_env.portable": (),
     "warehouse_env.files": ("warehouse_env.errors",),
     "warehouse_env.config": BASE,
     "warehouse_env.observation": BASE,

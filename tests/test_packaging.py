@@ -21,13 +21,15 @@ ROOT = Path(__file__).parent.parent
 PACKAGES = ("warehouse_env", "agents", "train")
 CUDA = re.compile(r"(nvidia|cuda|triton)")
 
+EXTRAS = ("render", "train", "tables", "dev")  # those of constraints.txt; the clients have a file of their own
+
 settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 project = settings["project"]
 needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
 
 
-def pins() -> dict[str, str]:
-    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+def pins(file: str = "constraints.txt") -> dict[str, str]:
+    lines = (ROOT / file).read_text(encoding="utf-8").splitlines()
     pairs = [line.split("==") for line in lines if not line.startswith("#")]
     assert all(len(pair) == 2 for pair in pairs), "each line is one NAME==VERSION"
     names = [canonicalize_name(name) for name, _ in pairs]
@@ -36,9 +38,9 @@ def pins() -> dict[str, str]:
 
 
 def installed_closure() -> set[str]:
-    """Names of everything that the project and its extras need, here, through all levels."""
+    """Names of everything that the project and its extras but the clients need, here, through all levels."""
     todo = [Requirement(text) for text in project["dependencies"]]
-    todo += [Requirement(text) for extra in project["optional-dependencies"].values() for text in extra]
+    todo += [Requirement(text) for extra in EXTRAS for text in project["optional-dependencies"][extra]]
     found: set[tuple[str, str]] = set()
     while todo:
         requirement = todo.pop()
@@ -73,14 +75,28 @@ def test_every_installed_package_is_pinned_and_no_other() -> None:
 
 def test_the_pins_meet_the_bounds() -> None:
     extras = project["optional-dependencies"]
-    for text in [*project["dependencies"], *(text for extra in extras.values() for text in extra)]:
-        requirement = Requirement(text)
-        assert requirement.specifier.contains(pins()[canonicalize_name(requirement.name)]), text
+    for file, chosen in (("constraints.txt", EXTRAS), ("constraints-clients.txt", (*EXTRAS, "clients"))):
+        for text in [*project["dependencies"], *(text for extra in chosen for text in extras[extra])]:
+            requirement = Requirement(text)
+            assert requirement.specifier.contains(pins(file)[canonicalize_name(requirement.name)]), (file, text)
+
+
+def test_the_clients_hold_back_what_they_must_and_nothing_else() -> None:
+    ours, theirs = pins(), pins("constraints-clients.txt")
+    assert {name for name, version in ours.items() if theirs[name] != version} == {"gymnasium", "pillow"}
+
+
+def test_every_client_is_installed_by_its_extra() -> None:
+    from tests.clients.conftest import NEEDS
+
+    extra = {canonicalize_name(Requirement(text).name) for text in project["optional-dependencies"]["clients"]}
+    assert set(NEEDS.values()) == extra
+    assert all((ROOT / "tests" / "clients" / file).is_file() for file in NEEDS)
 
 
 def test_the_extras_hold_what_is_rare() -> None:
     core = {canonicalize_name(Requirement(text).name) for text in project["dependencies"]}
-    assert {"render", "train", "dev"} <= set(project["optional-dependencies"])
+    assert {*EXTRAS, "clients"} == set(project["optional-dependencies"])
     assert {"numpy", "numba", "gymnasium", "pettingzoo", "torch", "stable-baselines3", "safetensors"} <= core
     assert not core & {"pygame", "matplotlib", "imageio-ffmpeg", "tensorboard", "pytest", "ray"}
 
@@ -160,10 +176,17 @@ def test_set_up_spares_a_folder_that_is_no_environment(tmp_path: Path) -> None:
 
 
 @needs_make
-@pytest.mark.parametrize(("target", "command"), [("demo", "warehouse"), ("test", "-m pytest")])
-def test_each_target_sets_up_first(tmp_path: Path, target: str, command: str) -> None:
+@pytest.mark.parametrize(
+    ("target", "pins", "command"),
+    [
+        ("demo", "constraints.txt", "bin/warehouse demo"),
+        ("test", "constraints.txt", "-m pytest"),
+        ("clients", "constraints-clients.txt", "-m pytest tests/clients"),
+    ],
+)
+def test_each_target_sets_up_first(tmp_path: Path, target: str, pins: str, command: str) -> None:
     plan = make("-n", target, f"VENV={tmp_path / 'new'}").stdout
-    assert -1 < plan.find("--constraint constraints.txt") < plan.find(command)
+    assert -1 < plan.find(f"--constraint {pins} ") < plan.find(command)
 
 
 def test_the_checks_of_a_change_can_run() -> None:

@@ -163,6 +163,24 @@ def test_missing_and_superfluous_actions_are_named(tiny: EnvConfig) -> None:
         env.step(actions)
 
 
+def test_the_action_of_a_robot_that_has_left_is_not_read(tiny: EnvConfig) -> None:
+    """TorchRL gives one for every robot as long as any drives."""
+    env, other = (parallel_env(tiny, tasks="one_shot", max_steps=2000) for _ in range(2))
+    env.reset(seed=2)
+    other.reset(seed=2)
+    while len(env.agents) == 3:
+        env.step(cruise(env))
+        other.step(cruise(other))
+    assert env.agents
+    (gone,) = set(env.possible_agents) - set(env.agents)
+    mine, its = env.step({**cruise(env), gone: math.nan}), other.step(cruise(other))
+    assert gone not in mine[0]
+    for agent in env.agents:
+        np.testing.assert_array_equal(mine[0][agent], its[0][agent])
+    with pytest.raises(ActionError, match="robot_9"):
+        env.step({**cruise(env), gone: 0, "robot_9": 0})
+
+
 def test_unknown_options_are_named(tiny: EnvConfig) -> None:
     with pytest.raises(ConfigError, match="num_agents"):
         parallel_env(tiny, num_agent=3)

@@ -232,4 +232,4 @@ except ValueError as error:
     print(error)
 """
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert result.stdout == "pictures need the package 'pygame'; install warehouse-env[render]\n"
+    assert result.stdout == "pictures need the package 'pygame'; pip install \"warehouse-env[render]\"\n"

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import unknown_name
+from warehouse_env.portable import Portable
 
 if TYPE_CHECKING:
     from warehouse_env.config import EnvConfig
@@ -22,15 +23,28 @@ def render_fps(config: EnvConfig) -> float:
     return 1.0 / (config.time_step * config.action_repeat)
 
 
-class Camera:
+class Camera(Portable):
     """Shows one world of a Simulator in the mode it was built for; renderers are imported on first use."""
 
+    bound = ("_window",)
+
     def __init__(self, mode: str | None, fps: float) -> None:
-        """Remember the mode (None, "rgb_array" or "human"); any other raises ConfigError."""
+        """Remember the mode (None, "rgb_array" or "human"); any other raises ConfigError.
+
+        WarehouseError where it needs a package that is not installed: now, not at the first picture.
+        """
         if mode is not None and (not isinstance(mode, str) or mode not in RENDER_MODES):
             raise unknown_name("render_mode", mode, RENDER_MODES)
+        if mode is not None:
+            from warehouse_env.render.extras import check_frames
+
+            check_frames()
         self.mode = mode
         self._fps = fps
+        self._bind()
+
+    def _bind(self) -> None:
+        """Have no window yet: the first picture opens one."""
         self._window: Window | None = None
 
     def shot(self, simulator: Simulator, world: int = 0) -> NDArray[np.uint8] | None:

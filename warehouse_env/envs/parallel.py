@@ -20,12 +20,13 @@ from warehouse_env.envs.options import build_simulator
 from warehouse_env.errors import ActionError, shown
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
+from warehouse_env.portable import Portable
 
 Observations = dict[str, NDArray[np.float32]]
 Infos = dict[str, dict[str, Any]]
 
 
-class WarehouseParallelEnv(ParallelEnv):  # type: ignore[misc]  # pettingzoo ships no types
+class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pettingzoo ships no types
     """Robots "robot_0".."robot_{N-1}" of one warehouse, stepped together.
 
     Lifelong tasks: nobody terminates, all are truncated at `max_steps`. One-shot tasks: a robot that arrives
@@ -33,6 +34,7 @@ class WarehouseParallelEnv(ParallelEnv):  # type: ignore[misc]  # pettingzoo shi
     "episode_metrics" (see metrics.robot_rows). Arrays given away are never overwritten later.
     """
 
+    bound = ("_observation", "_reward", "_terminated", "_infos")
     metadata: ClassVar[dict[str, Any]] = {
         "name": "warehouse_v0",
         "render_modes": list(RENDER_MODES),
@@ -95,7 +97,7 @@ class WarehouseParallelEnv(ParallelEnv):  # type: ignore[misc]  # pettingzoo shi
     def step(
         self, actions: dict[str, Any]
     ) -> tuple[Observations, dict[str, float], dict[str, bool], dict[str, bool], Infos]:
-        """Step every live robot once; `actions` holds one action for each of `agents` and none besides.
+        """Step every live robot once; `actions` holds one for each of `agents`; of one that has left, it is not read.
 
         Raises ActionError, naming the robot, for a missing, superfluous, misshapen or non-finite action.
         """
@@ -140,8 +142,10 @@ class WarehouseParallelEnv(ParallelEnv):  # type: ignore[misc]  # pettingzoo shi
         """Check the live robots' actions and step the Simulator."""
         agents, names = self.agents, self.possible_agents
         if len(actions) > len(agents):
-            extra = next(name for name in actions if name not in agents)
-            raise ActionError(f"action given for {extra!r}, which is not among the live agents (call reset()?)")
+            known = names if agents else ()  # one that has left while others drive may be given an action
+            extra = next((name for name in actions if name not in known), None)
+            if extra is not None:
+                raise ActionError(f"action given for {extra!r}, which is not among the live agents (call reset()?)")
         try:
             if len(agents) < len(names):  # a parked robot's action is not read, but has to be there
                 given = [actions[name] if name in agents else self._idle for name in names]

@@ -17,18 +17,20 @@ from warehouse_env.envs.options import build_simulator
 from warehouse_env.errors import ActionError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
+from warehouse_env.portable import Portable
 from warehouse_env.simulation.given import whole_seed
 
 Others = Callable[[NDArray[np.float32]], Any]
 
 
-class WarehouseSingleEnv(gymnasium.Env[NDArray[np.float32], Any]):
+class WarehouseSingleEnv(Portable, gymnasium.Env[NDArray[np.float32], Any]):
     """One robot's view of a warehouse that it shares with others.
 
     The episode terminates when robot 0 does (one-shot arrival) and is truncated at `max_steps`. The last info holds
     the metrics of robot 0's episode under "episode_metrics" (see metrics.robot_rows).
     """
 
+    bound = ("_infos",)
     metadata: ClassVar[dict[str, Any]] = {  # type: ignore[misc]  # gymnasium's is no ClassVar
         "render_modes": list(RENDER_MODES),
         "render_fps": render_fps(EnvConfig()),
@@ -59,8 +61,12 @@ class WarehouseSingleEnv(gymnasium.Env[NDArray[np.float32], Any]):
         self.action_space = self.simulator.action_space
         self._others = others
         self._actions = ActionPacker([f"robot_{k}" for k in range(self.simulator.num_agents)], self.action_space)
-        self._infos = RobotInfos(self.simulator, 1)
         self._started = False
+        self._bind()
+
+    def _bind(self) -> None:
+        """Take views of the one world; the Simulator writes its arrays in place."""
+        self._infos = RobotInfos(self.simulator, 1)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

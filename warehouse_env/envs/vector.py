@@ -82,7 +82,7 @@ class WarehouseVecEnv(VecEnv):
         self._returns = np.zeros(rows, dtype=np.float64)
         self._steps = 0  # of this env since it was made
         self._first = np.zeros(rows, dtype=np.int64)  # of those, the ones before each row's episode
-        self._begun = np.full(rows, time.perf_counter())
+        self._begun = np.full(rows, time.time())  # of a clock that all processes share
 
     def reset(self) -> NDArray[np.float32]:
         """Start every world; returns observations float32[rows, D].
@@ -152,7 +152,7 @@ class WarehouseVecEnv(VecEnv):
         self, infos: list[dict[str, Any]], observation: NDArray[np.float32], dones: NDArray[np.bool_]
     ) -> None:
         """Give every done row its info, and mark the terminated ones as parked."""
-        now = time.perf_counter()
+        now = time.time()
         for block in self.blocks:
             terminated, parked = block.simulator.terminated.ravel(), self._parked[block.rows]
             ended = np.flatnonzero(dones[block.rows])
@@ -186,7 +186,7 @@ class WarehouseVecEnv(VecEnv):
         self._parked[rows] = False
         self._returns[rows] = 0.0
         self._first[rows] = self._steps
-        self._begun[rows] = time.perf_counter()
+        self._begun[rows] = time.time()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """Return, for each chosen row, the attribute of its Simulator ("render_mode": of this env)."""

@@ -69,6 +69,10 @@ class GridMap:
         """Pickle the fields only; the copy is checked and read-only again, its caches are empty."""
         return GridMap, (self.occupied, self.height, self.cell_size, self.picks, self.stations, self.name)
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> GridMap:
+        """Return itself: nobody can change it, and what it has worked out serves all."""
+        return self
+
     def _checked_endpoints(self, cells: ArrayLike, what: str) -> NDArray[np.int64]:
         try:
             array = np.asarray(cells)
@@ -114,6 +118,12 @@ class GridMap:
     def free_cells(self) -> NDArray[np.int64]:
         """int64[F, 2], the cells of the largest free region connected by eq. 26 moves, in reading order."""
         return _frozen(np.argwhere(self._region))
+
+    @cached_property
+    def endpoints(self) -> tuple[list[Cell], list[Cell], list[Cell]]:
+        """Return the picks, the stations, and all of them in reading order, each once; as Python's numbers."""
+        picks, stations = ([(int(r), int(c)) for r, c in cells] for cells in (self.picks, self.stations))
+        return picks, stations, sorted({*picks, *stations})
 
     @cached_property
     def legal_moves(self) -> NDArray[np.bool_]:

@@ -19,4 +19,10 @@ def load(module: str) -> Any:
         return importlib.import_module(module)
     except ImportError as error:
         package = module.partition(".")[0]
-        raise WarehouseError(f"pictures need the package {package!r}; install warehouse-env[render]") from error
+        sentence = f'pictures need the package {package!r}; pip install "warehouse-env[render]"'
+        raise WarehouseError(sentence) from error
+
+
+def check_frames() -> None:
+    """Raise WarehouseError where what frames and windows are drawn with is not installed."""
+    load("pygame")

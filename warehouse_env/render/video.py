@@ -130,7 +130,7 @@ class VideoWriter:
                 stream.send(_swatches(_even(frame)))
         except (RuntimeError, OSError) as error:
             self.discard()
-            raise WarehouseError(f"cannot write {self.path}: no ffmpeg; install warehouse-env[render]") from error
+            raise WarehouseError(f'cannot write {self.path}: no ffmpeg; pip install "warehouse-env[render]"') from error
         return stream
 
 

@@ -14,6 +14,7 @@ import weakref
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numba
 import numpy as np
@@ -24,6 +25,7 @@ from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import MapError, PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.plan import Plan, Planner, validate
+from warehouse_env.portable import Portable
 from warehouse_env.routes.lanes import drivable_line
 from warehouse_env.routes.steerable import steerable_line
 
@@ -38,26 +40,46 @@ def cache_directory() -> Path:
     return Path(os.environ.get("WAREHOUSE_CACHE_DIR") or user_cache_dir("warehouse_env"))
 
 
+class _Database:
+    """The file, and a connection of each process's own to it: one that came along through a fork may not be used."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._connections: dict[int, sqlite3.Connection | None] = {}
+
+    def connection(self) -> sqlite3.Connection | None:
+        """Return this process's connection, opened when it is first asked for; None where it cannot be opened."""
+        process = os.getpid()
+        if process not in self._connections:
+            self._connections[process] = self._open()
+        return self._connections[process]
+
+    def _open(self) -> sqlite3.Connection | None:
+        with contextlib.suppress(OSError, ValueError, sqlite3.Error):  # ValueError: an error that is no UTF-8
+            self._folder.mkdir(parents=True, exist_ok=True)
+            file = self._folder / f"plans-{CACHE_FORMAT}.sqlite"
+            connection = sqlite3.connect(file, timeout=5.0, check_same_thread=False)
+            connection.execute("PRAGMA synchronous=OFF")
+            connection.execute("CREATE TABLE IF NOT EXISTS plan (key TEXT PRIMARY KEY, cells BLOB) WITHOUT ROWID")
+            return connection
+        return None
+
+
 class PlanStore:
     """Plans on disk, shared by processes; a store that cannot be opened or is damaged is simply not used."""
 
     def __init__(self, folder: Path) -> None:
         self._pending: list[tuple[str, bytes]] = []
-        self._database: sqlite3.Connection | None = None
-        with contextlib.suppress(OSError, ValueError, sqlite3.Error):  # ValueError: an error that is no UTF-8
-            folder.mkdir(parents=True, exist_ok=True)
-            database = sqlite3.connect(folder / f"plans-{CACHE_FORMAT}.sqlite", timeout=5.0, check_same_thread=False)
-            database.execute("PRAGMA synchronous=OFF")
-            database.execute("CREATE TABLE IF NOT EXISTS plan (key TEXT PRIMARY KEY, cells BLOB) WITHOUT ROWID")
-            self._database = database
+        self._database = _Database(folder)
         weakref.finalize(self, _write, self._database, self._pending)  # also at the interpreter's exit
 
     def get(self, key: str) -> NDArray[np.int64] | None:
         """Return the cells int64[L, 2] kept under a key, or None."""
-        if self._database is None:
+        connection = self._database.connection()
+        if connection is None:
             return None
         try:
-            row = self._database.execute("SELECT cells FROM plan WHERE key = ?", (key,)).fetchone()
+            row = connection.execute("SELECT cells FROM plan WHERE key = ?", (key,)).fetchone()
             return None if row is None else np.frombuffer(row[0], dtype="<i4").reshape(-1, 2).astype(np.int64)
         except (sqlite3.Error, ValueError, TypeError):
             return None
@@ -73,15 +95,18 @@ class PlanStore:
         _write(self._database, self._pending)
 
 
-def _write(database: sqlite3.Connection | None, pending: list[tuple[str, bytes]]) -> None:
-    if database is not None and pending:
-        with contextlib.suppress(ValueError, sqlite3.Error), database:
-            database.executemany("INSERT OR REPLACE INTO plan VALUES (?, ?)", pending)
+def _write(database: _Database, pending: list[tuple[str, bytes]]) -> None:
+    connection = database.connection() if pending else None
+    if connection is not None:
+        with contextlib.suppress(ValueError, sqlite3.Error), connection:
+            connection.executemany("INSERT OR REPLACE INTO plan VALUES (?, ?)", pending)
     pending.clear()
 
 
-class RouteBook:
-    """Routes on one map by one planner."""
+class RouteBook(Portable):
+    """Routes on one map by one planner. A copy knows what is on disk, and makes the other routes again."""
+
+    bound = ("_solid", "_routes", "_fresh", "_store")
 
     def __init__(
         self,
@@ -95,10 +120,18 @@ class RouteBook:
         """Open the book. smooth_for: the robot that must be able to drive the routes (steerable.py); None: any line."""
         self.grid, self.planner = grid, planner
         self._keep_right, self._robot, self._seed = keep_right, smooth_for, seed
-        self._solid = np.pad(grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
+        self._bind()
+
+    def _bind(self) -> None:
+        self._solid = np.pad(self.grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
         self._routes: dict[tuple[Cell, Cell, Cell | None], NDArray[np.float32]] = {}
         self._fresh: dict[tuple[Cell, Cell, Cell | None], NDArray[np.int64]] = {}  # plans whose routes are not made yet
         self._store = PlanStore(cache_directory())
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Write what is pending first, so that the copy finds it."""
+        self._store.flush()
+        return super().__getstate__()
 
     def cells(self, start: Cell, goal: Cell, behind: Cell | None = None) -> NDArray[np.int64]:
         """Return the planned cells int64[L, 2], without a first step to `behind`; PlanError where there is no path."""

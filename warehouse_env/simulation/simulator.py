@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,6 +17,7 @@ from warehouse_env.errors import ConfigError, shown
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.observation import observation_layout
 from warehouse_env.planning.plan import Planner
+from warehouse_env.portable import Portable
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation import metrics, state, step
 from warehouse_env.simulation.actions import ActionDecoder
@@ -37,7 +39,7 @@ PARALLEL_FROM = 256  # robots in all from which entering a parallel region pays
 _ROUTE_BLOCK = 64  # way-points by which the routes' array grows
 
 
-class Simulator:
+class Simulator(Portable):
     """B independent worlds of N robots in lock-step.
 
     Outputs are the simulator's own arrays, overwritten by the next step: `observation` float32[B, N, D], `reward`
@@ -45,6 +47,8 @@ class Simulator:
     any more), `truncated` bool[B] (max_steps reached; stepping on is allowed), the views `state` and `events`, and
     `arrivals`, the tasks finished with the last step.
     """
+
+    bound = ("state", "events", "_floor", "_step_arguments", "_observe_arguments")
 
     def __init__(
         self,
@@ -74,9 +78,9 @@ class Simulator:
         self.layout = observation_layout(config)
         check_memory(num_worlds, config.num_agents, self.layout.size, state.ROBOT.itemsize + 8 * _ROUTE_BLOCK)
         self._tasks = [Tasks(self.grid, config) for _ in range(num_worlds)]
-        self._rngs = [np.random.default_rng() for _ in range(num_worlds)]
+        # made when first used: never seeded copies of a Simulator that has not begun go their own ways
+        self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
         self._params = state.parameters_of(config, self.grid.cell_size)
-        self._floor = floor_of(self.grid, config.sensor.lidar_range)
         self._make_spaces()
         self._weights = weight_vector(config.reward)
         self._reward_weights = config.reward
@@ -93,7 +97,6 @@ class Simulator:
     def _make_arrays(self) -> None:
         b, n, p = self.num_worlds, self.num_agents, self._params
         self.robots = np.zeros((b, n), dtype=state.ROBOT)
-        self.state, self.events = state.state_of(self.robots), state.events_of(self.robots)
         self.routes = np.zeros((b, n, _ROUTE_BLOCK, 2), dtype=np.float32)  # [m]; state.route_points are valid
         self.observation = np.zeros((b, n, self.layout.size), dtype=np.float32)
         self.reward = np.zeros((b, n), dtype=np.float32)
@@ -119,6 +122,12 @@ class Simulator:
         self._bind()
 
     def _bind(self) -> None:
+        """Make the views and the floor, and keep the kernels' arguments ready."""
+        self.state, self.events = state.state_of(self.robots), state.events_of(self.robots)
+        self._floor = floor_of(self.grid, self.config.sensor.lidar_range)
+        self._collect()
+
+    def _collect(self) -> None:
         """Keep the kernels' arguments ready: collecting them takes longer than a small world's step."""
         seen = (
             self._rays, self._actions.table, self._weights, *self._floor.edges,
@@ -136,7 +145,7 @@ class Simulator:
     def observe_into(self, observation: NDArray[np.float32]) -> None:
         """Write observations into this array [B, N, D] from now on; the last one stays as it is, its holder's own."""
         self.observation = observation
-        self._bind()
+        self._collect()
 
     @property
     def reward_weights(self) -> RewardWeights:
@@ -224,7 +233,7 @@ class Simulator:
             grown = np.zeros((self.num_worlds, self.num_agents, longer, 2), dtype=np.float32)
             grown[:, :, : self.routes.shape[2]] = self.routes
             self.routes = grown
-            self._bind()
+            self._collect()
         self.routes[world, robot, : len(points)] = points
         r = self.robots[world, robot]
         r["points"] = len(points)

@@ -9,6 +9,7 @@ import numpy as np
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.portable import Portable
 
 
 class Arrival(NamedTuple):
@@ -20,12 +21,14 @@ class Arrival(NamedTuple):
     planned: float  # [m]
 
 
-class Tasks:
+class Tasks(Portable):
     """The goals of one world's robots. Lifelong robots alternate between a pick face and a station."""
 
+    bound = ("_kinds", "places")
+
     def __init__(self, grid: GridMap, config: EnvConfig) -> None:
-        self._kinds = [[(int(r), int(c)) for r, c in cells] for cells in (grid.picks, grid.stations)]
-        self.places: list[Cell] = sorted({cell for cells in self._kinds for cell in cells})
+        self._grid = grid
+        self._bind()
         robots = config.num_agents
         if robots >= len(self.places) and not (robots == 1 and len(self.places) == 1):
             raise ConfigError(
@@ -35,6 +38,10 @@ class Tasks:
         self._goals: list[Cell | None] = [None] * robots
         self._next_kind = [0] * robots
         self._taken: set[Cell] = set()
+
+    def _bind(self) -> None:
+        """Look up the map's endpoints, which all worlds share."""
+        *self._kinds, self.places = self._grid.endpoints
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget all goals; each robot's first is a pick face or a station, by chance."""

@@ -184,7 +184,7 @@ def test_a_missing_package_is_told_before_the_first_episode(
     options = command(tmp_path, "--policy", "brake")
     options.remove("--no-pictures")
     assert main(options) == 2
-    assert "install warehouse-env[render]" in capsys.readouterr().err
+    assert 'pip install "warehouse-env[render]"' in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 

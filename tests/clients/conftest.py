@@ -1,0 +1,23 @@
+"""Real clients: which need packages of their own, and what each is given."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from typing import Any
+
+import pytest
+
+# Left out where its package is not installed: `make clients` has an environment with all of them.
+NEEDS = {
+    "test_recorders.py": "moviepy",
+    "test_rllib.py": "ray",
+    "test_supersuit.py": "supersuit",
+    "test_torchrl.py": "torchrl",
+}
+collect_ignore = [file for file, package in NEEDS.items() if find_spec(package) is None]
+
+
+@pytest.fixture
+def small() -> dict[str, Any]:
+    """Options for any of the env factories: three robots on the open floor, plans in no time, forty steps."""
+    return {"layout": "open", "num_agents": 3, "max_steps": 40, "planner": "astar"}

@@ -1,0 +1,405 @@
+"""Every env and the Simulator, copied at any moment in any way: the copy goes on to the bit and shares nothing."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import multiprocessing
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import cloudpickle
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.wrappers import RecordEpisodeStatistics, TimeLimit
+from numpy.typing import NDArray
+
+from tests.simulation.worlds import drawn
+from warehouse_env import EnvConfig, GridMap, Simulator, aec_env, make_planner, parallel_env, single_env, vec_env
+from warehouse_env.planning import PLANNERS, routes
+from warehouse_env.simulation import step
+from warehouse_env.traffic.expected import WithCost
+
+GRID = drawn([*["............"] * 5, "....####....", *["............"] * 6])
+SETTINGS: dict[str, Any] = {"num_agents": 3, "max_steps": 60, "planner": "astar", "action_repeat": 3}
+
+WAYS: dict[str, Callable[[Any], Any]] = {
+    "pickle": lambda thing: pickle.loads(pickle.dumps(thing)),
+    "cloudpickle": lambda thing: cloudpickle.loads(cloudpickle.dumps(thing)),
+    "deepcopy": copy.deepcopy,
+}
+
+
+class Hasty:
+    """Drives the others in `single_env` at full speed, each step with another offset: it has a state to go along."""
+
+    def __init__(self) -> None:
+        self.calls = 0
+
+    def __call__(self, observation: NDArray[np.float32]) -> list[int]:
+        self.calls += 1
+        return [15 + self.calls % 5] * len(observation)
+
+
+class Drive:
+    """A way to make an env, to start it and to step it; what comes out goes into one comparable value."""
+
+    def __init__(self, make: Callable[..., Any]) -> None:
+        self.make = make
+
+    def begin(self, env: Any, seed: int | None = None) -> Any:
+        """Reset."""
+        return env.reset(seed=seed)
+
+    def action(self, space: Any, k: int) -> Any:
+        """Drive on, with an action by chance from time to time, so that the spaces' generators count."""
+        return space.sample() if k % 4 == 0 else np.int64(17)
+
+    def step(self, env: Any, k: int) -> tuple[Any, bool]:
+        """Return all that a step gives, and whether the episode is over."""
+        result = env.step(self.action(env.action_space, k))
+        return result, bool(result[2] or result[3])
+
+    def spaces(self, env: Any) -> list[Any]:
+        """The spaces that actions are drawn from."""
+        return [env.action_space]
+
+
+class DriveParallel(Drive):
+    def step(self, env: Any, k: int) -> tuple[Any, bool]:
+        result = env.step({agent: self.action(env.action_space(agent), k) for agent in env.agents})
+        return (result, env.state()), not env.agents
+
+    def spaces(self, env: Any) -> list[Any]:
+        return [env.action_space(agent) for agent in env.possible_agents]
+
+
+class DriveInTurns(DriveParallel):
+    def step(self, env: Any, k: int) -> tuple[Any, bool]:
+        seen = []
+        for agent in list(env.agents):
+            over = env.terminations[agent] or env.truncations[agent]
+            seen.append(env.last())
+            env.step(None if over else self.action(env.action_space(agent), k))
+        return seen, not env.agents
+
+
+class DriveRows(Drive):
+    def begin(self, env: Any, seed: int | None = None) -> Any:
+        if seed is not None:
+            env.seed(seed)
+        return env.reset()
+
+    def step(self, env: Any, k: int) -> tuple[Any, bool]:
+        observation, reward, dones, infos = env.step(
+            np.array([self.action(env.action_space, k) for _ in range(env.num_envs)])
+        )
+        for info in infos:
+            info.get("episode", {}).pop("t", None)  # [s] of the clock
+        return (observation, reward, dones, infos), False
+
+
+class DriveSimulator(Drive):
+    def step(self, env: Any, k: int) -> tuple[Any, bool]:
+        actions = [[self.action(env.action_space, k) for _ in range(env.num_agents)] for _ in range(env.num_worlds)]
+        env.step(actions)
+        arrays = (env.observation, env.reward, env.reward_terms, env.truncated, env.robots, *env.state, *env.events)
+        return [array.copy() for array in arrays], False
+
+
+def wrapped(**options: Any) -> Any:
+    made = gymnasium.make("Warehouse-v0", grid=GRID, **SETTINGS, **options)
+    return RecordEpisodeStatistics(TimeLimit(made, 50))
+
+
+DRIVES: dict[str, Drive] = {
+    "parallel": DriveParallel(lambda **options: parallel_env(grid=GRID, **SETTINGS, **options)),
+    "one_shot": DriveParallel(lambda **options: parallel_env(grid=GRID, tasks="one_shot", **SETTINGS, **options)),
+    "aec": DriveInTurns(lambda **options: aec_env(grid=GRID, **SETTINGS, **options)),
+    "single": Drive(lambda **options: single_env(grid=GRID, others=Hasty(), **SETTINGS, **options)),
+    "gymnasium": Drive(lambda **options: gymnasium.make("Warehouse-v0", grid=GRID, **SETTINGS, **options)),
+    "wrapped": Drive(wrapped),
+    "vec_env": DriveRows(lambda **options: vec_env(2, grid=GRID, **SETTINGS, **options)),
+    "mixed": DriveRows(
+        lambda **options: vec_env(
+            [1, 2], configs=[EnvConfig(**SETTINGS), EnvConfig(**SETTINGS | {"num_agents": 4})], grid=GRID, **options
+        )
+    ),
+    "simulator": DriveSimulator(lambda: Simulator(EnvConfig(**SETTINGS), 2, grid=GRID)),
+}
+DRAWN = [name for name in DRIVES if name != "simulator"]  # the Simulator itself has no camera
+
+
+def brought_to(moment: str, drive: Drive) -> Any:
+    """Return an env at a moment: "built", "reset", "driving", "ended", "seen" (a picture) or "shown" (a window)."""
+    mode = {"seen": "rgb_array", "shown": "human"}.get(moment)
+    env = drive.make(render_mode=mode) if mode else drive.make()
+    for k, space in enumerate(drive.spaces(env)):
+        space.seed(k)
+    if moment == "built":
+        return env
+    drive.begin(env, 3)
+    steps = {"reset": 0, "ended": 10**6}.get(moment, 7)
+    for k in range(min(steps, SETTINGS["max_steps"])):
+        if drive.step(env, k)[1]:
+            break
+    if mode:
+        drawn = env.get_images() if isinstance(drive, DriveRows) else env.render()
+        assert (drawn is not None) == (mode == "rgb_array" or isinstance(drive, DriveRows))
+    return env
+
+
+def went_on(moment: str, drive: Drive, env: Any) -> list[Any]:
+    """Return all that the env gives from here on, into its next episode."""
+    given: list[Any] = []
+    fresh = moment in ("built", "ended")
+    if fresh:
+        given.append(drive.begin(env, 4 if moment == "built" else None))
+    for k in range(10 if moment == "shown" else 60):
+        result, over = drive.step(env, k)
+        given.append(result)
+        if over:
+            given.append(drive.begin(env))
+    return given
+
+
+def same(given: Any, expected: Any) -> None:
+    """Compare to the bit, nested as they may be; steps' times on the clock are no part of the env."""
+    if isinstance(expected, dict):
+        assert list(given) == list(expected)
+        for key in expected:
+            if (key, type(expected[key])) != ("t", float):
+                same(given[key], expected[key])
+    elif isinstance(expected, (list, tuple)):
+        assert len(given) == len(expected)
+        for mine, other in zip(given, expected, strict=True):
+            same(mine, other)
+    else:
+        np.testing.assert_array_equal(given, expected)
+
+
+CASES = [
+    *itertools.product(DRIVES, WAYS, ("built", "reset", "driving", "ended")),
+    *itertools.product(DRAWN, WAYS, ("seen", "shown")),
+]
+
+
+@pytest.fixture
+def no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Windows show pictures as fast as they come."""
+    pygame = pytest.importorskip("pygame")
+    monkeypatch.setattr(pygame.time, "Clock", mock.Mock)
+
+
+@pytest.mark.parametrize(("name", "way", "moment"), CASES, ids=["-".join(case) for case in CASES])
+def test_a_copy_goes_on_to_the_bit(name: str, way: str, moment: str, request: pytest.FixtureRequest) -> None:
+    """So do the original and a third, never copied; the copy drives first, and is done with before the original."""
+    if moment in ("seen", "shown"):
+        request.getfixturevalue("no_waiting")
+    drive = DRIVES[name]
+    never_copied, original = brought_to(moment, drive), brought_to(moment, drive)
+    twin = WAYS[way](original)
+    expected = went_on(moment, drive, never_copied)
+    same(went_on(moment, drive, twin), expected)
+    same(went_on(moment, drive, original), expected)
+    for env in (never_copied, twin, original):
+        if hasattr(env, "close"):
+            env.close()
+
+
+def test_what_is_compared_holds_arrivals_and_a_new_episode() -> None:
+    """Else a copy with other tasks, routes or random numbers would pass."""
+    drive = DRIVES["parallel"]
+    given = went_on("driving", drive, brought_to("driving", drive))
+    steps = [result[0] for result in given if isinstance(result[0], tuple)]
+    assert sum(info["goals"] for _, _, _, _, infos in steps for info in infos.values()) >= 3
+    assert len(given) > len(steps)
+    drive = DRIVES["one_shot"]
+    given = went_on("driving", drive, brought_to("driving", drive))
+    assert {len(result[0][0]) for result in given if isinstance(result[0], tuple)} == {1, 2, 3}  # robots left
+
+
+def array_paths(thing: Any, path: str = "", seen: set[int] | None = None) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield every array within a thing, with its path; but for those of maps and books, which are theirs to share."""
+    seen = set() if seen is None else seen
+    if isinstance(thing, np.ndarray):
+        yield path, thing
+    elif id(thing) in seen or isinstance(thing, (GridMap, routes.RouteBook)) or callable(thing):
+        return
+    else:
+        seen.add(id(thing))
+        parts = thing if isinstance(thing, dict) else vars(thing) if hasattr(thing, "__dict__") else {}
+        if isinstance(thing, (list, tuple)):
+            parts = dict(enumerate(thing))
+        for key, part in parts.items():
+            yield from array_paths(part, f"{path}.{key}", seen)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_copies_of_an_env_that_was_never_seeded_have_tasks_of_their_own(way: str) -> None:
+    """Else SuperSuit, which copies one env many times, would make many worlds of the same tasks."""
+    fresh = Simulator(EnvConfig(**SETTINGS), 2, grid=GRID)
+    starts = []
+    for env in (fresh, WAYS[way](fresh), WAYS[way](fresh)):
+        env.reset()
+        starts += [env.state.pose[world].tobytes() for world in range(2)]
+    assert len(set(starts)) == 6
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("name", ["parallel", "single", "mixed", "simulator"])
+def test_views_in_a_copy_look_at_the_copy(name: str, way: str) -> None:
+    """What shares memory in the original does so in the copy; between the two only read-only arrays do."""
+    original = brought_to("driving", DRIVES[name])
+    twin = WAYS[way](original)
+    mine, its = dict(array_paths(original)), dict(array_paths(twin))
+    assert mine.keys() == its.keys()
+    assert len(mine) > 30
+    for a, b in itertools.combinations(mine, 2):
+        assert np.may_share_memory(mine[a], mine[b]) == np.may_share_memory(its[a], its[b]), (a, b)
+    for a, b in itertools.product(mine, its):
+        assert not np.may_share_memory(mine[a], its[b]) or not mine[a].flags.writeable, (a, b)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_copy_compiles_nothing_anew(way: str) -> None:
+    """Its arrays are of the same kinds to the compiler."""
+    original = brought_to("driving", DRIVES["simulator"])
+    kernels = [kernel for kernel in (step.advance, step.observe) if hasattr(kernel, "signatures")]
+    before = [len(kernel.signatures) for kernel in kernels]
+    twin = WAYS[way](original)
+    went_on("driving", DRIVES["simulator"], twin)
+    assert [len(kernel.signatures) for kernel in kernels] == before
+
+
+def test_pickles_hold_no_floor_and_no_cache() -> None:
+    """The clearance field alone has 64 samples a cell; a book may hold 200,000 routes."""
+    simulator = Simulator(EnvConfig(layout="paper46", num_agents=2, planner="astar"))
+    simulator.reset(0)
+    size = len(pickle.dumps(simulator))
+    assert size < simulator._floor.clearance.nbytes
+    for goal in simulator.grid.stations[:50].tolist():
+        simulator.route_book.route((0, 0), tuple(goal))
+    assert len(pickle.dumps(simulator)) == size
+
+
+def test_a_map_is_one_for_all_deep_copies() -> None:
+    simulator = Simulator(EnvConfig(**SETTINGS), grid=GRID)
+    twin = copy.deepcopy(simulator)
+    assert twin.grid is GRID
+    assert twin._floor.clearance is simulator._floor.clearance
+    assert twin._tasks[0].places is simulator._tasks[0].places
+    assert twin.route_book is not simulator.route_book
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_simulators_that_share_a_book_share_it_in_the_copy(way: str) -> None:
+    env = vec_env(1, configs=[EnvConfig(**SETTINGS)] * 2, grid=GRID)
+    first, second = WAYS[way](env).blocks
+    assert first.simulator.route_book is second.simulator.route_book is not env.blocks[0].simulator.route_book
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("name", PLANNERS)
+def test_every_planner_goes_along(name: str, way: str) -> None:
+    planner = WithCost(make_planner(name), np.ones(GRID.shape))
+    twin = WAYS[way](planner)
+    assert twin.key == planner.key
+    np.testing.assert_array_equal(twin.cost, planner.cost)
+
+
+def test_what_the_user_gave_goes_along_as_it_is() -> None:
+    env = brought_to("driving", DRIVES["single"])
+    twin = copy.deepcopy(env)
+    assert twin._others.calls == env._others.calls == 7
+    twin.step(3)
+    assert (twin._others.calls, env._others.calls) == (8, 7)
+    twin = cloudpickle.loads(cloudpickle.dumps(single_env(grid=GRID, others=lambda seen: [3] * len(seen), **SETTINGS)))
+    twin.reset(seed=0)
+    twin.step(3)
+
+
+def test_a_window_opens_again_where_it_is_needed(no_waiting: None) -> None:
+    env = brought_to("shown", DRIVES["parallel"])
+    twin = pickle.loads(pickle.dumps(env))
+    assert twin._camera._window is None
+    assert env._camera._window is not None
+    twin.render()
+    assert twin._camera._window is not None
+    twin.close()
+    env.close()
+
+
+def digest(observation: NDArray[np.float32]) -> str:
+    """The bits of an observation as text."""
+    return observation.tobytes().hex()
+
+
+IN_ANOTHER_PROCESS = """
+import pickle, sys
+simulator = pickle.load(open(sys.argv[1], "rb"))
+for _ in range(45):
+    simulator.step([[17, 17, 17], [17, 17, 17]])
+print(simulator.observation.tobytes().hex())
+"""
+
+
+def test_a_copy_goes_on_in_a_process_of_its_own(tmp_path: Path) -> None:
+    simulator = brought_to("driving", DRIVES["simulator"])
+    file = tmp_path / "simulator.pickle"
+    file.write_bytes(pickle.dumps(simulator))
+    command = [sys.executable, "-c", IN_ANOTHER_PROCESS, str(file)]
+    run = subprocess.run(command, capture_output=True, text=True, check=False, cwd=Path(__file__).parents[2])
+    assert run.returncode == 0, run.stderr
+    for _ in range(45):
+        simulator.step([[17, 17, 17], [17, 17, 17]])
+    assert run.stdout.strip() == digest(simulator.observation)
+
+
+@pytest.fixture
+def slow_plans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> GridMap:
+    """A cache of the test's own, which keeps every plan."""
+    monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(routes, "WORTH_KEEPING", 0.0)
+    return GRID
+
+
+def test_a_copy_finds_on_disk_what_was_about_to_be_written(slow_plans: GridMap) -> None:
+    book = routes.RouteBook(slow_plans, make_planner("astar"))
+    expected = book.route((0, 0), (4, 5))
+    twin = pickle.loads(pickle.dumps(book))
+    assert twin._stored((0, 0), (4, 5)) is not None
+    np.testing.assert_array_equal(twin.route((0, 0), (4, 5)), expected)
+
+
+def in_the_child(book: routes.RouteBook, of_parent: Any, answers: Any) -> None:
+    """Look up the parent's plan, keep one more, and say whether the connection is the child's own."""
+    found = book._store.get("of the parent")
+    book._store.put("of the child", np.array([[3, 4]]))
+    book._store.flush()
+    answers.put((found.tolist() if found is not None else None, book._store._database.connection() is of_parent))
+
+
+def test_a_connection_is_opened_again_after_a_fork(slow_plans: GridMap) -> None:
+    book = routes.RouteBook(slow_plans, make_planner("astar"))
+    book._store.put("of the parent", np.array([[1, 2]]))
+    book._store.flush()
+    of_parent = book._store._database.connection()
+    assert of_parent is not None
+    context = multiprocessing.get_context("fork")
+    answers = context.Queue()
+    child = context.Process(target=in_the_child, args=(book, of_parent, answers))
+    child.start()
+    found, inherited = answers.get(timeout=60)
+    child.join()
+    assert child.exitcode == 0
+    assert found == [[1, 2]]
+    assert not inherited
+    assert book._store.get("of the child").tolist() == [[3, 4]]  # type: ignore[union-attr]
+    assert book._store._database.connection() is of_parent
