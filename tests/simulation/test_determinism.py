@@ -94,8 +94,8 @@ def test_many_robots_take_the_threads_by_themselves() -> None:
         pytest.skip("one thread only")
     large = Simulator(EnvConfig(num_agents=4, planner="astar"), 64, grid=room(9, 9))
     small = Simulator(EnvConfig(num_agents=4, planner="astar"), 63, grid=room(9, 9))
-    assert large._many()
-    assert not small._many()
+    assert large._threads() == numba.get_num_threads()
+    assert small._threads() == 1
 
 
 def test_a_list_of_seeds_gives_single_worlds() -> None:

@@ -24,8 +24,11 @@ from warehouse_env.simulation.floor import floor_of, load_grid
 from warehouse_env.simulation.placement import place
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.tasks import Tasks
+from warehouse_env.simulation.threads import side_by_side
 
-PARALLEL_FROM = 256  # robots in all from which entering a parallel region pays
+PARALLEL_FROM = 256  # robots in all from which waking other threads pays
+_PARTS = 4  # of the worlds for each thread: who is done early, or has a core for itself, does more of them
+_PART = 32  # robots in a part at least
 _ROUTE_BLOCK = 64  # way-points by which the routes' array grows
 
 
@@ -108,15 +111,27 @@ class Simulator:
 
     def _bind(self) -> None:
         """Keep the kernels' arguments ready: collecting them takes longer than a small world's step."""
-        common = (self._heads, self._nexts, self._side)
-        self._advance_arguments = (
-            self.robots, self.routes, self._commands, self._stamps, self._pairs, *common, self._clocks,
+        threads = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
+        share = max(math.ceil(self.num_worlds / (_PARTS * threads)), math.ceil(_PART / self.num_agents))
+        starts = range(0, self.num_worlds, share)
+        worlds = [slice(None), *(slice(start, start + share) for start in starts)]
+        self._advance_arguments = [self._to_advance(some) for some in worlds]  # all worlds, then part by part
+        self._observe_arguments = [self._to_observe(some) for some in worlds]
+
+    def _to_advance(self, some: slice) -> tuple[Any, ...]:
+        """Return the arguments of `step.advance` for some of the worlds."""
+        return (
+            self.robots[some], self.routes[some], self._commands[some], self._stamps[some], self._pairs[some],
+            self._heads[some], self._nexts[some], self._side, self._clocks[some],
             self._params, self._floor.solid, self._floor.clearance,
         )  # fmt: skip
-        self._observe_arguments = (
-            self.robots, self.routes, *common, self._params, self._rays, self._actions.table, self._weights,
-            self._floor.solid,
-            self.observation, self.reward_terms, self.reward,
+
+    def _to_observe(self, some: slice) -> tuple[Any, ...]:
+        """Return the arguments of `step.observe` for some of the worlds."""
+        return (
+            self.robots[some], self.routes[some], self._heads[some], self._nexts[some], self._side,
+            self._params, self._rays, self._actions.table, self._weights, self._floor.solid,
+            self.observation[some], self.reward_terms[some], self.reward[some],
         )  # fmt: skip
 
     @property
@@ -231,8 +246,9 @@ class Simulator:
         shape, out of range or not finite.
         """
         self._actions.decode(actions, self._commands)
-        many = self._many()
-        arrivals = (step.advance_parallel if many else step.advance)(*self._advance_arguments)
+        threads = self._threads()
+        parts = slice(1, None) if threads > 1 else slice(1)
+        arrivals = sum(side_by_side(step.advance, self._advance_arguments[parts], threads))
         self.steps += 1
         if self.config.terminate_on_collision:
             self._park_collided()
@@ -241,13 +257,13 @@ class Simulator:
         np.greater_equal(self.steps, self.config.max_steps, out=self.truncated)
         if self.config.tasks == "one_shot" or self.config.terminate_on_collision:
             np.equal(self.robots["alive"], 0, out=self.terminated)
-        (step.observe_parallel if many else step.observe)(*self._observe_arguments)
+        side_by_side(step.observe, self._observe_arguments[parts], threads)
         return self.observation
 
-    def _many(self) -> bool:
-        return (
-            self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and numba.get_num_threads() > 1
-        )
+    def _threads(self) -> int:
+        """Return how many threads a step takes: all that Numba may use, or one where the others would not pay."""
+        many = self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM
+        return int(numba.get_num_threads()) if many else 1
 
     def _park_collided(self) -> None:
         robots = self.robots
@@ -270,14 +286,7 @@ class Simulator:
                 self._set_route(world, robot, start, goal, float(r["heading"]))
 
     def _observe(self, world: int | None = None) -> None:
-        if world is None:
-            step.observe(*self._observe_arguments)
-            return
-        per_world = (0, 1, 2, 3, -3, -2, -1)  # robots, routes, heads, nexts; observation, terms, reward
-        arguments: list[Any] = list(self._observe_arguments)
-        for k in per_world:
-            arguments[k] = arguments[k][world : world + 1]
-        step.observe(*arguments)
+        step.observe(*self._to_observe(slice(None) if world is None else slice(world, world + 1)))
 
     def episode_metrics(self, world: int = 0) -> dict[str, float]:
         """Return the row of numbers of a world's episode so far (see metrics.episode_row)."""

@@ -1,7 +1,7 @@
 """The batched step: command, move, judge contacts, advance along the routes; then observe.
 
-Two entries, `advance` and `observe`, since tasks and routes may change between them. Each has a driver that
-runs worlds one after another and one that runs them on all threads; both call the same function per world.
+Two entries, `advance` and `observe`, since tasks and routes may change between them. Each does one world after another;
+for all threads, the Simulator hands out parts of the worlds.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import numpy as np
 
 from warehouse_env.observation import EGO, NEIGHBOUR
 from warehouse_env.simulation import buckets, contact, prediction, sensing, tracking
-from warehouse_env.simulation.kernel import inline, kernel, parallel_kernel, prange
+from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import approach
 from warehouse_env.simulation.rewards import write_terms
 from warehouse_env.simulation.state import GAP_HORIZON
@@ -159,35 +159,11 @@ def advance(robots, routes, actions, stamps, pairs, heads, nexts, side, clocks, 
     return arrivals
 
 
-@parallel_kernel
-def advance_parallel(robots, routes, actions, stamps, pairs, heads, nexts, side, clocks, params, solid, clearance):  # type: ignore[no-untyped-def]
-    """`advance` with the worlds on all threads."""
-    arrivals = 0
-    for b in prange(robots.shape[0]):
-        p = params[0]
-        arrivals += _advance_world(
-            robots[b], routes[b], actions[b], stamps[b], pairs[b], heads[b], nexts[b], side, clocks[b],
-            p, solid, clearance,
-        )  # fmt: skip
-        clocks[b] += p["repeat"]
-    return arrivals
-
-
 @kernel
 def observe(robots, routes, heads, nexts, side, params, rays, table, weights, solid, out, terms, reward):  # type: ignore[no-untyped-def]
     """Write observations float32[B, N, D], reward terms float32[B, N, T] and rewards float32[B, N] of all worlds."""
     p = params[0]
     for b in range(robots.shape[0]):
-        _observe_world(
-            robots[b], routes[b], heads[b], nexts[b], side, p, rays, table, weights, solid, out[b], terms[b], reward[b]
-        )
-
-
-@parallel_kernel
-def observe_parallel(robots, routes, heads, nexts, side, params, rays, table, weights, solid, out, terms, reward):  # type: ignore[no-untyped-def]
-    """`observe` with the worlds on all threads."""
-    for b in prange(robots.shape[0]):
-        p = params[0]
         _observe_world(
             robots[b], routes[b], heads[b], nexts[b], side, p, rays, table, weights, solid, out[b], terms[b], reward[b]
         )
