@@ -21,6 +21,7 @@ from train.rows import Row
 from warehouse_env.config import EnvConfig
 
 _PLANNER = "astar"  # its routes are there at once; ants would be measured under "plan"
+_POLICY = "ppo"
 _POOL = 32  # random actions are drawn before the clock starts, and then cycled
 _SIMULATED = 100  # seconds that the path follower drives for each second of the budget
 _CHUNKS = 9  # the rate of a row is the median over these
@@ -133,6 +134,33 @@ def vec_env(budget: Budget) -> Iterator[Row]:
     yield _speed(rate(lambda k: env.step(pool[k % _POOL]), budget.seconds), 64, 16, 1)
 
 
+def policy(budget: Budget) -> Iterator[Row]:
+    """A learned policy drives 64 robots in each world: the steps alone, the decisions alone, and both in turn.
+
+    Where the two get into each other's way, as a BLAS's threads and the step's can, the parts are less than the whole.
+    """
+    from agents import make_policy, policy_config
+    from warehouse_env.simulation.simulator import Simulator
+
+    config = policy_config(_POLICY, EnvConfig(num_agents=64, planner=_PLANNER, max_steps=sys.maxsize))
+    decider, rng = make_policy(_POLICY, config), np.random.default_rng(budget.seed)
+    for worlds, threads in [(1, 1), *((4, threads) for threads in budget.threads if threads <= _most_threads())]:
+        numba.set_num_threads(threads)
+        sim = Simulator(config, worlds)
+        actions = decider.act(sim.reset(budget.seed), rng)
+        step = rate(lambda _, sim=sim, actions=actions: sim.step(actions), budget.seconds)  # type: ignore[misc]
+        decision = rate(lambda _, sim=sim: decider.act(sim.observation, rng), budget.seconds)  # type: ignore[misc]
+        both = rate(lambda _, sim=sim: sim.step(decider.act(sim.observation, rng)), budget.seconds)  # type: ignore[misc]
+        seconds = {"step": 1 / step.median, "decision": 1 / decision.median}
+        whole = sum(seconds.values())
+        yield {
+            **_speed(both, worlds, 64, threads), **{f"{part}_ms": 1000 * spent for part, spent in seconds.items()},
+            "parts_over_whole": whole * both.median, "policy": _POLICY,
+            "shares": {part: spent / whole for part, spent in seconds.items()},
+        }  # fmt: skip
+    numba.set_num_threads(_most_threads())
+
+
 def train_reinforce(budget: Budget) -> Iterator[Row]:
     """Our trainer at its defaults: agent-steps/s, and the shares of simulator, policy and update."""
     from train.config import ReinforceConfig
@@ -235,6 +263,7 @@ PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
     "simulator": simulator,
     "pettingzoo": pettingzoo,
     "vec_env": vec_env,
+    "policy": policy,
     "train_reinforce": train_reinforce,
     "train_ppo": train_ppo,
     "plan": plan,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import os
 import subprocess
 import sys
@@ -27,7 +28,7 @@ def layers(sizes: Sequence[int] = SIZES) -> list[Layer]:
     rng = np.random.default_rng(2)
     return [
         (rng.normal(size=(inputs, outputs)).astype(np.float32), rng.normal(size=outputs).astype(np.float32))
-        for inputs, outputs in zip(sizes[:-1], sizes[1:], strict=True)
+        for inputs, outputs in itertools.pairwise(sizes)
     ]
 
 
@@ -96,8 +97,9 @@ def digest() -> str:
 
 def test_plain_python_gives_the_same_bits() -> None:
     program = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from tests.agents.test_forward import digest"
+    program += "\nimport numba\nassert numba.config.DISABLE_JIT\nprint(digest())"
     done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", program + "\nimport numba\nassert numba.config.DISABLE_JIT\nprint(digest())"],
+        [sys.executable, "-W", "ignore", "-c", program],
         env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, cwd=ROOT, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.stdout.strip() == digest(), done.stderr
