@@ -164,6 +164,17 @@ def test_the_rules_let_through(module: str, source: str) -> None:
     assert not faults(imports_of(module, source))
 
 
+def test_the_simulator_owns_the_only_threads() -> None:
+    """Numba's parallel regions and a BLAS have threads that keep cores from others' as they wait for more work."""
+    every_step = ("warehouse_env.simulation", "warehouse_env.envs", "agents")
+    for path in (path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            where = f"{path} line {getattr(node, 'lineno', 0)}"
+            assert not (isinstance(node, ast.keyword) and node.arg == "parallel"), f"{where}: a parallel region"
+            product = isinstance(node, ast.BinOp) and isinstance(node.op, ast.MatMult)
+            assert not (product and within(module_name(path), every_step)), f"{where}: a product for the BLAS"
+
+
 IMPORT_TIME = """
 import time
 begun = time.process_time()
