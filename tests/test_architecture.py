@@ -17,13 +17,14 @@ import warehouse_env
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("warehouse_env", "agents", "train")
 
-BASE = ("warehouse_env.errors", "warehouse_env.config", "warehouse_env.files")
+BASE = ("warehouse_env.errors", "warehouse_env.config", "warehouse_env.files", "warehouse_env.threads")
 WORLD = (*BASE, "warehouse_env.observation", "warehouse_env.maps", "warehouse_env.planning")
 
 # The first prefix that fits a module says which of our own modules it may import.
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.errors": (),
     "warehouse_env.files": ("warehouse_env.errors",),
+    "warehouse_env.threads": ("warehouse_env.errors",),
     "warehouse_env.config": BASE,
     "warehouse_env.observation": BASE,
     "warehouse_env.maps": (*BASE, "warehouse_env.maps"),
@@ -171,6 +172,8 @@ def test_the_simulator_owns_the_only_threads() -> None:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             where = f"{path} line {getattr(node, 'lineno', 0)}"
             assert not (isinstance(node, ast.keyword) and node.arg == "parallel"), f"{where}: a parallel region"
+            number = isinstance(node, ast.Attribute) and node.attr in ("set_num_threads", "get_num_threads")
+            assert not (number and ast.unparse(node).startswith("numba.")), f"{where}: this starts Numba's threads"
             product = isinstance(node, ast.BinOp) and isinstance(node.op, ast.MatMult)
             assert not (product and within(module_name(path), every_step)), f"{where}: a product for the BLAS"
 

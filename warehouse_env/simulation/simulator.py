@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
-import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -24,7 +23,7 @@ from warehouse_env.simulation.floor import floor_of, load_grid
 from warehouse_env.simulation.placement import place
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.tasks import Tasks
-from warehouse_env.simulation.threads import side_by_side
+from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
 
 PARALLEL_FROM = 256  # robots in all from which waking other threads pays
 _PARTS = 4  # of the worlds for each thread: who is done early, or has a core for itself, does more of them
@@ -111,8 +110,7 @@ class Simulator:
 
     def _bind(self) -> None:
         """Keep the kernels' arguments ready: collecting them takes longer than a small world's step."""
-        threads = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
-        share = max(math.ceil(self.num_worlds / (_PARTS * threads)), math.ceil(_PART / self.num_agents))
+        share = max(math.ceil(self.num_worlds / (_PARTS * MOST_THREADS)), math.ceil(_PART / self.num_agents))
         starts = range(0, self.num_worlds, share)
         worlds = [slice(None), *(slice(start, start + share) for start in starts)]
         self._advance_arguments = [self._to_advance(some) for some in worlds]  # all worlds, then part by part
@@ -246,9 +244,8 @@ class Simulator:
         shape, out of range or not finite.
         """
         self._actions.decode(actions, self._commands)
-        threads = self._threads()
-        parts = slice(1, None) if threads > 1 else slice(1)
-        arrivals = sum(side_by_side(step.advance, self._advance_arguments[parts], threads))
+        parts = slice(1, None) if self._many() else slice(1)
+        arrivals = sum(side_by_side(step.advance, self._advance_arguments[parts]))
         self.steps += 1
         if self.config.terminate_on_collision:
             self._park_collided()
@@ -257,13 +254,11 @@ class Simulator:
         np.greater_equal(self.steps, self.config.max_steps, out=self.truncated)
         if self.config.tasks == "one_shot" or self.config.terminate_on_collision:
             np.equal(self.robots["alive"], 0, out=self.terminated)
-        side_by_side(step.observe, self._observe_arguments[parts], threads)
+        side_by_side(step.observe, self._observe_arguments[parts])
         return self.observation
 
-    def _threads(self) -> int:
-        """Return how many threads a step takes: all that Numba may use, or one where the others would not pay."""
-        many = self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM
-        return int(numba.get_num_threads()) if many else 1
+    def _many(self) -> bool:
+        return self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and get_num_threads() > 1
 
     def _park_collided(self) -> None:
         robots = self.robots

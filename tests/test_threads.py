@@ -7,14 +7,25 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
-from warehouse_env.simulation import threads
-from warehouse_env.simulation.threads import side_by_side
+from warehouse_env import threads
+from warehouse_env.errors import ConfigError
+from warehouse_env.threads import get_num_threads, set_num_threads, side_by_side
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(autouse=True)
+def three_threads() -> Iterator[None]:
+    before = get_num_threads()
+    set_num_threads(3)
+    yield
+    set_num_threads(before)
 
 
 def test_every_part_is_done_once() -> None:
@@ -26,19 +37,20 @@ def test_every_part_is_done_once() -> None:
 
     for count in (1, 2, 50):
         done.clear()
-        results = side_by_side(call, [(part,) for part in range(count)], 3)
+        results = side_by_side(call, [(part,) for part in range(count)])
         assert sorted(results) == [part * part for part in range(count)]
         assert sorted(done) == list(range(count))
 
 
 def test_parts_run_at_the_same_time() -> None:
     meet = threading.Barrier(3, timeout=60)  # broken unless three threads are in it at once
-    assert len(set(side_by_side(lambda _: meet.wait() and threading.get_ident(), [(k,) for k in range(3)], 3))) == 3
+    assert len(set(side_by_side(lambda _: meet.wait() and threading.get_ident(), [(k,) for k in range(3)]))) == 3
 
 
 def test_one_thread_is_the_callers_own() -> None:
+    set_num_threads(1)
     here = threading.get_ident()
-    assert side_by_side(lambda _: threading.get_ident(), [(k,) for k in range(5)], 1) == [here] * 5
+    assert side_by_side(lambda _: threading.get_ident(), [(k,) for k in range(5)]) == [here] * 5
 
 
 def test_an_error_comes_when_all_parts_are_over() -> None:
@@ -50,27 +62,55 @@ def test_an_error_comes_when_all_parts_are_over() -> None:
             raise ValueError("part 1")
 
     with pytest.raises(ValueError, match="part 1"):
-        side_by_side(call, [(part,) for part in range(9)], 2)
+        side_by_side(call, [(part,) for part in range(9)])
     assert sorted(over) == list(range(9))
 
 
 def test_helpers_that_get_no_core_hold_nobody_up() -> None:
-    side_by_side(time.sleep, [(0.01,)] * 2, 2)
+    side_by_side(time.sleep, [(0.01,)] * 2)
     release = threading.Event()
     try:
         for _ in threads._helpers:
             threads._jobs.put(lambda: release.wait(60) and None)
         here = threading.get_ident()
-        assert side_by_side(lambda _: threading.get_ident(), [(k,) for k in range(9)], 2) == [here] * 9
+        assert side_by_side(lambda _: threading.get_ident(), [(k,) for k in range(9)]) == [here] * 9
     finally:
         release.set()
+
+
+def test_each_thread_has_its_own_number() -> None:
+    with ThreadPoolExecutor(1, initializer=set_num_threads, initargs=(7,)) as other:
+        assert other.submit(get_num_threads).result() == 7
+    assert get_num_threads() == 3
+    with pytest.raises(ConfigError, match="threads=0"):
+        set_num_threads(0)
+
+
+TORCH_ALONE = """
+import torch
+torch.set_num_threads(1)
+from warehouse_env import Simulator, EnvConfig
+simulator = Simulator(EnvConfig(num_agents=4, layout="open", planner="astar"), 64)
+simulator.reset(0)
+assert simulator._many()
+simulator.step([[0] * 4] * 64)
+print(torch.get_num_threads())
+"""
+
+
+def test_torch_keeps_its_number_of_threads() -> None:
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", TORCH_ALONE],
+        cwd=ROOT, capture_output=True, text=True, check=False, timeout=300,
+    )  # fmt: skip
+    assert done.stdout.strip() == "1", done.stderr
 
 
 FORKED = """
 import os, sys
 sys.path.insert(0, {root!r})
-import numba
-numba.set_num_threads(2)
+from warehouse_env.threads import set_num_threads
+set_num_threads(2)
 from tests.simulation.test_determinism import ACTION_TYPES, MAP, drawn, run
 def digests():
     return run(64, 5, 4, "raw", drawn(MAP))
