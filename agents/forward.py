@@ -26,7 +26,7 @@ _ONE = np.float32(1.0)
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def _tanh(x):  # type: ignore[no-untyped-def]
-    """Return tanh x within 3e-7, and never beyond 1."""
+    """Return tanh x within 4e-7, and never beyond 1."""
     x = min(max(x, -_LIMIT), _LIMIT)
     s = x * x
     p = _P[0] + s * (_P[1] + s * (_P[2] + s * (_P[3] + s * (_P[4] + s * (_P[5] + s * _P[6])))))
