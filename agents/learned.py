@@ -1,4 +1,4 @@
-"""Policies from a weights folder. The forward pass is NumPy: for a few robots it is faster than torch, and lighter."""
+"""Policies from a weights folder. The forward pass is our own: as fast as torch for a few robots, and lighter."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.forward import forward
 from agents.policy import Action, Observation
 from agents.sampling import draw_discrete
 from agents.weights_folder import PolicyRecord, read_record, read_tensors
@@ -30,7 +31,7 @@ def config_for(directory: Path | str, base: EnvConfig) -> EnvConfig:
 
 
 class LearnedPolicy:
-    """The actor of a weights folder: three matrix products and two tanh, then a draw or the best action."""
+    """The actor of a weights folder: its network, then a draw or the best action."""
 
     def __init__(self, directory: Path | str, config: EnvConfig, name: str | None = None) -> None:
         """Load and check the folder; raises WeightsError if it is damaged or does not fit `config`."""
@@ -65,13 +66,7 @@ class LearnedPolicy:
 
     def output(self, observation: Observation) -> NDArray[np.float32]:
         """Return logits, or means of real-valued actions, float32[..., A] from float32[..., D]."""
-        x = observation.reshape(-1, observation.shape[-1])
-        for index, (weight, bias) in enumerate(self._layers):
-            x = x @ weight
-            x += bias
-            if index < len(self._layers) - 1:
-                np.tanh(x, out=x)
-        return x.reshape(*observation.shape[:-1], x.shape[-1])
+        return forward(self._layers, observation)
 
     def act(self, observation: Observation, rng: np.random.Generator) -> Action:
         """Choose actions by the mode of config.json: drawn with `rng`, or the most probable (shapes: `Policy.act`)."""

@@ -23,6 +23,7 @@ BASE = (
     "warehouse_env.config",
     "warehouse_env.files",
     "warehouse_env.portable",
+    "warehouse_env.threads",
 )
 PLANNING = (*BASE, "warehouse_env.maps", "warehouse_env.planning")
 ROUTES = (*PLANNING, "warehouse_env.routes")
@@ -36,6 +37,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.checked": ("warehouse_env.errors",),
     "warehouse_env.portable": (),
     "warehouse_env.files": ("warehouse_env.errors",),
+    "warehouse_env.threads": ("warehouse_env.errors",),
     "warehouse_env.config": BASE,
     "warehouse_env.observation": BASE,
     "warehouse_env.maps": (*BASE, "warehouse_env.maps"),
@@ -209,6 +211,19 @@ def test_the_rules_catch(module: str, source: str) -> None:
 )
 def test_the_rules_let_through(module: str, source: str) -> None:
     assert not faults(imports_of(module, source))
+
+
+def test_the_simulator_owns_the_only_threads() -> None:
+    """Numba's parallel regions and a BLAS have threads that keep cores from others' as they wait for more work."""
+    every_step = ("warehouse_env.simulation", "warehouse_env.envs", "agents")
+    for path in (path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            where = f"{path} line {getattr(node, 'lineno', 0)}"
+            assert not (isinstance(node, ast.keyword) and node.arg == "parallel"), f"{where}: a parallel region"
+            number = isinstance(node, ast.Attribute) and node.attr in ("set_num_threads", "get_num_threads")
+            assert not (number and ast.unparse(node).startswith("numba.")), f"{where}: this starts Numba's threads"
+            product = isinstance(node, ast.BinOp) and isinstance(node.op, ast.MatMult)
+            assert not (product and within(module_name(path), every_step)), f"{where}: a product for the BLAS"
 
 
 IMPORT_TIME = """

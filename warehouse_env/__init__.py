@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from warehouse_env.observation import observation_layout
     from warehouse_env.planning import PLANNERS, make_planner
     from warehouse_env.simulation.simulator import Simulator
+    from warehouse_env.threads import set_num_threads
 
 __version__ = "0.1.0"
 
@@ -57,6 +58,7 @@ _HOME = {
     "PLANNERS": "planning",
     "make_planner": "planning",
     "Simulator": "simulation.simulator",
+    "set_num_threads": "threads",
 }
 
 __all__ = [
@@ -86,6 +88,7 @@ __all__ = [
     "parallel_env",
     "read_map",
     "read_scen",
+    "set_num_threads",
     "single_env",
     "vec_env",
     "write_map",

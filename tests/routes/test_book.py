@@ -7,7 +7,6 @@ import sqlite3
 from dataclasses import dataclass
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from warehouse_env.planning import Plan, make_planner
 from warehouse_env.routes import book as route_book
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.routes.lanes import resample
+from warehouse_env.threads import set_num_threads
 
 EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
 
@@ -335,14 +335,14 @@ def test_plans_prepared_side_by_side_are_those_made_one_by_one(tmp_path: Path, m
     books = []
     for threads in (1, 2):
         monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(tmp_path / str(threads)))
-        numba.set_num_threads(threads)
+        set_num_threads(threads)
         try:
             routes_of = RouteBook(grid, make_planner("pf_aco", ants=10, iterations=8))
             routes_of.prepare(tasks)
             assert len(routes_of._fresh) == (0 if threads == 1 else len(set(tasks)))
             books.append([routes_of.cells(*task) for task in tasks])
         finally:
-            numba.set_num_threads(2)
+            set_num_threads(2)
     for one, two in zip(*books, strict=True):
         np.testing.assert_array_equal(one, two)
 

@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation import buckets, simulator
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.threads import MOST_THREADS, get_num_threads, set_num_threads
 
 ROOT = Path(__file__).parents[2]
 MAP = ["..........", "..........", ".##..###..", "..........", ".###..##..", "..........", ".##.##.#..", ".........."]
@@ -74,23 +74,23 @@ def test_worlds_do_not_depend_on_the_batch_width(action_type: str) -> None:
 
 
 def test_one_thread_equals_two(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = numba.get_num_threads()
-    if numba.config.NUMBA_NUM_THREADS < 2:
+    before = get_num_threads()
+    if MOST_THREADS < 2:
         pytest.skip("one thread only")
     results = []
     sensor = SensorSpec(predictions=True)
     try:
         for threads, parallel_from in ((1, 1), (2, 1), (2, 10**9)):
-            numba.set_num_threads(threads)
+            set_num_threads(threads)
             monkeypatch.setattr(simulator, "PARALLEL_FROM", parallel_from)
             results.append(run(9, 150, 4, "discrete", drawn(MAP), sensor=sensor))
     finally:
-        numba.set_num_threads(before)
+        set_num_threads(before)
     assert results[0] == results[1] == results[2]
 
 
 def test_many_robots_take_the_threads_by_themselves() -> None:
-    if numba.get_num_threads() < 2:
+    if get_num_threads() < 2:
         pytest.skip("one thread only")
     large = Simulator(EnvConfig(num_agents=4, planner="astar"), 64, grid=room(9, 9))
     small = Simulator(EnvConfig(num_agents=4, planner="astar"), 63, grid=room(9, 9))

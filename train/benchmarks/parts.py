@@ -14,13 +14,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
+from warehouse_env.threads import MOST_THREADS, set_num_threads
 
 _PLANNER = "astar"  # its routes are there at once; ants would be measured under "plan"
+_POLICY = "ppo"
 _POOL = 32  # random actions are drawn before the clock starts, and then cycled
 _SIMULATED = 100  # seconds that the path follower drives for each second of the budget
 _CHUNKS = 9  # the rate of a row is the median over these
@@ -37,10 +38,6 @@ class Budget:
     threads: tuple[int, ...]
     action_repeat: int  # of the simulator rows
     seed: int
-
-
-def _most_threads() -> int:
-    return int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
 
 
 def _choices(space: Any) -> int:
@@ -101,19 +98,19 @@ def simulator(budget: Budget) -> Iterator[Row]:
         sim.reset([budget.seed + k % _START_SEEDS for k in range(worlds)])
         pool = np.random.default_rng(budget.seed).integers(0, _choices(sim.action_space), (_POOL, worlds, robots))
         for threads in budget.threads if worlds > 1 else (1,):
-            if threads > _most_threads():
+            if threads > MOST_THREADS:
                 continue
-            numba.set_num_threads(threads)
+            set_num_threads(threads)
             measured = rate(lambda k, sim=sim, pool=pool: sim.step(pool[k % _POOL]), budget.seconds)  # type: ignore[misc]
             yield {**_speed(measured, worlds, robots, threads), "action_repeat": budget.action_repeat}
-    numba.set_num_threads(_most_threads())
+    set_num_threads(MOST_THREADS)
 
 
 def pettingzoo(budget: Budget) -> Iterator[Row]:
     """One parallel PettingZoo environment with 8 robots: dicts in, dicts out."""
     from warehouse_env import parallel_env
 
-    numba.set_num_threads(1)
+    set_num_threads(1)
     env = parallel_env(num_agents=8, planner=_PLANNER, max_steps=sys.maxsize)
     env.reset(seed=budget.seed)
     draws = np.random.default_rng(budget.seed).integers(0, _choices(env.action_space(env.agents[0])), (_POOL, 8))
@@ -125,12 +122,39 @@ def vec_env(budget: Budget) -> Iterator[Row]:
     """The VecEnv of stable-baselines3 with 64 worlds of 16 robots."""
     from warehouse_env import vec_env as make
 
-    numba.set_num_threads(1)
+    set_num_threads(1)
     env = make(64, num_agents=16, planner=_PLANNER, max_steps=sys.maxsize)
     env.seed(budget.seed)
     env.reset()
     pool = np.random.default_rng(budget.seed).integers(0, _choices(env.action_space), (_POOL, 64 * 16))
     yield _speed(rate(lambda k: env.step(pool[k % _POOL]), budget.seconds), 64, 16, 1)
+
+
+def policy(budget: Budget) -> Iterator[Row]:
+    """A learned policy drives 64 robots in each world: the steps alone, the decisions alone, and both in turn.
+
+    Where the two get into each other's way, as a BLAS's threads and the step's can, the parts are less than the whole.
+    """
+    from agents import make_policy, policy_config
+    from warehouse_env.simulation.simulator import Simulator
+
+    config = policy_config(_POLICY, EnvConfig(num_agents=64, planner=_PLANNER, max_steps=sys.maxsize))
+    decider, rng = make_policy(_POLICY, config), np.random.default_rng(budget.seed)
+    for worlds, threads in [(1, 1), *((4, threads) for threads in budget.threads if threads <= MOST_THREADS)]:
+        set_num_threads(threads)
+        sim = Simulator(config, worlds)
+        actions = decider.act(sim.reset(budget.seed), rng)
+        step = rate(lambda _, sim=sim, actions=actions: sim.step(actions), budget.seconds)  # type: ignore[misc]
+        decision = rate(lambda _, sim=sim: decider.act(sim.observation, rng), budget.seconds)  # type: ignore[misc]
+        both = rate(lambda _, sim=sim: sim.step(decider.act(sim.observation, rng)), budget.seconds)  # type: ignore[misc]
+        seconds = {"step": 1 / step.median, "decision": 1 / decision.median}
+        whole = sum(seconds.values())
+        yield {
+            **_speed(both, worlds, 64, threads), **{f"{part}_ms": 1000 * spent for part, spent in seconds.items()},
+            "parts_over_whole": whole * both.median, "policy": _POLICY,
+            "shares": {part: spent / whole for part, spent in seconds.items()},
+        }  # fmt: skip
+    set_num_threads(MOST_THREADS)
 
 
 def train_reinforce(budget: Budget) -> Iterator[Row]:
@@ -208,7 +232,7 @@ def tracking(budget: Budget) -> Iterator[Row]:
     """The path follower's lateral offsets on every layout, with and without smoothed routes."""
     from train.benchmarks.tracking import tracking as follow
 
-    numba.set_num_threads(1)
+    set_num_threads(1)
     yield from follow(_SIMULATED * budget.seconds, budget.seed)
 
 
@@ -235,6 +259,7 @@ PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
     "simulator": simulator,
     "pettingzoo": pettingzoo,
     "vec_env": vec_env,
+    "policy": policy,
     "train_reinforce": train_reinforce,
     "train_ppo": train_ppo,
     "plan": plan,

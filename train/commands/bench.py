@@ -16,7 +16,8 @@ from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
 
 What = Literal[
-    "simulator", "pettingzoo", "vec_env", "train_reinforce", "train_ppo", "plan", "ant_walk", "tracking", "start"
+    "simulator", "pettingzoo", "vec_env", "policy", "train_reinforce", "train_ppo", "plan", "ant_walk", "tracking",
+    "start",
 ]  # fmt: skip
 
 _SMALL = 32  # robots of the single world that larger ones are held against
@@ -24,8 +25,8 @@ _SMALL = 32  # robots of the single world that larger ones are held against
 
 @dataclass(frozen=True)
 class Bench(Checked):
-    """Measure agent-steps/s of the simulator, the environments and the trainers, plans/s, the path follower's tracking
-    error, and the time to start."""
+    """Measure agent-steps/s of the simulator, the environments, a policy's drive and the trainers, plans/s, the path
+    follower's tracking error, and the time to start."""
 
     only: tuple[What, ...] = ()
     """What to measure (everything if left out)."""
@@ -151,7 +152,7 @@ def _speeds(rows: Sequence[Row]) -> Table:
 
 
 def ratios(rows: Sequence[Row]) -> list[str]:
-    """Return the ratios of rates within these rows: threads over one thread, large single worlds over a small one."""
+    """Return the ratios within these rows: threads over one, large single worlds over a small one, parts over whole."""
     lines = []
     simulator = select(rows, what="simulator")
     for row in simulator:
@@ -161,6 +162,11 @@ def ratios(rows: Sequence[Row]) -> list[str]:
         elif row["envs"] == 1 and row["agents"] > _SMALL:
             small = select(simulator, envs=1, agents=_SMALL, threads=1)
             lines += [f"{_name(row)} over {_name(one)}: {_ratio(row, one)}" for one in small]
+    for row in select(rows, what="policy"):
+        lines.append(
+            f"policy {_name(row)}, {row['threads']} thread(s): a step {row['step_ms']:.2f} ms, a decision "
+            f"{row['decision_ms']:.2f} ms, the two over both in turn {row['parts_over_whole']:.2f}"
+        )
     return lines
 
 

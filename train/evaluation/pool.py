@@ -40,7 +40,7 @@ def play_all(jobs: Sequence[Job], processes: int, progress: Callable[[int, str],
     if min(processes, len(jobs)) <= 1:
         yield from _in_turn(jobs, progress)
         return
-    context = multiprocessing.get_context("spawn")  # a fork would inherit Numba's threads in an unknown state
+    context = multiprocessing.get_context("spawn")  # a fork would inherit locks and threads in an unknown state
     done = context.Value("q", 0)
     with context.Pool(min(processes, len(jobs)), _set_up, (done,)) as pool:
         results = pool.imap_unordered(_work, jobs)
@@ -82,11 +82,11 @@ class _Process:
 
 
 def _set_up(done: Any) -> None:
-    """Begin a worker process: one Numba thread, and Ctrl-C is left to the parent, which then ends all."""
-    import numba
+    """Begin a worker process: one thread, and Ctrl-C is left to the parent, which then ends all."""
+    from warehouse_env.threads import set_num_threads
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    numba.set_num_threads(1)
+    set_num_threads(1)
     _Process.done, _Process.routes = done, Routes()
 
 

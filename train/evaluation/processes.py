@@ -20,14 +20,14 @@ def work_all(work: Callable[[Job], Result], jobs: Sequence[Job], processes: int)
     if min(processes, len(jobs)) <= 1:
         yield from map(work, jobs)
         return
-    context = multiprocessing.get_context("spawn")  # a fork would inherit Numba's threads in an unknown state
+    context = multiprocessing.get_context("spawn")  # a fork would inherit locks and threads in an unknown state
     with context.Pool(min(processes, len(jobs)), _set_up) as pool:
         yield from pool.imap_unordered(work, jobs)
 
 
 def _set_up() -> None:
-    """Begin a process: one Numba thread, and Ctrl-C is left to the parent, which then ends all."""
-    import numba
+    """Begin a process: one thread, and Ctrl-C is left to the parent, which then ends all."""
+    from warehouse_env.threads import set_num_threads
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    numba.set_num_threads(1)
+    set_num_threads(1)

@@ -6,8 +6,9 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-import numba
 import torch
+
+from warehouse_env.threads import MOST_THREADS, set_num_threads
 
 PARTS = ("simulator_s", "policy_s", "update_s")
 
@@ -38,4 +39,4 @@ class Split:
 def set_threads(threads: int) -> None:
     """Use this many threads in torch and in the simulator, as far as the machine allows, from the calling thread."""
     torch.set_num_threads(threads)
-    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
+    set_num_threads(min(threads, MOST_THREADS))

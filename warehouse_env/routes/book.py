@@ -16,7 +16,6 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from platformdirs import user_cache_dir
@@ -28,6 +27,7 @@ from warehouse_env.planning.plan import Plan, Planner, validate
 from warehouse_env.portable import Portable
 from warehouse_env.routes.lanes import drivable_line
 from warehouse_env.routes.steerable import steerable_line
+from warehouse_env.threads import get_num_threads
 
 CACHE_FORMAT = 2  # raised whenever a planner's result changes for the same key
 WORTH_KEEPING = 0.002  # [s] a plan must have taken to be kept on disk
@@ -148,14 +148,14 @@ class RouteBook(Portable):
         return known
 
     def prepare(self, tasks: Sequence[tuple[Cell, Cell]]) -> None:
-        """Plan the tasks (start, goal) that are not known yet side by side, on as many threads as Numba may use.
+        """Plan the tasks (start, goal) that are not known yet side by side, on as many threads as may be used.
 
         Each has its own generator, so the plans are the same in any order and number of threads. What fails is found
         out when its route is asked for.
         """
         new = [task for task in dict.fromkeys(tasks) if (*task, None) not in self._routes]
         new = [task for task in new if self._stored(*task) is None]
-        threads = min(numba.get_num_threads(), len(new))
+        threads = min(get_num_threads(), len(new))
         if threads < 2:
             return
         with ThreadPoolExecutor(threads) as pool:

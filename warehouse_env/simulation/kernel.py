@@ -6,5 +6,3 @@ import numba
 
 kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
 inline = numba.njit(cache=True, error_model="numpy", forceinline=True)
-parallel_kernel = numba.njit(cache=True, error_model="numpy", parallel=True)
-prange = numba.prange

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
-import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -34,8 +33,11 @@ from warehouse_env.simulation.given import (
 from warehouse_env.simulation.placement import place
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.tasks import Arrival, Tasks
+from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
 
-PARALLEL_FROM = 256  # robots in all from which entering a parallel region pays
+PARALLEL_FROM = 256  # robots in all from which waking other threads pays
+_PARTS = 4  # of the worlds for each thread: who is done early, or has a core for itself, does more of them
+_PART = 32  # robots in a part at least
 _ROUTE_BLOCK = 64  # way-points by which the routes' array grows
 
 
@@ -119,6 +121,8 @@ class Simulator(Portable):
         self._starts = np.zeros((b, bucket_rows * bucket_columns + 2), dtype=np.int32)
         self._order = np.zeros((b, n), dtype=np.int32)
         self._waiting = np.zeros(b, dtype=np.int32)
+        share = max(math.ceil(b / (_PARTS * MOST_THREADS)), math.ceil(_PART / n))
+        self._parts = [(first, min(first + share, b)) for first in range(0, b, share)]
         self._bind()
 
     def _bind(self) -> None:
@@ -251,16 +255,17 @@ class Simulator(Portable):
         shape, out of range or not finite.
         """
         self._actions.decode(actions, self._commands)
-        arrivals = (step.step_parallel if self._many() else step.step)(*self._step_arguments)
+        if self._many():
+            arrivals = sum(side_by_side(step.step, [(*part, *self._step_arguments) for part in self._parts]))
+        else:
+            arrivals = step.step(0, self.num_worlds, *self._step_arguments)
         self.arrivals = self._arrive() if arrivals else []
         if arrivals:
             step.observe(*self._observe_arguments)
         return self.observation
 
     def _many(self) -> bool:
-        return (
-            self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and numba.get_num_threads() > 1
-        )
+        return self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and get_num_threads() > 1
 
     def _arrive(self) -> list[Arrival]:
         """Book the arrivals and return them, and give lifelong robots their next task and route."""

@@ -1,6 +1,7 @@
 """The batched step: command, move, judge contacts, advance along the routes; then observe.
 
-Two entries: `step`, and `observe` for the worlds where tasks and routes change in between.
+Two entries: `step`, and `observe` for the worlds where tasks and routes change in between. Each does one world after
+another; for all threads, the Simulator hands out parts of the worlds.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import numpy as np
 
 from warehouse_env.observation import EGO, NEIGHBOUR
 from warehouse_env.simulation import buckets, contact, prediction, sensing, tracking
-from warehouse_env.simulation.kernel import inline, kernel, parallel_kernel, prange
+from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import approach
 from warehouse_env.simulation.rewards import write_terms
 from warehouse_env.simulation.state import GAP_HORIZON
@@ -165,48 +166,34 @@ def _count_step(robots, steps, b, truncated, terminated, p):  # type: ignore[no-
 
 
 @kernel
-def _step_world(  # type: ignore[no-untyped-def]
-    b, robots, routes, commands, stamps, pairs, order, starts, steps, truncated, terminated, waiting, params,
+def step(  # type: ignore[no-untyped-def]
+    begin, end, robots, routes, commands, stamps, pairs, order, starts, steps, truncated, terminated, waiting, params,
     solid, clearance, rays, table, weights, edges, seen, first, out, terms, reward,
 ):  # fmt: skip
-    """Step world b; where somebody arrives, the observation waits until the Simulator has given out new tasks."""
-    p = params[0]
-    bodies = np.empty((buckets.BODY, robots.shape[1]), np.float32)
-    waiting[b] = _advance_world(
-        robots[b], routes[b], commands[b], stamps[b], pairs[b], order[b], starts[b], bodies,
-        steps[b] * p["repeat"] + 1, p, solid, clearance,
-    )  # fmt: skip
-    _count_step(robots[b], steps, b, truncated, terminated, p)
-    if waiting[b] == 0:
-        _observe_world(
-            robots[b], routes[b], order[b], starts[b], bodies, p, rays, table, weights, edges, seen, first,
-            out[b], terms[b], reward[b],
-        )  # fmt: skip
-    return waiting[b]
-
-
-@kernel
-def step(*world):  # type: ignore[no-untyped-def]
-    """Step all worlds; return the number of arrivals. Leading axis of the arrays: world.
+    """Step the worlds from `begin` to before `end`; return the number of arrivals. Leading axis of the arrays: world.
 
     robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; commands float32[B, N, 2]: speed [m/s] and offset [m], or raw
     acceleration and steering rate; stamps int32[B, N, N]; pairs int32[B, P, 3], order int32[B, N] and starts int32[B,
-    buckets + 2] are scratch; steps int64[B] since the reset, truncated bool[B], terminated bool[B, N];
-    waiting int32[B]: the arrivals of each world; out: observations float32[B, N, D]; terms float32[B, N, T]; reward
-    float32[B, N].
+    buckets + 2] are scratch; steps int64[B] since the reset, truncated bool[B], terminated bool[B, N]; waiting
+    int32[B]: the arrivals of each world, whose observation waits until the Simulator has given out new tasks; rays,
+    table, weights, edges, seen, first: see the Simulator; out: observations float32[B, N, D]; terms float32[B, N, T];
+    reward float32[B, N].
     """
+    p = params[0]
     arrivals = 0
-    for b in range(len(world[0])):
-        arrivals += _step_world(b, *world)
-    return arrivals
-
-
-@parallel_kernel
-def step_parallel(*world):  # type: ignore[no-untyped-def]
-    """`step` with the worlds on all threads."""
-    arrivals = 0
-    for b in prange(len(world[0])):
-        arrivals += _step_world(b, *world)
+    bodies = np.empty((buckets.BODY, robots.shape[1]), np.float32)
+    for b in range(begin, end):
+        waiting[b] = _advance_world(
+            robots[b], routes[b], commands[b], stamps[b], pairs[b], order[b], starts[b], bodies,
+            steps[b] * p["repeat"] + 1, p, solid, clearance,
+        )  # fmt: skip
+        _count_step(robots[b], steps, b, truncated, terminated, p)
+        arrivals += waiting[b]
+        if waiting[b] == 0:
+            _observe_world(
+                robots[b], routes[b], order[b], starts[b], bodies, p, rays, table, weights, edges, seen, first,
+                out[b], terms[b], reward[b],
+            )  # fmt: skip
     return arrivals
 
 

@@ -9,7 +9,7 @@ from typing import Any, get_args
 import pytest
 
 from train.benchmarks import parts
-from train.benchmarks.parts import PARTS, Budget, rate
+from train.benchmarks.parts import PARTS, Budget, Rate, rate
 from train.cli import main
 from train.commands.bench import What, ratios, tables
 from train.reporting.rows import read_rows
@@ -52,7 +52,20 @@ def test_single_worlds_keep_their_density() -> None:
         assert side * side / robots == pytest.approx(46 * 46 / 32, rel=0.03)
 
 
-@pytest.mark.parametrize("what", ["pettingzoo", "plan"])
+def test_a_decisions_parts_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    rates = itertools.cycle(Rate(median, median, median) for median in (250.0, 500.0, 80.0))  # 4, 2 and 12.5 ms
+    monkeypatch.setattr(parts, "rate", lambda *_: next(rates))
+    one, four = PARTS["policy"](TINY)
+    assert [(row["envs"], row["agents"], row["threads"]) for row in (one, four)] == [(1, 64, 1), (4, 64, 1)]
+    assert (four["step_ms"], four["decision_ms"]) == pytest.approx((4.0, 2.0))
+    assert four["parts_over_whole"] == pytest.approx(6.0 / 12.5)
+    assert four["agent_steps_per_s"] == pytest.approx(80 * 4 * 64)
+    assert ratios([{"what": "policy", **four}]) == [
+        "policy 4x64, 1 thread(s): a step 4.00 ms, a decision 2.00 ms, the two over both in turn 0.48"
+    ]
+
+
+@pytest.mark.parametrize("what", ["pettingzoo", "policy", "plan"])
 def test_parts_measure(what: str) -> None:
     for row in PARTS[what](TINY):
         assert row.get("agent_steps_per_s", 1) > 0

@@ -1,0 +1,133 @@
+"""The forward pass: the network that was asked for, and the same bits of a row whatever runs beside it."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from agents import POLICIES, LearnedPolicy, make_policy, policy_config
+from agents.forward import Layer, forward
+from warehouse_env.config import EnvConfig
+from warehouse_env.simulation.simulator import Simulator
+
+ROOT = Path(__file__).parents[2]
+SIZES = (9, 7, 8, 3)  # numbers of inputs of which 1, 3 and none are left over from fours
+LEARNED = [name for name, entry in POLICIES.items() if entry.weights is not None]
+
+
+def layers(sizes: Sequence[int] = SIZES) -> list[Layer]:
+    rng = np.random.default_rng(2)
+    return [
+        (rng.normal(size=(inputs, outputs)).astype(np.float32), rng.normal(size=outputs).astype(np.float32))
+        for inputs, outputs in itertools.pairwise(sizes)
+    ]
+
+
+def rows(count: int, size: int = SIZES[0]) -> NDArray[np.float32]:
+    return np.random.default_rng(3).normal(size=(count, size)).astype(np.float32)
+
+
+def exact(network: Sequence[Layer], observation: NDArray[np.float32]) -> NDArray[np.float64]:
+    """The same network in float64."""
+    x = observation.astype(np.float64)
+    for weight, bias in network[:-1]:
+        x = np.tanh(x @ weight.astype(np.float64) + bias)
+    return np.asarray(x @ network[-1][0].astype(np.float64) + network[-1][1])
+
+
+def decisions(name: str, steps: int = 25) -> tuple[LearnedPolicy, NDArray[np.float32]]:
+    """A policy and observations [M, D] that it meets as it drives 24 robots."""
+    config = policy_config(name, EnvConfig(num_agents=24, planner="astar"))
+    simulator, policy, rng = Simulator(config), make_policy(name, config), np.random.default_rng(0)
+    assert isinstance(policy, LearnedPolicy)
+    simulator.reset(5)
+    seen = [simulator.step(policy.act(simulator.observation, rng))[0].copy() for _ in range(steps)]
+    return policy, np.concatenate(seen)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_it_is_the_network(count: int) -> None:
+    assert forward(layers(), rows(count)) == pytest.approx(exact(layers(), rows(count)), abs=2e-6)
+
+
+def test_leading_axes_stay() -> None:
+    observation = rows(12).reshape(3, 4, -1)
+    assert np.array_equal(forward(layers(), observation), forward(layers(), rows(12)).reshape(3, 4, -1))
+    assert np.array_equal(forward(layers(), observation.transpose(1, 0, 2))[2], forward(layers(), observation)[:, 2])
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_the_shipped_policies_are_exact(name: str) -> None:
+    policy, observation = decisions(name)
+    assert policy.output(observation) == pytest.approx(exact(policy._layers, observation), rel=1e-5, abs=1e-5)
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_a_rows_bits_do_not_depend_on_the_others(name: str) -> None:
+    policy, observation = decisions(name)
+    together = policy.output(observation)
+    for width in (1, 2, 3, 16, 64, 65):
+        parts = [policy.output(observation[first : first + width]) for first in range(0, len(observation), width)]
+        assert np.array_equal(np.concatenate(parts), together), f"{width} rows at a time"
+
+
+def test_large_sums_end_at_one() -> None:
+    network = [(np.ones((1, 1), np.float32), np.zeros(1, np.float32))] * 2
+    x = np.concatenate([np.linspace(-12, 12, 4001), [-1e30, 1e30]]).astype(np.float32)[:, None]
+    out = forward(network, x)
+    assert out == pytest.approx(np.tanh(x.astype(np.float64)), abs=4e-7)
+    assert (out.min(), out.max()) == (-1.0, 1.0)
+    assert np.array_equal(out[:4001], -out[4000::-1])
+    assert np.isnan(forward(network, np.array([[np.nan]], np.float32))).all()
+
+
+def digest() -> str:
+    network = layers((30, 21, 6))
+    return hashlib.blake2b(forward(network, rows(7, 30)).tobytes()).hexdigest()
+
+
+def test_plain_python_gives_the_same_bits() -> None:
+    program = f"import sys; sys.path.insert(0, {str(ROOT)!r}); from tests.agents.test_forward import digest"
+    program += "\nimport numba\nassert numba.config.DISABLE_JIT\nprint(digest())"
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", program],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.stdout.strip() == digest(), done.stderr
+
+
+IDLE = """
+import sys
+sys.path.insert(0, {root!r})
+import os
+from pathlib import Path
+from tests.agents.test_forward import decisions
+policy, observation = decisions("ppo", 20)
+def worked():
+    return {{task.name: int((task / "schedstat").read_text().split()[0]) for task in Path("/proc/self/task").iterdir()}}
+policy.output(observation)
+before = worked()
+for _ in range(50):
+    policy.output(observation)
+print(sum(spent - before.get(task, 0) for task, spent in worked().items() if task != str(os.getpid())))
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="no account of each thread's time here")
+def test_no_other_thread_works_for_a_decision() -> None:
+    threads = {"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", IDLE.format(root=str(ROOT))],
+        env=os.environ | threads, cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) == 0  # nanoseconds on a core

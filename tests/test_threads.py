@@ -1,0 +1,131 @@
+"""Parts done side by side: each once, on several threads, whatever becomes of the helpers."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from warehouse_env import threads
+from warehouse_env.errors import ConfigError
+from warehouse_env.threads import get_num_threads, set_num_threads, side_by_side
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(autouse=True)
+def three_threads() -> Iterator[None]:
+    before = get_num_threads()
+    set_num_threads(3)
+    yield
+    set_num_threads(before)
+
+
+def test_every_part_is_done_once() -> None:
+    done: list[int] = []
+
+    def call(part: int) -> int:
+        done.append(part)
+        return part * part
+
+    for count in (1, 2, 50):
+        done.clear()
+        results = side_by_side(call, [(part,) for part in range(count)])
+        assert sorted(results) == [part * part for part in range(count)]
+        assert sorted(done) == list(range(count))
+
+
+def test_parts_run_at_the_same_time() -> None:
+    meet = threading.Barrier(3, timeout=60)  # broken unless three threads are in it at once
+    assert len(set(side_by_side(lambda _: meet.wait() and threading.get_ident(), [(k,) for k in range(3)]))) == 3
+
+
+def test_one_thread_is_the_callers_own() -> None:
+    set_num_threads(1)
+    here = threading.get_ident()
+    assert side_by_side(lambda _: threading.get_ident(), [(k,) for k in range(5)]) == [here] * 5
+
+
+def test_an_error_comes_when_all_parts_are_over() -> None:
+    over: list[int] = []
+
+    def call(part: int) -> None:
+        over.append(part)
+        if part == 1:
+            raise ValueError("part 1")
+
+    with pytest.raises(ValueError, match="part 1"):
+        side_by_side(call, [(part,) for part in range(9)])
+    assert sorted(over) == list(range(9))
+
+
+def test_helpers_that_get_no_core_hold_nobody_up() -> None:
+    side_by_side(time.sleep, [(0.01,)] * 2)
+    release = threading.Event()
+    try:
+        for _ in threads._helpers:
+            threads._jobs.put(lambda: release.wait(60) and None)
+        here = threading.get_ident()
+        assert side_by_side(lambda _: threading.get_ident(), [(k,) for k in range(9)]) == [here] * 9
+    finally:
+        release.set()
+
+
+def test_each_thread_has_its_own_number() -> None:
+    with ThreadPoolExecutor(1, initializer=set_num_threads, initargs=(7,)) as other:
+        assert other.submit(get_num_threads).result() == 7
+    assert get_num_threads() == 3
+    with pytest.raises(ConfigError, match="threads=0"):
+        set_num_threads(0)
+
+
+TORCH_ALONE = """
+import torch
+torch.set_num_threads(1)
+from warehouse_env import Simulator, EnvConfig
+simulator = Simulator(EnvConfig(num_agents=4, layout="open", planner="astar"), 64)
+simulator.reset(0)
+assert simulator._many()
+simulator.step([[0] * 4] * 64)
+print(torch.get_num_threads())
+"""
+
+
+def test_torch_keeps_its_number_of_threads() -> None:
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", TORCH_ALONE],
+        cwd=ROOT, capture_output=True, text=True, check=False, timeout=300,
+    )  # fmt: skip
+    assert done.stdout.strip() == "1", done.stderr
+
+
+FORKED = """
+import os, sys
+sys.path.insert(0, {root!r})
+from warehouse_env.threads import set_num_threads
+set_num_threads(2)
+from tests.simulation.test_determinism import ACTION_TYPES, MAP, drawn, run
+def digests():
+    return run(64, 5, 4, "raw", drawn(MAP))
+here = digests()
+child = os.fork()
+if child == 0:
+    os._exit(0 if digests() == here else 3)
+print(os.waitpid(child, 0)[1], flush=True)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_a_forked_process_steps_on() -> None:
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", FORKED.format(root=str(ROOT))],
+        cwd=ROOT, capture_output=True, text=True, check=False, timeout=300,
+    )  # fmt: skip
+    assert done.stdout.strip() == "0", done.stderr

@@ -1,0 +1,99 @@
+"""How many threads we use, and those that step many worlds: they sleep until there is a part to do.
+
+OpenMP's and a BLAS's threads spin for milliseconds after each piece of work, in case another one follows. Where two
+libraries' threads share the cores, or a machine has other work, each then waits for what the other one's spinning
+keeps from a core. So the step enters no parallel region of Numba's; any thread may do any part, and the calling
+thread does all that no other has taken up, so that it never waits for one that did not get a core. Nor do we ask
+Numba for its number of threads: that alone starts them, and sets torch's number anew where both use one OpenMP.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Callable, Sequence
+from queue import SimpleQueue
+from threading import Lock, Thread, local
+from typing import Any, TypeVar
+
+import numba
+
+from warehouse_env.errors import ConfigError
+
+MOST_THREADS = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]  # the cores, or as the environment says
+T = TypeVar("T")
+
+_jobs: SimpleQueue[Callable[[], None]] = SimpleQueue()
+_helpers: list[Thread] = []
+_lock = Lock()
+_allowed = local()
+
+
+def set_num_threads(threads: int) -> None:
+    """Use so many threads for what the calling thread asks for: steps of many worlds, and plans. First: all cores."""
+    if threads < 1:
+        raise ConfigError(f"threads={threads} must be at least 1")
+    _allowed.threads = threads
+
+
+def get_num_threads() -> int:
+    """Return how many threads may be used for what the calling thread asks for."""
+    return getattr(_allowed, "threads", MOST_THREADS)
+
+
+def side_by_side(call: Callable[..., T], parts: Sequence[Sequence[Any]]) -> list[T]:
+    """Return `call(*part)` for all parts, in any order, done on as many threads as may be used.
+
+    `call` must let go of the interpreter's lock (a kernel does). The first exception of a part is raised again, after
+    all parts are over.
+    """
+    if len(parts) == 1:
+        return [call(*parts[0])]
+    waiting = deque(parts)
+    done: SimpleQueue[tuple[T | None, BaseException | None]] = SimpleQueue()
+
+    def work() -> None:
+        while True:
+            try:
+                part = waiting.popleft()
+            except IndexError:
+                return
+            try:
+                done.put((call(*part), None))
+            except BaseException as error:
+                done.put((None, error))
+
+    helpers = min(get_num_threads(), len(parts)) - 1
+    _wake(helpers)
+    for _ in range(helpers):
+        _jobs.put(work)
+    work()
+    results = [done.get() for _ in parts]
+    for _, error in results:
+        if error is not None:
+            raise error
+    return [result for result, _ in results]  # type: ignore[misc]
+
+
+def _wake(helpers: int) -> None:
+    """Have at least so many helpers; they live as long as the process."""
+    while len(_helpers) < helpers:
+        with _lock:
+            if len(_helpers) < helpers:
+                _helpers.append(Thread(target=_help, name="warehouse step", daemon=True))
+                _helpers[-1].start()
+
+
+def _help() -> None:
+    while True:
+        _jobs.get()()
+
+
+def _forget() -> None:
+    """In a forked process: it has none of its parent's threads, nor their work."""
+    global _jobs, _lock
+    _jobs, _lock = SimpleQueue(), Lock()
+    _helpers.clear()
+
+
+os.register_at_fork(after_in_child=_forget)
