@@ -25,6 +25,7 @@ class Measure(NamedTuple):
     better: which direction is good; "neither" for what only describes (a standard deviation, the optimum).
     factor: what the samples are multiplied by to be shown, 100 where they are shares.
     single: True where a task gives one sample, so that one map alone has no interval.
+    clock: True for times: their figures, and the verdicts on them, differ from machine to machine.
     """
 
     heading: str
@@ -33,6 +34,7 @@ class Measure(NamedTuple):
     factor: float = 1.0
     digits: int = 4
     single: bool = False
+    clock: bool = False
 
 
 def _each(field: str) -> Samples:
@@ -104,7 +106,7 @@ MEASURES: dict[str, Measure] = {
     "converged_last": Measure("latest", _over("converged_at", max), digits=3, single=True),
     "converged_sd": Measure("st. dev. of it", _over("converged_at", _deviation), digits=3, single=True),
     "iterations": Measure("iterations", _each("iterations"), digits=3),
-    "ms": Measure("median ms", _over("cpu_ms", statistics.median), digits=3, single=True),
+    "ms": Measure("median ms", _over("cpu_ms", statistics.median), digits=3, single=True, clock=True),
     "line_length": Measure("smoothed length", _each("line_length")),
     "best_line_length": Measure("best smoothed length", _over("line_length", min), single=True),
     "worst_line_length": Measure("longest smoothed", _over("line_length", max), single=True),

@@ -145,7 +145,7 @@ def _markdown(table: Table) -> str:
 
 
 def _claims(verdicts: Sequence[tuple[Claim, Verdict]]) -> str:
-    lines = [f"| **{verdict.word}** | {claim.text} | {verdict.why} |" for claim, verdict in verdicts]
+    lines = [f"| {verdict.shown} | {claim.text} | {verdict.why} |" for claim, verdict in verdicts]
     return "\n".join(["| verdict | claim | ours |", "| --- | --- | --- |", *lines]) + "\n"
 
 
@@ -183,7 +183,7 @@ def _index(written: Sequence[Written]) -> str:
         parts += ["## The papers' claims\n", f"{verdict_counts(verdicts)} {RULE}\n"]
         parts.append("| table | claim | verdict |\n| --- | --- | --- |")
         parts += [
-            f"| [{one.study.name}]({one.study.name}.md) | {claim.text} | **{verdict.word}** |"
+            f"| [{one.study.name}]({one.study.name}.md) | {claim.text} | {verdict.shown} |"
             for one in written
             for claim, verdict in one.verdicts
         ]

@@ -70,10 +70,19 @@ class Published(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """What became of a claim, and the figures behind it."""
+    """What became of a claim, and the figures behind it.
+
+    by_clock: it rests on times, so another machine may judge otherwise; such verdicts are shown, but not counted.
+    """
 
     word: Word
     why: str
+    by_clock: bool = False
+
+    @property
+    def shown(self) -> str:
+        """The word as it stands on a page, in Markdown."""
+        return f"**{self.word}**" + (", by this machine's clock" if self.by_clock else "")
 
 
 @dataclass(frozen=True)
@@ -82,7 +91,7 @@ class Claim:
 
     by: relative to `other` (-0.14: 14% less); for a share, a difference of shares (0.5: 50 points more).
     settings: names of the settings that it is claimed for; all if empty. `check` replaces the general rule where a
-    claim has another form; `measure`, `ours` and `other` are then unused.
+    claim has another form, and reads no times; `measure`, `ours` and `other` are then unused.
     """
 
     text: str

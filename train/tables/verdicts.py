@@ -20,7 +20,8 @@ RULE = (
     "best, longest and standard deviation of one map). It **holds** if in every setting the difference has the claimed "
     "sign, its interval is clear of zero and reaches the claimed size; it **holds in part** if in at least one setting "
     "the sign is right and the interval clear of zero; otherwise it **does not hold**. Lengths and turns are those of "
-    "the runs that found a path."
+    "the runs that found a path. Verdicts on milliseconds rest on the clock of the machine that ran them and may "
+    "differ on another: they are marked and **not counted**, so that the totals are the same everywhere."
 )
 
 
@@ -40,12 +41,12 @@ def judge(figures: Figures, claim: Claim) -> Verdict:
         return claim.check(figures)
     settings = claim.settings or figures.settings
     judged = [one for one in (_judge(figures, claim, setting) for setting in settings) if one is not None]
-    why = "; ".join(one.text for one in judged)
+    why, by_clock = "; ".join(one.text for one in judged), MEASURES[claim.measure].clock
     if not judged or all(not math.isfinite(one.relative.mean) for one in judged):
-        return Verdict(OPEN, why or "nothing was run for it")
+        return Verdict(OPEN, why or "nothing was run for it", by_clock)
     if all(one.clear and one.reaches for one in judged):
-        return Verdict(HOLDS, why)
-    return Verdict(IN_PART if any(one.clear for one in judged) else FAILS, why)
+        return Verdict(HOLDS, why, by_clock)
+    return Verdict(IN_PART if any(one.clear for one in judged) else FAILS, why, by_clock)
 
 
 def _judge(figures: Figures, claim: Claim, setting: str) -> Judged | None:
@@ -71,12 +72,12 @@ def _judge(figures: Figures, claim: Claim, setting: str) -> Judged | None:
 
 
 def reaches_print(figures: Figures, published: Sequence[Published], ours: str) -> Verdict:
-    """Return whether our figures are at or better than every printed one beside `ours`; names the others."""
+    """Return whether our figures are at or better than every printed one beside `ours`, but times; names the others."""
     worse, told = [], 0
     for printed in published:
         figure = figures.figure(printed.setting, ours, printed.measure)
         measure = MEASURES[printed.measure]
-        if printed.ours != ours or measure.better == "neither" or not math.isfinite(figure.mean):
+        if printed.ours != ours or measure.clock or measure.better == "neither" or not math.isfinite(figure.mean):
             continue
         told += 1
         sign = -1.0 if measure.better == "more" else 1.0

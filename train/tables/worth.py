@@ -11,7 +11,7 @@ import numpy as np
 from train.reporting.report import number
 from train.tables.all_planners import family
 from train.tables.figures import Figures
-from train.tables.study import FAILS, HOLDS, IN_PART, Study, Verdict
+from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Study, Verdict
 
 _LEAST = 1e-9  # difference of gaps or turns that counts as one
 _NEGLIGIBLE = 0.5  # [%] mean excess over the shortest length that a driver would not notice; also of turns
@@ -120,9 +120,11 @@ def _names(items: Sequence[Summary]) -> str:
 
 
 def verdict_counts(verdicts: Sequence[Verdict]) -> str:
-    """Return how many claims hold, hold in part and do not, in a sentence."""
-    counts = Counter(verdict.word for verdict in verdicts)
+    """Return how many claims hold, hold in part and do not, in a sentence; those that rest on the clock are apart."""
+    counts = Counter(verdict.word for verdict in verdicts if not verdict.by_clock)
     told = [counts[word] for word in (HOLDS, IN_PART, FAILS)]
-    rest = len(verdicts) - sum(told)
-    more = f"; {rest} cannot be told" if rest else ""
-    return f"Of {len(verdicts)} claims {told[0]} hold, {told[1]} hold in part and {told[2]} do not hold{more}."
+    counted = counts.total()
+    more = f"; {counts[OPEN]} cannot be told" if counts[OPEN] else ""
+    apart = len(verdicts) - counted
+    clock = f" Judged apart by this machine's clock, not counted: {apart}." if apart else ""
+    return f"Of {counted} claims {told[0]} hold, {told[1]} hold in part and {told[2]} do not hold{more}.{clock}"

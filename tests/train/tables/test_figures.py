@@ -130,6 +130,15 @@ def test_maps_are_compared_in_pairs() -> None:
     assert known.relative("open", "ants", "dijkstra", "mean").mean == pytest.approx(-1 / 25)
 
 
+def test_a_verdict_on_milliseconds_says_that_it_rests_on_the_clock() -> None:
+    rows = [
+        row("open", system, 10.0, run, cpu_ms=ms) for system, ms in (("ants", 3.0), ("dijkstra", 4.0)) for run in (0, 1)
+    ]
+    assert judge(figures(*rows), claim(measure="ms")) == ("holds", "open: 3 against 4, -25.0%", True)
+    assert judge(figures(*rows), claim(measure="turns")) == ("does not hold", "open: 3 against 3, +0.0%", False)
+    assert judge(figures(), claim(measure="ms")) == ("cannot be told", "nothing was run for it", True)
+
+
 def test_verdict_names_figures_and_failures() -> None:
     why = judge(figures(*runs("ants", [8.0, 8.0]), *runs("dijkstra", [10.0, None])), claim()).why
     assert why == "open: 8 against 10 (found 50%), -20.0%"
@@ -144,6 +153,7 @@ def test_no_claim_and_its_opposite_both_hold(ours: list[float | None], other: li
 def test_printed_figures_reached_or_named() -> None:
     printed = (Published("open", "theirs", "mean", 10.0, "ants"), Published("open", "theirs", "turns", 2, "ants"))
     printed = (*printed, Published("open", "theirs", "mean", 1.0))  # beside none of ours
+    printed = (*printed, Published("open", "theirs", "ms", 0.1, "ants"))  # of another machine's clock
     known = figures(*runs("ants", [9.0, 10.99]))
     found = judge(known, Claim("reached", check=partial(reaches_print, published=printed, ours="ants")))
     assert found.word == "holds in part"

@@ -15,7 +15,8 @@ from train.tables.all_planners import family
 from train.tables.figures import Figures
 from train.tables.page import study_table, write_pages
 from train.tables.pictures import points_of, study_pictures
-from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Study, System, Verdict
+from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Claim, Study, System, Verdict
+from train.tables.verdicts import judge
 from train.tables.worth import summaries, verdict_counts, worth_using
 from warehouse_env.planning import PLANNERS
 
@@ -71,6 +72,33 @@ def test_count_of_verdicts() -> None:
     words = (HOLDS, HOLDS, IN_PART, FAILS, OPEN)
     text = verdict_counts([Verdict(word, "") for word in words])
     assert text == "Of 5 claims 2 hold, 1 hold in part and 1 do not hold; 1 cannot be told."
+
+
+def test_claims_on_milliseconds_are_counted_apart() -> None:
+    """The totals of a quick and of a slow machine are the same, whatever becomes of the claim on time."""
+    claims = (Claim("shorter", "ants", "dijkstra", "mean"), Claim("quicker", "ants", "dijkstra", "ms"))
+
+    def judged(ms: float) -> list[Verdict]:
+        rows = [row("open", "ants", 9.0, cpu_ms=ms), row("open", "dijkstra", 10.0, cpu_ms=2.0)]
+        return [judge(Figures(STUDY.name, rows), claim) for claim in claims]
+
+    quick, slow = judged(1.0), judged(3.0)
+    assert [[verdict.word for verdict in verdicts] for verdicts in (quick, slow)] == [[HOLDS, HOLDS], [HOLDS, FAILS]]
+    assert verdict_counts(quick) == verdict_counts(slow)
+    assert verdict_counts(quick) == (
+        "Of 1 claims 1 hold, 0 hold in part and 0 do not hold. Judged apart by this machine's clock, not counted: 1."
+    )
+
+
+def test_a_verdict_by_the_clock_is_marked_on_the_pages(tmp_path: Path) -> None:
+    timed = dataclasses.replace(STUDY, claims=(Claim("quicker", "ants", "dijkstra", "ms"), *STUDY.claims))
+    rows = [row("open", "ants", 10.0, cpu_ms=1.0), row("open", "dijkstra", 10.0, cpu_ms=2.0)]
+    write_pages([timed], rows, [], tmp_path, pictures=False, processes=1)
+    page, index = (tmp_path / "toy.md").read_text(), (tmp_path / "README.md").read_text()
+    assert "| **holds**, by this machine's clock | quicker | open: 1 against 2, -50.0% |" in page
+    assert "| quicker | **holds**, by this machine's clock |" in index
+    assert "| ants are as good | **does not hold** |" in index
+    assert "Of 1 claims 0 hold, 0 hold in part and 1 do not hold. Judged apart" in index
 
 
 def test_table_puts_print_beside_ours() -> None:

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
+import numpy as np
 import pytest
 
+from tests.train.tables.toy import row
 from train.tables.catalogue import MODULES, chosen, settings_of
+from train.tables.figures import Figures
 from train.tables.maps import clutter, clutter_task, drawn_map
-from train.tables.study import Study
+from train.tables.study import FAILS, HOLDS, Study, Verdict
+from train.tables.verdicts import judge
 from warehouse_env.errors import ConfigError
 
 EVERY = chosen((), ())
@@ -30,6 +35,34 @@ def test_study(module: str, study: Study) -> None:
             assert math.isfinite(float(task.grid.distance_to(task.goal)[task.start]))
     for system in study.systems:
         assert system.make().name == system.planner
+
+
+def verdicts_at(speeds: Sequence[float], module: str, study: Study) -> list[Verdict]:
+    """The verdicts on made-up runs of a study, where each system takes its own milliseconds."""
+    rng = np.random.default_rng(0)
+    rows = [
+        row(setting, system.label, rng.uniform(10, 12), run, number, study=study.name, turn_angle=90.0, clearance=1.0,
+            gap=rng.choice([0.0, 0.1]), turns=int(rng.integers(3, 9)), converged_at=int(rng.integers(1, 9)),
+            cpu_ms=speed * rng.uniform(1, 1.01))
+        for setting in settings_of(module, study.name)
+        for system, speed in zip(study.systems, speeds, strict=True)
+        for number in range(2)
+        for run in range(3)
+    ]  # fmt: skip
+    return [judge(Figures(study.name, rows), claim) for claim in study.claims]
+
+
+def test_only_verdicts_that_are_not_counted_differ_between_machines() -> None:
+    """Every claim of the papers, judged where the first systems are the quick ones and where they are the slow ones."""
+    apart = []
+    for module, study in EVERY:
+        speeds = np.geomspace(1.0, 1000.0, len(study.systems)).tolist()
+        for one, other in zip(
+            verdicts_at(speeds, module, study), verdicts_at(speeds[::-1], module, study), strict=True
+        ):
+            assert one == other or (one.by_clock and other.by_clock)
+            apart += [(one.word, other.word)] if one.by_clock else []
+    assert apart == [(HOLDS, FAILS)] * 6
 
 
 def test_names_of_studies_are_unique() -> None:
