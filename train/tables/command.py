@@ -56,8 +56,9 @@ class Tables(Checked):
 
     def run(self) -> None:
         """Run what is missing, then write tables, verdicts and pictures."""
-        if not all(1 <= count <= MOST for count in (self.pairs, 1 if self.runs is None else self.runs)):
-            raise ConfigError(f"--runs {self.runs} and --pairs {self.pairs} must lie in 1..{MOST:,}")
+        for option, count in (("--runs", self.runs), ("--pairs", self.pairs)):
+            if count is not None and not 1 <= count <= MOST:
+                raise ConfigError(f"{option} {count} must lie in 1..{MOST:,}")
         if self.seed < 0 or self.processes < 1:
             raise ConfigError(f"--seed {self.seed} must be at least 0 and --processes {self.processes} at least 1")
         if self.benchmark and self.traffic:

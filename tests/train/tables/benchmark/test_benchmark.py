@@ -263,7 +263,7 @@ def test_two_processes_give_the_same_rows(tmp_path: Path, small_map: str) -> Non
         (("--maps", "no.map"), "no.map does not exist"),
         (("--planner", "asta"), "did you mean astar"),
         (("--planner", "pf_aco:ant=3"), "did you mean ants"),
-        (("--pairs", "0"), "--pairs 0 must be at least 1"),
+        (("--pairs", "0"), "--pairs 0 must lie in 1..1,000,000"),
     ],
 )
 def test_wrong_options(options: tuple[str, ...], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
