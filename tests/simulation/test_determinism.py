@@ -239,8 +239,8 @@ def test_buckets_change_nothing(action_type: Any, robots: int, monkeypatch: pyte
         # off the cells' centres, where equally near neighbours are common and may come in either order
         pair[-1].robots["x"] += np.random.default_rng(0).uniform(0, 0.02, (2, robots))
         pair[-1]._observe()
-    assert pair[0]._starts[0].size > 10
-    assert pair[1]._starts[0].size == 3
+    assert pair[0]._params["bucket_rows"][0] > 3
+    assert pair[1]._params["bucket_rows"][0] == 1
     for actions in actions_for(action_type, 150, 2, robots):
         assert bits(pair[0]) == bits(pair[1])
         for one in pair:

@@ -111,15 +111,13 @@ class Simulator(Portable):
         reach = float(p["pair_range"][0])
         area = math.pi * (reach + float(p["radius"][0])) ** 2 / (self.config.robot.length * self.config.robot.width)
         most = min(n * (n - 1) // 2, n * (math.ceil(area) // 2 + 1))
-        self._pairs = np.zeros((b, max(most, 1), 3), dtype=np.int32)
+        p["most_pairs"] = max(most, 1)
         self._stamps = np.zeros((b, n, n), dtype=np.int32)
         rows, columns = self.grid.shape
         size = self.grid.cell_size
         look = max(self.config.sensor.lidar_range + float(p["radius"][0]), 2 * reach)
         bucket_rows, bucket_columns, side = bucket_grid(n, columns * size, rows * size, look)
         p["bucket_rows"], p["bucket_columns"], p["bucket"] = bucket_rows, bucket_columns, side
-        self._starts = np.zeros((b, bucket_rows * bucket_columns + 2), dtype=np.int32)
-        self._order = np.zeros((b, n), dtype=np.int32)
         self._waiting = np.zeros(b, dtype=np.int32)
         share = max(math.ceil(b / (_PARTS * MOST_THREADS)), math.ceil(_PART / n))
         self._parts = [(first, min(first + share, b)) for first in range(0, b, share)]
@@ -138,12 +136,12 @@ class Simulator(Portable):
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
         self._step_arguments = (
-            self.robots, self.routes, self._commands, self._stamps, self._pairs, self._order, self._starts,
-            self.steps, self.truncated, self.terminated, self._waiting, self._params,
+            self.robots, self.routes, self._commands, self._stamps, self.steps, self.truncated, self.terminated,
+            self._waiting, self._params,
             self._floor.solid, self._floor.clearance, *seen,
         )  # fmt: skip
         self._observe_arguments = (
-            self.robots, self.routes, self._order, self._starts, self._waiting, self._params, *seen,
+            self.robots, self.routes, self._waiting, self._params, *seen,
         )  # fmt: skip
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:

@@ -54,7 +54,7 @@ PARAMETERS = np.dtype(
         ("arrival_radius", F), ("near_miss_gap", F), ("pair_range", F), ("stride", F),
         ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
         ("predictions", B),
-        ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator, as the floor asks for
+        ("most_pairs", I), ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator
         ("action_type", I), ("one_shot", B), ("collision_ends", B), ("max_steps", np.int64),
     ],
     align=True,

@@ -97,11 +97,33 @@ def _total(r, p):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _advance_world(robots, routes, commands, stamps, pairs, order, starts, bodies, clock, p, solid, clearance):  # type: ignore[no-untyped-def]
+def _places(count, p):  # type: ignore[no-untyped-def]
+    """Return scratch for buckets.sort: order int32[N], starts int32[buckets + 2] and bodies float32[BODY, N]."""
+    starts = np.empty(p["bucket_rows"] * p["bucket_columns"] + 2, np.int32)
+    return np.empty(count, np.int32), starts, np.empty((buckets.BODY, count), np.float32)
+
+
+@inline
+def _motions(count, p):  # type: ignore[no-untyped-def]
+    """Return scratch of contact.py: pairs int32[P, 3], motion float32[MOTION, N] and flags int32[FLAGS, N]."""
+    pairs = np.empty((p["most_pairs"], 3), np.int32)
+    return pairs, np.empty((contact.MOTION, count), np.float32), np.empty((contact.FLAGS, count), np.int32)
+
+
+@inline
+def _sights(p):  # type: ignore[no-untyped-def]
+    """Return scratch of sensing.py and prediction.py: turned float32[TURNED, R], legs and path."""
+    turned = np.empty((sensing.TURNED, p["rays"]), np.float32)
+    legs = np.empty((prediction.LEGS, p["route_points"]), np.float32)
+    return turned, legs, np.empty((prediction.PATH, prediction.SAMPLES), np.float32)
+
+
+@inline
+def _advance_world(robots, routes, commands, stamps, places, motions, clock, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Advance one world by one env step; return the number of arrivals."""
+    order, starts, bodies = places
+    pairs, motion, flags = motions
     arrivals, count = 0, robots.shape[0]
-    motion = np.empty((contact.MOTION, count), np.float32)
-    flags = np.empty((contact.FLAGS, count), np.int32)
     for i in range(count):
         _begin(robots[i])
     for repeat in range(p["repeat"]):
@@ -127,16 +149,15 @@ def _advance_world(robots, routes, commands, stamps, pairs, order, starts, bodie
 
 @inline
 def _observe_world(  # type: ignore[no-untyped-def]
-    robots, routes, order, starts, bodies, p, rays, table, weights, edges, seen, first, out, terms, reward
+    robots, routes, places, sights, p, rays, table, weights, edges, seen, first, out, terms, reward
 ):
     """Write observations, reward terms and rewards of one world."""
+    order, starts, bodies = places
+    turned, legs, path = sights
     ego = p["rays"]
     route = ego + EGO
     near = route + 2 * p["route_points"]
     buckets.sort(robots, p, starts, order, bodies)
-    turned = np.empty((sensing.TURNED, p["rays"]), np.float32)
-    legs = np.empty((prediction.LEGS, p["route_points"]), np.float32)
-    path = np.empty((prediction.PATH, prediction.SAMPLES), np.float32)
     for n in range(robots.shape[0]):
         i = order[n]
         r = robots[i]
@@ -167,31 +188,30 @@ def _count_step(robots, steps, b, truncated, terminated, p):  # type: ignore[no-
 
 @kernel
 def step(  # type: ignore[no-untyped-def]
-    begin, end, robots, routes, commands, stamps, pairs, order, starts, steps, truncated, terminated, waiting, params,
-    solid, clearance, rays, table, weights, edges, seen, first, out, terms, reward,
+    begin, end, robots, routes, commands, stamps, steps, truncated, terminated, waiting, params, solid, clearance,
+    rays, table, weights, edges, seen, first, out, terms, reward,
 ):  # fmt: skip
     """Step the worlds from `begin` to before `end`; return the number of arrivals. Leading axis of the arrays: world.
 
     robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; commands float32[B, N, 2]: speed [m/s] and offset [m], or raw
-    acceleration and steering rate; stamps int32[B, N, N]; pairs int32[B, P, 3], order int32[B, N] and starts int32[B,
-    buckets + 2] are scratch; steps int64[B] since the reset, truncated bool[B], terminated bool[B, N]; waiting
-    int32[B]: the arrivals of each world, whose observation waits until the Simulator has given out new tasks; rays,
-    table, weights, edges, seen, first: see the Simulator; out: observations float32[B, N, D]; terms float32[B, N, T];
-    reward float32[B, N].
+    acceleration and steering rate; stamps int32[B, N, N]; steps int64[B] since the reset, truncated bool[B],
+    terminated bool[B, N]; waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator
+    has given out new tasks; rays, table, weights, edges, seen, first: see the Simulator; out: observations float32[B,
+    N, D]; terms float32[B, N, T]; reward float32[B, N].
     """
     p = params[0]
-    arrivals = 0
-    bodies = np.empty((buckets.BODY, robots.shape[1]), np.float32)
+    arrivals, count = 0, robots.shape[1]
+    places, motions, sights = _places(count, p), _motions(count, p), _sights(p)
     for b in range(begin, end):
+        clock = steps[b] * p["repeat"] + 1
         waiting[b] = _advance_world(
-            robots[b], routes[b], commands[b], stamps[b], pairs[b], order[b], starts[b], bodies,
-            steps[b] * p["repeat"] + 1, p, solid, clearance,
-        )  # fmt: skip
+            robots[b], routes[b], commands[b], stamps[b], places, motions, clock, p, solid, clearance
+        )
         _count_step(robots[b], steps, b, truncated, terminated, p)
         arrivals += waiting[b]
         if waiting[b] == 0:
             _observe_world(
-                robots[b], routes[b], order[b], starts[b], bodies, p, rays, table, weights, edges, seen, first,
+                robots[b], routes[b], places, sights, p, rays, table, weights, edges, seen, first,
                 out[b], terms[b], reward[b],
             )  # fmt: skip
     return arrivals
@@ -199,14 +219,15 @@ def step(  # type: ignore[no-untyped-def]
 
 @kernel
 def observe(  # type: ignore[no-untyped-def]
-    robots, routes, order, starts, waiting, params, rays, table, weights, edges, seen, first, out, terms, reward
+    robots, routes, waiting, params, rays, table, weights, edges, seen, first, out, terms, reward
 ):
     """Write observations, reward terms and rewards of the worlds that are `waiting`, which then are no more."""
-    bodies = np.empty((buckets.BODY, robots.shape[1]), np.float32)
+    p = params[0]
+    places, sights = _places(robots.shape[1], p), _sights(p)
     for b in range(robots.shape[0]):
         if waiting[b] != 0:
             waiting[b] = 0
             _observe_world(
-                robots[b], routes[b], order[b], starts[b], bodies, params[0], rays, table, weights, edges, seen, first,
+                robots[b], routes[b], places, sights, p, rays, table, weights, edges, seen, first,
                 out[b], terms[b], reward[b],
             )  # fmt: skip
