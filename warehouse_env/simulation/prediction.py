@@ -30,10 +30,12 @@ _DIAGONAL = np.float32(1.4143)  # of a unit square, rounded up
 # its direction (x, y).
 FROM_X, FROM_Y, LEG_X, LEG_Y, ALONG_X, ALONG_Y = range(6)
 LEGS = 6
-# Rows of `path` float32[PATH, SAMPLES], where one speed leads: the time [s], metres driven, the front axle without an
-# offset (x, y), the route's direction there (x, y), and how much of the present lateral offset is left.
-TIME, ALONG, PATH_X, PATH_Y, UNIT_X, UNIT_Y, LEFT = range(7)
-PATH = 7
+# Where in `path` float32[PATH] the SAMPLES values begin that say where one speed leads: the time [s], metres driven,
+# and the same in legs, the front axle without an offset (x, y), the route's direction there (x, y), how much of the
+# present lateral offset is left, and whether the neighbour in question is near. Constants: the compiler sees that none
+# overlap.
+TIME, ALONG, LEGS_PASSED, PATH_X, PATH_Y, UNIT_X, UNIT_Y, LEFT, CLOSE = range(0, 9 * SAMPLES, SAMPLES)
+PATH = 9 * SAMPLES
 
 
 @inline
@@ -69,15 +71,17 @@ def _lay_out_path(v0, speed, p, legs, path):  # type: ignore[no-untyped-def]
     for k in range(SAMPLES):
         t = HORIZON * np.float32(k + 1) / np.float32(SAMPLES)
         along = travel(v0, speed, acceleration, t)
-        s = max(along, ZERO)
-        legs_passed = s / spacing
+        path[TIME + k], path[ALONG + k] = t, along
+        path[LEGS_PASSED + k] = max(along, ZERO) / spacing
+        path[LEFT + k] = max(ZERO, ONE - along / SETTLE)
+    for k in range(SAMPLES):  # apart from the above, which the compiler makes vector instructions of
+        along, legs_passed = path[ALONG + k], path[LEGS_PASSED + k]
         at = min(int(legs_passed), last)
         part = min(legs_passed - np.float32(at), ONE)
-        path[TIME, k], path[ALONG, k] = t, along
-        path[PATH_X, k] = legs[FROM_X, at] + part * legs[LEG_X, at] if along > ZERO else along
-        path[PATH_Y, k] = legs[FROM_Y, at] + part * legs[LEG_Y, at] if along > ZERO else ZERO
-        path[UNIT_X, k], path[UNIT_Y, k] = legs[ALONG_X, at], legs[ALONG_Y, at]
-        path[LEFT, k] = max(ZERO, ONE - along / SETTLE)
+        x, y = legs[FROM_X, at] + part * legs[LEG_X, at], legs[FROM_Y, at] + part * legs[LEG_Y, at]
+        path[PATH_X + k] = x if along > ZERO else along
+        path[PATH_Y + k] = y if along > ZERO else ZERO
+        path[UNIT_X + k], path[UNIT_Y + k] = legs[ALONG_X, at], legs[ALONG_Y, at]
 
 
 @inline
@@ -104,9 +108,9 @@ def _turns_into(ox, oy, oc, os, p):  # type: ignore[no-untyped-def]
 @inline
 def _offset_touches(path, k, lateral, offset, margin, ox, oy, oc, os, p):  # type: ignore[no-untyped-def]
     """Whether the body, on its way from `lateral` to `offset` [m] beside the route, touches the other."""
-    ux, uy, left = path[UNIT_X, k], path[UNIT_Y, k], path[LEFT, k]
+    ux, uy, left = path[UNIT_X + k], path[UNIT_Y + k], path[LEFT + k]
     side = offset + (lateral - offset) * left
-    x, y = path[PATH_X, k] - side * uy, path[PATH_Y, k] + side * ux
+    x, y = path[PATH_X + k] - side * uy, path[PATH_Y + k] + side * ux
     far = p["radius"] + p["radius"] + _DIAGONAL * margin + p["offset"]  # however the body stands about its axle
     gap_x, gap_y = ox - x - p["offset"], oy - y
     if gap_x * gap_x + gap_y * gap_y > far * far:
@@ -121,19 +125,32 @@ def _offset_touches(path, k, lateral, offset, margin, ox, oy, oc, os, p):  # typ
 def _conflicts(row, start, table, at, count, path, k, lateral, turning, ox, oy, oc, os, p):  # type: ignore[no-untyped-def]
     """Enter the conflicts at time k of `count` commands from table[at] on, all of one speed, with one neighbour."""
     share = np.float32(k) / np.float32(SAMPLES)
-    margin = MARGIN + MARGIN_RATE * path[TIME, k]
+    margin = MARGIN + MARGIN_RATE * path[TIME + k]
     for a in range(at, at + count):
         if row[start + a] <= share:  # an earlier one
             continue
         if turning:
             touches = _turns_into(ox, oy, oc, os, p)
-        elif path[ALONG, k] <= ZERO:
-            touches = _touches(path[PATH_X, k], ZERO, ONE, ZERO, margin, ox, oy, oc, os, p)
+        elif path[ALONG + k] <= ZERO:
+            touches = _touches(path[PATH_X + k], ZERO, ONE, ZERO, margin, ox, oy, oc, os, p)
         else:
             offset = table[a, 1] if table[a, 0] > ZERO else ZERO
             touches = _offset_touches(path, k, lateral, offset, margin, ox, oy, oc, os, p)
         if touches:
             row[start + a] = share
+
+
+@inline
+def _mark_close(x, y, vx, vy, bodies, offset, path):  # type: ignore[no-untyped-def]
+    """Mark in `path` when a body, now at (x, y), is within `bodies` [m] and the margin of it; return how often."""
+    count = np.int32(0)
+    for k in range(SAMPLES):
+        reach = bodies + _DIAGONAL * MARGIN_RATE * path[TIME + k]
+        gap_x, gap_y = x + vx * path[TIME + k] - path[PATH_X + k] - offset, y + vy * path[TIME + k] - path[PATH_Y + k]
+        near = gap_x * gap_x + gap_y * gap_y < reach * reach
+        path[CLOSE + k] = ONE if near else ZERO
+        count += np.int32(1) if near else np.int32(0)
+    return count
 
 
 @inline
@@ -148,12 +165,11 @@ def _look(row, start, near, others, table, at, count, path, v0, lateral, turning
         entry = near + j * NEIGHBOUR
         x, vx = row[entry] * p["lidar_range"], row[entry + 4] * p["max_speed"] + v0
         y, vy = row[entry + 1] * p["lidar_range"], row[entry + 5] * p["max_speed"]
+        if not turning and _mark_close(x, y, vx, vy, bodies, p["offset"], path) == 0:
+            continue
         for k in range(SAMPLES):
-            t = path[TIME, k]
-            ox, oy = x + vx * t, y + vy * t
-            reach = bodies + _DIAGONAL * MARGIN_RATE * t
-            gap_x, gap_y = ox - path[PATH_X, k] - p["offset"], oy - path[PATH_Y, k]
-            if turning or gap_x * gap_x + gap_y * gap_y < reach * reach:
+            if turning or path[CLOSE + k] != ZERO:
+                ox, oy = x + vx * path[TIME + k], y + vy * path[TIME + k]
                 oc, os = row[entry + 2], row[entry + 3]
                 _conflicts(row, start, table, at, count, path, k, lateral, turning, ox, oy, oc, os, p)
 

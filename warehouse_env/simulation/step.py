@@ -115,7 +115,7 @@ def _sights(p):  # type: ignore[no-untyped-def]
     """Return scratch of sensing.py and prediction.py: turned float32[TURNED, R], legs and path."""
     turned = np.empty((sensing.TURNED, p["rays"]), np.float32)
     legs = np.empty((prediction.LEGS, p["route_points"]), np.float32)
-    return turned, legs, np.empty((prediction.PATH, prediction.SAMPLES), np.float32)
+    return turned, legs, np.empty(prediction.PATH, np.float32)
 
 
 @inline
