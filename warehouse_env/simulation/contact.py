@@ -17,7 +17,7 @@ from warehouse_env.simulation.geometry import rectangle_gap, rectangles_touch
 from warehouse_env.simulation.kernel import inline
 from warehouse_env.simulation.kinematics import drive
 from warehouse_env.simulation.state import GAP_HORIZON
-from warehouse_env.simulation.trigonometry import ZERO, sin_cos
+from warehouse_env.simulation.trigonometry import ONE, ZERO, sin_cos
 
 _HORIZON = np.float32(GAP_HORIZON)
 NEAR, CONTACT = 1, 2  # status of a pair: near and untouched, in a contact episode; 0 = apart
@@ -27,6 +27,9 @@ NEAR, CONTACT = 1, 2  # status of a pair: near and untouched, in a contact episo
 X, Y, HEADING, COS, SIN, SPEED, STEER, ACCELERATION, STEER_RATE = range(9)
 TRY_X, TRY_Y, TRY_HEADING, TRY_COS, TRY_SIN, ROOM = range(9, 15)
 MOTION = 15
+# `lanes` float32[MOTION x LANES] holds LANES robots of `motion` at constant distances, so that the compiler sees that
+# the rows do not overlap; whether a robot moves stands in place of its room.
+LANES, MOVES = 8, ROOM
 # Rows of `flags` int32[FLAGS, N]: does the tried pose differ from the present one, is it to be put back?
 MOVING, BLOCKED = 0, 1
 FLAGS = 2
@@ -80,25 +83,44 @@ def store(robots, motion):  # type: ignore[no-untyped-def]
 
 
 @inline
-def try_motion(motion, flags, p):  # type: ignore[no-untyped-def]
-    """Move all robots for a substep, on trial: the TRY_ rows; speed and steering change for good."""
+def _drive_lanes(lanes, p):  # type: ignore[no-untyped-def]
+    """Move the robots in `lanes` for a substep, on trial; without branches and calls, so in vector instructions."""
     dt, wheelbase = p["dt"], p["wheelbase"]
     slowest, fastest, lock = p["min_speed"], p["max_speed"], p["max_steer"]
-    for i in range(motion.shape[1]):
-        speed, steer = motion[SPEED, i], motion[STEER, i]
-        next_speed = min(max(speed + motion[ACCELERATION, i] * dt, slowest), fastest)
-        next_steer = min(max(steer + motion[STEER_RATE, i] * dt, -lock), lock)
-        x, y, heading, c, s = motion[X, i], motion[Y, i], motion[HEADING, i], motion[COS, i], motion[SIN, i]
+    for k in range(LANES):
+        speed, steer = lanes[SPEED * LANES + k], lanes[STEER * LANES + k]
+        next_speed = min(max(speed + lanes[ACCELERATION * LANES + k] * dt, slowest), fastest)
+        next_steer = min(max(steer + lanes[STEER_RATE * LANES + k] * dt, -lock), lock)
+        x, y, heading = lanes[X * LANES + k], lanes[Y * LANES + k], lanes[HEADING * LANES + k]
+        c, s = lanes[COS * LANES + k], lanes[SIN * LANES + k]
         to_x, to_y, to_heading = drive(x, y, heading, speed, next_speed, steer, next_steer, wheelbase, dt)
         to_s, to_c = sin_cos(to_heading)
         stands = (speed == ZERO) & (next_speed == ZERO)
-        motion[SPEED, i], motion[STEER, i] = next_speed, next_steer
-        motion[TRY_X, i] = x if stands else to_x
-        motion[TRY_Y, i] = y if stands else to_y
-        motion[TRY_HEADING, i] = heading if stands else to_heading
-        motion[TRY_COS, i] = c if stands else to_c
-        motion[TRY_SIN, i] = s if stands else to_s
-        flags[MOVING, i] = 0 if stands else 1
+        lanes[SPEED * LANES + k] = next_speed
+        lanes[STEER * LANES + k] = next_steer
+        lanes[TRY_X * LANES + k] = x if stands else to_x
+        lanes[TRY_Y * LANES + k] = y if stands else to_y
+        lanes[TRY_HEADING * LANES + k] = heading if stands else to_heading
+        lanes[TRY_COS * LANES + k] = c if stands else to_c
+        lanes[TRY_SIN * LANES + k] = s if stands else to_s
+        lanes[MOVES * LANES + k] = ZERO if stands else ONE
+
+
+@inline
+def try_motion(motion, flags, lanes, p):  # type: ignore[no-untyped-def]
+    """Move all robots for a substep, on trial: the TRY_ rows; speed and steering change for good."""
+    for begin in range(0, motion.shape[1], LANES):
+        count = min(LANES, motion.shape[1] - begin)
+        for row in range(TRY_X):
+            for k in range(count):
+                lanes[row * LANES + k] = motion[row, begin + k]
+        _drive_lanes(lanes, p)
+        for k in range(count):
+            for row in range(SPEED, STEER + 1):
+                motion[row, begin + k] = lanes[row * LANES + k]
+            for row in range(TRY_X, TRY_SIN + 1):
+                motion[row, begin + k] = lanes[row * LANES + k]
+            flags[MOVING, begin + k] = lanes[MOVES * LANES + k] != ZERO
 
 
 @inline

@@ -105,9 +105,9 @@ def _places(count, p):  # type: ignore[no-untyped-def]
 
 @inline
 def _motions(count, p):  # type: ignore[no-untyped-def]
-    """Return scratch of contact.py: pairs int32[P, 3], motion float32[MOTION, N] and flags int32[FLAGS, N]."""
-    pairs = np.empty((p["most_pairs"], 3), np.int32)
-    return pairs, np.empty((contact.MOTION, count), np.float32), np.empty((contact.FLAGS, count), np.int32)
+    """Return scratch of contact.py: pairs int32[P, 3], motion float32[MOTION, N], flags int32[FLAGS, N] and lanes."""
+    pairs, lanes = np.empty((p["most_pairs"], 3), np.int32), np.zeros(contact.MOTION * contact.LANES, np.float32)
+    return pairs, np.empty((contact.MOTION, count), np.float32), np.empty((contact.FLAGS, count), np.int32), lanes
 
 
 @inline
@@ -122,7 +122,7 @@ def _sights(p):  # type: ignore[no-untyped-def]
 def _advance_world(robots, routes, commands, stamps, places, motions, clock, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Advance one world by one env step; return the number of arrivals."""
     order, starts, bodies = places
-    pairs, motion, flags = motions
+    pairs, motion, flags, lanes = motions
     arrivals, count = 0, robots.shape[0]
     for i in range(count):
         _begin(robots[i])
@@ -133,7 +133,7 @@ def _advance_world(robots, routes, commands, stamps, places, motions, clock, p, 
             first, second = _command(robots[i], routes[i], commands[i, 0], commands[i, 1], p, solid, clearance)
             contact.load(robots, i, first, second, p, clearance, motion)
         for _ in range(p["substeps"]):
-            contact.try_motion(motion, flags, p)
+            contact.try_motion(motion, flags, lanes, p)
             contact.keep_off_shelves(robots, motion, flags, p, solid, clearance)
             contact.keep_off_robots(motion, flags, pairs, near, p)
             contact.accept_motion(robots, motion)

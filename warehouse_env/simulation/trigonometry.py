@@ -39,11 +39,12 @@ def sin_cos(angle):  # type: ignore[no-untyped-def]
     q = r * r
     s = r + r * q * (_S3 + q * (_S5 + q * (_S7 + q * _S9)))
     c = ONE + q * (_C2 + q * (_C4 + q * (_C6 + q * _C8)))
-    quadrant = np.int32(k)  # choices, not branches: a loop over many angles becomes vector instructions
+    quadrant = np.int32(k)
     odd = (quadrant & _1) != 0
     sine = c if odd else s
     cosine = s if odd else c
-    return (-sine if (quadrant & _2) != 0 else sine), (-cosine if ((quadrant + _1) & _2) != 0 else cosine)
+    # signs by multiplication: questions about one number become a jump table, which stops vector instructions
+    return sine * np.float32(_1 - (quadrant & _2)), cosine * np.float32(_1 - ((quadrant + _1) & _2))
 
 
 @inline
