@@ -10,6 +10,7 @@ Numba for its number of threads: that alone starts them, and sets torch's number
 from __future__ import annotations
 
 import os
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from queue import SimpleQueue
@@ -45,12 +46,20 @@ def side_by_side(call: Callable[..., T], parts: Sequence[Sequence[Any]]) -> list
     """Return `call(*part)` for all parts, in any order, done on as many threads as may be used.
 
     `call` must let go of the interpreter's lock (a kernel does). The first exception of a part is raised again, after
-    all parts are over.
+    all parts are over; at an interrupt no further part is begun, and it is raised once none is under way.
     """
     if len(parts) == 1:
         return [call(*parts[0])]
     waiting = deque(parts)
     done: SimpleQueue[tuple[T | None, BaseException | None]] = SimpleQueue()
+    inside: list[None] = []  # one for each helper that may have taken a part
+
+    def help_out() -> None:
+        inside.append(None)
+        try:
+            work()
+        finally:
+            inside.pop()
 
     def work() -> None:
         while True:
@@ -65,10 +74,16 @@ def side_by_side(call: Callable[..., T], parts: Sequence[Sequence[Any]]) -> list
 
     helpers = min(get_num_threads(), len(parts)) - 1
     _wake(helpers)
-    for _ in range(helpers):
-        _jobs.put(work)
-    work()
-    results = [done.get() for _ in parts]
+    try:
+        for _ in range(helpers):
+            _jobs.put(help_out)
+        work()
+        results = [done.get() for _ in parts]
+    except BaseException:  # an interrupt: the caller must not get its arrays back while helpers still write to them
+        waiting.clear()
+        while inside:
+            time.sleep(0.001)
+        raise
     for _, error in results:
         if error is not None:
             raise error
