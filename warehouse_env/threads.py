@@ -18,8 +18,9 @@ from threading import Lock, Thread, local
 from typing import Any, TypeVar
 
 import numba
+import numpy as np
 
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, shown
 
 MOST_THREADS = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]  # the cores, or as the environment says
 T = TypeVar("T")
@@ -32,9 +33,9 @@ _allowed = local()
 
 def set_num_threads(threads: int) -> None:
     """Use so many threads for what the calling thread asks for: steps of many worlds, and plans. First: all cores."""
-    if threads < 1:
-        raise ConfigError(f"threads={threads} must be at least 1")
-    _allowed.threads = threads
+    if isinstance(threads, bool) or not isinstance(threads, (int, np.integer)) or threads < 1:
+        raise ConfigError(f"threads={shown(threads)} must be a whole number of at least 1")
+    _allowed.threads = int(threads)
 
 
 def get_num_threads() -> int:
