@@ -139,7 +139,7 @@ def _hide(row, column, edges, near, ways, hidden):  # type: ignore[no-untyped-de
         for k in range(seen + as_far - n - 1):
             w = front[k] if k < seen else near[order[n + 1 + k - seen]]
             face = int(edges[w, 0])
-            sign = 1.0 if face == WEST or face == SOUTH else -1.0
+            sign = 1.0 if face in (WEST, SOUTH) else -1.0
             if _all_cross(
                 row, column, across_x, line, low, high, face < SOUTH, sign, edges[w, 1], edges[w, 2], edges[w, 3]
             ):
@@ -167,8 +167,9 @@ def _lists(solid, cell_edges, edges, reach):  # type: ignore[no-untyped-def]
             first[row, column, 0] = len(seen)
             for along_y in range(2):
                 for k in range(count):
-                    if not hidden[k] and (edges[near[k], 0] in (SOUTH, NORTH)) == (along_y == 1):
-                        seen.append(near[k])
+                    if hidden[k] or (edges[near[k], 0] in (SOUTH, NORTH)) != (along_y == 1):
+                        continue
+                    seen.append(near[k])
                 first[row, column, 1 + along_y] = len(seen)
     return np.array(seen, dtype=np.int32), first
 
