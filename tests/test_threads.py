@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -66,6 +67,26 @@ def test_an_error_comes_when_all_parts_are_over() -> None:
     assert sorted(over) == list(range(9))
 
 
+@pytest.mark.skipif(threading.current_thread() is not threading.main_thread(), reason="only it is interrupted")
+def test_an_interrupt_waits_for_the_parts_under_way() -> None:
+    """Else helpers would go on writing into arrays that the caller already uses for something else."""
+    here, meet, over = threading.get_ident(), threading.Barrier(2, timeout=60), []
+
+    def call(part: int) -> None:
+        if part < 2:
+            meet.wait()
+            if threading.get_ident() != here:
+                time.sleep(0.2)  # until the caller has nothing left to do, and waits
+                signal.pthread_kill(here, signal.SIGINT)
+                time.sleep(0.3)
+        over.append(part)
+
+    set_num_threads(2)
+    with pytest.raises(KeyboardInterrupt):
+        side_by_side(call, [(0,), (1,)])
+    assert sorted(over) == [0, 1]
+
+
 def test_helpers_that_get_no_core_hold_nobody_up() -> None:
     side_by_side(time.sleep, [(0.01,)] * 2)
     release = threading.Event()
@@ -82,8 +103,9 @@ def test_each_thread_has_its_own_number() -> None:
     with ThreadPoolExecutor(1, initializer=set_num_threads, initargs=(7,)) as other:
         assert other.submit(get_num_threads).result() == 7
     assert get_num_threads() == 3
-    with pytest.raises(ConfigError, match="threads=0"):
-        set_num_threads(0)
+    for wrong in (0, -1, 1.5, True, "2", None):
+        with pytest.raises(ConfigError, match="threads="):
+            set_num_threads(wrong)  # type: ignore[arg-type]
 
 
 TORCH_ALONE = """

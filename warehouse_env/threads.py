@@ -10,6 +10,7 @@ Numba for its number of threads: that alone starts them, and sets torch's number
 from __future__ import annotations
 
 import os
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from queue import SimpleQueue
@@ -17,8 +18,9 @@ from threading import Lock, Thread, local
 from typing import Any, TypeVar
 
 import numba
+import numpy as np
 
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, shown
 
 MOST_THREADS = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]  # the cores, or as the environment says
 T = TypeVar("T")
@@ -31,9 +33,9 @@ _allowed = local()
 
 def set_num_threads(threads: int) -> None:
     """Use so many threads for what the calling thread asks for: steps of many worlds, and plans. First: all cores."""
-    if threads < 1:
-        raise ConfigError(f"threads={threads} must be at least 1")
-    _allowed.threads = threads
+    if isinstance(threads, bool) or not isinstance(threads, (int, np.integer)) or threads < 1:
+        raise ConfigError(f"threads={shown(threads)} must be a whole number of at least 1")
+    _allowed.threads = int(threads)
 
 
 def get_num_threads() -> int:
@@ -45,12 +47,20 @@ def side_by_side(call: Callable[..., T], parts: Sequence[Sequence[Any]]) -> list
     """Return `call(*part)` for all parts, in any order, done on as many threads as may be used.
 
     `call` must let go of the interpreter's lock (a kernel does). The first exception of a part is raised again, after
-    all parts are over.
+    all parts are over; at an interrupt no further part is begun, and it is raised once none is under way.
     """
     if len(parts) == 1:
         return [call(*parts[0])]
     waiting = deque(parts)
     done: SimpleQueue[tuple[T | None, BaseException | None]] = SimpleQueue()
+    inside: list[None] = []  # one for each helper that may have taken a part
+
+    def help_out() -> None:
+        inside.append(None)
+        try:
+            work()
+        finally:
+            inside.pop()
 
     def work() -> None:
         while True:
@@ -65,10 +75,16 @@ def side_by_side(call: Callable[..., T], parts: Sequence[Sequence[Any]]) -> list
 
     helpers = min(get_num_threads(), len(parts)) - 1
     _wake(helpers)
-    for _ in range(helpers):
-        _jobs.put(work)
-    work()
-    results = [done.get() for _ in parts]
+    try:
+        for _ in range(helpers):
+            _jobs.put(help_out)
+        work()
+        results = [done.get() for _ in parts]
+    except BaseException:  # an interrupt: the caller must not get its arrays back while helpers still write to them
+        waiting.clear()
+        while inside:
+            time.sleep(0.001)
+        raise
     for _, error in results:
         if error is not None:
             raise error

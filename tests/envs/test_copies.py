@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from tests.simulation.worlds import drawn
 from warehouse_env import EnvConfig, GridMap, Simulator, aec_env, make_planner, parallel_env, single_env, vec_env
-from warehouse_env.planning import PLANNERS, routes
+from warehouse_env.planning import PLANNERS
+from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation import step
 from warehouse_env.traffic.expected import WithCost
 
@@ -230,7 +231,7 @@ def array_paths(thing: Any, path: str = "", seen: set[int] | None = None) -> Ite
     seen = set() if seen is None else seen
     if isinstance(thing, np.ndarray):
         yield path, thing
-    elif id(thing) in seen or isinstance(thing, (GridMap, routes.RouteBook)) or callable(thing):
+    elif id(thing) in seen or isinstance(thing, (GridMap, RouteBook)) or callable(thing):
         return
     else:
         seen.add(id(thing))
@@ -271,7 +272,7 @@ def test_views_in_a_copy_look_at_the_copy(name: str, way: str) -> None:
 def test_a_copy_compiles_nothing_anew(way: str) -> None:
     """Its arrays are of the same kinds to the compiler."""
     original = brought_to("driving", DRIVES["simulator"])
-    kernels = [kernel for kernel in (step.advance, step.observe) if hasattr(kernel, "signatures")]
+    kernels = [kernel for kernel in (step.step, step.observe) if hasattr(kernel, "signatures")]
     before = [len(kernel.signatures) for kernel in kernels]
     twin = WAYS[way](original)
     went_on("driving", DRIVES["simulator"], twin)
@@ -366,19 +367,19 @@ def test_a_copy_goes_on_in_a_process_of_its_own(tmp_path: Path) -> None:
 def slow_plans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> GridMap:
     """A cache of the test's own, which keeps every plan."""
     monkeypatch.setenv("WAREHOUSE_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(routes, "WORTH_KEEPING", 0.0)
+    monkeypatch.setattr("warehouse_env.routes.book.WORTH_KEEPING", 0.0)
     return GRID
 
 
 def test_a_copy_finds_on_disk_what_was_about_to_be_written(slow_plans: GridMap) -> None:
-    book = routes.RouteBook(slow_plans, make_planner("astar"))
+    book = RouteBook(slow_plans, make_planner("astar"))
     expected = book.route((0, 0), (4, 5))
     twin = pickle.loads(pickle.dumps(book))
     assert twin._stored((0, 0), (4, 5)) is not None
     np.testing.assert_array_equal(twin.route((0, 0), (4, 5)), expected)
 
 
-def in_the_child(book: routes.RouteBook, of_parent: Any, answers: Any) -> None:
+def in_the_child(book: RouteBook, of_parent: Any, answers: Any) -> None:
     """Look up the parent's plan, keep one more, and say whether the connection is the child's own."""
     found = book._store.get("of the parent")
     book._store.put("of the child", np.array([[3, 4]]))
@@ -387,7 +388,7 @@ def in_the_child(book: routes.RouteBook, of_parent: Any, answers: Any) -> None:
 
 
 def test_a_connection_is_opened_again_after_a_fork(slow_plans: GridMap) -> None:
-    book = routes.RouteBook(slow_plans, make_planner("astar"))
+    book = RouteBook(slow_plans, make_planner("astar"))
     book._store.put("of the parent", np.array([[1, 2]]))
     book._store.flush()
     of_parent = book._store._database.connection()

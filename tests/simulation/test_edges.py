@@ -101,6 +101,15 @@ def test_what_is_left_out_is_never_missed(seed: int, share: float, cell: float) 
             assert min(around) - 2e-3 <= got[k] <= max(around) + 2e-3
 
 
+def test_a_range_beyond_the_floor_sees_no_more_than_one_across_it() -> None:
+    """Each edge is held against those in front of it, not against all: else this takes minutes."""
+    occupied: NDArray[np.bool_] = np.random.default_rng(0).random((40, 40)) < 0.4
+    grid = GridMap(occupied, name="scattered")
+    across, beyond = floor_of(grid, 60.0).edges, floor_of(grid, 1e6).edges
+    for one, other in zip(across, beyond, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 @pytest.mark.parametrize("cells", [(260, 260)])
 def test_a_large_floor_is_listed_in_reasonable_memory(cells: tuple[int, int]) -> None:
     occupied = np.zeros(cells, dtype=bool)

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from agents import WEIGHTS_FOLDER, make_policy, policy_config
 from tests.odd import changed, damaged, values, works_or_says
-from train import checkpoint
+from train.learning import checkpoint
 from train.reporting.rows import read_rows, whole_rows
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WarehouseError

@@ -142,6 +142,23 @@ def test_a_resumed_run_gives_the_same_bits_as_an_unbroken_one(
     assert all(np.array_equal(whole[name], parts[name]) for name in whole)
 
 
+def test_contacts_go_on_in_worlds_that_are_brought_back() -> None:
+    """A contact episode that lasts is not counted once more, though a first episode began with some age."""
+    config = EnvConfig(num_agents=16, layout="paper46", planner="astar", max_steps=900)
+    worlds, twin = (TrainingWorlds([(config, 3)], [0], 1e6) for _ in range(2))
+    (simulator,), (its,) = worlds.simulators, twin.simulators
+    onwards = np.full(worlds.rows, simulator.cruise_action)
+    for _ in range(250):
+        worlds.step(onwards)
+    assert (simulator.events.touching != 0).any()
+    twin.replay(worlds.history())
+    for _ in range(5):
+        assert its.robots.tobytes() == simulator.robots.tobytes()
+        np.testing.assert_array_equal(its.steps, simulator.steps)
+        worlds.step(onwards)
+        twin.step(onwards)
+
+
 def test_a_finished_run_is_not_overwritten(config: ReinforceConfig) -> None:
     folder = reinforce.train(config)
     before = (folder / "weights.safetensors").read_bytes()

@@ -172,9 +172,10 @@ class TrainingWorlds:
         start = self._blocks[number].start + index * robots
         return slice(start, start + robots)
 
-    def _reset_world(self, world: int) -> None:
+    def _reset_world(self, world: int, age: int = 0) -> None:
         number, index = self._world[world]
         self.simulators[number].reset_world(index, self._world_seed(world))
+        self.simulators[number].steps[index] = age
 
     def _observe(self) -> None:
         for simulator, block in zip(self.simulators, self._blocks, strict=True):
@@ -227,10 +228,9 @@ class TrainingWorlds:
         begun = np.where(self._episode > 0, len(actions) - age, 0)  # the step before which a world was last reset
         for step in range(len(actions) + 1):
             for world in np.flatnonzero(begun == step).tolist():
-                self._reset_world(world)
+                # a first episode begins with some age, on which contacts, too, are dated
+                self._reset_world(world, int(age[world] - (len(actions) - step)))
             if step < len(actions):
                 self._actions.append(actions[step])
                 self._step_simulators(actions[step])
-        for world, (number, index) in enumerate(self._world):
-            self.simulators[number].steps[index] = age[world]  # first episodes are older than their steps
         self._observe()

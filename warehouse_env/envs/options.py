@@ -1,7 +1,8 @@
-"""How every adapter reads its keyword arguments."""
+"""How every adapter makes its Simulators of keyword arguments, and lets them share their routes."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from warehouse_env.config import EnvConfig
@@ -28,3 +29,19 @@ def build_simulator(
     if isinstance(planner, str):
         changes, planner = {**changes, "planner": planner}, None
     return Simulator((config or EnvConfig()).replace(**changes), num_worlds, planner=planner, **parts)
+
+
+def share_routes(simulators: Sequence[Simulator]) -> None:
+    """Let the last simulator use an earlier one's planned routes, where map, planner and lanes are the same."""
+    last = simulators[-1]
+    for other in simulators[:-1]:
+        if _route_key(other) == _route_key(last):
+            last.route_book = other.route_book
+            return
+
+
+def _route_key(simulator: Simulator) -> tuple[object, ...]:
+    """Return what a way-point route depends on besides its ends."""
+    config = simulator.config
+    smooth_for = config.robot if config.smooth_routes else None
+    return simulator.grid.key, simulator.route_book.planner.key, config.keep_right, smooth_for

@@ -14,7 +14,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 from warehouse_env.config import EnvConfig
 from warehouse_env.envs.camera import Camera, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, final_metrics, finished_task
-from warehouse_env.envs.options import build_simulator
+from warehouse_env.envs.options import build_simulator, share_routes
 from warehouse_env.errors import ActionError, ConfigError, shown
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
@@ -253,22 +253,6 @@ def _seed_of_block(seed: int, block: int) -> int:
     return int(np.random.SeedSequence([seed, block]).generate_state(1)[0])
 
 
-def _share_routes(simulators: Sequence[Simulator]) -> None:
-    """Let the last simulator use an earlier one's planned routes, where map, planner and lanes are the same."""
-    last = simulators[-1]
-    for other in simulators[:-1]:
-        if _route_key(other) == _route_key(last):
-            last.route_book = other.route_book
-            return
-
-
-def _route_key(simulator: Simulator) -> tuple[object, ...]:
-    """Return what a way-point route depends on besides its ends."""
-    config = simulator.config
-    smooth_for = config.robot if config.smooth_routes else None
-    return simulator.grid.key, simulator.route_book.planner.key, config.keep_right, smooth_for
-
-
 def vec_env(
     num_worlds: int | Sequence[int] = 1,
     config: EnvConfig | None = None,
@@ -297,5 +281,5 @@ def vec_env(
     simulators: list[Simulator] = []
     for one, count in zip(chosen, counts, strict=True):
         simulators.append(build_simulator(one, changes, num_worlds=count, grid=grid, planner=planner))
-        _share_routes(simulators)
+        share_routes(simulators)
     return WarehouseVecEnv(simulators, render_mode)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.simulation.kernel import kernel
+from warehouse_env.simulation.kernel import inline, kernel
 
 _EXACT = 1e-9  # [cells] rounding of the crossings below
 WEST, EAST, SOUTH, NORTH = 0, 1, 2, 3  # where an edge faces: to its free side
@@ -62,48 +62,48 @@ def _merged(solid, cell_edges):  # type: ignore[no-untyped-def]
     return edges
 
 
-@kernel
-def _all_cross(row, column, edge, wall):  # type: ignore[no-untyped-def]
-    """Whether every line of sight from the cell to `edge` crosses `wall` (both face, line, low, high): it is hidden."""
-    along_x = wall[0] in (WEST, EAST)
-    sign = 1.0 if wall[0] in (WEST, SOUTH) else -1.0  # the wall's far side
-    edge_x = edge[0] in (WEST, EAST)
+@inline
+def _all_cross(row, column, across_x, line, low, high, wall_across_x, sign, wall, wall_low, wall_high):  # type: ignore[no-untyped-def]
+    """Whether every line of sight from the cell to an edge crosses another one, the wall: it is hidden.
+
+    across_x: does it run along x = line? sign: on which side of the wall's line its shelf is.
+    """
     for end in range(2):
-        if edge_x:
-            far_x, far_y = edge[1], edge[2 + end]
-        else:
-            far_x, far_y = edge[2 + end], edge[1]
-        across, beside = (far_x, far_y) if along_x else (far_y, far_x)
-        if sign * (across - wall[1]) < 0.0:
+        far = low if end == 0 else high
+        far_x, far_y = (line, far) if across_x else (far, line)
+        across, beside = (far_x, far_y) if wall_across_x else (far_y, far_x)
+        if sign * (across - wall) < 0.0:
             return False
         for corner in range(4):
             near_x, near_y = float(column + corner % 2), float(row + corner // 2)
-            from_across, from_beside = (near_x, near_y) if along_x else (near_y, near_x)
+            from_across, from_beside = (near_x, near_y) if wall_across_x else (near_y, near_x)
             if across == from_across:
                 return False
-            part = (wall[1] - from_across) / (across - from_across)
-            at = from_beside + part * (beside - from_beside)
-            if at < wall[2] - _EXACT or at > wall[3] + _EXACT:
+            at = from_beside + (wall - from_across) / (across - from_across) * (beside - from_beside)
+            if at < wall_low - _EXACT or at > wall_high + _EXACT:
                 return False
     return True
 
 
 @kernel
-def _in_range(row, column, edge, reach):  # type: ignore[no-untyped-def]
-    """Whether an edge faces the cell, and comes within `reach` of it [cells]."""
+def _squared_way(row, column, edge):  # type: ignore[no-untyped-def]
+    """Return the squared distance from the cell to an edge [cells^2], infinite if it does not face the cell."""
     face, line, low, high = int(edge[0]), edge[1], edge[2], edge[3]
     across, beside = (column, row) if face in (WEST, EAST) else (row, column)
     away = line - (across + 1) if face in (WEST, SOUTH) else across - line
     aside = max(max(low - (beside + 1), beside - high), 0.0)
-    return away >= 0.0 and away * away + aside * aside <= reach * reach
+    return away * away + aside * aside if away >= 0.0 else np.inf
 
 
 @kernel
-def _candidates(row, column, solid, cell_edges, edges, reach, marks, out):  # type: ignore[no-untyped-def]
-    """Write the edges that face a cell within range, each once; return their number. marks int32[K]: by whom seen."""
+def _candidates(row, column, solid, cell_edges, edges, reach, marks, out, ways):  # type: ignore[no-untyped-def]
+    """Write the edges that face a cell within `reach` [cells], each once, and their squared ways; return their number.
+
+    marks int32[K]: the last cell that has looked at an edge.
+    """
     rows, columns = solid.shape
     mark = row * columns + column + 1
-    span = int(math.ceil(reach)) + 1
+    span = int(math.ceil(min(reach, rows + columns))) + 1
     count = 0
     for r in range(max(row - span, 0), min(row + span + 1, rows)):
         for c in range(max(column - span, 0), min(column + span + 1, columns)):
@@ -111,10 +111,43 @@ def _candidates(row, column, solid, cell_edges, edges, reach, marks, out):  # ty
                 k = cell_edges[face, r, c]
                 if k >= 0 and marks[k] != mark:
                     marks[k] = mark
-                    if _in_range(row, column, edges[k], reach):
+                    ways[count] = _squared_way(row, column, edges[k])
+                    if ways[count] <= reach * reach:
                         out[count] = k
                         count += 1
     return count
+
+
+@kernel
+def _hide(row, column, edges, near, ways, hidden):  # type: ignore[no-untyped-def]
+    """Say which of the edges `near` int32[M] are hidden from the cell by another of them; ways: of each, squared.
+
+    Lines of sight meet what hides before what is hidden, so it is no farther; and behind what is hidden itself, all is
+    hidden by the same edge. So each is held against those before it that are seen, and those as far away: else a long
+    range takes minutes.
+    """
+    order = np.argsort(ways)
+    front = np.empty(len(near), np.int32)
+    seen = 0
+    for n in range(len(near)):
+        e = near[order[n]]
+        across_x, line, low, high = int(edges[e, 0]) < SOUTH, edges[e, 1], edges[e, 2], edges[e, 3]
+        as_far = n + 1
+        while as_far < len(near) and ways[order[as_far]] == ways[order[n]]:
+            as_far += 1
+        hidden[order[n]] = False
+        for k in range(seen + as_far - n - 1):
+            w = front[k] if k < seen else near[order[n + 1 + k - seen]]
+            face = int(edges[w, 0])
+            sign = 1.0 if face in (WEST, SOUTH) else -1.0
+            if _all_cross(
+                row, column, across_x, line, low, high, face < SOUTH, sign, edges[w, 1], edges[w, 2], edges[w, 3]
+            ):
+                hidden[order[n]] = True
+                break
+        if not hidden[order[n]]:
+            front[seen] = e
+            seen += 1
 
 
 @kernel
@@ -123,26 +156,20 @@ def _lists(solid, cell_edges, edges, reach):  # type: ignore[no-untyped-def]
     rows, columns = solid.shape
     first = np.zeros((rows, columns, 3), np.int32)
     marks = np.zeros(len(edges), np.int32)
-    near = np.empty(len(edges), np.int32)
+    near, ways, hidden = np.empty(len(edges), np.int32), np.empty(len(edges) + 1), np.empty(len(edges), np.bool_)
     seen = [np.int32(0) for _ in range(0)]
     for row in range(rows):
         for column in range(columns):
             count = 0
             if solid[row, column] == 0:
-                count = _candidates(row, column, solid, cell_edges, edges, reach, marks, near)
+                count = _candidates(row, column, solid, cell_edges, edges, reach, marks, near, ways)
+                _hide(row, column, edges, near[:count], ways[:count], hidden)
             first[row, column, 0] = len(seen)
             for along_y in range(2):
-                for a in range(count):
-                    edge = edges[near[a]]
-                    if (edge[0] in (SOUTH, NORTH)) != (along_y == 1):
+                for k in range(count):
+                    if hidden[k] or (edges[near[k], 0] in (SOUTH, NORTH)) != (along_y == 1):
                         continue
-                    hidden = False
-                    for b in range(count):
-                        if b != a and _all_cross(row, column, edge, edges[near[b]]):
-                            hidden = True
-                            break
-                    if not hidden:
-                        seen.append(near[a])
+                    seen.append(near[k])
                 first[row, column, 1 + along_y] = len(seen)
     return np.array(seen, dtype=np.int32), first
 

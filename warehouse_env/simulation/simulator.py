@@ -22,14 +22,7 @@ from warehouse_env.simulation import metrics, state, step
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.buckets import bucket_grid
 from warehouse_env.simulation.floor import floor_of, load_grid
-from warehouse_env.simulation.given import (
-    check_count,
-    check_memory,
-    check_pace,
-    check_parts,
-    seeds_of,
-    whole_seed,
-)
+from warehouse_env.simulation.given import check_count, check_memory, check_pace, check_parts, seeds_of, whole_seed
 from warehouse_env.simulation.placement import place
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.tasks import Arrival, Tasks
@@ -109,9 +102,7 @@ class Simulator(Portable):
         self.arrivals: list[Arrival] = []
         self._commands = np.zeros((b, n, 2), dtype=np.float32)
         reach = float(p["pair_range"][0])
-        area = math.pi * (reach + float(p["radius"][0])) ** 2 / (self.config.robot.length * self.config.robot.width)
-        most = min(n * (n - 1) // 2, n * (math.ceil(area) // 2 + 1))
-        p["most_pairs"] = max(most, 1)
+        p["most_pairs"] = state.most_pairs(n, reach, float(p["radius"][0]), self.config)
         self._stamps = np.zeros((b, n, n), dtype=np.int32)
         rows, columns = self.grid.shape
         size = self.grid.cell_size
@@ -146,6 +137,8 @@ class Simulator(Portable):
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:
         """Write observations into this array [B, N, D] from now on; the last one stays as it is, its holder's own."""
+        if observation.shape != self.observation.shape or observation.dtype != np.float32:
+            raise ConfigError(f"an array float32{list(self.observation.shape)} is needed to observe into")
         self.observation = observation
         self._collect()
 
@@ -297,8 +290,5 @@ class Simulator(Portable):
         """Return float32[N * 8] for centralised critics: per robot x, y, goal x, y / the map's longer side,
         cos and sin of the heading, speed / max_speed, steering / max_steering.
         """
-        r, robot = self.robots[world], self.config.robot
-        size = np.float32(max(self.grid.shape) * self.grid.cell_size)
-        columns = [r["x"] / size, r["y"] / size, r["goal_x"] / size, r["goal_y"] / size, r["cos"], r["sin"]]
-        columns += [r["speed"] / np.float32(robot.max_speed), r["steer"] / np.float32(robot.max_steering)]
-        return np.stack(columns, axis=-1).astype(np.float32).reshape(-1)
+        side = max(self.grid.shape) * self.grid.cell_size
+        return state.global_view(self.robots[world], side, self.config)

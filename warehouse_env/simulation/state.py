@@ -139,3 +139,17 @@ def state_of(robots: NDArray[Any]) -> State:
 def events_of(robots: NDArray[Any]) -> Events:
     """Return the views of Events onto the structured array [B, N]."""
     return Events(*(robots[name] for name in Events._fields))
+
+
+def global_view(robots: NDArray[Any], side: float, config: EnvConfig) -> NDArray[np.float32]:
+    """Return float32[N * 8] of the robots ROBOT[N] of one world (see Simulator.global_state); side [m]: the longer."""
+    size, robot = np.float32(side), config.robot
+    columns = [robots[name] / size for name in ("x", "y", "goal_x", "goal_y")] + [robots["cos"], robots["sin"]]
+    columns += [robots["speed"] / np.float32(robot.max_speed), robots["steer"] / np.float32(robot.max_steering)]
+    return np.stack(columns, axis=-1).astype(np.float32).reshape(-1)
+
+
+def most_pairs(robots: int, reach: float, radius: float, config: EnvConfig) -> int:
+    """Return how many pairs of a world's robots can at most be within reach [m]; for bodies never overlap."""
+    area = math.pi * (reach + radius) ** 2 / (config.robot.length * config.robot.width)
+    return max(1, min(robots * (robots - 1) // 2, robots * (math.ceil(area) // 2 + 1)))
