@@ -57,7 +57,7 @@ def test_the_export_has_the_librarys_distribution(config: PPOConfig, tmp_path: P
     if action_type == "discrete":
         # two sums in float32 in different orders: they may part by a millionth of what they add up to
         assert output - output.max(-1, keepdims=True) == pytest.approx(
-            (theirs.logits - theirs.logits.max(-1, keepdim=True).values).numpy(), abs=1e-6 * np.abs(output).max()
+            (theirs.logits - theirs.logits.max(-1, keepdim=True).values).numpy(), abs=1e-6 * float(np.abs(output).max())
         )
         assert torch.allclose(log_probability, theirs.log_prob(action), atol=1e-5)
         assert torch.allclose(entropy, theirs.entropy(), atol=1e-5)
