@@ -29,7 +29,7 @@ from warehouse_env.simulation.tasks import Arrival, Tasks
 from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
 
 PARALLEL_FROM = 256  # robots in all from which waking other threads pays
-_PARTS = 4  # of the worlds for each thread: who is done early, or has a core for itself, does more of them
+_PARTS = 2  # of the worlds for each thread: who is done early, or has a core for itself, does more of them
 _PART = 32  # robots in a part at least
 _ROUTE_BLOCK = 64  # way-points by which the routes' array grows
 
