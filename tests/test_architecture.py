@@ -36,6 +36,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.errors": (),
     "warehouse_env.checked": ("warehouse_env.errors",),
     "warehouse_env.portable": (),
+    "warehouse_env.compiled": (),
     "warehouse_env.files": ("warehouse_env.errors",),
     "warehouse_env.threads": ("warehouse_env.errors",),
     "warehouse_env.config": BASE,

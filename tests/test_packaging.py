@@ -59,9 +59,9 @@ def _applies(marker: Marker | None, extra: str) -> bool:
 
 def data_files() -> set[str]:
     """Paths of all that lies in the packages and is neither code nor compiled code, nor hidden."""
-    skip = (".py", ".pyc", ".nbi", ".nbc")
     files = (path for package in PACKAGES for path in (ROOT / package).rglob("[!.]*"))
-    return {path.relative_to(ROOT).as_posix() for path in files if path.is_file() and path.suffix not in skip}
+    made = (path for path in files if path.is_file() and path.suffix != ".py" and "__pycache__" not in path.parts)
+    return {path.relative_to(ROOT).as_posix() for path in made}
 
 
 def test_torch_is_pinned_and_nothing_of_cuda() -> None:
