@@ -38,8 +38,9 @@ def _tanh(x):  # type: ignore[no-untyped-def]
 def _layer(x, weight, bias, squash):  # type: ignore[no-untyped-def]
     """Return bias + x @ weight, float32[M, outputs] from float32[M, inputs], through tanh if `squash`.
 
-    Each sum begins with the bias and runs over the inputs in their order. Rows go in pairs, and inputs by four, so
-    that weights and sums are loaded less often; an odd last row is paired with itself, into a row to spare.
+    Each sum begins with the bias and runs over the inputs in their order, four at a time: fewer sums are rounded, and
+    weights and sums are loaded less often. Rows go in pairs for that as well; an odd last row is paired with itself,
+    into a row to spare.
     """
     rows, inputs = x.shape
     out = np.empty((rows + rows % 2, bias.size), np.float32)
@@ -58,8 +59,8 @@ def _layer(x, weight, bias, squash):  # type: ignore[no-untyped-def]
             t, u, v, w = x[n, k], x[n, k + 1], x[n, k + 2], x[n, k + 3]
             for j in range(bias.size):
                 e, f, g, h = a[j], b[j], c[j], d[j]
-                one[j] = one[j] + p * e + q * f + r * g + s * h
-                two[j] = two[j] + t * e + u * f + v * g + w * h
+                one[j] += (p * e + q * f) + (r * g + s * h)
+                two[j] += (t * e + u * f) + (v * g + w * h)
     if squash:
         for m in range(rows):
             for j in range(bias.size):

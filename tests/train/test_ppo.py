@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from safetensors.numpy import load_file
 from agents import LearnedPolicy, PolicyRecord, save_policy
 from agents.networks import ActorCritic
 from agents.weights_folder import read_record
+from tests.agents.test_forward import exact
 from train import ppo
 from train.learning.config import PPOConfig
 from train.ppo import Ppo
@@ -36,6 +38,14 @@ def observations(trainer: Ppo) -> NDArray[np.float32]:
     return rng.normal(size=(50, trainer.network.observation_size)).astype(np.float32)
 
 
+def in_double(trainer: Ppo, observation: NDArray[np.float32]) -> NDArray[np.float64]:
+    """The logits of the library's network in float64, where two orders of summing do not tell."""
+    policy = copy.deepcopy(trainer.model.policy).double()
+    with torch.no_grad():
+        hidden = policy.mlp_extractor.forward_actor(torch.from_numpy(observation).double())
+        return np.asarray(policy.action_net(hidden).numpy())
+
+
 @pytest.mark.parametrize("action_type", ["discrete", "continuous"])
 def test_the_export_has_the_librarys_distribution(config: PPOConfig, tmp_path: Path, action_type: Any) -> None:
     trainer = Ppo(replace(config, action_type=action_type))
@@ -55,10 +65,11 @@ def test_the_export_has_the_librarys_distribution(config: PPOConfig, tmp_path: P
         ours_value = net.value(torch.from_numpy(observation))
     assert torch.equal(ours_value, value)
     if action_type == "discrete":
-        # two sums in float32 in different orders: they may part by a millionth of what they add up to
         assert output - output.max(-1, keepdims=True) == pytest.approx(
-            (theirs.logits - theirs.logits.max(-1, keepdim=True).values).numpy(), abs=1e-6 * float(np.abs(output).max())
+            (theirs.logits - theirs.logits.max(-1, keepdim=True).values).numpy(), abs=1e-5
         )
+        # in float64, where the order of summing does not tell, it is the very same network
+        assert exact(policy._layers, observation) == pytest.approx(in_double(trainer, observation), abs=1e-9)
         assert torch.allclose(log_probability, theirs.log_prob(action), atol=1e-5)
         assert torch.allclose(entropy, theirs.entropy(), atol=1e-5)
     else:
