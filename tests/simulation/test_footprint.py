@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from tests.simulation.reference import OFFSET, WHEELBASE, rectangle, separation, shelves
 from tests.simulation.worlds import drawn, stage
@@ -69,15 +70,23 @@ def test_there_is_no_clearance_outside_the_map() -> None:
         assert clearance_at(F(x), F(y), FLOOR.clearance, FLOOR.cell) == 0.0
 
 
+def is_free(
+    axle: tuple[float, float], heading: float, steering: float, distance: float, clearance: NDArray[np.uint8]
+) -> bool:
+    """Whether the body keeps 3 cm from shelves as it drives `distance` with that steering."""
+    p = stage(MAP, (4.5, 3.5, 0.0))._params[0]
+    bend = -math.tan(steering) / WHEELBASE
+    values = (F(v) for v in (*axle, math.cos(heading), math.sin(heading), bend, distance, 0.03))
+    return bool(sweep_is_free(*values, p, FLOOR.solid, clearance))
+
+
 @given(inside, st.floats(-math.pi, math.pi), st.floats(-1.04, 1.04), st.floats(-1.5, 1.5))
 def test_a_free_sweep_touches_nothing_on_its_way(
     axle: tuple[float, float], heading: float, steering: float, distance: float
 ) -> None:
-    p = stage(MAP, (4.5, 3.5, 0.0))._params[0]
+    free = is_free(axle, heading, steering, distance, FLOOR.clearance)
     bend = -math.tan(steering) / WHEELBASE
     x, y = axle
-    values = (F(v) for v in (x, y, math.cos(heading), math.sin(heading), bend, distance, 0.03))
-    free = bool(sweep_is_free(*values, p, FLOOR.solid, FLOOR.clearance))
     along = np.linspace(0.0, distance, 60)[1:]
     turned = heading + along * bend
     chord = along * np.sinc(along * bend / 2 / math.pi)
@@ -102,9 +111,7 @@ def test_poses_passed_over_would_have_been_free(
     axle: tuple[float, float], heading: float, steering: float, distance: float
 ) -> None:
     """A sweep that knows of no room, and so looks at every pose, gives the same answer."""
-    p = stage(MAP, (4.5, 3.5, 0.0))._params[0]
-    bend = -math.tan(steering) / WHEELBASE
-    values = [F(v) for v in (*axle, math.cos(heading), math.sin(heading), bend, distance, 0.03)]
-    blind = np.zeros_like(FLOOR.clearance)
-    known, every = (bool(sweep_is_free(*values, p, FLOOR.solid, field)) for field in (FLOOR.clearance, blind))
+    known, every = (
+        is_free(axle, heading, steering, distance, field) for field in (FLOOR.clearance, np.zeros_like(FLOOR.clearance))
+    )
     assert known == every
