@@ -9,6 +9,8 @@ from pathlib import Path
 from agents.learned import LearnedPolicy, config_for
 from agents.path_following import Brake, Follow
 from agents.policy import Policy
+from agents.potential_field import PotentialField
+from agents.reciprocal import Reciprocal
 from agents.weights_folder import CONFIG, Network, PolicyRecord, save_policy
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WeightsError, unknown_name
@@ -41,6 +43,8 @@ class PolicyEntry:
 POLICIES: dict[str, PolicyEntry] = {
     "follow": PolicyEntry("follows its route and nothing else", rule=Follow),
     "brake": PolicyEntry("follows its route, stops for a robot ahead", rule=Brake),
+    "apf": PolicyEntry("potential field: drawn along its route, pushed off by lidar and robots", rule=PotentialField),
+    "orca": PolicyEntry("reciprocal velocity obstacles of discs, by the library pyrvo", rule=Reciprocal),
     "reinforce": PolicyEntry("our policy gradient, trained on this environment", weights=WEIGHTS_FOLDER / "reinforce"),
     "ppo": PolicyEntry("stable-baselines3 PPO, trained on this environment", weights=WEIGHTS_FOLDER / "ppo"),
 }

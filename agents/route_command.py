@@ -1,4 +1,4 @@
-"""The action that means "drive along your route at this speed", for every action type."""
+"""The action that means "drive along your route at this speed, this far beside it", for every action type."""
 
 from __future__ import annotations
 
@@ -22,27 +22,49 @@ class RouteCommand:
         slices = observation_layout(config).slices
         self._ego, self._route = slices["ego"].start, slices["route"].start
         self._levels = np.asarray(config.speed_levels)
-        self._straight = int(np.argmin(np.abs(config.lateral_offsets)))
+        self._offsets = np.asarray(config.lateral_offsets)
+        self._widest = float(np.abs(self._offsets).max())
         self.cruise_speed = float(min(self._levels.max(), config.robot.max_speed))
 
     def at_speed(self, observation: Observation, speed: NDArray[np.float64]) -> Action:
-        """Return the actions for the wanted speeds [...] in m/s; discrete ones take the nearest level."""
+        """Return the actions that drive on the route at the wanted speeds [...] in m/s."""
+        return self.beside(observation, speed, np.zeros_like(speed))
+
+    def beside(self, observation: Observation, speed: NDArray[np.float64], offset: NDArray[np.float64]) -> Action:
+        """Return the actions for speeds [...] in m/s and offsets [...] in m left of the route; discrete: the nearest.
+
+        Raw actions steer for the first route point, moved sideways by the offset.
+        """
         if self._config.action_type == "discrete":
             level = np.argmin(np.abs(speed[..., None] - self._levels), axis=-1)
-            commands: NDArray[np.int64] = level * len(self._config.lateral_offsets) + self._straight
+            lane = np.argmin(np.abs(offset[..., None] - self._offsets), axis=-1)
+            commands: NDArray[np.int64] = level * len(self._offsets) + lane
             return commands
         if self._config.action_type == "continuous":
-            return self._residual(speed)
-        return self._raw(observation, speed)
+            return self._residual(speed, offset)
+        return self._raw(observation, speed, offset)
 
-    def _residual(self, speed: NDArray[np.float64]) -> NDArray[np.float32]:
+    def at_velocity(self, observation: Observation, velocity: NDArray[np.float64], way: NDArray[np.float64]) -> Action:
+        """Return the actions for wanted velocities [..., 2] in m/s, own frame; way [..., 2]: where the route leads.
+
+        What goes along `way` is the speed, and what goes across, for a second, the offset.
+        """
+        along = velocity[..., 0] * way[..., 0] + velocity[..., 1] * way[..., 1]
+        across = velocity[..., 1] * way[..., 0] - velocity[..., 0] * way[..., 1]
+        return self.beside(observation, along, across)
+
+    def _residual(self, speed: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArray[np.float32]:
         """Continuous: first 0 at the cruise speed, -1 at min_speed, 1 at max_speed; then the offset, 0 on the route."""
         robot, change = self._config.robot, speed - self.cruise_speed
         faster, slower = robot.max_speed - self.cruise_speed, self.cruise_speed - robot.min_speed
         scaled = np.where(change > 0, change / max(faster, 1e-6), change / max(slower, 1e-6))
-        return np.stack([scaled, np.zeros_like(scaled)], axis=-1).astype(np.float32)
+        sideways = offset / max(self._widest, 1e-6)
+        action: NDArray[np.float32] = np.clip(np.stack([scaled, sideways], axis=-1), -1.0, 1.0).astype(np.float32)
+        return action
 
-    def _raw(self, observation: Observation, speed: NDArray[np.float64]) -> NDArray[np.float32]:
+    def _raw(
+        self, observation: Observation, speed: NDArray[np.float64], offset: NDArray[np.float64]
+    ) -> NDArray[np.float32]:
         """Raw: the acceleration and steering rate that reach the speed and the steering by the next step.
 
         Pure pursuit of the first route point: the arc through it bends by 2 y / (x^2 + y^2), and the rear wheels
@@ -50,7 +72,9 @@ class RouteCommand:
         """
         robot, ego, route = self._config.robot, self._ego, self._route
         duration = self._config.time_step * self._config.action_repeat
-        x, y = 5.0 * observation[..., route], 5.0 * observation[..., route + 1]
+        bearing = np.pi * observation[..., ego + 3]
+        x = 5.0 * observation[..., route] - offset * np.sin(bearing)
+        y = 5.0 * observation[..., route + 1] + offset * np.cos(bearing)
         bend = 2.0 * y / np.maximum(x**2 + y**2, 0.01)
         steering = np.clip(-np.arctan(robot.wheelbase * bend), -robot.max_steering, robot.max_steering)
         steering = np.where(x > 0.0, steering, -np.copysign(robot.max_steering, y))

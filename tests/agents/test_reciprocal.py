@@ -1,0 +1,54 @@
+"""`orca`: the library's velocities where the answer is known, and the sentence where it is missing."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from agents import make_policy
+from agents.reciprocal import Reciprocal, Reciprocity
+from tests.agents.conftest import Observe
+from tests.agents.test_potential_field import seen
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import WarehouseError
+from warehouse_env.observation import observation_layout
+
+RNG = np.random.default_rng(0)
+
+
+def test_alone_it_cruises_along_the_route(observe: Observe) -> None:
+    pytest.importorskip("pyrvo")
+    config = EnvConfig()
+    policy = Reciprocal(config)
+    assert policy.velocity(seen(observe, config, (1.2, 1.6)))[0, 0] == pytest.approx([0.78, 1.04])
+    assert policy.act(seen(observe, config, (1.2, 1.6)), RNG).tolist() == [[15]]
+
+
+def test_half_of_the_change_is_the_own_one(observe: Observe) -> None:
+    """Head on, both at 1 m/s, 4 m apart, discs of .5 m: the cone's leg has a sine of 1 / 4 and lies 2 m/s / 4 away.
+
+    Half of that, .25 m/s, at right angles to the leg, is the own share: slower by .25^2, and to the right.
+    """
+    pytest.importorskip("pyrvo")
+    config = EnvConfig(speed_levels=(0.0, 1.0))
+    observation = seen(observe, config, speed=1.0, other=(4.0, 0.0), turn=np.pi)
+    observation[..., observation_layout(config).slices["neighbours"].start + 4] = -2.0 / config.robot.max_speed
+    velocity = Reciprocal(config, Reciprocity(radius=0.5, horizon=2.0)).velocity(observation)[0, 0]
+    assert velocity == pytest.approx([1 - 0.25**2, -0.25 * np.sqrt(1 - 0.25**2)], abs=1e-5)
+
+
+def test_rows_do_not_see_each_other(observe: Observe) -> None:
+    pytest.importorskip("pyrvo")
+    config = EnvConfig()
+    rows = np.random.default_rng(2).uniform(-1, 1, (2, 8, observation_layout(config).size)).astype(np.float32)
+    policy = Reciprocal(config)
+    together, alone = policy.velocity(rows), [policy.velocity(rows[b : b + 1, n : n + 1]) for b, n in np.ndindex(2, 8)]
+    assert np.array_equal(together.reshape(-1, 2), np.concatenate(alone).reshape(-1, 2))
+
+
+def test_without_the_library_the_error_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyrvo", None)
+    with pytest.raises(WarehouseError, match=r"pip install \"warehouse-env\[orca\]\""):
+        make_policy("orca", EnvConfig())
