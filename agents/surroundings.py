@@ -45,7 +45,7 @@ class Surroundings:
     def gaps(self, observation: Observation) -> Floats:
         """Return float64[..., R]: from the body's edge to what a ray meets [m], at least 0."""
         lidar = np.clip(observation[..., self._slices["lidar"]].astype(np.float64), 1e-3, 1.0)
-        return np.maximum(1.0 / lidar - 1.0 - self.reach, 0.0)
+        return np.asarray(np.maximum(1.0 / lidar - 1.0 - self.reach, 0.0))
 
     def ego(self, observation: Observation) -> Floats:
         """Return float64[..., 8], the slice `ego` as it is."""

@@ -1,0 +1,154 @@
+"""PIBT on the grid of cells for robots with a heading: one synchronous step, and the metric that it descends.
+
+A robot's place is a cell and a heading, 0 to 3 counter-clockwise from east. In a step it stays, drives into the cell
+ahead, to its left or its right (and then heads that way), or backs into the cell behind. No two robots are in a cell,
+none swap, and no closed ring of robots moves at once: bodies have no room for that.
+
+Source: Okumura, Machida, Defago, Tamura 2022, "Priority inheritance with backtracking for iterative multi-agent path
+finding". Adapted: places have headings, so that what is cheap is what a car-like body can drive; rings are refused.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+AHEAD, ASIDE, BEHIND = 2, 3, 8  # costs of moves, half-cells of driving ahead: aside it slows down, behind it backs
+FAR = np.int32(2**30)
+BACKWARDS = 4  # added to the heading of a move in reverse
+_STEPS = np.array([(0, 1), (-1, 0), (0, -1), (1, 0)], dtype=np.int64)  # (d_row, d_col) of headings 0..3
+
+kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
+
+
+@kernel
+def neighbour(cell, heading, blocked):  # type: ignore[no-untyped-def]
+    """Return the cell next to `cell` in a direction, or -1 where there is none; blocked: bool[H, W]."""
+    columns = blocked.shape[1]
+    row, column = cell // columns + _STEPS[heading, 0], cell % columns + _STEPS[heading, 1]
+    if row < 0 or column < 0 or row >= blocked.shape[0] or column >= columns or blocked[row, column]:
+        return -1
+    return row * columns + column
+
+
+@kernel
+def cost_to_go(blocked: NDArray[np.bool_], goal: int) -> NDArray[np.int32]:
+    """Return int32[4, H * W], the least cost from (heading, cell) to the goal cell, FAR where there is no way.
+
+    Label setting with buckets (Dial 1969), backwards from the goal in any heading.
+    """
+    size = blocked.size
+    cost = np.full((4, size), FAR, np.int32)
+    lists = np.empty((BEHIND + 1, 8 * size), np.int64)
+    counts = np.zeros(BEHIND + 1, np.int64)
+    for heading in range(4):
+        cost[heading, goal] = 0
+        lists[0, heading] = goal * 4 + heading
+    counts[0] = 4
+    level, left = 0, 4
+    while left > 0:
+        now = level % (BEHIND + 1)
+        for k in range(counts[now]):
+            cell, heading = lists[now, k] // 4, lists[now, k] % 4
+            if cost[heading, cell] < level:
+                continue
+            for turn in range(4):  # 0: it came from behind, 1 and 3: and turned into this heading, 2: it backed
+                way = heading if turn == 2 else (heading + 2) % 4
+                before = neighbour(cell, way, blocked)
+                source = heading if turn == 2 else (heading + turn) % 4
+                price = BEHIND if turn == 2 else AHEAD if turn == 0 else ASIDE
+                if before >= 0 and level + price < cost[source, before]:
+                    cost[source, before] = level + price
+                    target = (level + price) % (BEHIND + 1)
+                    lists[target, counts[target]] = before * 4 + source
+                    counts[target] += 1
+                    left += 1
+        left -= counts[now]
+        counts[now] = 0
+        level += 1
+    return cost
+
+
+@kernel
+def _choices(i, cell, heading, cost, noise, blocked, targets, moves):  # type: ignore[no-untyped-def]
+    """Write the robot's possible next cells and moves, best first; return how many there are."""
+    keys = np.empty(5, np.float64)
+    count = 0
+    for turn in range(5):
+        if turn == 4:
+            target, move, key = cell[i], heading[i], float(cost[heading[i], cell[i]]) + 0.5
+        elif turn == 2:
+            target, move = neighbour(cell[i], (heading[i] + 2) % 4, blocked), heading[i] + BACKWARDS
+            key = 0.0 if target < 0 else float(cost[heading[i], target] + BEHIND - AHEAD)
+        else:
+            way = (heading[i] + turn) % 4
+            target, move = neighbour(cell[i], way, blocked), way
+            key = 0.0 if target < 0 else float(cost[way, target] + (AHEAD if turn == 0 else ASIDE) - AHEAD)
+        if target < 0:
+            continue
+        key += noise[i, turn]
+        k = count
+        while k > 0 and keys[k - 1] > key:
+            keys[k], targets[k], moves[k] = keys[k - 1], targets[k - 1], moves[k - 1]
+            k -= 1
+        keys[k], targets[k], moves[k] = key, target, move
+        count += 1
+    return count
+
+
+@kernel
+def _closes_a_ring(i, target, cell, chosen, occupant):  # type: ignore[no-untyped-def]
+    """Whether robot i, driving into `target`, would follow a chain of movers that leads into its own cell."""
+    at = target
+    while True:
+        j = occupant[at]
+        if j < 0 or j == i or chosen[j] < 0 or chosen[j] == cell[j]:
+            return False
+        at = chosen[j]
+        if at == cell[i]:
+            return True
+
+
+@kernel
+def _decide(i, cell, heading, costs, noise, blocked, occupant, taken, chosen, moves):  # type: ignore[no-untyped-def]
+    """Choose robot i's next cell; whoever stands there undecided chooses first. False: it must stay where it is."""
+    own_targets, own_moves = np.empty(5, np.int64), np.empty(5, np.int64)
+    count = _choices(i, cell, heading, costs[i], noise, blocked, own_targets, own_moves)
+    for k in range(count):
+        target = own_targets[k]
+        if taken[target] >= 0:
+            continue
+        j = occupant[target]
+        if j >= 0 and j != i and chosen[j] >= 0 and _closes_a_ring(i, target, cell, chosen, occupant):
+            continue
+        chosen[i], moves[i] = target, own_moves[k]  # also what tells j's chain where a ring would close
+        taken[target] = i
+        if j >= 0 and j != i and chosen[j] < 0:
+            if not _decide(j, cell, heading, costs, noise, blocked, occupant, taken, chosen, moves):
+                continue
+        return True
+    chosen[i], moves[i] = cell[i], heading[i]
+    taken[cell[i]] = i
+    return False
+
+
+@kernel
+def pibt_step(cell, heading, costs, order, held, noise, blocked):  # type: ignore[no-untyped-def]
+    """Return each robot's next cell int64[N] and move int64[N]: its next heading, + BACKWARDS in reverse.
+
+    cell int64[N], distinct; heading int64[N]; costs int32[N, 4, H * W], each robot's cost_to_go; order int64[N]: first
+    the highest priority; held bool[N]: robots that stay; noise float64[N, 5], under 1, for ties; blocked bool[H, W].
+    """
+    n = cell.size
+    occupant, taken = np.full(blocked.size, -1, np.int64), np.full(blocked.size, -1, np.int64)
+    chosen, moves = np.full(n, -1, np.int64), heading.copy()
+    for i in range(n):
+        occupant[cell[i]] = i
+        if held[i]:
+            chosen[i] = cell[i]
+            taken[cell[i]] = i
+    for i in order:
+        if chosen[i] < 0:
+            _decide(i, cell, heading, costs, noise, blocked, occupant, taken, chosen, moves)
+    return chosen, moves

@@ -1,0 +1,130 @@
+"""A plan on cells as an order at every cell: a robot enters one only after all that the plan lets in before have left.
+
+Source: Hoenig, Kiesel, Tinka, Durham, Ayanian 2019, "Persistent and robust execution of MAPF schedules in warehouses"
+(action dependency graph). Adapted: the edges between robots are kept as a rank a visit and a count of visits done a
+cell; a visit is over when the body has left the cell.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from train.central.grid_pibt import BACKWARDS, kernel
+
+LENGTH = 64  # visits of a robot kept, in a ring
+SLACK = 0.1  # [m] by which a body may still reach into a cell that it has left
+
+
+class Orders(NamedTuple):
+    """All visits of one world's robots. Visit k of robot i stands at [i, k % LENGTH]."""
+
+    cell: NDArray[np.int64]  # [N, LENGTH], row * columns + column
+    move: NDArray[np.int64]  # [N, LENGTH], see pibt_step
+    rank: NDArray[np.int64]  # [N, LENGTH], visits of the cell that come before, by any robot
+    first: NDArray[np.int64]  # [N], the earliest visit that the body has not left
+    at: NDArray[np.int64]  # [N], the visit where the front axle is
+    granted: NDArray[np.int64]  # [N], the last visit that may be entered now
+    end: NDArray[np.int64]  # [N], visits planned in all
+    planned: NDArray[np.int64]  # [H * W], visits planned of a cell
+    done: NDArray[np.int64]  # [H * W], visits over
+
+    @classmethod
+    def of(cls, cell: NDArray[np.int64], heading: NDArray[np.int64], size: int) -> Orders:
+        """Return the orders of robots that stand at distinct cells int64[N] of `size`."""
+        n = len(cell)
+        table = [np.zeros((n, LENGTH), np.int64) for _ in range(3)]
+        orders = cls(*table, *(np.zeros(n, np.int64) for _ in range(4)), *(np.zeros(size, np.int64) for _ in range(2)))
+        append(orders, cell, heading, np.ones(n, np.bool_))
+        return orders
+
+
+@kernel
+def append(orders, cell, move, moves):  # type: ignore[no-untyped-def]
+    """Add a visit of `cell` int64[N] by `move` int64[N] for the robots that move, bool[N]."""
+    for i in range(cell.size):
+        if moves[i]:
+            k = orders.end[i] % LENGTH
+            orders.cell[i, k], orders.move[i, k] = cell[i], move[i]
+            orders.rank[i, k] = orders.planned[cell[i]]
+            orders.planned[cell[i]] += 1
+            orders.end[i] += 1
+
+
+@kernel
+def _may_enter(orders, i, visit):  # type: ignore[no-untyped-def]
+    """Whether all visits ranked before are over, or the robot's own."""
+    k = visit % LENGTH
+    waiting = orders.rank[i, k] - orders.done[orders.cell[i, k]]
+    for other in range(orders.first[i], visit):
+        if orders.cell[i, other % LENGTH] == orders.cell[i, k]:
+            waiting -= 1
+    return waiting == 0
+
+
+@kernel
+def _reaches_into(x, y, c, s, half_length, half_width, qx, qy, half):  # type: ignore[no-untyped-def]
+    """Whether a rectangle about (x, y) with heading (c, s) overlaps the square about (qx, qy): separating axes."""
+    dx, dy = qx - x, qy - y
+    spread = half * (abs(c) + abs(s))
+    if abs(dx * c + dy * s) >= half_length + spread or abs(dy * c - dx * s) >= half_width + spread:
+        return False
+    return (
+        abs(dx) < half + half_length * abs(c) + half_width * abs(s)
+        and abs(dy) < half + half_length * abs(s) + half_width * abs(c)
+    )
+
+
+@kernel
+def advance(orders, axle, heading, centre, body, rest, look):  # type: ignore[no-untyped-def]
+    """Note which visits have begun and which are over, and grant the next ones, `look` ahead of the axle at most.
+
+    axle float64[N, 2] [m]; heading float64[N] [rad]; centre float64[H * W, 2] [m], of the cells; body: half length,
+    half width and metres from the axle back to its centre; rest [m]: where, ahead of a cell's centre, the axle stops.
+    """
+    side = abs(centre[1, 0] - centre[0, 0])
+    for i in range(heading.size):
+        c, s = np.cos(heading[i]), np.sin(heading[i])
+        while orders.at[i] < orders.granted[i]:
+            now, following = orders.at[i] % LENGTH, (orders.at[i] + 1) % LENGTH
+            here, there = centre[orders.cell[i, now]], centre[orders.cell[i, following]]
+            if (orders.move[i, now] >= BACKWARDS) != (orders.move[i, following] >= BACKWARDS):  # stop, then shift
+                begun = np.hypot(axle[i, 0] - here[0] - rest * c, axle[i, 1] - here[1] - rest * s) < 0.25 * side
+            else:
+                ahead = np.hypot(axle[i, 0] - there[0], axle[i, 1] - there[1])
+                begun = ahead < np.hypot(axle[i, 0] - here[0], axle[i, 1] - here[1])
+            if not begun:
+                break
+            orders.at[i] += 1
+        x, y = axle[i, 0] - body[2] * c, axle[i, 1] - body[2] * s
+        while orders.first[i] < orders.at[i]:
+            cell = orders.cell[i, orders.first[i] % LENGTH]
+            again = False
+            for visit in range(orders.first[i] + 1, orders.at[i] + 1):
+                again |= orders.cell[i, visit % LENGTH] == cell
+            q = centre[cell]
+            if not again and _reaches_into(x, y, c, s, body[0], body[1], q[0], q[1], 0.5 * side - SLACK):
+                break
+            orders.done[cell] += 1
+            orders.first[i] += 1
+    for i in range(heading.size):
+        while (
+            orders.granted[i] + 1 < min(orders.end[i], orders.at[i] + look + 1)
+            and _may_enter(orders, i, orders.granted[i] + 1)
+        ):
+            orders.granted[i] += 1
+
+
+@kernel
+def forget_future(orders):  # type: ignore[no-untyped-def]
+    """Drop all visits that are not yet granted, so that the plan begins anew from where the bodies stand."""
+    orders.planned[:] = 0
+    orders.done[:] = 0
+    for i in range(orders.end.size):
+        orders.end[i] = orders.granted[i] + 1
+        for visit in range(orders.first[i], orders.end[i]):
+            k = visit % LENGTH
+            orders.rank[i, k] = orders.planned[orders.cell[i, k]]
+            orders.planned[orders.cell[i, k]] += 1

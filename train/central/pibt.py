@@ -1,0 +1,131 @@
+"""`central_pibt`: PIBT on the grid of cells, driven by the bodies in the order of the plan at every cell."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.policy import Action
+from agents.route_command import RouteCommand
+from train.central.driving import BACK_SPEED, REST, give_line, line_of, speed_for
+from train.central.grid_pibt import BACKWARDS, cost_to_go, pibt_step
+from train.central.orders import LENGTH, Orders, advance, append, forget_future
+from warehouse_env.config import EnvConfig
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.simulator import Simulator
+
+LOOK = 5  # [cells] ahead of a robot that are planned and granted at most
+PATIENCE = 4.0  # [s] without a new cell until the plan begins anew from where the bodies stand
+
+
+class GridPIBT:
+    """PIBT for one world, step by step, with goals that change: the plan alone, without bodies."""
+
+    def __init__(self, grid: GridMap, robots: int, seed: int) -> None:
+        self._blocked = np.ascontiguousarray(grid.occupied)
+        self._rng = np.random.default_rng(seed)
+        self._costs = np.zeros((robots, 4, grid.occupied.size), np.int32)
+        self._kept: dict[int, NDArray[np.int32]] = {}
+        self._goal = np.full(robots, -1, np.int64)
+        self._waited = np.zeros(robots, np.int64)  # steps since the last goal: the priority
+
+    def aim(self, goals: NDArray[np.int64]) -> None:
+        """Take the robots' goal cells int64[N]."""
+        for i in np.flatnonzero(goals != self._goal).tolist():
+            goal = int(goals[i])
+            if goal not in self._kept:
+                self._kept[goal] = cost_to_go(self._blocked, goal)
+            self._costs[i], self._goal[i], self._waited[i] = self._kept[goal], goal, 0
+
+    def step(
+        self, cell: NDArray[np.int64], heading: NDArray[np.int64], held: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the next cells and moves int64[N] (see pibt_step)."""
+        self._waited += 1
+        order = np.lexsort((np.arange(len(cell)), -self._waited))
+        noise = self._rng.uniform(0.0, 0.4, (len(cell), 5))
+        chosen, moves = pibt_step(cell, heading, self._costs, order, held, noise, self._blocked)
+        return chosen, moves
+
+
+class _World:
+    """Plan, orders and lines of one world."""
+
+    def __init__(self, simulator: Simulator, world: int, seed: int) -> None:
+        grid = simulator.grid
+        self.world, self.grid = world, grid
+        rows, columns = np.indices(grid.shape)
+        self.centre = grid.centre(np.stack([rows.ravel(), columns.ravel()], axis=-1))
+        self.plan = GridPIBT(grid, simulator.num_agents, seed)
+        pose = simulator.state.pose[world].astype(np.float64)
+        heading = np.round(pose[:, 2] / (0.5 * np.pi)).astype(np.int64) % 4
+        self.orders = Orders.of(_flat(grid.cell(pose[:, :2]), grid), heading, grid.occupied.size)
+        self.seen = np.full((simulator.num_agents, 2), -1)  # the (at, granted) for which each robot has its line
+        self.stop = np.zeros(simulator.num_agents)  # [m] on its line
+        self.since = np.zeros(simulator.num_agents)  # [s] without a new cell though one is planned
+
+    def speeds(self, simulator: Simulator) -> NDArray[np.float64]:
+        """Return the wanted speeds [m/s], float64[N], after planning on and renewing lines."""
+        config, robot, orders = simulator.config, simulator.config.robot, self.orders
+        period, side = config.time_step * config.action_repeat, self.grid.cell_size
+        state, world = simulator.state, self.world
+        self.plan.aim(_flat(state.goal[world].astype(np.int64), self.grid))
+        before = orders.at.copy()
+        pose = state.pose[world].astype(np.float64)
+        body = np.array([0.5 * robot.length, 0.5 * robot.width, robot.rear_reach - 0.5 * robot.length])
+        advance(orders, pose[:, :2], pose[:, 2], self.centre, body, REST * side, LOOK)
+        self._plan_on(state.alive[world] == 0, period, before)
+        advance(orders, pose[:, :2], pose[:, 2], self.centre, body, REST * side, LOOK)
+        return np.array([self._speed(simulator, i, period) for i in range(simulator.num_agents)])
+
+    def _plan_on(self, parked: NDArray[np.bool_], period: float, before: NDArray[np.int64]) -> None:
+        orders = self.orders
+        pending = orders.end - 1 - orders.at
+        self.since = np.where((pending > 0) & (orders.at == before), self.since + period, 0.0)
+        if (self.since > PATIENCE).any():
+            forget_future(orders)
+            self.since[:] = 0.0
+            pending = orders.end - 1 - orders.at
+        held = parked | (pending >= LOOK)
+        if (pending < LOOK - 2).any():
+            rows, last = np.arange(len(held)), (orders.end - 1) % LENGTH
+            cell, heading = orders.cell[rows, last], orders.move[rows, last] % BACKWARDS
+            chosen, moves = self.plan.step(cell, heading, held)
+            append(orders, chosen, moves, chosen != cell)
+
+    def _speed(self, simulator: Simulator, i: int, period: float) -> float:
+        orders, r = self.orders, simulator.robots[self.world, i]
+        now = (int(orders.at[i]), int(orders.granted[i]))
+        if tuple(self.seen[i]) != now:
+            line, self.stop[i] = line_of(orders, i, self.centre, self.grid.cell_size)
+            give_line(simulator, self.world, i, line)
+            self.seen[i] = now
+        acceleration = simulator.config.robot.max_acceleration
+        if orders.move[i, now[0] % LENGTH] >= BACKWARDS:
+            return -min(speed_for(float(r["position"]) - self.stop[i], period, acceleration), BACK_SPEED)
+        return speed_for(self.stop[i] - float(r["position"]), period, acceleration)
+
+
+def _flat(cells: NDArray[np.int64], grid: GridMap) -> NDArray[np.int64]:
+    """Return int64[N], the cells (row, column) int64[N, 2] as row * columns + column."""
+    flat: NDArray[np.int64] = cells[:, 0] * grid.shape[1] + cells[:, 1]
+    return flat
+
+
+class CentralPIBT:
+    """Knows all poses and goals, and gives every robot its line, an order at every cell, and a speed."""
+
+    name = "central_pibt"
+
+    def __init__(self, config: EnvConfig) -> None:
+        self._command = RouteCommand(config)
+        self._worlds: dict[int, _World] = {}
+
+    def act_on(self, simulator: Simulator) -> Action:
+        """Return the actions of all robots of all worlds; a world that was reset begins a new plan."""
+        speeds = np.zeros((simulator.num_worlds, simulator.num_agents))
+        for world in range(simulator.num_worlds):
+            if simulator.steps[world] == 0 or world not in self._worlds:
+                self._worlds[world] = _World(simulator, world, seed=world)
+            speeds[world] = self._worlds[world].speeds(simulator)
+        return self._command.at_speed(simulator.observation, np.minimum(speeds, self._command.cruise_speed))
