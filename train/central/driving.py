@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.central.grid_pibt import BACKWARDS
-from train.central.orders import LENGTH, Orders
+from train.central.orders import LENGTH, Orders, goes_straight_on
 from warehouse_env.routes.lanes import resample
 from warehouse_env.routes.steerable import rounded
 from warehouse_env.simulation.simulator import Simulator
 
 SPACING = 0.25  # [m] of the way-points
 REST = 0.2  # [cells] ahead of a cell's centre where a front axle stops: the body then hardly leaves the cell
+REST_TO_TURN = -0.1  # [cells], the same where it may have to turn from rest: it then hardly swings out of the cell
 BACK_SPEED = 0.4  # [m/s]
 BRAKE_SHARE = 0.8  # of the acceleration limit that stops are planned with
 _WAYS = np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])  # (x, y) of headings 0..3
@@ -41,7 +42,9 @@ def line_of(orders: Orders, robot: int, centre: NDArray[np.float64], side: float
         begin -= 1
     cells = [centre[orders.cell[robot, k % LENGTH]] for k in range(begin, last + 1)]
     into = _WAYS[move[begin % LENGTH] % 4]
-    points = np.stack([cells[0] - side * into, *cells, cells[-1] + REST * side * heading])
+    rest = REST if goes_straight_on(orders, robot, last) else REST_TO_TURN
+    cells[-1] = cells[-1] + rest * side * heading
+    points = np.stack([cells[0] - side * into, *cells])
     line = resample(rounded(points), SPACING)
     return line.astype(np.float32), float(np.hypot(*np.diff(line, axis=0).T).sum())
 
@@ -55,6 +58,7 @@ def give_line(simulator: Simulator, world: int, robot: int, line: NDArray[np.flo
     r["points"], r["spacing"] = len(line), np.hypot(*(line[1] - line[0]))
     r["position"] = nearest * r["spacing"]
     r["milestone"] = r["position"] - since_milestone
+    r["gear"] = 1
 
 
 def speed_for(way: float, period: float, acceleration: float) -> float:

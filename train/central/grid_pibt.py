@@ -117,34 +117,36 @@ def _decide(i, cell, heading, costs, noise, blocked, occupant, taken, chosen, mo
     count = _choices(i, cell, heading, costs[i], noise, blocked, own_targets, own_moves)
     for k in range(count):
         target = own_targets[k]
-        if taken[target] >= 0:
+        if taken[target] >= 0 and taken[target] != i:
             continue
         j = occupant[target]
         if j >= 0 and j != i and chosen[j] >= 0 and _closes_a_ring(i, target, cell, chosen, occupant):
             continue
         chosen[i], moves[i] = target, own_moves[k]  # also what tells j's chain where a ring would close
         taken[target] = i
-        if j >= 0 and j != i and chosen[j] < 0:
-            if not _decide(j, cell, heading, costs, noise, blocked, occupant, taken, chosen, moves):
-                continue
-        return True
+        asked = j >= 0 and j != i and chosen[j] < 0
+        if not asked or _decide(j, cell, heading, costs, noise, blocked, occupant, taken, chosen, moves):
+            return True
     chosen[i], moves[i] = cell[i], heading[i]
     taken[cell[i]] = i
     return False
 
 
 @kernel
-def pibt_step(cell, heading, costs, order, held, noise, blocked):  # type: ignore[no-untyped-def]
+def pibt_step(cell, heading, costs, order, held, tail, noise, blocked):  # type: ignore[no-untyped-def]
     """Return each robot's next cell int64[N] and move int64[N]: its next heading, + BACKWARDS in reverse.
 
     cell int64[N], distinct; heading int64[N]; costs int32[N, 4, H * W], each robot's cost_to_go; order int64[N]: first
-    the highest priority; held bool[N]: robots that stay; noise float64[N, 5], under 1, for ties; blocked bool[H, W].
+    the highest priority; held bool[N]: robots that stay; tail int64[N]: a cell each that nobody else may enter, or -1;
+    noise float64[N, 5]: added to the costs of the moves, under .5 to break ties only; blocked bool[H, W].
     """
     n = cell.size
     occupant, taken = np.full(blocked.size, -1, np.int64), np.full(blocked.size, -1, np.int64)
     chosen, moves = np.full(n, -1, np.int64), heading.copy()
     for i in range(n):
         occupant[cell[i]] = i
+        if tail[i] >= 0:
+            taken[tail[i]] = i
         if held[i]:
             chosen[i] = cell[i]
             taken[cell[i]] = i

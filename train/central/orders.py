@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from train.central.grid_pibt import BACKWARDS, kernel
 
 LENGTH = 64  # visits of a robot kept, in a ring
+REACHED = 0.6  # [cells] from a cell's centre to the axle, within which a robot may shift gears there
 SLACK = 0.1  # [m] by which a body may still reach into a cell that it has left
 
 
@@ -65,24 +66,37 @@ def _may_enter(orders, i, visit):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def goes_straight_on(orders, i, visit):  # type: ignore[no-untyped-def]
+    """Whether the plan holds what follows a visit, and that goes on in its direction and gear."""
+    return visit + 1 < orders.end[i] and orders.move[i, visit % LENGTH] == orders.move[i, (visit + 1) % LENGTH]
+
+
+@kernel
+def _end_of_turn(orders, i, visit):  # type: ignore[no-untyped-def]
+    """Return the first visit from this one on in which a body can wait: not where it must turn to go on."""
+    while visit + 1 < orders.end[i] and not goes_straight_on(orders, i, visit):
+        visit += 1
+    return visit
+
+
+@kernel
 def _reaches_into(x, y, c, s, half_length, half_width, qx, qy, half):  # type: ignore[no-untyped-def]
     """Whether a rectangle about (x, y) with heading (c, s) overlaps the square about (qx, qy): separating axes."""
     dx, dy = qx - x, qy - y
     spread = half * (abs(c) + abs(s))
     if abs(dx * c + dy * s) >= half_length + spread or abs(dy * c - dx * s) >= half_width + spread:
         return False
-    return (
-        abs(dx) < half + half_length * abs(c) + half_width * abs(s)
-        and abs(dy) < half + half_length * abs(s) + half_width * abs(c)
-    )
+    return abs(dx) < half + half_length * abs(c) + half_width * abs(s) and abs(dy) < half + half_length * abs(
+        s
+    ) + half_width * abs(c)
 
 
 @kernel
-def advance(orders, axle, heading, centre, body, rest, look):  # type: ignore[no-untyped-def]
+def advance(orders, axle, heading, centre, body, look):  # type: ignore[no-untyped-def]
     """Note which visits have begun and which are over, and grant the next ones, `look` ahead of the axle at most.
 
     axle float64[N, 2] [m]; heading float64[N] [rad]; centre float64[H * W, 2] [m], of the cells; body: half length,
-    half width and metres from the axle back to its centre; rest [m]: where, ahead of a cell's centre, the axle stops.
+    half width and metres from the axle back to its centre.
     """
     side = abs(centre[1, 0] - centre[0, 0])
     for i in range(heading.size):
@@ -91,7 +105,7 @@ def advance(orders, axle, heading, centre, body, rest, look):  # type: ignore[no
             now, following = orders.at[i] % LENGTH, (orders.at[i] + 1) % LENGTH
             here, there = centre[orders.cell[i, now]], centre[orders.cell[i, following]]
             if (orders.move[i, now] >= BACKWARDS) != (orders.move[i, following] >= BACKWARDS):  # stop, then shift
-                begun = np.hypot(axle[i, 0] - here[0] - rest * c, axle[i, 1] - here[1] - rest * s) < 0.25 * side
+                begun = np.hypot(axle[i, 0] - here[0], axle[i, 1] - here[1]) < REACHED * side
             else:
                 ahead = np.hypot(axle[i, 0] - there[0], axle[i, 1] - there[1])
                 begun = ahead < np.hypot(axle[i, 0] - here[0], axle[i, 1] - here[1])
@@ -110,11 +124,16 @@ def advance(orders, axle, heading, centre, body, rest, look):  # type: ignore[no
             orders.done[cell] += 1
             orders.first[i] += 1
     for i in range(heading.size):
-        while (
-            orders.granted[i] + 1 < min(orders.end[i], orders.at[i] + look + 1)
-            and _may_enter(orders, i, orders.granted[i] + 1)
-        ):
-            orders.granted[i] += 1
+        most = min(orders.end[i], orders.at[i] + look + 1)
+        while orders.granted[i] + 1 < most:
+            last = _end_of_turn(orders, i, orders.granted[i] + 1)
+            for visit in range(orders.granted[i] + 1, last + 1):
+                if not _may_enter(orders, i, visit):
+                    last = -1
+                    break
+            if last < 0:
+                break
+            orders.granted[i] = last
 
 
 @kernel

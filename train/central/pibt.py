@@ -7,14 +7,17 @@ from numpy.typing import NDArray
 
 from agents.policy import Action
 from agents.route_command import RouteCommand
-from train.central.driving import BACK_SPEED, REST, give_line, line_of, speed_for
+from train.central.driving import BACK_SPEED, give_line, line_of, speed_for
 from train.central.grid_pibt import BACKWARDS, cost_to_go, pibt_step
-from train.central.orders import LENGTH, Orders, advance, append, forget_future
+from train.central.orders import LENGTH, Orders, advance, append, forget_future, goes_straight_on
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.simulator import Simulator
 
 LOOK = 5  # [cells] ahead of a robot that are planned and granted at most
+BARRED = 1.5  # [s] standing against something until a body backs off
+BACKING = 1.0  # [s] of backing off
+RESTLESS = 10.0  # half-cells of detour by chance, for a robot that has been in one cell for over PATIENCE
 PATIENCE = 4.0  # [s] without a new cell until the plan begins anew from where the bodies stand
 
 
@@ -23,7 +26,7 @@ class GridPIBT:
 
     def __init__(self, grid: GridMap, robots: int, seed: int) -> None:
         self._blocked = np.ascontiguousarray(grid.occupied)
-        self._rng = np.random.default_rng(seed)
+        self.rng = np.random.default_rng(seed)
         self._costs = np.zeros((robots, 4, grid.occupied.size), np.int32)
         self._kept: dict[int, NDArray[np.int32]] = {}
         self._goal = np.full(robots, -1, np.int64)
@@ -38,13 +41,20 @@ class GridPIBT:
             self._costs[i], self._goal[i], self._waited[i] = self._kept[goal], goal, 0
 
     def step(
-        self, cell: NDArray[np.int64], heading: NDArray[np.int64], held: NDArray[np.bool_]
+        self,
+        cell: NDArray[np.int64],
+        heading: NDArray[np.int64],
+        held: NDArray[np.bool_],
+        tail: NDArray[np.int64] | None = None,
+        restless: NDArray[np.bool_] | bool = False,
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return the next cells and moves int64[N] (see pibt_step)."""
         self._waited += 1
+        restless = np.broadcast_to(restless, held.shape)
         order = np.lexsort((np.arange(len(cell)), -self._waited))
-        noise = self._rng.uniform(0.0, 0.4, (len(cell), 5))
-        chosen, moves = pibt_step(cell, heading, self._costs, order, held, noise, self._blocked)
+        noise = self.rng.uniform(0.0, np.where(restless, RESTLESS, 0.4)[:, None], (len(cell), 5))
+        tail = np.full(len(cell), -1) if tail is None else tail
+        chosen, moves = pibt_step(cell, heading, self._costs, order, held, tail, noise, self._blocked)
         return chosen, moves
 
 
@@ -60,42 +70,60 @@ class _World:
         pose = simulator.state.pose[world].astype(np.float64)
         heading = np.round(pose[:, 2] / (0.5 * np.pi)).astype(np.int64) % 4
         self.orders = Orders.of(_flat(grid.cell(pose[:, :2]), grid), heading, grid.occupied.size)
-        self.seen = np.full((simulator.num_agents, 2), -1)  # the (at, granted) for which each robot has its line
+        self.seen = np.full((simulator.num_agents, 3), -1)  # at, granted, goes on: for which each robot has its line
         self.stop = np.zeros(simulator.num_agents)  # [m] on its line
-        self.since = np.zeros(simulator.num_agents)  # [s] without a new cell though one is planned
+        self.since = np.zeros(simulator.num_agents)  # [s] in one cell
+        self.since_forgotten = 0.0  # [s] since the plan began anew
+        self.barred = np.zeros(simulator.num_agents)  # [s] standing though it should drive; below 0: backing off
 
     def speeds(self, simulator: Simulator) -> NDArray[np.float64]:
         """Return the wanted speeds [m/s], float64[N], after planning on and renewing lines."""
         config, robot, orders = simulator.config, simulator.config.robot, self.orders
-        period, side = config.time_step * config.action_repeat, self.grid.cell_size
+        period = config.time_step * config.action_repeat
         state, world = simulator.state, self.world
         self.plan.aim(_flat(state.goal[world].astype(np.int64), self.grid))
         before = orders.at.copy()
         pose = state.pose[world].astype(np.float64)
         body = np.array([0.5 * robot.length, 0.5 * robot.width, robot.rear_reach - 0.5 * robot.length])
-        advance(orders, pose[:, :2], pose[:, 2], self.centre, body, REST * side, LOOK)
+        advance(orders, pose[:, :2], pose[:, 2], self.centre, body, LOOK)
         self._plan_on(state.alive[world] == 0, period, before)
-        advance(orders, pose[:, :2], pose[:, 2], self.centre, body, REST * side, LOOK)
-        return np.array([self._speed(simulator, i, period) for i in range(simulator.num_agents)])
+        advance(orders, pose[:, :2], pose[:, 2], self.centre, body, LOOK)
+        wanted = np.array([self._speed(simulator, i, period) for i in range(simulator.num_agents)])
+        return self._back_off(wanted, state.speed[world], simulator.events.touching[world] != 0, period)
+
+    def _back_off(
+        self, wanted: NDArray[np.float64], speed: NDArray[np.float32], touching: NDArray[np.bool_], period: float
+    ) -> NDArray[np.float64]:
+        """Return the wanted speeds, turned round for a while where a body stands against something."""
+        standing = (np.abs(speed) < 0.05) & (touching | (np.abs(wanted) > 0.2))
+        self.barred = np.where(self.barred < 0, self.barred + period, np.where(standing, self.barred + period, 0.0))
+        begins = (self.barred > BARRED) & (self.plan.rng.random(len(speed)) < 0.3)  # not both of a pair at once
+        self.barred[begins] = -BACKING
+        self.seen[begins] = -1
+        return np.where(self.barred < 0, np.where(wanted < 0, BACK_SPEED, -BACK_SPEED), wanted)
 
     def _plan_on(self, parked: NDArray[np.bool_], period: float, before: NDArray[np.int64]) -> None:
         orders = self.orders
         pending = orders.end - 1 - orders.at
-        self.since = np.where((pending > 0) & (orders.at == before), self.since + period, 0.0)
-        if (self.since > PATIENCE).any():
+        self.since = np.where(orders.at == before, self.since + period, 0.0)
+        restless = self.since > PATIENCE
+        if (restless & (pending > 0)).any() and self.since_forgotten > PATIENCE:
             forget_future(orders)
-            self.since[:] = 0.0
+            self.since_forgotten = 0.0
             pending = orders.end - 1 - orders.at
+        self.since_forgotten += period
         held = parked | (pending >= LOOK)
         if (pending < LOOK - 2).any():
             rows, last = np.arange(len(held)), (orders.end - 1) % LENGTH
             cell, heading = orders.cell[rows, last], orders.move[rows, last] % BACKWARDS
-            chosen, moves = self.plan.step(cell, heading, held)
+            resting = (pending == 0) & (orders.first < orders.at)
+            tail = np.where(resting, orders.cell[rows, (orders.at - 1) % LENGTH], -1)
+            chosen, moves = self.plan.step(cell, heading, held, tail, restless)
             append(orders, chosen, moves, chosen != cell)
 
     def _speed(self, simulator: Simulator, i: int, period: float) -> float:
         orders, r = self.orders, simulator.robots[self.world, i]
-        now = (int(orders.at[i]), int(orders.granted[i]))
+        now = (int(orders.at[i]), int(orders.granted[i]), int(goes_straight_on(orders, i, int(orders.granted[i]))))
         if tuple(self.seen[i]) != now:
             line, self.stop[i] = line_of(orders, i, self.centre, self.grid.cell_size)
             give_line(simulator, self.world, i, line)
