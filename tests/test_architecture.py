@@ -52,7 +52,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "agents": (*PLANNING, "warehouse_env.observation", "agents"),
     "train.reporting": ("warehouse_env", "train.reporting"),
     "train.learning": (*BELOW_TRAIN, "train.reporting", "train.learning"),
-    "train.evaluation": (*BELOW_TRAIN, "train.reporting", "train.evaluation"),
+    "train.central": (*BELOW_TRAIN, "train.central"),
+    "train.evaluation": (*BELOW_TRAIN, "train.reporting", "train.central", "train.evaluation"),
     "train.tables": (*BELOW_TRAIN, "train.reporting", "train.evaluation", "train.tables"),
     "train": (*BELOW_TRAIN, "train"),
 }
@@ -193,6 +194,8 @@ def test_every_import_is_allowed() -> None:
         ("train.reporting.report", "import matplotlib.pyplot as plt"),
         ("train.reporting.rows", "from train.evaluation.rollout import run"),
         ("train.learning.worlds", "from train.evaluation.rollout import run"),
+        ("agents.brake", "from train.central import CENTRAL"),
+        ("train.central.pibt", "from train.evaluation.rollout import run"),
         ("train.evaluation.rollout", "from train.commands.evaluate import Evaluate"),
     ],
 )

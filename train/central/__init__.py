@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
+
+import numpy as np
 
 from agents.policy import Action
 from train.central.pibt import CentralPIBT
@@ -19,8 +21,11 @@ class CentralPlanner(Protocol):
 
     name: str
 
-    def act_on(self, simulator: Simulator) -> Action:
-        """Return the next actions of all robots, as `Simulator.step` takes them."""
+    def act_on(self, simulator: Simulator, generators: Sequence[np.random.Generator]) -> Action:
+        """Return the next actions of all robots, as `Simulator.step` takes them; chance only from a world's generator.
+
+        It may set the robots' routes. A world that has just been reset begins anew; worlds do not know of each other.
+        """
         ...
 
 

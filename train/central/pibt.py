@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,9 +26,9 @@ PATIENCE = 4.0  # [s] without a new cell until the plan begins anew from where t
 class GridPIBT:
     """PIBT for one world, step by step, with goals that change: the plan alone, without bodies."""
 
-    def __init__(self, grid: GridMap, robots: int, seed: int) -> None:
+    def __init__(self, grid: GridMap, robots: int, rng: np.random.Generator) -> None:
         self._blocked = np.ascontiguousarray(grid.occupied)
-        self.rng = np.random.default_rng(seed)
+        self.rng = rng
         self._costs = np.zeros((robots, 4, grid.occupied.size), np.int32)
         self._kept: dict[int, NDArray[np.int32]] = {}
         self._goal = np.full(robots, -1, np.int64)
@@ -61,12 +63,12 @@ class GridPIBT:
 class _World:
     """Plan, orders and lines of one world."""
 
-    def __init__(self, simulator: Simulator, world: int, seed: int) -> None:
+    def __init__(self, simulator: Simulator, world: int, rng: np.random.Generator) -> None:
         grid = simulator.grid
         self.world, self.grid = world, grid
         rows, columns = np.indices(grid.shape)
         self.centre = grid.centre(np.stack([rows.ravel(), columns.ravel()], axis=-1))
-        self.plan = GridPIBT(grid, simulator.num_agents, seed)
+        self.plan = GridPIBT(grid, simulator.num_agents, rng)
         pose = simulator.state.pose[world].astype(np.float64)
         heading = np.round(pose[:, 2] / (0.5 * np.pi)).astype(np.int64) % 4
         self.orders = Orders.of(_flat(grid.cell(pose[:, :2]), grid), heading, grid.occupied.size)
@@ -149,11 +151,11 @@ class CentralPIBT:
         self._command = RouteCommand(config)
         self._worlds: dict[int, _World] = {}
 
-    def act_on(self, simulator: Simulator) -> Action:
+    def act_on(self, simulator: Simulator, generators: Sequence[np.random.Generator]) -> Action:
         """Return the actions of all robots of all worlds; a world that was reset begins a new plan."""
         speeds = np.zeros((simulator.num_worlds, simulator.num_agents))
         for world in range(simulator.num_worlds):
             if simulator.steps[world] == 0 or world not in self._worlds:
-                self._worlds[world] = _World(simulator, world, seed=world)
+                self._worlds[world] = _World(simulator, world, generators[world])
             speeds[world] = self._worlds[world].speeds(simulator)
         return self._command.at_speed(simulator.observation, np.minimum(speeds, self._command.cruise_speed))

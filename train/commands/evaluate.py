@@ -26,7 +26,7 @@ class Evaluate(Checked):
     """Drive policies through held-out episodes on layouts or maps; print means with 95% intervals."""
 
     policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo")
-    """Policies to compare: names, or folders of trained ones."""
+    """Policies to compare: names, or folders of trained ones; central_pibt is none, it knows all and plans for all."""
     layout: tuple[str, ...] = ()
     """Layouts to drive on (paper46 if neither layout nor map is given)."""
     map: tuple[Path, ...] = ()

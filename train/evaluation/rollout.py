@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents import make_policy, policy_config
-from agents.policy import Policy
+from train.central import CENTRAL, central_config
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
@@ -25,6 +25,9 @@ from warehouse_env.simulation.simulator import Simulator
 Watcher = Callable[[Simulator, int], None]
 """Called after the reset (step 0) and after every step with the simulator and the number of steps done."""
 
+Decider = Callable[[Simulator, Sequence[np.random.Generator]], NDArray[Any]]
+"""The actions of all robots of all worlds, from the simulator and a generator a world."""
+
 MOST = 1_000_000  # episodes of an experiment, runs of a planner, tasks: whatever a command makes a list of
 _POLICY_STREAM = 1  # apart from the world's own stream SeedSequence([seed, 0])
 
@@ -33,7 +36,7 @@ _POLICY_STREAM = 1  # apart from the world's own stream SeedSequence([seed, 0])
 class Experiment:
     """Names and numbers only, so it is JSON: an environment with its planner, a policy, and the episodes' seeds."""
 
-    policy: str  # a name of POLICIES or a policy folder
+    policy: str  # a name of POLICIES, a policy folder, or a name of CENTRAL
     config: EnvConfig  # as the policy needs it; max_steps is the length of an episode
     seed: int  # of episode 0; episode k has seed + k
     episodes: tuple[int, ...]  # the numbers of the episodes to play
@@ -69,7 +72,7 @@ def make_experiment(policy: str, base: EnvConfig, episodes: int, seconds: float,
         raise ConfigError(f"seconds={seconds!r} must be a finite number above 0")
     if seed < 0:
         raise ConfigError(f"seed={seed} must be at least 0")
-    config = policy_config(policy, base)
+    config = central_config(policy, base) if policy in CENTRAL else policy_config(policy, base)
     steps = max(1, round(seconds / (config.time_step * config.action_repeat)))
     return Experiment(policy, config.replace(max_steps=steps), seed, tuple(range(episodes)))
 
@@ -98,16 +101,16 @@ def run(experiment: Experiment, watch: Sequence[Watcher] = (), routes: Routes | 
     """
     config, seeds = experiment.config, experiment.seeds
     simulator = (routes or Routes()).simulator(config, len(seeds))
-    policy = make_policy(experiment.policy, config)
+    decide = _decider(experiment)
     generators = [np.random.default_rng([seed, _POLICY_STREAM]) for seed in seeds]
-    observation = simulator.reset(seeds)
+    simulator.reset(seeds)
     metrics: list[dict[str, float] | None] = [None] * len(seeds)
     _call(watch, simulator, 0)
     seconds: list[float] = []
     steps = 0
     while steps < config.max_steps and None in metrics:
         begin = time.perf_counter()
-        observation = simulator.step(_actions(policy, observation, generators))
+        simulator.step(decide(simulator, generators))
         seconds.append(time.perf_counter() - begin)
         steps += 1
         # A world that is over is measured at once; it then idles until the last one is over.
@@ -119,10 +122,17 @@ def run(experiment: Experiment, watch: Sequence[Watcher] = (), routes: Routes | 
     return [_row(experiment, k, values, ms_per_step) for k, values in zip(experiment.episodes, measured, strict=True)]
 
 
-def _actions(
-    policy: Policy, observation: NDArray[np.float32], generators: Sequence[np.random.Generator]
-) -> NDArray[Any]:
-    return np.concatenate([policy.act(observation[b : b + 1], rng) for b, rng in enumerate(generators)])
+def _decider(experiment: Experiment) -> Decider:
+    """Return what chooses the actions: a central planner from all that is known, a policy from observations alone."""
+    if experiment.policy in CENTRAL:
+        return CENTRAL[experiment.policy].make(experiment.config).act_on
+    policy = make_policy(experiment.policy, experiment.config)
+
+    def decide(simulator: Simulator, generators: Sequence[np.random.Generator]) -> NDArray[Any]:
+        observation = simulator.observation
+        return np.concatenate([policy.act(observation[b : b + 1], rng) for b, rng in enumerate(generators)])
+
+    return decide
 
 
 def _call(watch: Sequence[Watcher], simulator: Simulator, steps: int) -> None:
