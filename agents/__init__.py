@@ -11,6 +11,7 @@ from agents.path_following import Brake, Follow
 from agents.policy import Policy
 from agents.potential_field import PotentialField
 from agents.reciprocal import Reciprocal
+from agents.rules import Rules
 from agents.weights_folder import CONFIG, Network, PolicyRecord, save_policy
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WeightsError, unknown_name
@@ -45,6 +46,7 @@ POLICIES: dict[str, PolicyEntry] = {
     "brake": PolicyEntry("follows its route, stops for a robot ahead", rule=Brake),
     "apf": PolicyEntry("potential field: drawn along its route, pushed off by lidar and robots", rule=PotentialField),
     "orca": PolicyEntry("reciprocal velocity obstacles of discs, by the library pyrvo", rule=Reciprocal),
+    "rules": PolicyEntry("paper 001's coordinator: waits by priority, steps aside, backs", rule=Rules),
     "reinforce": PolicyEntry("our policy gradient, trained on this environment", weights=WEIGHTS_FOLDER / "reinforce"),
     "ppo": PolicyEntry("stable-baselines3 PPO, trained on this environment", weights=WEIGHTS_FOLDER / "ppo"),
 }

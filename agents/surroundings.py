@@ -56,6 +56,11 @@ class Surroundings:
         speed: Floats = self.ego(observation)[..., 0] * self._config.robot.max_speed
         return speed
 
+    def waited(self, observation: Observation) -> Floats:
+        """Return how long the robot has been standing [s], at most 20."""
+        seconds: Floats = self.ego(observation)[..., EGO - 1] * 20.0
+        return seconds
+
     def to_go(self, observation: Observation) -> Floats:
         """Return the way left to the goal [m], at most 20."""
         metres: Floats = self.ego(observation)[..., EGO - 3] * 20.0

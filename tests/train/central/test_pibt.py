@@ -21,7 +21,7 @@ STEPS = {0: (0, 1), 1: (-1, 0), 2: (0, -1), 3: (1, 0)}
 def check_step(
     blocked: NDArray[np.bool_], cell: list[int], heading: list[int], chosen: list[int], moves: list[int]
 ) -> None:
-    """Raise unless every move is one that a robot can make, and no two robots meet on a cell or an edge or in a ring."""
+    """Raise unless robots can make their moves, and no two meet on a cell, on an edge or in a ring."""
     columns = blocked.shape[1]
     assert len(set(chosen)) == len(chosen), "two robots in a cell"
     where = {at: i for i, at in enumerate(cell)}

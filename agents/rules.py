@@ -1,0 +1,104 @@
+"""`rules`: paper 001's coordinator as a policy: wait by priority, step aside, drive on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.path_following import Brake
+from agents.policy import Action, Observation
+from agents.route_command import RouteCommand
+from agents.surroundings import Floats, Neighbours, Surroundings
+from warehouse_env.config import EnvConfig
+
+Mask = NDArray[np.bool_]
+_ALIKE = 0.7  # cosine of the relative heading beyond which two drive alike, or head-on below its negative
+_STANDS = 0.1  # [m/s]
+
+
+@dataclass(frozen=True)
+class RuleNumbers:
+    """From where on two robots are in conflict, and how one steps aside; tuned on trial seeds."""
+
+    range: float = 4.0  # [m] between the bodies' centres
+    corridor: float = 0.25  # [m] between two bodies that can pass each other
+    aside: float = 0.6  # [m] of the step aside
+    slow: float = 0.5  # [m/s] while stepping aside
+    patience: float = 4.0  # [s] standing, from when on a robot may back
+    begins: float = 0.1  # chance of a decision to back, once impatient
+    lasts: float = 0.97  # chance of going on with it
+
+
+class Rules:
+    """Of two in conflict, the one without priority waits at a node; head-on both step aside, or one backs.
+
+    Source: paper 001, section 2.3. There a coordinator knows all paths and finds two kinds of conflict. Two robots that
+    reach a node at once: the one of lower priority waits before it. Two that come head-on along the same cells: it
+    goes into a free cell beside its path until the other is past, if that takes less time than a new path from where it
+    is, and else takes the new path. Priority has, after the kind of task, whose remaining path is shorter.
+    Adapted: an observation holds neither the others' tasks nor their paths. At a node who is nearer to it by a body's
+    length goes first (the remaining path as far as it can be seen), else who comes from the right. Head-on both step
+    aside to their right while lidar finds that free, else to their left; where neither is, or the way stays barred, one
+    backs: which of the two is left to chance, since both see the same. A standing robot ahead (an occupied node) is
+    waited for. New paths are the environment's, where it has live routes.
+    """
+
+    name = "rules"
+
+    def __init__(self, config: EnvConfig, numbers: RuleNumbers = RuleNumbers()) -> None:
+        self._command, self._surroundings, self._brake = RouteCommand(config), Surroundings(config), Brake(config)
+        self._robot, self._numbers = config.robot, numbers
+
+    def act(self, observation: Observation, rng: np.random.Generator) -> Action:
+        """Return what the rules command for every row; draws two numbers a row (shapes: `Policy.act`)."""
+        numbers, near = self._numbers, self._surroundings.neighbours(observation)
+        speed, chance = self._surroundings.speed(observation), rng.random((2, *observation.shape[:-1]))
+        head_on = self.head_on(near).any(axis=-1)
+        waits = self.must_wait(near, speed).any(axis=-1)
+        barred = self._brake.blocked(observation)
+        side = self.free_side(observation)
+
+        impatient = self._surroundings.waited(observation) > numbers.patience
+        backing = np.where(speed < -_STANDS, chance[0] < numbers.lasts, impatient & (chance[1] < numbers.begins))
+        backing &= self._someone_ahead(near).any(axis=-1)
+
+        wanted = np.full(speed.shape, self._command.cruise_speed)
+        wanted = np.where(head_on, numbers.slow, wanted)
+        wanted = np.where(barred | (waits & ~impatient), 0.0, wanted)
+        wanted = np.where(backing, self._robot.min_speed, wanted)
+        return self._command.beside(observation, wanted, np.where(head_on, numbers.aside * side, 0.0))
+
+    def head_on(self, near: Neighbours) -> Mask:
+        """Tell which neighbours come along the own way, bool[..., K]."""
+        wide = np.abs(near.y) < self._robot.width + self._numbers.corridor
+        return self._someone_ahead(near) & wide & (near.cos < -_ALIKE)
+
+    def must_wait(self, near: Neighbours, speed: Floats) -> Mask:
+        """Tell for which moving neighbours the own robot, at `speed` [...] in m/s, waits before a node, bool[..., K].
+
+        The node is where the own line, straight ahead, meets the other's: y + s sin = 0, own = x + s cos.
+        """
+        crossing = near.present & (np.abs(near.cos) <= _ALIKE)
+        sin = np.where(crossing, near.sin, 1.0)
+        others = -near.y / sin  # [m] that the other has to go to the node
+        own = near.x + others * near.cos
+        length, reach = self._robot.length, self._numbers.range
+        both = crossing & (own > 0.0) & (own < reach) & (others > -0.5 * length) & (others < reach)
+        moving = np.hypot(near.vx + speed[..., None], near.vy) > _STANDS
+        from_right = near.sin > 0.0
+        last = (own > others + length) | ((np.abs(own - others) <= length) & from_right)
+        return np.asarray(both & moving & last)
+
+    def free_side(self, observation: Observation) -> Floats:
+        """Return where a step aside is free, [...]: -1 to the right, else 1 to the left, else 0."""
+        gaps, rays = self._surroundings.gaps(observation), self._surroundings.rays
+        room = self._numbers.aside * 0.5
+        right = np.where(rays[:, 1] < -_ALIKE, gaps, np.inf).min(axis=-1) > room
+        left = np.where(rays[:, 1] > _ALIKE, gaps, np.inf).min(axis=-1) > room
+        return np.where(right, -1.0, np.where(left, 1.0, 0.0))
+
+    def _someone_ahead(self, near: Neighbours) -> Mask:
+        close = np.hypot(near.x, near.y) < self._numbers.range
+        return np.asarray(near.present & close & (near.x > 0.0))
