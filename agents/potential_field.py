@@ -18,9 +18,9 @@ _LEAST_GAP = 0.05  # [m] from which the field no longer grows
 class FieldGains:
     """The field's numbers, tuned on trial seeds; the attraction has the strength 1."""
 
-    lidar: float = 0.01  # [m^3], eta of paper 001's eq. 9 for what the lidar meets
+    lidar: float = 0.005  # [m^3], eta of paper 001's eq. 9 for what the lidar meets
     lidar_range: float = 0.8  # [m], its rho_0, from the body's edge
-    robots: float = 0.15  # [m^3], eta for a neighbour at rest; more as it comes nearer
+    robots: float = 0.05  # [m^3], eta for a neighbour at rest; more as it comes nearer
     robots_range: float = 2.5  # [m], its rho_0, between the bodies' edges
     look: float = 2.0  # [m] along the route to the attracting point
 

@@ -20,7 +20,7 @@ from warehouse_env.errors import WarehouseError
 class Reciprocity:
     """The numbers of ORCA, tuned on trial seeds."""
 
-    radius: float = 0.45  # [m] of the disc; 0.54 holds the body, and then two do not fit into an aisle of 2 m
+    radius: float = 0.54  # [m] of the disc, which holds the body; two do not fit into an aisle of 2 m
     horizon: float = 2.0  # [s] for which the new velocity must be free of collisions
     look: float = 2.0  # [m] along the route to where the preferred velocity points
 

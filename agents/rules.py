@@ -22,11 +22,11 @@ _STANDS = 0.1  # [m/s]
 class RuleNumbers:
     """From where on two robots are in conflict, and how one steps aside; tuned on trial seeds."""
 
-    range: float = 4.0  # [m] between the bodies' centres
+    range: float = 2.5  # [m] between the bodies' centres
     corridor: float = 0.25  # [m] between two bodies that can pass each other
     aside: float = 0.6  # [m] of the step aside
     slow: float = 0.5  # [m/s] while stepping aside
-    patience: float = 4.0  # [s] standing, from when on a robot may back
+    patience: float = 2.0  # [s] standing, from when on a robot may back
     begins: float = 0.1  # chance of a decision to back, once impatient
     lasts: float = 0.97  # chance of going on with it
 

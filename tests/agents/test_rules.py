@@ -12,6 +12,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.observation import observation_layout
 
 CONFIG = EnvConfig()
+WIDE = RuleNumbers(range=4.0)
 
 
 def command(policy: Rules, observation: np.ndarray, seed: int = 0) -> tuple[float, float]:  # type: ignore[type-arg]
@@ -27,7 +28,7 @@ def moving(observation: np.ndarray, vx: float, vy: float) -> np.ndarray:  # type
 
 
 def test_alone_it_cruises_on_the_route(observe: Observe) -> None:
-    assert command(Rules(CONFIG), seen(observe, CONFIG)) == (1.3, 0.0)
+    assert command(Rules(CONFIG, WIDE), seen(observe, CONFIG)) == (1.3, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -44,12 +45,12 @@ def test_at_a_node_the_nearer_goes_first_else_who_comes_from_the_right(
     observe: Observe, other: tuple[float, float], turn: float, waits: bool
 ) -> None:
     observation = moving(seen(observe, CONFIG, other=other, turn=turn), 0.0, np.sin(turn))
-    assert command(Rules(CONFIG), observation)[0] == (0.0 if waits else 1.3)
+    assert command(Rules(CONFIG, WIDE), observation)[0] == (0.0 if waits else 1.3)
 
 
 def test_exactly_one_of_two_at_a_node_waits(observe: Observe) -> None:
     """The same meeting as both see it: who waits is agreed on without a word."""
-    rng, policy = np.random.default_rng(4), Rules(CONFIG)
+    rng, policy = np.random.default_rng(4), Rules(CONFIG, WIDE)
     for _ in range(200):
         own, others = rng.uniform(0.8, 3.0, 2)  # [m] to the node
         turn = rng.uniform(0.9, 2.2) * rng.choice([-1, 1])
@@ -67,12 +68,12 @@ def test_exactly_one_of_two_at_a_node_waits(observe: Observe) -> None:
 
 def test_head_on_both_step_aside_to_where_it_is_free(observe: Observe) -> None:
     observation = seen(observe, CONFIG, other=(3.5, 0.0), turn=np.pi)
-    assert command(Rules(CONFIG), observation) == (0.5, -0.6)
+    assert command(Rules(CONFIG, WIDE), observation) == (0.5, -0.6)
     lidar = observation_layout(CONFIG).slices["lidar"].start
     observation[..., lidar + 24] = 1 / (1 + 0.3 + 0.2)  # a shelf 0.2 m off the right side
-    assert command(Rules(CONFIG), observation) == (0.5, 0.6)
+    assert command(Rules(CONFIG, WIDE), observation) == (0.5, 0.6)
     observation[..., lidar + 8] = 1 / (1 + 0.3 + 0.2)  # and one on the left
-    assert command(Rules(CONFIG), observation) == (0.5, 0.0)
+    assert command(Rules(CONFIG, WIDE), observation) == (0.5, 0.0)
 
 
 def test_nose_to_nose_it_waits_and_then_backs_by_chance(observe: Observe) -> None:

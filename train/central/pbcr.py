@@ -15,7 +15,7 @@ from warehouse_env.simulation.simulator import Simulator
 SPEEDS, STEERINGS = (1.3, 0.5, -0.4), (-0.9, -0.35, 0.0, 0.35, 0.9)  # [m/s], [rad]
 HORIZON = 1.0  # [s] after which a primitive's end is judged
 HEADING_WEIGHT = 0.6  # [m] of detour that a heading away from the goal by a right angle is worth
-VISIT_WEIGHT = 0.02  # [m] of detour that one more decision spent in the same place is worth
+VISIT_WEIGHT = 1.0  # [m] of detour that one more decision spent in the same place is worth
 HEADINGS = 8  # of a place: a cell and a heading
 
 Floats = NDArray[np.float64]

@@ -1,0 +1,72 @@
+"""Motion primitives against the simulator, their checks by hand, and no contact when they are driven."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from train.central import CENTRAL, central_config
+from train.central.primitives import DT, POSES, drive, meet, meets_shelf
+from warehouse_env.config import EnvConfig
+from warehouse_env.simulation.simulator import Simulator
+
+LIMITS = np.array([1.0, 1.5, 0.6, 0.3])
+
+
+def motion_of(x: float, y: float, heading: float, speed: float = 0.0, goal_speed: float = 0.0) -> np.ndarray:  # type: ignore[type-arg]
+    motion = np.empty((POSES, 4))
+    drive(np.array([x, y, heading]), speed, 0.0, goal_speed, 0.0, 2, LIMITS, motion)
+    return motion
+
+
+def test_a_motion_is_what_the_simulator_drives() -> None:
+    config = EnvConfig(layout="open", num_agents=1, planner="astar", action_type="raw", action_repeat=2)
+    simulator = Simulator(config)
+    simulator.reset(1)
+    for goal_speed, goal_steer in ((1.0, 0.3), (1.0, -0.4), (0.6, 0.0)):
+        state = simulator.state
+        speed, steer = float(state.speed[0, 0]), float(state.steer[0, 0])
+        motion = np.empty((POSES, 4))
+        drive(state.pose[0, 0].astype(float), speed, steer, goal_speed, goal_steer, 2, LIMITS, motion)
+        change, turn = np.clip([goal_speed - speed, goal_steer - steer], -2 * DT * LIMITS[:2], 2 * DT * LIMITS[:2])
+        simulator.step(np.array([[[change / 0.2, turn / 0.2 / 1.5]]], np.float32))
+        x, y, heading = simulator.state.pose[0, 0]
+        centre = [x - 0.3 * np.cos(heading), y - 0.3 * np.sin(heading)]
+        assert motion[1, :2] == pytest.approx(centre, abs=2e-3)
+        assert motion[1, 2:] == pytest.approx([np.cos(heading), np.sin(heading)], abs=2e-3)
+
+
+def test_a_motion_ends_where_full_braking_ends() -> None:
+    """1.2 m/s kept for 0.2 s, then braking at 1 m/s^2: 0.24 + 0.72 m."""
+    motion = motion_of(0.0, 0.0, 0.0, 1.2, 1.2)
+    assert motion[-1, 0] == pytest.approx(-0.3 + 0.24 + 0.72)
+
+
+def test_bodies_meet_within_the_margin() -> None:
+    standing = motion_of(0.0, 0.0, 0.0)
+    assert not meet(standing, motion_of(0.93, 0.0, 0.0), 0.45, 0.3)  # 3 cm bumper to bumper
+    assert meet(standing, motion_of(0.91, 0.0, 0.0), 0.45, 0.3)
+    assert not meet(standing, motion_of(0.0, 0.63, 0.0), 0.45, 0.3)
+    assert meet(standing, motion_of(0.0, 0.61, 0.0), 0.45, 0.3)
+    assert meet(motion_of(-1.5, 0.0, 0.0, 1.2, 1.2), standing, 0.45, 0.3)  # stops 0.96 m further on
+    assert not meet(motion_of(-2.0, 0.0, 0.0, 1.2, 1.2), standing, 0.45, 0.3)
+
+
+def test_bodies_meet_shelves_within_the_margin() -> None:
+    solid = np.ones((5, 7), np.uint8)
+    solid[1:4, 1:6] = 0  # a floor of 3 x 5 m
+    assert not meets_shelf(motion_of(2.0, 1.5, 0.0), solid, 1.0, 0.45, 0.3)
+    assert meets_shelf(motion_of(2.0, 0.31, 0.0), solid, 1.0, 0.45, 0.3)  # 1 cm beside the rim
+    assert not meets_shelf(motion_of(2.0, 0.33, 0.0), solid, 1.0, 0.45, 0.3)
+    assert meets_shelf(motion_of(4.0, 1.5, 0.0, 1.2, 1.2), solid, 1.0, 0.45, 0.3)  # its nose at 4.15 + 0.96 of 5 m
+
+
+def test_many_robots_drive_without_a_contact() -> None:
+    config = central_config("central_pbcr", EnvConfig(layout="open", num_agents=12, planner="astar"))
+    simulator, planner = Simulator(config), CENTRAL["central_pbcr"].make(config)
+    simulator.reset(2)
+    for _ in range(200):
+        simulator.step(planner.act_on(simulator, [np.random.default_rng(0)]))
+    row = simulator.episode_metrics(0)
+    assert row["goals"] > 0
+    assert row["collisions_robot"] == row["collisions_shelf"] == 0
