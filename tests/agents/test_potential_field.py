@@ -50,7 +50,7 @@ def test_a_shelf_repels_within_its_range_only(observe: Observe) -> None:
 
 def test_one_ahead_brakes_it_and_one_aside_shifts_it(observe: Observe) -> None:
     config = EnvConfig()
-    policy = PotentialField(config)
+    policy = PotentialField(config, FieldGains(robots=0.15))
     speed = lambda action: config.speed_levels[int(action[0, 0]) // 5]  # noqa: E731
     assert speed(policy.act(seen(observe, config, other=(1.4, 0.0)), RNG)) <= 0.0
     aside = int(policy.act(seen(observe, config, other=(1.0, 1.0)), RNG)[0, 0]) % 5
