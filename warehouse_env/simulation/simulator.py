@@ -21,6 +21,7 @@ from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation import metrics, state, step
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.buckets import bucket_grid
+from warehouse_env.simulation.field import NOBODY
 from warehouse_env.simulation.floor import floor_of, load_grid
 from warehouse_env.simulation.given import check_count, check_memory, check_pace, check_parts, seeds_of, whole_seed
 from warehouse_env.simulation.placement import place
@@ -106,7 +107,10 @@ class Simulator(Portable):
         self._stamps = np.zeros((b, n, n), dtype=np.int32)
         rows, columns = self.grid.shape
         size = self.grid.cell_size
-        look = max(self.config.sensor.lidar_range + float(p["radius"][0]), 2 * reach)
+        look = max(
+            self.config.sensor.lidar_range + float(p["radius"][0]),
+            2 * max(reach, float(p["field_range"][0]) if self.config.protective_field else 0.0),
+        )
         bucket_rows, bucket_columns, side = bucket_grid(n, columns * size, rows * size, look)
         p["bucket_rows"], p["bucket_columns"], p["bucket"] = bucket_rows, bucket_columns, side
         self._waiting = np.zeros(b, dtype=np.int32)
@@ -193,6 +197,7 @@ class Simulator(Portable):
         robots["alive"] = 1
         robots["gear"] = 1
         robots["gap"] = robots["min_gap"] = state.GAP_HORIZON
+        robots["held_by"] = NOBODY
         self._tasks[world].reset(self._rngs[world])
         self._place_all(world)
 
@@ -266,6 +271,7 @@ class Simulator(Portable):
             planned, driven = float(r["points"] - 1) * float(r["spacing"]), float(r["distance"] - r["distance_at_goal"])
             arrivals.append(Arrival(world, robot, driven, planned))
             r["goals"] += 1
+            r["age"] = 0
             r["planned"] += planned
             r["driven_to_goals"] += driven
             r["distance_at_goal"] = r["distance"]
