@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.observation import EGO, FIELD, NEIGHBOUR
-from warehouse_env.simulation import buckets, contact, field, prediction, sensing, tracking
+from warehouse_env.simulation import audit, buckets, contact, field, prediction, sensing, tracking
 from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import approach, braking
 from warehouse_env.simulation.rewards import write_terms
@@ -129,7 +129,7 @@ def _sights(p):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _advance_world(robots, routes, commands, stamps, places, motions, guards, clock, p, solid, clearance):  # type: ignore[no-untyped-def]
+def _advance_world(robots, routes, commands, stamps, places, motions, guards, fault, clock, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Advance one world by one env step; return the number of arrivals."""
     order, starts, bodies = places
     pairs, motion, flags, lanes = motions
@@ -154,6 +154,8 @@ def _advance_world(robots, routes, commands, stamps, places, motions, guards, cl
         contact.store(robots, motion)
         if p["field"] != 0:
             field.settle(robots)
+            if p["checked"] != 0:
+                audit.find_fault(robots, clock + repeat, p, solid, clearance, fault)
         contact.judge_pairs(robots, motion, pairs, near, stamps, clock + repeat, p)
         contact.end_shelf_contacts(robots, p, solid, clearance)
         for i in range(count):
@@ -208,15 +210,16 @@ def _count_step(robots, steps, b, truncated, terminated, p):  # type: ignore[no-
 
 @kernel
 def step(  # type: ignore[no-untyped-def]
-    begin, end, robots, routes, commands, stamps, steps, truncated, terminated, waiting, params, solid, clearance,
-    rays, table, weights, edges, seen, first, out, terms, reward,
+    begin, end, robots, routes, commands, stamps, steps, truncated, terminated, waiting, faults, params,
+    solid, clearance, rays, table, weights, edges, seen, first, out, terms, reward,
 ):  # fmt: skip
     """Step the worlds from `begin` to before `end`; return the number of arrivals. Leading axis of the arrays: world.
 
     robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; commands float32[B, N, 2]: speed [m/s] and offset [m], or raw
     acceleration and steering rate; stamps int32[B, N, N]; steps int64[B] since the reset, truncated bool[B],
     terminated bool[B, N]; waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator
-    has given out new tasks; rays, table, weights, edges, seen, first: see the Simulator; out: observations float32[B,
+    has given out new tasks; faults int32[B, 3]: see audit.find_fault;
+    rays, table, weights, edges, seen, first: see the Simulator; out: observations float32[B,
     N, D]; terms float32[B, N, T]; reward float32[B, N].
     """
     p = params[0]
@@ -226,7 +229,7 @@ def step(  # type: ignore[no-untyped-def]
     for b in range(begin, end):
         clock = steps[b] * p["repeat"] + 1
         waiting[b] = _advance_world(
-            robots[b], routes[b], commands[b], stamps[b], places, motions, guards, clock, p, solid, clearance
+            robots[b], routes[b], commands[b], stamps[b], places, motions, guards, faults[b], clock, p, solid, clearance
         )
         _count_step(robots[b], steps, b, truncated, terminated, p)
         arrivals += waiting[b]
