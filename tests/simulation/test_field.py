@@ -87,8 +87,9 @@ def test_two_head_on_stop_before_they_meet() -> None:
 
 
 def test_one_may_follow_close_behind_another_that_drives() -> None:
-    # Both can stop within the same way, so that the gap may shrink to nothing but the margin.
+    # Both stop within the same way, so that the margin is all they need, once the one ahead has committed.
     simulator = guarded(room(3, 30), (2.0, 1.5, 0.0, 1.5), (3.0, 1.5, 0.0, 1.5))
+    simulator.robots["age"][0, 1] = 1
     for _ in range(100):
         simulator.step(raw(simulator, FULL, FULL))
         assert simulator.robots["held"][0, 0] == 0
@@ -151,7 +152,10 @@ def shake(simulator: Simulator, rng: np.random.Generator, steps: int) -> None:
 
 
 def random_floor(rng: np.random.Generator) -> Any:
-    occupied = rng.random((7, 9)) < rng.choice([0.0, 0.15, 0.3])
+    """Shelves anywhere but on every third row and in a column, so that all free cells hang together."""
+    occupied = rng.random((7, 9)) < rng.choice([0.0, 0.3, 0.6])
+    occupied[[0, 3, 6]] = False
+    occupied[:, 0] = False
     return drawn(["".join("#" if shelf else "." for shelf in row) for row in occupied])
 
 
@@ -208,7 +212,16 @@ def test_tasks_and_routes_that_change_while_robots_brake(seed: int, kind: Any, o
             row, column = simulator.state.goal[0, robot].tolist()
             simulator._set_route(0, robot, (row, column), (0, 0))  # from the goal back: across the floor
     assert untouched(simulator)
-    assert one_shot or simulator.robots["goals"].sum() > 0
+
+
+def test_robots_under_the_field_arrive() -> None:
+    simulator = Simulator(EnvConfig(num_agents=4, planner="astar", protective_field=True), grid=room(9, 9))
+    simulator.reset(seed=0)
+    for _ in range(300):
+        simulator.step(np.full((1, 4), simulator.cruise_action))
+    assert simulator.robots["goals"].sum() > 4
+    assert (simulator.robots["age"] < 300).any()
+    assert untouched(simulator)
 
 
 @pytest.mark.parametrize(

@@ -40,14 +40,12 @@ def _learned(name: str, config: EnvConfig, rng: np.random.Generator) -> Driver:
 
 def _random(config: EnvConfig, rng: np.random.Generator) -> Driver:
     """Full commands of either sign, held for a while each."""
-    held = np.zeros(0)
+    held = np.zeros((1, config.num_agents, 2))
 
     def act(simulator: Simulator) -> NDArray[Any]:
         nonlocal held
-        shape = (*simulator.robots.shape, 2)
-        fresh = rng.choice([-1.0, 0.0, 1.0], shape, p=[0.2, 0.2, 0.6])
-        change = rng.random((*simulator.robots.shape, 1)) < 1 / CHANGE
-        held = np.where(change, fresh, held) if held.shape == shape else fresh
+        fresh = rng.choice([-1.0, 0.0, 1.0], held.shape, p=[0.2, 0.2, 0.6])
+        held = np.where(rng.random((*held.shape[:2], 1)) < 1 / CHANGE, fresh, held)
         return held
 
     return act
@@ -55,13 +53,11 @@ def _random(config: EnvConfig, rng: np.random.Generator) -> Driver:
 
 def _hunt(config: EnvConfig, rng: np.random.Generator) -> Driver:
     """At the nearest robot at full speed; who has been held back for long backs away first, turning at random."""
-    backing = np.zeros(0)
+    backing = np.zeros((1, config.num_agents))  # env steps yet to go, positive or negative by the side turned to
 
     def act(simulator: Simulator) -> NDArray[Any]:
         nonlocal backing
         robots = simulator.robots
-        if backing.shape != robots.shape:
-            backing = np.zeros(robots.shape)
         bored = robots["held_time"] > BORED
         backing = np.where(bored, rng.uniform(-40, 40, robots.shape), backing - np.sign(backing))
         backing[np.abs(backing) < 1] = 0.0
@@ -78,7 +74,8 @@ def _towards_nearest(robots: NDArray[Any]) -> NDArray[np.float64]:
     away = place[:, None, :] - place[:, :, None]
     away[:, np.arange(away.shape[1]), np.arange(away.shape[1])] = np.inf
     nearest = np.take_along_axis(away, np.abs(away).argmin(-1)[..., None], -1)[..., 0]
-    return -2.0 * np.angle(nearest * np.exp(-1j * robots["heading"].astype(np.float64)))
+    aside: NDArray[np.float64] = np.angle(nearest * np.exp(-1j * robots["heading"].astype(np.float64)))
+    return -2.0 * aside
 
 
 DRIVERS: dict[str, tuple[str, Callable[[EnvConfig, np.random.Generator], Driver]]] = {  # name -> action type, maker
@@ -145,7 +142,7 @@ def drive(name: str, config: EnvConfig, seconds: float, seed: int, noise: str = 
 
 def field_tables(rows: list[Row]) -> list[Table]:
     """Return the tables of `field`'s rows."""
-    return [table for table in (_promise(rows), _margins(rows), _noises(rows)) if table.rows]
+    return [table for table in (_promise(rows), _margins(rows), _noises(rows)) if table.cells]
 
 
 def _promise(rows: list[Row]) -> Table:
@@ -185,9 +182,7 @@ def _noises(rows: list[Row]) -> Table:
         ))
         for noise, late in kinds
     )  # fmt: skip
-    note = (
-        "Noise: of acceleration and steering rate (standard deviation); slip and turn of a decision's way: "
-        + ", ".join(f"{name}: {100 * one.slip:g}%, {100 * one.turn:g} rad per 100 m" for name, one in NOISES.items())
-    )
+    sizes = (f"{name} {100 * one.command:g}%, {one.slip:g} m, {one.turn:g} rad" for name, one in NOISES.items())
+    note = "Noise of acceleration and steering rate, and of place and heading per metre driven: " + "; ".join(sizes)
     header = ("noise", "latency", *(f"margin {margin:g} m" for margin in NOISY_MARGINS))
     return Table("Contacts per robot-km with noise and latency", header, cells, note)

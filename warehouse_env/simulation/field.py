@@ -19,17 +19,26 @@ from warehouse_env.simulation.contact import ACCELERATION, COS, HEADING, SIN, SP
 from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import braking, curvature
 from warehouse_env.simulation.stops import (
+    AXIS_COS,
+    AXIS_SIN,
     COMMITTED,
+    LONG,
     MARK,
+    MIDDLE_X,
+    MIDDLE_Y,
     OUTLINE,
     PLACE,
+    REACH,
     REST,
     SAMPLES,
+    SLACK,
+    WIDE,
     draw_outline,
+    is_far_from_shelves,
     least_separation,
     meets_shelf,
-    near,
     outline_trial,
+    outlines_meet,
     sample,
     stopping_distance,
 )
@@ -73,7 +82,7 @@ def begin(motion, field, p):  # type: ignore[no-untyped-def]
         speed, bend = motion[SPEED, i], ZERO
         if speed != ZERO:
             bend = curvature(motion[STEER, i], p["wheelbase"])
-        draw_outline(i, x, y, heading, c, s, stopping_distance(speed, p), bend, ZERO, outlines, p)
+        draw_outline(i, x, y, heading, c, s, stopping_distance(speed, p), bend, ZERO, ZERO, outlines, p)
         marks[SAMPLES, i] = 0
         marks[COMMITTED, i] = 0
 
@@ -95,14 +104,20 @@ def _who_refuses(i, acceleration, steer_rate, motion, field, places, p):  # type
     """
     paths, outlines, marks, _ = field
     order, starts, _ = places
-    trial, columns, found = motion.shape[1], p["bucket_columns"], FREE
-    cx, cy = motion[X, i] - p["offset"] * motion[COS, i], motion[Y, i] - p["offset"] * motion[SIN, i]
-    row, column = bucket_at(cx, cy, p)
+    trial, columns, found, gap = motion.shape[1], p["bucket_columns"], FREE, p["field_margin"] + SLACK
+    mx, my, reach = outlines[MIDDLE_X, trial], outlines[MIDDLE_Y, trial], outlines[REACH, trial]
+    c, s = outlines[AXIS_COS, trial], outlines[AXIS_SIN, trial]
+    long, wide = outlines[LONG, trial], outlines[WIDE, trial]
+    row, column = bucket_at(motion[X, i] - p["offset"] * motion[COS, i], motion[Y, i] - p["offset"] * motion[SIN, i], p)
     left, right = max(column - 1, 0), min(column + 2, columns)
     for by in range(max(row - 1, 0), min(row + 2, p["bucket_rows"])):
         for n in range(starts[by * columns + left], starts[by * columns + right]):
             j = order[n]
-            if j == i or not near(trial, j, outlines, p):
+            if j == i or not outlines_meet(
+                outlines[MIDDLE_X, j] - mx, outlines[MIDDLE_Y, j] - my, c, s, long, wide, reach,
+                outlines[AXIS_COS, j], outlines[AXIS_SIN, j], outlines[LONG, j], outlines[WIDE, j], outlines[REACH, j],
+                gap,
+            ):  # fmt: skip
                 continue
             if marks[SAMPLES, trial] == 0:
                 sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)
@@ -124,7 +139,8 @@ def _publish(i, trial, paths, outlines, marks):  # type: ignore[no-untyped-def]
     for n in range(marks[SAMPLES, trial]):
         for k in range(PLACE):
             paths[i, n, k] = paths[trial, n, k]
-    outlines[:, i] = outlines[:, trial]
+    for k in range(OUTLINE):
+        outlines[k, i] = outlines[k, trial]
     marks[SAMPLES, i] = marks[SAMPLES, trial]
 
 
@@ -139,7 +155,8 @@ def commit(i, acceleration, steer_rate, motion, field, places, p, solid, clearan
     trial, speed = motion.shape[1], motion[SPEED, i]
     if speed != ZERO or min(max(acceleration * p["dt"], p["min_speed"]), p["max_speed"]) != ZERO:
         marks[SAMPLES, trial] = 0
-        if not outline_trial(i, acceleration, steer_rate, motion, outlines, p, clearance):
+        outline_trial(i, acceleration, steer_rate, motion, outlines, p)
+        if not is_far_from_shelves(trial, outlines, p, solid, clearance):
             sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)
             if meets_shelf(trial, paths, outlines, marks, p, solid, clearance):
                 return SHELF

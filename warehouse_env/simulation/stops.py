@@ -1,7 +1,7 @@
 """Motions of the protective field: a step as commanded and then a full stop; outlined, sampled, compared.
 
-Most motions are far from everything, which an outline and a look at few poses along the arc of the stop tell. Those
-that are not are sampled at every substep, by the same arithmetic with which contact.py moves the bodies.
+Most motions are far from everything, which their outlines tell. Those that are not are sampled at every substep, by the
+same arithmetic with which contact.py moves the bodies.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import numpy as np
 
 from warehouse_env.simulation.contact import COS, HEADING, SIN, SPEED, STEER, X, Y
 from warehouse_env.simulation.footprint import body_room, body_touches_shelf
-from warehouse_env.simulation.geometry import separation
+from warehouse_env.simulation.geometry import rectangles_touch, separation
 from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import braking, curvature, roll
 from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, sin_cos
@@ -21,16 +21,15 @@ _SIXTH = np.float32(1.0 / 6.0)
 _OVER_120 = np.float32(1.0 / 120.0)
 _SHORT = np.float32(0.2)  # [rad] up to which a series gives the chord of an arc
 _ROOT_2 = np.float32(1.4142137)
-_SLACK = np.float32(1e-3)  # [m] for what rounding adds up to where poses are not the samples themselves
-_LEAST_ROOM = np.float32(0.03)  # [m] to a shelf under which few poses do not do
+SLACK = np.float32(1e-3)  # [m] for what rounding adds up to where poses are not the samples themselves
 # The field's arrays (see field.scratch). paths float32[N + 1, T, PLACE]: the body's centre and heading at each substep
 # of the committed motions; the last row is that of the motion on trial.
 CENTRE_X, CENTRE_Y, BODY_COS, BODY_SIN = range(4)
 PLACE = 4
-# outlines float32[OUTLINE, N + 1]: a circle around all that a motion sweeps [m]; if it has been sampled, how far any
-# point of the body moves at most in one of its substeps [m].
-MIDDLE_X, MIDDLE_Y, REACH, PACE = range(4)
-OUTLINE = 4
+# outlines float32[OUTLINE, N + 1]: a rectangle around all that a motion sweeps [m], half its diagonal; if the motion
+# has been sampled, how far any point of the body moves at most in one of its substeps [m].
+MIDDLE_X, MIDDLE_Y, AXIS_COS, AXIS_SIN, LONG, WIDE, REACH, PACE = range(8)
+OUTLINE = 8
 # marks int32[MARK, N + 1]: samples of a path, 0 where it has not been needed yet; has the robot committed in this step?
 SAMPLES, COMMITTED = 0, 1
 MARK = 2
@@ -57,17 +56,24 @@ def _along(x, y, heading, distance, bend):  # type: ignore[no-untyped-def]
 
 
 @inline
-def draw_outline(row, x, y, heading, c, s, way, bend, before, outlines, p):  # type: ignore[no-untyped-def]
-    """Write the circle that a stop of `way` [m] from a pose sweeps, if `before` [m] of the body's centre lead there.
+def draw_outline(row, x, y, heading, c, s, way, bend, driven, turned, outlines, p):  # type: ignore[no-untyped-def]
+    """Write the rectangle that holds all of a stop of `way` [m] from a pose, and of how the body came there.
 
-    The centre drives an arc too, and no point of an arc is farther from its middle than half its length.
+    Its axis is the heading half-way. From there the front axle drives way / 2 at most along it and bend way^2 / 8 to
+    its side, and the body turns by bend way / 2. Before, it had driven and turned by so much at most [m], [rad].
     """
     if way != ZERO:
         x, y, heading = _along(x, y, heading, HALF * way, bend)
         s, c = sin_cos(heading)
-    wide = p["offset"] * bend
+    half_way = HALF * abs(way)
+    half_turn = half_way * abs(bend)
+    swing = p["far"] * (half_turn + turned)
+    long = p["half_length"] + half_way + driven + swing
+    wide = p["half_width"] + HALF * half_way * half_turn + driven * (half_turn + turned) + swing
     outlines[MIDDLE_X, row], outlines[MIDDLE_Y, row] = x - p["offset"] * c, y - p["offset"] * s
-    outlines[REACH, row] = p["radius"] + HALF * abs(way) * np.sqrt(ONE + wide * wide) + before
+    outlines[AXIS_COS, row], outlines[AXIS_SIN, row] = c, s
+    outlines[LONG, row], outlines[WIDE, row] = long, wide
+    outlines[REACH, row] = np.sqrt(long * long + wide * wide)
 
 
 @kernel
@@ -77,7 +83,9 @@ def sample(row, i, acceleration, steer_rate, commanded, motion, paths, outlines,
     speed, steer, lock, dt = motion[SPEED, i], motion[STEER, i], p["max_steer"], p["dt"]
     bend = curvature(steer, p["wheelbase"])
     pace, n = ZERO, 0
-    _place(row, 0, x, y, c, s, paths, p)
+    offset = p["offset"]
+    paths[row, 0, CENTRE_X], paths[row, 0, CENTRE_Y] = x - offset * c, y - offset * s
+    paths[row, 0, BODY_COS], paths[row, 0, BODY_SIN] = c, s
     while n + p["substeps"] <= paths.shape[1]:
         if n >= commanded:
             if abs(speed) < REST:
@@ -94,24 +102,18 @@ def sample(row, i, acceleration, steer_rate, commanded, motion, paths, outlines,
                 s, c = sin_cos(heading)
                 pace = max(pace, abs(distance) * (ONE + p["far"] * abs(bend)))
             speed, steer = next_speed, next_steer
-            _place(row, n, x, y, c, s, paths, p)
+            paths[row, n, CENTRE_X], paths[row, n, CENTRE_Y] = x - offset * c, y - offset * s
+            paths[row, n, BODY_COS], paths[row, n, BODY_SIN] = c, s
             n += 1
     outlines[PACE, row] = pace
     marks[SAMPLES, row] = max(n, 1)
 
 
 @inline
-def _place(row, n, x, y, c, s, paths, p):  # type: ignore[no-untyped-def]
-    paths[row, n, CENTRE_X], paths[row, n, CENTRE_Y] = x - p["offset"] * c, y - p["offset"] * s
-    paths[row, n, BODY_COS], paths[row, n, BODY_SIN] = c, s
-
-
-@inline
-def near(a, b, outlines, p):  # type: ignore[no-untyped-def]
-    """Whether the circles around two motions are within the margin of each other."""
-    dx, dy = outlines[MIDDLE_X, a] - outlines[MIDDLE_X, b], outlines[MIDDLE_Y, a] - outlines[MIDDLE_Y, b]
-    reach = outlines[REACH, a] + outlines[REACH, b] + p["field_margin"] + _SLACK
-    return dx * dx + dy * dy <= reach * reach
+def outlines_meet(dx, dy, c1, s1, l1, w1, r1, c2, s2, l2, w2, r2, gap):  # type: ignore[no-untyped-def]
+    """Whether two outlines come within `gap` [m]; (dx, dy): from middle to middle [m], r: half the diagonals [m]."""
+    reach = r1 + r2 + gap
+    return dx * dx + dy * dy <= reach * reach and rectangles_touch(dx, dy, c1, s1, l1 + gap, w1 + gap, c2, s2, l2, w2)
 
 
 @kernel
@@ -134,7 +136,7 @@ def least_separation(a, b, paths, outlines, marks, p):  # type: ignore[no-untype
         )  # fmt: skip
         least = min(least, gap)
         n += 1
-        spare = gap - _ROOT_2 * p["field_margin"] - _SLACK
+        spare = gap - _ROOT_2 * p["field_margin"] - SLACK
         if spare > most:
             n += last if most == ZERO else int(min(spare / most, np.float32(last)))
     return least
@@ -148,7 +150,7 @@ def meets_shelf(row, paths, outlines, marks, p, solid, clearance):  # type: igno
     while n < count:
         cx, cy = paths[row, n, CENTRE_X], paths[row, n, CENTRE_Y]
         c, s = paths[row, n, BODY_COS], paths[row, n, BODY_SIN]
-        room = body_room(cx, cy, c, s, half_length, half_width, clearance, cell) - _SLACK
+        room = body_room(cx, cy, c, s, half_length, half_width, clearance, cell) - SLACK
         if room <= ZERO and body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, cell):
             return True
         n += 1
@@ -158,42 +160,29 @@ def meets_shelf(row, paths, outlines, marks, p, solid, clearance):  # type: igno
 
 
 @inline
-def _is_far_from_shelves(x, y, heading, c, s, way, bend, before, p, clearance):  # type: ignore[no-untyped-def]
-    """Whether a stop of `way` [m] from a pose keeps off the shelves by a look at few poses; False: not known.
-
-    before: metres at most that a point of the body has moved to come there.
-    """
-    stretch = ONE + p["far"] * abs(bend)
-    to_x, to_y, at, least = x, y, ZERO, before + _SLACK
-    while True:
-        cx, cy = to_x - p["offset"] * c, to_y - p["offset"] * s
-        room = body_room(cx, cy, c, s, p["half_length"], p["half_width"], clearance, p["cell"]) - _SLACK
-        if room <= least:
-            return False
-        least = _LEAST_ROOM
-        at += room / stretch
-        if at >= abs(way):
-            return True
-        to_x, to_y, turned = _along(x, y, heading, at if way > ZERO else -at, bend)
-        s, c = sin_cos(turned)
-
-
-@inline
-def outline_trial(i, acceleration, steer_rate, motion, outlines, p, clearance):  # type: ignore[no-untyped-def]
-    """Outline robot i's motion at a command, and return whether it is far from shelves (see _is_far_from_shelves)."""
+def outline_trial(i, acceleration, steer_rate, motion, outlines, p):  # type: ignore[no-untyped-def]
+    """Outline robot i's motion at a command, in the last row."""
     x, y, heading, c, s = motion[X, i], motion[Y, i], motion[HEADING, i], motion[COS, i], motion[SIN, i]
     speed, steer, lock, dt = motion[SPEED, i], motion[STEER, i], p["max_steer"], p["dt"]
-    of_centre, of_points = ZERO, ZERO
+    driven, turned = ZERO, ZERO
     for _ in range(p["substeps"]):
         next_speed = min(max(speed + acceleration * dt, p["min_speed"]), p["max_speed"])
         next_steer = min(max(steer + steer_rate * dt, -lock), lock)
         distance = HALF * (speed + next_speed) * dt
         bend = curvature(HALF * (steer + next_steer), p["wheelbase"])
         x, y, heading = roll(x, y, heading, distance, bend)
-        of_centre += abs(distance) * (ONE + p["offset"] * abs(bend))
-        of_points += abs(distance) * (ONE + p["far"] * abs(bend))
+        driven += abs(distance)
+        turned += abs(distance * bend)
         speed, steer = next_speed, next_steer
     s, c = sin_cos(heading)
     way, bend = stopping_distance(speed, p), curvature(steer, p["wheelbase"])
-    draw_outline(motion.shape[1], x, y, heading, c, s, way, bend, of_centre, outlines, p)
-    return _is_far_from_shelves(x, y, heading, c, s, way, bend, of_points, p, clearance)
+    draw_outline(motion.shape[1], x, y, heading, c, s, way, bend, driven, turned, outlines, p)
+
+
+@inline
+def is_far_from_shelves(row, outlines, p, solid, clearance):  # type: ignore[no-untyped-def]
+    """Whether a motion's outline touches no shelf."""
+    return not body_touches_shelf(
+        outlines[MIDDLE_X, row], outlines[MIDDLE_Y, row], outlines[AXIS_COS, row], outlines[AXIS_SIN, row],
+        outlines[LONG, row] + SLACK, outlines[WIDE, row] + SLACK, solid, clearance, p["cell"],
+    )  # fmt: skip
