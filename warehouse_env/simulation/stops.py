@@ -81,26 +81,27 @@ def sample(row, i, acceleration, steer_rate, commanded, motion, paths, outlines,
     """Sample robot i's motion into a row of `paths`: `commanded` substeps at a command, then full braking."""
     x, y, heading, c, s = motion[X, i], motion[Y, i], motion[HEADING, i], motion[COS, i], motion[SIN, i]
     speed, steer, lock, dt = motion[SPEED, i], motion[STEER, i], p["max_steer"], p["dt"]
-    bend = curvature(steer, p["wheelbase"])
+    slowest, fastest, offset, far = p["min_speed"], p["max_speed"], p["offset"], p["far"]
+    substeps, wheelbase = p["substeps"], p["wheelbase"]
+    bend = curvature(steer, wheelbase)
     pace, n = ZERO, 0
-    offset = p["offset"]
     paths[row, 0, CENTRE_X], paths[row, 0, CENTRE_Y] = x - offset * c, y - offset * s
     paths[row, 0, BODY_COS], paths[row, 0, BODY_SIN] = c, s
-    while n + p["substeps"] <= paths.shape[1]:
+    while n + substeps <= paths.shape[1]:
         if n >= commanded:
             if abs(speed) < REST:
                 break
             acceleration, steer_rate = braking(speed, p), ZERO
-        for _ in range(p["substeps"]):
-            next_speed = min(max(speed + acceleration * dt, p["min_speed"]), p["max_speed"])
+        for _ in range(substeps):
+            next_speed = min(max(speed + acceleration * dt, slowest), fastest)
             next_steer = min(max(steer + steer_rate * dt, -lock), lock)
             if next_steer != steer or n == commanded:
-                bend = curvature(HALF * (steer + next_steer), p["wheelbase"])
+                bend = curvature(HALF * (steer + next_steer), wheelbase)
             if speed != ZERO or next_speed != ZERO:
                 distance = HALF * (speed + next_speed) * dt
                 x, y, heading = roll(x, y, heading, distance, bend)
                 s, c = sin_cos(heading)
-                pace = max(pace, abs(distance) * (ONE + p["far"] * abs(bend)))
+                pace = max(pace, abs(distance) * (ONE + far * abs(bend)))
             speed, steer = next_speed, next_steer
             paths[row, n, CENTRE_X], paths[row, n, CENTRE_Y] = x - offset * c, y - offset * s
             paths[row, n, BODY_COS], paths[row, n, BODY_SIN] = c, s
