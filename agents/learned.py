@@ -53,7 +53,9 @@ class LearnedPolicy:
                     f"{directory} was trained with {field}={trained}, not {given}; "
                     "agents.policy_config puts in what it needs"
                 )
-        size, network = observation_layout(config).size, self.record.network
+        # the field's slice, which comes last, is no news to a policy that was trained without: it reads what it knows
+        seen = config if self.record.env.protective_field else config.replace(protective_field=False)
+        size, network = observation_layout(seen).size, self.record.network
         if network.observation_size != size:
             raise WeightsError(
                 f"{directory} was made for observations of {network.observation_size} values, not {size}"
@@ -66,7 +68,7 @@ class LearnedPolicy:
 
     def output(self, observation: Observation) -> NDArray[np.float32]:
         """Return logits, or means of real-valued actions, float32[..., A] from float32[..., D]."""
-        return forward(self._layers, observation)
+        return forward(self._layers, observation[..., : self.record.network.observation_size])
 
     def act(self, observation: Observation, rng: np.random.Generator) -> Action:
         """Choose actions by the mode of config.json: drawn with `rng`, or the most probable (shapes: `Policy.act`)."""

@@ -111,6 +111,8 @@ class EnvConfig(Checked):
     lateral_offsets: tuple[float, ...] = (0.0, 0.6, -0.6, 1.2, -1.2)  # [m], left of the route is positive
     keep_right: float = 0.5  # [m] that routes move to the right of the planned path where there is room
     smooth_routes: bool = False  # bound the routes' curvature by the steering limit (routes/steerable.py)
+    protective_field: bool = False  # robots brake, whatever they are told, where they could not stop clear of others
+    field_margin: float = 0.02  # [m] that the field keeps between robots
     robot: RobotSpec = field(default_factory=RobotSpec)
     sensor: SensorSpec = field(default_factory=SensorSpec)
     reward: RewardWeights = field(default_factory=RewardWeights)
@@ -124,6 +126,7 @@ class EnvConfig(Checked):
         self._between(_LEAST, _MOST, "arrival_radius", "near_miss_gap")
         self._between(_LEAST, 1e12, "stuck_after")
         self._between(0.0, 100.0, "keep_right")
+        self._between(0.0, 10.0, "field_margin")
         for name in ("speed_levels", "lateral_offsets"):
             self._between(-_MOST, _MOST, name)
             self._require(1 <= len(getattr(self, name)) <= _COMMANDS, name, f"1 to {_COMMANDS} numbers")

@@ -33,6 +33,10 @@ class WeightsError(WarehouseError):
     """A weights folder is incomplete, damaged, or made for another observation or action."""
 
 
+class UnsafeError(RuntimeError):
+    """A robot cannot stop without touching anything, though the protective field is on: no bad input, but a fault."""
+
+
 def shown(value: Any) -> str:
     """Return a wrong value for an error's sentence: on one line, cut where it is long."""
     try:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from warehouse_env.config import EnvConfig
 
 EGO = 8  # speed, steering, follower's steering, bearing, lateral, remaining, contact time, waiting time
+FIELD = 2  # held, time held
 NEIGHBOUR = 7  # x, y, cos, sin, vx, vy, present
 
 
@@ -30,6 +31,8 @@ def observation_layout(config: EnvConfig) -> ObservationLayout:
         cos and sin of the relative heading, relative velocity (x, y) / max_speed, 1; all 0 where nobody is.
     predictions[speed_levels x lateral_offsets], if the sensor has them: share of the next seconds until the command
         would lead to a conflict, 1 where it would not (simulation/prediction.py).
+    field[2], if there is a protective field: share of the last env step in which it held the robot back,
+        min(seconds for which it has done so without a break, 5) / 5.
     """
     sensor = config.sensor
     sizes = {
@@ -40,6 +43,8 @@ def observation_layout(config: EnvConfig) -> ObservationLayout:
     }
     if sensor.predictions:
         sizes["predictions"] = len(config.speed_levels) * len(config.lateral_offsets)
+    if config.protective_field:
+        sizes["field"] = FIELD
     slices, start = {}, 0
     for name, size in sizes.items():
         slices[name] = slice(start, start + size)

@@ -23,7 +23,7 @@ from warehouse_env.threads import MOST_THREADS, set_num_threads
 _PLANNER = "astar"  # its routes are there at once; ants would be measured under "plan"
 _POLICY = "ppo"
 _POOL = 32  # random actions are drawn before the clock starts, and then cycled
-_SIMULATED = 100  # seconds that the path follower drives for each second of the budget
+_SIMULATED = 100  # seconds that the path follower drives, or robots under the field, for each second of the budget
 _CHUNKS = 9  # the rate of a row is the median over these
 _START_SEEDS = 16  # large batches repeat so many starts, for laying 30,000 routes is not what is measured
 _SQUARE_PER_ROBOTS = {32: 46, 256: 130, 1024: 260}  # robots -> side of the floor [cells], at one density
@@ -236,6 +236,14 @@ def tracking(budget: Budget) -> Iterator[Row]:
     yield from follow(_SIMULATED * budget.seconds, budget.seed)
 
 
+def field(budget: Budget) -> Iterator[Row]:
+    """Contacts under the protective field, on every layout, whatever drives; and with noise and latency."""
+    from train.benchmarks.field import field as hold
+
+    set_num_threads(1)
+    yield from hold(_SIMULATED * budget.seconds, budget.seed)
+
+
 _IMPORT = "import warehouse_env"
 _FIRST_STEP = (
     "from warehouse_env import parallel_env; env = parallel_env(num_agents=8, planner='astar'); env.reset(seed=0); "
@@ -265,5 +273,6 @@ PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
     "plan": plan,
     "ant_walk": ant_walk,
     "tracking": tracking,
+    "field": field,
     "start": start,
 }

@@ -17,7 +17,7 @@ from warehouse_env.errors import ConfigError
 
 What = Literal[
     "simulator", "pettingzoo", "vec_env", "policy", "train_reinforce", "train_ppo", "plan", "ant_walk", "tracking",
-    "start",
+    "field", "start",
 ]  # fmt: skip
 
 _SMALL = 32  # robots of the single world that larger ones are held against
@@ -26,7 +26,7 @@ _SMALL = 32  # robots of the single world that larger ones are held against
 @dataclass(frozen=True)
 class Bench(Checked):
     """Measure agent-steps/s of the simulator, the environments, a policy's drive and the trainers, plans/s, the path
-    follower's tracking error, and the time to start."""
+    follower's tracking error, contacts under the protective field, and the time to start."""
 
     only: tuple[What, ...] = ()
     """What to measure (everything if left out)."""
@@ -108,6 +108,11 @@ def tables(rows: Sequence[Row]) -> list[Table]:
         from train.benchmarks.tracking import tracking_table
 
         made.append(tracking_table(tracks))
+    guarded = select(rows, what="field")
+    if guarded:
+        from train.benchmarks.field import field_tables
+
+        made += field_tables(guarded)
     starts = select(rows, what="start")
     if starts:
         times = tuple((row["step"], number(row["seconds"], 2)) for row in starts)

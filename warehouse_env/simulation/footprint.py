@@ -64,7 +64,7 @@ def body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, 
 
 
 @inline
-def _room(cx, cy, c, s, half_length, half_width, clearance, cell):  # type: ignore[no-untyped-def]
+def body_room(cx, cy, c, s, half_length, half_width, clearance, cell):  # type: ignore[no-untyped-def]
     """Return metres that no point of the body at (cx, cy) can be moved into a shelf; none or negative: not known."""
     room = clearance_at(cx, cy, clearance, cell) - np.sqrt(half_length * half_length + half_width * half_width)
     if room > ZERO:
@@ -107,7 +107,7 @@ def sweep_is_free(x, y, c, s, bend, distance, margin, p, solid, clearance):  # t
         if room > ZERO:
             continue
         cx, cy = x - p["offset"] * c, y - p["offset"] * s
-        room = _room(cx, cy, c, s, half_length, half_width, clearance, cell)
+        room = body_room(cx, cy, c, s, half_length, half_width, clearance, cell)
         if room > most * np.float32(count - 1 - k):
             return True
         if room <= ZERO and body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, cell):

@@ -14,6 +14,8 @@ from warehouse_env.errors import ConfigError, shown
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.routes.book import RouteBook
 
+_MOST_SAMPLES = 4096  # substeps of a full stop: minutes of braking
+
 
 def check_parts(config: object, grid: object, planner: object, routes: object) -> None:
     """Raise ConfigError for a part that is of a wrong type; all but the config may be None."""
@@ -52,6 +54,15 @@ def check_pace(config: EnvConfig, cell: float) -> None:
         raise ConfigError(
             f"robots could move {tail:.3g} m and turn {turn:.3g} rad between two contact checks, more than a cell of "
             f"{cell:g} m or half a turn; use a shorter time_step, more substeps, or slower robots"
+        )
+
+
+def check_stop(config: EnvConfig, samples: int) -> None:
+    """Raise ConfigError if a protective field would look at more substeps of each stop than anybody waits for."""
+    if config.protective_field and samples > _MOST_SAMPLES:
+        raise ConfigError(
+            f"max_acceleration={config.robot.max_acceleration:g} makes a full stop last {samples} substeps, "
+            f"and a protective_field looks at {_MOST_SAMPLES} at most; brake harder, or use fewer substeps"
         )
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.simulation.kernel import inline
-from warehouse_env.simulation.trigonometry import HALF, ONE, sin_cos, wrap
+from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, sin_cos, wrap
 
 _SIXTH = np.float32(1.0 / 6.0)
 _OVER_120 = np.float32(1.0 / 120.0)
@@ -33,16 +33,30 @@ def curvature(steering, wheelbase):  # type: ignore[no-untyped-def]
 
 
 @inline
-def drive(x, y, heading, speed, next_speed, steering, next_steering, wheelbase, dt):  # type: ignore[no-untyped-def]
-    """Return the pose (x, y, heading) after `dt` [s] in which speed and steering change linearly.
+def braking(speed, p):  # type: ignore[no-untyped-def]
+    """Return the acceleration [m/s^2] of a physics step of full braking, which ends at rest at the latest."""
+    return (approach(speed, ZERO, p["max_acceleration"] * p["time_step"]) - speed) / p["time_step"]
 
-    The mean speed makes distances exact under constant acceleration; at constant steering the
-    front axle moves on the exact circle (the chord of the arc, not its tangent).
+
+@inline
+def roll(x, y, heading, distance, bend):  # type: ignore[no-untyped-def]
+    """Return the pose (x, y, heading) after `distance` [m] on an arc of curvature `bend` [1/m].
+
+    The front axle moves on the exact circle: the chord of the arc, not its tangent.
     """
-    distance = HALF * (speed + next_speed) * dt
-    turn = distance * curvature(HALF * (steering + next_steering), wheelbase)
+    turn = distance * bend
     half = HALF * turn
     q = half * half
     chord = distance * (ONE - q * (_SIXTH - q * _OVER_120))  # sin(half) / half
     s, c = sin_cos(heading + half)
     return x + chord * c, y + chord * s, wrap(heading + turn)
+
+
+@inline
+def drive(x, y, heading, speed, next_speed, steering, next_steering, wheelbase, dt):  # type: ignore[no-untyped-def]
+    """Return the pose (x, y, heading) after `dt` [s] in which speed and steering change linearly.
+
+    The mean speed makes distances exact under constant acceleration.
+    """
+    distance = HALF * (speed + next_speed) * dt
+    return roll(x, y, heading, distance, curvature(HALF * (steering + next_steering), wheelbase))

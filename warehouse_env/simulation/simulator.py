@@ -20,9 +20,19 @@ from warehouse_env.portable import Portable
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation import metrics, state, step
 from warehouse_env.simulation.actions import ActionDecoder
+from warehouse_env.simulation.audit import is_wanted, raise_fault
 from warehouse_env.simulation.buckets import bucket_grid
+from warehouse_env.simulation.field import NOBODY
 from warehouse_env.simulation.floor import floor_of, load_grid
-from warehouse_env.simulation.given import check_count, check_memory, check_pace, check_parts, seeds_of, whole_seed
+from warehouse_env.simulation.given import (
+    check_count,
+    check_memory,
+    check_pace,
+    check_parts,
+    check_stop,
+    seeds_of,
+    whole_seed,
+)
 from warehouse_env.simulation.placement import place
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.tasks import Arrival, Tasks
@@ -70,6 +80,7 @@ class Simulator(Portable):
             routes = RouteBook(self.grid, planner, keep_right=config.keep_right, smooth_for=smooth_for)
         self.route_book = routes
         check_pace(config, self.grid.cell_size)
+        check_stop(config, state.stop_samples(config))
         self.layout = observation_layout(config)
         check_memory(num_worlds, config.num_agents, self.layout.size, state.ROBOT.itemsize + 8 * _ROUTE_BLOCK)
         self._tasks = [Tasks(self.grid, config) for _ in range(num_worlds)]
@@ -106,10 +117,15 @@ class Simulator(Portable):
         self._stamps = np.zeros((b, n, n), dtype=np.int32)
         rows, columns = self.grid.shape
         size = self.grid.cell_size
-        look = max(self.config.sensor.lidar_range + float(p["radius"][0]), 2 * reach)
+        look = max(
+            self.config.sensor.lidar_range + float(p["radius"][0]),
+            2 * max(reach, float(p["field_range"][0]) if self.config.protective_field else 0.0),
+        )
         bucket_rows, bucket_columns, side = bucket_grid(n, columns * size, rows * size, look)
         p["bucket_rows"], p["bucket_columns"], p["bucket"] = bucket_rows, bucket_columns, side
         self._waiting = np.zeros(b, dtype=np.int32)
+        self._faults = np.zeros((b, 3), dtype=np.int32)
+        p["checked"] = is_wanted()
         share = max(math.ceil(b / (_PARTS * MOST_THREADS)), math.ceil(_PART / n))
         self._parts = [(first, min(first + share, b)) for first in range(0, b, share)]
         self._bind()
@@ -128,7 +144,7 @@ class Simulator(Portable):
         )  # fmt: skip
         self._step_arguments = (
             self.robots, self.routes, self._commands, self._stamps, self.steps, self.truncated, self.terminated,
-            self._waiting, self._params,
+            self._waiting, self._faults, self._params,
             self._floor.solid, self._floor.clearance, *seen,
         )  # fmt: skip
         self._observe_arguments = (
@@ -185,6 +201,7 @@ class Simulator(Portable):
         robots = self.robots[world]
         robots[...] = np.zeros((), dtype=state.ROBOT)
         self._stamps[world] = 0
+        self._faults[world] = 0
         self.steps[world] = 0
         self.arrivals = [arrival for arrival in self.arrivals if arrival.world != world]
         self._commands[world] = 0
@@ -193,6 +210,7 @@ class Simulator(Portable):
         robots["alive"] = 1
         robots["gear"] = 1
         robots["gap"] = robots["min_gap"] = state.GAP_HORIZON
+        robots["held_by"] = NOBODY
         self._tasks[world].reset(self._rngs[world])
         self._place_all(world)
 
@@ -250,6 +268,8 @@ class Simulator(Portable):
             arrivals = sum(side_by_side(step.step, [(*part, *self._step_arguments) for part in self._parts]))
         else:
             arrivals = step.step(0, self.num_worlds, *self._step_arguments)
+        if self._params["checked"][0] != 0:
+            raise_fault(self._faults)
         self.arrivals = self._arrive() if arrivals else []
         if arrivals:
             step.observe(*self._observe_arguments)
@@ -266,6 +286,7 @@ class Simulator(Portable):
             planned, driven = float(r["points"] - 1) * float(r["spacing"]), float(r["distance"] - r["distance_at_goal"])
             arrivals.append(Arrival(world, robot, driven, planned))
             r["goals"] += 1
+            r["age"] = 0
             r["planned"] += planned
             r["driven_to_goals"] += driven
             r["distance_at_goal"] = r["distance"]

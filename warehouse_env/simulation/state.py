@@ -41,6 +41,9 @@ ROBOT = np.dtype(
         ("distance_at_goal", np.float64), ("min_gap", F),
         ("hits_robot", I), ("hits_shelf", I), ("near_misses", I), ("goals", I), ("finish_time", F),
         ("lived", I), ("waited", I),  # physics steps alive; of those, standing
+        # protective field
+        ("age", I),  # physics steps on the way to its goal
+        ("held", I), ("held_by", I), ("held_time", F),  # refused in the last env step; by whom; [s] without a break
     ],
     align=True,
 )  # fmt: skip
@@ -55,6 +58,8 @@ PARAMETERS = np.dtype(
         ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
         ("predictions", B),
         ("most_pairs", I), ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator
+        ("field", B), ("field_margin", F), ("stop_samples", I), ("swing", F), ("far", F), ("field_range", F),
+        ("late", B), ("checked", B),  # what others commit is known a step later; see audit.py
         ("action_type", I), ("one_shot", B), ("collision_ends", B), ("max_steps", np.int64),
     ],
     align=True,
@@ -72,7 +77,9 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
     radius = float(np.hypot(half_length, half_width))
     fastest = max(robot.max_speed, -robot.min_speed)
     swing = (robot.rear_reach - half_length) * math.tan(robot.max_steering) / robot.wheelbase
-    stride = fastest * math.hypot(1.0, swing) * config.time_step  # of the centre, at most, in one physics step
+    wide = math.hypot(1.0, swing)  # metres of the centre, at most, for each of the front axle
+    stride = fastest * wide * config.time_step  # of the centre, at most, in one physics step
+    stop = 0.5 * (fastest**2 / robot.max_acceleration + robot.max_acceleration * config.time_step**2)
     values = {
         "dt": config.time_step / config.substeps, "time_step": config.time_step,
         "substeps": config.substeps, "repeat": config.action_repeat,
@@ -86,12 +93,22 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
         "cell": cell, "lidar_range": sensor.lidar_range, "rays": sensor.rays, "neighbours": sensor.neighbours,
         "route_points": sensor.route_points, "route_spacing": sensor.route_spacing,
         "predictions": sensor.predictions,
+        "field": config.protective_field, "field_margin": config.field_margin,
+        "stop_samples": stop_samples(config), "swing": wide, "far": math.hypot(robot.rear_reach, half_width),
+        "field_range": 2 * (radius + stride + wide * stop) + config.field_margin,
         "action_type": ACTION_TYPES.index(config.action_type), "one_shot": config.tasks == "one_shot",
         "collision_ends": config.terminate_on_collision, "max_steps": config.max_steps,
     }  # fmt: skip
     for name, value in values.items():
         p[name] = value
     return p
+
+
+def stop_samples(config: EnvConfig) -> int:
+    """Return the most substeps of a motion of the protective field: a physics step as commanded, and a full stop."""
+    robot = config.robot
+    fastest = max(robot.max_speed, -robot.min_speed)
+    return (math.ceil(fastest / (robot.max_acceleration * config.time_step)) + 2) * config.substeps
 
 
 class State(NamedTuple):

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.observation import EGO, NEIGHBOUR
-from warehouse_env.simulation import buckets, contact, prediction, sensing, tracking
+from warehouse_env.observation import EGO, FIELD, NEIGHBOUR
+from warehouse_env.simulation import audit, buckets, contact, field, prediction, sensing, tracking
 from warehouse_env.simulation.kernel import inline, kernel
-from warehouse_env.simulation.kinematics import approach
+from warehouse_env.simulation.kinematics import approach, braking
 from warehouse_env.simulation.rewards import write_terms
 from warehouse_env.simulation.state import GAP_HORIZON
 from warehouse_env.simulation.trigonometry import ONE, ZERO
 
 _RAW = 2
 _HORIZON = np.float32(GAP_HORIZON)
+_FIVE = np.float32(5.0)
 _SLOW = np.float32(0.1)  # [m/s] under which a robot counts as waiting
 
 
@@ -30,6 +31,8 @@ def _begin(r):  # type: ignore[no-untyped-def]
     r["gap"] = _HORIZON
     r["arrived"] = 0
     r["touching"] = 0
+    r["held"] = 0
+    r["held_by"] = field.NOBODY
     r["hit_robot"] = 0
     r["hit_shelf"] = 0
     r["near_miss"] = 0
@@ -41,7 +44,7 @@ def _begin(r):  # type: ignore[no-untyped-def]
 def _command(r, route, first, second, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Turn the action into (acceleration [m/s^2], steering rate [rad/s]) for one physics step."""
     if r["alive"] == 0:
-        return ZERO, ZERO
+        return braking(r["speed"], p), ZERO
     dt = p["time_step"]
     if p["action_type"] == _RAW:
         r["target_speed"] = r["speed"] + first * dt
@@ -51,6 +54,14 @@ def _command(r, route, first, second, p, solid, clearance):  # type: ignore[no-u
     next_speed = approach(r["speed"], r["target_speed"], p["max_acceleration"] * dt)
     next_steer = approach(r["steer"], r["target_steer"], p["max_steer_rate"] * dt)
     return (next_speed - r["speed"]) / dt, (next_steer - r["steer"]) / dt
+
+
+@inline
+def _park(r, p):  # type: ignore[no-untyped-def]
+    """Take a robot out of service: at once, but under the field it brakes first, as the others count on."""
+    r["alive"] = 0
+    if p["field"] == 0:
+        r["speed"] = ZERO
 
 
 @inline
@@ -66,6 +77,7 @@ def _end(r, route, p):  # type: ignore[no-untyped-def]
     else:
         r["stalled_time"] += dt
     r["lived"] += 1
+    r["age"] += 1
     if abs(r["speed"]) < _SLOW:
         r["waited"] += 1
         r["waiting_time"] += dt
@@ -79,8 +91,7 @@ def _end(r, route, p):  # type: ignore[no-untyped-def]
         return 0
     r["arrived"] = 1
     if p["one_shot"] != 0:
-        r["alive"] = 0
-        r["speed"] = ZERO
+        _park(r, p)
     return 1
 
 
@@ -92,8 +103,7 @@ def _total(r, p):  # type: ignore[no-untyped-def]
     r["near_misses"] += r["near_miss"]
     r["min_gap"] = min(r["min_gap"], r["gap"])
     if p["collision_ends"] != 0 and (r["hit_robot"] > 0 or r["hit_shelf"] > 0):
-        r["alive"] = 0
-        r["speed"] = ZERO
+        _park(r, p)
 
 
 @inline
@@ -119,25 +129,33 @@ def _sights(p):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _advance_world(robots, routes, commands, stamps, places, motions, clock, p, solid, clearance):  # type: ignore[no-untyped-def]
+def _advance_world(robots, routes, commands, stamps, places, motions, guards, fault, clock, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Advance one world by one env step; return the number of arrivals."""
     order, starts, bodies = places
     pairs, motion, flags, lanes = motions
     arrivals, count = 0, robots.shape[0]
     for i in range(count):
         _begin(robots[i])
+    if p["field"] != 0:
+        field.rank(robots, guards[3])
     for repeat in range(p["repeat"]):
         buckets.sort(robots, p, starts, order, bodies)
         near = contact.list_pairs(bodies, order, starts, p, pairs)
         for i in range(count):
             first, second = _command(robots[i], routes[i], commands[i, 0], commands[i, 1], p, solid, clearance)
             contact.load(robots, i, first, second, p, clearance, motion)
+        if p["field"] != 0:
+            field.guard(robots, motion, guards, places, p, solid, clearance)
         for _ in range(p["substeps"]):
             contact.try_motion(motion, flags, lanes, p)
             contact.keep_off_shelves(robots, motion, flags, p, solid, clearance)
             contact.keep_off_robots(motion, flags, pairs, near, p)
             contact.accept_motion(robots, motion)
         contact.store(robots, motion)
+        if p["field"] != 0:
+            field.settle(robots)
+            if p["checked"] != 0:
+                audit.find_fault(robots, clock + repeat, p, solid, clearance, fault)
         contact.judge_pairs(robots, motion, pairs, near, stamps, clock + repeat, p)
         contact.end_shelf_contacts(robots, p, solid, clearance)
         for i in range(count):
@@ -173,6 +191,10 @@ def _observe_world(  # type: ignore[no-untyped-def]
             prediction.write_predictions(
                 row, ego, route, near, table, p, near + NEIGHBOUR * p["neighbours"], legs, path
             )
+        if p["field"] != 0:
+            at = row.shape[0] - FIELD
+            row[at] = np.float32(r["held"]) / np.float32(p["repeat"])
+            row[at + 1] = min(r["held_time"], _FIVE) / _FIVE
         reward[i] = write_terms(r, p, weights, terms[i])
 
 
@@ -188,24 +210,26 @@ def _count_step(robots, steps, b, truncated, terminated, p):  # type: ignore[no-
 
 @kernel
 def step(  # type: ignore[no-untyped-def]
-    begin, end, robots, routes, commands, stamps, steps, truncated, terminated, waiting, params, solid, clearance,
-    rays, table, weights, edges, seen, first, out, terms, reward,
+    begin, end, robots, routes, commands, stamps, steps, truncated, terminated, waiting, faults, params,
+    solid, clearance, rays, table, weights, edges, seen, first, out, terms, reward,
 ):  # fmt: skip
     """Step the worlds from `begin` to before `end`; return the number of arrivals. Leading axis of the arrays: world.
 
     robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; commands float32[B, N, 2]: speed [m/s] and offset [m], or raw
     acceleration and steering rate; stamps int32[B, N, N]; steps int64[B] since the reset, truncated bool[B],
     terminated bool[B, N]; waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator
-    has given out new tasks; rays, table, weights, edges, seen, first: see the Simulator; out: observations float32[B,
+    has given out new tasks; faults int32[B, 3]: see audit.find_fault;
+    rays, table, weights, edges, seen, first: see the Simulator; out: observations float32[B,
     N, D]; terms float32[B, N, T]; reward float32[B, N].
     """
     p = params[0]
     arrivals, count = 0, robots.shape[1]
     places, motions, sights = _places(count, p), _motions(count, p), _sights(p)
+    guards = field.scratch(count, p)
     for b in range(begin, end):
         clock = steps[b] * p["repeat"] + 1
         waiting[b] = _advance_world(
-            robots[b], routes[b], commands[b], stamps[b], places, motions, clock, p, solid, clearance
+            robots[b], routes[b], commands[b], stamps[b], places, motions, guards, faults[b], clock, p, solid, clearance
         )
         _count_step(robots[b], steps, b, truncated, terminated, p)
         arrivals += waiting[b]

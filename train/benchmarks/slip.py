@@ -1,0 +1,72 @@
+"""Noise in what robots do, put in from outside between two steps of a Simulator: its kernels know nothing of it."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.simulation.footprint import body_touches_shelf
+from warehouse_env.simulation.geometry import rectangles_touch
+from warehouse_env.simulation.kernel import kernel
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.trigonometry import sin_cos, wrap
+
+
+class Noise(NamedTuple):
+    """Standard deviations of normal errors in each env step."""
+
+    command: float  # of the change of speed and of steering, relative: acceleration and steering rate are off by that
+    slip: float  # [m] of the place along and across, for each metre driven
+    turn: float  # [rad] of the heading, for each metre driven
+
+
+@kernel
+def _touches(robots, i, x, y, heading, p, solid, clearance):  # type: ignore[no-untyped-def]
+    """Whether robot i would touch a shelf or another robot at a pose."""
+    s, c = sin_cos(heading)
+    cx, cy, length, width = x - p["offset"] * c, y - p["offset"] * s, p["half_length"], p["half_width"]
+    if body_touches_shelf(cx, cy, c, s, length, width, solid, clearance, p["cell"]):
+        return True
+    for j in range(robots.shape[0]):
+        o = robots[j]
+        dx, dy = o["x"] - p["offset"] * o["cos"] - cx, o["y"] - p["offset"] * o["sin"] - cy
+        if j != i and rectangles_touch(dx, dy, c, s, length, width, o["cos"], o["sin"], length, width):
+            return True
+    return False
+
+
+@kernel
+def _move(robots, moves, p, solid, clearance):  # type: ignore[no-untyped-def]
+    """Move robots ROBOT[N] by float32[N, 3] (x [m], y [m], heading [rad]), who would touch not; return how many."""
+    touches = 0
+    for i in range(robots.shape[0]):
+        r = robots[i]
+        x, y, heading = r["x"] + moves[i, 0], r["y"] + moves[i, 1], wrap(r["heading"] + moves[i, 2])
+        if _touches(robots, i, x, y, heading, p, solid, clearance):
+            touches += 1
+            continue
+        r["x"], r["y"], r["heading"] = x, y, heading
+        r["sin"], r["cos"] = sin_cos(heading)
+    return touches
+
+
+def slip(simulator: Simulator, before: NDArray[Any], noise: Noise, rng: np.random.Generator) -> int:
+    """Add noise to the last env step of a Simulator's first world; return how many robots it made touch something.
+
+    before: ROBOT[1, N], the robots before the step. Who stands does not slip.
+    """
+    if not any(noise):
+        return 0
+    robots, limits = simulator.robots[0], simulator.config.robot
+    for name, low, high in (
+        ("speed", limits.min_speed, limits.max_speed),
+        ("steer", -limits.max_steering, limits.max_steering),
+    ):
+        off = noise.command * rng.standard_normal(len(robots)) * (robots[name] - before[0][name])
+        robots[name] = np.where(robots["speed"] != 0, np.clip(robots[name] + off, low, high), robots[name])
+    sizes = np.array([noise.slip, noise.slip, noise.turn])
+    moves = (rng.standard_normal((len(robots), 3)) * sizes * simulator.events.driven[0][:, None]).astype(np.float32)
+    floor = simulator._floor
+    return int(_move(robots, moves, simulator._params[0], floor.solid, floor.clearance))
