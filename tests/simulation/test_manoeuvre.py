@@ -93,11 +93,11 @@ def rectangles(*poses: tuple[float, float, float]) -> NDArray[np.float32]:
 
 
 @pytest.mark.parametrize("ahead", [3.0, -0.9, 2.4])
-def test_straight_ahead_and_straight_back_are_one_arc(ahead: float) -> None:
+def test_straight_ahead_and_straight_back_are_driven_in_one_go(ahead: float) -> None:
     arcs = plan(room(9, 12), (5.0, 4.5, 0.0), goals_at((5.0 + ahead, 4.5, 0.0)))
     assert arcs is not None
-    assert arcs[:, 1].tolist() == [0.0]
-    assert arcs[0, 0] == pytest.approx(ahead, abs=0.16)
+    assert (arcs[:, 0] * ahead > 0.0).all()
+    assert arcs[:, 0].sum() == pytest.approx(ahead, abs=0.16)
 
 
 def test_at_the_goal_there_is_nothing_to_drive() -> None:

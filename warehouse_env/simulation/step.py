@@ -38,7 +38,7 @@ def _begin(r):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _command(r, route, first, second, p, solid, clearance):  # type: ignore[no-untyped-def]
+def _command(r, route, arcs, first, second, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
     """Turn the action into (acceleration [m/s^2], steering rate [rad/s]) for one physics step."""
     if r["alive"] == 0:
         return ZERO, ZERO
@@ -47,7 +47,7 @@ def _command(r, route, first, second, p, solid, clearance):  # type: ignore[no-u
         r["target_speed"] = r["speed"] + first * dt
         r["target_steer"] = r["steer"] + second * dt
         return first, second
-    tracking.follow(r, route, first, second, p, solid, clearance)
+    tracking.follow(r, route, arcs, first, second, p, solid, clearance, metric)
     next_speed = approach(r["speed"], r["target_speed"], p["max_acceleration"] * dt)
     next_steer = approach(r["steer"], r["target_steer"], p["max_steer_rate"] * dt)
     return (next_speed - r["speed"]) / dt, (next_steer - r["steer"]) / dt
@@ -119,7 +119,9 @@ def _sights(p):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _advance_world(robots, routes, commands, stamps, places, motions, clock, p, solid, clearance):  # type: ignore[no-untyped-def]
+def _advance_world(  # type: ignore[no-untyped-def]
+    robots, routes, arcs, commands, stamps, places, motions, clock, p, solid, clearance, metric
+):
     """Advance one world by one env step; return the number of arrivals."""
     order, starts, bodies = places
     pairs, motion, flags, lanes = motions
@@ -130,7 +132,9 @@ def _advance_world(robots, routes, commands, stamps, places, motions, clock, p, 
         buckets.sort(robots, p, starts, order, bodies)
         near = contact.list_pairs(bodies, order, starts, p, pairs)
         for i in range(count):
-            first, second = _command(robots[i], routes[i], commands[i, 0], commands[i, 1], p, solid, clearance)
+            first, second = _command(
+                robots[i], routes[i], arcs[i], commands[i, 0], commands[i, 1], p, solid, clearance, metric
+            )
             contact.load(robots, i, first, second, p, clearance, motion)
         for _ in range(p["substeps"]):
             contact.try_motion(motion, flags, lanes, p)
@@ -188,16 +192,16 @@ def _count_step(robots, steps, b, truncated, terminated, p):  # type: ignore[no-
 
 @kernel
 def step(  # type: ignore[no-untyped-def]
-    begin, end, robots, routes, commands, stamps, steps, truncated, terminated, waiting, params, solid, clearance,
-    rays, table, weights, edges, seen, first, out, terms, reward,
+    begin, end, robots, routes, arcs, commands, stamps, steps, truncated, terminated, waiting, params, solid,
+    clearance, metric, rays, table, weights, edges, seen, first, out, terms, reward,
 ):  # fmt: skip
     """Step the worlds from `begin` to before `end`; return the number of arrivals. Leading axis of the arrays: world.
 
-    robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; commands float32[B, N, 2]: speed [m/s] and offset [m], or raw
-    acceleration and steering rate; stamps int32[B, N, N]; steps int64[B] since the reset, truncated bool[B],
-    terminated bool[B, N]; waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator
-    has given out new tasks; rays, table, weights, edges, seen, first: see the Simulator; out: observations float32[B,
-    N, D]; terms float32[B, N, T]; reward float32[B, N].
+    robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; arcs float32[B, N, ARCS, 2]: their manoeuvres (manoeuvre.py);
+    commands float32[B, N, 2]: speed [m/s] and offset [m], or raw acceleration and steering rate; stamps int32[B, N, N];
+    steps int64[B] since the reset, truncated bool[B], terminated bool[B, N]; waiting int32[B]: the arrivals of each
+    world, whose observation waits until the Simulator has given out new tasks; metric, rays, table, weights, edges,
+    seen, first: see the Simulator; out: observations float32[B, N, D]; terms float32[B, N, T]; reward float32[B, N].
     """
     p = params[0]
     arrivals, count = 0, robots.shape[1]
@@ -205,7 +209,7 @@ def step(  # type: ignore[no-untyped-def]
     for b in range(begin, end):
         clock = steps[b] * p["repeat"] + 1
         waiting[b] = _advance_world(
-            robots[b], routes[b], commands[b], stamps[b], places, motions, clock, p, solid, clearance
+            robots[b], routes[b], arcs[b], commands[b], stamps[b], places, motions, clock, p, solid, clearance, metric
         )
         _count_step(robots[b], steps, b, truncated, terminated, p)
         arrivals += waiting[b]
