@@ -15,12 +15,12 @@ from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, arc_tan, arc_
 
 FASTEST, FASTEST_BACK = np.float32(0.8), np.float32(0.5)  # [m/s] on arcs
 BRAKING = np.float32(0.9)  # share of the full deceleration that stops are planned with
-STEER_SLACK = np.float32(0.12)  # [rad m/s]: how fast times how far off the wanted steering angle
+STEER_SLACK = np.float32(0.2)  # [rad m/s]: how fast times how far off the wanted steering angle
 READY = np.float32(0.02)  # [m] before the end of an arc that count as its end
 STANDS = np.float32(0.06)  # [m/s] under which the other direction may be taken
 BACK_TO_ARC = np.float32(9.0)  # [1/m^2] of curvature per metre beside the arc, and
 ALONG_ARC = np.float32(6.0)  # [1/m] per radian off its direction: critically damped after a third of a metre
-LOST, LOST_TURN = np.float32(0.12), np.float32(0.35)  # [m], [rad] off the reference at which it is given up
+LOST, LOST_TURN = np.float32(0.15), np.float32(0.35)  # [m], [rad] off the reference at which it is given up
 _STRAIGHT = np.float32(1e-3)  # [1/m]
 _TWO = np.float32(2.0)
 

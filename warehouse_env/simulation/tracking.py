@@ -16,16 +16,19 @@ from warehouse_env.simulation.footprint import clearance_at, sweep_is_free
 from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import approach, curvature
 from warehouse_env.simulation.rejoin import plan_to_route
-from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, wrap
+from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, sin_cos, wrap
 
 TWO = np.float32(2.0)
 LOOK_AHEAD = np.float32(0.55)  # [m] standing
 LOOK_AHEAD_TIME = np.float32(0.45)  # [s] of driving added to it
-CREEP = np.float32(0.35)  # [m/s] in the sharpest turns
+CREEP = np.float32(0.35)  # [m/s] at least, however much it must steer
 SLOW = np.float32(0.45)  # [m/s] under which another steering angle may be chosen
-BEND_SCALE = np.float32(0.9)  # [rad] of steering at which the speed has come down to a creep
+BEND_SCALE = np.float32(2.0)  # [rad] of steering at which the speed would come down to a creep,
+STEER_SCALE = np.float32(0.9)  # [rad] and off the wanted steering
 MARGIN = np.float32(0.03)  # [m] the follower keeps from shelves
-LAST = np.float32(0.002)  # [m] in a manoeuvre, which was planned with more
+TIGHT = np.float32(0.01)  # [m] in a manoeuvre, which is planned with as much as there is room for,
+LAST = np.float32(0.002)  # [m] and where it creeps
+CREEPS = np.float32(0.2)  # [m/s]
 LANE_CLEARANCE = np.float32(0.45)  # [m] a way-point moved sideways keeps from shelves
 OFFSET_FADE = np.float32(2.0)  # [m] before the goal in which offsets fade out
 ASIDE = np.float32(1.0)  # [rad] off the nose from which a target takes a manoeuvre
@@ -104,20 +107,27 @@ def pursue(r, tx, ty, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _is_free(r, speed, steer, margin, p, solid, clearance):  # type: ignore[no-untyped-def]
-    """Whether one step at `speed` with `steer` and then full braking keeps off the shelves."""
-    distance = abs(speed) * p["time_step"] + HALF * speed * speed / p["max_acceleration"]
-    bend = curvature(steer, p["wheelbase"])
-    signed = distance if speed >= ZERO else -distance
-    return sweep_is_free(r["x"], r["y"], r["cos"], r["sin"], bend, signed, margin, p, solid, clearance)
-
-
-@inline
 def _may(r, speed, steer, margin, p, solid, clearance):  # type: ignore[no-untyped-def]
-    """Whether the robot can take a command for a step and still stop."""
-    next_speed = approach(r["speed"], speed, p["max_acceleration"] * p["time_step"])
-    next_steer = approach(r["steer"], steer, p["max_steer_rate"] * p["time_step"])
-    return _is_free(r, next_speed, next_steer, margin, p, solid, clearance)
+    """Whether the robot, after a step under a command, can brake with the steering it then has and keep off shelves.
+
+    The step's arc is that of the mean steering (kinematics.drive), the braking path's that of the steering at its end.
+    """
+    dt, wheelbase = p["time_step"], p["wheelbase"]
+    next_speed = approach(r["speed"], speed, p["max_acceleration"] * dt)
+    next_steer = approach(r["steer"], steer, p["max_steer_rate"] * dt)
+    x, y, c, s = r["x"], r["y"], r["cos"], r["sin"]
+    way = HALF * (r["speed"] + next_speed) * dt
+    if next_steer != r["steer"]:
+        bend = curvature(HALF * (r["steer"] + next_steer), wheelbase)
+        if not sweep_is_free(x, y, c, s, bend, way, margin, p, solid, clearance):
+            return False
+        half_s, half_c = sin_cos(HALF * way * bend)
+        turn_s, turn_c = sin_cos(way * bend)
+        x, y = x + way * (c * half_c - s * half_s), y + way * (s * half_c + c * half_s)
+        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+        way = ZERO
+    way += HALF * next_speed * abs(next_speed) / p["max_acceleration"]
+    return sweep_is_free(x, y, c, s, curvature(next_steer, wheelbase), way, margin, p, solid, clearance)
 
 
 @inline
@@ -134,7 +144,8 @@ def _manoeuvre(r, arcs, wanted, p, solid, clearance):  # type: ignore[no-untyped
     speed, steer = drive_arcs(r, arcs, wanted, p)
     if r["arcs"] == 0:
         return ZERO, r["steer"]
-    if _may(r, speed, steer, LAST, p, solid, clearance):
+    margin = LAST if abs(r["speed"]) < CREEPS else TIGHT
+    if _may(r, speed, steer, margin, p, solid, clearance):
         return speed, steer
     if abs(r["speed"]) < STANDS and wanted > ZERO:
         give_up(r)
@@ -186,7 +197,7 @@ def follow(r, route, arcs, wanted_speed, offset, p, solid, clearance, metric):  
     if r["arcs"] > 0:
         speed, steer = _manoeuvre(r, arcs, speed, p, solid, clearance)
     elif speed > ZERO:
-        bend = max(abs(steer), abs(steer - r["steer"])) / BEND_SCALE
+        bend = max(abs(steer) / BEND_SCALE, abs(steer - r["steer"]) / STEER_SCALE)
         limit = CREEP + (p["max_speed"] - CREEP) * max(ZERO, ONE - bend)
         speed, steer = _forward(r, route, arcs, min(speed, limit), steer, angle, p, solid, clearance, metric)
     elif r["speed"] > ZERO or speed == ZERO:
