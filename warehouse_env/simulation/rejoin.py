@@ -1,9 +1,11 @@
 """Where a manoeuvre leads: back to the robot's own route, or out of somebody's way.
 
-API: plan_to_route(r, route, arcs, bodies, p, solid, clearance, metric) and
+API: bodies_near(r, bodies, p) -> standing bodies for
+     plan_to_route(r, route, arcs, bodies, p, solid, clearance, metric) and
      plan_aside(r, arcs, avoid, bodies, tries, p, solid, clearance, metric)
-search from where the robot stands, begin the manoeuvre if there is one, and return the number of its arcs: 0 if it
-needs none, -1 if there is none. For bodies, avoid and metric see manoeuvre.py, and driving.py for how it is driven.
+The two search from where the robot stands, begin the manoeuvre if there is one, and return the number of its arcs: 0
+if it needs none, -1 if there is none. For bodies, avoid and metric see manoeuvre.py, and driving.py for how it is
+driven.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.simulation import manoeuvre
+from warehouse_env.simulation.buckets import CENTRE_X, CENTRE_Y, COS, SIN
 from warehouse_env.simulation.driving import begin
 from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.trigonometry import HALF_PI, ZERO, arc_tan2, wrap
@@ -18,7 +21,7 @@ from warehouse_env.simulation.trigonometry import HALF_PI, ZERO, arc_tan2, wrap
 FIRST, APART, MANY = np.float32(0.75), np.float32(0.4), 8  # [m] ahead, [m] between, and number of poses on the route
 FAR_APART, FAR_MANY = np.float32(1.2), 20  # where none of these can be reached: a lane that must be left backwards
 CRUISE = np.float32(1.3)  # [m/s] at which the rest of the way is priced
-OFF_LINE = np.float32(0.6)  # [s] to come back to the line after an arrival askew
+NEAR, MOST_NEAR = np.float32(3.0), 12  # [m] within which, and number of others' bodies that are gone round
 
 
 @inline
@@ -54,6 +57,22 @@ def _write_goals(r, route, apart, many, goals):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def bodies_near(r, bodies, p):  # type: ignore[no-untyped-def]
+    """Return float32[K, 4] (centre x, y, cos, sin) of the others near the robot, of bodies [BODY, N] (buckets.py)."""
+    cx, cy = r["x"] - p["offset"] * r["cos"], r["y"] - p["offset"] * r["sin"]
+    near = np.empty((MOST_NEAR, 4), np.float32)
+    count = 0
+    for n in range(bodies.shape[1]):
+        dx, dy = bodies[CENTRE_X, n] - cx, bodies[CENTRE_Y, n] - cy
+        square = dx * dx + dy * dy
+        if ZERO < square < NEAR * NEAR and count < MOST_NEAR:  # its own centre is no way off
+            near[count, 0], near[count, 1] = bodies[CENTRE_X, n], bodies[CENTRE_Y, n]
+            near[count, 2], near[count, 3] = bodies[COS, n], bodies[SIN, n]
+            count += 1
+    return near[:count]
+
+
+@kernel
 def plan_to_route(r, route, arcs, bodies, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
     """Begin the soonest manoeuvre to a pose on the robot's own route (see above)."""
     if r["points"] < 2:
@@ -63,7 +82,7 @@ def plan_to_route(r, route, arcs, bodies, p, solid, clearance, metric):  # type:
     x, y, heading, steer = r["x"], r["y"], r["heading"], r["steer"]
     count = _write_goals(r, route, APART, MANY, goals)
     found = manoeuvre.search(x, y, heading, steer, goals[:count], nothing, bodies, 1, p, solid, clearance, metric, arcs)
-    if found < 0:
+    if found < 0 and bodies.shape[0] == 0:  # among others it may have to wait: no long search
         count = _write_goals(r, route, FAR_APART, FAR_MANY, goals)
         found = manoeuvre.search(
             x, y, heading, steer, goals[:count], nothing, bodies, manoeuvre.TRIES, p, solid, clearance, metric, arcs

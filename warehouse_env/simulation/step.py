@@ -38,7 +38,7 @@ def _begin(r):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _command(r, route, arcs, first, second, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
+def _command(r, route, arcs, bodies, first, second, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
     """Turn the action into (acceleration [m/s^2], steering rate [rad/s]) for one physics step."""
     if r["alive"] == 0:
         return ZERO, ZERO
@@ -47,7 +47,7 @@ def _command(r, route, arcs, first, second, p, solid, clearance, metric):  # typ
         r["target_speed"] = r["speed"] + first * dt
         r["target_steer"] = r["steer"] + second * dt
         return first, second
-    tracking.follow(r, route, arcs, first, second, p, solid, clearance, metric)
+    tracking.follow(r, route, arcs, bodies, first, second, p, solid, clearance, metric)
     next_speed = approach(r["speed"], r["target_speed"], p["max_acceleration"] * dt)
     next_steer = approach(r["steer"], r["target_steer"], p["max_steer_rate"] * dt)
     return (next_speed - r["speed"]) / dt, (next_steer - r["steer"]) / dt
@@ -133,7 +133,7 @@ def _advance_world(  # type: ignore[no-untyped-def]
         near = contact.list_pairs(bodies, order, starts, p, pairs)
         for i in range(count):
             first, second = _command(
-                robots[i], routes[i], arcs[i], commands[i, 0], commands[i, 1], p, solid, clearance, metric
+                robots[i], routes[i], arcs[i], bodies, commands[i, 0], commands[i, 1], p, solid, clearance, metric
             )
             contact.load(robots, i, first, second, p, clearance, motion)
         for _ in range(p["substeps"]):

@@ -4,7 +4,8 @@ An action asks for a speed and a lateral offset from the route. The follower ste
 (pure pursuit about the fixed front axle), slows down where it must steer, and takes a command only if the
 body, driven on and then braked, stays off the shelves: the map is known, so this needs no learning. Where the line
 cannot be followed so (it begins behind the robot, a corner is too sharp, a lane ends) it searches for a manoeuvre that
-leads to the route (rejoin.py) and drives that. Other robots are not its business.
+leads to the route (rejoin.py) and drives that. Other robots are not its
+business, but that it searches a way round their bodies once one has held it for a second.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from warehouse_env.simulation.driving import STANDS, drive_arcs, give_up
 from warehouse_env.simulation.footprint import clearance_at, sweep_is_free
 from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import approach, curvature
-from warehouse_env.simulation.rejoin import plan_to_route
+from warehouse_env.simulation.rejoin import bodies_near, plan_to_route
 from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, sin_cos, wrap
 
 TWO = np.float32(2.0)
@@ -32,7 +33,8 @@ CREEPS = np.float32(0.2)  # [m/s]
 LANE_CLEARANCE = np.float32(0.45)  # [m] a way-point moved sideways keeps from shelves
 OFFSET_FADE = np.float32(2.0)  # [m] before the goal in which offsets fade out
 ASIDE = np.float32(1.0)  # [rad] off the nose from which a target takes a manoeuvre
-AGAIN = np.float32(1.0)  # [s] until another search where none was found
+AGAIN = np.float32(2.0)  # [s] until another search where nothing was found, or while in touch with another robot
+HELD = np.float32(1.0)  # [s] in touch with a robot after which a way round the others' bodies is searched
 
 
 @inline
@@ -142,6 +144,8 @@ def _brake_steer(r, steer, margin, p, solid, clearance):  # type: ignore[no-unty
 def _manoeuvre(r, arcs, wanted, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Return (speed, steering) along the arcs; give the manoeuvre up where it is no longer free."""
     speed, steer = drive_arcs(r, arcs, wanted, p)
+    if r["contact_time"] > HELD and wanted > ZERO and r["search_wait"] <= ZERO:
+        give_up(r)
     if r["arcs"] == 0:
         return ZERO, r["steer"]
     margin = LAST if abs(r["speed"]) < CREEPS else TIGHT
@@ -153,16 +157,18 @@ def _manoeuvre(r, arcs, wanted, p, solid, clearance):  # type: ignore[no-untyped
 
 
 @inline
-def _forward(r, route, arcs, speed, steer, angle, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
+def _forward(r, route, arcs, bodies, speed, steer, angle, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
     """Return the wanted (speed, steering) if its sweep is free, else those of stopping, or of a new manoeuvre."""
-    slow = abs(r["speed"]) < SLOW
-    aside = abs(angle) > ASIDE
-    if not (slow and aside) and _may(r, speed, steer, MARGIN, p, solid, clearance):
-        return speed, steer
-    if slow and r["search_wait"] <= ZERO:
-        if plan_to_route(r, route, arcs, np.empty((0, 4), np.float32), p, solid, clearance, metric) > 0:
+    slow, alone = abs(r["speed"]) < SLOW, r["contact_time"] <= HELD
+    may = not (slow and abs(angle) > ASIDE) and _may(r, speed, steer, MARGIN, p, solid, clearance)
+    if slow and not (may and alone) and r["search_wait"] <= ZERO:
+        others = np.empty((0, 4), np.float32) if alone else bodies_near(r, bodies, p)
+        found = plan_to_route(r, route, arcs, others, p, solid, clearance, metric)
+        r["search_wait"] = ZERO if alone and found > 0 else AGAIN
+        if found > 0:
             return _manoeuvre(r, arcs, speed, p, solid, clearance)
-        r["search_wait"] = AGAIN
+    if may:
+        return speed, steer
     return ZERO, _brake_steer(r, steer, MARGIN, p, solid, clearance)
 
 
@@ -176,7 +182,7 @@ def _backwards(r, speed, p, solid, clearance):  # type: ignore[no-untyped-def]
 
 
 @inline
-def follow(r, route, arcs, wanted_speed, offset, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
+def follow(r, route, arcs, bodies, wanted_speed, offset, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
     """Set target_speed, target_steer and follow_steer from a wanted speed [m/s] and lateral offset [m]."""
     ahead = LOOK_AHEAD + LOOK_AHEAD_TIME * max(r["speed"], ZERO)
     tx, ty, ux, uy = way_point(r, route, ahead)
@@ -199,7 +205,7 @@ def follow(r, route, arcs, wanted_speed, offset, p, solid, clearance, metric):  
     elif speed > ZERO:
         bend = max(abs(steer) / BEND_SCALE, abs(steer - r["steer"]) / STEER_SCALE)
         limit = CREEP + (p["max_speed"] - CREEP) * max(ZERO, ONE - bend)
-        speed, steer = _forward(r, route, arcs, min(speed, limit), steer, angle, p, solid, clearance, metric)
+        speed, steer = _forward(r, route, arcs, bodies, min(speed, limit), steer, angle, p, solid, clearance, metric)
     elif r["speed"] > ZERO or speed == ZERO:
         speed, steer = ZERO, _brake_steer(r, steer, LAST, p, solid, clearance)
     else:
