@@ -107,7 +107,7 @@ class EnvConfig(Checked):
     near_miss_gap: float = 0.1  # [m]
     stuck_after: float = 60.0  # [s] without a metre of progress on the route
     terminate_on_collision: bool = False
-    speed_levels: tuple[float, ...] = (-0.4, 0.0, 0.5, 1.3)  # [m/s], of discrete actions
+    speed_levels: tuple[float, ...] = (-0.4, 0.0, 0.5, 1.5)  # [m/s], of discrete actions
     lateral_offsets: tuple[float, ...] = (0.0, 0.6, -0.6, 1.2, -1.2)  # [m], left of the route is positive
     keep_right: float = 0.5  # [m] that routes move to the right of the planned path where there is room
     smooth_routes: bool = False  # bound the routes' curvature by the steering limit (routes/steerable.py)

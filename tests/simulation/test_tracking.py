@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from tests.simulation.worlds import drawn, room, stage
+from train.benchmarks.alone import drive as drive_alone
+from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
@@ -78,7 +80,7 @@ def test_it_comes_to_the_route_and_stays_on_it(start: tuple[float, ...]) -> None
         drive(simulator, int(simulator.cruise_action), 1)
         assert abs(r["lateral"]) < 0.03
         assert abs(r["bearing"]) < 0.05
-        assert r["speed"] == pytest.approx(1.3, abs=0.05)
+        assert r["speed"] == pytest.approx(1.5, abs=0.05)
     assert simulator.robots["hits_shelf"].sum() == 0
 
 
@@ -107,10 +109,10 @@ def test_offsets_that_lead_to_a_shelf_are_cut_short(index: int) -> None:
     assert r["stalled_time"] < 2.0
 
 
-@pytest.mark.parametrize("level", [0.5, 1.3])
+@pytest.mark.parametrize("level", [0.5, 1.5])
 def test_speed_levels_are_kept_on_the_straight(level: float) -> None:
     simulator = on_route(room(9, 30), (2.0, 4.0, 0.0), (2.0, 4.0), (28.0, 4.0))
-    index = (-0.4, 0.0, 0.5, 1.3).index(level)
+    index = (-0.4, 0.0, 0.5, 1.5).index(level)
     assert drive(simulator, index * OFFSETS, 40)["speed"] == pytest.approx(level, abs=1e-6)
 
 
@@ -153,7 +155,7 @@ def test_it_slows_down_in_a_sharp_turn() -> None:
         if r["position"] > 16.0:
             break
     assert r["position"] > 16.0
-    assert slowest < 1.0
+    assert slowest < 1.2  # of 1.5
     assert outside < 0.5  # cuts the corner, but stays near
 
 
@@ -166,39 +168,87 @@ def test_it_turns_round_in_an_aisle_of_two_cells(heading: float) -> None:
     assert simulator.robots["hits_shelf"].sum() == 0
 
 
+def test_in_a_manoeuvre_it_stops_when_told_goes_on_and_backs_off_when_told() -> None:
+    grid = drawn(["#" * 24, "." * 24, "." * 24, "#" * 24])
+    simulator = on_route(grid, (12.0, 2.0, math.pi), (12.0, 2.0), (22.0, 2.0))
+    cruise = int(simulator.cruise_action)
+    r = drive(simulator, cruise, 8)
+    assert r["arcs"] > 0
+    assert r["speed"] != 0.0
+    drive(simulator, STOP, 12)
+    pose = simulator.state.pose[0, 0].copy()
+    drive(simulator, STOP, 20)
+    assert (simulator.state.pose[0, 0] == pose).all()
+    assert r["arcs"] > 0
+    for _ in range(80):
+        if drive(simulator, cruise, 1)["arcs"] == 0:
+            break
+    assert r["arcs"] == 0
+    assert abs(r["bearing"]) < 0.3
+    assert r["position"] > 0.5
+    simulator = on_route(grid, (12.0, 2.0, math.pi), (12.0, 2.0), (22.0, 2.0))
+    r = drive(simulator, cruise, 8)
+    drive(simulator, BACK, 10)
+    assert r["arcs"] == 0
+    assert r["speed"] <= 0.0
+    assert simulator.robots["hits_shelf"].sum() == 0
+
+
+def test_it_comes_back_to_its_arcs_from_where_it_was_pushed() -> None:
+    grid = room(12, 24)
+    simulator = on_route(grid, (12.0, 6.0, math.pi), (12.0, 6.0), (22.0, 6.0))
+    r = drive(simulator, int(simulator.cruise_action), 8)
+    arcs = int(r["arcs"])
+    assert arcs > 0
+    r["x"] += 0.05
+    r["heading"] += 0.1
+    r["cos"], r["sin"] = math.cos(r["heading"]), math.sin(r["heading"])
+    for _ in range(60):
+        drive(simulator, int(simulator.cruise_action), 1)
+        if r["arcs"] == 0:
+            break
+        assert r["arcs"] == arcs  # the same manoeuvre, not a new one
+        assert math.hypot(r["x"] - r["arc_x"], r["y"] - r["arc_y"]) < 0.15
+    assert r["arcs"] == 0
+    r["x"] += 0.5  # further off than feedback should mend: the next search begins there
+    drive(simulator, int(simulator.cruise_action), 100)
+    assert r["goals"] == 1
+
+
+@pytest.mark.parametrize("heading", [0.0, math.pi / 2, math.pi, -math.pi / 2])
+def test_it_leaves_a_blind_aisle_of_one_cell(heading: float) -> None:
+    lines = ["#" * 16, "#......#########", "######..........", "######..........", "#" * 16]
+    simulator = on_route(drawn(lines), (6.5, 2.0, heading), (6.5, 2.0), (14.0, 2.0))
+    simulator.robots["x"], simulator.robots["y"] = 2.2, 3.5
+    if heading in (math.pi / 2, -math.pi / 2):  # crosswise the body fits at its mouth alone
+        simulator.robots["x"], simulator.robots["y"] = 6.5, 2.5
+    r = drive(simulator, int(simulator.cruise_action), 300)
+    assert r["goals"] >= 1
+    assert simulator.robots["hits_shelf"].sum() == 0
+
+
 @cache
-def alone(name: str) -> tuple[Any, list[float]]:
-    """ROBOT[16] and driven over planned metres, after 300 s of one robot a world that follows its routes."""
+def alone(name: str) -> Row:
+    """One robot a world that follows its routes, 16 worlds of 300 s."""
     grid = read_map(EXAMPLE_MAP) if name == "example" else make_layout(name)
-    simulator = Simulator(EnvConfig(num_agents=1, planner="astar", action_repeat=2, max_steps=1500), 16, grid=grid)
-    simulator.reset(seed=7)
-    cruise = np.full((16, 1), simulator.cruise_action)
-    for _ in range(1500):
-        simulator.step(cruise)
-    ratios = [simulator.episode_metrics(world)["path_length_ratio"] for world in range(16)]
-    return simulator.robots[:, 0], ratios
-
-
-WEDGED = pytest.mark.xfail(reason="some of 16 robots shuffle for over a minute where two cells meet a corner or less")
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=WEDGED if name in ("narrow", "single_lane", "random") else ())
-        for name in (*LAYOUTS, "example")
-    ],
-)
-def test_alone_it_is_never_stuck(name: str) -> None:
-    robots, ratios = alone(name)
-    assert robots["stalled_time"].max() < 60.0
-    assert robots["goals"].min() >= 2
-    assert max(ratios) < 1.3
+    return drive_alone(grid, 300.0, 7, worlds=16)
 
 
 @pytest.mark.parametrize("name", [*LAYOUTS, "example"])
-def test_alone_it_touches_no_shelf(name: str) -> None:
-    assert alone(name)[0]["hits_shelf"].sum() == 0
+def test_alone_it_always_arrives(name: str) -> None:
+    row = alone(name)
+    assert row["longest_standing_s"] < 20.0
+    assert row["shelf_contacts"] == 0
+    assert row["fewest_goals"] >= 2
+    assert row["driven_over_planned"] < 1.3
+
+
+@pytest.mark.parametrize("seed", range(100, 106))
+def test_alone_it_always_arrives_on_generated_floors(seed: int) -> None:
+    row = drive_alone(make_layout("aisles", seed=seed), 120.0, 7, worlds=16)
+    assert row["longest_standing_s"] < 20.0
+    assert row["shelf_contacts"] == 0
+    assert row["goals_per_robot_hour"] > 60.0
 
 
 @pytest.mark.parametrize("name", ["paper46", "random"])

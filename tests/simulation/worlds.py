@@ -43,7 +43,6 @@ def stage(grid: GridMap, *poses: Pose, **changes: Any) -> Simulator:
     config = EnvConfig(num_agents=len(poses), **settings)
     simulator = Simulator(config, grid=grid)
     simulator.robots["alive"] = 1
-    simulator.robots["gear"] = 1
     simulator.robots["gap"] = simulator.robots["min_gap"] = 0.5
     for robot, pose in enumerate(poses):
         put(simulator, robot, pose)

@@ -24,6 +24,7 @@ _PLANNER = "astar"  # its routes are there at once; ants would be measured under
 _POLICY = "ppo"
 _POOL = 32  # random actions are drawn before the clock starts, and then cycled
 _SIMULATED = 100  # seconds that the path follower drives, or robots under the field, for each second of the budget
+_ALONE = 300  # seconds that each robot alone drives for each second of the budget
 _CHUNKS = 9  # the rate of a row is the median over these
 _START_SEEDS = 16  # large batches repeat so many starts, for laying 30,000 routes is not what is measured
 _SQUARE_PER_ROBOTS = {32: 46, 256: 130, 1024: 260}  # robots -> side of the floor [cells], at one density
@@ -38,6 +39,7 @@ class Budget:
     threads: tuple[int, ...]
     action_repeat: int  # of the simulator rows
     seed: int
+    maps: tuple[Path, ...] = ()  # of MovingAI, beside the layouts, for `alone`
 
 
 def _choices(space: Any) -> int:
@@ -244,6 +246,14 @@ def field(budget: Budget) -> Iterator[Row]:
     yield from hold(_SIMULATED * budget.seconds, budget.seed)
 
 
+def alone(budget: Budget) -> Iterator[Row]:
+    """A robot alone on every floor: goals, the longest time that it is in one place, and shelf contacts."""
+    from train.benchmarks.alone import alone as drive
+
+    set_num_threads(1)
+    yield from drive(_ALONE * budget.seconds, budget.seed, budget.maps)
+
+
 _IMPORT = "import warehouse_env"
 _FIRST_STEP = (
     "from warehouse_env import parallel_env; env = parallel_env(num_agents=8, planner='astar'); env.reset(seed=0); "
@@ -274,5 +284,6 @@ PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
     "ant_walk": ant_walk,
     "tracking": tracking,
     "field": field,
+    "alone": alone,
     "start": start,
 }

@@ -17,7 +17,7 @@ from warehouse_env.errors import ConfigError
 
 What = Literal[
     "simulator", "pettingzoo", "vec_env", "policy", "train_reinforce", "train_ppo", "plan", "ant_walk", "tracking",
-    "field", "start",
+    "alone", "field", "start",
 ]  # fmt: skip
 
 _SMALL = 32  # robots of the single world that larger ones are held against
@@ -26,7 +26,8 @@ _SMALL = 32  # robots of the single world that larger ones are held against
 @dataclass(frozen=True)
 class Bench(Checked):
     """Measure agent-steps/s of the simulator, the environments, a policy's drive and the trainers, plans/s, the path
-    follower's tracking error, contacts under the protective field, and the time to start."""
+    follower's tracking error, whether a robot alone always arrives, contacts under the protective field, and the time
+    to start."""
 
     only: tuple[What, ...] = ()
     """What to measure (everything if left out)."""
@@ -40,6 +41,8 @@ class Bench(Checked):
     """Physics steps of 0.1 s in one step of the simulator (an environment's default is 2)."""
     seed: int = 0
     """Seed of the worlds and of the random actions."""
+    maps: tuple[Path, ...] = ()
+    """MovingAI maps on which a robot drives alone, beside the layouts."""
     json: Path | None = None
     """Write the rows to this file as JSON lines."""
 
@@ -58,6 +61,7 @@ class Bench(Checked):
             threads=self.threads,
             action_repeat=self.action_repeat,
             seed=self.seed,
+            maps=self.maps,
         )
         parts: dict[str, Callable[[Budget], Iterator[Row]]] = PARTS
         chosen = [what for what in get_args(What) if not self.only or what in self.only]
@@ -113,6 +117,11 @@ def tables(rows: Sequence[Row]) -> list[Table]:
         from train.benchmarks.field import field_tables
 
         made += field_tables(guarded)
+    solo = select(rows, what="alone")
+    if solo:
+        from train.benchmarks.alone import alone_table
+
+        made.append(alone_table(solo))
     starts = select(rows, what="start")
     if starts:
         times = tuple((row["step"], number(row["seconds"], 2)) for row in starts)

@@ -11,6 +11,8 @@ from warehouse_env.errors import ConfigError, shown
 from warehouse_env.maps.endpoints import beside, largest_region
 from warehouse_env.maps.grid_map import Cell, GridMap
 
+_RIM = 3  # [cells] least width of the rims of `aisles`
+_BLIND = 0.25  # share of its aisles that are closed at one end
 LARGEST = 4096  # [cells] of a floor's side; a robot would be an hour under way
 
 
@@ -154,6 +156,35 @@ def random_floor(rows: int = 32, columns: int = 32, share: float = 0.1, seed: in
     occupied[drawn] = True
     occupied = ~largest_region(~occupied.reshape(rows, columns))
     return GridMap(occupied, name="random")
+
+
+def aisles(rows: int = 36, columns: int = 44, seed: int = 0) -> GridMap:
+    """Return a floor of shelves of random sizes with aisles of one to three cells between them, some of them blind.
+
+    Bands of shelves 1 to 5 deep and 2 to 7 long; every row of shelves has aisles of its own, so that most crossings
+    are T-shaped; an aisle in four is closed at one end. Stations along the rims, which are 3 wide at least; picks are
+    the cells beside a shelf. rows, columns: size of the floor [cells]; seed: the same seed gives the same floor.
+    """
+    check_whole("rows", rows, 12)
+    check_whole("columns", columns, 12)
+    check_whole("seed", seed, 0, 2**63 - 1)
+    rng = np.random.default_rng(seed)
+    occupied = np.zeros((rows, columns), dtype=np.bool_)
+    top = _RIM
+    while top < rows - _RIM:
+        height = min(int(rng.integers(1, 6)), rows - _RIM - top)
+        left = _RIM
+        while left < columns - _RIM:
+            right = min(left + int(rng.integers(2, 8)), columns - _RIM)
+            after = right + int(rng.integers(1, 4))
+            occupied[top : top + height, left:right] = True
+            closed = top + int(rng.integers(0, 2)) * (height - 1)
+            if rng.random() < _BLIND and after < columns - _RIM:
+                occupied[closed, right:after] = True
+            left = after
+        top += height + int(rng.integers(1, 4))
+    occupied = ~largest_region(~occupied)
+    return _with_endpoints(occupied, rim_stations(rows, columns, (1, 1), 4), beside(occupied), "aisles")
 
 
 def _with_endpoints(occupied: NDArray[np.bool_], stations: list[Cell], picks: NDArray[np.bool_], name: str) -> GridMap:

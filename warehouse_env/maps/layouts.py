@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import unknown_name
-from warehouse_env.maps.generators import blocks, open_floor, random_floor, single_lane
+from warehouse_env.maps.generators import aisles, blocks, open_floor, random_floor, single_lane
 from warehouse_env.maps.grid_map import Cell, GridMap
 
 
@@ -86,6 +86,7 @@ LAYOUTS: dict[str, Callable[..., GridMap]] = {
     "single_lane": single_lane,
     "open": open_floor,
     "random": random_floor,
+    "aisles": aisles,
     "blocks": blocks,
 }
 

@@ -33,9 +33,11 @@ from warehouse_env.simulation.given import (
     seeds_of,
     whole_seed,
 )
+from warehouse_env.simulation.manoeuvre import ARCS
 from warehouse_env.simulation.placement import place
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.tasks import Arrival, Tasks
+from warehouse_env.simulation.turning import turning_metric
 from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
 
 PARALLEL_FROM = 256  # robots in all from which waking other threads pays
@@ -53,7 +55,7 @@ class Simulator(Portable):
     `arrivals`, the tasks finished with the last step.
     """
 
-    bound = ("state", "events", "_floor", "_step_arguments", "_observe_arguments")
+    bound = ("state", "events", "_floor", "_metric", "_step_arguments", "_observe_arguments")
 
     def __init__(
         self,
@@ -104,6 +106,7 @@ class Simulator(Portable):
         b, n, p = self.num_worlds, self.num_agents, self._params
         self.robots = np.zeros((b, n), dtype=state.ROBOT)
         self.routes = np.zeros((b, n, _ROUTE_BLOCK, 2), dtype=np.float32)  # [m]; state.route_points are valid
+        self.arcs = np.zeros((b, n, ARCS, 2), dtype=np.float32)  # [m], [rad]; the robots' manoeuvres
         self.observation = np.zeros((b, n, self.layout.size), dtype=np.float32)
         self.reward = np.zeros((b, n), dtype=np.float32)
         self.reward_terms = np.zeros((b, n, len(REWARD_TERMS)), dtype=np.float32)
@@ -133,6 +136,7 @@ class Simulator(Portable):
     def _bind(self) -> None:
         """Make the views and the floor, and keep the kernels' arguments ready."""
         self.state, self.events = state.state_of(self.robots), state.events_of(self.robots)
+        self._metric = turning_metric(self._params)
         self._floor = floor_of(self.grid, self.config.sensor.lidar_range)
         self._collect()
 
@@ -143,9 +147,9 @@ class Simulator(Portable):
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
         self._step_arguments = (
-            self.robots, self.routes, self._commands, self._stamps, self.steps, self.truncated, self.terminated,
-            self._waiting, self._faults, self._params,
-            self._floor.solid, self._floor.clearance, *seen,
+            self.robots, self.routes, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
+            self.terminated, self._waiting, self._faults, self._params,
+            self._floor.solid, self._floor.clearance, self._metric, *seen,
         )  # fmt: skip
         self._observe_arguments = (
             self.robots, self.routes, self._waiting, self._params, *seen,
@@ -208,7 +212,6 @@ class Simulator(Portable):
         self.truncated[world] = False
         self.terminated[world] = False
         robots["alive"] = 1
-        robots["gear"] = 1
         robots["gap"] = robots["min_gap"] = state.GAP_HORIZON
         robots["held_by"] = NOBODY
         self._tasks[world].reset(self._rngs[world])
@@ -253,7 +256,7 @@ class Simulator(Portable):
         r["spacing"] = np.hypot(*(points[1] - points[0])) if len(points) > 1 else 0.0
         r["position"] = r["milestone"] = r["stalled_time"] = 0.0
         r["lateral"] = r["bearing"] = 0.0
-        r["gear"] = 1
+        r["arcs"] = r["search_wait"] = 0  # of a manoeuvre to the route before
         r["goal_x"], r["goal_y"] = points[-1]
         r["goal_row"], r["goal_col"] = goal
 

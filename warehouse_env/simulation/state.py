@@ -25,7 +25,6 @@ ROBOT = np.dtype(
         ("target_speed", F), ("target_steer", F),  # [m/s], [rad], as commanded by the action
         ("previous_speed", F), ("previous_steer", F),  # the last env step's command, for smoothness
         ("follow_steer", F),  # [rad], what the path follower would steer without an offset
-        ("gear", B), ("gear_distance", F),  # +1 forward, -1 backing out [m left]
         # route
         ("points", I), ("spacing", F), ("position", F),  # way-points, [m] between them, [m] of arc length reached
         ("lateral", F), ("bearing", F),  # [m] left of the route; route direction minus heading [rad]
@@ -44,6 +43,9 @@ ROBOT = np.dtype(
         # protective field
         ("age", I),  # physics steps on the way to its goal
         ("held", I), ("held_by", I), ("held_time", F),  # refused in the last env step; by whom; [s] without a break
+        # manoeuvre (simulation/driving.py): in one of `arcs` arcs if that is not 0, on number `arc`
+        ("arcs", B), ("arc", B), ("arc_x", F), ("arc_y", F), ("arc_heading", F),  # the reference pose on that arc,
+        ("arc_left", F), ("search_wait", F),  # [m] of it to go, negative backwards; [s] until the next search
     ],
     align=True,
 )  # fmt: skip

@@ -41,7 +41,7 @@ def _begin(r):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _command(r, route, first, second, p, solid, clearance):  # type: ignore[no-untyped-def]
+def _command(r, route, arcs, bodies, first, second, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
     """Turn the action into (acceleration [m/s^2], steering rate [rad/s]) for one physics step."""
     if r["alive"] == 0:
         return braking(r["speed"], p), ZERO
@@ -50,7 +50,7 @@ def _command(r, route, first, second, p, solid, clearance):  # type: ignore[no-u
         r["target_speed"] = r["speed"] + first * dt
         r["target_steer"] = r["steer"] + second * dt
         return first, second
-    tracking.follow(r, route, first, second, p, solid, clearance)
+    tracking.follow(r, route, arcs, bodies, first, second, p, solid, clearance, metric)
     next_speed = approach(r["speed"], r["target_speed"], p["max_acceleration"] * dt)
     next_steer = approach(r["steer"], r["target_steer"], p["max_steer_rate"] * dt)
     return (next_speed - r["speed"]) / dt, (next_steer - r["steer"]) / dt
@@ -129,7 +129,9 @@ def _sights(p):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _advance_world(robots, routes, commands, stamps, places, motions, guards, fault, clock, p, solid, clearance):  # type: ignore[no-untyped-def]
+def _advance_world(  # type: ignore[no-untyped-def]
+    robots, routes, arcs, commands, stamps, places, motions, guards, fault, clock, p, solid, clearance, metric
+):
     """Advance one world by one env step; return the number of arrivals."""
     order, starts, bodies = places
     pairs, motion, flags, lanes = motions
@@ -142,7 +144,9 @@ def _advance_world(robots, routes, commands, stamps, places, motions, guards, fa
         buckets.sort(robots, p, starts, order, bodies)
         near = contact.list_pairs(bodies, order, starts, p, pairs)
         for i in range(count):
-            first, second = _command(robots[i], routes[i], commands[i, 0], commands[i, 1], p, solid, clearance)
+            first, second = _command(
+                robots[i], routes[i], arcs[i], bodies, commands[i, 0], commands[i, 1], p, solid, clearance, metric
+            )
             contact.load(robots, i, first, second, p, clearance, motion)
         if p["field"] != 0:
             field.guard(robots, motion, guards, places, p, solid, clearance)
@@ -210,16 +214,16 @@ def _count_step(robots, steps, b, truncated, terminated, p):  # type: ignore[no-
 
 @kernel
 def step(  # type: ignore[no-untyped-def]
-    begin, end, robots, routes, commands, stamps, steps, truncated, terminated, waiting, faults, params,
-    solid, clearance, rays, table, weights, edges, seen, first, out, terms, reward,
+    begin, end, robots, routes, arcs, commands, stamps, steps, truncated, terminated, waiting, faults, params, solid,
+    clearance, metric, rays, table, weights, edges, seen, first, out, terms, reward,
 ):  # fmt: skip
     """Step the worlds from `begin` to before `end`; return the number of arrivals. Leading axis of the arrays: world.
 
-    robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; commands float32[B, N, 2]: speed [m/s] and offset [m], or raw
-    acceleration and steering rate; stamps int32[B, N, N]; steps int64[B] since the reset, truncated bool[B],
-    terminated bool[B, N]; waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator
-    has given out new tasks; faults int32[B, 3]: see audit.find_fault;
-    rays, table, weights, edges, seen, first: see the Simulator; out: observations float32[B,
+    robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; arcs float32[B, N, ARCS, 2]: their manoeuvres (manoeuvre.py);
+    commands float32[B, N, 2]: speed [m/s] and offset [m], or raw acceleration and steering rate; stamps int32[B, N, N];
+    steps int64[B] since the reset, truncated bool[B], terminated bool[B, N]; waiting int32[B]: the arrivals of each
+    world, whose observation waits until the Simulator has given out new tasks; faults int32[B, 3]: see
+    audit.find_fault; metric, rays, table, weights, edges, seen, first: see the Simulator; out: observations float32[B,
     N, D]; terms float32[B, N, T]; reward float32[B, N].
     """
     p = params[0]
@@ -229,7 +233,8 @@ def step(  # type: ignore[no-untyped-def]
     for b in range(begin, end):
         clock = steps[b] * p["repeat"] + 1
         waiting[b] = _advance_world(
-            robots[b], routes[b], commands[b], stamps[b], places, motions, guards, faults[b], clock, p, solid, clearance
+            robots[b], routes[b], arcs[b], commands[b], stamps[b], places, motions, guards, faults[b], clock, p, solid,
+            clearance, metric,
         )
         _count_step(robots[b], steps, b, truncated, terminated, p)
         arrivals += waiting[b]

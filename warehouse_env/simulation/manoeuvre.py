@@ -1,0 +1,208 @@
+"""Manoeuvres: a search over (x, y, heading) for arcs, forwards and backwards, that the exact body can drive.
+
+Hybrid-state A* (Dolgov et al. 2010): a node is a real pose, and of the nodes in a cell of (x, y, heading) the soonest
+counts. The cost is the time that driving, steering and stopping take; the heuristic is the turning metric (turning.py).
+
+API, for any kernel of the simulation (nothing is drawn at random, nothing kept between calls):
+
+    count = search(x, y, heading, steer, goals, avoid, bodies, tries, p, solid, clearance, metric, arcs)
+
+x, y, heading, steer: the robot's pose [m], [rad] and its present steering angle [rad]; it may stand too near to
+    something: what touches at the start does not count, what touches after it does.
+goals float32[G, 4]: poses x, y, heading to be reached, and the seconds that it takes from there on; the search ends at
+    whatever is soonest in all. G = 0: make room, i.e. end where the body keeps off all rectangles of `avoid`.
+avoid float32[K, 4]: rectangles like the robot's body (centre x, y [m], cos, sin) to be off in the end; not read if
+    there are goals.
+bodies float32[K, 4]: rectangles that stand still, to be kept off all the way.
+tries: of TRIES, each nearer to shelves and bodies and with shorter arcs than the one before, how many may be made
+    (1: quick; all: whatever there is). Each looks at MOST nodes at most, some 1.5 us each, and gives up then.
+p, solid, clearance: PARAMETERS record and the floor; metric: turning_metric(PARAMETERS[1]), made once a Simulator.
+arcs float32[ARCS, 2]: is filled with (signed length [m], steering [rad]) of one arc after the other.
+Returns the number of arcs, 0 if the start is a goal already, -1 if there is none or it was not found. A manoeuvre of
+more than ARCS arcs is cut off there; it is all free, and the next search begins at its end.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.simulation import turning
+from warehouse_env.simulation.footprint import sweep_is_free
+from warehouse_env.simulation.geometry import rectangles_touch
+from warehouse_env.simulation.heap import pop, push
+from warehouse_env.simulation.kernel import inline, kernel
+from warehouse_env.simulation.trigonometry import HALF, ZERO, sin_cos, wrap
+
+ARCS = 16  # of a manoeuvre at most
+MOST = 6000  # nodes of a search
+TRIES = 3
+_MARGINS = (np.float32(0.03), np.float32(0.015), np.float32(0.002))  # [m] to shelves and bodies, of each try
+_STRIDES = (turning.STRIDE, np.float32(0.2), np.float32(0.15))  # [m] of an arc
+GREED = np.float32(1.1)  # how much the heuristic weighs: soon found before best
+_HEADINGS = 36  # cells of 10 degrees
+_CELLS = np.float32(3.0)  # (x, y) cells to a stride
+_SLOTS = 1 << 14  # of the table of cells, more than twice MOST
+_REACHED, _ALONG = np.float32(0.1), np.float32(0.15)  # [m] beside and along a goal pose that count as there
+_ALIGNED = np.float32(0.2)  # [rad]
+_STEP, _STEP_TURN = np.float32(0.12), np.float32(0.06)  # [m], [rad] between poses held against bodies
+X, Y, HEADING, COSINE, SINE, COST = range(6)  # columns of `poses`
+
+
+@inline
+def _touches_any(x, y, c, s, wide, rectangles, p):  # type: ignore[no-untyped-def]
+    """Whether the body at an axle pose, widened by `wide` [m], touches one of the bodies float32[K, 4]."""
+    cx, cy = x - p["offset"] * c, y - p["offset"] * s
+    reach = p["radius"] + p["radius"] + wide + wide
+    for k in range(rectangles.shape[0]):
+        dx, dy = rectangles[k, 0] - cx, rectangles[k, 1] - cy
+        if dx * dx + dy * dy < reach * reach and rectangles_touch(
+            dx, dy, c, s, p["half_length"] + wide, p["half_width"] + wide,
+            rectangles[k, 2], rectangles[k, 3], p["half_length"], p["half_width"],
+        ):  # fmt: skip
+            return True
+    return False
+
+
+@inline
+def clear_of_bodies(x, y, c, s, bend, length, margin, bodies, p):  # type: ignore[no-untyped-def]
+    """Whether the body keeps `margin` [m] from standing bodies along an arc; the pose at its start is not checked."""
+    if bodies.shape[0] == 0:
+        return True
+    step = _STEP if abs(bend) * _STEP <= _STEP_TURN else _STEP_TURN / abs(bend)
+    count = int(abs(length) / step) + 1
+    step = length / np.float32(count)
+    turn_s, turn_c = sin_cos(step * bend)
+    half_s, half_c = sin_cos(HALF * step * bend)
+    for _ in range(count):
+        x += step * (c * half_c - s * half_s)
+        y += step * (s * half_c + c * half_s)
+        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+        if _touches_any(x, y, c, s, margin, bodies, p):
+            return False
+    return True
+
+
+@inline
+def _to_go(x, y, heading, goals, metric):  # type: ignore[no-untyped-def]
+    """Return (whether a goal is reached, seconds from there on; or estimated seconds to the best goal)."""
+    least, arrived = np.float32(np.inf), False
+    for k in range(goals.shape[0]):
+        s, c = sin_cos(goals[k, 2])
+        dx, dy, turn = x - goals[k, 0], y - goals[k, 1], wrap(heading - goals[k, 2])
+        ahead, left = dx * c + dy * s, dy * c - dx * s
+        if abs(ahead) <= _ALONG and abs(left) <= _REACHED and abs(turn) <= _ALIGNED:
+            least, arrived = (min(least, goals[k, 3]) if arrived else goals[k, 3]), True
+        elif not arrived:
+            least = min(least, goals[k, 3] + GREED * turning.seconds_between(ahead, left, turn, metric))
+    return arrived, least
+
+
+@inline
+def _slot_of(x, y, heading, cell, taken):  # type: ignore[no-untyped-def]
+    """Return (slot, key) of the pose's cell in the table `taken` int32[_SLOTS]: where its key stands, or may stand."""
+    column, row = int(np.floor(x / cell)) & 0x3FF, int(np.floor(y / cell)) & 0x3FF
+    key = ((column << 10) | row) * 64 + turning.heading_cell(heading, _HEADINGS) + 1
+    slot = ((key * 0x9E3779B1) >> 18) & (_SLOTS - 1)  # Fibonacci hashing, Knuth, vol. 3, 6.4
+    while taken[slot] != 0 and taken[slot] != key:
+        slot = (slot + 1) & (_SLOTS - 1)
+    return slot, key
+
+
+@inline
+def _write_arcs(node, parents, by, moves, arcs):  # type: ignore[no-untyped-def]
+    """Write the arcs that lead to a node, equal ones as one, from the start on; return their number."""
+    count, last, at = 0, -1, node
+    while parents[at] >= 0:  # how many there are
+        count += by[at] != last
+        last = by[at]
+        at = parents[at]
+    place, last, at = count, -1, node
+    while parents[at] >= 0:
+        if by[at] != last:
+            place -= 1
+            last = by[at]
+            if place < arcs.shape[0]:
+                arcs[place, 0], arcs[place, 1] = ZERO, moves[last, turning.STEER]
+        if place < arcs.shape[0]:
+            arcs[place, 0] += moves[last, turning.LENGTH]
+        at = parents[at]
+    return min(count, arcs.shape[0])
+
+
+@kernel
+def _try(  # type: ignore[no-untyped-def]
+    x, y, heading, steer, goals, avoid, bodies, margin, stride, p, solid, clearance, metric, arcs
+):
+    """Search with one margin and stride [m]; return as `search` does."""
+    moves = np.empty((turning.MOVES, 9), np.float32)
+    turning.write_moves(stride, p, moves)
+    poses = np.empty((MOST, 6), np.float32)
+    parents, by, done = np.empty(MOST, np.int32), np.empty(MOST, np.int8), np.zeros(MOST, np.bool_)
+    taken, best = np.zeros(_SLOTS, np.int32), np.empty(_SLOTS, np.float32)
+    keys, items = np.empty(MOST, np.float32), np.empty(MOST, np.int32)
+    cell, aside = stride / _CELLS, goals.shape[0] == 0
+    s, c = sin_cos(heading)
+    poses[0, X], poses[0, Y], poses[0, HEADING], poses[0, COSINE], poses[0, SINE], poses[0, COST] = (
+        x, y, heading, c, s, ZERO
+    )  # fmt: skip
+    parents[0], by[0] = -1, -1
+    size, used = push(keys, items, 0, ZERO, 0), 1
+    done[0] = not _touches_any(x, y, c, s, margin, avoid, p) if aside else _to_go(x, y, heading, goals, metric)[0]
+    while size > 0:
+        _, node, size = pop(keys, items, size)
+        if done[node]:
+            return _write_arcs(node, parents, by, moves, arcs)
+        x, y, heading = poses[node, X], poses[node, Y], poses[node, HEADING]
+        c, s, cost = poses[node, COSINE], poses[node, SINE], poses[node, COST]
+        if node > 0 and cost > best[_slot_of(x, y, heading, cell, taken)[0]]:
+            continue  # the cell was reached sooner since
+        before = by[node]
+        for k in range(turning.MOVES):
+            move = moves[k]
+            nx, ny = (
+                x + move[turning.AHEAD] * c - move[turning.LEFT] * s,
+                y + move[turning.AHEAD] * s + move[turning.LEFT] * c,
+            )
+            turned = wrap(heading + move[turning.TURN])
+            length, last = (
+                (moves[before, turning.LENGTH], moves[before, turning.STEER]) if before >= 0 else (ZERO, steer)
+            )
+            total = (
+                cost
+                + move[turning.SECONDS]
+                + turning.change_time(length, last, move[turning.LENGTH], move[turning.STEER], p)
+            )
+            slot, key = _slot_of(nx, ny, turned, cell, taken)
+            if taken[slot] == key and best[slot] <= total:
+                continue
+            if not sweep_is_free(x, y, c, s, move[turning.BEND], move[turning.LENGTH], margin, p, solid, clearance):
+                continue
+            if not clear_of_bodies(x, y, c, s, move[turning.BEND], move[turning.LENGTH], margin, bodies, p):
+                continue
+            if used == MOST:
+                return -1
+            taken[slot], best[slot] = key, total
+            nc, ns = c * move[turning.COS] - s * move[turning.SIN], s * move[turning.COS] + c * move[turning.SIN]
+            poses[used, X], poses[used, Y], poses[used, HEADING] = nx, ny, turned
+            poses[used, COSINE], poses[used, SINE], poses[used, COST] = nc, ns, total
+            parents[used], by[used] = node, k
+            rest = ZERO
+            if aside:
+                done[used] = not _touches_any(nx, ny, nc, ns, margin, avoid, p)
+            else:
+                done[used], rest = _to_go(nx, ny, turned, goals, metric)
+            size = push(keys, items, size, total + rest, used)
+            used += 1
+    return -1
+
+
+@kernel
+def search(x, y, heading, steer, goals, avoid, bodies, tries, p, solid, clearance, metric, arcs):  # type: ignore[no-untyped-def]
+    """Find a manoeuvre and write it into `arcs`; return the number of its arcs, -1 if there is none (see above)."""
+    for k in range(tries):
+        count = _try(
+            x, y, heading, steer, goals, avoid, bodies, _MARGINS[k], _STRIDES[k], p, solid, clearance, metric, arcs
+        )
+        if count >= 0:
+            return count
+    return -1
