@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import ConfigError, PlanError, shown
@@ -100,7 +101,7 @@ def edge_cost(grid: GridMap, cost: NDArray[np.float64]) -> NDArray[np.float64]:
         raise ConfigError(f"a cost map must be an array of numbers, not {shown(cost)}") from None
     if cost.shape not in (grid.shape, (*grid.shape, 8)):
         raise ConfigError(f"a cost map must have the shape {grid.shape} or {(*grid.shape, 8)}, not {cost.shape}")
-    if not (cost >= 0).all() or not (cost <= DEAREST).all():  # nan is neither
+    if not (cost.min() >= 0 and cost.max() <= DEAREST):  # nan is neither
         raise ConfigError(f"a cost map must hold finite numbers of at least 0 and at most {DEAREST:g}")
     if cost.ndim == 3:
         return cost
@@ -121,8 +122,18 @@ def tolls(grid: GridMap, gentleness: float = 0.0, cost: NDArray[np.float64] | No
     if climbing:
         toll += np.rint(gentleness * _climbs(grid)).astype(np.int64)
     if cost is not None:
-        toll += np.rint(np.where(grid.legal_moves, MICRO * edge_cost(grid, cost), 0.0)).astype(np.int64)
+        _add_cost(toll, grid.legal_moves, edge_cost(grid, cost), MICRO)
     return toll
+
+
+@njit(cache=True, error_model="numpy")
+def _add_cost(toll, legal, cost, scale):  # type: ignore[no-untyped-def]
+    """Add a cost map to the tolls of the legal moves, in whole parts of 1 / scale. All [H, W, 8]."""
+    for row in range(legal.shape[0]):
+        for column in range(legal.shape[1]):
+            for move in range(8):
+                if legal[row, column, move]:
+                    toll[row, column, move] += np.int64(np.rint(scale * cost[row, column, move]))
 
 
 @lru_cache(maxsize=8)

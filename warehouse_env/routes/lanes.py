@@ -11,7 +11,6 @@ import math
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.maps.clearance import nearest_shelf
 
@@ -27,7 +26,7 @@ ITERATIONS = 60
 PULL, SMOOTH, PUSH = 0.12, 0.45, 0.5  # shares of the way to lane, neighbours and clearance in one iteration
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
 def _free_to(solid, x, y, ux, uy, cell):  # type: ignore[no-untyped-def]
     """Distance [m] along (ux, uy) to the first shelf, at most SIGHT, in steps of 5 cm."""
     steps = round(SIGHT / 0.05)
@@ -109,7 +108,7 @@ def _lane_targets(points, solid, cell, keep_right, shift, room, out):  # type: i
         out[k, 1] = points[k, 1] - s * ux
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
 def _direction(points, k):  # type: ignore[no-untyped-def]
     """Unit vector along the line at point k, over a metre to either side."""
     a, b = max(k - 2, 0), min(k + 2, points.shape[0] - 1)
@@ -129,27 +128,41 @@ def _relax(points, targets, room, solid, cell):  # type: ignore[no-untyped-def]
             my = 0.5 * (points[k - 1, 1] + points[k + 1, 1])
             nx = x + PULL * (targets[k, 0] - x) + SMOOTH * (mx - x)
             ny = y + PULL * (targets[k, 1] - y) + SMOOTH * (my - y)
-            d, ux, uy = nearest_shelf(solid, nx, ny, cell)
+            d, ux, uy = nearest_shelf(solid, nx, ny, cell, room[k])
             if d < room[k]:
                 nx += PUSH * (room[k] - d) * ux
                 ny += PUSH * (room[k] - d) * uy
             points[k, 0], points[k, 1] = nx, ny
 
 
-def resample(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+@numba.njit(cache=True, error_model="numpy")
+def resample(points, spacing):  # type: ignore[no-untyped-def]
     """Return the polyline float64[L, 2] [m] as evenly spaced points, nearest to `spacing` [m]; both ends are kept."""
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    arc = np.concatenate([[0.0], np.cumsum(steps)])
-    if arc[-1] <= 0.0:
+    n = points.shape[0]
+    arc = np.zeros(n)
+    for k in range(1, n):
+        arc[k] = arc[k - 1] + math.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
+    length = arc[n - 1]
+    if length <= 0.0:
         return points[:1].copy()
-    count = max(round(arc[-1] / spacing), 1) + 1
-    at = np.linspace(0.0, arc[-1], count)
-    return np.column_stack([np.interp(at, arc, points[:, 0]), np.interp(at, arc, points[:, 1])])
+    pieces = max(int(round(length / spacing)), 1)
+    step = length / pieces
+    line = np.empty((pieces + 1, 2))
+    before = 0
+    for k in range(pieces + 1):
+        at = k * step if k < pieces else length
+        while before + 1 < n and arc[before + 1] <= at:
+            before += 1
+        line[k] = points[before]
+        if arc[before] < at and before + 1 < n:
+            for axis in range(2):
+                slope = (points[before + 1, axis] - points[before, axis]) / (arc[before + 1] - arc[before])
+                line[k, axis] += slope * (at - arc[before])
+    return line
 
 
-def drivable_line(
-    points: NDArray[np.float64], solid: NDArray[np.uint8], cell: float, keep_right: float
-) -> NDArray[np.float32]:
+@numba.njit(cache=True, error_model="numpy")
+def drivable_line(points, solid, cell, keep_right):  # type: ignore[no-untyped-def]
     """Return way-points float32[R, 2] [m], evenly spaced about SPACING apart, from the first to the last point.
 
     points: float64[L, 2] [m], the planned path's cell centres; solid: uint8[H + 2, W + 2], padded shelves, y up;

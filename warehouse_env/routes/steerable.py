@@ -97,7 +97,7 @@ def _relax(line, target, solid, cell, room, bend):  # type: ignore[no-untyped-de
             off = distance(x, y, middle_x, middle_y)
             if off > most:
                 x, y = middle_x + (x - middle_x) * most / off, middle_y + (y - middle_y) * most / off
-            gap, away_x, away_y = nearest_shelf(solid, x, y, cell)
+            gap, away_x, away_y = nearest_shelf(solid, x, y, cell, room)
             if gap < room:
                 x, y = x + (room - gap) * away_x, y + (room - gap) * away_y
             line[k, 0], line[k, 1] = x, y
@@ -164,5 +164,8 @@ def steerable_line(
         _relax(line, target, solid, cell, max(min(room, 0.5 * cell - LEFT), width), INSIDE * bend)
         line = resample(line, STEP)
         if sharpest(line) <= bend + ROUNDING and narrowest(line, solid, cell, width) >= width - ROUNDING:
-            return line.astype(np.float32)
-    return resample(rounded(grid.centre(without_knees(cells, grid))), STEP).astype(np.float32)
+            break
+    else:
+        line = resample(rounded(grid.centre(without_knees(cells, grid))), STEP)
+    drivable: NDArray[np.float32] = line.astype(np.float32)
+    return drivable

@@ -41,6 +41,9 @@ ROBOT = np.dtype(
         ("distance_at_goal", np.float64), ("min_gap", F),
         ("hits_robot", I), ("hits_shelf", I), ("near_misses", I), ("goals", I), ("finish_time", F),
         ("lived", I), ("waited", I),  # physics steps alive; of those, standing
+        # live routes
+        ("rest_x", F), ("rest_y", F), ("rest_time", F),  # [m] where it was, [s] ago, without having left a metre since
+        ("task_length", np.float64), ("reroutes", I),  # [m] of the task's first route; routes made anew on the way
     ],
     align=True,
 )  # fmt: skip
