@@ -106,7 +106,7 @@ def _write(database: _Database, pending: list[tuple[str, bytes]]) -> None:
 class RouteBook(Portable):
     """Routes on one map by one planner. A copy knows what is on disk, and makes the other routes again."""
 
-    bound = ("_solid", "_routes", "_fresh", "_store", "_usual")
+    bound = ("_solid", "_one_way", "_routes", "_fresh", "_store", "_usual")
 
     def __init__(
         self,
@@ -124,6 +124,7 @@ class RouteBook(Portable):
 
     def _bind(self) -> None:
         self._solid = np.pad(self.grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
+        self._one_way = np.pad(self.grid.one_way[::-1], 1)
         self._routes: dict[tuple[Cell, Cell, Cell | None], NDArray[np.float32]] = {}
         self._fresh: dict[tuple[Cell, Cell, Cell | None], NDArray[np.int64]] = {}  # plans whose routes are not made yet
         self._store = PlanStore(cache_directory())
@@ -198,7 +199,8 @@ class RouteBook(Portable):
             return self.grid
         occupied = self.grid.occupied.copy()
         occupied[cell] = True
-        return GridMap(occupied, self.grid.height, self.grid.cell_size, name=self.grid.name)
+        one_way = np.where(occupied, 0, self.grid.one_way)
+        return GridMap(occupied, self.grid.height, self.grid.cell_size, name=self.grid.name, one_way=one_way)
 
     def _blocked_turn(self, start: Cell, goal: Cell, heading: float) -> Cell | None:
         """Return the cell behind a robot that stands in a single lane, where it cannot turn round; else None."""
@@ -241,5 +243,6 @@ class RouteBook(Portable):
         points = self.grid.centre(cells)
         if begin is not None:
             points[0] = begin
-        line: NDArray[np.float32] = drivable_line(points, self._solid, self.grid.cell_size, self._keep_right)
+        floor = self._solid, self._one_way, self.grid.cell_size
+        line: NDArray[np.float32] = drivable_line(points, *floor, self._keep_right)
         return line if self._robot is None else steerable_line(line, cells, self.grid, self._solid, self._robot)

@@ -25,7 +25,7 @@ from warehouse_env.simulation.floor import floor_of, load_grid
 from warehouse_env.simulation.given import check_count, check_memory, check_pace, check_parts, seeds_of, whole_seed
 from warehouse_env.simulation.placement import place
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
-from warehouse_env.simulation.tasks import Arrival, Tasks
+from warehouse_env.simulation.tasks import Arrival, Tasks, book_arrival
 from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
 from warehouse_env.traffic.live import LiveRoutes
 
@@ -70,7 +70,7 @@ class Simulator(Portable):
             smooth_for = config.robot if config.smooth_routes else None
             routes = RouteBook(self.grid, planner, keep_right=config.keep_right, smooth_for=smooth_for)
         self.route_book = routes
-        self._live = self._live_routes()
+        self._live = LiveRoutes(config, routes) if config.reroute else None
         check_pace(config, self.grid.cell_size)
         self.layout = observation_layout(config)
         check_memory(num_worlds, config.num_agents, self.layout.size, state.ROBOT.itemsize + 8 * _ROUTE_BLOCK)
@@ -82,14 +82,6 @@ class Simulator(Portable):
         self._weights = weight_vector(config.reward)
         self._reward_weights = config.reward
         self._make_arrays()
-
-    def _live_routes(self) -> LiveRoutes | None:
-        """Return who plans while robots drive, None where nobody does."""
-        if not self.config.reroute:
-            return None
-        from warehouse_env.planning import make_planner
-
-        return LiveRoutes(self.config, self.grid, make_planner(self.config.reroute_spec.planner))
 
     def _make_spaces(self) -> None:
         config = self.config
@@ -280,40 +272,27 @@ class Simulator(Portable):
         arrivals = []
         for world, robot in np.argwhere(self.robots["arrived"] != 0).tolist():
             r = self.robots[world, robot]
-            planned, driven = float(r["task_length"]), float(r["distance"] - r["distance_at_goal"])
-            arrivals.append(Arrival(world, robot, driven, planned))
-            r["goals"] += 1
-            r["planned"] += planned
-            r["driven_to_goals"] += driven
-            r["distance_at_goal"] = r["distance"]
-            r["finish_time"] = self.seconds(world)
+            arrivals.append(book_arrival(r, world, robot, self.seconds(world)))
             if self.config.tasks == "lifelong" and r["alive"]:
                 start = (int(r["goal_row"]), int(r["goal_col"]))
                 goal = self._tasks[world].next_goal(robot, start, self._rngs[world])
-                points = self._live_route(world, robot, goal)
-                if points is None:
-                    points = self.route_book.route(start, goal, float(r["heading"]))
-                self._set_task(world, robot, goal, points)
+                live, route = self._live, None
+                if live is not None:
+                    route = live.route(self.robots[world], self.routes[world], robot, goal)
+                if route is None:
+                    route = self.route_book.route(start, goal, float(r["heading"]))
+                self._set_task(world, robot, goal, route)
         return arrivals
-
-    def _live_route(self, world: int, robot: int, goal: Cell) -> NDArray[np.float32] | None:
-        """Return a route from where a robot stands around all others; None without live routes, or if none is found."""
-        if self._live is None:
-            return None
-        plan = self._live.plan(self.robots[world], self.routes[world], robot, goal)
-        if not plan.found:
-            return None
-        return self.route_book.lay(plan.cells, self.state.pose[world, robot, :2])
 
     def _reroute(self, live: LiveRoutes) -> int:
         """Route those anew whose way is barred; return their number."""
         barred = live.watch(self.robots, self.routes, self.steps)
         for world, robot in barred:
             r = self.robots[world, robot]
-            points = self._live_route(world, robot, (int(r["goal_row"]), int(r["goal_col"])))
-            if points is not None:
-                self._set_route(world, robot, points)
-                r["milestone"] = 0.0
+            route = live.route(self.robots[world], self.routes[world], robot, (int(r["goal_row"]), int(r["goal_col"])))
+            if route is not None:
+                self._set_route(world, robot, route)
+                r["milestone"] = 0.0  # but the time without a metre of progress goes on
                 r["reroutes"] += 1
                 self._waiting[world] = 1
         return len(barred)

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
-from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.planning.plan import Plan, Planner
+from warehouse_env.maps.grid_map import MOVES, Cell
+from warehouse_env.routes.book import RouteBook
 
 SWAY = 1.0  # [m] within which a robot counts as not having moved
 
@@ -181,16 +181,20 @@ def price(robots, routes, me, legal, stood_for, standing, beside, against, turn,
 
 
 class LiveRoutes:
-    """Plans routes while robots drive: `watch` says whose way is barred, `plan` makes a new one from its pose."""
+    """Makes routes while robots drive: `watch` says whose way is barred, `route` makes a new one from its pose."""
 
-    def __init__(self, config: EnvConfig, grid: GridMap, planner: Planner) -> None:
+    def __init__(self, config: EnvConfig, book: RouteBook) -> None:
         """Take the configuration's `reroute_spec`; ConfigError for a planner that takes no cost map."""
+        from warehouse_env.planning import make_planner
+
+        spec, grid = config.reroute_spec, book.grid
+        planner = make_planner(spec.planner)
         if not planner.takes_cost:
             raise ConfigError(
                 f"planner {planner.name} takes no cost map and cannot plan live routes; choose one with takes_cost, "
                 "such as astar_turns"
             )
-        spec, self.grid, self.planner = config.reroute_spec, grid, planner
+        self._book, self._planner = book, planner
         seconds = config.action_repeat * config.time_step
         every = max(1, round(spec.every / seconds))
         behind = np.float32(config.robot.rear_reach - 0.5 * config.robot.length)
@@ -209,9 +213,16 @@ class LiveRoutes:
         found: list[list[int]] = np.argwhere(barred).tolist()
         return found
 
-    def plan(self, robots: NDArray[Any], routes: NDArray[np.float32], me: int, goal: Cell) -> Plan:
-        """Return a plan for robot `me` of a world, ROBOT[N], from its cell to a goal around all others."""
+    def route(
+        self, robots: NDArray[Any], routes: NDArray[np.float32], me: int, goal: Cell
+    ) -> NDArray[np.float32] | None:
+        """Return way-points float32[R, 2] [m] from where robot `me` of ROBOT[N] is to a goal, around all others.
+
+        None where the planner finds no path.
+        """
         price(robots, routes, me, *self._price, self._cost)
-        row, column = self.grid.cell((robots[me]["x"], robots[me]["y"])).tolist()
+        pose = np.array([robots[me]["x"], robots[me]["y"]])
+        row, column = self._book.grid.cell(pose).tolist()
         rng = np.random.default_rng([row, column, *goal])
-        return self.planner.plan(self.grid, (row, column), goal, rng, self._cost)
+        plan = self._planner.plan(self._book.grid, (row, column), goal, rng, self._cost)
+        return self._book.lay(plan.cells, pose) if plan.found else None
