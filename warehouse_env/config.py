@@ -100,7 +100,7 @@ class RerouteSpec(Checked):
     standing: float = 10.0  # [cells] for entering the cell of a robot that stands
     beside: float = 3.0  # [cells] for entering a cell beside it
     against: float = 1.0  # [cells] for a move against one of another's remaining route
-    turn: float = 0.0  # [cells] for beginning with a turn of 90 degrees, twice that for turning round
+    turn: float = 1.0  # [cells] for beginning with a turn of 90 degrees, twice that for turning round
     boxed_turn: float = 30.0  # [cells] for beginning with a turn of more than 90 degrees in an aisle of one cell
 
     def __post_init__(self) -> None:

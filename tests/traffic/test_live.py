@@ -203,8 +203,9 @@ def test_planners_without_a_cost_map_are_refused_and_specs_checked() -> None:
 def test_live_routes_keep_one_way_cells() -> None:
     one_way = np.zeros((4, 12), np.uint8)
     one_way[1], one_way[2] = 1, 3
-    grid = GridMap(np.zeros((4, 12), bool), one_way=one_way)
+    ends = np.array([(row, column) for row in (0, 3) for column in range(0, 12, 2)])
+    grid = GridMap(np.zeros((4, 12), bool), picks=ends[:6], stations=ends[6:], one_way=one_way)
     simulator = Simulator(CONFIG.replace(num_agents=6), grid=grid)
     simulator.reset([1])
     drive(simulator)
-    assert simulator.robots["reroutes"].sum() + simulator.robots["goals"].sum() > 0
+    assert simulator.robots["goals"].sum() > 0

@@ -105,12 +105,12 @@ def write_map(grid: GridMap, path: str | os.PathLike[str]) -> None:
     rows, columns = grid.shape
     floor = ["".join("@" if taken else "." for taken in row) for row in grid.occupied.tolist()]
     path = path_of(path, MapError)
+    _write_whole(path, ["type octile", f"height {rows}", f"width {columns}", "map", *floor])
     beside = path.with_suffix(one_way.SUFFIX)
     if grid.one_way.any():
         _write_whole(beside, one_way.text(grid.one_way))
     else:
         beside.unlink(missing_ok=True)  # of another floor that was written here before
-    _write_whole(path, ["type octile", f"height {rows}", f"width {columns}", "map", *floor])
 
 
 def read_scen(path: str | os.PathLike[str]) -> list[Scenario]:

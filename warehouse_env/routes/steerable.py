@@ -115,7 +115,7 @@ def without_knees(cells: NDArray[np.int64], grid: GridMap) -> NDArray[np.int64]:
             d_row, d_column = row - kept[-2][0], column - kept[-2][1]
             if max(abs(d_row), abs(d_column)) > 1:
                 break
-            if not grid.legal_moves[(*kept[-2], _MOVE[d_row, d_column])]:
+            if (d_row or d_column) and not grid.legal_moves[(*kept[-2], _MOVE[d_row, d_column])]:
                 break
             kept.pop()
         if not kept or kept[-1] != [row, column]:
