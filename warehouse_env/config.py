@@ -90,6 +90,30 @@ class RewardWeights(Checked):
 
 
 @dataclass(frozen=True)
+class RerouteSpec(Checked):
+    """When a robot is routed anew on its way, and what the others' places and routes cost it (traffic/live.py)."""
+
+    planner: str = "astar_turns"  # of all routes while robots drive; one that takes a cost map
+    every: float = 4.0  # [s] between two looks at a robot's way ahead
+    look_ahead: float = 25.0  # [m] of it
+    stood_for: float = 6.0  # [s] without having moved a metre from which a robot counts as standing
+    standing: float = 10.0  # [cells] for entering the cell of a robot that stands
+    beside: float = 3.0  # [cells] for entering a cell beside it
+    against: float = 1.0  # [cells] for a move against one of another's remaining route
+    turn: float = 1.0  # [cells] for beginning with a turn of 90 degrees, twice that for turning round
+    boxed_turn: float = 30.0  # [cells] for beginning with a turn of more than 90 degrees in an aisle of one cell
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(_LEAST, _MOST, "every")
+        self._between(0.0, _MOST, "look_ahead", "stood_for", "standing", "beside", "against", "turn", "boxed_turn")
+
+    def _called(self, name: str) -> str:
+        """Return what errors call a parameter; `every` alone could be anything."""
+        return f"RerouteSpec.{name}"
+
+
+@dataclass(frozen=True)
 class EnvConfig(Checked):
     """One warehouse with its robots: all that defines an episode but the seed."""
 
@@ -113,6 +137,8 @@ class EnvConfig(Checked):
     smooth_routes: bool = False  # bound the routes' curvature by the steering limit (routes/steerable.py)
     protective_field: bool = False  # robots brake, whatever they are told, where they could not stop clear of others
     field_margin: float = 0.02  # [m] that the field keeps between robots
+    reroute: bool = False  # route robots anew around others that stand, and against the stream of all others
+    reroute_spec: RerouteSpec = field(default_factory=RerouteSpec)
     robot: RobotSpec = field(default_factory=RobotSpec)
     sensor: SensorSpec = field(default_factory=SensorSpec)
     reward: RewardWeights = field(default_factory=RewardWeights)

@@ -48,8 +48,8 @@ def plan(grid: GridMap, start: Cell, goal: Cell) -> Plan:
 )
 def test_sight_by_hand(rows: tuple[str, ...], goal: Cell, sees: bool) -> None:
     occupied = drawn(*rows).occupied
-    assert line_of_sight(occupied, 0, 0, *goal) == sees
-    assert line_of_sight(occupied, *goal, 0, 0) == sees
+    assert line_of_sight(occupied, np.zeros(occupied.shape, np.uint8), 0, 0, *goal) == sees
+    assert line_of_sight(occupied, np.zeros(occupied.shape, np.uint8), *goal, 0, 0) == sees
 
 
 def touches(a: Cell, b: Cell, square: Cell) -> bool:
@@ -72,7 +72,9 @@ def test_sight_equals_exact_geometry(data: st.DataObject) -> None:
     if not free:
         return
     a, b = data.draw(st.sampled_from(free)), data.draw(st.sampled_from(free))
-    assert line_of_sight(occupied, *a, *b) == (not any(touches(a, b, shelf) for shelf in shelves))
+    assert line_of_sight(occupied, np.zeros(occupied.shape, np.uint8), *a, *b) == (
+        not any(touches(a, b, shelf) for shelf in shelves)
+    )
 
 
 def test_open_floor_is_one_line() -> None:
@@ -121,7 +123,7 @@ def visibility_length(grid: GridMap, start: Cell, goal: Cell) -> float:
         here = min(cells, key=length.__getitem__)
         cells.remove(here)
         for other in cells:
-            if math.isfinite(length[here]) and line_of_sight(grid.occupied, *here, *other):
+            if math.isfinite(length[here]) and line_of_sight(grid.occupied, grid.one_way, *here, *other):
                 length[other] = min(length[other], length[here] + math.dist(here, other))
     return length[goal]
 
@@ -142,7 +144,9 @@ def test_lines_on_random_maps_lie_between_the_shortest_line_and_the_lattice() ->
         assert found.line is not None
         validate_line(grid, found.line, (0, 0), (7, 9))
         vertices = found.line.astype(int).tolist()
-        assert all(line_of_sight(occupied, *a, *b) for a, b in itertools.pairwise(vertices))
+        assert all(
+            line_of_sight(occupied, np.zeros(occupied.shape, np.uint8), *a, *b) for a, b in itertools.pairwise(vertices)
+        )
         assert shortest - 1e-9 <= found.line_length <= lattice + 1e-9
         validate(grid, found.cells, (0, 0), (7, 9))
         excess.append(found.line_length / shortest - 1)

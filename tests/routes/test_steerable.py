@@ -115,11 +115,12 @@ def test_routes_of_every_layout(name: str) -> None:
     smooth, plain = book(grid), book(grid, None)
     ends = np.concatenate([grid.picks, grid.stations])
     rng = np.random.default_rng(1)
+    no_arrows = np.zeros_like(solid_of(grid))
     for _ in range(25):
         start, goal = (tuple(ends[k].tolist()) for k in rng.choice(len(ends), 2, replace=False))
         route, lane = smooth.route(start, goal), plain.route(start, goal)
         cells = plain.cells(start, goal)
-        np.testing.assert_array_equal(lane, drivable_line(grid.centre(cells), solid_of(grid), 1.0, 0.5))
+        np.testing.assert_array_equal(lane, drivable_line(grid.centre(cells), solid_of(grid), no_arrows, 1.0, 0.5))
         np.testing.assert_allclose(route[[0, -1]], grid.centre([start, goal]), atol=1e-4)
         if len(lane) > 2:
             check(route, grid)

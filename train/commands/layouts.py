@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from train.reporting.report import Table
 from train.reporting.rows import Row, RowFile
 from warehouse_env.checked import Checked
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, MapError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.maps.movingai import read_map, write_map
+from warehouse_env.maps.one_way import ARROWS
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,8 @@ class Layouts(Checked):
             print(f"wrote {self.convert}")
             return
         print("\n".join(grid.text()))
-        print("# shelf   p pick   s station   ~ uneven floor   . floor")
+        arrows = f"   {' '.join(ARROWS[1:])} one way" if grid.one_way.any() else ""
+        print(f"# shelf   p pick   s station   ~ uneven floor   . floor{arrows}")
         RowFile(self.json).add([facts(grid)])
         if self.png is not None:
             _picture(grid, self.png)
@@ -82,6 +84,7 @@ class Layouts(Checked):
 
     def _check(self, path: Path) -> None:
         grid = read_map(path)
+        check_connected(grid)
         row = facts(grid)
         RowFile(self.json).add([row])
         left_out = int((~grid.occupied).sum()) - row["free"]
@@ -90,6 +93,18 @@ class Layouts(Checked):
             f"{path} is good: {row['rows']} x {row['columns']} cells, {row['free']} of them free and connected{aside}; "
             f"{row['picks']} picks, {row['stations']} stations, narrowest aisle {row['narrowest']} cells"
         )
+
+
+def check_connected(grid: GridMap) -> None:
+    """Raise MapError, naming an endpoint, unless each endpoint can be reached from every other on a one-way floor."""
+    first, *others = grid.endpoints[2]
+    joined = grid.return_region(first)
+    for cell in others:
+        if not joined[cell]:
+            raise MapError(
+                f"one-way cells of map {grid.name!r} cut endpoints off: no robot can drive from {first} to {cell} and "
+                "back; turn or remove some arrows"
+            )
 
 
 def facts(grid: GridMap) -> Row:

@@ -17,13 +17,18 @@ def distance(ax, ay, bx, by):  # type: ignore[no-untyped-def]
     return math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
 
 
-@numba.njit(cache=True, error_model="numpy")
-def nearest_shelf(solid, x, y, cell):  # type: ignore[no-untyped-def]
-    """Return (distance, unit vector away from it) of the nearest shelf among the 3 x 3 cells around a point."""
-    row, column = int(math.floor(y / cell)) + 1, int(math.floor(x / cell)) + 1
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def nearest_shelf(solid, x, y, cell, reach):  # type: ignore[no-untyped-def]
+    """Return (distance, unit vector away from it) of the nearest shelf within `reach` of a point, at most a cell.
+
+    A shelf farther away may be found as well; where there is none the distance is 1e9.
+    """
+    reach = min(reach + 1e-9, cell)  # so that rounding leaves none out
+    first_row, last_row = int(math.floor((y - reach) / cell)) + 1, int(math.floor((y + reach) / cell)) + 1
+    first, last = int(math.floor((x - reach) / cell)) + 1, int(math.floor((x + reach) / cell)) + 1
     best, bx, by = 1e18, 0.0, 0.0
-    for i in range(max(row - 1, 0), min(row + 2, solid.shape[0])):
-        for j in range(max(column - 1, 0), min(column + 2, solid.shape[1])):
+    for i in range(max(first_row, 0), min(last_row + 1, solid.shape[0])):
+        for j in range(max(first, 0), min(last + 1, solid.shape[1])):
             if solid[i, j]:
                 dx = x - min(max(x, (j - 1) * cell), j * cell)
                 dy = y - min(max(y, (i - 1) * cell), i * cell)

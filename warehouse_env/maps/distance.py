@@ -21,7 +21,8 @@ SQRT2 = float(np.sqrt(2.0))
 def distance_field(legal: NDArray[np.bool_], moves: NDArray[np.int64], row: int, column: int) -> NDArray[np.float64]:
     """Return float64[H, W]: length [cells] of the shortest walk of eq. 26 moves to (row, column), inf if there is none.
 
-    legal: bool[H, W, 8], `GridMap.legal_moves`; moves: int64[8, 2], odd indices diagonal (length sqrt 2).
+    legal: bool[H, W, 8], `GridMap.entries` (with `GridMap.legal_moves`: of the walk from there); moves: int64[8, 2],
+    odd indices diagonal (length sqrt 2).
     """
     rows, columns = legal.shape[0], legal.shape[1]
     distance = np.full(rows * columns, np.inf)
@@ -42,7 +43,7 @@ def distance_field(legal: NDArray[np.bool_], moves: NDArray[np.int64], row: int,
                 continue
             r, c = cell // columns, cell % columns
             for m in range(8):
-                if not legal[r, c, m]:  # eq. 26 is symmetric: what may be entered may be left
+                if not legal[r, c, m]:
                     continue
                 other = cell + moves[m, 0] * columns + moves[m, 1]
                 s = straight[cell] + 1 - m % 2

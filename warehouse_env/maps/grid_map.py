@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import MapError, WarehouseError, shown
+from warehouse_env.maps import one_way
 
 Cell = tuple[int, int]
 T = TypeVar("T", bound=np.generic)
@@ -36,6 +37,7 @@ class GridMap:
     height: float32[H, W], floor height [m]; flat if not given.
     cell_size: side of a cell [m].
     picks, stations: int64[K, 2], endpoint cells (row, col) of lifelong tasks; `default_endpoints` if not given.
+    one_way: uint8[H, W], a direction to keep on a cell, as an index into one_way.ARROWS; none if not given.
     """
 
     occupied: NDArray[np.bool_]
@@ -44,11 +46,13 @@ class GridMap:
     picks: NDArray[np.int64] = None  # type: ignore[assignment]
     stations: NDArray[np.int64] = None  # type: ignore[assignment]
     name: str = "unnamed"
+    one_way: NDArray[np.uint8] = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         occupied = _checked_occupied(self.occupied)
         object.__setattr__(self, "occupied", _frozen(occupied))
         object.__setattr__(self, "height", _frozen(_checked_height(self.height, occupied.shape)))
+        object.__setattr__(self, "one_way", _frozen(one_way.checked(self.one_way, occupied)))
         size = self.cell_size
         number = isinstance(size, (int, float, np.integer, np.floating)) and not isinstance(size, bool)
         if not (number and SMALLEST_CELL <= size <= LARGEST_CELL):
@@ -67,7 +71,7 @@ class GridMap:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the fields only; the copy is checked and read-only again, its caches are empty."""
-        return GridMap, (self.occupied, self.height, self.cell_size, self.picks, self.stations, self.name)
+        return GridMap, (self.occupied, self.height, self.cell_size, self.picks, self.stations, self.name, self.one_way)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> GridMap:
         """Return itself: nobody can change it, and what it has worked out serves all."""
@@ -100,11 +104,13 @@ class GridMap:
 
     @cached_property
     def key(self) -> str:
-        """Return 32 hex digits that stand for the content (shelves, heights, cell size), for caches."""
+        """Return 32 hex digits that stand for the content (shelves, heights, cell size, directions), for caches."""
         content = hashlib.blake2b(digest_size=16)
         content.update(f"{self.shape} {self.cell_size!r} ".encode())
         content.update(self.occupied.tobytes())
         content.update(self.height.tobytes())
+        if self.one_way.any():
+            content.update(self.one_way.tobytes())
         return content.hexdigest()
 
     @cached_property
@@ -129,7 +135,8 @@ class GridMap:
     def legal_moves(self) -> NDArray[np.bool_]:
         """bool[H, W, 8]: may a robot on this cell make MOVES[m] (eq. 26, paper 000)?
 
-        Start and target are free and inside; a diagonal also needs both orthogonal cells free. Symmetric.
+        Start and target are free and inside; a diagonal also needs both orthogonal cells free; and the move is not
+        against the direction of either. Symmetric but for one-way cells.
         """
         rows, columns = self.shape
         free = np.pad(~self.occupied, 1)
@@ -140,7 +147,19 @@ class GridMap:
         legal = np.empty((rows, columns, 8), dtype=np.bool_)
         for m, (d_row, d_column) in enumerate(MOVES.tolist()):
             legal[:, :, m] = seen(0, 0) & seen(d_row, d_column) & seen(d_row, 0) & seen(0, d_column)
+        if self.one_way.any():
+            against = one_way.against(self.one_way)
+            # what leaves a cell by a move enters it from the other side by the opposite one, seen from there
+            legal &= ~against & ~_seen_from_beyond(np.roll(against, 4, axis=2))
         return _frozen(legal)
+
+    @cached_property
+    def entries(self) -> NDArray[np.bool_]:
+        """bool[H, W, 8]: may a robot come to this cell from its neighbour over there, at MOVES[m]?
+
+        The same as `legal_moves` but for one-way cells.
+        """
+        return _frozen(_seen_from_beyond(self.legal_moves)) if self.one_way.any() else self.legal_moves
 
     def centre(self, cells: ArrayLike) -> NDArray[np.float64]:
         """Return float64[..., 2], the centres (x east, y north) [m] of cells (row, col) int[..., 2]."""
@@ -171,7 +190,7 @@ class GridMap:
         if known is None:
             from warehouse_env.maps.distance import distance_field
 
-            known = _frozen(distance_field(self.legal_moves, MOVES, goal[0], goal[1]))
+            known = _frozen(distance_field(self.entries, MOVES, goal[0], goal[1]))
             fields[goal] = known
             if len(fields) > DISTANCE_FIELDS_KEPT:
                 fields.popitem(last=False)
@@ -179,6 +198,13 @@ class GridMap:
             with contextlib.suppress(KeyError):  # another thread that plans on this map may just have dropped it
                 fields.move_to_end(goal)
         return known
+
+    def return_region(self, cell: Cell) -> NDArray[np.bool_]:
+        """Return bool[H, W]: the cells that can be reached from a cell and from which it can be reached again."""
+        from warehouse_env.maps.distance import distance_field
+
+        there = distance_field(self.legal_moves, MOVES, cell[0], cell[1])
+        return np.isfinite(there) & np.isfinite(self.distance_to(cell))
 
     def check_cell(self, cell: ArrayLike, what: str) -> Cell:
         """Return `cell` as two Python ints; MapError, beginning with `what`, if it is outside or on a shelf."""
@@ -193,11 +219,15 @@ class GridMap:
         return row, column
 
     def text(self) -> list[str]:
-        """Return one line a row: `#` shelf, `p` pick, `s` station, `~` raised or sunken floor, `.` other floor."""
+        """Return one line a row: `#` shelf, `p` pick, `s` station, `~` raised or sunken floor, `.` other floor.
+
+        One-way cells show their arrow instead, endpoint or not.
+        """
         drawing = np.where(self.occupied, "#", np.where(self.height != 0, "~", "."))
         drawing[tuple(self.picks.T)] = "p"
         drawing[tuple(self.stations.T)] = "s"
-        return ["".join(row) for row in drawing]
+        arrows = np.array(list(one_way.ARROWS))[self.one_way]
+        return ["".join(row) for row in np.where(self.one_way > 0, arrows, drawing)]
 
 
 def whole_cell(cell: ArrayLike, what: str, error: type[WarehouseError]) -> Cell:
@@ -207,6 +237,16 @@ def whole_cell(cell: ArrayLike, what: str, error: type[WarehouseError]) -> Cell:
     except (TypeError, ValueError):
         raise error(f"{what} {shown(cell)} must be two whole numbers (row, column)") from None
     return row, column
+
+
+def _seen_from_beyond(moves: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return bool[H, W, 8]: what `moves` says of the opposite move on the cell that each leads to; False outside."""
+    rows, columns, _ = moves.shape
+    padded = np.pad(moves, ((1, 1), (1, 1), (0, 0)))
+    seen = [
+        padded[1 + r : 1 + r + rows, 1 + c : 1 + c + columns, (m + 4) % 8] for m, (r, c) in enumerate(MOVES.tolist())
+    ]
+    return np.stack(seen, axis=-1)
 
 
 def _frozen(array: NDArray[T]) -> NDArray[T]:

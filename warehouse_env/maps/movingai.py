@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
 from warehouse_env.files import complete_file, path_of
+from warehouse_env.maps import one_way
 from warehouse_env.maps.grid_map import Cell, GridMap
 
 FREE = ".GS"  # floor; S is swamp, which the benchmarks' shortest paths treat as floor
@@ -40,7 +41,8 @@ class Scenario(NamedTuple):
 def read_map(path: str | os.PathLike[str]) -> GridMap:
     """Return the floor of a `.map` file, named after the file, with default endpoints and cells of 1 m.
 
-    MapError, naming the file and line, if it is missing, not text, or breaks the format.
+    One-way cells stand in a file NAME.oneway beside it, if there is one (maps/one_way.py). MapError, naming the file
+    and line, if it is missing, not text, or breaks the format.
     """
     path = path_of(path, MapError)
     lines = _read_lines(path, "map")
@@ -59,7 +61,16 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
                 known = " ".join(FREE + BLOCKED)
                 raise _bad(path, number, f"unknown cell {letter!r} in column {column}; known cells: {known}")
     try:
-        return GridMap(np.array([[letter in BLOCKED for letter in line] for line in body]), name=path.stem)
+        occupied = np.array([[letter in BLOCKED for letter in line] for line in body])
+        return GridMap(occupied, name=path.stem, one_way=_read_one_way(path.with_suffix(one_way.SUFFIX), occupied))
+    except MapError as error:
+        raise MapError(f"{path}: {error}") from None
+
+
+def _read_one_way(path: Path, occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Return the directions of one-way cells, none where there is no such file; MapError if it is damaged."""
+    try:
+        return one_way.checked(one_way.parse(_read_lines(path, "one-way")) if path.exists() else None, occupied)
     except MapError as error:
         raise MapError(f"{path}: {error}") from None
 
@@ -86,13 +97,20 @@ def _read_header(path: Path, lines: list[str]) -> tuple[int, int, int]:
 def write_map(grid: GridMap, path: str | os.PathLike[str]) -> None:
     """Write the shelves as a `.map` file (`@` shelf, `.` floor), whole or not at all; MapError if it cannot be written.
 
-    The format holds neither heights, cell size nor endpoints: these are lost.
+    One-way cells are written to NAME.oneway beside it. The format holds neither heights, cell size nor endpoints:
+    these are lost.
     """
     if not isinstance(grid, GridMap):
         raise MapError(f"{shown(grid)} is no GridMap, so it cannot be written as a .map file")
     rows, columns = grid.shape
     floor = ["".join("@" if taken else "." for taken in row) for row in grid.occupied.tolist()]
-    _write_whole(path_of(path, MapError), ["type octile", f"height {rows}", f"width {columns}", "map", *floor])
+    path = path_of(path, MapError)
+    _write_whole(path, ["type octile", f"height {rows}", f"width {columns}", "map", *floor])
+    beside = path.with_suffix(one_way.SUFFIX)
+    if grid.one_way.any():
+        _write_whole(beside, one_way.text(grid.one_way))
+    else:
+        beside.unlink(missing_ok=True)  # of another floor that was written here before
 
 
 def read_scen(path: str | os.PathLike[str]) -> list[Scenario]:

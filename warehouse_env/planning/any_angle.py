@@ -17,14 +17,20 @@ from warehouse_env.planning.plan import Plan
 
 
 @njit(cache=True)
-def line_of_sight(occupied: NDArray[np.bool_], row: int, col: int, to_row: int, to_col: int) -> bool:
+def line_of_sight(
+    occupied: NDArray[np.bool_], one_way: NDArray[np.uint8], row: int, col: int, to_row: int, to_col: int
+) -> bool:
     """May a point go straight from the centre of one cell to that of another? occupied: bool[H, W].
 
     Every cell whose inside the line crosses must be free. Where it runs exactly through a corner of cells, the two
     cells beside it must be free as well: the rule of eq. 26 (paper 000) for a diagonal move, for lines of any angle.
+    Nor may the line have a part against the direction of a cell that it crosses (one_way: uint8[H, W], GridMap).
     """
     d_row, d_col = abs(to_row - row), abs(to_col - col)
     step_row, step_col = (1 if to_row > row else -1), (1 if to_col > col else -1)
+    against = _against_rows(to_row - row), _against_columns(to_col - col)
+    if one_way[row, col] > 0 and one_way[row, col] in against:
+        return False
     ahead = d_col - d_row  # > 0: the next side the line crosses is a vertical one, < 0: horizontal, 0: a corner
     while row != to_row or col != to_col:
         if ahead == 0 and (occupied[row + step_row, col] or occupied[row, col + step_col]):
@@ -36,9 +42,21 @@ def line_of_sight(occupied: NDArray[np.bool_], row: int, col: int, to_row: int, 
         if horizontal:
             row += step_row
             ahead += 2 * d_col
-        if occupied[row, col]:
+        if occupied[row, col] or (one_way[row, col] > 0 and one_way[row, col] in against):
             return False
     return True
+
+
+@njit(cache=True)
+def _against_rows(d_row: int) -> int:
+    """The direction (an index into ARROWS) that a line down so many rows has a part against; 0 where there is none."""
+    return 2 if d_row > 0 else 4 if d_row < 0 else 0
+
+
+@njit(cache=True)
+def _against_columns(d_col: int) -> int:
+    """As `_against_rows`, of a line over so many columns to the east."""
+    return 3 if d_col > 0 else 1 if d_col < 0 else 0
 
 
 @njit(cache=True)
@@ -49,7 +67,9 @@ def _straight(cols: int, cell: int, other: int) -> float:
 
 
 @njit(cache=True)
-def _search(legal: NDArray[np.bool_], occupied: NDArray[np.bool_], start: int, goal: int) -> NDArray[np.int64]:
+def _search(
+    legal: NDArray[np.bool_], occupied: NDArray[np.bool_], one_way: NDArray[np.uint8], start: int, goal: int
+) -> NDArray[np.int64]:
     """Return the vertex (flat cell) before each cell on an any-angle path, -1 where none; the start's is itself.
 
     legal: bool[H, W, 8]. A cell's path goes to it straight from the vertex of the cell it was reached from, if that
@@ -79,7 +99,7 @@ def _search(legal: NDArray[np.bool_], occupied: NDArray[np.bool_], start: int, g
             if not legal[row, col, move] or closed[to]:
                 continue
             via = vertex[cell]
-            if not line_of_sight(occupied, via // cols, via % cols, to_row, to_col):
+            if not line_of_sight(occupied, one_way, via // cols, via % cols, to_row, to_col):
                 via = cell
             new_length = length[via] + _straight(cols, via, to)
             if new_length < length[to]:
@@ -134,7 +154,7 @@ class ThetaStar(BasePlanner):
         """Search; `rng` is not used."""
         cols = grid.shape[1]
         first, last = start[0] * cols + start[1], goal[0] * cols + goal[1]
-        vertex = _search(grid.legal_moves, grid.occupied, first, last)
+        vertex = _search(grid.legal_moves, grid.occupied, grid.one_way, first, last)
         if vertex[last] < 0:
             return Plan(unflatten([], cols))
         flat = [last]

@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import ConfigError, PlanError, shown
@@ -100,7 +101,7 @@ def edge_cost(grid: GridMap, cost: NDArray[np.float64]) -> NDArray[np.float64]:
         raise ConfigError(f"a cost map must be an array of numbers, not {shown(cost)}") from None
     if cost.shape not in (grid.shape, (*grid.shape, 8)):
         raise ConfigError(f"a cost map must have the shape {grid.shape} or {(*grid.shape, 8)}, not {cost.shape}")
-    if not (cost >= 0).all() or not (cost <= DEAREST).all():  # nan is neither
+    if not (cost.min() >= 0 and cost.max() <= DEAREST):  # nan is neither
         raise ConfigError(f"a cost map must hold finite numbers of at least 0 and at most {DEAREST:g}")
     if cost.ndim == 3:
         return cost
@@ -121,8 +122,18 @@ def tolls(grid: GridMap, gentleness: float = 0.0, cost: NDArray[np.float64] | No
     if climbing:
         toll += np.rint(gentleness * _climbs(grid)).astype(np.int64)
     if cost is not None:
-        toll += np.rint(np.where(grid.legal_moves, MICRO * edge_cost(grid, cost), 0.0)).astype(np.int64)
+        _add_cost(toll, grid.legal_moves, edge_cost(grid, cost), MICRO)
     return toll
+
+
+@njit(cache=True, error_model="numpy")
+def _add_cost(toll, legal, cost, scale):  # type: ignore[no-untyped-def]
+    """Add a cost map to the tolls of the legal moves, in whole parts of 1 / scale. All [H, W, 8]."""
+    for row in range(legal.shape[0]):
+        for column in range(legal.shape[1]):
+            for move in range(8):
+                if legal[row, column, move]:
+                    toll[row, column, move] += np.int64(np.rint(scale * cost[row, column, move]))
 
 
 @lru_cache(maxsize=8)
@@ -187,11 +198,21 @@ def validate(grid: GridMap, cells: ArrayLike, start: Cell, goal: Cell) -> None:
                 raise PlanError(f"the path jumps from {previous} to {(row, col)}")
             if grid.occupied[row, previous[1]] or grid.occupied[previous[0], col]:
                 raise PlanError(f"the path cuts a shelf corner from {previous} to {(row, col)}")
+            for cell in (previous, (row, col)):
+                if _opposes(grid.one_way[cell], row - previous[0], col - previous[1]):
+                    raise PlanError(f"the path drives against the direction of {cell} from {previous} to {(row, col)}")
         previous = (row, col)
+
+
+def _opposes(one_way: int, d_row: float, d_col: float) -> bool:
+    """Whether a step over so many rows (south) and columns (east) has a part against a direction of one_way.ARROWS."""
+    return bool((d_col < 0, d_row > 0, d_col > 0, d_row < 0)[one_way - 1]) if one_way else False
 
 
 def validate_line(grid: GridMap, line: NDArray[np.float64], start: Cell, goal: Cell, clearance: float = 0.0) -> None:
     """Raise PlanError unless a polyline float64[K, 2] of (row, col) leads from start to goal off the shelves.
+
+    Nor may it have a part against the direction of a one-way cell that it passes through.
 
     clearance: least distance [cells] of every segment from shelf cells (unit squares) and from the map's edge.
     """
@@ -207,6 +228,10 @@ def validate_line(grid: GridMap, line: NDArray[np.float64], start: Cell, goal: C
     for a, b in itertools.pairwise(points):
         low = np.floor(np.minimum(a, b) - clearance - 0.5).astype(int).clip(0)
         high = np.ceil(np.maximum(a, b) + clearance + 0.5).astype(int) + 1
+        for row, column in np.argwhere(grid.one_way[low[0] : high[0], low[1] : high[1]]) + low:
+            through = _distance_to_square(a, b, float(row), float(column)) < 0.0
+            if through and _opposes(grid.one_way[row, column], *(b - a)):
+                raise PlanError(f"the line drives against the direction of {(int(row), int(column))}")
         for row, column in np.argwhere(grid.occupied[low[0] : high[0], low[1] : high[1]]) + low:
             gap = _distance_to_square(a, b, float(row), float(column))
             if gap < clearance - _GRAZE:

@@ -81,8 +81,9 @@ def _move(line, k, x, y, need, solid, deviation, length, power):  # type: ignore
     share = 1.0
     for _ in range(HALVINGS):
         tox, toy = fromx + share * (wantx - fromx), fromy + share * (wanty - fromy)
-        gap, awayx, awayy = nearest_shelf(solid, tox, toy, 1.0)
-        short = max(max(need[k - 1], need[k]) - gap, 0.0)
+        wanted = max(need[k - 1], need[k])
+        gap, awayx, awayy = nearest_shelf(solid, tox, toy, 1.0, wanted)
+        short = max(wanted - gap, 0.0)
         for slide in (0.0, short):  # straight there, or else along the shelf
             px, py = tox + slide * awayx, toy + slide * awayy
             lower = _cost(line, k, px, py, x, y, deviation, length, power) < before

@@ -106,7 +106,7 @@ def _write(database: _Database, pending: list[tuple[str, bytes]]) -> None:
 class RouteBook(Portable):
     """Routes on one map by one planner. A copy knows what is on disk, and makes the other routes again."""
 
-    bound = ("_solid", "_routes", "_fresh", "_store")
+    bound = ("_solid", "_one_way", "_routes", "_fresh", "_store", "_usual")
 
     def __init__(
         self,
@@ -124,9 +124,11 @@ class RouteBook(Portable):
 
     def _bind(self) -> None:
         self._solid = np.pad(self.grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
+        self._one_way = np.pad(self.grid.one_way[::-1], 1)
         self._routes: dict[tuple[Cell, Cell, Cell | None], NDArray[np.float32]] = {}
         self._fresh: dict[tuple[Cell, Cell, Cell | None], NDArray[np.int64]] = {}  # plans whose routes are not made yet
         self._store = PlanStore(cache_directory())
+        self._usual = 1.0  # [s] that a plan takes, the mean of the last few
 
     def __getstate__(self) -> dict[str, Any]:
         """Write what is pending first, so that the copy finds it."""
@@ -171,6 +173,8 @@ class RouteBook(Portable):
         known = self._fresh.get((start, goal, behind))
         if known is not None:
             return known if len(known) else None
+        if self._usual < WORTH_KEEPING:  # nothing of a quick planner is kept, and planning takes no longer than looking
+            return None
         known = self._store.get(self._key(start, goal, behind))
         try:
             validate(self.grid, [] if known is None else known, start, goal)
@@ -185,6 +189,7 @@ class RouteBook(Portable):
     def _keep(self, start: Cell, goal: Cell, behind: Cell | None, plan: Plan) -> None:
         """Keep a plan until its route is made, and on disk where it took long."""
         self._fresh[start, goal, behind] = plan.cells
+        self._usual += 0.5 * (plan.seconds - self._usual)
         if plan.found and plan.seconds > WORTH_KEEPING:
             self._store.put(self._key(start, goal, behind), plan.cells)
 
@@ -194,7 +199,8 @@ class RouteBook(Portable):
             return self.grid
         occupied = self.grid.occupied.copy()
         occupied[cell] = True
-        return GridMap(occupied, self.grid.height, self.grid.cell_size, name=self.grid.name)
+        one_way = np.where(occupied, 0, self.grid.one_way)
+        return GridMap(occupied, self.grid.height, self.grid.cell_size, name=self.grid.name, one_way=one_way)
 
     def _blocked_turn(self, start: Cell, goal: Cell, heading: float) -> Cell | None:
         """Return the cell behind a robot that stands in a single lane, where it cannot turn round; else None."""
@@ -225,11 +231,18 @@ class RouteBook(Portable):
                 if behind is None:
                     raise
                 cells = self.cells(start, goal)  # a dead end: it must back out
-            known = drivable_line(self.grid.centre(cells), self._solid, self.grid.cell_size, self._keep_right)
-            if self._robot is not None:
-                known = steerable_line(known, cells, self.grid, self._solid, self._robot)
+            known = self.lay(cells)
             if len(self._routes) >= MEMORY:
                 self._routes.pop(next(iter(self._routes)))
             self._routes[start, goal, behind] = known
             self._fresh.pop((start, goal, behind), None)
         return known
+
+    def lay(self, cells: NDArray[np.int64], begin: NDArray[np.floating[Any]] | None = None) -> NDArray[np.float32]:
+        """Return way-points float32[R, 2] [m] along cells int[L, 2], from the point `begin` [m] in the first."""
+        points = self.grid.centre(cells)
+        if begin is not None:
+            points[0] = begin
+        floor = self._solid, self._one_way, self.grid.cell_size
+        line: NDArray[np.float32] = drivable_line(points, *floor, self._keep_right)
+        return line if self._robot is None else steerable_line(line, cells, self.grid, self._solid, self._robot)

@@ -11,7 +11,6 @@ import math
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.maps.clearance import nearest_shelf
 
@@ -23,19 +22,25 @@ TWO_WAY = 1.2  # [m] of free width from which there are two lanes
 FADE = 1.5  # [m] at both ends over which the lane is reached
 NARROWER = 0.02  # [m] less than half the free width is asked for as clearance
 EASE = 0.15  # [m/m] sideways where a lane widens or narrows
+ALONG = 0.9  # cosine of the angle to a one-way cell's direction up to which a line leads along it
 ITERATIONS = 60
 PULL, SMOOTH, PUSH = 0.12, 0.45, 0.5  # shares of the way to lane, neighbours and clearance in one iteration
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _free_to(solid, x, y, ux, uy, cell):  # type: ignore[no-untyped-def]
-    """Distance [m] along (ux, uy) to the first shelf, at most SIGHT, in steps of 5 cm."""
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _free_to(solid, one_way, mine, x, y, ux, uy, cell):  # type: ignore[no-untyped-def]
+    """Distance [m] along (ux, uy) to the first shelf, at most SIGHT, in steps of 5 cm.
+
+    mine > 0: to the first cell of another direction.
+    """
     steps = round(SIGHT / 0.05)
     for k in range(1, steps + 1):
         t = 0.05 * k - 0.025
         row = int(math.floor((y + t * uy) / cell)) + 1
         column = int(math.floor((x + t * ux) / cell)) + 1
         if row < 0 or column < 0 or row >= solid.shape[0] or column >= solid.shape[1] or solid[row, column]:
+            return t
+        if mine > 0 and one_way[row, column] != mine:
             return t
     return SIGHT
 
@@ -90,14 +95,26 @@ def _ease_into_single_lanes(shift, room):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _lane_targets(points, solid, cell, keep_right, shift, room, out):  # type: ignore[no-untyped-def]
+def _along_one_way(one_way, x, y, ux, uy, cell):  # type: ignore[no-untyped-def]
+    """Direction (an index into ARROWS) of the one-way cell at a point, 0 for none or if (ux, uy) leads across it."""
+    row, column = int(math.floor(y / cell)) + 1, int(math.floor(x / cell)) + 1
+    if row < 0 or column < 0 or row >= one_way.shape[0] or column >= one_way.shape[1]:
+        return 0
+    mine = int(one_way[row, column])
+    along = 0.0 if mine == 0 else abs(ux) if mine % 2 == 1 else abs(uy)
+    return mine if along > ALONG else 0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _lane_targets(points, solid, one_way, cell, keep_right, shift, room, out):  # type: ignore[no-untyped-def]
     """Write where each point should be (right of the middle where there are two lanes), and its possible clearance."""
     n = points.shape[0]
     for k in range(n):
         ux, uy = _direction(points, k)
-        right = _free_to(solid, points[k, 0], points[k, 1], uy, -ux, cell)
-        left = _free_to(solid, points[k, 0], points[k, 1], -uy, ux, cell)
-        shift[k] = _lane_shift(left, right, keep_right)
+        mine = _along_one_way(one_way, points[k, 0], points[k, 1], ux, uy, cell)
+        right = _free_to(solid, one_way, mine, points[k, 0], points[k, 1], uy, -ux, cell)
+        left = _free_to(solid, one_way, mine, points[k, 0], points[k, 1], -uy, ux, cell)
+        shift[k] = 0.5 * (right - left) if mine > 0 else _lane_shift(left, right, keep_right)
         room[k] = min(CLEARANCE, 0.5 * (left + right) - NARROWER)
     _fill_gaps(shift, keep_right)
     _ease_into_single_lanes(shift, room)
@@ -109,7 +126,7 @@ def _lane_targets(points, solid, cell, keep_right, shift, room, out):  # type: i
         out[k, 1] = points[k, 1] - s * ux
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
 def _direction(points, k):  # type: ignore[no-untyped-def]
     """Unit vector along the line at point k, over a metre to either side."""
     a, b = max(k - 2, 0), min(k + 2, points.shape[0] - 1)
@@ -129,36 +146,51 @@ def _relax(points, targets, room, solid, cell):  # type: ignore[no-untyped-def]
             my = 0.5 * (points[k - 1, 1] + points[k + 1, 1])
             nx = x + PULL * (targets[k, 0] - x) + SMOOTH * (mx - x)
             ny = y + PULL * (targets[k, 1] - y) + SMOOTH * (my - y)
-            d, ux, uy = nearest_shelf(solid, nx, ny, cell)
+            d, ux, uy = nearest_shelf(solid, nx, ny, cell, room[k])
             if d < room[k]:
                 nx += PUSH * (room[k] - d) * ux
                 ny += PUSH * (room[k] - d) * uy
             points[k, 0], points[k, 1] = nx, ny
 
 
-def resample(points: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+@numba.njit(cache=True, error_model="numpy")
+def resample(points, spacing):  # type: ignore[no-untyped-def]
     """Return the polyline float64[L, 2] [m] as evenly spaced points, nearest to `spacing` [m]; both ends are kept."""
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    arc = np.concatenate([[0.0], np.cumsum(steps)])
-    if arc[-1] <= 0.0:
+    n = points.shape[0]
+    arc = np.zeros(n)
+    for k in range(1, n):
+        arc[k] = arc[k - 1] + math.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
+    length = arc[n - 1]
+    if length <= 0.0:
         return points[:1].copy()
-    count = max(round(arc[-1] / spacing), 1) + 1
-    at = np.linspace(0.0, arc[-1], count)
-    return np.column_stack([np.interp(at, arc, points[:, 0]), np.interp(at, arc, points[:, 1])])
+    pieces = max(int(round(length / spacing)), 1)
+    step = length / pieces
+    line = np.empty((pieces + 1, 2))
+    before = 0
+    for k in range(pieces + 1):
+        at = k * step if k < pieces else length
+        while before + 1 < n and arc[before + 1] <= at:
+            before += 1
+        line[k] = points[before]
+        if arc[before] < at and before + 1 < n:
+            for axis in range(2):
+                slope = (points[before + 1, axis] - points[before, axis]) / (arc[before + 1] - arc[before])
+                line[k, axis] += slope * (at - arc[before])
+    return line
 
 
-def drivable_line(
-    points: NDArray[np.float64], solid: NDArray[np.uint8], cell: float, keep_right: float
-) -> NDArray[np.float32]:
+@numba.njit(cache=True, error_model="numpy")
+def drivable_line(points, solid, one_way, cell, keep_right):  # type: ignore[no-untyped-def]
     """Return way-points float32[R, 2] [m], evenly spaced about SPACING apart, from the first to the last point.
 
     points: float64[L, 2] [m], the planned path's cell centres; solid: uint8[H + 2, W + 2], padded shelves, y up;
+    one_way: uint8[H + 2, W + 2], likewise the directions of one-way cells, in the middle of which lines run;
     keep_right [m]: how far to the right on open floor, 0 for no lanes.
     """
     line = resample(points, SPACING)
     if len(line) > 2:
         targets, shift, room = np.empty_like(line), np.empty(len(line)), np.empty(len(line))
-        _lane_targets(line, solid, cell, keep_right, shift, room, targets)
+        _lane_targets(line, solid, one_way, cell, keep_right, shift, room, targets)
         _relax(line, targets, room, solid, cell)
         line = resample(line, SPACING)
     return line.astype(np.float32)

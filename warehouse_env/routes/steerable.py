@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import RobotSpec
 from warehouse_env.maps.clearance import distance, nearest_shelf, segment_gap
-from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.grid_map import MOVES, GridMap
 from warehouse_env.routes.lanes import resample
 
 STEERING_SHARE = 0.85  # of the steering limit
@@ -31,6 +31,7 @@ DEVIATION, LENGTH, STIFFNESS = 0.03, 0.5, 1.0  # lambda, mu of eq. 13 and the we
 SWEEPS = 80  # of the objective with its bounds, and then
 REPAIRS = 40  # of the bounds alone
 INSIDE = 0.95  # of the bound of curvature during the sweeps: spacing the points evenly again bends some more
+_MOVE = {(d_row, d_column): move for move, (d_row, d_column) in enumerate(MOVES.tolist())}
 ROUNDING = 1e-6  # [m], [1/m] of comparisons
 
 
@@ -97,7 +98,7 @@ def _relax(line, target, solid, cell, room, bend):  # type: ignore[no-untyped-de
             off = distance(x, y, middle_x, middle_y)
             if off > most:
                 x, y = middle_x + (x - middle_x) * most / off, middle_y + (y - middle_y) * most / off
-            gap, away_x, away_y = nearest_shelf(solid, x, y, cell)
+            gap, away_x, away_y = nearest_shelf(solid, x, y, cell, room)
             if gap < room:
                 x, y = x + (room - gap) * away_x, y + (room - gap) * away_y
             line[k, 0], line[k, 1] = x, y
@@ -114,7 +115,7 @@ def without_knees(cells: NDArray[np.int64], grid: GridMap) -> NDArray[np.int64]:
             d_row, d_column = row - kept[-2][0], column - kept[-2][1]
             if max(abs(d_row), abs(d_column)) > 1:
                 break
-            if grid.occupied[kept[-2][0], column] or grid.occupied[row, kept[-2][1]]:
+            if (d_row or d_column) and not grid.legal_moves[(*kept[-2], _MOVE[d_row, d_column])]:
                 break
             kept.pop()
         if not kept or kept[-1] != [row, column]:
@@ -164,5 +165,8 @@ def steerable_line(
         _relax(line, target, solid, cell, max(min(room, 0.5 * cell - LEFT), width), INSIDE * bend)
         line = resample(line, STEP)
         if sharpest(line) <= bend + ROUNDING and narrowest(line, solid, cell, width) >= width - ROUNDING:
-            return line.astype(np.float32)
-    return resample(rounded(grid.centre(without_knees(cells, grid))), STEP).astype(np.float32)
+            break
+    else:
+        line = resample(rounded(grid.centre(without_knees(cells, grid))), STEP)
+    drivable: NDArray[np.float32] = line.astype(np.float32)
+    return drivable

@@ -51,7 +51,7 @@ class Episode:
         with complete_file(path) as part, part.open("wb") as file:
             np.savez_compressed(
                 file, about=np.frombuffer(json.dumps(text).encode(), dtype=np.uint8), occupied=grid.occupied,
-                height=grid.height, picks=grid.picks, stations=grid.stations,
+                height=grid.height, picks=grid.picks, stations=grid.stations, one_way=grid.one_way,
                 seeds=np.array(self.seeds, dtype=np.int64), actions=self.actions, pose=self.pose,
             )  # fmt: skip
 
@@ -65,7 +65,9 @@ class Episode:
                 if about.get("format") != FORMAT:
                     raise WarehouseError(f"it has episode format {shown(about.get('format'))}, not {FORMAT}")
                 ends = (data["picks"], data["stations"])
-                grid = GridMap(data["occupied"], data["height"], about["cell_size"], *ends, about["map"])
+                # None in files of versions that had no one-way cells
+                floor = (data["occupied"], data["height"], about["cell_size"], *ends, about["map"], data.get("one_way"))
+                grid = GridMap(*floor)
                 seeds = tuple(data["seeds"].tolist())
                 episode = cls(EnvConfig.from_dict(about["config"]), grid, seeds, data["actions"], data["pose"])
                 episode._check_shapes()

@@ -36,9 +36,10 @@ from warehouse_env.simulation.given import (
 from warehouse_env.simulation.manoeuvre import ARCS
 from warehouse_env.simulation.placement import place
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
-from warehouse_env.simulation.tasks import Arrival, Tasks
+from warehouse_env.simulation.tasks import Arrival, Tasks, book_arrival
 from warehouse_env.simulation.turning import turning_metric
 from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
+from warehouse_env.traffic.live import LiveRoutes
 
 PARALLEL_FROM = 256  # robots in all from which waking other threads pays
 _PARTS = 2  # of the worlds for each thread: who is done early, or has a core for itself, does more of them
@@ -81,6 +82,7 @@ class Simulator(Portable):
             smooth_for = config.robot if config.smooth_routes else None
             routes = RouteBook(self.grid, planner, keep_right=config.keep_right, smooth_for=smooth_for)
         self.route_book = routes
+        self._live = LiveRoutes(config, routes) if config.reroute else None
         check_pace(config, self.grid.cell_size)
         check_stop(config, state.stop_samples(config))
         self.layout = observation_layout(config)
@@ -216,6 +218,7 @@ class Simulator(Portable):
         robots["held_by"] = NOBODY
         self._tasks[world].reset(self._rngs[world])
         self._place_all(world)
+        robots["rest_x"], robots["rest_y"] = robots["x"], robots["y"]
 
     def _place_all(self, world: int) -> None:
         """Give every robot of a world a start, a goal and a route."""
@@ -237,13 +240,21 @@ class Simulator(Portable):
 
     def _place(self, world: int, robot: int, cell: Cell, goal: Cell) -> bool:
         """Put a robot on a cell, facing along its route; False if it touches something there."""
-        self._set_route(world, robot, cell, goal)
+        self._set_task(world, robot, goal, self.route_book.route(cell, goal))
         route = self.routes[world, robot]
         direction = route[min(2, max(int(self.robots[world, robot]["points"]) - 1, 0))] - route[0]
         return place(self.robots[world], robot, self.grid.centre(cell), direction, self._params, self._floor)
 
-    def _set_route(self, world: int, robot: int, start: Cell, goal: Cell, heading: float | None = None) -> None:
-        points = self.route_book.route(start, goal, heading)
+    def _set_task(self, world: int, robot: int, goal: Cell, points: NDArray[np.float32]) -> None:
+        """Give a robot a goal and its first route there."""
+        self._set_route(world, robot, points)
+        r = self.robots[world, robot]
+        r["milestone"] = r["stalled_time"] = 0.0
+        r["task_length"] = float(r["points"] - 1) * float(r["spacing"])
+        r["goal_x"], r["goal_y"] = points[-1]
+        r["goal_row"], r["goal_col"] = goal
+
+    def _set_route(self, world: int, robot: int, points: NDArray[np.float32]) -> None:
         if len(points) > self.routes.shape[2]:
             longer = math.ceil(len(points) / _ROUTE_BLOCK) * _ROUTE_BLOCK
             grown = np.zeros((self.num_worlds, self.num_agents, longer, 2), dtype=np.float32)
@@ -254,11 +265,8 @@ class Simulator(Portable):
         r = self.robots[world, robot]
         r["points"] = len(points)
         r["spacing"] = np.hypot(*(points[1] - points[0])) if len(points) > 1 else 0.0
-        r["position"] = r["milestone"] = r["stalled_time"] = 0.0
-        r["lateral"] = r["bearing"] = 0.0
+        r["position"] = r["lateral"] = r["bearing"] = 0.0
         r["arcs"] = r["search_wait"] = 0  # of a manoeuvre to the route before
-        r["goal_x"], r["goal_y"] = points[-1]
-        r["goal_row"], r["goal_col"] = goal
 
     def step(self, actions: ArrayLike) -> NDArray[np.float32]:
         """Advance all worlds by one env step (action_repeat physics steps) and return the observation.
@@ -274,7 +282,8 @@ class Simulator(Portable):
         if self._params["checked"][0] != 0:
             raise_fault(self._faults)
         self.arrivals = self._arrive() if arrivals else []
-        if arrivals:
+        rerouted = 0 if self._live is None else self._reroute(self._live)
+        if arrivals or rerouted:
             step.observe(*self._observe_arguments)
         return self.observation
 
@@ -286,19 +295,30 @@ class Simulator(Portable):
         arrivals = []
         for world, robot in np.argwhere(self.robots["arrived"] != 0).tolist():
             r = self.robots[world, robot]
-            planned, driven = float(r["points"] - 1) * float(r["spacing"]), float(r["distance"] - r["distance_at_goal"])
-            arrivals.append(Arrival(world, robot, driven, planned))
-            r["goals"] += 1
-            r["age"] = 0
-            r["planned"] += planned
-            r["driven_to_goals"] += driven
-            r["distance_at_goal"] = r["distance"]
-            r["finish_time"] = self.seconds(world)
+            arrivals.append(book_arrival(r, world, robot, self.seconds(world)))
             if self.config.tasks == "lifelong" and r["alive"]:
                 start = (int(r["goal_row"]), int(r["goal_col"]))
                 goal = self._tasks[world].next_goal(robot, start, self._rngs[world])
-                self._set_route(world, robot, start, goal, float(r["heading"]))
+                live, route = self._live, None
+                if live is not None:
+                    route = live.route(self.robots[world], self.routes[world], robot, goal)
+                if route is None:
+                    route = self.route_book.route(start, goal, float(r["heading"]))
+                self._set_task(world, robot, goal, route)
         return arrivals
+
+    def _reroute(self, live: LiveRoutes) -> int:
+        """Route those anew whose way is barred; return their number."""
+        barred = live.watch(self.robots, self.routes, self.steps)
+        for world, robot in barred:
+            r = self.robots[world, robot]
+            route = live.route(self.robots[world], self.routes[world], robot, (int(r["goal_row"]), int(r["goal_col"])))
+            if route is not None:
+                self._set_route(world, robot, route)
+                r["milestone"] = 0.0  # but the time without a metre of progress goes on
+                r["reroutes"] += 1
+                self._waiting[world] = 1
+        return len(barred)
 
     def _observe(self, world: int | None = None) -> None:
         self._waiting[...] = world is None

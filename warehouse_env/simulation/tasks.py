@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,18 @@ class Arrival(NamedTuple):
     robot: int
     driven: float  # [m], since the robot's last goal or the reset
     planned: float  # [m]
+
+
+def book_arrival(r: Any, world: int, robot: int, seconds: float) -> Arrival:
+    """Count an arrival in the record of a robot, `seconds` after the reset, and return it."""
+    arrival = Arrival(world, robot, float(r["distance"] - r["distance_at_goal"]), float(r["task_length"]))
+    r["goals"] += 1
+    r["age"] = 0
+    r["planned"] += arrival.planned
+    r["driven_to_goals"] += arrival.driven
+    r["distance_at_goal"] = r["distance"]
+    r["finish_time"] = seconds
+    return arrival
 
 
 class Tasks(Portable):

@@ -181,7 +181,7 @@ def walk(
                     steps = -1
                     break
                 steps -= 1
-                cell = neighbour[cell, (moves[steps] + 4) % 8]
+                cell -= MOVES[moves[steps], 0] * floor.columns + MOVES[moves[steps], 1]  # one-way or not
                 heading = moves[steps - 1] if steps > 0 else -1
                 continue
             random = _next_random(random)

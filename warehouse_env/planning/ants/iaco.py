@@ -11,13 +11,14 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.errors import PlanError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.ants.aco import power
 from warehouse_env.planning.ants.colony import Colony
 from warehouse_env.planning.ants.floor import Floor, Table
 from warehouse_env.planning.ants.system import AntSystem, goal_distance
 from warehouse_env.planning.ants.walks import Walks, deposit
-from warehouse_env.planning.plan import Plan
+from warehouse_env.planning.plan import Plan, validate_line
 from warehouse_env.planning.smoothing import smooth
 
 FIRST, LAST = 0.4, 0.6  # shares of the iterations between which eq. 14 is greedy
@@ -86,7 +87,7 @@ class Iaco(AntSystem):
         deposit(floor, pheromone, walks, self.strength / walks.cost)
 
     def finish(self, grid: GridMap, plan: Plan) -> Plan:
-        """Add the smoothed line (eq. 13)."""
+        """Add the smoothed line (eq. 13), unless it cuts into a one-way cell against its direction."""
         if not (self.smoothing and plan.found):
             return plan
         begin = time.perf_counter()
@@ -95,4 +96,15 @@ class Iaco(AntSystem):
             deviation=self.deviation, length=self.tension, clearance=self.clearance,
             power=2 if self.norms == "squared" else 1,
         )  # fmt: skip
-        return plan._replace(line=line, seconds=plan.seconds + time.perf_counter() - begin)
+        kept = line if not grid.one_way.any() or _is_valid(grid, line, plan.cells) else None
+        return plan._replace(line=kept, seconds=plan.seconds + time.perf_counter() - begin)
+
+
+def _is_valid(grid: GridMap, line: NDArray[np.float64], cells: NDArray[np.int64]) -> bool:
+    """Whether a line along a path int64[L, 2] keeps off shelves and to the directions of one-way cells."""
+    first, last = (int(cells[0, 0]), int(cells[0, 1])), (int(cells[-1, 0]), int(cells[-1, 1]))
+    try:
+        validate_line(grid, line, first, last)
+    except PlanError:
+        return False
+    return True

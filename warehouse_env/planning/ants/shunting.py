@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.planning.ants.floor import Floor, Table
 
 LEAST_DECAY = 4.0 + 4.0 / math.sqrt(2.0)  # the sum of the weights 1/d of 8 moves; up to it activity saturates
@@ -83,15 +84,18 @@ def _renew(
 
 @njit(cache=True, nogil=True)
 def _flood(floor: Floor) -> NDArray[np.int64]:
-    """Cells int64[R] that moves join to the goal, in the order of their number."""
+    """Cells int64[R] from which moves lead to the goal, in the order of their number."""
+    rows, columns = floor.neighbour.shape[0] // floor.columns, floor.columns
     cells = floor.neighbour.shape[0]
     order, known = np.empty(cells, np.int64), np.zeros(cells, np.bool_)
     order[0], size, at = floor.goal, 1, 0
     known[floor.goal] = True
     while at < size:
         for move in range(8):
-            to = floor.neighbour[order[at], move]
-            if not known[to]:
+            row, column = order[at] // columns + MOVES[move, 0], order[at] % columns + MOVES[move, 1]
+            to = row * columns + column
+            inside = 0 <= row < rows and 0 <= column < columns
+            if inside and floor.legal[to, (move + 4) % 8] and not known[to]:
                 known[to] = True
                 order[size] = to
                 size += 1

@@ -43,9 +43,9 @@ class Paths:
     def __init__(self, grid: GridMap, floor: Floor, start: int, local_search: bool) -> None:
         self.shape = grid.shape
         self.begin = time.perf_counter()
-        region = label_regions(~grid.occupied).ravel()
-        self.reachable = bool(region[start] == region[floor.goal])
-        nearest = _nearest(region == region[start], floor.columns)
+        at = (start // floor.columns, start % floor.columns)
+        self.reachable = bool(np.isfinite(grid.distance_to(divmod(floor.goal, floor.columns))[at]))
+        nearest = _nearest(_between(grid, at).ravel(), floor.columns)
         self._ground = _Ground(floor, nearest, start)
         self._improve = partial(shorten, floor, straight_runs(floor), start) if local_search else None
         self.best = empty_walks(np.array([start]), len(nearest))
@@ -123,6 +123,15 @@ class WaypointSwarm(BasePlanner):
             paths.history, paths.elapsed = [np.inf] * self.iterations, [0.0] * self.iterations
         elapsed = np.array(paths.elapsed) + (paths.begin - begin)
         return Plan(cells_of(floor, paths.best, 0), np.array(paths.history), elapsed=elapsed)
+
+
+def _between(grid: GridMap, start: Cell) -> NDArray[np.bool_]:
+    """Return bool[H, W]: the cells through which a walker may go from the start, and go on from to wherever it may."""
+    if grid.one_way.any():
+        return grid.return_region(start)
+    region = label_regions(~grid.occupied)
+    same: NDArray[np.bool_] = region == region[start]
+    return same
 
 
 def first_codes(

@@ -1,0 +1,211 @@
+"""Live routes: who is routed anew and when, what others cost, and that nothing depends on the batch."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from warehouse_env.config import EnvConfig, RerouteSpec
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.recording import Recorder
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import ROBOT
+from warehouse_env.traffic.live import price, watch
+
+EAST, NORTH, WEST, SOUTH = 0, 2, 4, 6
+ROWS, COLUMNS = 5, 9
+
+
+def record(*robots: dict[str, Any]) -> Any:
+    """ROBOT[1, N], alive and facing east but for what is given."""
+    found = np.zeros((1, len(robots)), ROBOT)
+    found["alive"] = 1
+    found["cos"] = 1.0
+    found["spacing"] = 1.0
+    for i, fields in enumerate(robots):
+        for name, value in fields.items():
+            found[0, i][name] = value
+        found[0, i]["rest_x"], found[0, i]["rest_y"] = found[0, i]["x"], found[0, i]["y"]
+    return found
+
+
+def eastwards(count: int, row: int, columns: range) -> Any:
+    """Routes float32[1, N, R, 2] of which the first runs through these cells of a row."""
+    routes = np.zeros((1, count, len(columns), 2), np.float32)
+    routes[0, 0] = [(column + 0.5, ROWS - 0.5 - row) for column in columns]
+    return routes
+
+
+def barred(robots: Any, routes: Any, step: int = 0, every: int = 1, look_ahead: float = 25.0) -> list[bool]:
+    out = np.empty(robots.shape, np.bool_)
+    stands = np.zeros((ROWS, COLUMNS), np.int32)
+    size = (np.float32(0.0), np.float32(1.0))
+    watch(robots, routes, np.array([step]), np.float32(0.2), every, 6.0, look_ahead, *size, stands, out)
+    assert not stands.any()
+    return [bool(found) for found in out[0]]
+
+
+def costs(robots: Any, routes: Any, me: int, legal: Any = None, **prices: float) -> Any:
+    cost = np.empty((ROWS, COLUMNS, 8))
+    spec = RerouteSpec(**({"standing": 0.0, "beside": 0.0, "against": 0.0, "turn": 0.0, "boxed_turn": 0.0} | prices))
+    legal = np.ones(cost.shape, np.bool_) if legal is None else legal
+    each = (spec.standing, spec.beside, spec.against, spec.turn, spec.boxed_turn)
+    price(robots[0], routes[0], me, legal, 6.0, *each, np.float32(0.0), np.float32(1.0), cost)
+    return cost
+
+
+def test_a_robot_counts_as_standing_once_it_has_not_moved_a_metre_for_so_long() -> None:
+    robots = record({"x": 0.5, "y": 2.5, "points": 9}, {"x": 6.5, "y": 2.5, "rest_time": 5.7})
+    routes = eastwards(2, 2, range(9))
+    assert barred(robots, routes) == [False, False]  # 5.9 s
+    assert barred(robots, routes) == [True, False]  # 6.1 s
+    robots[0, 1]["x"] += 0.9  # within a metre
+    assert barred(robots, routes) == [True, False]
+    robots[0, 1]["x"] += 0.2
+    assert barred(robots, routes) == [False, False]
+    assert robots[0, 1]["rest_time"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "ahead", "found"),
+    [
+        (6.5, 2.5, 25.0, True),  # on the way
+        (6.5, 3.5, 25.0, True),  # beside it
+        (6.5, 4.4, 25.0, False),  # two cells off
+        (6.5, 2.5, 4.0, True),  # the cell before it, column 5, is the fifth from here
+        (6.5, 2.5, 3.0, False),
+        (0.5, 1.5, 25.0, True),  # beside the robot, and beside the next cell
+    ],
+)
+def test_the_way_ahead_is_barred_by_one_in_or_beside_it(x: float, y: float, ahead: float, found: bool) -> None:
+    robots = record({"x": 0.5, "y": 2.5, "points": 9}, {"x": x, "y": y, "rest_time": 9.0})
+    assert barred(robots, eastwards(2, 2, range(9)), look_ahead=ahead) == [found, False]
+
+
+def test_nobody_bars_his_own_way_and_what_is_behind_bars_none() -> None:
+    robots = record({"x": 4.5, "y": 2.5, "points": 9, "position": 4.0, "rest_time": 9.0})
+    assert barred(robots, eastwards(1, 2, range(9))) == [False]
+    robots = record({"x": 4.5, "y": 2.5, "points": 9, "position": 4.0}, {"x": 2.5, "y": 2.5, "rest_time": 9.0})
+    assert barred(robots, eastwards(2, 2, range(9))) == [False, False]
+
+
+def test_robots_look_one_after_another() -> None:
+    robots = record(*({"x": 0.5, "y": 2.5, "points": 9} for _ in range(4)), {"x": 6.5, "y": 2.5, "rest_time": 90.0})
+    routes = np.repeat(eastwards(1, 2, range(9)), 5, axis=1)
+    looked = [barred(robots, routes, step, every=10) for step in range(10)]
+    assert np.sum(looked, axis=0).tolist() == [1, 1, 1, 1, 0]
+    assert max(sum(row) for row in looked) == 1
+
+
+def test_a_robot_that_stands_makes_its_cell_dear_and_those_around_it() -> None:
+    robots = record({"x": 0.5, "y": 2.5}, {"x": 6.5, "y": 2.5, "rest_time": 9.0}, {"x": 8.5, "y": 4.5})
+    cost = costs(robots, eastwards(3, 2, range(9)), 0, standing=10.0, beside=3.0)
+    assert cost[2, 5, EAST] == 10.0
+    assert cost[2, 4, EAST] == cost[3, 7, WEST] == cost[0, 6, SOUTH] == 3.0
+    assert cost[2, 6, EAST] == 3.0  # leaving it for the cell beside
+    assert cost[2, 3, EAST] == 0.0
+    assert not costs(robots, eastwards(3, 2, range(9)), 1, standing=10.0, beside=3.0).any()  # nobody is in his own way
+
+
+def test_moves_against_what_is_left_of_a_route_cost() -> None:
+    robots = record({"x": 2.5, "y": 2.5, "points": 9, "position": 2.0}, {"x": 8.5, "y": 4.5})
+    cost = costs(robots, eastwards(2, 2, range(9)), 1, against=2.0)
+    west = cost[2, :, WEST]
+    assert west.tolist() == [0, 0, 0, 2, 2, 2, 2, 2, 2]
+    np.testing.assert_array_equal(cost[2, :, WEST - 1], 0.5 * west)
+    np.testing.assert_array_equal(cost[2, :, WEST + 1], 0.5 * west)
+    assert cost.sum() == 2 * west.sum()
+    robots[0, 0]["alive"] = 0
+    assert not costs(robots, eastwards(2, 2, range(9)), 1, against=2.0).any()
+
+
+def test_turning_away_from_the_heading_costs_and_more_where_there_is_no_room() -> None:
+    robots = record({"x": 2.5, "y": 2.5})
+    cost = costs(robots, eastwards(1, 2, range(9)), 0, turn=3.0, boxed_turn=30.0)
+    assert cost[2, 2].tolist() == pytest.approx([0.0, 0.6, 3.0, 6.0, 6.0, 6.0, 3.0, 0.6])
+    legal = np.ones((ROWS, COLUMNS, 8), np.bool_)
+    legal[2, 2, [NORTH, SOUTH]] = False
+    cost = costs(robots, eastwards(1, 2, range(9)), 0, legal, turn=3.0, boxed_turn=30.0)
+    assert cost[2, 2, [EAST, WEST]].tolist() == [0.0, 36.0]
+
+
+CONFIG = EnvConfig(
+    layout="narrow", num_agents=24, planner="astar_turns", max_steps=10_000, action_repeat=2,
+    reroute=True, reroute_spec=RerouteSpec(every=2.0, stood_for=2.0),
+)  # fmt: skip
+STEPS = 250
+
+
+def drive(simulator: Simulator, steps: int = STEPS) -> None:
+    for _ in range(steps):
+        simulator.step(np.broadcast_to(simulator.cruise_action, (simulator.num_worlds, simulator.num_agents)))
+
+
+def test_worlds_of_a_batch_are_those_of_single_worlds_to_the_bit() -> None:
+    batch = Simulator(CONFIG, 3)
+    batch.reset([5, 6, 7])
+    drive(batch)
+    assert (batch.robots["reroutes"].sum(axis=1) > 0).all()
+    for world, seed in enumerate((5, 6, 7)):
+        single = Simulator(CONFIG)
+        single.reset([seed])
+        drive(single)
+        assert single.robots[0].tobytes() == batch.robots[world].tobytes()
+        np.testing.assert_array_equal(single.observation[0], batch.observation[world])
+
+
+def test_an_episode_replays_to_the_bit(tmp_path: Any) -> None:
+    from warehouse_env.simulation.recording import Episode
+
+    recorder = Recorder(Simulator(CONFIG), (3,))
+    for _ in range(STEPS):
+        recorder.step(np.broadcast_to(recorder.simulator.cruise_action, (1, CONFIG.num_agents)))
+    assert recorder.simulator.robots["reroutes"].sum() > 0
+    recorder.episode.save(tmp_path / "live.npz")
+    episode = Episode.load(tmp_path / "live.npz")
+    assert episode.config == CONFIG
+    for pose, simulator in zip(episode.pose, episode.replay(), strict=True):
+        np.testing.assert_array_equal(simulator.state.pose, pose)
+
+
+def test_a_new_route_begins_at_the_robot_and_ends_at_the_same_goal_and_the_task_keeps_its_length() -> None:
+    simulator = Simulator(CONFIG)
+    simulator.reset([5])
+    seen = 0
+    for _ in range(STEPS):
+        before = simulator.robots[0].copy()
+        drive(simulator, 1)
+        r = simulator.robots[0]
+        for i in np.flatnonzero(r["reroutes"] > before["reroutes"]):
+            seen += 1
+            route = simulator.routes[0, i, : r[i]["points"]]
+            np.testing.assert_allclose(route[0], [r[i]["x"], r[i]["y"]], atol=1e-5)
+            np.testing.assert_array_equal(route[-1], [r[i]["goal_x"], r[i]["goal_y"]])
+            assert r[i]["position"] == 0.0
+            if r[i]["goals"] == before[i]["goals"]:
+                assert r[i]["task_length"] == before[i]["task_length"]
+                # a new route is no progress; a metre driven in this very step is
+                assert r[i]["stalled_time"] >= before[i]["stalled_time"] or r[i]["stalled_time"] < 0.2
+    assert seen > 0
+
+
+def test_planners_without_a_cost_map_are_refused_and_specs_checked() -> None:
+    with pytest.raises(ConfigError, match="takes no cost map"):
+        Simulator(CONFIG.replace(reroute_spec=RerouteSpec(planner="theta_star")))
+    with pytest.raises(ConfigError, match=r"RerouteSpec\.every"):
+        RerouteSpec(every=0.0)
+    assert EnvConfig.from_dict(CONFIG.to_dict()) == CONFIG
+
+
+def test_live_routes_keep_one_way_cells() -> None:
+    one_way = np.zeros((4, 12), np.uint8)
+    one_way[1], one_way[2] = 1, 3
+    ends = np.array([(row, column) for row in (0, 3) for column in range(0, 12, 2)])
+    grid = GridMap(np.zeros((4, 12), bool), picks=ends[:6], stations=ends[6:], one_way=one_way)
+    simulator = Simulator(CONFIG.replace(num_agents=6), grid=grid)
+    simulator.reset([1])
+    drive(simulator)
+    assert simulator.robots["goals"].sum() > 0

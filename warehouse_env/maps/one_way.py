@@ -1,0 +1,63 @@
+"""One-way cells: a direction that a user gives to cells of a floor, so that nobody plans to drive against it.
+
+A move of eq. 26 is against a cell's direction if it has a part opposite to it, so of the eight moves three are, and
+may neither leave nor enter the cell; across it robots may drive. As text a floor's directions are one line a row, `.`
+for none and an arrow otherwise; beside NAME.map they stand in NAME.oneway.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warehouse_env.errors import MapError
+
+ARROWS = ".>^<v"  # none, east, north, west, south: MOVES[2 * (k - 1)]
+SUFFIX = ".oneway"
+
+
+def checked(one_way: ArrayLike | None, occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Return a C-ordered uint8[H, W] copy of indices into ARROWS, zeros if not given, or raise MapError."""
+    if one_way is None:
+        return np.zeros(occupied.shape, np.uint8)
+    try:
+        array = np.array(one_way)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape != occupied.shape or array.dtype.kind not in "iu":
+        raise MapError(f"one_way must hold a whole number for each cell of the map's shape {occupied.shape}")
+    wrong = (array < 0) | (array >= len(ARROWS)) | ((array > 0) & occupied)
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0].tolist()
+        raise MapError(
+            f"one_way at cell ({row}, {column}) is {array[row, column]}; it must be 0 (none, as on shelves), 1 (east), "
+            "2 (north), 3 (west) or 4 (south)"
+        )
+    return np.ascontiguousarray(array.astype(np.uint8))
+
+
+def against(one_way: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Return bool[H, W, 8]: does a move have a part opposite to the direction of the cell?"""
+    move = np.arange(8)
+    off = (move - 2 * (one_way[..., None].astype(np.int64) - 1)) % 8
+    return (one_way[..., None] > 0) & (off >= 3) & (off <= 5)
+
+
+def parse(lines: Sequence[str]) -> NDArray[np.uint8]:
+    """Return uint8[H, W] of one line a row, in ARROWS; MapError for a row of another length or an unknown letter."""
+    for number, line in enumerate(lines, start=1):
+        if len(line) != len(lines[0]):
+            raise MapError(f"line {number}: this row has {len(line)} cells, the first has {len(lines[0])}")
+        for column, letter in enumerate(line, start=1):
+            if letter not in ARROWS:
+                raise MapError(
+                    f"line {number}: unknown letter {letter!r} in column {column}; known: {' '.join(ARROWS)}"
+                )
+    return np.array([[ARROWS.index(letter) for letter in line] for line in lines], dtype=np.uint8)
+
+
+def text(one_way: NDArray[np.uint8]) -> list[str]:
+    """Return one line a row, as `parse` reads them."""
+    return ["".join(ARROWS[k] for k in row) for row in one_way.tolist()]
