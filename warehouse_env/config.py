@@ -111,6 +111,9 @@ class EnvConfig(Checked):
     lateral_offsets: tuple[float, ...] = (0.0, 0.6, -0.6, 1.2, -1.2)  # [m], left of the route is positive
     keep_right: float = 0.5  # [m] that routes move to the right of the planned path where there is room
     smooth_routes: bool = False  # bound the routes' curvature by the steering limit (routes/steerable.py)
+    protective_field: bool = False
+    right_of_way: bool = False
+    reroute: bool = False
     robot: RobotSpec = field(default_factory=RobotSpec)
     sensor: SensorSpec = field(default_factory=SensorSpec)
     reward: RewardWeights = field(default_factory=RewardWeights)

@@ -18,7 +18,7 @@ from warehouse_env.observation import observation_layout
 from warehouse_env.planning.plan import Planner
 from warehouse_env.portable import Portable
 from warehouse_env.routes.book import RouteBook
-from warehouse_env.simulation import metrics, state, step
+from warehouse_env.simulation import jams, metrics, state, step
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.buckets import bucket_grid
 from warehouse_env.simulation.floor import floor_of, load_grid
@@ -269,6 +269,7 @@ class Simulator(Portable):
             r["planned"] += planned
             r["driven_to_goals"] += driven
             r["distance_at_goal"] = r["distance"]
+            r["late_goals"] += 2 * self.steps[world] > self.config.max_steps
             r["finish_time"] = self.seconds(world)
             if self.config.tasks == "lifelong" and r["alive"]:
                 start = (int(r["goal_row"]), int(r["goal_col"]))
@@ -285,6 +286,10 @@ class Simulator(Portable):
     def episode_metrics(self, world: int = 0) -> dict[str, float]:
         """Return the row of numbers of a world's episode so far (see metrics.episode_row)."""
         return metrics.episode_row(self.robots[world], self.seconds(world), self.config)
+
+    def waits_for(self) -> NDArray[np.int32]:
+        """Return int32[B, N]: the robot of its world that a standing robot waits for, or -1 (see jams.waits_for)."""
+        return jams.waits_for(self.robots, self.routes, self._params)
 
     def global_state(self, world: int = 0) -> NDArray[np.float32]:
         """Return float32[N * 8] for centralised critics: per robot x, y, goal x, y / the map's longer side,

@@ -41,6 +41,8 @@ ROBOT = np.dtype(
         ("distance_at_goal", np.float64), ("min_gap", F),
         ("hits_robot", I), ("hits_shelf", I), ("near_misses", I), ("goals", I), ("finish_time", F),
         ("lived", I), ("waited", I),  # physics steps alive; of those, standing
+        # what is said of jams
+        ("late_goals", I), ("longest_standing", F), ("reroutes", I),  # reached after max_steps / 2; [s]; new routes
     ],
     align=True,
 )  # fmt: skip

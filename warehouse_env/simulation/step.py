@@ -69,6 +69,7 @@ def _end(r, route, p):  # type: ignore[no-untyped-def]
     if abs(r["speed"]) < _SLOW:
         r["waited"] += 1
         r["waiting_time"] += dt
+        r["longest_standing"] = max(r["longest_standing"], r["waiting_time"])
     else:
         r["waiting_time"] = ZERO
     r["contact_time"] = r["contact_time"] + dt if r["touching"] != 0 else ZERO
