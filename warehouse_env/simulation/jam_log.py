@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.simulation.jams import NOBODY, cycles
+from warehouse_env.simulation.jams import NOBODY
 from warehouse_env.simulation.simulator import Simulator
 
 PERIOD = 1.0  # [s] between two looks; a cycle seen at two of them is a deadlock
@@ -55,7 +55,7 @@ class JamLog:
         """Look, if it is time to."""
         if steps % self._every:
             return
-        cycle = cycles(simulator.waits_for())
+        cycle = simulator.jams().cycle
         for world in range(simulator.num_worlds):
             if not self._over[world] and (self._open[world] or self._seen[world] or (cycle[world] != NOBODY).any()):
                 self._look(world, simulator.robots[world], cycle[world], simulator.seconds(world))

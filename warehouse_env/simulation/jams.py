@@ -10,7 +10,7 @@ Called when somebody asks (a picture, the log of jams), never by the step itself
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from warehouse_env.simulation.trigonometry import ONE, ZERO, arc_tan2, sin_cos, 
 
 NOBODY = -1
 STANDING = np.float32(0.95)  # [s] without driving from which a robot is said to wait: 1 s, less its rounding
+ROCKING = np.float32(4.95)  # [s] within a metre of one place from which it is, though it moves: 5 s
 AHEAD = np.float32(2.5)  # [m] of route looked at
 _STRIDE = np.float32(0.05)  # [m] between two poses looked at
 _STRIDES = 50
@@ -65,6 +66,12 @@ def _list_near(robots, i, p, near):  # type: ignore[no-untyped-def]
     return count
 
 
+@inline
+def _stands(r):  # type: ignore[no-untyped-def]
+    """Whether a robot that is not parked gets nowhere."""
+    return r["alive"] != 0 and (r["waiting_time"] >= STANDING or r["standing_time"] >= ROCKING)
+
+
 @kernel
 def _first_in_the_way(robots, i, route, p, near):  # type: ignore[no-untyped-def]
     """Return the robot whose body robot i's would touch first along its route, or NOBODY."""
@@ -94,14 +101,14 @@ def _first_in_the_way(robots, i, route, p, near):  # type: ignore[no-untyped-def
 
 @kernel
 def _waits_for(robots, routes, params, out):  # type: ignore[no-untyped-def]
-    """Write into out int32[B, N]; see waits_for."""
+    """Write into out int32[B, N]; see jams_of."""
     p = params[0]
     near = np.empty(robots.shape[1], np.int32)
     for b in range(robots.shape[0]):
         for i in range(robots.shape[1]):
             r = robots[b, i]
             out[b, i] = NOBODY
-            if r["alive"] != 0 and r["waiting_time"] >= STANDING:
+            if _stands(r):
                 out[b, i] = _first_in_the_way(robots[b], i, routes[b, i], p, near)
 
 
@@ -130,18 +137,22 @@ def _cycles(waits, out):  # type: ignore[no-untyped-def]
                 k = waits[b, k]
 
 
-def waits_for(robots: NDArray[Any], routes: NDArray[np.float32], params: NDArray[Any]) -> NDArray[np.int32]:
-    """Return int32[B, N]: whom each robot of ROBOT[B, N] waits for, a robot of its world, or NOBODY.
+class Jams(NamedTuple):
+    """Who waits, int32[B, N] each; see jams_of."""
 
-    Only a robot that has stood for a second waits, and nobody that is parked does. Where the protective field has
-    refused a robot its command, it waits for who was in the way. routes float32[B, N, R, 2] [m]; params PARAMETERS[1].
+    waits_for: NDArray[np.int32]
+    cycle: NDArray[np.int32]
+
+
+def jams_of(robots: NDArray[Any], routes: NDArray[np.float32], params: NDArray[Any]) -> Jams:
+    """Return for ROBOT[B, N] whom each robot waits for, and the lowest robot of the cycle it is on; NOBODY if none.
+
+    Only a robot waits that has stood for a second or rocked for five, and nobody that is parked.
+    routes float32[B, N, R, 2] [m]; params PARAMETERS[1].
     """
-    out = np.empty(robots.shape, dtype=np.int32)
-    _waits_for(robots, routes, params, out)
-    if "held_by" in (robots.dtype.names or ()):
-        stands = (robots["alive"] != 0) & (robots["waiting_time"] >= STANDING)
-        out = np.where(stands & (robots["held_by"] >= 0), robots["held_by"], out)
-    return out
+    waits = np.empty(robots.shape, dtype=np.int32)
+    _waits_for(robots, routes, params, waits)
+    return Jams(waits, cycles(waits))
 
 
 def cycles(waits: NDArray[np.int32]) -> NDArray[np.int32]:

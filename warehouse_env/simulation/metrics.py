@@ -18,7 +18,8 @@ def episode_row(robots: NDArray[Any], seconds: float, config: EnvConfig) -> dict
     robots: ROBOT[N]; seconds since the reset. A pair's contact counts once; `collisions_per_km` adds pairs and
     shelf contacts. `stuck`: share of robots that for `stuck_after` seconds have not advanced 1 m on their route.
     `path_length_m`: driven per goal reached; `path_length_ratio`: driven over planned, over reached goals.
-    `waiting_share`: of the robots' time until they were parked, standing; `longest_standing_s`: in one go, of any robot.
+    `waiting_share`: of the robots' time until they were parked, standing; `longest_standing_s`: that any robot stayed
+    within a metre of one place, rocking there or not.
     `late_goals_per_robot_hour`: in the second half of `max_steps`, when jams have built up; `reroutes`: routes planned
     anew under way.
     Without a reached goal, or with a robot that has not arrived, the figures that need it are nan.

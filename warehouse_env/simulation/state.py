@@ -42,7 +42,8 @@ ROBOT = np.dtype(
         ("hits_robot", I), ("hits_shelf", I), ("near_misses", I), ("goals", I), ("finish_time", F),
         ("lived", I), ("waited", I),  # physics steps alive; of those, standing
         # what is said of jams
-        ("late_goals", I), ("longest_standing", F), ("reroutes", I),  # reached after max_steps / 2; [s]; new routes
+        ("late_goals", I), ("reroutes", I),  # reached after max_steps / 2; routes planned anew under way
+        ("anchor_x", F), ("anchor_y", F), ("standing_time", F), ("longest_standing", F),  # [m]; [s] within 1 m of it
     ],
     align=True,
 )  # fmt: skip

@@ -1,0 +1,108 @@
+"""One-shot tasks that can all be done: no body parked at a goal cuts another robot off from its own goal.
+
+A robot parks as soon as its front axle is within `arrival_radius` of its goal, at any heading. So whatever it does, its
+body lies in a disc around the goal's centre; a body that drives along the grid's lines keeps off that disc on every
+cell whose centre is half a body's width further out. Tasks are well-formed if each robot's start and goal are joined
+by eq. 26 moves over free cells that the discs of all others leave (its own goal's disc does not count, for it lies
+empty until the robot is there). This is the condition of well-formed infrastructures (Cap, Novak, Kleiner & Selecky
+2015) for goals alone, checked exactly on the grid, for the worst parking pose of everybody at once. In any order of
+arrivals a robot alone on the floor could then still drive to its goal.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.maps.grid_map import MOVES, GridMap
+from warehouse_env.simulation.kernel import inline, kernel
+
+MARGIN = 0.05  # [m] between a passing body and the disc of a parked one
+
+
+def body_reach(config: EnvConfig) -> float:
+    """Return how far [m] from the front axle a body reaches at most."""
+    robot = config.robot
+    return math.hypot(max(robot.rear_reach, robot.front_overhang), robot.width / 2)
+
+
+def disc_of(config: EnvConfig, cell: float) -> NDArray[np.int64]:
+    """Return int64[K, 2]: where (row, column), from a goal's cell, a parked body may bar a cell of `cell` [m]."""
+    reach = (config.arrival_radius + body_reach(config) + config.robot.width / 2 + MARGIN) / cell
+    most = math.floor(reach)
+    steps = np.arange(-most, most + 1)
+    offsets = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
+    return offsets[(offsets**2).sum(axis=1) < reach * reach]
+
+
+@inline
+def _is_free(free, bars, own, mark, row, column):  # type: ignore[no-untyped-def]
+    """Whether a cell is on the floor, free, and barred by nobody but robot `mark` itself, where own[cell] == mark."""
+    if row < 0 or column < 0 or row >= free.shape[0] or column >= free.shape[1] or not free[row, column]:
+        return False
+    return bars[row, column] == (1 if own[row, column] == mark else 0)
+
+
+@kernel
+def _joined(free, bars, own, mark, moves, start, goal, seen, queue):  # type: ignore[no-untyped-def]
+    """Whether robot `mark` gets from start to goal (row, column); seen int32[H, W], queue int32[H * W, 2]: scratch."""
+    if not _is_free(free, bars, own, mark, start[0], start[1]):
+        return False
+    first, last = 0, 1
+    queue[0, 0], queue[0, 1] = start[0], start[1]
+    seen[start[0], start[1]] = mark
+    while first < last:
+        row, column = queue[first, 0], queue[first, 1]
+        first += 1
+        if row == goal[0] and column == goal[1]:
+            return True
+        for m in range(8):
+            r, c = row + moves[m, 0], column + moves[m, 1]
+            if not _is_free(free, bars, own, mark, r, c) or seen[r, c] == mark:
+                continue
+            diagonal = m % 2 == 1
+            if diagonal and not _is_free(free, bars, own, mark, row, c):
+                continue
+            if diagonal and not _is_free(free, bars, own, mark, r, column):
+                continue
+            seen[r, c] = mark
+            queue[last, 0], queue[last, 1] = r, c
+            last += 1
+    return False
+
+
+@kernel
+def _cover(bars, own, goal, disc, mark):  # type: ignore[no-untyped-def]
+    """Count the disc around a goal into bars int32[H, W], or where mark > 0 write it into own int32[H, W] instead."""
+    for d in range(len(disc)):
+        row, column = goal[0] + disc[d, 0], goal[1] + disc[d, 1]
+        if 0 <= row < bars.shape[0] and 0 <= column < bars.shape[1]:
+            if mark > 0:
+                own[row, column] = mark
+            else:
+                bars[row, column] += 1
+
+
+@kernel
+def _cut_off(free, starts, goals, disc, moves, out):  # type: ignore[no-untyped-def]
+    """Write into out bool[N]; see cut_off."""
+    rows, columns = free.shape
+    bars, own = np.zeros((rows, columns), np.int32), np.zeros((rows, columns), np.int32)
+    seen, queue = np.zeros((rows, columns), np.int32), np.empty((rows * columns, 2), np.int32)
+    for k in range(len(goals)):
+        _cover(bars, own, goals[k], disc, 0)
+    for k in range(len(goals)):
+        _cover(bars, own, goals[k], disc, k + 1)
+        out[k] = not _joined(free, bars, own, k + 1, moves, starts[k], goals[k], seen, queue)
+
+
+def cut_off(
+    grid: GridMap, starts: NDArray[np.int64], goals: NDArray[np.int64], disc: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Return bool[N]: whose goal the bodies parked at the other goals part from its start; cells int64[N, 2]."""
+    out = np.empty(len(goals), dtype=np.bool_)
+    _cut_off(~grid.occupied, starts, goals, disc, MOVES, out)
+    return out
