@@ -1,4 +1,4 @@
-"""`warehouse scenes`: symmetric scenes that deadlock robots that only avoid each other -> rows, and the share resolved."""
+"""`warehouse scenes`: symmetric scenes that deadlock robots which only avoid each other -> rows, share resolved."""
 
 from __future__ import annotations
 

@@ -18,8 +18,8 @@ from warehouse_env.simulation.simulator import Simulator
 
 WORLDS = 200  # side by side
 NOTE = (
-    "resolved: all robots arrived within the time [95% interval by Wilson's score]; seconds: until the last one arrived, "
-    "mean over the resolved ones."
+    "resolved: all robots arrived within the time [95% interval by Wilson's score]; seconds: until the last one "
+    "arrived, mean over the resolved ones; collisions and deadlocks: means over all seeds."
 )
 
 
@@ -54,8 +54,8 @@ def _play(simulator: Simulator, scene: Scene, policy: str, seeds: Sequence[int])
     config = simulator.config
     driver = make_policy(policy, config)
     rngs = [np.random.default_rng([seed, 1]) for seed in seeds]
-    observation = simulator.reset(list(seeds), [scene.draw(np.random.default_rng([seed, 2])) for seed in seeds])
-    actions = np.array(np.broadcast_to(simulator.cruise_action, (*observation.shape[:2], *simulator.action_space.shape)))
+    observation = simulator.reset_to([scene.draw(np.random.default_rng([seed, 2])) for seed in seeds], list(seeds))
+    actions = np.stack([np.stack([simulator.cruise_action] * simulator.num_agents)] * len(seeds))
     log = JamLog(simulator)
     going = list(range(len(seeds)))
     steps = 0

@@ -35,19 +35,13 @@ class Assignment:
             raise ConfigError("two robots have the same goal; goals must be distinct")
 
 
-def check_assignments(
-    assignments: Sequence[Assignment] | None, worlds: int, robots: int, grid: GridMap
-) -> list[Assignment] | list[None]:
-    """Return one for each world, or None for each; ConfigError or MapError for what does not fit worlds and floor."""
-    if assignments is None:
-        return [None] * worlds
-    given = list(assignments)
-    if len(given) != worlds or not all(isinstance(one, Assignment) for one in given):
+def check_assignments(assignments: Sequence[Assignment], worlds: int, robots: int, grid: GridMap) -> None:
+    """Raise ConfigError or MapError unless there is one for each world, of its robots and on its floor."""
+    if len(assignments) != worlds or not all(isinstance(one, Assignment) for one in assignments):
         raise ConfigError(f"assignments must be {worlds} of type Assignment, one for each world")
-    for one in given:
+    for one in assignments:
         if len(one.pose) != robots:
             raise ConfigError(f"an assignment of {len(one.pose)} robots does not fit num_agents={robots}")
         for robot in range(robots):
             grid.check_cell(one.goal[robot], f"goal of robot {robot}")
             grid.check_cell(grid.cell(one.pose[robot, :2]), f"start of robot {robot}")
-    return given

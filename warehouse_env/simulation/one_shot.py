@@ -15,6 +15,7 @@ from warehouse_env.simulation.tasks import Tasks
 from warehouse_env.simulation.well_formed import body_reach, cut_off, disc_of
 
 TRIALS = 400  # to draw goals anew for one that is cut off; none to some tens are the rule
+NEAR = 8  # goals about a start or goal of which one is looked for that bars it
 
 
 class OneShotTasks(Tasks):
@@ -45,14 +46,14 @@ class OneShotTasks(Tasks):
         """Draw goals, then anew for one that is cut off and one that may bar it, as long as no more are cut off."""
         self._starts = list(starts)
         for robot in range(len(starts)):
-            self._redraw(robot, rng)
+            self._redraw(robot, self._kinds[self._next_kind[robot]], rng)
         lost = np.flatnonzero(self._cut_off())
         for _ in range(TRIALS):
             if not len(lost):
                 break
             robot, before = int(rng.choice(lost)), list(self._goals)
             for one in sorted({robot, self._neighbour(robot, rng)}):
-                self._redraw(one, rng)
+                self._redraw(one, self.places, rng)
             cut_off = np.flatnonzero(self._cut_off())
             if len(cut_off) <= len(lost):
                 lost = cut_off
@@ -69,20 +70,19 @@ class OneShotTasks(Tasks):
     def next_goal(self, robot: int, at: Cell, rng: np.random.Generator) -> Cell:
         """Give a goal to a robot whose start has become another."""
         self._starts[robot] = at
-        return self._redraw(robot, rng)
+        return self._redraw(robot, self._kinds[self._next_kind[robot]], rng)
 
     def cut_off(self) -> float:
         """Return how many robots others parked at their goals could cut off from theirs."""
         return float(self._cut_off().sum())
 
-    def _redraw(self, robot: int, rng: np.random.Generator) -> Cell:
-        """Give a robot another goal: one whose disc covers no other start or goal, or else any that is free."""
+    def _redraw(self, robot: int, wanted: list[Cell], rng: np.random.Generator) -> Cell:
+        """Give a robot another goal, a wanted one if its disc can cover no other start or goal, else any free one."""
         old, self._goals[robot] = self._goals[robot], None
         if old is not None:
             self._taken.discard(old)
         start, others = self._starts[robot], self._others(robot)
-        kind = self._next_kind[robot]
-        for cells in (self._kinds[kind], self._kinds[1 - kind]):
+        for cells in (wanted, self.places):
             roomy = [cell for cell in _apart_from(cells, others, self._reach) if cell != start]
             if roomy:
                 goal = roomy[int(rng.integers(len(roomy)))]
@@ -94,11 +94,12 @@ class OneShotTasks(Tasks):
         return goal
 
     def _neighbour(self, robot: int, rng: np.random.Generator) -> int:
-        """Return by chance one of the robots whose goals lie so near to a robot's start or goal that they may bar it."""
+        """Return by chance one of the robots whose goals lie nearest to a robot's start or goal: they may bar it."""
         own = np.array([self._starts[robot], self._goals[robot]], dtype=np.int64)
         goals = np.array(self._goals, dtype=np.int64)
         squared = ((goals[:, None] - own[None]) ** 2).sum(axis=2).min(axis=1)
-        near = np.flatnonzero(squared <= (2 * self._reach) ** 2)
+        squared[robot] = squared.max() + 1
+        near = np.argsort(squared, kind="stable")[:NEAR]
         return int(near[int(rng.integers(len(near)))])
 
     def _others(self, robot: int) -> NDArray[np.int64]:

@@ -16,6 +16,7 @@ from warehouse_env.simulation.kernel import kernel
 from warehouse_env.simulation.trigonometry import sin_cos
 
 GAP = np.float32(0.15)  # [m] to robots at the start, half of it to shelves
+TOUCH = np.float32(1e-6)  # [m] of gap under which bodies touch
 TURNS = (0, 1, -1, 2, -2, 3, -3, 4)  # eighths of a circle tried off the route's direction
 
 
@@ -67,8 +68,10 @@ def stand(robots: NDArray[Any], index: int, pose: NDArray[np.float64], p: NDArra
     """Stand robot `index` of ROBOT[N] at a pose (x [m], y [m], heading [rad]); ConfigError if it touches something."""
     x, y = np.float32(pose[0]), np.float32(pose[1])
     heading = np.float32(math.remainder(float(pose[2]), 2 * math.pi))
-    if not _fits(robots, index, x, y, heading, p[0], floor.solid, floor.clearance, np.float32(0.0)):
-        raise ConfigError(f"robot {index} touches a shelf or another robot at ({x:.3f}, {y:.3f}), heading {heading:.3f}")
+    if not _fits(robots, index, x, y, heading, p[0], floor.solid, floor.clearance, TOUCH):
+        raise ConfigError(
+            f"robot {index} touches a shelf or another robot at ({x:.3f}, {y:.3f}), heading {heading:.3f}"
+        )
     _put(robots[index], x, y, heading)
 
 

@@ -167,18 +167,24 @@ class Simulator(Portable):
         """Simulated time [s] since the world's reset."""
         return int(self.steps[world]) * self.config.action_repeat * self.config.time_step
 
-    def reset(
-        self, seed: int | Sequence[int] | None = None, assignments: Sequence[Assignment] | None = None
-    ) -> NDArray[np.float32]:
+    def reset(self, seed: int | Sequence[int] | None = None) -> NDArray[np.float32]:
         """Start all worlds anew and return the observation.
 
         seed: an int (world b draws from SeedSequence([seed, b])), one int a world (each then equals a single world
         reset with that int), or None (each world goes on with its own generator).
-        assignments: for each world where its robots stand and where each goes first; drawn if not given.
         """
-        given = check_assignments(assignments, self.num_worlds, self.num_agents, self.grid)
         for world, entropy in enumerate(seeds_of(seed, self.num_worlds)):
-            self._reset_world(world, entropy, given[world])
+            self._reset_world(world, entropy)
+        self._observe()
+        return self.observation
+
+    def reset_to(
+        self, assignments: Sequence[Assignment], seed: int | Sequence[int] | None = None
+    ) -> NDArray[np.float32]:
+        """Start all worlds anew as `reset` does, robots and first goals of each as its assignment says."""
+        check_assignments(assignments, self.num_worlds, self.num_agents, self.grid)
+        for world, entropy in enumerate(seeds_of(seed, self.num_worlds)):
+            self._reset_world(world, entropy, assignments[world])
         self._observe()
         return self.observation
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
+from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.grid_map import MOVES, GridMap
 from warehouse_env.simulation.kernel import inline, kernel
 
@@ -34,7 +35,7 @@ def disc_of(config: EnvConfig, cell: float) -> NDArray[np.int64]:
     reach = (config.arrival_radius + body_reach(config) + config.robot.width / 2 + MARGIN) / cell
     most = math.floor(reach)
     steps = np.arange(-most, most + 1)
-    offsets = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
+    offsets: NDArray[np.int64] = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
     return offsets[(offsets**2).sum(axis=1) < reach * reach]
 
 
@@ -47,31 +48,45 @@ def _is_free(free, bars, own, mark, row, column):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _joined(free, bars, own, mark, moves, start, goal, seen, queue):  # type: ignore[no-untyped-def]
-    """Whether robot `mark` gets from start to goal (row, column); seen int32[H, W], queue int32[H * W, 2]: scratch."""
+def _joined(free, bars, own, label, mark, moves, start, goal, disc, seen, met):  # type: ignore[no-untyped-def]
+    """Whether robot `mark` gets from start to goal (row, column).
+
+    label int32[H, W]: the regions, from 1, that all discs leave, 0 elsewhere. Within its own disc the robot's way is
+    grown cell by cell from the goal, and outside it region by region. seen int32[H, W], met int32[regions + 1]: the
+    cells and regions that were reached for robot `mark`.
+    """
     if not _is_free(free, bars, own, mark, start[0], start[1]):
         return False
-    first, last = 0, 1
-    queue[0, 0], queue[0, 1] = start[0], start[1]
-    seen[start[0], start[1]] = mark
-    while first < last:
-        row, column = queue[first, 0], queue[first, 1]
-        first += 1
-        if row == goal[0] and column == goal[1]:
-            return True
-        for m in range(8):
-            r, c = row + moves[m, 0], column + moves[m, 1]
-            if not _is_free(free, bars, own, mark, r, c) or seen[r, c] == mark:
+    if not _is_free(free, bars, own, mark, goal[0], goal[1]):
+        return False
+    seen[goal[0], goal[1]] = mark
+    grown = True
+    while grown:
+        grown = False
+        for d in range(len(disc)):
+            row, column = goal[0] + disc[d, 0], goal[1] + disc[d, 1]
+            if not _is_free(free, bars, own, mark, row, column):
                 continue
-            diagonal = m % 2 == 1
-            if diagonal and not _is_free(free, bars, own, mark, row, c):
-                continue
-            if diagonal and not _is_free(free, bars, own, mark, r, column):
-                continue
-            seen[r, c] = mark
-            queue[last, 0], queue[last, 1] = r, c
-            last += 1
-    return False
+            for m in range(8):
+                r, c = row + moves[m, 0], column + moves[m, 1]
+                if not _is_free(free, bars, own, mark, r, c):
+                    continue
+                if m % 2 == 1 and not _is_free(free, bars, own, mark, row, c):
+                    continue
+                if m % 2 == 1 and not _is_free(free, bars, own, mark, r, column):
+                    continue
+                region = label[r, c]
+                there = met[region] == mark if region > 0 else seen[r, c] == mark
+                if there == (seen[row, column] == mark):
+                    continue
+                grown = True
+                seen[row, column] = mark
+                if region > 0:
+                    met[region] = mark
+                else:
+                    seen[r, c] = mark
+    region = label[start[0], start[1]]
+    return met[region] == mark if region > 0 else seen[start[0], start[1]] == mark
 
 
 @kernel
@@ -89,14 +104,14 @@ def _cover(bars, own, goal, disc, mark):  # type: ignore[no-untyped-def]
 @kernel
 def _cut_off(free, starts, goals, disc, moves, out):  # type: ignore[no-untyped-def]
     """Write into out bool[N]; see cut_off."""
-    rows, columns = free.shape
-    bars, own = np.zeros((rows, columns), np.int32), np.zeros((rows, columns), np.int32)
-    seen, queue = np.zeros((rows, columns), np.int32), np.empty((rows * columns, 2), np.int32)
+    bars, own, seen = np.zeros(free.shape, np.int32), np.zeros(free.shape, np.int32), np.zeros(free.shape, np.int32)
     for k in range(len(goals)):
         _cover(bars, own, goals[k], disc, 0)
+    label = label_regions(free & (bars == 0))
+    met = np.zeros(label.max() + 1, np.int32)
     for k in range(len(goals)):
         _cover(bars, own, goals[k], disc, k + 1)
-        out[k] = not _joined(free, bars, own, k + 1, moves, starts[k], goals[k], seen, queue)
+        out[k] = not _joined(free, bars, own, label, k + 1, moves, starts[k], goals[k], disc, seen, met)
 
 
 def cut_off(
