@@ -35,8 +35,9 @@ def disc_of(config: EnvConfig, cell: float) -> NDArray[np.int64]:
     reach = (config.arrival_radius + body_reach(config) + config.robot.width / 2 + MARGIN) / cell
     most = math.floor(reach)
     steps = np.arange(-most, most + 1)
-    offsets: NDArray[np.int64] = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
-    return offsets[(offsets**2).sum(axis=1) < reach * reach]
+    offsets = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
+    within: NDArray[np.int64] = offsets[(offsets**2).sum(axis=1) < reach * reach]
+    return within
 
 
 @inline
