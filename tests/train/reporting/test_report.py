@@ -144,5 +144,5 @@ def test_share_of_free_flow_by_hand() -> None:
     assert "free_flow_share" not in other  # that policy was not seen alone
     table = evaluation_table(rows)
     column = table.header.index("free flow %")
-    assert [line[column].split(" ")[0] for line in table.cells] == ["100", "75.0", "-"]
+    assert [line[column].split(" ")[0] for line in table.cells] == ["100", "75", "-"]
     assert "free flow %" not in evaluation_table(rows[2:]).header
