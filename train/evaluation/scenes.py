@@ -96,8 +96,8 @@ def crossing() -> Scene:
 
 
 def swap(robots: int) -> Scene:
-    """Robots on a circle on open floor, facing its middle, each bound for the place opposite; 2.2 m of rim for each."""
-    radius = max(3.5, 2.2 * robots / (2 * math.pi))
+    """Robots on a circle on open floor, facing its middle, each bound for the place opposite; 3 m of rim for each."""
+    radius = max(3.5, 3.0 * robots / (2 * math.pi))
     side = 2 * math.ceil(radius) + 7
     grid = _drawn(["." * side] * side, f"swap_{robots}")
     angles = 2 * math.pi * np.arange(robots) / robots

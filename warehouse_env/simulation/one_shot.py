@@ -73,8 +73,8 @@ class OneShotTasks(Tasks):
         return self._redraw(robot, self._kinds[self._next_kind[robot]], rng)
 
     def cut_off(self) -> float:
-        """Return how many robots others parked at their goals could cut off from theirs."""
-        return float(self._cut_off().sum())
+        """Return how many robots others parked at their goals could cut off from theirs; nan before the first reset."""
+        return math.nan if None in self._goals else float(self._cut_off().sum())
 
     def _redraw(self, robot: int, wanted: list[Cell], rng: np.random.Generator) -> Cell:
         """Give a robot another goal, a wanted one if its disc can cover no other start or goal, else any free one."""
