@@ -39,6 +39,9 @@ COMMANDS: dict[str, Command] = {
     "evaluate": Command(
         "train.commands.evaluate", "Evaluate", "drive policies over held-out episodes and count collisions"
     ),
+    "scenes": Command(
+        "train.commands.scenes", "Scenes", "drive policies through symmetric scenes and count those that are resolved"
+    ),
     "bench": Command(
         "train.commands.bench", "Bench", "measure the speed of the simulator, the planners and the trainers"
     ),

@@ -137,6 +137,7 @@ class EnvConfig(Checked):
     smooth_routes: bool = False  # bound the routes' curvature by the steering limit (routes/steerable.py)
     protective_field: bool = False  # robots brake, whatever they are told, where they could not stop clear of others
     field_margin: float = 0.02  # [m] that the field keeps between robots
+    right_of_way: bool = False  # who goes first is settled early, and who is in the way makes room
     reroute: bool = False  # route robots anew around others that stand, and against the stream of all others
     reroute_spec: RerouteSpec = field(default_factory=RerouteSpec)
     robot: RobotSpec = field(default_factory=RobotSpec)

@@ -22,7 +22,7 @@ Info = dict[str, Any]
 
 MODES: dict[str, dict[str, Any]] = {
     "lifelong": {"max_steps": 150},
-    "one_shot": {"tasks": "one_shot", "max_steps": 150},
+    "one_shot": {"tasks": "one_shot", "max_steps": 400},
     "until_collision": {"terminate_on_collision": True, "layout": "narrow", "num_agents": 8, "max_steps": 120},
 }
 

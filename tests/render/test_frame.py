@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.render.colours import CONTACT, name_colours, robot_colour
+from warehouse_env.render.colours import CONTACT, DEADLOCK, WAITING, name_colours, robot_colour
 from warehouse_env.render.floor import floor_image, scale_for
 from warehouse_env.render.frame import CAPTION_HEIGHT, Scene, draw, route_ahead, scene_of
 
@@ -103,6 +103,21 @@ def test_contact_is_red(make_scene: Callable[..., Scene]) -> None:
     hit = draw(make_scene((8.0, 4.0, 0.0), touching=np.array([True])), SCALE)
     assert not (free == np.array(CONTACT)).all(axis=-1).any()
     assert (hit == np.array(CONTACT)).all(axis=-1).any()
+
+
+def test_waiting_robots_have_a_rim_and_an_arrow(make_scene: Callable[..., Scene]) -> None:
+    poses = ((5.0, 4.0, 0.0), (8.0, 4.0, 0.0))
+    free = draw(make_scene(*poses), SCALE)
+    queue = make_scene(*poses, waits_for=np.array([1, -1]), deadlocked=np.array([False, False]))
+    waiting = draw(queue, SCALE)
+    deadlock = draw(queue._replace(deadlocked=np.array([True, False])), SCALE)
+    for frame, ink, other in ((waiting, WAITING, DEADLOCK), (deadlock, DEADLOCK, WAITING)):
+        assert (frame == np.array(ink)).all(axis=-1).any()
+        assert not (frame == np.array(other)).all(axis=-1).any()
+        between = slice(int(5.4 * SCALE), int(7.1 * SCALE))  # from robot 0's nose to robot 1's tail
+        rows = slice(int(5.6 * SCALE), int(6.4 * SCALE))
+        assert (frame[rows, between] != free[rows, between]).any(axis=(0, 2)).all()
+    assert np.array_equal(waiting[:, int(8.6 * SCALE) :], free[:, int(8.6 * SCALE) :])
 
 
 def test_parked_robot_is_grey_and_has_no_goal(make_scene: Callable[..., Scene]) -> None:

@@ -80,18 +80,32 @@ def test_a_robots_row_by_hand() -> None:
         min_gap=[0.0, 0.5],
         lived=[6000, 0],
         waited=[1500, 0],
+        late_goals=[6, 0],
+        longest_standing=[12.5, 0.0],
+        reroutes=[2, 0],
     )
-    first, second = robot_rows(robots, np.array([600.0, 300.0]), EnvConfig(num_agents=2))
+    config = EnvConfig(num_agents=2, max_steps=6000)
+    first, second = robot_rows(robots, np.array([600.0, 300.0]), config)
     assert first == {
         "seconds": 600.0, "distance_m": 500.0, "collisions_robot": 2.0, "collisions_shelf": 1.0, "near_misses": 3.0,
         "min_clearance_m": 0.0, "goals": 10.0, "goals_per_robot_hour": 60.0, "success_rate": 1.0,
         "path_length_m": 48.0, "path_length_ratio": 1.2, "stuck": 0.0, "waiting_share": 0.25,
+        "late_goals_per_robot_hour": 72.0, "longest_standing_s": 12.5, "reroutes": 2.0,
     }  # fmt: skip
-    nothing = dict.fromkeys(("min_clearance_m", "path_length_m", "path_length_ratio", "waiting_share"), math.nan)
+    without = ("min_clearance_m", "path_length_m", "path_length_ratio", "waiting_share", "late_goals_per_robot_hour")
+    nothing = dict.fromkeys(without, math.nan)
     np.testing.assert_equal(
         second,
         {**dict.fromkeys(first, 0.0), "seconds": 300.0, "distance_m": 31.0, "stuck": 1.0, **nothing},
     )
+
+
+def test_late_goals_are_those_after_the_middle() -> None:
+    config = EnvConfig(num_agents=2, max_steps=300)
+    robots = record(late_goals=[3, 0])
+    assert episode_row(robots, 30.0, config)["late_goals_per_robot_hour"] == pytest.approx(3 / 2 / 15 * 3600)
+    assert episode_row(robots, 22.5, config)["late_goals_per_robot_hour"] == pytest.approx(3 / 2 / 7.5 * 3600)
+    assert math.isnan(episode_row(robots, 15.0, config)["late_goals_per_robot_hour"])
 
 
 def test_the_rows_of_the_robots_add_up_to_the_worlds() -> None:

@@ -28,7 +28,6 @@ def record(*robots: dict[str, Any]) -> Any:
     for i, fields in enumerate(robots):
         for name, value in fields.items():
             found[0, i][name] = value
-        found[0, i]["rest_x"], found[0, i]["rest_y"] = found[0, i]["x"], found[0, i]["y"]
     return found
 
 
@@ -43,7 +42,7 @@ def barred(robots: Any, routes: Any, step: int = 0, every: int = 1, look_ahead: 
     out = np.empty(robots.shape, np.bool_)
     stands = np.zeros((ROWS, COLUMNS), np.int32)
     size = (np.float32(0.0), np.float32(1.0))
-    watch(robots, routes, np.array([step]), np.float32(0.2), every, 6.0, look_ahead, *size, stands, out)
+    watch(robots, routes, np.array([step]), every, 6.0, look_ahead, *size, stands, out)
     assert not stands.any()
     return [bool(found) for found in out[0]]
 
@@ -57,16 +56,14 @@ def costs(robots: Any, routes: Any, me: int, legal: Any = None, **prices: float)
     return cost
 
 
-def test_a_robot_counts_as_standing_once_it_has_not_moved_a_metre_for_so_long() -> None:
-    robots = record({"x": 0.5, "y": 2.5, "points": 9}, {"x": 6.5, "y": 2.5, "rest_time": 5.7})
+def test_a_robot_counts_as_standing_once_it_has_not_moved_a_metre_for_so_long_or_is_parked() -> None:
+    robots = record({"x": 0.5, "y": 2.5, "points": 9}, {"x": 6.5, "y": 2.5, "standing_time": 5.9})
     routes = eastwards(2, 2, range(9))
-    assert barred(robots, routes) == [False, False]  # 5.9 s
-    assert barred(robots, routes) == [True, False]  # 6.1 s
-    robots[0, 1]["x"] += 0.9  # within a metre
-    assert barred(robots, routes) == [True, False]
-    robots[0, 1]["x"] += 0.2
     assert barred(robots, routes) == [False, False]
-    assert robots[0, 1]["rest_time"] == 0.0
+    robots[0, 1]["standing_time"] = 6.0
+    assert barred(robots, routes) == [True, False]
+    robots[0, 1]["standing_time"], robots[0, 1]["alive"] = 0.0, 0
+    assert barred(robots, routes) == [True, False]
 
 
 @pytest.mark.parametrize(
@@ -81,19 +78,19 @@ def test_a_robot_counts_as_standing_once_it_has_not_moved_a_metre_for_so_long() 
     ],
 )
 def test_the_way_ahead_is_barred_by_one_in_or_beside_it(x: float, y: float, ahead: float, found: bool) -> None:
-    robots = record({"x": 0.5, "y": 2.5, "points": 9}, {"x": x, "y": y, "rest_time": 9.0})
+    robots = record({"x": 0.5, "y": 2.5, "points": 9}, {"x": x, "y": y, "standing_time": 9.0})
     assert barred(robots, eastwards(2, 2, range(9)), look_ahead=ahead) == [found, False]
 
 
 def test_nobody_bars_his_own_way_and_what_is_behind_bars_none() -> None:
-    robots = record({"x": 4.5, "y": 2.5, "points": 9, "position": 4.0, "rest_time": 9.0})
+    robots = record({"x": 4.5, "y": 2.5, "points": 9, "position": 4.0, "standing_time": 9.0})
     assert barred(robots, eastwards(1, 2, range(9))) == [False]
-    robots = record({"x": 4.5, "y": 2.5, "points": 9, "position": 4.0}, {"x": 2.5, "y": 2.5, "rest_time": 9.0})
+    robots = record({"x": 4.5, "y": 2.5, "points": 9, "position": 4.0}, {"x": 2.5, "y": 2.5, "standing_time": 9.0})
     assert barred(robots, eastwards(2, 2, range(9))) == [False, False]
 
 
 def test_robots_look_one_after_another() -> None:
-    robots = record(*({"x": 0.5, "y": 2.5, "points": 9} for _ in range(4)), {"x": 6.5, "y": 2.5, "rest_time": 90.0})
+    robots = record(*({"x": 0.5, "y": 2.5, "points": 9} for _ in range(4)), {"x": 6.5, "y": 2.5, "standing_time": 90.0})
     routes = np.repeat(eastwards(1, 2, range(9)), 5, axis=1)
     looked = [barred(robots, routes, step, every=10) for step in range(10)]
     assert np.sum(looked, axis=0).tolist() == [1, 1, 1, 1, 0]
@@ -101,7 +98,7 @@ def test_robots_look_one_after_another() -> None:
 
 
 def test_a_robot_that_stands_makes_its_cell_dear_and_those_around_it() -> None:
-    robots = record({"x": 0.5, "y": 2.5}, {"x": 6.5, "y": 2.5, "rest_time": 9.0}, {"x": 8.5, "y": 4.5})
+    robots = record({"x": 0.5, "y": 2.5}, {"x": 6.5, "y": 2.5, "standing_time": 9.0}, {"x": 8.5, "y": 4.5})
     cost = costs(robots, eastwards(3, 2, range(9)), 0, standing=10.0, beside=3.0)
     assert cost[2, 5, EAST] == 10.0
     assert cost[2, 4, EAST] == cost[3, 7, WEST] == cost[0, 6, SOUTH] == 3.0

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 _FRAMES_PER_SECOND = 10.0
 _SIDE = 560  # [px], longest side of one of the two floors in the video
+_STANDING = 10.0  # [s] within a metre of one place after which a robot is counted as standing
+AFTER = {"protective_field": True, "right_of_way": True, "reroute": True}  # what the video's second floor has
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Demo(Checked):
     """Compare the shipped policies with path following alone and with stopping for what is ahead, on one floor."""
 
     policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo")
-    """Policies to compare; the video shows the first beside the one with the most goals among the others."""
+    """Policies to compare; the video shows the one with the most goals among all but the first."""
     layout: str = "paper46"
     """Layout to drive on."""
     robots: int = 16
@@ -41,6 +43,10 @@ class Demo(Checked):
     """Episodes of each policy."""
     seconds: float = 600.0
     """Simulated time of an episode [s]."""
+    video_robots: int = 64
+    """Number of robots in the video, which shows the same tasks before and after side by side."""
+    video_from: float = 120.0
+    """Simulated time after which the video begins, when jams have built up [s]."""
     video_seconds: float = 60.0
     """Simulated time that the video shows, at twice the speed [s]; 0 makes none."""
     planner: str = EnvConfig.planner
@@ -58,6 +64,8 @@ class Demo(Checked):
         """Evaluate, then film."""
         if not 0 <= self.video_seconds <= 3600:
             raise ConfigError(f"--video-seconds {self.video_seconds} must lie between 0 and 3600")
+        if not 0 <= self.video_from <= 3600:
+            raise ConfigError(f"--video-from {self.video_from} must lie between 0 and 3600")
         if self.video_seconds:
             require_video()
         begin = time.perf_counter()
@@ -78,16 +86,16 @@ class Demo(Checked):
         print(f"done in {time.perf_counter() - begin:.0f} s")
 
     def _film(self, path: Path) -> Path:
-        """Write the first policy and the best of the others side by side, driving the same tasks."""
+        """Write the best policy before and after side by side: the same seed and robots, without and with AFTER."""
         from warehouse_env.render.floor import scale_for
         from warehouse_env.render.frame import draw
         from warehouse_env.render.video import VideoWriter
 
-        base = EnvConfig(layout=self.layout, num_agents=self.robots, planner=self.planner)
-        reels = []
-        for policy in dict.fromkeys((self.policy[0], self._best())):
-            reel = Reel(Path(policy).name)
-            run(make_experiment(policy, base, 1, self.video_seconds, self.seed), [reel])
+        base = EnvConfig(layout=self.layout, num_agents=self.video_robots, planner=self.planner)
+        policy, reels = self._best(), []
+        for name, config in (("before", base), ("after", base.replace(**AFTER))):
+            reel = Reel(name, self.video_from)
+            run(make_experiment(policy, config, 1, self.video_from + self.video_seconds, self.seed), [reel])
             reels.append(reel.scenes)
         scale = scale_for(reels[0][0].grid, _SIDE)
         with make_progress() as progress, VideoWriter(path, _FRAMES_PER_SECOND) as video:
@@ -105,17 +113,21 @@ class Demo(Checked):
 
 
 class Reel:
-    """A watcher that keeps a scene of the first world at every step, captioned with the contacts so far."""
+    """A watcher that keeps a scene of the first world at every step from some time on, captioned with counters."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, begin: float) -> None:
+        """Keep scenes from `begin` [s]; `name` stands first in the captions."""
         self.scenes: list[Scene] = []
-        self._name = name
+        self._name, self._begin = name, begin
 
     def __call__(self, simulator: Simulator, steps: int) -> None:
         """Keep the scene."""
         from warehouse_env.render.frame import scene_of
 
+        if simulator.seconds(0) < self._begin:
+            return
         metrics = simulator.episode_metrics(0)
         contacts = round(metrics["collisions_robot"] + metrics["collisions_shelf"])
-        text = f"{self._name}   {contacts} collisions   {round(metrics['goals'])} goals"
+        standing = int((simulator.robots[0]["standing_time"] > _STANDING).sum())
+        text = f"{self._name}   {round(metrics['goals'])} goals   {standing} standing   {contacts} collisions"
         self.scenes.append(scene_of(simulator)._replace(text=text))

@@ -41,6 +41,12 @@ class Evaluate(Checked):
     """lifelong: a new goal after every arrival; one_shot: one goal each, then parked."""
     planner: str = EnvConfig.planner
     """Planner of the routes."""
+    protective_field: bool = EnvConfig.protective_field
+    """Refuse commands that could end in a contact."""
+    right_of_way: bool = EnvConfig.right_of_way
+    """Decide who goes first, and let who is in the way make room."""
+    reroute: bool = EnvConfig.reroute
+    """Plan routes anew around robots that stand."""
     seed: int = HELD_OUT_SEED
     """Seed of the first episode, the next ones count on; no training uses seeds from the default on."""
     json: Path | None = None
@@ -90,7 +96,10 @@ class Evaluate(Checked):
         experiments = []
         for floor in floors or [{}]:
             for robots in dict.fromkeys(self.robots):
-                base = EnvConfig(num_agents=robots, planner=self.planner, tasks=self.tasks, **floor)
+                base = EnvConfig(
+                    num_agents=robots, planner=self.planner, tasks=self.tasks, protective_field=self.protective_field,
+                    right_of_way=self.right_of_way, reroute=self.reroute, **floor,
+                )  # fmt: skip
                 experiments += [
                     make_experiment(policy, base, self.episodes, self.seconds, self.seed)
                     for policy in dict.fromkeys(self.policy)

@@ -20,6 +20,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.routes.book import RouteBook
+from warehouse_env.simulation.jam_log import JamLog
 from warehouse_env.simulation.simulator import Simulator
 
 Watcher = Callable[[Simulator, int], None]
@@ -104,7 +105,8 @@ def run(experiment: Experiment, watch: Sequence[Watcher] = (), routes: Routes | 
     decide = _decider(experiment)
     generators = [np.random.default_rng([seed, _POLICY_STREAM]) for seed in seeds]
     simulator.reset(seeds)
-    metrics: list[dict[str, float] | None] = [None] * len(seeds)
+    metrics: list[dict[str, Any] | None] = [None] * len(seeds)
+    log = JamLog(simulator)
     _call(watch, simulator, 0)
     seconds: list[float] = []
     steps = 0
@@ -114,12 +116,19 @@ def run(experiment: Experiment, watch: Sequence[Watcher] = (), routes: Routes | 
         seconds.append(time.perf_counter() - begin)
         steps += 1
         # A world that is over is measured at once; it then idles until the last one is over.
+        log(simulator, steps)
         for world in np.flatnonzero(simulator.terminated.all(axis=1)).tolist():
-            metrics[world] = metrics[world] or simulator.episode_metrics(world)
+            metrics[world] = metrics[world] or _measured(simulator, log, world)
         _call(watch, simulator, steps)
-    measured = [values or simulator.episode_metrics(world) for world, values in enumerate(metrics)]
+    measured = [values or _measured(simulator, log, world) for world, values in enumerate(metrics)]
     ms_per_step = 1000 * statistics.median(seconds) / len(seeds)
     return [_row(experiment, k, values, ms_per_step) for k, values in zip(experiment.episodes, measured, strict=True)]
+
+
+def _measured(simulator: Simulator, log: JamLog, world: int) -> dict[str, Any]:
+    """Return the metrics of a world whose episode is over, with its deadlocks."""
+    log.close(simulator, world)
+    return {**simulator.episode_metrics(world), **log.metrics(world)}
 
 
 def _decider(experiment: Experiment) -> Decider:
@@ -147,7 +156,7 @@ def identity(experiment: Experiment) -> Row:
     return dict(plain({**shared, "tasks": config.tasks, "planner": config.planner, "config": config.to_dict()}))
 
 
-def _row(experiment: Experiment, episode: int, metrics: dict[str, float], ms_per_step: float) -> Row:
+def _row(experiment: Experiment, episode: int, metrics: dict[str, Any], ms_per_step: float) -> Row:
     shared = identity(experiment)
     config = shared.pop("config")
     numbers = {"episode": episode, "seed": experiment.seed + episode, **metrics, "ms_per_step": ms_per_step}

@@ -106,6 +106,7 @@ class Measure:
     value: Callable[[Row], float | None]
     factor: float = 1.0
     most: float = math.inf
+    shown: bool = True  # in the table; the others only in `summarise`
 
     def interval(self, rows: Iterable[Row]) -> Interval:
         """Return mean and 95% interval over rows, the interval cut to the values that are possible."""
@@ -125,11 +126,14 @@ def _per_km(name: str) -> Callable[[Row], float | None]:
 
 MEASURES = (
     Measure("collisions_per_km", "collisions/km", _field("collisions_per_km")),
-    Measure("robot_collisions_per_km", "robot-robot/km", _per_km("collisions_robot")),
-    Measure("shelf_collisions_per_km", "robot-shelf/km", _per_km("collisions_shelf")),
-    Measure("near_misses_per_km", "near misses/km", _per_km("near_misses")),
+    Measure("robot_collisions_per_km", "robot-robot/km", _per_km("collisions_robot"), shown=False),
+    Measure("shelf_collisions_per_km", "of it shelves", _per_km("collisions_shelf")),
+    Measure("near_misses_per_km", "near misses/km", _per_km("near_misses"), shown=False),
     Measure("goals_per_robot_hour", "goals/robot-h", _field("goals_per_robot_hour")),
+    Measure("late_goals_per_robot_hour", "late", _field("late_goals_per_robot_hour")),
     Measure("stuck", "stuck %", _field("stuck"), factor=100.0, most=1.0),
+    Measure("deadlocks", "deadlocks", _field("deadlocks")),
+    Measure("longest_standing_s", "longest standing s", _field("longest_standing_s")),
     Measure("ms_per_step", "ms/step", _field("ms_per_step")),
 )
 _ONE_SHOT = (
@@ -139,8 +143,12 @@ _ONE_SHOT = (
 _GROUP = ("layout", "robots", "tasks", "planner", "policy")
 EVALUATION_NOTE = (
     "Means over episodes [95% interval by Student's t over episodes, cut at what is possible]; a collision counts once "
-    "per contact and pair; stuck: share of robots that at the end have not advanced for over a minute."
+    "per contact and pair; late: goals/robot-h of the second half; stuck: share of robots that at the end have not "
+    "advanced for over a minute; deadlocks: circles of robots that waited for each other, an episode; longest "
+    "standing: of any robot within a metre of one place, in an episode."
 )
+FREE_FLOW = "free_flow_share"
+_FREE_FLOW_NOTE = " Free flow: late goals/robot-h as a share of those of one robot alone under the same policy."
 
 
 def measures_for(rows: Sequence[Row]) -> tuple[Measure, ...]:
@@ -162,7 +170,25 @@ def summarise(rows: Sequence[Row]) -> list[dict[str, object]]:
     for values, group in grouped(rows, _GROUP).items():
         intervals = {m.name: m.interval(group) for m in measures_for(rows)}
         summary.append({**dict(zip(_GROUP, values, strict=True)), "episodes": len(group), **intervals})
+    alone = {_flow_key(line): line["late_goals_per_robot_hour"] for line in summary if line["robots"] == 1}
+    for line in summary:
+        if _flow_key(line) in alone:
+            line[FREE_FLOW] = _share(line["late_goals_per_robot_hour"], alone[_flow_key(line)])  # type: ignore[arg-type]
     return summary
+
+
+def _flow_key(line: dict[str, object]) -> tuple[object, ...]:
+    """Return what a robot alone must share with others to be their free flow."""
+    return tuple(line[name] for name in _GROUP if name != "robots")
+
+
+def _share(part: Interval, whole: Interval) -> Interval:
+    """Return the ratio of two independent means with its 95% interval by the delta method."""
+    if not whole.mean > 0:
+        return Interval(math.nan, math.nan, math.nan, part.samples)
+    ratio = part.mean / whole.mean
+    half = math.hypot(part.high - part.mean, ratio * (whole.high - whole.mean)) / whole.mean
+    return Interval(ratio, max(0.0, ratio - half), ratio + half, part.samples)
 
 
 def _short_names(names: set[str]) -> dict[str, str]:
@@ -173,15 +199,23 @@ def _short_names(names: set[str]) -> dict[str, str]:
 
 
 def evaluation_table(rows: Sequence[Row]) -> Table:
-    """Return the table of an evaluation: one line for each layout, robot count and policy."""
+    """Return the table of an evaluation: one line for each layout, robot count and policy.
+
+    Where some rows are of one robot alone, the others' share of its free flow is shown.
+    """
     constant = [name for name in ("tasks", "planner") if len({row[name] for row in rows}) == 1]
     names = [name for name in _GROUP if name not in constant]
-    shown = measures_for(rows)
+    shown = [measure for measure in measures_for(rows) if measure.shown]
+    summary = summarise(rows)
+    flow = any(FREE_FLOW in line for line in summary)
+    if flow:
+        shown.insert(-1, Measure(FREE_FLOW, "free flow %", _field(FREE_FLOW), factor=100.0))
     short = _short_names({str(row[name]) for row in rows for name in names})
     cells = []
-    for line in summarise(rows):
-        texts = [with_interval(line[m.name], m.factor) for m in shown]  # type: ignore[arg-type]
+    for line in summary:
+        texts = [with_interval(line[m.name], m.factor) if m.name in line else "-" for m in shown]  # type: ignore[arg-type]
         cells.append((*(short[str(line[name])] for name in names), str(line["episodes"]), *texts))
     shared = ", ".join(f"{name} {rows[0][name]}" for name in constant)
     header = (*names, "episodes", *(m.heading for m in shown))
-    return Table(f"Evaluation ({shared})" if shared else "Evaluation", header, tuple(cells), EVALUATION_NOTE)
+    note = EVALUATION_NOTE + (_FREE_FLOW_NOTE if flow else "")
+    return Table(f"Evaluation ({shared})" if shared else "Evaluation", header, tuple(cells), note)

@@ -142,6 +142,15 @@ def mean_interval(values: Iterable[float | None]) -> Interval:
     return Interval(mean, mean - half, mean + half, count)
 
 
+def wilson_interval(successes: int, trials: int) -> Interval:
+    """Return a share with its 95% interval by Wilson's score (1927), good near 0 and 1 as well; trials: at least 1."""
+    z = 1.959964
+    share = successes / trials
+    centre = (share + z * z / (2 * trials)) / (1 + z * z / trials)
+    half = z / (1 + z * z / trials) * math.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
+    return Interval(share, max(0.0, centre - half), min(1.0, centre + half), trials)
+
+
 def t_quantile(freedom: int, coverage: float = 0.95) -> float:
     """Return the t that Student's distribution keeps within +-t with probability `coverage`, by bisection."""
     low, high = 0.0, 1.0

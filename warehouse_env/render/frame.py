@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.render.colours import RGB, mix, robot_colour
+from warehouse_env.render.colours import CONTACT, DEADLOCK, RGB, WAITING, mix, robot_colour
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor import FLOOR, floor_image
-from warehouse_env.render.sprites import Tile, body_centre, paint_goal, paint_robot, plate_centre
+from warehouse_env.render.sprites import Tile, body_centre, paint_arrow, paint_goal, paint_robot, plate_centre
 
 CAPTION_HEIGHT = 28  # [px], the strip below the floor
 _CAPTION_GROUND: RGB = (38, 44, 52)
@@ -39,6 +39,8 @@ class Scene(NamedTuple):
     time: float  # [s]
     text: str
     steer: NDArray[np.float32] | None = None  # [N], angle of the rear wheels [rad]
+    waits_for: NDArray[np.int32] | None = None  # [N], the robot that a waiting one waits for, else -1
+    deadlocked: NDArray[np.bool_] | None = None  # [N], those that wait for each other in a circle
 
 
 def scene_of(simulator: Any, world: int = 0) -> Scene:
@@ -49,6 +51,7 @@ def scene_of(simulator: Any, world: int = 0) -> Scene:
         route_ahead(simulator.routes[world, i, : int(count)], float(state.route_position[world, i]))
         for i, count in enumerate(counts)
     ]
+    jams = simulator.jams()
     totals = simulator.episode_metrics(world)
     collisions = totals["collisions_robot"] + totals["collisions_shelf"]
     parts = [simulator.grid.name, _count(len(counts), "robot")]
@@ -64,6 +67,8 @@ def scene_of(simulator: Any, world: int = 0) -> Scene:
         time=float(simulator.seconds(world)),
         text="   ".join(parts),
         steer=np.array(state.steer[world]),
+        waits_for=jams.waits_for[world],
+        deadlocked=jams.cycle[world] >= 0,
     )
 
 
@@ -101,6 +106,7 @@ def draw(scene: Scene, pixels_per_metre: float = 16) -> NDArray[np.uint8]:
     _draw_routes(pygame, canvas, scene, top, scale)
     _draw_goals(pygame, canvas, scene, top, scale)
     _draw_robots(pygame, canvas, scene, top, scale)
+    _draw_waiting(pygame, canvas, scene, top, scale)
     canvas.set_clip(None)
     _draw_caption(pygame, canvas, scene, rows)
     frame = np.empty((height, columns, 3), dtype=np.uint8)
@@ -150,13 +156,33 @@ def _draw_robots(pygame: Any, canvas: Any, scene: Scene, top: float, scale: floa
         centre = body_centre(scene.pose[i], robot)
         tile = Tile(pygame, centre, reach, top, scale)
         steer = 0.0 if scene.steer is None else float(scene.steer[i])
-        colour = robot_colour(int(i))
-        paint_robot(tile, scene.pose[i], steer, robot, colour, bool(scene.touching[i]), bool(scene.alive[i]))
+        rim = CONTACT if scene.touching[i] else _waiting_colour(scene, int(i))
+        paint_robot(tile, scene.pose[i], steer, robot, robot_colour(int(i)), rim, bool(scene.alive[i]))
         tile.stamp(canvas)
         if scale >= _NUMBERS_FROM:
             x, y = plate_centre(scene.pose[i], robot)
             number = _font(pygame, round(0.24 * scale)).render(str(i), True, (20, 24, 30))
             canvas.blit(number, number.get_rect(center=(x * scale, (top - y) * scale)))
+
+
+def _waiting_colour(scene: Scene, robot: int) -> RGB | None:
+    """Return what marks a robot that waits, None for one that does not."""
+    if scene.waits_for is None or scene.waits_for[robot] < 0:
+        return None
+    return DEADLOCK if scene.deadlocked is not None and scene.deadlocked[robot] else WAITING
+
+
+def _draw_waiting(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float) -> None:
+    """Draw an arrow from each waiting robot to the one it waits for; those of a deadlock thicker, and on top."""
+    inks = {i: ink for i in range(len(scene.pose)) if (ink := _waiting_colour(scene, i)) is not None}
+    width = max(0.07, 1.6 / scale)  # [m], a pixel and a half at least
+    for i in sorted(inks, key=lambda i: inks[i] == DEADLOCK):
+        begin, end = (np.array(body_centre(scene.pose[k], scene.robot)) for k in (i, scene.waits_for[i]))  # type: ignore[index]
+        middle, reach = (begin + end) / 2, float(np.hypot(*(end - begin))) / 2 + 6 * width
+        tile = Tile(pygame, (float(middle[0]), float(middle[1])), reach, top, scale)
+        stuck = inks[i] == DEADLOCK
+        paint_arrow(tile, begin, end, DEADLOCK if stuck else _CAPTION_GROUND, width * (1.5 if stuck else 1.0))
+        tile.stamp(canvas)
 
 
 def _draw_caption(pygame: Any, canvas: Any, scene: Scene, upper: int) -> None:

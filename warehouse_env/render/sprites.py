@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import RobotSpec
-from warehouse_env.render.colours import CONTACT, GREY, RGB, mix
+from warehouse_env.render.colours import GREY, RGB, mix
 
 Points = NDArray[np.float64]
 
@@ -91,11 +91,12 @@ def plate_centre(pose: NDArray[np.float32], robot: RobotSpec) -> tuple[float, fl
 
 
 def paint_robot(
-    tile: Tile, pose: NDArray[np.float32], steer: float, robot: RobotSpec, colour: RGB, touching: bool, alive: bool
+    tile: Tile, pose: NDArray[np.float32], steer: float, robot: RobotSpec, colour: RGB, rim: RGB | None, alive: bool
 ) -> None:
     """Paint one robot: pose (x [m], y [m], heading [rad]) of the front axle, steer [rad] of the rear wheels.
 
-    On small pictures the wheels are left out, so that the colour is seen.
+    rim: in what colour it stands out (in contact, waiting), None: its own. On small pictures the wheels are left out,
+    so that the colour is seen.
     """
     detailed = tile.scale >= _WHEELS_FROM
     x, y, heading = (float(value) for value in pose)
@@ -110,11 +111,11 @@ def paint_robot(
 
     if not alive:
         colour = mix(GREY, _WHITE, 0.25)
-    if touching:
-        put(hull(-0.22, 0.3), CONTACT, 90)
+    if rim is not None:
+        put(hull(-0.22, 0.3), rim, 90)
     put(hull(0.0, 0.12), (20, 24, 30), 70, (0.05, -0.06))
-    put(hull(0.0, 0.12), CONTACT if touching else mix(colour, (0, 0, 0), 0.4))
-    put(hull(0.07 if touching else 0.05, 0.08), colour)
+    put(hull(0.0, 0.12), mix(colour, (0, 0, 0), 0.4) if rim is None else rim)
+    put(hull(0.05 if rim is None else 0.07, 0.08), colour)
     half = robot.width / 2 - 0.13
     if detailed:
         _paint_wheels(put, robot, steer, mix(_WHEEL, _WHITE, 0.0 if alive else 0.35))
@@ -146,3 +147,19 @@ def paint_goal(tile: Tile, centre: tuple[float, float], colour: RGB) -> None:
     tile.circle(centre, 0.36, colour)
     tile.circle(centre, 0.26, _WHITE, 235)
     tile.circle(centre, 0.13, colour)
+
+
+def paint_arrow(tile: Tile, begin: Points, end: Points, ink: RGB, width: float) -> None:
+    """Paint an arrow from begin to end float[2] [m], its shaft `width` [m] wide, on a white edge.
+
+    It lies half a head's width to its own left, so that two that point at each other's tails are both seen.
+    """
+    ahead = (end - begin) / max(float(np.hypot(*(end - begin))), 1e-6)
+    left = np.array([-ahead[1], ahead[0]])
+    for edge, colour in ((0.04, _WHITE), (0.0, ink)):
+        half, head = width / 2 + edge, 1.6 * width + edge
+        neck = end - 2.4 * width * ahead
+        tip, tail = end + 2 * edge * ahead, begin - edge * ahead
+        outline = [tail - half * left, neck - half * left, neck - edge * ahead - head * left, tip]
+        outline += [neck - edge * ahead + head * left, neck + half * left, tail + half * left]
+        tile.polygon(np.array(outline) + 1.6 * width * left, colour)

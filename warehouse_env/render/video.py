@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.files import part_file
-from warehouse_env.render.colours import CONTACT, mix, robot_colour
+from warehouse_env.render.colours import CONTACT, DEADLOCK, WAITING, mix, robot_colour
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor import FLOOR
 
@@ -154,6 +154,7 @@ def _swatches(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
     inks = [robot_colour(i) for i in range(24)]
     inks += [mix(ink, FLOOR, 0.35) for ink in inks[:16]]
     inks += [CONTACT, mix(CONTACT, FLOOR, 0.65), mix(CONTACT, FLOOR, 0.3)] * 3
+    inks += [WAITING, mix(WAITING, FLOOR, 0.65), DEADLOCK, mix(DEADLOCK, FLOOR, 0.65)]
     result = frame.copy()
     rows = len(frame) - len(frame) // 3
     stripes = np.arange(frame.shape[1]) * len(inks) // frame.shape[1]

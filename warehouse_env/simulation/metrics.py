@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.state import GAP_HORIZON
@@ -18,7 +18,10 @@ def episode_row(robots: NDArray[Any], seconds: float, config: EnvConfig) -> dict
     robots: ROBOT[N]; seconds since the reset. A pair's contact counts once; `collisions_per_km` adds pairs and
     shelf contacts. `stuck`: share of robots that for `stuck_after` seconds have not advanced 1 m on their route.
     `path_length_m`: driven per goal reached; `path_length_ratio`: driven over planned, over reached goals.
-    `waiting_share`: of the robots' time until they were parked, standing.
+    `waiting_share`: of the robots' time until they were parked, standing; `longest_standing_s`: that any robot stayed
+    within a metre of one place, rocking there or not.
+    `late_goals_per_robot_hour`: in the second half of `max_steps`, when jams have built up; `reroutes`: routes planned
+    anew under way.
     Without a reached goal, or with a robot that has not arrived, the figures that need it are nan.
     """
     count = len(robots)
@@ -33,6 +36,7 @@ def episode_row(robots: NDArray[Any], seconds: float, config: EnvConfig) -> dict
     times = np.where(arrived, robots["finish_time"], seconds)
     gap = float(robots["min_gap"].min())
     lived = int(robots["lived"].sum())
+    late = float(late_seconds(seconds, config))
     return {
         "seconds": seconds,
         "robot_km": kilometres,
@@ -43,6 +47,7 @@ def episode_row(robots: NDArray[Any], seconds: float, config: EnvConfig) -> dict
         "min_clearance_m": gap if gap < GAP_HORIZON else math.nan,
         "goals": goals,
         "goals_per_robot_hour": goals / count / seconds * 3600.0 if seconds > 0 else math.nan,
+        "late_goals_per_robot_hour": float(robots["late_goals"].sum()) / count / late * 3600.0 if late else math.nan,
         "success_rate": float(arrived.mean()),
         "path_length_m": driven / goals if goals else math.nan,
         "path_length_ratio": driven / planned if planned else math.nan,
@@ -50,7 +55,16 @@ def episode_row(robots: NDArray[Any], seconds: float, config: EnvConfig) -> dict
         "sum_of_costs_s": float(times.sum()) if one_shot else math.nan,
         "stuck": float(stuck.mean()),
         "waiting_share": float(robots["waited"].sum()) / lived if lived else math.nan,
+        "longest_standing_s": float(robots["longest_standing"].max()),
+        "reroutes": float(robots["reroutes"].sum()),
     }
+
+
+def late_seconds(seconds: ArrayLike, config: EnvConfig) -> NDArray[np.float64]:
+    """Return how long [s] an episode of `seconds` so far has gone on beyond the middle of `max_steps`."""
+    half = config.max_steps // 2 * config.action_repeat * config.time_step
+    late = np.asarray(seconds, dtype=np.float64) - half
+    return np.where(late > config.time_step / 2, late, 0.0)
 
 
 def robot_rows(robots: NDArray[Any], seconds: NDArray[np.float64], config: EnvConfig) -> list[dict[str, float]]:
@@ -70,11 +84,14 @@ def robot_rows(robots: NDArray[Any], seconds: NDArray[np.float64], config: EnvCo
         "min_clearance_m": np.where(gap < GAP_HORIZON, gap, math.nan),
         "goals": goals,
         "goals_per_robot_hour": _ratio(goals * 3600.0, seconds),
+        "late_goals_per_robot_hour": _ratio(robots["late_goals"] * 3600.0, late_seconds(seconds, config)),
         "success_rate": (goals > 0).astype(np.float64),
         "path_length_m": _ratio(robots["driven_to_goals"], goals),
         "path_length_ratio": _ratio(robots["driven_to_goals"], robots["planned"]),
         "stuck": ((robots["stalled_time"] > config.stuck_after) & (robots["alive"] != 0)).astype(np.float64),
         "waiting_share": _ratio(robots["waited"], robots["lived"]),
+        "longest_standing_s": robots["longest_standing"].astype(np.float64),
+        "reroutes": robots["reroutes"].astype(np.float64),
     }
     return [
         dict(zip(columns, row, strict=True))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.floor import Floor
 from warehouse_env.simulation.footprint import body_touches_shelf
 from warehouse_env.simulation.geometry import rectangle_gap
@@ -15,6 +16,7 @@ from warehouse_env.simulation.kernel import kernel
 from warehouse_env.simulation.trigonometry import sin_cos
 
 GAP = np.float32(0.15)  # [m] to robots at the start, half of it to shelves
+TOUCH = np.float32(1e-6)  # [m] of gap under which bodies touch
 TURNS = (0, 1, -1, 2, -2, 3, -3, 4)  # eighths of a circle tried off the route's direction
 
 
@@ -57,8 +59,22 @@ def place(
     for turn in TURNS:
         heading = np.float32(math.remainder(first + turn * eighth, 2 * math.pi))
         if _fits(robots, index, x, y, heading, p[0], floor.solid, floor.clearance, GAP):
-            r = robots[index]
-            r["x"], r["y"], r["heading"] = x, y, heading
-            r["sin"], r["cos"] = sin_cos(heading)
+            _put(robots[index], x, y, heading)
             return True
     return False
+
+
+def stand(robots: NDArray[Any], index: int, pose: NDArray[np.float64], p: NDArray[Any], floor: Floor) -> None:
+    """Stand robot `index` of ROBOT[N] at a pose (x [m], y [m], heading [rad]); ConfigError if it touches something."""
+    x, y = np.float32(pose[0]), np.float32(pose[1])
+    heading = np.float32(math.remainder(float(pose[2]), 2 * math.pi))
+    if not _fits(robots, index, x, y, heading, p[0], floor.solid, floor.clearance, TOUCH):
+        raise ConfigError(
+            f"robot {index} touches a shelf or another robot at ({x:.3f}, {y:.3f}), heading {heading:.3f}"
+        )
+    _put(robots[index], x, y, heading)
+
+
+def _put(r: Any, x: np.float32, y: np.float32, heading: np.float32) -> None:
+    r["x"], r["y"], r["heading"] = x, y, heading
+    r["sin"], r["cos"] = sin_cos(heading)

@@ -20,6 +20,7 @@ from warehouse_env.portable import Portable
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation import metrics, state, step
 from warehouse_env.simulation.actions import ActionDecoder
+from warehouse_env.simulation.assignment import Assignment, check_assignments
 from warehouse_env.simulation.audit import is_wanted, raise_fault
 from warehouse_env.simulation.buckets import bucket_grid
 from warehouse_env.simulation.field import NOBODY
@@ -33,8 +34,10 @@ from warehouse_env.simulation.given import (
     seeds_of,
     whole_seed,
 )
+from warehouse_env.simulation.jams import Jams, jams_of
 from warehouse_env.simulation.manoeuvre import ARCS
-from warehouse_env.simulation.placement import place
+from warehouse_env.simulation.one_shot import OneShotTasks
+from warehouse_env.simulation.placement import place, stand
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.tasks import Arrival, Tasks, book_arrival
 from warehouse_env.simulation.turning import turning_metric
@@ -87,7 +90,8 @@ class Simulator(Portable):
         check_stop(config, state.stop_samples(config))
         self.layout = observation_layout(config)
         check_memory(num_worlds, config.num_agents, self.layout.size, state.ROBOT.itemsize + 8 * _ROUTE_BLOCK)
-        self._tasks = [Tasks(self.grid, config) for _ in range(num_worlds)]
+        tasks = OneShotTasks if config.tasks == "one_shot" else Tasks
+        self._tasks = [tasks(self.grid, config) for _ in range(num_worlds)]
         # made when first used: never seeded copies of a Simulator that has not begun go their own ways
         self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
         self._params = state.parameters_of(config, self.grid.cell_size)
@@ -196,12 +200,22 @@ class Simulator(Portable):
         self._observe()
         return self.observation
 
+    def reset_to(
+        self, assignments: Sequence[Assignment], seed: int | Sequence[int] | None = None
+    ) -> NDArray[np.float32]:
+        """Start all worlds anew as `reset` does, robots and first goals of each as its assignment says."""
+        check_assignments(assignments, self.num_worlds, self.num_agents, self.grid)
+        for world, entropy in enumerate(seeds_of(seed, self.num_worlds)):
+            self._reset_world(world, entropy, assignments[world])
+        self._observe()
+        return self.observation
+
     def reset_world(self, world: int, seed: int | None = None) -> None:
         """Start one world anew; its row of `observation` is updated. seed None: its generator goes on."""
         self._reset_world(world, None if seed is None else [whole_seed(seed), 0])
         self._observe(world)
 
-    def _reset_world(self, world: int, entropy: list[int] | None) -> None:
+    def _reset_world(self, world: int, entropy: list[int] | None, assignment: Assignment | None = None) -> None:
         if entropy is not None:
             self._rngs[world] = np.random.default_rng(np.random.SeedSequence(entropy))
         robots = self.robots[world]
@@ -217,15 +231,28 @@ class Simulator(Portable):
         robots["gap"] = robots["min_gap"] = state.GAP_HORIZON
         robots["held_by"] = NOBODY
         self._tasks[world].reset(self._rngs[world])
-        self._place_all(world)
-        robots["rest_x"], robots["rest_y"] = robots["x"], robots["y"]
+        if assignment is None:
+            self._place_all(world)
+        else:
+            self._assign(world, assignment)
+        robots["anchor_x"], robots["anchor_y"] = robots["x"], robots["y"]
+
+    def _assign(self, world: int, assignment: Assignment) -> None:
+        """Stand the robots of a world where they are told to, with the goals that they are given."""
+        starts = self.grid.cell(assignment.pose[:, :2])
+        tasks = [((int(r), int(c)), (int(u), int(v))) for (r, c), (u, v) in zip(starts, assignment.goal, strict=True)]
+        self._tasks[world].assign(*zip(*tasks, strict=True))
+        for robot, (start, goal) in enumerate(tasks):
+            route = self.route_book.route(start, goal, float(assignment.pose[robot, 2]))
+            self._set_task(world, robot, goal, route)
+            stand(self.robots[world], robot, assignment.pose[robot], self._params, self._floor)
 
     def _place_all(self, world: int) -> None:
         """Give every robot of a world a start, a goal and a route."""
         rng, tasks = self._rngs[world], self._tasks[world]
-        places = [tasks.places[k] for k in rng.permutation(len(tasks.places))[::-1]]
+        places = tasks.starts(rng)
         cells, spare = places[: self.num_agents], places[self.num_agents :]
-        goals = [tasks.next_goal(robot, cell, rng) for robot, cell in enumerate(cells)]
+        goals = tasks.first_goals(cells, rng)
         self.route_book.prepare(list(zip(cells, goals, strict=True)))
         for robot in range(self.num_agents):
             placed = robot < len(cells) and self._place(world, robot, cells[robot], goals[robot])
@@ -295,7 +322,8 @@ class Simulator(Portable):
         arrivals = []
         for world, robot in np.argwhere(self.robots["arrived"] != 0).tolist():
             r = self.robots[world, robot]
-            arrivals.append(book_arrival(r, world, robot, self.seconds(world)))
+            late = 2 * int(self.steps[world]) > self.config.max_steps
+            arrivals.append(book_arrival(r, world, robot, self.seconds(world), late))
             if self.config.tasks == "lifelong" and r["alive"]:
                 start = (int(r["goal_row"]), int(r["goal_col"]))
                 goal = self._tasks[world].next_goal(robot, start, self._rngs[world])
@@ -327,8 +355,13 @@ class Simulator(Portable):
         step.observe(*self._observe_arguments)
 
     def episode_metrics(self, world: int = 0) -> dict[str, float]:
-        """Return the row of numbers of a world's episode so far (see metrics.episode_row)."""
-        return metrics.episode_row(self.robots[world], self.seconds(world), self.config)
+        """Return the row of numbers of a world's episode so far (see metrics.episode_row, and Tasks.cut_off)."""
+        row = metrics.episode_row(self.robots[world], self.seconds(world), self.config)
+        return row | {"cut_off": self._tasks[world].cut_off()}
+
+    def jams(self) -> Jams:
+        """Return whom each standing robot waits for, and which of them wait in a circle (see jams.jams_of)."""
+        return jams_of(self.robots, self.routes, self._params)
 
     def global_state(self, world: int = 0) -> NDArray[np.float32]:
         """Return float32[N * 8] for centralised critics: per robot x, y, goal x, y / the map's longer side,

@@ -46,9 +46,10 @@ ROBOT = np.dtype(
         # manoeuvre (simulation/driving.py): in one of `arcs` arcs if that is not 0, on number `arc`
         ("arcs", B), ("arc", B), ("arc_x", F), ("arc_y", F), ("arc_heading", F),  # the reference pose on that arc,
         ("arc_left", F), ("search_wait", F),  # [m] of it to go, negative backwards; [s] until the next search
-        # live routes
-        ("rest_x", F), ("rest_y", F), ("rest_time", F),  # [m] where it was, [s] ago, without having left a metre since
-        ("task_length", np.float64), ("reroutes", I),  # [m] of the task's first route; routes made anew on the way
+        # jams and live routes
+        ("anchor_x", F), ("anchor_y", F), ("standing_time", F), ("longest_standing", F),  # [m]; [s] within 1 m of it
+        ("late_goals", I), ("reroutes", I),  # reached after max_steps / 2; routes made anew on the way
+        ("task_length", np.float64),  # [m] of the task's first route
     ],
     align=True,
 )  # fmt: skip

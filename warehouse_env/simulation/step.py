@@ -65,6 +65,18 @@ def _park(r, p):  # type: ignore[no-untyped-def]
 
 
 @inline
+def _stand(r, dt):  # type: ignore[no-untyped-def]
+    """Count how long a robot has been within a metre of one place: it may rock there, or be given new routes."""
+    dx, dy = r["x"] - r["anchor_x"], r["y"] - r["anchor_y"]
+    if dx * dx + dy * dy > ONE:
+        r["anchor_x"], r["anchor_y"] = r["x"], r["y"]
+        r["standing_time"] = ZERO
+    else:
+        r["standing_time"] += dt
+        r["longest_standing"] = max(r["longest_standing"], r["standing_time"])
+
+
+@inline
 def _end(r, route, p):  # type: ignore[no-untyped-def]
     """Advance along the route after a physics step; return 1 on arrival."""
     if r["alive"] == 0:
@@ -76,6 +88,7 @@ def _end(r, route, p):  # type: ignore[no-untyped-def]
         r["stalled_time"] = ZERO
     else:
         r["stalled_time"] += dt
+    _stand(r, dt)
     r["lived"] += 1
     r["age"] += 1
     if abs(r["speed"]) < _SLOW:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,10 +23,11 @@ class Arrival(NamedTuple):
     planned: float  # [m]
 
 
-def book_arrival(r: Any, world: int, robot: int, seconds: float) -> Arrival:
-    """Count an arrival in the record of a robot, `seconds` after the reset, and return it."""
+def book_arrival(r: Any, world: int, robot: int, seconds: float, late: bool) -> Arrival:
+    """Count an arrival in the record of a robot, `seconds` after the reset, and return it; late: in the second half."""
     arrival = Arrival(world, robot, float(r["distance"] - r["distance_at_goal"]), float(r["task_length"]))
     r["goals"] += 1
+    r["late_goals"] += late
     r["age"] = 0
     r["planned"] += arrival.planned
     r["driven_to_goals"] += arrival.driven
@@ -61,6 +64,27 @@ class Tasks(Portable):
         self._goals = [None] * count
         self._next_kind = rng.integers(0, 2, count).tolist()
         self._taken = set()
+
+    def starts(self, rng: np.random.Generator) -> list[Cell]:
+        """Return all places in the order in which robots may be stood on them."""
+        return [self.places[k] for k in rng.permutation(len(self.places))[::-1]]
+
+    def first_goals(self, starts: Sequence[Cell], rng: np.random.Generator) -> list[Cell]:
+        """Give each robot its first goal."""
+        return [self.next_goal(robot, start, rng) for robot, start in enumerate(starts)]
+
+    def assign(self, starts: Sequence[Cell], goals: Sequence[Cell]) -> None:
+        """Take these as the robots' goals; after a pick face the next is a station, after anything else a pick face.
+
+        starts: where the robots stand, of which lifelong tasks make nothing.
+        """
+        self._goals, self._taken = list(goals), set(goals)
+        picks = set(self._kinds[0])
+        self._next_kind = [int(goal in picks) for goal in goals]
+
+    def cut_off(self) -> float:
+        """Return how many robots others parked at their goals could cut off from theirs; nan where nobody parks."""
+        return math.nan
 
     def next_goal(self, robot: int, at: Cell, rng: np.random.Generator) -> Cell:
         """Give a robot its next goal, other than where it is and than all goals of others."""

@@ -41,7 +41,6 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import MOVES, Cell
 from warehouse_env.routes.book import RouteBook
 
-SWAY = 1.0  # [m] within which a robot counts as not having moved
 
 kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
 inline = numba.njit(cache=True, error_model="numpy", forceinline=True)
@@ -82,11 +81,17 @@ def _is_barred(r, route, look_ahead, stands, cell):  # type: ignore[no-untyped-d
     return False
 
 
-@kernel
-def watch(robots, routes, steps, seconds, every, stood_for, look_ahead, behind, cell, stands, barred):  # type: ignore[no-untyped-def]
-    """Count how long each robot has stood, and write which are to be routed anew; return how many.
+@inline
+def _stands(r, stood_for):  # type: ignore[no-untyped-def]
+    """Whether a robot has not left its place by a metre for so long [s], or is parked for good."""
+    return r["alive"] == 0 or r["standing_time"] >= stood_for
 
-    robots: ROBOT[B, N]; routes: float32[B, N, R, 2] [m]; steps: int64[B]; seconds, every: of a step, and the steps
+
+@kernel
+def watch(robots, routes, steps, every, stood_for, look_ahead, behind, cell, stands, barred):  # type: ignore[no-untyped-def]
+    """Write which robots are to be routed anew; return how many.
+
+    robots: ROBOT[B, N]; routes: float32[B, N, R, 2] [m]; steps: int64[B]; every: the steps
     between two looks of a robot; behind [m]: a body's centre, behind its front axle; stands: int32[H, W], zeros;
     barred: bool[B, N].
     """
@@ -97,12 +102,7 @@ def watch(robots, routes, steps, seconds, every, stood_for, look_ahead, behind, 
         for i in range(count):
             r = robots[b, i]
             barred[b, i] = False
-            dx, dy = r["x"] - r["rest_x"], r["y"] - r["rest_y"]
-            if dx * dx + dy * dy > SWAY * SWAY:
-                r["rest_x"], r["rest_y"], r["rest_time"] = r["x"], r["y"], 0.0
-            else:
-                r["rest_time"] += seconds
-            if r["rest_time"] >= stood_for:
+            if _stands(r, stood_for):
                 row, column = _body_cell(r, behind, cell, rows, columns)
                 _mark(stands, row, column, 1)
                 standing += 1
@@ -113,7 +113,7 @@ def watch(robots, routes, steps, seconds, every, stood_for, look_ahead, behind, 
             if r["alive"] == 0 or r["arrived"] != 0 or (steps[b] + i * every // count) % every != 0:
                 continue
             row, column = _body_cell(r, behind, cell, rows, columns)
-            own = r["rest_time"] >= stood_for
+            own = _stands(r, stood_for)
             if own:
                 _mark(stands, row, column, -1)
             if _is_barred(r, routes[b, i], look_ahead, stands, cell):
@@ -184,7 +184,7 @@ def price(robots, routes, me, legal, stood_for, standing, beside, against, turn,
         r = robots[other]
         if other == me:
             continue
-        if r["rest_time"] >= stood_for:
+        if _stands(r, stood_for):
             row, column = _body_cell(r, behind, cell, rows, columns)
             for i in range(row - 1, row + 2):
                 for j in range(column - 1, column + 2):
@@ -214,7 +214,7 @@ class LiveRoutes:
         every = max(1, round(spec.every / seconds))
         behind = np.float32(config.robot.rear_reach - 0.5 * config.robot.length)
         size = np.float32(grid.cell_size)
-        self._watch = (np.float32(seconds), every, spec.stood_for, spec.look_ahead, behind, size)
+        self._watch = (every, spec.stood_for, spec.look_ahead, behind, size)
         prices = (spec.standing, spec.beside, spec.against, spec.turn, spec.boxed_turn)
         self._price = (grid.legal_moves, spec.stood_for, *prices, behind, size)
         self._stands = np.zeros(grid.shape, np.int32)

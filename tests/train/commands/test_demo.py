@@ -14,7 +14,7 @@ def test_demo_writes_rows_pictures_and_a_video(tmp_path: Path, capsys: pytest.Ca
     for package in ("matplotlib", "pygame", "imageio_ffmpeg"):
         pytest.importorskip(package)
     options = "--policy follow brake --layout open --robots 2 --episodes 1 --planner astar"
-    short = "--seconds 10 --video-seconds 1 --processes 1"
+    short = "--seconds 10 --video-seconds 1 --video-from 1 --video-robots 3 --processes 1"
     assert main(["demo", *options.split(), *short.split(), "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr().out
     assert "collisions/km" in printed

@@ -131,3 +131,18 @@ def test_text_files_are_whole(tmp_path: Path) -> None:
     write_text(tmp_path / "new" / "table.md", "text")
     assert (tmp_path / "new" / "table.md").read_text() == "text"
     assert [one.name for one in (tmp_path / "new").iterdir()] == ["table.md"]
+
+
+def test_share_of_free_flow_by_hand() -> None:
+    rows = [row("follow", 2, robots=1, late_goals_per_robot_hour=late) for late in (100.0, 100.0)]
+    rows += [row("follow", 2, robots=8, late_goals_per_robot_hour=late) for late in (70.0, 80.0)]
+    rows += [row("brake", 2, robots=8, late_goals_per_robot_hour=50.0)]
+    alone, together, other = summarise(rows)
+    # 75 +- 12.706 * 5 of 100 +- 0
+    assert together["free_flow_share"] == pytest.approx((0.75, 0.114690, 1.385310, 2), abs=1e-4)
+    assert alone["free_flow_share"] == pytest.approx((1, 1, 1, 2))
+    assert "free_flow_share" not in other  # that policy was not seen alone
+    table = evaluation_table(rows)
+    column = table.header.index("free flow %")
+    assert [line[column].split(" ")[0] for line in table.cells] == ["100", "75", "-"]
+    assert "free flow %" not in evaluation_table(rows[2:]).header
