@@ -153,6 +153,9 @@ class EnvConfig(Checked):
         self._between(_LEAST, _MOST, "arrival_radius", "near_miss_gap")
         self._between(_LEAST, 1e12, "stuck_after")
         self._between(0.0, 100.0, "keep_right")
+        self._require(self.protective_field or not self.right_of_way, "right_of_way", "False without protective_field")
+        follows = self.action_type != "raw" or not self.right_of_way
+        self._require(follows, "right_of_way", "False with raw actions, which follow no route")
         self._between(0.0, 10.0, "field_margin")
         for name in ("speed_levels", "lateral_offsets"):
             self._between(-_MOST, _MOST, name)

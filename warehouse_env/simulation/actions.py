@@ -41,6 +41,7 @@ class ActionDecoder:
         levels, offsets = config.speed_levels, config.lateral_offsets
         self._cruise, self._widest = max(levels), max(abs(o) for o in offsets)
         self.table = np.array([(v, o) for v in levels for o in offsets], dtype=np.float32)
+        self.sides = np.array(sorted(set(offsets), key=lambda o: (abs(o), o)), dtype=np.float32)  # the right one first
         if config.action_type == "discrete":
             self.space = gymnasium.spaces.Discrete(len(self.table))
         else:

@@ -35,6 +35,7 @@ def give_up(r):  # type: ignore[no-untyped-def]
 def begin(r, count, arcs):  # type: ignore[no-untyped-def]
     """Start a manoeuvre of `count` arcs from where the robot stands."""
     r["arcs"], r["arc"] = count, 0
+    r["claim"] = 0.0  # what was granted was of another path
     r["arc_x"], r["arc_y"], r["arc_heading"] = r["x"], r["y"], r["heading"]
     r["arc_left"] = arcs[0, 0] if count > 0 else ZERO
 

@@ -155,7 +155,7 @@ class Simulator(Portable):
         self._step_arguments = (
             self.robots, self.routes, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
             self.terminated, self._waiting, self._faults, self._params,
-            self._floor.solid, self._floor.clearance, self._metric, *seen,
+            self._actions.sides, self._floor.solid, self._floor.clearance, self._metric, *seen,
         )  # fmt: skip
         self._observe_arguments = (
             self.robots, self.routes, self._waiting, self._params, *seen,
@@ -229,7 +229,7 @@ class Simulator(Portable):
         self.terminated[world] = False
         robots["alive"] = 1
         robots["gap"] = robots["min_gap"] = state.GAP_HORIZON
-        robots["held_by"] = NOBODY
+        robots["held_by"] = robots["yields_to"] = NOBODY
         self._tasks[world].reset(self._rngs[world])
         if assignment is None:
             self._place_all(world)
@@ -294,6 +294,7 @@ class Simulator(Portable):
         r["spacing"] = np.hypot(*(points[1] - points[0])) if len(points) > 1 else 0.0
         r["position"] = r["lateral"] = r["bearing"] = 0.0
         r["arcs"] = r["search_wait"] = 0  # of a manoeuvre to the route before
+        r["claim"] = r["side"] = 0.0
 
     def step(self, actions: ArrayLike) -> NDArray[np.float32]:
         """Advance all worlds by one env step (action_repeat physics steps) and return the observation.

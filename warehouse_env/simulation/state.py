@@ -46,6 +46,9 @@ ROBOT = np.dtype(
         # manoeuvre (simulation/driving.py): in one of `arcs` arcs if that is not 0, on number `arc`
         ("arcs", B), ("arc", B), ("arc_x", F), ("arc_y", F), ("arc_heading", F),  # the reference pose on that arc,
         ("arc_left", F), ("search_wait", F),  # [m] of it to go, negative backwards; [s] until the next search
+        # right of way (simulation/right_of_way.py): granted up to this odometer, how far that is, and with which offset
+        ("claim", np.float64), ("authority", F), ("side", F), ("at_end", B),  # [m], [m], [m]; the goal is granted, too
+        ("yields_to", I), ("right", I), ("aside", B), ("pause", F),  # waits for whom; steps; makes room; [s] no search
         # jams and live routes
         ("anchor_x", F), ("anchor_y", F), ("standing_time", F), ("longest_standing", F),  # [m]; [s] within 1 m of it
         ("late_goals", I), ("reroutes", I),  # reached after max_steps / 2; routes made anew on the way
@@ -64,6 +67,7 @@ PARAMETERS = np.dtype(
         ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
         ("predictions", B),
         ("most_pairs", I), ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator
+        ("right_of_way", B),
         ("field", B), ("field_margin", F), ("stop_samples", I), ("swing", F), ("far", F), ("field_range", F),
         ("late", B), ("checked", B),  # what others commit is known a step later; see audit.py
         ("action_type", I), ("one_shot", B), ("collision_ends", B), ("max_steps", np.int64),
@@ -99,7 +103,7 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
         "cell": cell, "lidar_range": sensor.lidar_range, "rays": sensor.rays, "neighbours": sensor.neighbours,
         "route_points": sensor.route_points, "route_spacing": sensor.route_spacing,
         "predictions": sensor.predictions,
-        "field": config.protective_field, "field_margin": config.field_margin,
+        "right_of_way": config.right_of_way, "field": config.protective_field, "field_margin": config.field_margin,
         "stop_samples": stop_samples(config), "swing": wide, "far": math.hypot(robot.rear_reach, half_width),
         "field_range": 2 * (radius + stride + wide * stop) + config.field_margin,
         "action_type": ACTION_TYPES.index(config.action_type), "one_shot": config.tasks == "one_shot",

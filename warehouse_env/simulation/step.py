@@ -9,7 +9,17 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.observation import EGO, FIELD, NEIGHBOUR
-from warehouse_env.simulation import audit, buckets, contact, field, prediction, sensing, tracking
+from warehouse_env.simulation import (
+    audit,
+    buckets,
+    contact,
+    field,
+    making_room,
+    prediction,
+    right_of_way,
+    sensing,
+    tracking,
+)  # fmt: skip
 from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import approach, braking
 from warehouse_env.simulation.rewards import write_terms
@@ -50,6 +60,8 @@ def _command(r, route, arcs, bodies, first, second, p, solid, clearance, metric)
         r["target_speed"] = r["speed"] + first * dt
         r["target_steer"] = r["steer"] + second * dt
         return first, second
+    if p["right_of_way"] != 0:
+        first, second = right_of_way.limit(r, first, p), r["side"]
     tracking.follow(r, route, arcs, bodies, first, second, p, solid, clearance, metric)
     next_speed = approach(r["speed"], r["target_speed"], p["max_acceleration"] * dt)
     next_steer = approach(r["steer"], r["target_steer"], p["max_steer_rate"] * dt)
@@ -143,15 +155,20 @@ def _sights(p):  # type: ignore[no-untyped-def]
 
 @inline
 def _advance_world(  # type: ignore[no-untyped-def]
-    robots, routes, arcs, commands, stamps, places, motions, guards, fault, clock, p, solid, clearance, metric
-):
+    robots, routes, arcs, commands, sides, stamps, places, motions, guards, ways, fault, clock,
+    p, solid, clearance, metric,
+):  # fmt: skip
     """Advance one world by one env step; return the number of arrivals."""
     order, starts, bodies = places
     pairs, motion, flags, lanes = motions
     arrivals, count = 0, robots.shape[0]
     for i in range(count):
         _begin(robots[i])
-    if p["field"] != 0:
+    if p["right_of_way"] != 0:
+        right_of_way.rank(robots, guards[3])
+        right_of_way.decide(robots, routes, arcs, commands, sides, guards[3], ways, p, clearance)
+        making_room.resolve(robots, routes, arcs, ways, p, solid, clearance, metric)
+    elif p["field"] != 0:
         field.rank(robots, guards[3])
     for repeat in range(p["repeat"]):
         buckets.sort(robots, p, starts, order, bodies)
@@ -227,8 +244,8 @@ def _count_step(robots, steps, b, truncated, terminated, p):  # type: ignore[no-
 
 @kernel
 def step(  # type: ignore[no-untyped-def]
-    begin, end, robots, routes, arcs, commands, stamps, steps, truncated, terminated, waiting, faults, params, solid,
-    clearance, metric, rays, table, weights, edges, seen, first, out, terms, reward,
+    begin, end, robots, routes, arcs, commands, stamps, steps, truncated, terminated, waiting, faults, params, sides,
+    solid, clearance, metric, rays, table, weights, edges, seen, first, out, terms, reward,
 ):  # fmt: skip
     """Step the worlds from `begin` to before `end`; return the number of arrivals. Leading axis of the arrays: world.
 
@@ -236,18 +253,33 @@ def step(  # type: ignore[no-untyped-def]
     commands float32[B, N, 2]: speed [m/s] and offset [m], or raw acceleration and steering rate; stamps int32[B, N, N];
     steps int64[B] since the reset, truncated bool[B], terminated bool[B, N]; waiting int32[B]: the arrivals of each
     world, whose observation waits until the Simulator has given out new tasks; faults int32[B, 3]: see
-    audit.find_fault; metric, rays, table, weights, edges, seen, first: see the Simulator; out: observations float32[B,
-    N, D]; terms float32[B, N, T]; reward float32[B, N].
+    audit.find_fault; sides float32[O]: the lateral offsets in the order of right_of_way.py; metric, rays, table,
+    weights, edges, seen, first: see the Simulator; out: observations float32[B, N, D]; terms float32[B, N, T]; reward
+    float32[B, N].
     """
     p = params[0]
     arrivals, count = 0, robots.shape[1]
     places, motions, sights = _places(count, p), _motions(count, p), _sights(p)
-    guards = field.scratch(count, p)
+    guards, ways = field.scratch(count, p), right_of_way.scratch(count, p)
     for b in range(begin, end):
         clock = steps[b] * p["repeat"] + 1
         waiting[b] = _advance_world(
-            robots[b], routes[b], arcs[b], commands[b], stamps[b], places, motions, guards, faults[b], clock, p, solid,
-            clearance, metric,
+            robots[b],
+            routes[b],
+            arcs[b],
+            commands[b],
+            sides,
+            stamps[b],
+            places,
+            motions,
+            guards,
+            ways,
+            faults[b],
+            clock,
+            p,
+            solid,
+            clearance,
+            metric,
         )
         _count_step(robots[b], steps, b, truncated, terminated, p)
         arrivals += waiting[b]

@@ -41,7 +41,6 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import MOVES, Cell
 from warehouse_env.routes.book import RouteBook
 
-
 kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
 inline = numba.njit(cache=True, error_model="numpy", forceinline=True)
 

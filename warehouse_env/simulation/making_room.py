@@ -1,0 +1,100 @@
+"""Making room: where robots wait for each other in a ring, one of them leaves the others' paths by a manoeuvre.
+
+The one with the least right does it; if it finds no way, the next one. Who waits for a robot that stands for good, and
+not in a ring, looks for a way round it. Both searches go round all bodies near, as they stand.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.simulation.kernel import inline, kernel
+from warehouse_env.simulation.path_ahead import CENTRE_X, CENTRE_Y, POSES
+from warehouse_env.simulation.rejoin import plan_aside, plan_to_route
+from warehouse_env.simulation.right_of_way import COUNT, NOBODY
+from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO
+
+PATIENCE = np.float32(2.0)  # [s] that a robot stands before it looks for a way out of a ring; twice that for one round
+NEAR = np.float32(6.0)  # [m] within which bodies are gone round
+PAUSE = np.float32(3.0)  # [s] until a robot that found no way searches again
+SETTLE = np.float32(5.0)  # [s] until one that has made room does
+
+
+@inline
+def _bodies_near(i, paths, bodies):  # type: ignore[no-untyped-def]
+    """Write the others' bodies near robot i into bodies float32[N, 4]; return how many."""
+    count = 0
+    for j in range(paths.shape[0] - 1):
+        dx = paths[j, 0, CENTRE_X] - paths[i, 0, CENTRE_X]
+        dy = paths[j, 0, CENTRE_Y] - paths[i, 0, CENTRE_Y]
+        if j != i and dx * dx + dy * dy < NEAR * NEAR:
+            bodies[count] = paths[j, 0]
+            count += 1
+    return count
+
+
+@inline
+def _in_ring(i, robots):  # type: ignore[no-untyped-def]
+    """Whether all that wait for each other from robot i on come back to it, and have stood for a while."""
+    j, steps = robots[i]["yields_to"], 0
+    while j != NOBODY and j != i and steps < robots.shape[0]:
+        if robots[j]["waiting_time"] < HALF * PATIENCE:
+            return False
+        j = robots[j]["yields_to"]
+        steps += 1
+    return j == i
+
+
+@inline
+def _least(i, robots):  # type: ignore[no-untyped-def]
+    """Return who of the ring through robot i has been shortest on its way, of those that may search."""
+    low, j = i, robots[i]["yields_to"]
+    while j != i:
+        if robots[j]["pause"] <= 0 and robots[j]["age"] < robots[low]["age"]:
+            low = j
+        j = robots[j]["yields_to"]
+    return low
+
+
+@kernel
+def _make_room(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
+    """Search a way off the paths of all others in the ring for robot `low`."""
+    paths, _, _, numbers = ways
+    count, j = 0, robots[low]["yields_to"]
+    while j != low:
+        for k in range(numbers[COUNT, j]):
+            avoid[count] = paths[j, k]
+            count += 1
+        j = robots[j]["yields_to"]
+    near = _bodies_near(low, paths, bodies)
+    r = robots[low]
+    found = plan_aside(r, arcs[low], avoid[:count], bodies[:near], 1, p, solid, clearance, metric)
+    r["aside"] = found > 0
+    r["pause"] = SETTLE if found > 0 else PAUSE
+
+
+@kernel
+def resolve(robots, routes, arcs, ways, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
+    """Let those search that have stood long enough; ways: see right_of_way.scratch."""
+    seconds, count = p["time_step"] * np.float32(p["repeat"]), robots.shape[0]
+    longest = ZERO
+    for i in range(count):
+        r = robots[i]
+        r["pause"] = max(r["pause"] - seconds, ZERO)
+        longest = max(longest, r["waiting_time"] if r["alive"] != 0 else ZERO)
+    if longest < PATIENCE:
+        return
+    bodies = np.empty((count, 4), np.float32)
+    avoid = np.empty((count * POSES, 4), np.float32)
+    for i in range(count):
+        r = robots[i]
+        barrier = r["yields_to"]
+        if r["alive"] == 0 or r["waiting_time"] < PATIENCE or r["pause"] > 0 or barrier == NOBODY:
+            continue
+        if _in_ring(i, robots):
+            _make_room(_least(i, robots), robots, arcs, ways, bodies, avoid, p, solid, clearance, metric)
+            r["pause"] = max(r["pause"], ONE)
+        elif r["waiting_time"] > PATIENCE + PATIENCE and robots[barrier]["waiting_time"] > PATIENCE:
+            near = _bodies_near(i, ways[0], bodies)
+            plan_to_route(r, routes[i], arcs[i], bodies[:near], p, solid, clearance, metric)
+            r["pause"] = PAUSE

@@ -1,0 +1,139 @@
+"""The path ahead of a robot: poses of its body along its manoeuvre and then its route, as the follower will drive them.
+
+The poses stand at whole multiples of APART on the robot's odometer (`distance` of its record), so that they stay where
+they are while it drives: what it has been granted of its path once is the same piece of floor in the next decision.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.simulation.footprint import clearance_at
+from warehouse_env.simulation.kernel import inline, kernel
+from warehouse_env.simulation.kinematics import curvature
+from warehouse_env.simulation.tracking import LANE_CLEARANCE, LOOK_AHEAD, LOOK_AHEAD_TIME, OFFSET_FADE, to_steering
+from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, sin_cos
+
+POSES = 30  # of a path at most: 15 m
+APART = np.float32(0.5)  # [m] of driving between two of them
+CENTRE_X, CENTRE_Y, COS, SIN = range(4)  # columns of a path float32[POSES, 4]
+_STRIDE = np.float32(0.125)  # [m] of driving in one step of the prediction
+_FARTHEST = np.float32(16.0)  # [m] of driving looked at
+_STEERED = np.float32(0.19)  # [rad] that the steering changes in a stride at 1 m/s
+_SLOWEST, _FASTEST = np.float32(0.4), np.float32(1.2)  # [m/s] at which the follower's look-ahead is taken
+_THERE = np.float32(0.3)  # [m] before its end at which a route is over
+_JOIN = 40  # way-points in which the route is searched for the end of a manoeuvre
+_TWO = np.float32(2.0)
+
+
+@inline
+def _put(path, k, x, y, heading, p):  # type: ignore[no-untyped-def]
+    """Write the body at a pose of its front axle."""
+    s, c = sin_cos(heading)
+    path[k, CENTRE_X], path[k, CENTRE_Y] = x - p["offset"] * c, y - p["offset"] * s
+    path[k, COS], path[k, SIN] = c, s
+
+
+@inline
+def _point(route, points, spacing, along):  # type: ignore[no-untyped-def]
+    """Return a route's point (x, y) [m] and its direction there (ux, uy)."""
+    at = along / spacing
+    k = min(int(at), points - 2)
+    part = min(at - np.float32(k), ONE)
+    dx, dy = route[k + 1, 0] - route[k, 0], route[k + 1, 1] - route[k, 1]
+    return route[k, 0] + part * dx, route[k, 1] + part * dy, dx / spacing, dy / spacing
+
+
+@kernel
+def _along_arcs(r, arcs, phase, path, p):  # type: ignore[no-untyped-def]
+    """Write the poses along the rest of a manoeuvre; return (poses, phase, x, y, heading, steering) at its end.
+
+    phase [m]: driven since the last whole multiple of APART. The end is a pose of its own, whatever the odometer.
+    """
+    x, y, heading, left = r["arc_x"], r["arc_y"], r["arc_heading"], r["arc_left"]
+    driven, k, steer = ZERO, 1, r["steer"]
+    for n in range(r["arc"], r["arcs"]):
+        left = left if n == r["arc"] else arcs[n, 0]
+        steer = arcs[n, 1]
+        bend = curvature(steer, p["wheelbase"])
+        while left != ZERO and k < POSES:
+            way = min(max(left, -_STRIDE), _STRIDE)
+            left -= way
+            s, c = sin_cos(heading + HALF * way * bend)
+            x, y, heading = x + way * c, y + way * s, heading + way * bend
+            driven += abs(way)
+            if np.float32(k) * APART - phase <= driven:
+                _put(path, k, x, y, heading, p)
+                k += 1
+        if k < POSES:
+            _put(path, k, x, y, heading, p)
+            k += 1
+            phase = np.float32(k - 1) * APART - driven
+    return k, phase, driven, x, y, heading, steer
+
+
+@inline
+def _joins(r, route, x, y):  # type: ignore[no-untyped-def]
+    """Return where on its route [m] the robot will be that comes to a point at the end of its manoeuvre."""
+    best, at, first = np.float32(np.inf), r["position"], int(r["position"] / r["spacing"])
+    for k in range(max(first - 1, 0), min(first + _JOIN, r["points"])):
+        dx, dy = route[k, 0] - x, route[k, 1] - y
+        if dx * dx + dy * dy < best:
+            best, at = dx * dx + dy * dy, np.float32(k) * r["spacing"]
+    return at
+
+
+@inline
+def _pursue(route, points, spacing, along, end, side, look, x, y, c, s, p, clearance):  # type: ignore[no-untyped-def]
+    """Return the steering [rad] of the follower's pure pursuit with an offset `side` [m] (tracking.follow)."""
+    tx, ty, ux, uy = _point(route, points, spacing, min(along + look, end))
+    side *= min(ONE, (end - along) / OFFSET_FADE)
+    if side != ZERO:
+        for _ in range(2):
+            if clearance_at(tx - side * uy, ty + side * ux, clearance, p["cell"]) < LANE_CLEARANCE:
+                side = side * HALF if _ == 0 else ZERO
+    dx, dy = tx - side * uy - x, ty + side * ux - y
+    ahead, left = dx * c + dy * s, dy * c - dx * s
+    if ahead <= ZERO:
+        return -p["max_steer"] if left >= ZERO else p["max_steer"]
+    bend = _TWO * left / max(ahead * ahead + left * left, np.float32(0.01))
+    return to_steering(bend, p["wheelbase"], p["max_steer"])
+
+
+@kernel
+def write_path(r, route, arcs, side, p, clearance, path):  # type: ignore[no-untyped-def]
+    """Write the bodies at the robot's pose and ahead of it into path float32[POSES, 4]; return (poses, at the end?).
+
+    side [m]: the lateral offset from the route. A manoeuvre that makes room (`aside`) is the whole path.
+    """
+    _put(path, 0, r["x"], r["y"], r["heading"], p)
+    if r["alive"] == 0 or r["points"] < 2:
+        return 1, False
+    phase = np.float32(r["distance"] - np.floor(r["distance"] / np.float64(APART)) * np.float64(APART))
+    x, y, heading, steer, driven, k = r["x"], r["y"], r["heading"], r["steer"], ZERO, 1
+    points, spacing, along = r["points"], r["spacing"], r["position"]
+    if r["arcs"] > 0:
+        k, phase, driven, x, y, heading, steer = _along_arcs(r, arcs, phase, path, p)
+        if r["aside"] != 0 or k == POSES:
+            return k, False
+        along = _joins(r, route, x, y)
+    end = np.float32(points - 1) * spacing
+    look = LOOK_AHEAD + LOOK_AHEAD_TIME * min(max(r["speed"], _SLOWEST), _FASTEST)
+    while k < POSES and driven < _FARTHEST:
+        if along >= end - _THERE:
+            return k, True
+        s, c = sin_cos(heading)
+        wanted = _pursue(route, points, spacing, along, end, side, look, x, y, c, s, p, clearance)
+        steer = min(max(wanted, steer - _STEERED), steer + _STEERED)
+        turn = _STRIDE * curvature(steer, p["wheelbase"])
+        s, c = sin_cos(heading + HALF * turn)
+        x, y, heading = x + _STRIDE * c, y + _STRIDE * s, heading + turn
+        driven += _STRIDE
+        q = min(int(along / spacing), points - 2)
+        ux, uy = (route[q + 1, 0] - route[q, 0]) / spacing, (route[q + 1, 1] - route[q, 1]) / spacing
+        reached = np.float32(q) * spacing + (x - route[q, 0]) * ux + (y - route[q, 1]) * uy
+        along = min(max(reached, along), along + _TWO * _STRIDE)
+        if np.float32(k) * APART - phase <= driven:
+            _put(path, k, x, y, heading, p)
+            k += 1
+    return k, False
