@@ -4,6 +4,7 @@ does not reach, with noise in what robots do and a step of latency in what they 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -25,6 +26,7 @@ EPISODE = 120  # [s], for under the field alone jams only grow, and who stands d
 CHANGE = 10  # env steps for which a random command is held on average
 BORED = 2.0  # [s] held back after which a hunter lets go
 MARGINS = (0.0, 0.01, 0.02, 0.05, 0.1)  # [m], for what they cost
+NOISY_DRIVERS = ("ppo", "random", "hunter")
 NOISY_MARGINS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.3)
 NOISES = {"none": Noise(0.0, 0.0, 0.0), "5%": Noise(0.05, 0.002, 0.002), "20%": Noise(0.2, 0.01, 0.01)}
 POLICY = "ppo"
@@ -96,11 +98,9 @@ def field(seconds: float, seed: int) -> Iterator[Row]:
     for margin in MARGINS:
         config = _config(POLICY, "paper46", 32).replace(field_margin=margin)
         yield {"part": "margin", **drive(POLICY, config, seconds, seed)}
-    for noise in NOISES:
-        for late in (False, True):
-            for margin in NOISY_MARGINS:
-                config = _config(POLICY, "paper46", 32).replace(field_margin=margin)
-                yield {"part": "noise", **drive(POLICY, config, seconds, seed, noise, late)}
+    for name, noise, late, margin in itertools.product(NOISY_DRIVERS, NOISES, (False, True), NOISY_MARGINS):
+        config = _config(name, "paper46", 32).replace(field_margin=margin)
+        yield {"part": "noise", **drive(name, config, seconds, seed, noise, late)}
 
 
 def _config(driver: str, layout: str, robots: int) -> EnvConfig:
@@ -175,14 +175,20 @@ def _margins(rows: list[Row]) -> Table:
 
 def _noises(rows: list[Row]) -> Table:
     kept = select(rows, part="noise")
-    kinds = dict.fromkeys((row["noise"], row["late"]) for row in kept)
+    kinds = dict.fromkeys((row["driver"], row["noise"], row["late"]) for row in kept)
     cells = tuple(
-        (noise, "a step" if late else "none", *(
-            number(row["contacts_per_km"], 2) for row in select(kept, noise=noise, late=late)
-        ))
-        for noise, late in kinds
-    )  # fmt: skip
+        (driver, noise, "a step" if late else "none", *map(_a_km, select(kept, driver=driver, noise=noise, late=late)))
+        for driver, noise, late in kinds
+    )
     sizes = (f"{name} {100 * one.command:g}%, {one.slip:g} m, {one.turn:g} rad" for name, one in NOISES.items())
-    note = "Noise of acceleration and steering rate, and of place and heading per metre driven: " + "; ".join(sizes)
-    header = ("noise", "latency", *(f"margin {margin:g} m" for margin in NOISY_MARGINS))
+    note = (
+        "Robots + shelves, from which the field keeps no margin. Noise of acceleration and steering rate, and of place "
+        f"and heading per metre driven: {'; '.join(sizes)}"
+    )
+    header = ("driver", "noise", "latency", *(f"margin {margin:g} m" for margin in NOISY_MARGINS))
     return Table("Contacts per robot-km with noise and latency", header, cells, note)
+
+
+def _a_km(row: Row) -> str:
+    robots, shelves = row["collisions_robot"] + row["slips"], row["collisions_shelf"]
+    return f"{number(robots / row['robot_km'], 2)} + {number(shelves / row['robot_km'], 2)}"
