@@ -33,7 +33,7 @@ CREEPS = np.float32(0.2)  # [m/s]
 LANE_CLEARANCE = np.float32(0.45)  # [m] a way-point moved sideways keeps from shelves
 OFFSET_FADE = np.float32(2.0)  # [m] before the goal in which offsets fade out
 ASIDE = np.float32(1.0)  # [rad] off the nose from which a target takes a manoeuvre
-AGAIN = np.float32(2.0)  # [s] until another search where nothing was found, or while in touch with another robot
+AGAIN = np.float32(4.0)  # [s] until another search where nothing was found, or while in touch with another robot
 HELD = np.float32(1.0)  # [s] in touch with a robot after which a way round the others' bodies is searched
 
 
