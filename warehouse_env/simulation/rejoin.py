@@ -22,7 +22,7 @@ FIRST, APART, MANY = np.float32(0.75), np.float32(0.4), 8  # [m] ahead, [m] betw
 FAR_APART, FAR_MANY = np.float32(1.2), 20  # where none of these can be reached: a lane that must be left backwards
 CRUISE = np.float32(1.3)  # [m/s] at which the rest of the way is priced
 NEAR, MOST_NEAR = np.float32(3.0), 12  # [m] within which, and number of others' bodies that are gone round
-AMONG_OTHERS = 600  # nodes of a search among these
+AMONG_OTHERS = 300  # nodes of a search among these
 
 
 @inline
