@@ -180,8 +180,9 @@ def test_in_a_manoeuvre_it_stops_when_told_goes_on_and_backs_off_when_told() -> 
     drive(simulator, STOP, 20)
     assert (simulator.state.pose[0, 0] == pose).all()
     assert r["arcs"] > 0
-    for _ in range(80):
-        if drive(simulator, cruise, 1)["arcs"] == 0:
+    for _ in range(120):
+        drive(simulator, cruise, 1)
+        if r["arcs"] == 0 and abs(r["bearing"]) < 0.3:
             break
     assert r["arcs"] == 0
     assert abs(r["bearing"]) < 0.3

@@ -41,6 +41,15 @@ def begin(r, count, arcs):  # type: ignore[no-untyped-def]
 
 
 @inline
+def leads_ahead(r, arcs):  # type: ignore[no-untyped-def]
+    """Whether the robot is in a manoeuvre all of whose arcs to come lead forwards."""
+    for k in range(r["arc"], r["arcs"]):
+        if arcs[k, 0] < ZERO:
+            return False
+    return r["arcs"] > 0
+
+
+@inline
 def _slide(r, arcs, p):  # type: ignore[no-untyped-def]
     """Move the reference pose to where the robot is along its arc; return (metres left of it, radians left of it)."""
     bend = curvature(arcs[r["arc"], 1], p["wheelbase"])

@@ -14,7 +14,8 @@ _UNIT = np.float32(UNIT)
 _THIRD = np.float32(1.0 / 3.0)
 _TWO_THIRDS = np.float32(2.0 / 3.0)
 _SWEEP_STEP = np.float32(0.12)  # [m] of the front axle between two checked poses, on a gentle arc
-_SWEEP_TURN = np.float32(0.06)  # [rad] between two checked poses, on a sharp one
+_SWEEP_TURN = np.float32(0.06)  # [rad] between two checked poses, on a sharp one; where the margin is narrow less,
+_TURN_PER_MARGIN = np.float32(2.5)  # [rad/m], so that no corner cuts off more of another than the margin
 
 
 @inline
@@ -91,8 +92,9 @@ def sweep_is_free(x, y, c, s, bend, distance, margin, p, solid, clearance):  # t
     half_length = p["half_length"] + margin
     half_width = p["half_width"] + margin
     step = _SWEEP_STEP
-    if abs(bend) * step > _SWEEP_TURN:
-        step = _SWEEP_TURN / abs(bend)
+    turn = min(_SWEEP_TURN, _TURN_PER_MARGIN * margin)
+    if abs(bend) * step > turn > ZERO:
+        step = turn / abs(bend)
     count = int(abs(distance) / step) + 1
     step = distance / np.float32(count)
     turn_s, turn_c = sin_cos(step * bend)

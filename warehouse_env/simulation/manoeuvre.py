@@ -18,6 +18,7 @@ tries: of TRIES, each nearer to shelves and bodies and with shorter arcs than th
     (1: quick; all: whatever there is). Each looks at MOST nodes at most, some 1.5 us each, and gives up then.
 p, solid, clearance: PARAMETERS record and the floor; metric: turning_metric(PARAMETERS[1]), made once a Simulator.
 arcs float32[ARCS, 2]: is filled with (signed length [m], steering [rad]) of one arc after the other.
+search_once(..., margin, stride, most, ...) instead of tries: a single try of no more than `most` nodes.
 Returns the number of arcs, 0 if the start is a goal already, -1 if there is none or it was not found. A manoeuvre of
 more than ARCS arcs is cut off there; it is all free, and the next search begins at its end.
 """
@@ -36,8 +37,8 @@ from warehouse_env.simulation.trigonometry import HALF, ZERO, sin_cos, wrap
 ARCS = 16  # of a manoeuvre at most
 MOST = 6000  # nodes of a search
 TRIES = 3
-_MARGINS = (np.float32(0.03), np.float32(0.015), np.float32(0.002))  # [m] to shelves and bodies, of each try
-_STRIDES = (turning.STRIDE, np.float32(0.2), np.float32(0.15))  # [m] of an arc
+MARGINS = (np.float32(0.03), np.float32(0.015), np.float32(0.002))  # [m] to shelves and bodies, of each try
+STRIDES = (turning.STRIDE, np.float32(0.2), np.float32(0.15))  # [m] of an arc
 GREED = np.float32(1.1)  # how much the heuristic weighs: soon found before best
 _HEADINGS = 36  # cells of 10 degrees
 _CELLS = np.float32(3.0)  # (x, y) cells to a stride
@@ -130,16 +131,16 @@ def _write_arcs(node, parents, by, moves, arcs):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _try(  # type: ignore[no-untyped-def]
-    x, y, heading, steer, goals, avoid, bodies, margin, stride, p, solid, clearance, metric, arcs
+def search_once(  # type: ignore[no-untyped-def]
+    x, y, heading, steer, goals, avoid, bodies, margin, stride, most, p, solid, clearance, metric, arcs
 ):
-    """Search with one margin and stride [m]; return as `search` does."""
+    """Search with one margin and stride [m], for at most `most` <= MOST nodes; return as `search` does."""
     moves = np.empty((turning.MOVES, 9), np.float32)
     turning.write_moves(stride, p, moves)
-    poses = np.empty((MOST, 6), np.float32)
-    parents, by, done = np.empty(MOST, np.int32), np.empty(MOST, np.int8), np.zeros(MOST, np.bool_)
+    poses = np.empty((most, 6), np.float32)
+    parents, by, done = np.empty(most, np.int32), np.empty(most, np.int8), np.zeros(most, np.bool_)
     taken, best = np.zeros(_SLOTS, np.int32), np.empty(_SLOTS, np.float32)
-    keys, items = np.empty(MOST, np.float32), np.empty(MOST, np.int32)
+    keys, items = np.empty(most, np.float32), np.empty(most, np.int32)
     cell, aside = stride / _CELLS, goals.shape[0] == 0
     s, c = sin_cos(heading)
     poses[0, X], poses[0, Y], poses[0, HEADING], poses[0, COSINE], poses[0, SINE], poses[0, COST] = (
@@ -179,7 +180,7 @@ def _try(  # type: ignore[no-untyped-def]
                 continue
             if not clear_of_bodies(x, y, c, s, move[turning.BEND], move[turning.LENGTH], margin, bodies, p):
                 continue
-            if used == MOST:
+            if used == most:
                 return -1
             taken[slot], best[slot] = key, total
             nc, ns = c * move[turning.COS] - s * move[turning.SIN], s * move[turning.COS] + c * move[turning.SIN]
@@ -200,8 +201,8 @@ def _try(  # type: ignore[no-untyped-def]
 def search(x, y, heading, steer, goals, avoid, bodies, tries, p, solid, clearance, metric, arcs):  # type: ignore[no-untyped-def]
     """Find a manoeuvre and write it into `arcs`; return the number of its arcs, -1 if there is none (see above)."""
     for k in range(tries):
-        count = _try(
-            x, y, heading, steer, goals, avoid, bodies, _MARGINS[k], _STRIDES[k], p, solid, clearance, metric, arcs
+        count = search_once(
+            x, y, heading, steer, goals, avoid, bodies, MARGINS[k], STRIDES[k], MOST, p, solid, clearance, metric, arcs
         )
         if count >= 0:
             return count

@@ -22,6 +22,7 @@ FIRST, APART, MANY = np.float32(0.75), np.float32(0.4), 8  # [m] ahead, [m] betw
 FAR_APART, FAR_MANY = np.float32(1.2), 20  # where none of these can be reached: a lane that must be left backwards
 CRUISE = np.float32(1.3)  # [m/s] at which the rest of the way is priced
 NEAR, MOST_NEAR = np.float32(3.0), 12  # [m] within which, and number of others' bodies that are gone round
+AMONG_OTHERS = 300  # nodes of a search among these
 
 
 @inline
@@ -81,7 +82,11 @@ def plan_to_route(r, route, arcs, bodies, p, solid, clearance, metric):  # type:
     goals = np.empty((FAR_MANY + 3, 4), np.float32)
     x, y, heading, steer = r["x"], r["y"], r["heading"], r["steer"]
     count = _write_goals(r, route, APART, MANY, goals)
-    found = manoeuvre.search(x, y, heading, steer, goals[:count], nothing, bodies, 1, p, solid, clearance, metric, arcs)
+    most = manoeuvre.MOST if bodies.shape[0] == 0 else AMONG_OTHERS
+    found = manoeuvre.search_once(
+        x, y, heading, steer, goals[:count], nothing, bodies, manoeuvre.MARGINS[0], manoeuvre.STRIDES[0], most,
+        p, solid, clearance, metric, arcs,
+    )  # fmt: skip
     if found < 0 and bodies.shape[0] == 0:  # among others it may have to wait: no long search
         count = _write_goals(r, route, FAR_APART, FAR_MANY, goals)
         found = manoeuvre.search(

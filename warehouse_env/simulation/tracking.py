@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.simulation.driving import STANDS, drive_arcs, give_up
+from warehouse_env.simulation.driving import STANDS, drive_arcs, give_up, leads_ahead
 from warehouse_env.simulation.footprint import clearance_at, sweep_is_free
 from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import approach, curvature
@@ -32,8 +32,9 @@ LAST = np.float32(0.002)  # [m] and where it creeps
 CREEPS = np.float32(0.2)  # [m/s]
 LANE_CLEARANCE = np.float32(0.45)  # [m] a way-point moved sideways keeps from shelves
 OFFSET_FADE = np.float32(2.0)  # [m] before the goal in which offsets fade out
+BACK_ON = np.float32(0.5)  # [rad] off the nose up to which target and line end a manoeuvre that only leads on ahead
 ASIDE = np.float32(1.0)  # [rad] off the nose from which a target takes a manoeuvre
-AGAIN = np.float32(2.0)  # [s] until another search where nothing was found, or while in touch with another robot
+AGAIN = np.float32(6.0)  # [s] until another search where nothing was found, or while in touch with another robot
 HELD = np.float32(1.0)  # [s] in touch with a robot after which a way round the others' bodies is searched
 
 
@@ -200,12 +201,17 @@ def follow(r, route, arcs, bodies, wanted_speed, offset, p, solid, clearance, me
     speed = wanted_speed
     if speed < ZERO:
         give_up(r)
+    on_line = speed
+    if speed > ZERO:
+        bend = max(abs(steer) / BEND_SCALE, abs(steer - r["steer"]) / STEER_SCALE)
+        on_line = min(speed, CREEP + (p["max_speed"] - CREEP) * max(ZERO, ONE - bend))
+        aligned = max(abs(angle), abs(r["bearing"])) < BACK_ON
+        if aligned and leads_ahead(r, arcs) and _may(r, on_line, steer, MARGIN, p, solid, clearance):
+            give_up(r)
     if r["arcs"] > 0:
         speed, steer = _manoeuvre(r, arcs, speed, p, solid, clearance)
     elif speed > ZERO:
-        bend = max(abs(steer) / BEND_SCALE, abs(steer - r["steer"]) / STEER_SCALE)
-        limit = CREEP + (p["max_speed"] - CREEP) * max(ZERO, ONE - bend)
-        speed, steer = _forward(r, route, arcs, bodies, min(speed, limit), steer, angle, p, solid, clearance, metric)
+        speed, steer = _forward(r, route, arcs, bodies, on_line, steer, angle, p, solid, clearance, metric)
     elif r["speed"] > ZERO or speed == ZERO:
         speed, steer = ZERO, _brake_steer(r, steer, LAST, p, solid, clearance)
     else:
