@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.simulation.kernel import inline, kernel
+from warehouse_env.simulation.meetings import COUNT
 from warehouse_env.simulation.path_ahead import CENTRE_X, CENTRE_Y, POSES
 from warehouse_env.simulation.rejoin import plan_aside, plan_to_route
-from warehouse_env.simulation.right_of_way import COUNT, NOBODY
+from warehouse_env.simulation.right_of_way import NOBODY
 from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO
 
 PATIENCE = np.float32(2.0)  # [s] that a robot stands before it looks for a way out of a ring; twice that for one round
@@ -75,7 +76,7 @@ def _make_room(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metr
 
 @kernel
 def resolve(robots, routes, arcs, ways, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
-    """Let those search that have stood long enough; ways: see right_of_way.scratch."""
+    """Let those search that have stood long enough; ways: see meetings.scratch."""
     seconds, count = p["time_step"] * np.float32(p["repeat"]), robots.shape[0]
     longest = ZERO
     for i in range(count):

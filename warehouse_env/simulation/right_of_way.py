@@ -20,136 +20,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.simulation.geometry import rectangles_touch
 from warehouse_env.simulation.kernel import inline, kernel
-from warehouse_env.simulation.path_ahead import APART, CENTRE_X, CENTRE_Y, COS, POSES, SIN, write_path
+from warehouse_env.simulation.meetings import (
+    ASKED, BIT, COUNT, CROSS, GRANT, MUST, TOUCH_TIGHT, TOUCH_WIDE, WHO, bound, meet,
+)  # fmt: skip
+from warehouse_env.simulation.path_ahead import APART, COS, SIN, write_path
 from warehouse_env.simulation.trigonometry import HALF, ZERO
 
 NOBODY = -1
 AHEAD = 6  # poses asked for beyond those in which it can stop: 3 m
 SOON = 6  # poses beyond its grant within which one counts as soon to come
-WIDE = np.float32(0.08)  # [m] of room around bodies in what is granted anew: paths are predictions
-TIGHT = np.float32(0.015)  # [m] around bodies that are near, and in what has been granted before
-NEARBY = 2  # poses from where it is that are predicted well
-ACROSS = np.float32(0.5)  # cosine of the angle from which one crosses another's path, rather than going along with it
 AGAINST = np.float32(-0.5)  # ... and from which it comes the other way
 BACK = 4  # poses more that must be free to go back to the commanded offset
 REFUSED = np.float32(0.8)  # [s] that the field has held a robot from which it waits for who held it
 SLOW = np.float32(0.1)  # [m/s]
-PARTS, PART = 3, 10  # of a path with a box around each
-_LEFT, _BOTTOM, _RIGHT, _TOP = range(4)
-_BIT = np.uint32(1)
-
-
-@inline
-def scratch(count, p):  # type: ignore[no-untyped-def]
-    """Return the arrays of a world's decision.
-
-    paths float32[N + 1, POSES, 4]: the bodies ahead, the last row on trial; boxes float32[N + 1, PARTS, 4] around them;
-    poses int32[N + 1]: how many; at_end bool[N + 1]: is the goal among them. who int32[N], wide, tight, across
-    uint32[N, POSES]: those that a path meets, and for each of its poses a bit for each of theirs that it touches.
-    grants, musts, asked int32[N]: poses granted, those in which it can stop; has it been asked. order int32[N].
-    """
-    if p["right_of_way"] == 0:
-        count = 0
-    paths = np.empty((count + 1, POSES, 4), np.float32)
-    boxes = np.empty((count + 1, PARTS, 4), np.float32)
-    masks = np.empty((3, count, POSES), np.uint32)
-    numbers = np.empty((5, count + 1), np.int32)
-    return paths, boxes, masks, numbers
-
-
-PATHS, BOXES, MASKS, NUMBERS = range(4)
-TOUCH_WIDE, TOUCH_TIGHT, CROSS = range(3)  # of masks
-COUNT, WHO, GRANT, MUST, ASKED = range(5)  # rows of numbers
-
-
-@inline
-def _bound(row, ways):  # type: ignore[no-untyped-def]
-    """Put boxes around the parts of a path's body centres."""
-    paths, boxes, _, numbers = ways
-    for part in range(PARTS):
-        left = bottom = np.float32(np.inf)
-        right = top = np.float32(-np.inf)
-        for k in range(part * PART, min(part * PART + PART, numbers[COUNT, row])):
-            x, y = paths[row, k, CENTRE_X], paths[row, k, CENTRE_Y]
-            left, right, bottom, top = min(left, x), max(right, x), min(bottom, y), max(top, y)
-        boxes[row, part, _LEFT], boxes[row, part, _RIGHT] = left, right
-        boxes[row, part, _BOTTOM], boxes[row, part, _TOP] = bottom, top
-
-
-@inline
-def _apart(boxes, row, a, j, b, reach):  # type: ignore[no-untyped-def]
-    """Whether parts a and b of two paths are farther from each other than `reach` [m]."""
-    return (
-        boxes[row, a, _LEFT] > boxes[j, b, _RIGHT] + reach
-        or boxes[j, b, _LEFT] > boxes[row, a, _RIGHT] + reach
-        or boxes[row, a, _BOTTOM] > boxes[j, b, _TOP] + reach
-        or boxes[j, b, _BOTTOM] > boxes[row, a, _TOP] + reach
-    )
-
-
-@kernel
-def _touch(ways, row, j, a, b, n, p):  # type: ignore[no-untyped-def]
-    """Write which poses of part a of a path touch part b of robot j's, the n-th that it meets; return whether any do."""
-    paths, _, masks, numbers = ways
-    length, width, found = p["half_length"], p["half_width"], False
-    reach = p["radius"] + p["radius"] + WIDE + WIDE + WIDE
-    last = min(b * PART + PART, numbers[COUNT, j])
-    for k in range(a * PART, min(a * PART + PART, numbers[COUNT, row])):
-        x, y, c, s = paths[row, k, CENTRE_X], paths[row, k, CENTRE_Y], paths[row, k, COS], paths[row, k, SIN]
-        for m in range(b * PART, last):
-            dx, dy = paths[j, m, CENTRE_X] - x, paths[j, m, CENTRE_Y] - y
-            if dx * dx + dy * dy > reach * reach:
-                continue
-            other_c, other_s = paths[j, m, COS], paths[j, m, SIN]
-            near = m == 0 or k == 0 or (k <= NEARBY and m <= NEARBY)
-            room = TIGHT if near else WIDE
-            if not rectangles_touch(
-                dx, dy, c, s, length + room, width + room, other_c, other_s, length + room, width + room
-            ):
-                continue
-            found = True
-            bit = _BIT << np.uint32(m)
-            masks[TOUCH_WIDE, n, k] |= bit
-            if near or rectangles_touch(
-                dx, dy, c, s, length + TIGHT, width + TIGHT, other_c, other_s, length + TIGHT, width + TIGHT
-            ):
-                masks[TOUCH_TIGHT, n, k] |= bit
-            if c * other_c + s * other_s < ACROSS:
-                masks[CROSS, n, k] |= bit
-    return found
-
-
-@kernel
-def _meet(i, row, ways, p):  # type: ignore[no-untyped-def]
-    """Find all robots whose paths touch a path of robot i's; return how many."""
-    paths, boxes, masks, numbers = ways
-    reach, count = p["radius"] + p["radius"] + WIDE + WIDE + WIDE, 0
-    for j in range(paths.shape[0] - 1):
-        if j == i:
-            continue
-        found = False
-        for a in range(PARTS):
-            for b in range(PARTS):
-                if a * PART >= numbers[COUNT, row] or b * PART >= numbers[COUNT, j]:
-                    continue
-                if _apart(boxes, row, a, j, b, reach):
-                    continue
-                if not found:
-                    for k in range(POSES):
-                        masks[TOUCH_WIDE, count, k] = masks[TOUCH_TIGHT, count, k] = masks[CROSS, count, k] = 0
-                found = _touch(ways, row, j, a, b, count, p) or found
-        if found:
-            numbers[WHO, count] = j
-            count += 1
-    return count
 
 
 @inline
 def _first(k):  # type: ignore[no-untyped-def]
     """Return the bits of poses 0 to k."""
-    return np.uint32(0xFFFFFFFF) if k >= 31 else np.uint32((_BIT << np.uint32(k + 1)) - _BIT)
+    return np.uint32(0xFFFFFFFF) if k >= 31 else np.uint32((BIT << np.uint32(k + 1)) - BIT)
 
 
 @inline
@@ -213,7 +103,7 @@ def _comes_against(row, granted, count, barrier, ways):  # type: ignore[no-untyp
             continue
         for k in range(granted, numbers[COUNT, row]):
             for m in range(numbers[COUNT, barrier]):
-                if masks[TOUCH_WIDE, n, k] >> np.uint32(m) & _BIT:
+                if masks[TOUCH_WIDE, n, k] >> np.uint32(m) & BIT:
                     return (
                         paths[row, k, COS] * paths[barrier, m, COS] + paths[row, k, SIN] * paths[barrier, m, SIN]
                         < AGAINST
@@ -238,11 +128,11 @@ def _try_sides(i, r, route, arcs, wanted, sides, granted, barrier, ways, p, clea
         if n >= 0 and side == wanted:
             continue
         numbers[COUNT, trial], at_end = write_path(r, route, arcs, side, p, clearance, paths[trial])
-        _bound(trial, ways)
+        bound(trial, ways)
         want = min(numbers[MUST, i] + AHEAD + (BACK if side == wanted else 0), numbers[COUNT, trial] - 1)
         if want < 2:
             continue
-        count = _meet(i, trial, ways, p)
+        count = meet(i, trial, ways, p)
         free, _ = _grant(trial, count, 0, numbers[MUST, i], want, False, ways)
         if free >= want:
             r["side"], r["at_end"] = side, at_end
@@ -260,7 +150,7 @@ def _begin(i, r, route, arcs, ways, p, clearance):  # type: ignore[no-untyped-de
     if r["arcs"] == 0:
         r["aside"] = 0
     numbers[COUNT, i], r["at_end"] = write_path(r, route, arcs, r["side"], p, clearance, paths[i])
-    _bound(i, ways)
+    bound(i, ways)
     here, speed, apart = np.floor(r["distance"] / np.float64(APART)), abs(r["speed"]), np.float64(APART)
     have = max(int(np.round(r["claim"] / apart) - here), 0)
     stop = speed * speed * HALF / p["max_acceleration"] + speed * p["time_step"] * np.float32(p["repeat"])
@@ -281,7 +171,7 @@ def _ask(i, robots, route, arcs, wanted, sides, ways, p, clearance):  # type: ig
         return
     must = numbers[MUST, i]
     want = min(must + AHEAD, numbers[COUNT, i] - 1)
-    count = _meet(i, i, ways, p)
+    count = meet(i, i, ways, p)
     granted, barrier = _grant(i, count, numbers[GRANT, i], must, want, r["aside"] != 0, ways)
     if r["arcs"] == 0:
         stuck = barrier != NOBODY and (
@@ -324,7 +214,7 @@ def decide(robots, routes, arcs, commands, sides, order, ways, p, clearance):  #
     """Grant all robots of a world a stretch of their paths: `authority` [m], `side` [m] and `yields_to` of the records.
 
     commands float32[N, 2]: speed [m/s] and lateral offset [m] of each; sides float32[O]: the offsets that may be tried
-    instead, in this order; order int32[N]: robots as `rank` has sorted them; ways: see `scratch`.
+    instead, in this order; order int32[N]: robots as `rank` has sorted them; ways: see meetings.scratch.
     """
     count = robots.shape[0]
     for i in range(count):

@@ -10,15 +10,7 @@ import numpy as np
 
 from warehouse_env.observation import EGO, FIELD, NEIGHBOUR
 from warehouse_env.simulation import (
-    audit,
-    buckets,
-    contact,
-    field,
-    making_room,
-    prediction,
-    right_of_way,
-    sensing,
-    tracking,
+    audit, buckets, contact, field, making_room, meetings, prediction, right_of_way, sensing, tracking,
 )  # fmt: skip
 from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import approach, braking
@@ -260,7 +252,7 @@ def step(  # type: ignore[no-untyped-def]
     p = params[0]
     arrivals, count = 0, robots.shape[1]
     places, motions, sights = _places(count, p), _motions(count, p), _sights(p)
-    guards, ways = field.scratch(count, p), right_of_way.scratch(count, p)
+    guards, ways = field.scratch(count, p), meetings.scratch(count, p)
     for b in range(begin, end):
         clock = steps[b] * p["repeat"] + 1
         waiting[b] = _advance_world(
