@@ -22,7 +22,17 @@ import numpy as np
 
 from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.meetings import (
-    ASKED, BIT, COUNT, CROSS, GRANT, MUST, TOUCH_TIGHT, TOUCH_WIDE, WHO, bound, meet,
+    ASKED,
+    BIT,
+    COUNT,
+    CROSS,
+    GRANT,
+    MUST,
+    TOUCH_TIGHT,
+    TOUCH_WIDE,
+    WHO,
+    bound,
+    meet,
 )  # fmt: skip
 from warehouse_env.simulation.path_ahead import APART, COS, SIN, write_path
 from warehouse_env.simulation.trigonometry import HALF, ZERO

@@ -10,7 +10,16 @@ import numpy as np
 
 from warehouse_env.observation import EGO, FIELD, NEIGHBOUR
 from warehouse_env.simulation import (
-    audit, buckets, contact, field, making_room, meetings, prediction, right_of_way, sensing, tracking,
+    audit,
+    buckets,
+    contact,
+    field,
+    making_room,
+    meetings,
+    prediction,
+    right_of_way,
+    sensing,
+    tracking,
 )  # fmt: skip
 from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import approach, braking
