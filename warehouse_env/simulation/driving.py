@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.simulation.kernel import inline, kernel
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import curvature
 from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, sin_cos, wrap
 

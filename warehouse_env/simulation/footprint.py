@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from warehouse_env.kernel import inline
 from warehouse_env.simulation.floor import FINE, UNIT
 from warehouse_env.simulation.geometry import rectangles_touch
-from warehouse_env.simulation.kernel import inline
 from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, sin_cos
 
 _FINE = np.float32(FINE)

@@ -27,11 +27,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation import turning
 from warehouse_env.simulation.footprint import sweep_is_free
 from warehouse_env.simulation.geometry import rectangles_touch
 from warehouse_env.simulation.heap import pop, push
-from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.trigonometry import HALF, ZERO, sin_cos, wrap
 
 ARCS = 16  # of a manoeuvre at most

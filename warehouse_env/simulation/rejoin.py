@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation import manoeuvre
 from warehouse_env.simulation.buckets import CENTRE_X, CENTRE_Y, COS, SIN
 from warehouse_env.simulation.driving import begin
-from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.trigonometry import HALF_PI, ZERO, arc_tan2, wrap
 
 FIRST, APART, MANY = np.float32(0.75), np.float32(0.4), 8  # [m] ahead, [m] between, and number of poses on the route

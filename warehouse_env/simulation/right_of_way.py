@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.simulation.kernel import inline, kernel
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.meetings import (
     ASKED,
     BIT,
@@ -35,9 +35,9 @@ from warehouse_env.simulation.meetings import (
     meet,
 )  # fmt: skip
 from warehouse_env.simulation.path_ahead import APART, COS, SIN, write_path
+from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.trigonometry import HALF, ZERO
 
-NOBODY = -1
 AHEAD = 6  # poses asked for beyond those in which it can stop: 3 m
 SOON = 6  # poses beyond its grant within which one counts as soon to come
 AGAINST = np.float32(-0.5)  # ... and from which it comes the other way

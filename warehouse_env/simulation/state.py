@@ -15,6 +15,8 @@ from warehouse_env.config import EnvConfig
 
 F, I, B = np.float32, np.int32, np.int8  # noqa: E741
 
+NOBODY = -1  # where a robot is named: held_by, yields_to
+
 ROBOT = np.dtype(
     [
         # motion
@@ -166,6 +168,11 @@ def state_of(robots: NDArray[Any]) -> State:
 def events_of(robots: NDArray[Any]) -> Events:
     """Return the views of Events onto the structured array [B, N]."""
     return Events(*(robots[name] for name in Events._fields))
+
+
+def goal_of(r: Any) -> tuple[int, int]:
+    """Return the cell (row, column) that a robot is on its way to."""
+    return int(r["goal_row"]), int(r["goal_col"])
 
 
 def global_view(robots: NDArray[Any], side: float, config: EnvConfig) -> NDArray[np.float32]:

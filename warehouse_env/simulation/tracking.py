@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.driving import STANDS, drive_arcs, give_up, leads_ahead
 from warehouse_env.simulation.footprint import clearance_at, sweep_is_free
-from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import approach, curvature
 from warehouse_env.simulation.rejoin import bodies_near, plan_to_route
 from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, sin_cos, wrap
