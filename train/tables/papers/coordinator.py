@@ -179,7 +179,7 @@ class _Fleet:
         for cell in shared | {self.at[k] for k in range(len(self.at)) if not self.ahead[k]}:
             occupied[cell] = True
         goal = self.ahead[robot][-1]
-        occupied[goal] = False
+        occupied[self.at[robot]] = occupied[goal] = False
         plan = make_planner("astar").plan(GridMap(occupied), self.at[robot], goal, np.random.default_rng(0))
         return [[(int(row), int(column)) for row, column in plan.cells[1:]]] if plan.found else []
 

@@ -7,12 +7,11 @@ On the grid a straight move or a wait takes 1 and a diagonal sqrt(2), a cell a s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from agents import make_policy
+from agents.rules import Rules
 from train.reporting.rows import Row
 from train.tables.papers.coordinator import Coordinator, Driven, drive_alone, duration
 from train.tables.study import System, TableTask
@@ -34,7 +33,6 @@ COORDINATORS: Final = {
     "no step aside": Coordinator(aside=False),
     "no new route": Coordinator(new_route=False),
 }
-POLICY = "rules"
 SECONDS = 300.0  # after which bodies that have not arrived are given up
 
 
@@ -74,8 +72,7 @@ def _drive(
         return _on_the_grid(drive_alone(routes))
     if mode in COORDINATORS:
         return _on_the_grid(COORDINATORS[mode].drive(grid, routes))
-    together = {BODIES: [tuple(tasks)], BODIES_ALONE: [(one,) for one in tasks]}
-    return _bodies(grid, planner, together[mode], rng)
+    return _bodies(grid, planner, [tasks] if mode == BODIES else [[one] for one in tasks], rng)
 
 
 def _on_the_grid(driven: Driven) -> Outcome:
@@ -96,17 +93,12 @@ class _Given(Simulator):
                 raise ConfigError(f"robot {robot} touches something at {start}; choose another start")
 
 
-@cache
-def _book(grid: GridMap, planner: Planner) -> RouteBook:
-    return RouteBook(grid, planner, keep_right=EnvConfig().keep_right)
-
-
 def _bodies(grid: GridMap, planner: Planner, worlds: Sequence[Sequence[Task]], rng: np.random.Generator) -> Outcome:
     """Drive each world's robots until all have arrived or time is up."""
     config = EnvConfig(num_agents=len(worlds[0]), tasks="one_shot")
     steps = round(SECONDS / (config.time_step * config.action_repeat))
-    simulator = _Given(config.replace(max_steps=steps), worlds, _book(grid, planner))
-    policy = make_policy(POLICY, config)
+    simulator = _Given(config.replace(max_steps=steps), worlds, RouteBook(grid, planner, keep_right=config.keep_right))
+    policy = Rules(config)
     observation = simulator.reset(0)
     while not simulator.terminated.all() and not simulator.truncated.all():
         observation = simulator.step(policy.act(observation, rng))

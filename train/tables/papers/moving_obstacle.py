@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from train.tables.maps import clutter_task
-from train.tables.papers.avoidance import FORESIGHT, GAIN, LOOK, PATIENCE, REACH, avoid, cells_of
+from train.tables.papers.avoidance import FORESIGHT, LOOK, PATIENCE, REACH, avoid, cells_of
 from train.tables.papers.coordinator import Path, clash
 from train.tables.papers.six_agvs import resolves_all
 from train.tables.study import Claim, Setting, Study, System, TableTask
@@ -64,7 +64,7 @@ def settings() -> tuple[Setting, ...]:
 
 MOVING_OBSTACLE = Study(
     name="002_moving_obstacle",
-    paper="Paper 002 (about 2023), ant colony and improved artificial potential field for agricultural transport robots",
+    paper="Paper 002 (about 2023), ant colony and improved artificial potential field for agricultural robots",
     title="Paper 002: an obstacle that the global path does not know",
     settings=settings,
     systems=(
@@ -94,15 +94,15 @@ MOVING_OBSTACLE = Study(
             "Stronger obstacle avoidance: further off than a new route in every step", WITH_POINT, NEW_ROUTE, "apart"
         ),
     ),
-    note="The paper says that it avoids temporary and dynamic obstacles by the improved field and then plans the rest of "
-    "the path again, that the path is the shortest and the avoidance the stronger one; our copy has neither figures nor "
-    f"a picture of it. Ours: its 30 x 30 cells, start and goal, {SHARE:.0%} of random clutter, {MAPS} maps; one obstacle "
-    "that a robot which follows its path touches in the middle half of its way. It stands there, or drives a shortest "
-    "path of its own at the robot's speed that shares one cell with the robot's or runs along it the other way, and "
-    f"heeds nobody. The field of the obstacle has a gain of {GAIN:g} within {REACH:g} cells, and pulls to the path's "
-    f"cell {LOOK} cells on. Found: the goal reached without touch, in {PATIENCE} times the path's steps. Length: cells "
-    "driven; last arrival: with waits, a cell a second. Distance: least, between centres, 0.71 where one follows the "
-    "other round a corner. All walks draw nothing.",
+    note="The paper says that it avoids temporary and dynamic obstacles by the improved field and then plans the "
+    "rest of the path again, that the path is the shortest and the avoidance the stronger one; our copy has neither "
+    f"figures nor a picture of it. Ours: its 30 x 30 cells, start and goal, {SHARE:.0%} of random clutter, {MAPS} "
+    "maps; one obstacle that a robot which follows its path touches in the middle half of its way. It stands there, "
+    "or drives a shortest path of its own at the robot's speed that shares one cell with the robot's or runs along it "
+    f"the other way, and heeds nobody. The obstacle's field reaches {REACH:g} cells and pulls to the path's cell "
+    f"{LOOK} cells on; gains were chosen on other maps. Found: the goal reached without touch, in {PATIENCE} times "
+    "the path's steps. Length: cells driven; last arrival: with waits, a cell a second. Distance: least, between "
+    "centres, 0.71 where one follows the other round a corner. All walks draw nothing.",
     pictured=(CROSSING, ONCOMING),
     experiment=avoid,
 )

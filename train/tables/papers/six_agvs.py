@@ -105,7 +105,7 @@ def cost_is_small(
 
 
 def resolves_all(figures: Figures, ours: str, settings: Sequence[str] = SIX) -> Verdict:
-    """Judge "all arrive, and none touch": in every fleet of every setting, in part if so in some settings."""
+    """Judge "all arrive, and none touch": on every task of every setting, in part if so in some settings."""
     shares = {}
     for name in settings:
         rows = [row for task in figures.tasks(name, ours) for row in task]
@@ -114,7 +114,7 @@ def resolves_all(figures: Figures, ours: str, settings: Sequence[str] = SIX) -> 
     if not shares:
         return Verdict(OPEN, "nothing was run for it")
     whole = [good == count for good, count in shares.values()]
-    why = "; ".join(f"{name}: {good} of {count} fleets" for name, (good, count) in shares.items())
+    why = "; ".join(f"{name}: {good} of {count}" for name, (good, count) in shares.items())
     return Verdict(HOLDS if all(whole) else IN_PART if any(whole) else FAILS, why)
 
 
