@@ -178,15 +178,16 @@ SIX_AGVS = Study(
     claims=_claims(),
     note="The paper shows its floor as a picture only. Its text gives: cells 279, 301 and 323 one below the other, so "
     "22 columns; at step 9 AGV_0 and AGV_4 reach one cell (then 12.4142 and 3.4142 m before them), AGV_2 and AGV_5 "
-    "meet head-on on another (11.8284 and 17.8284 m before them); 117.799 m for all, 27.2426 s for the longest, which "
-    "is AGV_5's length at 1 m/s. Floor and tasks of *as printed* were searched for so that all of these come out with "
-    "the routes of `astar_turns`; places are our choice. What the rules then cost was not looked for in that search's "
-    "first part, but of the floors found those were left out on which AGV_5's way back is a shorter one: the print's "
-    "1.8284 m are AGV_5's two diagonals instead of two straight steps and a wait of AGV_0, counted as a metre. So the "
-    "first line shows that the rules are read as the paper reads them; whether they cost as little elsewhere the other "
-    f"settings show, {DRAWS} draws of tasks each. Lengths on the grid hold waits, as the paper's do; those of bodies "
-    "are metres driven. Contacts: pairs that touch on the grid; touches of bodies, shelves included. Found: all "
-    f"arrived, bodies within {SECONDS:g} s. Bodies have the policy `rules`, together or each in a world of its own.",
+    "meet head-on on another (11.8284 and 17.8284 m before them); 117.799 m for all, 27.2426 s for the last, which is "
+    "AGV_5's length at 1 m/s. Floor and tasks of *as printed* were searched for until all of these come out with the "
+    "routes of `astar_turns`, and what the rules cost, too: the print's 1.8284 m are AGV_5's two diagonals instead of "
+    "two straight steps, and a wait of AGV_0 counted as a metre. About one in six of those with the other figures has "
+    "it. So the first lines show that the rules can be read as they are here, and no more; whether they cost as little "
+    f"elsewhere the other settings show, {DRAWS} draws of tasks each. Costs are judged where all arrived. Lengths on "
+    "the grid hold waits, as the paper's do; those of bodies are metres driven. Contacts: pairs that touch on the "
+    f"grid; touches of bodies, shelves included. Found: all arrived, bodies within {SECONDS:g} s; who has arrived "
+    "stays. Bodies have the policy `rules`, together or each in a world of its own, where in aisles of one cell some "
+    "do not arrive either.",
     pictured=(),
     experiment=drive_fleet,
 )

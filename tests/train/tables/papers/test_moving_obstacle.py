@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from functools import cache
 
 import numpy as np
 import pytest
 
 from train.reporting.rows import Row
+from train.tables.blocks import _OF_EXPERIMENTS, Block, run_block, split
+from train.tables.catalogue import MODULES
+from train.tables.code import _closure
 from train.tables.papers.avoidance import FORESIGHT, GAIN, MODES, REACH, Robot, avoid, cells_of, obstacle_path
 from train.tables.papers.coordinator import duration
 from train.tables.papers.moving_obstacle import CROSSING, MAPS, ONCOMING, STANDING, met_at
@@ -116,3 +120,19 @@ def test_the_obstacle_is_never_stepped_upon() -> None:
     for obstacle in ((3, 4), (5, 5), (4, 5)):
         for mode in ("new route", "classical field", "improved field", "improved field, point", "wait"):
             assert MODES[mode](robot, obstacle) != obstacle
+
+
+def test_rows_of_experiments_are_known_again() -> None:
+    block = Block(MODULES["002"], "002_moving_obstacle", STANDING, 0, "waits", 1, 0)
+    rows = json.loads(json.dumps(run_block(block)))
+    assert (rows[0]["mode"], rows[0]["others"]) == (
+        "wait",
+        [[list(cell) for cell in settings()[STANDING].tasks[0].others[0]]],
+    )
+    assert split([block], rows) == (rows, [])
+    assert split([block], [{**rows[0], "mode": "heedless"}]) == ([], [block])
+
+
+def test_rows_of_bodies_depend_on_the_code_that_drives_them() -> None:
+    code = _closure(["train.tables.papers.fleet"], _OF_EXPERIMENTS)
+    assert {"agents.rules", "warehouse_env.simulation.step", "train.tables.papers.coordinator"} <= set(code)
