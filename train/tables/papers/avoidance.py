@@ -22,7 +22,7 @@ from train.reporting.rows import Row
 from train.tables.papers.coordinator import TOUCH, Path, duration, nearest
 from train.tables.study import System, TableTask
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
-from warehouse_env.planning import Planner, make_planner, min_turns, turns
+from warehouse_env.planning import Planner, make_planner, min_turns, path_length, turns
 from warehouse_env.planning.field_walkers import along
 from warehouse_env.planning.potential_field import force_at, intermediate_point, repulsion_parts
 
@@ -63,7 +63,7 @@ def avoid(task: TableTask, system: System, rng: np.random.Generator) -> Row:
         walked = _walk(Robot(task, system.make()), obstacle, MODES[system.mode])
     good = walked.arrived and walked.apart >= TOUCH
     kept = [cell for k, cell in enumerate(walked.cells) if k == 0 or cell != walked.cells[k - 1]]
-    length = duration(kept)
+    length = path_length(np.array(kept))
     return {
         "success": good,
         "length": length if good else None,
