@@ -33,8 +33,10 @@ CREEPS = np.float32(0.2)  # [m/s]
 LANE_CLEARANCE = np.float32(0.45)  # [m] a way-point moved sideways keeps from shelves
 OFFSET_FADE = np.float32(2.0)  # [m] before the goal in which offsets fade out
 BACK_ON = np.float32(0.5)  # [rad] off the nose up to which target and line end a manoeuvre that only leads on ahead
+PATIENCE = np.float32(4.0)  # [s] without a metre of progress from which manoeuvres are driven to their end
 ASIDE = np.float32(1.0)  # [rad] off the nose from which a target takes a manoeuvre
-AGAIN = np.float32(6.0)  # [s] until another search where nothing was found, or while in touch with another robot
+AGAIN = np.float32(2.0)  # [s] until another search where nothing was found,
+AGAIN_HELD = np.float32(15.0)  # [s] and, found or not, where another robot is in the way
 HELD = np.float32(1.0)  # [s] in touch with a robot after which a way round the others' bodies is searched
 
 
@@ -165,7 +167,7 @@ def _forward(r, route, arcs, bodies, speed, steer, angle, p, solid, clearance, m
     if slow and not (may and alone) and r["search_wait"] <= ZERO:
         others = np.empty((0, 4), np.float32) if alone else bodies_near(r, bodies, p)
         found = plan_to_route(r, route, arcs, others, p, solid, clearance, metric)
-        r["search_wait"] = ZERO if alone and found > 0 else AGAIN
+        r["search_wait"] = AGAIN_HELD if not alone else (ZERO if found > 0 else AGAIN)
         if found > 0:
             return _manoeuvre(r, arcs, speed, p, solid, clearance)
     if may:
@@ -205,7 +207,7 @@ def follow(r, route, arcs, bodies, wanted_speed, offset, p, solid, clearance, me
     if speed > ZERO:
         bend = max(abs(steer) / BEND_SCALE, abs(steer - r["steer"]) / STEER_SCALE)
         on_line = min(speed, CREEP + (p["max_speed"] - CREEP) * max(ZERO, ONE - bend))
-        aligned = max(abs(angle), abs(r["bearing"])) < BACK_ON
+        aligned = max(abs(angle), abs(r["bearing"])) < BACK_ON and r["stalled_time"] < PATIENCE
         if aligned and leads_ahead(r, arcs) and _may(r, on_line, steer, MARGIN, p, solid, clearance):
             give_up(r)
     if r["arcs"] > 0:
