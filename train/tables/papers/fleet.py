@@ -6,6 +6,7 @@ On the grid a straight move or a wait takes 1 and a diagonal sqrt(2), a cell a s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
@@ -16,10 +17,10 @@ from train.reporting.rows import Row
 from train.tables.papers.coordinator import Coordinator, Driven, drive_alone, duration
 from train.tables.study import System, TableTask
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Planner, min_turns, turns
 from warehouse_env.routes.book import RouteBook
+from warehouse_env.simulation.assignment import Assignment
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.traffic.conflicts import Route
 
@@ -80,26 +81,25 @@ def _on_the_grid(driven: Driven) -> Outcome:
     return Outcome(driven.arrived, sum(times), max(times), driven.clashes())
 
 
-class _Given(Simulator):
-    """Worlds whose robots get given starts and goals: one list of them for each world."""
-
-    def __init__(self, config: EnvConfig, worlds: Sequence[Sequence[Task]], routes: RouteBook) -> None:
-        self._worlds = worlds
-        super().__init__(config, len(worlds), routes=routes)
-
-    def _place_all(self, world: int) -> None:
-        for robot, (start, goal) in enumerate(self._worlds[world]):
-            if not self._place(world, robot, start, goal):
-                raise ConfigError(f"robot {robot} touches something at {start}; choose another start")
+def _assignment(book: RouteBook, tasks: Sequence[Task]) -> Assignment:
+    """Return the robots' poses and goals: on the middles of their starts, along the first metre of their routes."""
+    poses = []
+    for start, goal in tasks:
+        route = book.route(start, goal)
+        ahead = route[min(2, len(route) - 1)] - route[0]
+        eighths = round(math.atan2(ahead[1], ahead[0]) / (math.pi / 4))
+        poses.append((*book.grid.centre(start), eighths * math.pi / 4))
+    return Assignment(np.array(poses), np.array([goal for _, goal in tasks]))
 
 
 def _bodies(grid: GridMap, planner: Planner, worlds: Sequence[Sequence[Task]], rng: np.random.Generator) -> Outcome:
     """Drive each world's robots until all have arrived or time is up."""
     config = EnvConfig(num_agents=len(worlds[0]), tasks="one_shot")
     steps = round(SECONDS / (config.time_step * config.action_repeat))
-    simulator = _Given(config.replace(max_steps=steps), worlds, RouteBook(grid, planner, keep_right=config.keep_right))
+    book = RouteBook(grid, planner, keep_right=config.keep_right)
+    simulator = Simulator(config.replace(max_steps=steps), len(worlds), routes=book)
     policy = Rules(config)
-    observation = simulator.reset(0)
+    observation = simulator.reset_to([_assignment(book, tasks) for tasks in worlds], 0)
     while not simulator.terminated.all() and not simulator.truncated.all():
         observation = simulator.step(policy.act(observation, rng))
     robots = simulator.robots
