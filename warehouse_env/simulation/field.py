@@ -65,17 +65,6 @@ def scratch(count, p):  # type: ignore[no-untyped-def]
 
 
 @inline
-def rank(robots, ranks):  # type: ignore[no-untyped-def]
-    """Write the robots' indices in the order of priority: longest on the way to its goal first, ties by index."""
-    for i in range(robots.shape[0]):
-        k = i
-        while k > 0 and robots[ranks[k - 1]]["age"] < robots[i]["age"]:
-            ranks[k] = ranks[k - 1]
-            k -= 1
-        ranks[k] = i
-
-
-@inline
 def begin(motion, field, p):  # type: ignore[no-untyped-def]
     """Begin a physics step: nobody has committed to more than its stop, of which only an outline is known."""
     _, outlines, marks, _ = field

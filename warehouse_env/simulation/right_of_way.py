@@ -201,7 +201,10 @@ def _ask(i, robots, route, arcs, wanted, sides, ways, p, clearance):  # type: ig
 
 @inline
 def rank(robots, order):  # type: ignore[no-untyped-def]
-    """Write the robots in the order of their right: longest on the way to its goal first, and with it who bars it."""
+    """Write the robots in the order of their right: longest on the way to its goal first, and with it who bars it.
+
+    order int32[N]: their indices; of equals the lower first.
+    """
     count = robots.shape[0]
     for i in range(count):
         robots[i]["right"] = robots[i]["age"]

@@ -142,12 +142,11 @@ def _sights(p):  # type: ignore[no-untyped-def]
 @inline
 def _agree(robots, routes, arcs, commands, sides, guards, ways, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
     """Put the robots in the order of their right, and grant each a stretch of its path, if either is asked for."""
-    if p["right_of_way"] != 0:
+    if p["field"] != 0:
         right_of_way.rank(robots, guards[3])
+    if p["right_of_way"] != 0:
         right_of_way.decide(robots, routes, arcs, commands, sides, guards[3], ways, p, clearance)
         making_room.resolve(robots, routes, arcs, ways, p, solid, clearance, metric)
-    elif p["field"] != 0:
-        field.rank(robots, guards[3])
 
 
 @inline
