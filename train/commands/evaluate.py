@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from train.evaluation.pool import Job, play_all
-from train.evaluation.rollout import Experiment, Trace, identity, make_experiment
+from train.evaluation.rollout import Experiment, Trace, chosen_traffic, identity, make_experiment
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import evaluation_table, make_progress, require_charts
 from train.reporting.rows import Row, RowFile, check_writable, read_rows, write_text
@@ -41,12 +41,12 @@ class Evaluate(Checked):
     """lifelong: a new goal after every arrival; one_shot: one goal each, then parked."""
     planner: str = EnvConfig.planner
     """Planner of the routes."""
-    protective_field: bool = EnvConfig.protective_field
-    """Refuse commands that could end in a contact."""
-    right_of_way: bool = EnvConfig.right_of_way
-    """Decide who goes first, and let who is in the way make room."""
-    reroute: bool = EnvConfig.reroute
-    """Plan routes anew around robots that stand."""
+    protective_field: bool | None = None
+    """Refuse commands that could end in a contact (as the policy needs it if left out)."""
+    right_of_way: bool | None = None
+    """Decide who goes first, and let who is in the way make room (as the policy needs it if left out)."""
+    reroute: bool | None = None
+    """Plan routes anew around robots that stand (as the policy needs it if left out)."""
     seed: int = HELD_OUT_SEED
     """Seed of the first episode, the next ones count on; no training uses seeds from the default on."""
     json: Path | None = None
@@ -96,12 +96,9 @@ class Evaluate(Checked):
         experiments = []
         for floor in floors or [{}]:
             for robots in dict.fromkeys(self.robots):
-                base = EnvConfig(
-                    num_agents=robots, planner=self.planner, tasks=self.tasks, protective_field=self.protective_field,
-                    right_of_way=self.right_of_way, reroute=self.reroute, **floor,
-                )  # fmt: skip
+                base = EnvConfig(num_agents=robots, planner=self.planner, tasks=self.tasks, **floor)
                 experiments += [
-                    make_experiment(policy, base, self.episodes, self.seconds, self.seed)
+                    make_experiment(policy, base, self.episodes, self.seconds, self.seed, chosen_traffic(self))
                     for policy in dict.fromkeys(self.policy)
                 ]
         return experiments

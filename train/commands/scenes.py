@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from train.evaluation.rollout import MOST, make_experiment
+from train.evaluation.rollout import MOST, chosen_traffic, make_experiment
 from train.evaluation.scene_runs import play_scene, scene_table
 from train.evaluation.scenes import SCENES
 from train.learning.config import HELD_OUT_SEED
@@ -31,12 +31,12 @@ class Scenes(Checked):
     """Simulated time within which all robots must have arrived [s]."""
     planner: str = EnvConfig.planner
     """Planner of the routes."""
-    protective_field: bool = EnvConfig.protective_field
-    """Refuse commands that could end in a contact."""
-    right_of_way: bool = EnvConfig.right_of_way
-    """Decide who goes first, and let who is in the way make room."""
-    reroute: bool = EnvConfig.reroute
-    """Plan routes anew around robots that stand."""
+    protective_field: bool | None = None
+    """Refuse commands that could end in a contact (as the policy needs it if left out)."""
+    right_of_way: bool | None = None
+    """Decide who goes first, and let who is in the way make room (as the policy needs it if left out)."""
+    reroute: bool | None = None
+    """Plan routes anew around robots that stand (as the policy needs it if left out)."""
     seed: int = HELD_OUT_SEED
     """The first seed, the next ones count on; no training uses seeds from the default on."""
     json: Path | None = None
@@ -52,12 +52,9 @@ class Scenes(Checked):
         if not 1 <= self.seeds <= MOST:
             raise ConfigError(f"--seeds {self.seeds} must lie between 1 and {MOST:,}")
         make_planner(self.planner)
-        base = EnvConfig(
-            planner=self.planner, protective_field=self.protective_field, right_of_way=self.right_of_way,
-            reroute=self.reroute,
-        )  # fmt: skip
-        for policy in self.policy:
-            make_experiment(policy, base, self.seeds, self.seconds, self.seed)  # finds what is wrong before the start
+        base, chosen = EnvConfig(planner=self.planner), chosen_traffic(self)
+        for policy in self.policy:  # finds what is wrong before the start
+            make_experiment(policy, base, self.seeds, self.seconds, self.seed, chosen)
         check_writable(self.out / "table.md")
         file = RowFile(self.json or self.out / "rows.jsonl")
         rows = []
@@ -67,7 +64,7 @@ class Scenes(Checked):
                 for policy in dict.fromkeys(self.policy):
                     bar = progress.add_task(f"{name} · {policy}", total=self.seeds)
                     tick = lambda done, bar=bar: progress.update(bar, completed=done)  # noqa: E731
-                    played = play_scene(name, policy, base, self.seconds, seeds, tick)
+                    played = play_scene(name, policy, base, self.seconds, seeds, tick, chosen)
                     file.add(played)
                     rows += played
         table = scene_table(rows)
