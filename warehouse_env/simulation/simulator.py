@@ -160,7 +160,7 @@ class Simulator(Portable):
 
     @property
     def routes(self) -> NDArray[np.float32]:
-        """Way-points float32[B, N, R, 2] [m], of which state.route_points are valid; not for keeping, since it grows."""
+        """Way-points float32[B, N, R, 2] [m], of which state.route_points are valid; not to be kept, since it grows."""
         return self.dispatcher.routes
 
     @property
