@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from agents.learned import LearnedPolicy, config_for
-from agents.path_following import Brake, Follow
+from agents.path_following import Brake, Follow, Greedy
 from agents.policy import Policy
 from agents.potential_field import PotentialField
 from agents.reciprocal import Reciprocal
@@ -34,16 +35,23 @@ WEIGHTS_FOLDER = Path(__file__).parent / "weights"
 
 @dataclass(frozen=True)
 class PolicyEntry:
-    """One line of the registry: either a rule made from the config alone, or a folder of weights."""
+    """One line of the registry: either a rule made from the config alone, or a folder of weights.
+
+    needs: fields of EnvConfig that the rule is made for; weights say themselves what they need.
+    """
 
     summary: str
     rule: Callable[[EnvConfig], Policy] | None = None
     weights: Path | None = None
+    needs: dict[str, Any] = field(default_factory=dict)
 
+
+_RIGHT_OF_WAY = {"protective_field": True, "right_of_way": True, "reroute": True, "action_repeat": 2}
 
 POLICIES: dict[str, PolicyEntry] = {
     "follow": PolicyEntry("follows its route and nothing else", rule=Follow),
     "brake": PolicyEntry("follows its route, stops for a robot ahead", rule=Brake),
+    "greedy": PolicyEntry("follows its route by right of way alone", rule=Greedy, needs=_RIGHT_OF_WAY),
     "apf": PolicyEntry("potential field: drawn along its route, pushed off by lidar and robots", rule=PotentialField),
     "orca": PolicyEntry("reciprocal velocity obstacles of discs, by the library pyrvo", rule=Reciprocal),
     "rules": PolicyEntry("paper 001's coordinator: waits by priority, steps aside, backs", rule=Rules),
@@ -66,13 +74,13 @@ def _entry(name_or_dir: str | Path) -> PolicyEntry:
 
 
 def policy_config(name_or_dir: str | Path, base: EnvConfig) -> EnvConfig:
-    """Return `base` with what the policy needs put in: action type, levels, repeat and sensor.
+    """Return `base` with what the policy needs put in: action type, levels, repeat and sensor, or a rule's `needs`.
 
     `base.max_steps` is kept: where the decision time may change, set it from seconds afterwards.
     Raises ConfigError for an unknown name and WeightsError for a folder that is none.
     """
     entry = _entry(name_or_dir)
-    return base if entry.weights is None else config_for(entry.weights, base)
+    return base.replace(**entry.needs) if entry.weights is None else config_for(entry.weights, base)
 
 
 def make_policy(name_or_dir: str | Path, config: EnvConfig) -> Policy:

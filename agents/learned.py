@@ -70,11 +70,20 @@ class LearnedPolicy:
         """Return logits, or means of real-valued actions, float32[..., A] from float32[..., D]."""
         return forward(self._layers, observation[..., : self.record.network.observation_size])
 
+    @property
+    def drawn(self) -> bool:
+        """Whether actions are drawn, rather than the most probable ones."""
+        return self.record.mode == "sample"
+
+    def preferences(self, observation: Observation) -> NDArray[np.float32]:
+        """Return the logits of discrete actions, float32[..., A] from float32[..., D]."""
+        return self.output(observation)
+
     def act(self, observation: Observation, rng: np.random.Generator) -> Action:
         """Choose actions by the mode of config.json: drawn with `rng`, or the most probable (shapes: `Policy.act`)."""
-        output, sample = self.output(observation), self.record.mode == "sample"
+        output = self.output(observation)
         if self._std is None:
-            return draw_discrete(output, rng) if sample else np.argmax(output, axis=-1)
-        if sample:
+            return draw_discrete(output, rng) if self.drawn else np.argmax(output, axis=-1)
+        if self.drawn:
             output += self._std * rng.standard_normal(output.shape, dtype=np.float32)
         return np.clip(output, -1.0, 1.0)

@@ -1,4 +1,4 @@
-"""Two policies that only follow the route: what any learned policy has to beat."""
+"""Policies that only follow the route: what any learned policy has to beat."""
 
 from __future__ import annotations
 
@@ -25,6 +25,12 @@ class Follow:
     def act(self, observation: Observation, rng: np.random.Generator) -> Action:
         """Return the cruise action for every row; draws nothing (shapes: `Policy.act`)."""
         return self._command.at_speed(observation, np.full(observation.shape[:-1], self._command.cruise_speed))
+
+
+class Greedy(Follow):
+    """Drive along the route at the cruise speed, and leave all else to the right of way: no learning, no choice."""
+
+    name = "greedy"
 
 
 class Brake:

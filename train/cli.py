@@ -9,7 +9,7 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
 from warehouse_env.errors import WarehouseError, unknown_name
 
@@ -100,7 +100,15 @@ def _options(options: Any, program: str, arguments: list[str]) -> Any:
         return chosen
 
     made.__annotations__["chosen"] = Annotated[options, tyro.conf.arg(name="")]
-    return tyro.cli(made, prog=program, description=options.__doc__, args=arguments)
+    return tyro.cli(made, prog=program, description=options.__doc__, args=_with_values(options, arguments))
+
+
+def _with_values(options: Any, arguments: list[str]) -> list[str]:
+    """Return a command line in which --name and --no-name have a value, where leaving an option out is a third one."""
+    names = [name.replace("_", "-") for name, kind in get_type_hints(options).items() if kind == bool | None]
+    values = {f"--{name}": [f"--{name}", "True"] for name in names}
+    values |= {f"--no-{name}": [f"--{name}", "False"] for name in names}
+    return [word for given in arguments for word in values.get(given, [given])]
 
 
 def _no_command(arguments: list[str]) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from train.learning.config import HELD_OUT_SEED
 from warehouse_env.checked import Checked
@@ -12,22 +11,20 @@ from warehouse_env.config import EnvConfig
 
 @dataclass(frozen=True)
 class Drive(Checked):
-    """Options of worlds to drive in, and `env`, their configuration."""
+    """Options of worlds to drive in, and what of them is chosen against a policy's own."""
 
     planner: str = EnvConfig.planner
     """Planner of the routes."""
-    protective_field: bool = EnvConfig.protective_field
-    """Refuse commands that could end in a contact."""
-    right_of_way: bool = EnvConfig.right_of_way
-    """Decide who goes first, and let who is in the way make room."""
-    reroute: bool = EnvConfig.reroute
-    """Plan routes anew around robots that stand."""
+    protective_field: bool | None = None
+    """Refuse commands that could end in a contact (as the policy needs it if left out)."""
+    right_of_way: bool | None = None
+    """Decide who goes first, and let who is in the way make room (as the policy needs it if left out)."""
+    reroute: bool | None = None
+    """Plan routes anew around robots that stand (as the policy needs it if left out)."""
     seed: int = HELD_OUT_SEED
     """The first seed, the next ones count on; no training uses seeds from the default on."""
 
-    def env(self, **changes: Any) -> EnvConfig:
-        """Return the configuration that the options ask for, with changes."""
-        return EnvConfig(
-            planner=self.planner, protective_field=self.protective_field, right_of_way=self.right_of_way,
-            reroute=self.reroute, **changes,
-        )  # fmt: skip
+    def chosen(self) -> dict[str, bool]:
+        """Return the fields of EnvConfig that the options set, whatever the policy needs."""
+        given = {name: getattr(self, name) for name in ("protective_field", "right_of_way", "reroute")}
+        return {name: value for name, value in given.items() if value is not None}

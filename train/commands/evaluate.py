@@ -13,7 +13,7 @@ from train.evaluation.pool import Job, play_all
 from train.evaluation.rollout import Experiment, Trace, identity, make_experiment
 from train.reporting.report import evaluation_table, make_progress, require_charts
 from train.reporting.rows import Row, RowFile, check_writable, read_rows, write_text
-from warehouse_env.config import TaskMode
+from warehouse_env.config import EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.layouts import LAYOUTS
 from warehouse_env.maps.movingai import read_map
@@ -85,9 +85,9 @@ class Evaluate(Drive):
         experiments = []
         for floor in floors or [{}]:
             for robots in dict.fromkeys(self.robots):
-                base = self.env(num_agents=robots, tasks=self.tasks, **floor)
+                base = EnvConfig(num_agents=robots, planner=self.planner, tasks=self.tasks, **floor)
                 experiments += [
-                    make_experiment(policy, base, self.episodes, self.seconds, self.seed)
+                    make_experiment(policy, base, self.episodes, self.seconds, self.seed, self.chosen())
                     for policy in dict.fromkeys(self.policy)
                 ]
         return experiments

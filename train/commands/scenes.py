@@ -11,6 +11,7 @@ from train.evaluation.scene_runs import play_scene, scene_table
 from train.evaluation.scenes import SCENES
 from train.reporting.report import make_progress
 from train.reporting.rows import RowFile, check_writable, write_text
+from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.planning import make_planner
 
@@ -40,9 +41,9 @@ class Scenes(Drive):
         if not 1 <= self.seeds <= MOST:
             raise ConfigError(f"--seeds {self.seeds} must lie between 1 and {MOST:,}")
         make_planner(self.planner)
-        base = self.env()
-        for policy in self.policy:
-            make_experiment(policy, base, self.seeds, self.seconds, self.seed)  # finds what is wrong before the start
+        base, chosen = EnvConfig(planner=self.planner), self.chosen()
+        for policy in self.policy:  # finds what is wrong before the start
+            make_experiment(policy, base, self.seeds, self.seconds, self.seed, chosen)
         check_writable(self.out / "table.md")
         file = RowFile(self.json or self.out / "rows.jsonl")
         rows = []
@@ -52,7 +53,7 @@ class Scenes(Drive):
                 for policy in dict.fromkeys(self.policy):
                     bar = progress.add_task(f"{name} · {policy}", total=self.seeds)
                     tick = lambda done, bar=bar: progress.update(bar, completed=done)  # noqa: E731
-                    played = play_scene(name, policy, base, self.seconds, seeds, tick)
+                    played = play_scene(name, policy, base, self.seconds, seeds, tick, chosen)
                     file.add(played)
                     rows += played
         table = scene_table(rows)

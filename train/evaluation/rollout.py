@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents import make_policy, policy_config
+from agents.policy import Action, Observation
+from agents.preferences import Preferring, ranked
 from train.central import CENTRAL, central_config
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__
@@ -58,8 +60,16 @@ class Experiment:
         return f"{self.place} · {self.config.num_agents} robots · {self.policy}"
 
 
-def make_experiment(policy: str, base: EnvConfig, episodes: int, seconds: float, seed: int) -> Experiment:
-    """Return the experiment of `episodes` episodes of `seconds` simulated time, with what the policy needs put in.
+def config_of(policy: str, base: EnvConfig, chosen: Mapping[str, Any]) -> EnvConfig:
+    """Return `base` with what the policy needs put in, and over that the fields that a user has chosen."""
+    config = central_config(policy, base) if policy in CENTRAL else policy_config(policy, base)
+    return config.replace(**chosen)
+
+
+def make_experiment(
+    policy: str, base: EnvConfig, episodes: int, seconds: float, seed: int, chosen: Mapping[str, Any] = {}
+) -> Experiment:
+    """Return the experiment of `episodes` episodes of `seconds` simulated time in the config of `config_of`.
 
     Raises ConfigError for an unknown policy or a number out of range, WeightsError for an unusable policy folder.
     """
@@ -73,7 +83,7 @@ def make_experiment(policy: str, base: EnvConfig, episodes: int, seconds: float,
         raise ConfigError(f"seconds={seconds!r} must be a finite number above 0")
     if seed < 0:
         raise ConfigError(f"seed={seed} must be at least 0")
-    config = central_config(policy, base) if policy in CENTRAL else policy_config(policy, base)
+    config = config_of(policy, base, chosen)
     steps = max(1, round(seconds / (config.time_step * config.action_repeat)))
     return Experiment(policy, config.replace(max_steps=steps), seed, tuple(range(episodes)))
 
@@ -135,13 +145,21 @@ def _decider(experiment: Experiment) -> Decider:
     """Return what chooses the actions: a central planner from all that is known, a policy from observations alone."""
     if experiment.policy in CENTRAL:
         return CENTRAL[experiment.policy].make(experiment.config).act_on
-    policy = make_policy(experiment.policy, experiment.config)
+    act = make_actor(experiment.policy, experiment.config)
 
     def decide(simulator: Simulator, generators: Sequence[np.random.Generator]) -> NDArray[Any]:
         observation = simulator.observation
-        return np.concatenate([policy.act(observation[b : b + 1], rng) for b, rng in enumerate(generators)])
+        return np.concatenate([act(observation[b : b + 1], rng) for b, rng in enumerate(generators)])
 
     return decide
+
+
+def make_actor(name: str, config: EnvConfig) -> Callable[[Observation, np.random.Generator], Action]:
+    """Return what a policy gives Simulator.step: its preferences where right of way can use them, else its actions."""
+    policy = make_policy(name, config)
+    if config.right_of_way and config.action_type == "discrete" and isinstance(policy, Preferring):
+        return lambda observation, rng, policy=policy: ranked(policy, observation, rng)  # type: ignore[misc]
+    return policy.act
 
 
 def _call(watch: Sequence[Watcher], simulator: Simulator, steps: int) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from agents import make_policy, policy_config
+from train.evaluation.rollout import config_of, make_actor
 from train.evaluation.scenes import SCENES, Scene
 from train.reporting.report import Table, grouped, number
 from train.reporting.rows import Row, plain, wilson_interval
@@ -24,15 +25,21 @@ NOTE = (
 
 
 def play_scene(
-    name: str, policy: str, base: EnvConfig, seconds: float, seeds: Sequence[int], tick: Callable[[int], None]
+    name: str,
+    policy: str,
+    base: EnvConfig,
+    seconds: float,
+    seeds: Sequence[int],
+    tick: Callable[[int], None],
+    chosen: Mapping[str, Any] = {},
 ) -> list[Row]:
     """Play a scene of SCENES once a seed, for at most `seconds`; return a row each.
 
     A row does not depend on the other seeds: the policy is asked for one world at a time, with a generator of its own.
-    tick is told how many seeds are done.
+    tick is told how many seeds are done; for chosen see rollout.config_of.
     """
     scene = SCENES[name]()
-    config = policy_config(policy, base.replace(num_agents=scene.robots, tasks="one_shot"))
+    config = config_of(policy, base.replace(num_agents=scene.robots, tasks="one_shot"), chosen)
     steps = max(1, round(seconds / (config.time_step * config.action_repeat)))
     config = config.replace(max_steps=steps)
     shared = {"scene": name, "policy": policy, "robots": scene.robots, "planner": config.planner}
@@ -52,16 +59,16 @@ def play_scene(
 def _play(simulator: Simulator, scene: Scene, policy: str, seeds: Sequence[int]) -> list[Row]:
     """Play the seeds side by side until all robots of all worlds have arrived, or time is up."""
     config = simulator.config
-    driver = make_policy(policy, config)
+    act = make_actor(policy, config)
     rngs = [np.random.default_rng([seed, 1]) for seed in seeds]
     observation = simulator.reset_to([scene.draw(np.random.default_rng([seed, 2])) for seed in seeds], list(seeds))
-    actions = np.stack([np.stack([simulator.cruise_action] * simulator.num_agents)] * len(seeds))
     log = JamLog(simulator)
     going = list(range(len(seeds)))
     steps = 0
     while steps < config.max_steps and going:
-        for world in going:
-            actions[world] = driver.act(observation[world : world + 1], rngs[world])[0]
+        given = [act(observation[world : world + 1], rngs[world]) for world in going]
+        actions = np.zeros((len(seeds), *given[0].shape[1:]), given[0].dtype)  # nobody drives where all have arrived
+        actions[going] = np.concatenate(given)
         observation = simulator.step(actions)
         steps += 1
         log(simulator, steps)

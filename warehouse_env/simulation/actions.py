@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ActionError
 from warehouse_env.kernel import kernel
+from warehouse_env.simulation import preferences
 
 
 @kernel
@@ -29,7 +30,8 @@ def _look_up(table, actions, commands):  # type: ignore[no-untyped-def]
 class ActionDecoder:
     """What the numbers of an action mean under a config.
 
-    discrete: the index of a (speed level, lateral offset) pair, offsets running fastest.
+    discrete: the index of a (speed level, lateral offset) pair, offsets running fastest; or for each of these how much
+        it is liked (preferences): the one liked best is driven, and right of way may take the others.
     continuous: two numbers in [-1, 1] around cruising on the route: the speed from min_speed over the fastest level
         (at 0) to max_speed, and the offset in units of the largest one.
     raw: acceleration and steering rate in units of their limits.
@@ -55,24 +57,55 @@ class ActionDecoder:
             return np.asarray(int(distance.argmin()), dtype=np.int64)
         return np.zeros(2, dtype=np.float32)
 
-    def decode(self, actions: ArrayLike, commands: NDArray[np.float32]) -> None:
-        """Write commands float32[B, N, 2] of all robots; ActionError for a wrong shape, type, range or non-number."""
+    def no_choices(self, worlds: int, robots: int) -> NDArray[np.float32]:
+        """Return choices float32[B, N, K, 3] (preferences.py) to be written: of none, unless there is right of way."""
+        return np.zeros((worlds, robots, 1 + len(self.sides) if self._config.right_of_way else 0, 3), np.float32)
+
+    def decode(self, actions: ArrayLike, commands: NDArray[np.float32], choices: NDArray[np.float32]) -> None:
+        """Write commands float32[B, N, 2] of all robots, and their choices if there are any.
+
+        ActionError for a wrong shape, type, range or non-number.
+        """
         kind = self._config.action_type
         try:
             given = np.asarray(actions)
         except ValueError:
             raise ActionError(f"{kind} actions must be numbers in an array, not lists of different lengths") from None
-        if kind == "discrete":
-            shape = commands.shape[:2]
-            if given.shape != shape or given.dtype.kind not in "iu":
-                raise ActionError(
-                    f"discrete actions must be whole numbers of shape {shape}, not {given.dtype} {given.shape}"
-                )
-            if not _look_up(self.table, given, commands):
-                raise ActionError(
-                    f"discrete actions must lie in 0..{len(self.table) - 1}, not {given.min()}..{given.max()}"
-                )
+        if kind == "discrete" and given.ndim == 3 and given.dtype.kind == "f":
+            self._rank(given, commands, choices)
             return
+        if kind == "discrete":
+            self._look_up(given, commands)
+        else:
+            self._scale(given, commands)
+        if choices.size:
+            preferences.obey(commands, self.sides, choices)
+
+    def _rank(
+        self, given: NDArray[np.floating[Any]], commands: NDArray[np.float32], choices: NDArray[np.float32]
+    ) -> None:
+        """Decode preferences float[B, N, A]."""
+        shape = (*commands.shape[:2], len(self.table))
+        if given.shape != shape:
+            raise ActionError(f"preferences must have the shape {shape}, not {given.shape}")
+        if not preferences.rank(self.table, self.sides, given.astype(np.float32), commands, choices):
+            raise ActionError("preferences must be numbers; some are nan")
+
+    def _look_up(self, given: NDArray[Any], commands: NDArray[np.float32]) -> None:
+        """Decode discrete actions int[B, N]."""
+        shape = commands.shape[:2]
+        if given.shape != shape or given.dtype.kind not in "iu":
+            raise ActionError(
+                f"discrete actions must be whole numbers of shape {shape}, not {given.dtype} {given.shape}"
+            )
+        if not _look_up(self.table, given, commands):
+            raise ActionError(
+                f"discrete actions must lie in 0..{len(self.table) - 1}, not {given.min()}..{given.max()}"
+            )
+
+    def _scale(self, given: NDArray[Any], commands: NDArray[np.float32]) -> None:
+        """Decode continuous or raw actions float[B, N, 2]."""
+        kind = self._config.action_type
         if given.shape != commands.shape or given.dtype.kind not in "fiu":
             raise ActionError(
                 f"{kind} actions must be numbers of shape {commands.shape}, not {given.dtype} {given.shape}"

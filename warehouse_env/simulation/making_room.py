@@ -10,7 +10,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.meetings import COUNT
-from warehouse_env.simulation.path_ahead import CENTRE_X, CENTRE_Y, POSES
+from warehouse_env.simulation.path_ahead import CENTRE_X, CENTRE_Y, DRIVEN, POSES
 from warehouse_env.simulation.rejoin import plan_aside, plan_to_route
 from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO
@@ -29,7 +29,7 @@ def _bodies_near(i, paths, bodies):  # type: ignore[no-untyped-def]
         dx = paths[j, 0, CENTRE_X] - paths[i, 0, CENTRE_X]
         dy = paths[j, 0, CENTRE_Y] - paths[i, 0, CENTRE_Y]
         if j != i and dx * dx + dy * dy < NEAR * NEAR:
-            bodies[count] = paths[j, 0]
+            bodies[count] = paths[j, 0, :DRIVEN]
             count += 1
     return count
 
@@ -64,7 +64,7 @@ def _make_room(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metr
     count, j = 0, robots[low]["yields_to"]
     while j != low:
         for k in range(numbers[COUNT, j]):
-            avoid[count] = paths[j, k]
+            avoid[count] = paths[j, k, :DRIVEN]
             count += 1
         j = robots[j]["yields_to"]
     near = _bodies_near(low, paths, bodies)

@@ -6,7 +6,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.geometry import rectangles_touch
-from warehouse_env.simulation.path_ahead import CENTRE_X, CENTRE_Y, COS, POSES, SIN
+from warehouse_env.simulation.path_ahead import CENTRE_X, CENTRE_Y, COLUMNS, COS, POSES, SIN
 
 WIDE = np.float32(0.08)  # [m] of room around bodies in what is granted anew: paths are predictions
 TIGHT = np.float32(0.015)  # [m] around bodies that are near, and in what has been granted before
@@ -23,14 +23,14 @@ COUNT, WHO, GRANT, MUST, ASKED = range(5)  # rows of numbers int32[5, N + 1]
 def scratch(count, p):  # type: ignore[no-untyped-def]
     """Return the arrays of a world's decision, which the other functions call `ways`.
 
-    paths float32[N + 1, POSES, 4]: the bodies ahead, the last row on trial; boxes float32[N + 1, PARTS, 4] around them;
-    masks uint32[3, N, POSES]: of the n-th robot that a path meets, and for each pose of that path, a bit for each pose
-    of the other that it touches with WIDE room, with TIGHT room, and across; numbers int32[5, N + 1]: poses of a path,
-    the n-th robot met, poses granted, poses in which a robot can stop, and whether it has been asked.
+    paths float32[N + 1, POSES, COLUMNS]: the bodies ahead, the last row on trial; boxes float32[N + 1, PARTS, 4] around
+    them; masks uint32[3, N, POSES]: of the n-th robot that a path meets, and for each pose of that path, a bit for each
+    pose of the other that it touches with WIDE room, with TIGHT room, and across; numbers int32[5, N + 1]: poses of a
+    path, the n-th robot met, poses granted, poses in which a robot can stop, and whether it has been asked.
     """
     if p["right_of_way"] == 0:
         count = 0
-    paths = np.empty((count + 1, POSES, 4), np.float32)
+    paths = np.empty((count + 1, POSES, COLUMNS), np.float32)
     boxes = np.empty((count + 1, PARTS, 4), np.float32)
     masks = np.empty((3, count, POSES), np.uint32)
     numbers = np.empty((5, count + 1), np.int32)

@@ -16,7 +16,8 @@ from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, sin_cos
 
 POSES = 30  # of a path at most: 15 m
 APART = np.float32(0.5)  # [m] of driving between two of them
-CENTRE_X, CENTRE_Y, COS, SIN = range(4)  # columns of a path float32[POSES, 4]
+CENTRE_X, CENTRE_Y, COS, SIN, DRIVEN = range(5)  # columns of a path; DRIVEN [m]: from here to there
+COLUMNS = 5
 _STRIDE = np.float32(0.125)  # [m] of driving in one step of the prediction
 _FARTHEST = np.float32(16.0)  # [m] of driving looked at
 _STEERED = np.float32(0.19)  # [rad] that the steering changes in a stride at 1 m/s
@@ -27,11 +28,11 @@ _TWO = np.float32(2.0)
 
 
 @inline
-def _put(path, k, x, y, heading, p):  # type: ignore[no-untyped-def]
-    """Write the body at a pose of its front axle."""
+def _put(path, k, x, y, heading, driven, p):  # type: ignore[no-untyped-def]
+    """Write the body at a pose of its front axle, `driven` [m] ahead."""
     s, c = sin_cos(heading)
     path[k, CENTRE_X], path[k, CENTRE_Y] = x - p["offset"] * c, y - p["offset"] * s
-    path[k, COS], path[k, SIN] = c, s
+    path[k, COS], path[k, SIN], path[k, DRIVEN] = c, s, driven
 
 
 @inline
@@ -45,10 +46,10 @@ def _point(route, points, spacing, along):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _along_arcs(r, arcs, phase, path, p):  # type: ignore[no-untyped-def]
-    """Write the poses along the rest of a manoeuvre; return (poses, phase, x, y, heading, steering) at its end.
+def _along_arcs(r, arcs, to_next, path, p):  # type: ignore[no-untyped-def]
+    """Write the poses along the rest of a manoeuvre; return (poses, to_next, driven [m], x, y, heading, steering) then.
 
-    phase [m]: driven since the last whole multiple of APART. The end is a pose of its own, whatever the odometer.
+    to_next [m]: to the next whole multiple of APART. The end of an arc is a pose of its own, whatever the odometer.
     """
     x, y, heading, left = r["arc_x"], r["arc_y"], r["arc_heading"], r["arc_left"]
     driven, k, steer = ZERO, 1, r["steer"]
@@ -57,19 +58,20 @@ def _along_arcs(r, arcs, phase, path, p):  # type: ignore[no-untyped-def]
         steer = arcs[n, 1]
         bend = curvature(steer, p["wheelbase"])
         while left != ZERO and k < POSES:
-            way = min(max(left, -_STRIDE), _STRIDE)
+            stride = min(_STRIDE, to_next)
+            way = min(max(left, -stride), stride)
             left -= way
             s, c = sin_cos(heading + HALF * way * bend)
             x, y, heading = x + way * c, y + way * s, heading + way * bend
             driven += abs(way)
-            if np.float32(k) * APART - phase <= driven:
-                _put(path, k, x, y, heading, p)
-                k += 1
-        if k < POSES:
-            _put(path, k, x, y, heading, p)
+            to_next -= abs(way)
+            if to_next <= ZERO:
+                _put(path, k, x, y, heading, driven, p)
+                k, to_next = k + 1, APART
+        if k < POSES and to_next < APART:
+            _put(path, k, x, y, heading, driven, p)
             k += 1
-            phase = np.float32(k - 1) * APART - driven
-    return k, phase, driven, x, y, heading, steer
+    return k, to_next, driven, x, y, heading, steer
 
 
 @inline
@@ -102,18 +104,20 @@ def _pursue(route, points, spacing, along, end, side, look, x, y, c, s, p, clear
 
 @kernel
 def write_path(r, route, arcs, side, p, clearance, path):  # type: ignore[no-untyped-def]
-    """Write the bodies at the robot's pose and ahead of it into path float32[POSES, 4]; return (poses, at the end?).
+    """Write the bodies at the robot's pose and ahead of it into a path; return (poses, at the end?).
 
-    side [m]: the lateral offset from the route. A manoeuvre that makes room (`aside`) is the whole path.
+    path float32[POSES, COLUMNS]; side [m]: the lateral offset from the route. A manoeuvre that makes room (`aside`) is
+    the whole path.
     """
-    _put(path, 0, r["x"], r["y"], r["heading"], p)
+    _put(path, 0, r["x"], r["y"], r["heading"], ZERO, p)
     if r["alive"] == 0 or r["points"] < 2:
         return 1, False
-    phase = np.float32(r["distance"] - np.floor(r["distance"] / np.float64(APART)) * np.float64(APART))
+    apart = np.float64(APART)
+    to_next = np.float32((np.floor(r["distance"] / apart) + 1.0) * apart - r["distance"])
     x, y, heading, steer, driven, k = r["x"], r["y"], r["heading"], r["steer"], ZERO, 1
     points, spacing, along = r["points"], r["spacing"], r["position"]
     if r["arcs"] > 0:
-        k, phase, driven, x, y, heading, steer = _along_arcs(r, arcs, phase, path, p)
+        k, to_next, driven, x, y, heading, steer = _along_arcs(r, arcs, to_next, path, p)
         if r["aside"] != 0 or k == POSES:
             return k, False
         along = _joins(r, route, x, y)
@@ -124,16 +128,19 @@ def write_path(r, route, arcs, side, p, clearance, path):  # type: ignore[no-unt
             return k, True
         s, c = sin_cos(heading)
         wanted = _pursue(route, points, spacing, along, end, side, look, x, y, c, s, p, clearance)
-        steer = min(max(wanted, steer - _STEERED), steer + _STEERED)
-        turn = _STRIDE * curvature(steer, p["wheelbase"])
+        stride = min(_STRIDE, to_next)
+        most = _STEERED * stride / _STRIDE
+        steer = min(max(wanted, steer - most), steer + most)
+        turn = stride * curvature(steer, p["wheelbase"])
         s, c = sin_cos(heading + HALF * turn)
-        x, y, heading = x + _STRIDE * c, y + _STRIDE * s, heading + turn
-        driven += _STRIDE
+        x, y, heading = x + stride * c, y + stride * s, heading + turn
+        driven += stride
+        to_next -= stride
         q = min(int(along / spacing), points - 2)
         ux, uy = (route[q + 1, 0] - route[q, 0]) / spacing, (route[q + 1, 1] - route[q, 1]) / spacing
         reached = np.float32(q) * spacing + (x - route[q, 0]) * ux + (y - route[q, 1]) * uy
-        along = min(max(reached, along), along + _TWO * _STRIDE)
-        if np.float32(k) * APART - phase <= driven:
-            _put(path, k, x, y, heading, p)
-            k += 1
+        along = min(max(reached, along), along + _TWO * stride)
+        if to_next <= ZERO:
+            _put(path, k, x, y, heading, driven, p)
+            k, to_next = k + 1, APART
     return k, False

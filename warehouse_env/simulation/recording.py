@@ -41,7 +41,7 @@ class Episode:
     config: EnvConfig
     grid: GridMap
     seeds: tuple[int, ...]  # one a world
-    actions: NDArray[Any]  # int[T, B, N] or float32[T, B, N, 2]
+    actions: NDArray[Any]  # int[T, B, N], preferences float[T, B, N, A], or float32[T, B, N, 2]
     pose: NDArray[np.float32]  # [T + 1, B, N, 3], front axle x [m], y [m], heading [rad]; the first after the reset
 
     def save(self, path: str | Path) -> None:
@@ -83,10 +83,14 @@ class Episode:
         """Raise WarehouseError unless seeds, actions and poses are of one length and of the config's robots."""
         worlds, robots = len(self.seeds), self.config.num_agents
         steps = self.actions.shape[0] if self.actions.ndim else 0
-        pair = () if self.config.action_type == "discrete" else (2,)
+        config = self.config
+        each: tuple[int, ...] = (2,)
+        if config.action_type == "discrete":
+            liked = len(config.speed_levels) * len(config.lateral_offsets)
+            each = (liked,) if self.actions.dtype.kind == "f" else ()
         if not worlds or not all(isinstance(seed, int) and seed >= 0 for seed in self.seeds):
             raise WarehouseError(f"the seeds {shown(self.seeds)} must be one whole number a world, none negative")
-        if steps and self.actions.shape != (steps, worlds, robots, *pair):
+        if steps and self.actions.shape != (steps, worlds, robots, *each):
             raise WarehouseError(f"actions of shape {self.actions.shape} do not fit {worlds} worlds of {robots} robots")
         if self.pose.shape != (steps + 1, worlds, robots, 3) or self.pose.dtype.kind != "f":
             raise WarehouseError(f"poses of shape {self.pose.shape} do not fit {steps} steps of {robots} robots")

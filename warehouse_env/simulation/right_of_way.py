@@ -8,9 +8,9 @@ touches what another has been granted, as AGVs reserve zones ahead of them. The 
 - who waits for another does so off all of that one's path, so no two wait for each other;
 - what has been granted is kept, unless another could not stop before it any more.
 
-If what bars the way stands or comes the other way, the robot's other lateral offsets are tried, the commanded one
-first. What robots would have to tell each other for it, within 16 m: the poses ahead (path_ahead.py), how far they have
-been granted them, how long they have been on their way, whom they wait for, and whether they make room.
+If what bars the way stands or comes the other way, the robot's other lateral offsets are tried, in the order of its
+preferences. What robots would have to tell each other for it, within 16 m: the poses ahead (path_ahead.py), how far
+they have been granted them, how long they have been on their way, whom they wait for, and whether they make room.
 
 Where all wait in a ring none the less, one of them makes room: making_room.py. Under it all lies the field (field.py):
 paths are predictions, and whatever is granted, no robot moves where it could not stop clear of all others.
@@ -34,7 +34,8 @@ from warehouse_env.simulation.meetings import (
     bound,
     meet,
 )  # fmt: skip
-from warehouse_env.simulation.path_ahead import APART, COS, SIN, write_path
+from warehouse_env.simulation.path_ahead import COS, DRIVEN, SIN, write_path
+from warehouse_env.simulation.preferences import SIDE, speed_of
 from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.trigonometry import HALF, ZERO
 
@@ -44,6 +45,7 @@ AGAINST = np.float32(-0.5)  # ... and from which it comes the other way
 BACK = 4  # poses more that must be free to go back to the commanded offset
 REFUSED = np.float32(0.8)  # [s] that the field has held a robot from which it waits for who held it
 SLOW = np.float32(0.1)  # [m/s]
+_ROUNDING = np.float32(1e-3)  # [m] of an odometer
 
 
 @inline
@@ -122,20 +124,20 @@ def _comes_against(row, granted, count, barrier, ways):  # type: ignore[no-untyp
 
 
 @kernel
-def _try_sides(i, r, route, arcs, wanted, sides, granted, barrier, ways, p, clearance):  # type: ignore[no-untyped-def]
-    """Try the robot's other offsets, the commanded one first, for one whose path is free as far as it asks.
+def _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, clearance):  # type: ignore[no-untyped-def]
+    """Try the robot's other offsets, the best-liked one first, for one whose path is free as far as it asks.
 
     Takes the first that is, and returns the new (poses granted, who bars the way).
     """
     paths, boxes, _, numbers = ways
-    trial = paths.shape[0] - 1
-    for n in range(-1, sides.shape[0]):
-        side = wanted if n < 0 else sides[n]
+    trial, wanted = paths.shape[0] - 1, choices[0, SIDE]
+    for n in range(choices.shape[0]):
+        side = choices[n, SIDE]
         if side == r["side"]:
             if barrier == NOBODY:
                 break  # the best that is free is the one it has
             continue
-        if n >= 0 and side == wanted:
+        if n > 0 and side == wanted:
             continue
         numbers[COUNT, trial], at_end = write_path(r, route, arcs, side, p, clearance, paths[trial])
         bound(trial, ways)
@@ -154,6 +156,15 @@ def _try_sides(i, r, route, arcs, wanted, sides, granted, barrier, ways, p, clea
 
 
 @inline
+def _within(path, count, way):  # type: ignore[no-untyped-def]
+    """Return the last pose of a path that is at most `way` [m] of driving ahead."""
+    k = 0
+    while k + 1 < count and path[k + 1, DRIVEN] <= way:
+        k += 1
+    return k
+
+
+@inline
 def _begin(i, r, route, arcs, ways, p, clearance):  # type: ignore[no-untyped-def]
     """Write the robot's path and what it has been granted of it before."""
     paths, _, _, numbers = ways
@@ -161,19 +172,18 @@ def _begin(i, r, route, arcs, ways, p, clearance):  # type: ignore[no-untyped-de
         r["aside"] = 0
     numbers[COUNT, i], r["at_end"] = write_path(r, route, arcs, r["side"], p, clearance, paths[i])
     bound(i, ways)
-    here, speed, apart = np.floor(r["distance"] / np.float64(APART)), abs(r["speed"]), np.float64(APART)
-    have = max(int(np.round(r["claim"] / apart) - here), 0)
+    speed, last = abs(r["speed"]), numbers[COUNT, i] - 1
+    have = _within(paths[i], last + 1, np.float32(r["claim"] - r["distance"]) + _ROUNDING)
     stop = speed * speed * HALF / p["max_acceleration"] + speed * p["time_step"] * np.float32(p["repeat"])
-    must = ZERO if speed < SLOW else np.ceil((r["distance"] + stop) / apart - 1e-3) - here
-    must = min(int(must), have) if r["claim"] > 0.0 else int(must)
-    last = numbers[COUNT, i] - 1
+    must = 0 if speed < SLOW else _within(paths[i], last + 1, stop - _ROUNDING) + 1
+    must = min(must, have) if r["claim"] > 0.0 else must
     numbers[MUST, i], numbers[GRANT, i], numbers[ASKED, i] = min(must, last), min(max(must, have), last), 0
 
 
 @inline
-def _ask(i, robots, route, arcs, wanted, sides, ways, p, clearance):  # type: ignore[no-untyped-def]
+def _ask(i, robots, route, arcs, choices, ways, p, clearance):  # type: ignore[no-untyped-def]
     """Grant robot i what it may have of its path."""
-    _, _, _, numbers = ways
+    paths, _, _, numbers = ways
     r = robots[i]
     numbers[ASKED, i] = 1
     r["yields_to"] = NOBODY
@@ -187,14 +197,14 @@ def _ask(i, robots, route, arcs, wanted, sides, ways, p, clearance):  # type: ig
         stuck = barrier != NOBODY and (
             abs(robots[barrier]["speed"]) < SLOW or _comes_against(i, granted, count, barrier, ways)
         )
-        if stuck or r["side"] != wanted:
-            granted, barrier = _try_sides(i, r, route, arcs, wanted, sides, granted, barrier, ways, p, clearance)
+        if stuck or r["side"] != choices[0, SIDE]:
+            granted, barrier = _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, clearance)
     numbers[GRANT, i] = granted
-    r["claim"] = (np.floor(r["distance"] / np.float64(APART)) + granted) * np.float64(APART)
+    r["authority"] = paths[i, granted, DRIVEN]
+    r["claim"] = r["distance"] + np.float64(r["authority"])
     if barrier == NOBODY and r["held_by"] >= 0 and r["held_time"] > REFUSED and abs(r["speed"]) < SLOW:
         barrier = r["held_by"]
     r["yields_to"] = barrier
-    r["authority"] = np.float32(max(r["claim"] - r["distance"], 0.0))
     if r["at_end"] != 0 and granted == numbers[COUNT, i] - 1:
         r["authority"] = np.float32(np.inf)  # the goal: it need not stop there
 
@@ -223,18 +233,20 @@ def rank(robots, order):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def decide(robots, routes, arcs, commands, sides, order, ways, p, clearance):  # type: ignore[no-untyped-def]
+def decide(robots, routes, arcs, commands, choices, order, ways, p, clearance):  # type: ignore[no-untyped-def]
     """Grant all robots of a world a stretch of their paths: `authority` [m], `side` [m] and `yields_to` of the records.
 
-    commands float32[N, 2]: speed [m/s] and lateral offset [m] of each; sides float32[O]: the offsets that may be tried
-    instead, in this order; order int32[N]: robots as `rank` has sorted them; ways: see meetings.scratch.
+    commands float32[N, 2]: speed [m/s] and lateral offset [m] of each, of which the speed becomes the one liked with
+    the offset taken; choices float32[N, K, 3]: see preferences.py; order int32[N]: robots as `rank` has sorted them;
+    ways: see meetings.scratch.
     """
     count = robots.shape[0]
     for i in range(count):
         _begin(i, robots[i], routes[i], arcs[i], ways, p, clearance)
     for n in range(count):
         i = order[n]
-        _ask(i, robots, routes[i], arcs[i], commands[i, 1], sides, ways, p, clearance)
+        _ask(i, robots, routes[i], arcs[i], choices[i], ways, p, clearance)
+        commands[i, 0] = speed_of(robots[i], choices[i], commands[i, 0])
 
 
 @inline

@@ -110,6 +110,7 @@ class Simulator(Portable):
         self.steps = np.zeros(b, dtype=np.int64)  # env steps since each world's reset
         self.arrivals: list[Arrival] = []
         self._commands = np.zeros((b, n, 2), dtype=np.float32)
+        self._choices = self._actions.no_choices(b, n)
         reach = float(p["pair_range"][0])
         p["most_pairs"] = state.most_pairs(n, reach, float(p["radius"][0]), self.config)
         self._stamps = np.zeros((b, n, n), dtype=np.int32)
@@ -144,7 +145,7 @@ class Simulator(Portable):
         self._step_arguments = (
             self.arcs, self._commands, self._stamps, self.steps, self.truncated,
             self.terminated, self._waiting, self._faults, self._params,
-            self._actions.sides, self._floor.solid, self._floor.clearance, self._metric, *seen,
+            self._choices, self._floor.solid, self._floor.clearance, self._metric, *seen,
         )  # fmt: skip
         self._observe_arguments = (
             self._waiting, self._params, *seen,
@@ -237,10 +238,10 @@ class Simulator(Portable):
     def step(self, actions: ArrayLike) -> NDArray[np.float32]:
         """Advance all worlds by one env step (action_repeat physics steps) and return the observation.
 
-        actions: int[B, N] of a discrete config, else float[B, N, 2] in [-1, 1] (clipped). ActionError if of another
-        shape, out of range or not finite.
+        actions: int[B, N] of a discrete config, or preferences float[B, N, A] (preferences.py); else float[B, N, 2]
+        in [-1, 1] (clipped). ActionError if of another shape, out of range or not finite.
         """
-        self._actions.decode(actions, self._commands)
+        self._actions.decode(actions, self._commands, self._choices)
         arguments = (self.robots, self.routes, *self._step_arguments)
         if self._many():
             arrivals = sum(side_by_side(step.step, [(*part, *arguments) for part in self._parts]))

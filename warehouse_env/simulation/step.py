@@ -140,12 +140,12 @@ def _sights(p):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _agree(robots, routes, arcs, commands, sides, guards, ways, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
+def _agree(robots, routes, arcs, commands, choices, guards, ways, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
     """Put the robots in the order of their right, and grant each a stretch of its path, if either is asked for."""
     if p["field"] != 0:
         right_of_way.rank(robots, guards[3])
     if p["right_of_way"] != 0:
-        right_of_way.decide(robots, routes, arcs, commands, sides, guards[3], ways, p, clearance)
+        right_of_way.decide(robots, routes, arcs, commands, choices, guards[3], ways, p, clearance)
         making_room.resolve(robots, routes, arcs, ways, p, solid, clearance, metric)
 
 
@@ -163,16 +163,16 @@ def _move(robots, near, motions, p, solid, clearance):  # type: ignore[no-untype
 
 @inline
 def _advance_world(  # type: ignore[no-untyped-def]
-    robots, routes, arcs, commands, sides, stamps, places, motions, guards, ways, fault, clock,
+    robots, routes, arcs, commands, choices, stamps, places, motions, guards, ways, fault, clock,
     p, solid, clearance, metric,
 ):  # fmt: skip
     """Advance one world by one env step; return the number of arrivals."""
     order, starts, bodies = places
     pairs, motion, _, _ = motions
     arrivals, count = 0, robots.shape[0]
+    _agree(robots, routes, arcs, commands, choices, guards, ways, p, solid, clearance, metric)
     for i in range(count):
         _begin(robots[i])
-    _agree(robots, routes, arcs, commands, sides, guards, ways, p, solid, clearance, metric)
     for repeat in range(p["repeat"]):
         buckets.sort(robots, p, starts, order, bodies)
         near = contact.list_pairs(bodies, order, starts, p, pairs)
@@ -240,7 +240,7 @@ def _count_step(robots, steps, b, truncated, terminated, p):  # type: ignore[no-
 
 @kernel
 def step(  # type: ignore[no-untyped-def]
-    begin, end, robots, routes, arcs, commands, stamps, steps, truncated, terminated, waiting, faults, params, sides,
+    begin, end, robots, routes, arcs, commands, stamps, steps, truncated, terminated, waiting, faults, params, choices,
     solid, clearance, metric, rays, table, weights, edges, seen, first, out, terms, reward,
 ):  # fmt: skip
     """Step the worlds from `begin` to before `end`; return the number of arrivals. Leading axis of the arrays: world.
@@ -249,9 +249,8 @@ def step(  # type: ignore[no-untyped-def]
     commands float32[B, N, 2]: speed [m/s] and offset [m], or raw acceleration and steering rate; stamps int32[B, N, N];
     steps int64[B] since the reset, truncated bool[B], terminated bool[B, N]; waiting int32[B]: the arrivals of each
     world, whose observation waits until the Simulator has given out new tasks; faults int32[B, 3]: see
-    audit.find_fault; sides float32[O]: the lateral offsets in the order of right_of_way.py; metric, rays, table,
-    weights, edges, seen, first: see the Simulator; out: observations float32[B, N, D]; terms float32[B, N, T]; reward
-    float32[B, N].
+    audit.find_fault; choices float32[B, N, K, 3]: see preferences.py; metric, rays, table, weights, edges, seen, first:
+    see the Simulator; out: observations float32[B, N, D]; terms float32[B, N, T]; reward float32[B, N].
     """
     p = params[0]
     arrivals, count = 0, robots.shape[1]
@@ -260,7 +259,7 @@ def step(  # type: ignore[no-untyped-def]
     for b in range(begin, end):
         clock = steps[b] * p["repeat"] + 1
         waiting[b] = _advance_world(
-            robots[b], routes[b], arcs[b], commands[b], sides, stamps[b], places, motions, guards, ways, faults[b],
+            robots[b], routes[b], arcs[b], commands[b], choices[b], stamps[b], places, motions, guards, ways, faults[b],
             clock, p, solid, clearance, metric,
         )  # fmt: skip
         _count_step(robots[b], steps, b, truncated, terminated, p)

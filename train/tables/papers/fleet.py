@@ -6,7 +6,6 @@ On the grid a straight move or a wait takes 1 and a diagonal sqrt(2), a cell a s
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
@@ -17,11 +16,15 @@ from train.reporting.rows import Row
 from train.tables.papers.coordinator import Coordinator, Driven, drive_alone, duration
 from train.tables.study import System, TableTask
 from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Planner, min_turns, turns
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.assignment import Assignment
+from warehouse_env.simulation.floor import floor_of
+from warehouse_env.simulation.placement import place
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import ROBOT, parameters_of
 from warehouse_env.traffic.conflicts import Route
 
 Task = tuple[Cell, Cell]
@@ -81,25 +84,27 @@ def _on_the_grid(driven: Driven) -> Outcome:
     return Outcome(driven.arrived, sum(times), max(times), driven.clashes())
 
 
-def _assignment(book: RouteBook, tasks: Sequence[Task]) -> Assignment:
-    """Return the robots' poses and goals: on the middles of their starts, along the first metre of their routes."""
-    poses = []
-    for start, goal in tasks:
-        route = book.route(start, goal)
-        ahead = route[min(2, len(route) - 1)] - route[0]
-        eighths = round(math.atan2(ahead[1], ahead[0]) / (math.pi / 4))
-        poses.append((*book.grid.centre(start), eighths * math.pi / 4))
-    return Assignment(np.array(poses), np.array([goal for _, goal in tasks]))
+def _assignment(tasks: Sequence[Task], routes: RouteBook, config: EnvConfig) -> Assignment:
+    """Return robots at the tasks' starts, each facing along its route as nearly as it fits there."""
+    grid = routes.grid
+    robots, parameters = np.zeros(len(tasks), ROBOT), parameters_of(config, grid.cell_size)
+    for robot, (start, goal) in enumerate(tasks):
+        line = routes.route(start, goal)
+        direction = line[min(2, len(line) - 1)] - line[0]
+        if not place(robots, robot, grid.centre(start), direction, parameters, floor_of(grid)):
+            raise ConfigError(f"robot {robot} touches something at {start}; choose another start")
+    pose = np.stack([robots[name].astype(np.float64) for name in ("x", "y", "heading")], axis=1)
+    return Assignment(pose, np.array([goal for _, goal in tasks]))
 
 
 def _bodies(grid: GridMap, planner: Planner, worlds: Sequence[Sequence[Task]], rng: np.random.Generator) -> Outcome:
     """Drive each world's robots until all have arrived or time is up."""
     config = EnvConfig(num_agents=len(worlds[0]), tasks="one_shot")
     steps = round(SECONDS / (config.time_step * config.action_repeat))
-    book = RouteBook(grid, planner, keep_right=config.keep_right)
-    simulator = Simulator(config.replace(max_steps=steps), len(worlds), routes=book)
+    routes = RouteBook(grid, planner, keep_right=config.keep_right)
+    simulator = Simulator(config.replace(max_steps=steps), len(worlds), routes=routes)
     policy = Rules(config)
-    observation = simulator.reset_to([_assignment(book, tasks) for tasks in worlds], 0)
+    observation = simulator.reset_to([_assignment(tasks, routes, config) for tasks in worlds], seed=0)
     while not simulator.terminated.all() and not simulator.truncated.all():
         observation = simulator.step(policy.act(observation, rng))
     robots = simulator.robots
