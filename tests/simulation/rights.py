@@ -1,0 +1,96 @@
+"""Worlds in which a test decides on the right of way without a step: robots on straight routes across an open floor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.simulation.reference import FRONT, LENGTH, OFFSET, REAR, WIDTH, Points
+from tests.simulation.worlds import room, stage
+from warehouse_env.simulation import meetings, right_of_way
+from warehouse_env.simulation.field import NOBODY
+from warehouse_env.simulation.path_ahead import CENTRE_X, COLUMNS, COS, POSES, SIN
+from warehouse_env.simulation.simulator import Simulator
+
+Pose = Sequence[float]
+SPACING = 0.25  # [m] between a route's points
+
+
+class World:
+    """Robots at poses, each with a straight route ahead of it, and what has been decided last."""
+
+    def __init__(self, *poses: Pose, ages: Sequence[int] | None = None, length: float = 8.0, size: int = 24) -> None:
+        self.simulator = stage(
+            room(size, size), *poses, action_type="discrete", action_repeat=2, protective_field=True, right_of_way=True
+        )
+        self.robots = self.simulator.robots[0]
+        self.robots["yields_to"] = self.robots["held_by"] = NOBODY
+        self.robots["age"] = ages if ages is not None else 0
+        for robot, (x, y, heading, *_) in enumerate(poses):
+            along = np.arange(0.0, length + SPACING, SPACING)[:, None]
+            points = np.array([x, y]) + along * [math.cos(heading), math.sin(heading)]
+            self.simulator._set_route(0, robot, points.astype(np.float32))
+        self.ways: Any = None
+        self.order = np.empty(len(poses), np.int32)
+
+    def decide(self, actions: Any = None) -> World:
+        """Grant paths; everybody cruises unless told otherwise."""
+        sim, n = self.simulator, len(self.robots)
+        told = np.full((1, n), int(sim.cruise_action)) if actions is None else actions
+        sim._actions.decode(told, sim._commands, sim._choices)
+        p = sim._params[0]
+        self.ways = meetings.scratch(n, p)
+        right_of_way.rank(self.robots, self.order)
+        right_of_way.decide(
+            self.robots, sim.routes[0], sim.arcs[0], sim._commands[0], sim._choices[0], self.order, self.ways, p,
+            sim._floor.clearance,
+        )  # fmt: skip
+        return self
+
+    def granted(self, robot: int) -> int:
+        """Number of the last pose that a robot has been granted."""
+        return int(self.ways[3][meetings.GRANT, robot])
+
+    def path(self, robot: int, last: int | None = None) -> NDArray[np.float32]:
+        """The poses of a robot's path, to the last one of it or to number `last`."""
+        end = int(self.ways[3][meetings.COUNT, robot]) if last is None else last + 1
+        return np.array(self.ways[0][robot, :end])
+
+    def drive(self, robot: int, pose: int) -> None:
+        """Put a robot on a pose of its path."""
+        path, r = self.path(robot), self.robots[robot]
+        x, _, c, s, driven = path[pose]
+        r["x"], r["y"] = x + OFFSET * c, path[pose, 1] + OFFSET * s
+        r["cos"], r["sin"], r["heading"] = c, s, math.atan2(s, c)
+        r["distance"] += float(driven)
+        start = self.simulator.routes[0, robot, :2].astype(float)
+        ahead = (start[1] - start[0]) / SPACING
+        r["position"] = max(float((np.array([r["x"], r["y"]]) - start[0]) @ ahead), 0.0)
+
+
+def rectangles(path: NDArray[np.float32], room: float = 0.0) -> Points:
+    """Corners [K, 4, 2] of a path's bodies with `room` [m] around each."""
+    path = path.astype(np.float64)
+    centre, ahead = path[:, CENTRE_X : CENTRE_X + 2], path[:, COS : SIN + 1]
+    left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=-1)
+    assert math.isclose(FRONT + REAR, LENGTH)
+    along = (LENGTH / 2 + room) * np.array([1, -1, -1, 1])[:, None]
+    aside = (WIDTH / 2 + room) * np.array([1, 1, -1, -1])[:, None]
+    return np.asarray(centre[:, None] + along * ahead[:, None] + aside * left[:, None])
+
+
+def empty_path() -> NDArray[np.float32]:
+    """Room for a path."""
+    return np.zeros((POSES, COLUMNS), np.float32)
+
+
+def simulator_with_right(robots: int, layout: str, **changes: Any) -> Simulator:
+    """A simulator with all that traffic has, which has not been reset."""
+    from warehouse_env.config import EnvConfig
+
+    rights = {"protective_field": True, "right_of_way": True, "reroute": True, "action_repeat": 2}
+    return Simulator(EnvConfig(layout=layout, num_agents=robots, planner="astar_turns", **rights | changes))

@@ -1,0 +1,71 @@
+"""A ring of waiting robots is dissolved by the one with the least right."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from tests.simulation.reference import separation
+from tests.simulation.rights import World, rectangles
+from warehouse_env.simulation import making_room
+from warehouse_env.simulation.right_of_way import NOBODY
+
+
+def ring(waited: Sequence[float] = (3.0, 3.0, 3.0), ages: Sequence[int] = (5, 2, 9)) -> World:
+    """Three robots, each of whose ways the next one bars."""
+    world = World((10.0, 10.0, 0.0), (11.6, 10.2, math.pi / 2), (10.6, 11.6, -2.4), ages=ages).decide()
+    world.robots["yields_to"] = [1, 2, 0]
+    world.robots["waiting_time"] = waited
+    return world
+
+
+def resolve(world: World) -> list[int]:
+    """Let them make room; return who has a manoeuvre."""
+    sim = world.simulator
+    making_room.resolve(
+        world.robots, sim.routes[0], sim.arcs[0], world.ways, sim._params[0], sim._floor.solid, sim._floor.clearance,
+        sim._metric,
+    )  # fmt: skip
+    return [int(k) for k in np.flatnonzero(world.robots["arcs"])]
+
+
+def test_the_one_with_the_least_right_leaves_the_others_paths() -> None:
+    world = ring()
+    assert resolve(world) == [1]
+    assert world.robots["aside"].tolist() == [0, 1, 0]
+    assert world.robots["pause"][1] == making_room.SETTLE
+    world.decide()
+    end = rectangles(world.path(1))[-1:]
+    for other in (0, 2):
+        assert float(separation(end, rectangles(world.path(other))).min()) > 0.0
+
+
+def test_if_it_found_no_way_the_next_one_does() -> None:
+    world = ring()
+    world.robots["pause"][1] = 2.0
+    assert resolve(world) == [0]
+
+
+@pytest.mark.parametrize("waited", [(1.9, 1.9, 1.9), (3.0, 3.0, 0.5)])
+def test_nobody_makes_room_before_all_have_waited(waited: Sequence[float]) -> None:
+    assert resolve(ring(waited)) == []
+
+
+def test_who_waits_for_nobody_makes_no_room() -> None:
+    world = ring()
+    world.robots["yields_to"] = NOBODY
+    assert resolve(world) == []
+
+
+def test_who_waits_for_one_that_stands_for_good_goes_round_it() -> None:
+    world = World((10.0, 10.0, 0.0), (11.5, 10.0, 0.0), ages=[5, 0]).decide()
+    world.robots["yields_to"] = [1, NOBODY]
+    world.robots["waiting_time"] = 3.9
+    assert resolve(world) == []
+    world.robots["waiting_time"] = 4.1
+    world.robots["pause"] = 0.0
+    assert resolve(world) == [0]
+    assert world.robots["aside"][0] == 0
