@@ -136,7 +136,7 @@ def test_the_liked_side_is_taken_back_when_it_is_free() -> None:
 def test_behind_one_that_drives_the_same_way_nobody_changes_sides() -> None:
     world = World((5.0, 10.0, 0.0, 1.0), (7.0, 10.0, 0.0, 1.0), ages=[0, 9]).decide()
     assert world.robots["side"].tolist() == [0.0, 0.0]
-    assert 0 < gap(world, 0, 1, world.granted(0), 0)
+    assert gap(world, 0, 1, world.granted(0), 0) > 0
 
 
 def test_who_bars_the_way_inherits_the_right() -> None:
