@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 from pathlib import Path
@@ -22,6 +23,7 @@ from agents import (
     save_policy,
 )
 from agents.networks import ActorCritic, tensors_of
+from agents.preferences import Preferring, ranked
 from agents.sampling import draw_discrete
 from agents.weights_folder import read_record
 from warehouse_env.config import EnvConfig, SensorSpec
@@ -187,3 +189,16 @@ def test_every_registered_policy_acts(name: str) -> None:
     assert policy.name == name
     assert action.shape[:2] == (2, 5)
     assert np.array_equal(action, policy.act(observation, np.random.default_rng(0)))
+
+
+def test_preferences_are_the_logits_and_are_drawn_as_actions_are(folder: Path) -> None:
+    policy = make_policy(folder, EnvConfig())
+    assert isinstance(policy, LearnedPolicy)
+    assert isinstance(policy, Preferring)
+    assert not isinstance(make_policy("follow", EnvConfig()), Preferring)
+    seen = observations()
+    assert np.array_equal(policy.preferences(seen), policy.output(seen))
+    liked = ranked(policy, seen, np.random.default_rng(5))
+    assert np.array_equal(liked.argmax(-1), policy.act(seen, np.random.default_rng(5)))
+    policy.record = dataclasses.replace(policy.record, mode="greedy")
+    assert np.array_equal(ranked(policy, seen, np.random.default_rng(5)), policy.output(seen))

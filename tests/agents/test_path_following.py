@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents import make_policy
+from agents import make_policy, policy_config
 from agents.path_following import Brake
 from agents.route_command import RouteCommand, cruise_output
 from tests.agents.conftest import Observe
@@ -96,3 +96,10 @@ def test_an_untrained_actor_prefers_to_cruise() -> None:
     assert logits.argmax() == 15
     assert np.sort(logits)[-2:] == pytest.approx([1.5, 3.0])
     assert not cruise_output(EnvConfig(action_type="continuous"), bias=1.5).any()
+
+
+def test_greedy_cruises_and_asks_for_the_right_of_way(observe: Observe) -> None:
+    base = EnvConfig(num_agents=3, max_steps=77)
+    config = policy_config("greedy", base)
+    assert config == base.replace(protective_field=True, right_of_way=True, reroute=True, action_repeat=2)
+    assert make_policy("greedy", config).act(observe(config, other=(0.9, 0.0)), RNG).tolist() == [[15]]

@@ -18,7 +18,8 @@ from warehouse_env.simulation.simulator import Simulator
 def decoded(config: EnvConfig, actions: Any) -> list[Any]:
     given = np.asarray(actions)
     commands = np.zeros((1, given.shape[1], 2), dtype=np.float32)
-    ActionDecoder(config).decode(given, commands)
+    decoder = ActionDecoder(config)
+    decoder.decode(given, commands, decoder.no_choices(1, given.shape[1]))
     return [pytest.approx(pair, abs=1e-6) for pair in commands[0].tolist()]
 
 
@@ -28,6 +29,42 @@ def test_discrete_actions_are_speed_levels_times_offsets() -> None:
     assert decoder.space.n == 12  # type: ignore[attr-defined]
     assert decoder.cruise == 8
     assert decoded(config, [[0, 3, 4, 9, 11]]) == [(-0.4, 0.0), (-0.4, 1.2), (0.0, 0.0), (1.3, 0.6), (1.3, 1.2)]
+
+
+def test_of_preferences_the_first_is_driven() -> None:
+    config = EnvConfig(speed_levels=(-0.4, 0.0, 1.3), lateral_offsets=(0.0, 0.6, -0.6, 1.2))
+    liked = np.random.default_rng(0).normal(size=(1, 9, 12)).astype(np.float32)
+    table = ActionDecoder(config).table
+    assert decoded(config, liked) == table[liked.argmax(axis=-1)[0]].tolist()
+
+
+def ranked(liked: dict[tuple[float, float], float]) -> list[Any]:
+    """Choices (offset, speed, speed above 0) of one robot that likes these (speed, offset) more than all else."""
+    config = EnvConfig(
+        speed_levels=(0.0, 0.5, 1.5), lateral_offsets=(0.0, 0.6, -0.6), protective_field=True, right_of_way=True
+    )
+    decoder, commands = ActionDecoder(config), np.zeros((1, 1, 2), np.float32)
+    pairs = [(v, o) for v in config.speed_levels for o in config.lateral_offsets]
+    preferences = [[[liked.get(pair, -1.0) for pair in pairs]]]
+    choices = decoder.no_choices(1, 1)
+    decoder.decode(preferences, commands, choices)
+    assert commands[0, 0].tolist() == choices[0, 0, 0, [1, 0]].tolist()
+    return [pytest.approx(row, abs=1e-6) for row in choices[0, 0].tolist()]
+
+
+def test_offsets_come_in_the_order_of_their_best_speeds() -> None:
+    rows = ranked({(0.0, 0.6): 5.0, (0.5, 0.6): 0.0, (1.5, -0.6): 3.0, (0.5, -0.6): 2.0, (0.5, 0.0): 1.0})
+    wanted = [(0.6, 0.0, 0.5), (0.6, 0.0, 0.5), (-0.6, 1.5, 1.5), (0.0, 0.5, 0.5)]
+    assert rows == wanted
+
+
+def test_one_action_is_its_offset_first_and_then_the_right_and_the_left() -> None:
+    config = EnvConfig(protective_field=True, right_of_way=True)
+    decoder, commands = ActionDecoder(config), np.zeros((1, 1, 2), np.float32)
+    choices = decoder.no_choices(1, 1)
+    decoder.decode([[11]], commands, choices)  # 0.5 m/s, 0.6 m to the left
+    assert choices[0, 0, :, 0].tolist() == pytest.approx([0.6, 0.0, -0.6, 0.6, -1.2, 1.2])
+    assert (choices[0, 0, :, 1:] == 0.5).all()
 
 
 def test_cruise_is_the_fastest_level_nearest_to_the_route() -> None:
@@ -64,6 +101,8 @@ BAD = [
     ("discrete", np.full((2, 3), 20), r"0\.\.19"),
     ("discrete", np.array([[0, 0, 0], [0, 0, -1]]), r"0\.\.19.*-1"),
     ("discrete", [["a"] * 3] * 2, "whole numbers"),
+    ("discrete", np.zeros((2, 3, 19)), r"\(2, 3, 20\)"),
+    ("discrete", np.where(np.arange(120).reshape(2, 3, 20) == 7, np.nan, 0.0), "nan"),
     ("continuous", np.zeros((2, 3)), r"\(2, 3, 2\)"),
     ("continuous", np.full((2, 3, 2), np.nan), "finite"),
     ("raw", np.zeros((3, 2)), r"\(2, 3, 2\)"),

@@ -43,10 +43,19 @@ def test_the_one_with_the_least_right_leaves_the_others_paths() -> None:
         assert float(separation(end, rectangles(world.path(other))).min()) > 0.0
 
 
-def test_if_it_found_no_way_the_next_one_does() -> None:
+def test_who_found_no_way_pauses_and_another_makes_room() -> None:
     world = ring()
     world.robots["pause"][1] = 2.0
-    assert resolve(world) == [0]
+    found = resolve(world)
+    assert len(found) == 1
+    assert found != [1]
+
+
+def test_while_one_leaves_the_others_stay() -> None:
+    world = ring()
+    resolve(world)
+    for _ in range(10):
+        assert resolve(world) == [1]
 
 
 @pytest.mark.parametrize("waited", [(1.9, 1.9, 1.9), (3.0, 3.0, 0.5)])
@@ -60,12 +69,13 @@ def test_who_waits_for_nobody_makes_no_room() -> None:
     assert resolve(world) == []
 
 
-def test_who_waits_for_one_that_stands_for_good_goes_round_it() -> None:
+def test_who_waits_for_one_that_stands_for_good_looks_for_a_way_round_it() -> None:
     world = World((10.0, 10.0, 0.0), (11.5, 10.0, 0.0), ages=[5, 0]).decide()
     world.robots["yields_to"] = [1, NOBODY]
     world.robots["waiting_time"] = 3.9
-    assert resolve(world) == []
+    resolve(world)
+    assert world.robots["pause"].tolist() == [0.0, 0.0]
     world.robots["waiting_time"] = 4.1
-    world.robots["pause"] = 0.0
-    assert resolve(world) == [0]
-    assert world.robots["aside"][0] == 0
+    resolve(world)  # it searches, and whether or not it finds a way, not again for a while
+    assert world.robots["pause"].tolist() == [making_room.PAUSE, 0.0]
+    assert world.robots["aside"].tolist() == [0, 0]

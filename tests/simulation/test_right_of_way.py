@@ -100,7 +100,7 @@ def test_what_is_granted_is_lost_to_one_that_cannot_stop() -> None:
     world.robots["alive"][0] = 0
     world.robots["x"][0] = 1.0
     world.decide()
-    assert world.robots["authority"][1] > 3.0
+    assert world.robots["authority"][1] == 3.0
     world.robots["alive"][0], world.robots["x"][0], world.robots["speed"][0] = 1, 9.0, 1.5
     world.robots["age"][0] = 1000
     world.decide()
@@ -192,7 +192,7 @@ def test_within_its_limit_a_robot_stops_before_its_authority_ends(speed: float, 
             target = float(limit(r, np.float32(wanted), p))
             speed = max(min(target, speed + 0.1), speed - 0.1)
             left -= 0.1 * speed
-    assert left > -ROUNDING
+    assert left > -0.005  # the last decision is rounded to physics steps; WIDE is sixteen times that
     assert speed < 0.02 or wanted < 0.02
 
 

@@ -13,7 +13,7 @@ from warehouse_env.simulation.meetings import COUNT
 from warehouse_env.simulation.path_ahead import CENTRE_X, CENTRE_Y, DRIVEN, POSES
 from warehouse_env.simulation.rejoin import plan_aside, plan_to_route
 from warehouse_env.simulation.state import NOBODY
-from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO
+from warehouse_env.simulation.trigonometry import HALF, ZERO
 
 PATIENCE = np.float32(2.0)  # [s] that a robot stands before it looks for a way out of a ring; twice that for one round
 NEAR = np.float32(6.0)  # [m] within which bodies are gone round
@@ -36,10 +36,11 @@ def _bodies_near(i, paths, bodies):  # type: ignore[no-untyped-def]
 
 @inline
 def _in_ring(i, robots):  # type: ignore[no-untyped-def]
-    """Whether all that wait for each other from robot i on come back to it, and have stood for a while."""
+    """Whether all that wait for each other from robot i on come back to it, have stood for a while, and none leaves."""
     j, steps = robots[i]["yields_to"], 0
     while j != NOBODY and j != i and steps < robots.shape[0]:
-        if robots[j]["waiting_time"] < HALF * PATIENCE:
+        leaves = robots[j]["aside"] != 0 and robots[j]["pause"] > 0
+        if leaves or robots[j]["waiting_time"] < HALF * PATIENCE:
             return False
         j = robots[j]["yields_to"]
         steps += 1
@@ -94,7 +95,6 @@ def resolve(robots, routes, arcs, ways, p, solid, clearance, metric):  # type: i
             continue
         if _in_ring(i, robots):
             _make_room(_least(i, robots), robots, arcs, ways, bodies, avoid, p, solid, clearance, metric)
-            r["pause"] = max(r["pause"], ONE)
         elif r["waiting_time"] > PATIENCE + PATIENCE and robots[barrier]["waiting_time"] > PATIENCE:
             near = _bodies_near(i, ways[0], bodies)
             plan_to_route(r, routes[i], arcs[i], bodies[:near], p, solid, clearance, metric)

@@ -106,6 +106,29 @@ def test_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture
     assert (tmp_path / "table.md").read_text().count("| brake |") == 1
 
 
+@pytest.mark.parametrize(
+    ("options", "traffic"),
+    [
+        ([], (True, True, True)),
+        (["--no-reroute"], (True, True, False)),
+        (["--no-right-of-way", "--reroute"], (True, False, True)),
+    ],
+)
+def test_greedy_gets_what_it_needs_unless_told_otherwise(
+    options: list[str], traffic: tuple[bool, ...], tmp_path: Path
+) -> None:
+    assert main(command(tmp_path, "--policy", "follow", "greedy", "--episodes", "1", *options)) == 0
+    follow, greedy = (EnvConfig.from_dict(row["config"]) for row in read_rows(tmp_path / "rows.jsonl"))
+    assert (greedy.protective_field, greedy.right_of_way, greedy.reroute) == traffic
+    assert (greedy.action_repeat, follow.action_repeat) == (2, 1)
+    assert not follow.protective_field
+
+
+def test_right_of_way_without_the_field_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(command(tmp_path, "--policy", "greedy", "--no-protective-field")) == 2
+    assert "protective_field" in capsys.readouterr().err
+
+
 def test_several_robot_counts_and_floors_make_one_table(tmp_path: Path) -> None:
     from warehouse_env.maps.movingai import EXAMPLE_MAP
 
