@@ -42,7 +42,8 @@ ROBOT = np.dtype(
         ("lived", I), ("waited", I),  # physics steps alive; of those, standing
         # manoeuvre (simulation/driving.py): in one of `arcs` arcs if that is not 0, on number `arc`
         ("arcs", B), ("arc", B), ("arc_x", F), ("arc_y", F), ("arc_heading", F),  # the reference pose on that arc,
-        ("arc_left", F), ("search_wait", F),  # [m] of it to go, negative backwards; [s] until the next search
+        ("arc_left", F), ("arc_margin", F),  # [m] of it to go, negative backwards; [m] kept from shelves
+        ("search_wait", F),  # [s] until the next search
     ],
     align=True,
 )  # fmt: skip
