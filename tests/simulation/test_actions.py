@@ -73,7 +73,7 @@ def test_cruise_is_the_fastest_level_nearest_to_the_route() -> None:
 
 
 def test_continuous_actions_are_around_cruising() -> None:
-    config = EnvConfig(action_type="continuous")
+    config = EnvConfig(action_type="continuous", speed_levels=(-0.4, 0.0, 0.5, 1.3))
     given = [[[0, 0], [1, 1], [-1, -1], [0.5, -0.25], [-0.5, 7.0]]]
     expected = [(1.3, 0), (1.5, 1.2), (-0.5, -1.2), (1.4, -0.3), (0.4, 1.2)]
     assert decoded(config, given) == expected

@@ -156,12 +156,14 @@ def test_figures_without_data_are_nan() -> None:
 
 
 def straight(**changes: Any) -> Simulator:
-    """One robot at (1.5, 1.5) heading east, its goal 12 m on along a one-way aisle."""
+    """One robot at (1.5, 1.5) heading east at up to 1.3 m/s, its goal 12 m on along a one-way aisle."""
+    levels = (-0.4, 0.0, 0.5, 1.3)
     grid = drawn(["#" * 15, "." * 15, "#" * 15])
-    simulator = stage(grid, (1.5, 1.5, 0.0), action_type="discrete", action_repeat=2, **changes)
+    simulator = stage(grid, (1.5, 1.5, 0.0), action_type="discrete", action_repeat=2, speed_levels=levels, **changes)
     simulator.routes[0, 0, :25] = np.column_stack([np.linspace(1.5, 13.5, 25), np.full(25, 1.5)])
     r = simulator.robots[0, 0]
     r["points"], r["spacing"], r["goal_x"], r["goal_y"], r["goal_row"], r["goal_col"] = 25, 0.5, 13.5, 1.5, 1, 13
+    r["task_length"] = 12.0
     return simulator
 
 

@@ -18,7 +18,7 @@ from warehouse_env.simulation.prediction import travel
 from warehouse_env.simulation.simulator import Simulator
 
 F = np.float32
-SPEEDS, SIDES = (-0.4, 0.0, 0.5, 1.3), (0.0, 0.6, -0.6, 1.2, -1.2)  # the default commands
+SPEEDS, SIDES = (-0.4, 0.0, 0.5, 1.3), (0.0, 0.6, -0.6, 1.2, -1.2)  # the commands
 TIMES = 2.4 * np.arange(1, 9) / 8  # [s] looked at
 
 
@@ -40,7 +40,8 @@ def test_travel_by_summing_up(speed: float, target: float, t: float) -> None:
 
 def scene(own: tuple[float, ...], *others: tuple[float, ...], **sensor: Any) -> Simulator:
     """The own robot with a straight route due east along y = 20 from x = 10; others anywhere."""
-    simulator = stage(room(40, 40), own, *others, action_type="discrete", sensor=SensorSpec(predictions=True, **sensor))
+    settings = {"speed_levels": SPEEDS, "sensor": SensorSpec(predictions=True, **sensor)}
+    simulator = stage(room(40, 40), own, *others, action_type="discrete", **settings)
     simulator.routes[0, 0, :40] = np.column_stack([np.linspace(10.0, 29.5, 40), np.full(40, 20.0)])
     r = simulator.robots[0, 0]
     r["points"], r["spacing"], r["goal_x"], r["goal_y"] = 40, 0.5, 29.5, 20.0
