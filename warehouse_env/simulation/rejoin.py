@@ -21,7 +21,7 @@ from warehouse_env.simulation.trigonometry import HALF_PI, ZERO, arc_tan2, wrap
 FIRST, APART, MANY = np.float32(0.75), np.float32(0.4), 8  # [m] ahead, [m] between, and number of poses on the route
 FAR_APART, FAR_MANY = np.float32(1.2), 20  # where none of these can be reached: a lane that must be left backwards
 CRUISE = np.float32(1.3)  # [m/s] at which the rest of the way is priced
-NEAR, MOST_NEAR = np.float32(3.0), 12  # [m] within which, and number of others' bodies that are gone round
+NEAR, MOST_NEAR = np.float32(3.0), 64  # [m] within which others are gone round; more bodies than fit into that
 AMONG_OTHERS = 300  # nodes of a search among these
 
 
