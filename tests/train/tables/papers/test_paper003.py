@@ -35,7 +35,8 @@ def test_maps_are_as_the_text_says() -> None:
 @pytest.mark.parametrize("index", [0, 1])
 def test_the_single_obstacles_trap(index: int) -> None:
     # Going straight to the goal ends inside: some cell is nearer to the goal than all its free neighbours.
-    grid, _, goal = settings()[index].tasks[0]
+    task = settings()[index].tasks[0]
+    grid, goal = task.grid, task.goal
     rows, columns = np.indices(grid.shape)
     far = np.where(grid.occupied, np.inf, np.hypot(rows - goal[0], columns - goal[1]))
     inside = far[4:16, 6:13]
@@ -66,7 +67,8 @@ def test_printed_shares() -> None:
 def test_the_shipped_system_is_optimal_and_the_papers_is_at_the_traps() -> None:
     systems = {system.label: system.make() for system in TABLE.systems}
     for setting in settings():
-        grid, start, goal = setting.tasks[0]
+        task = setting.tasks[0]
+        grid, start, goal = task.grid, task.start, task.goal
         optimum = float(grid.distance_to(goal)[start])
         for label in (SHIPPED, OURS) if setting.name in (E_SHAPED, CONCAVE) else (SHIPPED,):
             for seed in range(3):
