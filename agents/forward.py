@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from math import comb, perm
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from warehouse_env.kernel import inline, kernel
 
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]
 """Weights float32[inputs, outputs], and biases float32[outputs]."""
@@ -24,7 +25,7 @@ _LIMIT = np.float32(9.0)  # from here on tanh is 1 in float32
 _ONE = np.float32(1.0)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@inline
 def _tanh(x):  # type: ignore[no-untyped-def]
     """Return tanh x within 4e-7, and never beyond 1."""
     x = min(max(x, -_LIMIT), _LIMIT)
@@ -34,7 +35,7 @@ def _tanh(x):  # type: ignore[no-untyped-def]
     return min(max(x * p / q, -_ONE), _ONE)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _layer(x, weight, bias, squash):  # type: ignore[no-untyped-def]
     """Return bias + x @ weight, float32[M, outputs] from float32[M, inputs], through tanh if `squash`.
 

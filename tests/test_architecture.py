@@ -22,6 +22,7 @@ BASE = (
     "warehouse_env.checked",
     "warehouse_env.config",
     "warehouse_env.files",
+    "warehouse_env.kernel",
     "warehouse_env.portable",
     "warehouse_env.threads",
 )
@@ -37,6 +38,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.checked": ("warehouse_env.errors",),
     "warehouse_env.portable": (),
     "warehouse_env.compiled": (),
+    "warehouse_env.kernel": (),
     "warehouse_env.files": ("warehouse_env.errors",),
     "warehouse_env.threads": ("warehouse_env.errors",),
     "warehouse_env.config": BASE,

@@ -192,7 +192,7 @@ def test_links_and_paths_lead_somewhere() -> None:
 
 def test_the_observation_table_is_the_layout() -> None:
     table = dict(re.findall(r"^\| `(\w+)` \| (\d+) \|", section("The model"), re.MULTILINE))
-    slices = observation_layout(EnvConfig(sensor=SensorSpec(predictions=True))).slices
+    slices = observation_layout(EnvConfig(sensor=SensorSpec(predictions=True), protective_field=True)).slices
     assert {name: int(size) for name, size in table.items()} == {n: s.stop - s.start for n, s in slices.items()}
 
 

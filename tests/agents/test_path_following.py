@@ -26,7 +26,7 @@ def test_real_valued_actions_cruise_at_zero_and_stop_between_it_and_the_slowest(
     config = EnvConfig(action_type="continuous")
     assert make_policy("follow", config).act(observe(config), RNG).tolist() == [[[0.0, 0.0]]]
     stop = make_policy("brake", config).act(observe(config, other=(0.9, 0.0)), RNG)
-    assert stop[0, 0] == pytest.approx([-1.3 / (1.3 + 0.5), 0.0])  # cruise 1.3 m/s, slowest -0.5 m/s
+    assert stop[0, 0] == pytest.approx([-1.5 / (1.5 + 0.5), 0.0])  # cruise 1.5 m/s, slowest -0.5 m/s
 
 
 def test_raw_actions_pursue_the_route(observe: Observe) -> None:
@@ -61,7 +61,7 @@ def test_brake_stops_for_a_body_in_its_corridor(
 ) -> None:
     config = EnvConfig(action_repeat=2)
     action = make_policy("brake", config).act(observe(config, speed, other, turn), RNG)
-    assert config.speed_levels[int(action[0, 0]) // 5] == (0.0 if stops else 1.3)
+    assert config.speed_levels[int(action[0, 0]) // 5] == (0.0 if stops else 1.5)
     assert int(action[0, 0]) % 5 == 0  # no offset
 
 

@@ -28,7 +28,7 @@ def test_alone_it_is_drawn_to_the_route_point_and_cruises(observe: Observe) -> N
     config = EnvConfig()
     policy = PotentialField(config)
     assert policy.force(seen(observe, config, (1.2, 1.6)))[0, 0] == pytest.approx([0.6, 0.8])
-    assert policy.act(seen(observe, config, (1.2, 1.6)), RNG).tolist() == [[15]]  # 1.3 m/s, offset 0
+    assert policy.act(seen(observe, config, (1.2, 1.6)), RNG).tolist() == [[15]]  # 1.5 m/s, offset 0
 
 
 def test_a_robot_repels_by_paper_001s_formula(observe: Observe) -> None:

@@ -22,7 +22,7 @@ def test_alone_it_cruises_along_the_route(observe: Observe) -> None:
     pytest.importorskip("pyrvo")
     config = EnvConfig()
     policy = Reciprocal(config)
-    assert policy.velocity(seen(observe, config, (1.2, 1.6)))[0, 0] == pytest.approx([0.78, 1.04])
+    assert policy.velocity(seen(observe, config, (1.2, 1.6)))[0, 0] == pytest.approx([0.9, 1.2])
     assert policy.act(seen(observe, config, (1.2, 1.6)), RNG).tolist() == [[15]]
 
 

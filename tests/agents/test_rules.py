@@ -28,7 +28,7 @@ def moving(observation: np.ndarray, vx: float, vy: float) -> np.ndarray:  # type
 
 
 def test_alone_it_cruises_on_the_route(observe: Observe) -> None:
-    assert command(Rules(CONFIG, WIDE), seen(observe, CONFIG)) == (1.3, 0.0)
+    assert command(Rules(CONFIG, WIDE), seen(observe, CONFIG)) == (1.5, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_at_a_node_the_nearer_goes_first_else_who_comes_from_the_right(
     observe: Observe, other: tuple[float, float], turn: float, waits: bool
 ) -> None:
     observation = moving(seen(observe, CONFIG, other=other, turn=turn), 0.0, np.sin(turn))
-    assert command(Rules(CONFIG, WIDE), observation)[0] == (0.0 if waits else 1.3)
+    assert command(Rules(CONFIG, WIDE), observation)[0] == (0.0 if waits else 1.5)
 
 
 def test_exactly_one_of_two_at_a_node_waits(observe: Observe) -> None:

@@ -295,7 +295,7 @@ def test_a_map_is_one_for_all_deep_copies() -> None:
     twin = copy.deepcopy(simulator)
     assert twin.grid is GRID
     assert twin._floor.clearance is simulator._floor.clearance
-    assert twin._tasks[0].places is simulator._tasks[0].places
+    assert twin.dispatcher.tasks[0].places is simulator.dispatcher.tasks[0].places
     assert twin.route_book is not simulator.route_book
 
 

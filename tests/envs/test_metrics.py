@@ -142,19 +142,19 @@ def aisle() -> GridMap:
 
 
 def test_path_lengths_by_hand() -> None:
-    """12 m straight on: to 1.3 m/s in 13 steps over 0.845 m, then 82 steps of 0.13 m, and it is within 0.5 m."""
+    """12 m straight on: to 1.5 m/s in 15 steps over 1.125 m, then 70 steps of 0.15 m, and it is within 0.5 m."""
     env = parallel_env(grid=aisle(), num_agents=1, planner="astar", max_steps=100)
     env.reset(seed=0)
     infos = [env.step({"robot_0": env.simulator.cruise_action})[4]["robot_0"] for _ in range(100)]
-    assert [k for k, info in enumerate(infos) if info["goals"]] == [94]
+    assert [k for k, info in enumerate(infos) if info["goals"]] == [84]
     assert infos[0]["distance_m"] == pytest.approx(0.005, abs=1e-5)
-    assert infos[50]["distance_m"] == pytest.approx(0.13, abs=1e-5)
-    assert infos[94]["path_length_m"] == pytest.approx(11.505, abs=1e-3)
-    assert infos[94]["planned_length_m"] == pytest.approx(12.0, abs=1e-3)
-    assert all("path_length_m" not in info and "planned_length_m" not in info for info in infos[:94] + infos[95:])
+    assert infos[50]["distance_m"] == pytest.approx(0.15, abs=1e-5)
+    assert infos[84]["path_length_m"] == pytest.approx(11.625, abs=1e-3)
+    assert infos[84]["planned_length_m"] == pytest.approx(12.0, abs=1e-3)
+    assert all("path_length_m" not in info and "planned_length_m" not in info for info in infos[:84] + infos[85:])
     metrics = infos[-1]["episode_metrics"]
-    assert metrics["path_length_m"] == infos[94]["path_length_m"]
-    assert metrics["distance_m"] > 11.505
+    assert metrics["path_length_m"] == infos[84]["path_length_m"]
+    assert metrics["distance_m"] > 11.625
 
 
 def test_the_distance_is_the_front_axles_way() -> None:

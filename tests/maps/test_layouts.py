@@ -229,7 +229,7 @@ def test_blocks_centre_what_is_left_over() -> None:
     ("name", "parameters", "words"),
     [
         ("papr46", {}, "unknown layout 'papr46'; did you mean paper46"),
-        ("", {}, "known: blocks"),
+        ("", {}, "known: aisles, blocks"),
         ("paper46", {"rows": 3}, "unknown parameter of layout 'paper46'"),
         ("blocks", {"rowz": 3}, "did you mean rows"),
         ("blocks", {"rows": 2}, "rows=2 must be a whole number of at least 3"),

@@ -198,7 +198,7 @@ def permuted(original: Simulator, order: NDArray[np.int64]) -> Simulator:
     """A simulator whose robot k is the original's robot order[k]."""
     copy = Simulator(original.config, grid=original.grid, routes=original.route_book)
     copy.reset(seed=0)
-    copy.routes = original.routes[:, order].copy()
+    copy.dispatcher.routes = original.routes[:, order].copy()
     copy.robots[...] = original.robots[:, order]
     copy._bind()
     copy._observe()

@@ -37,9 +37,7 @@ def _checked(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def guarded(grid: Any, *poses: Any, **changes: Any) -> Simulator:
-    simulator = stage(grid, *poses, **{"protective_field": True, **changes})
-    simulator.robots["held_by"] = -1
-    return simulator
+    return stage(grid, *poses, **{"protective_field": True, **changes})
 
 
 def least_gap(simulator: Simulator) -> float:
@@ -210,7 +208,8 @@ def test_tasks_and_routes_that_change_while_robots_brake(seed: int, kind: Any, o
         if not one_shot:
             robot = int(rng.integers(0, 7))
             row, column = simulator.state.goal[0, robot].tolist()
-            simulator._set_route(0, robot, (row, column), (0, 0))  # from the goal back: across the floor
+            back = simulator.route_book.route((row, column), (0, 0))  # from the goal: across the floor
+            simulator.dispatcher.give_task(0, robot, (0, 0), back)
     assert untouched(simulator)
 
 

@@ -10,10 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.simulation.worlds import Pose, put, room, stage
+from tests.simulation.worlds import Pose, put, raw, room, stage
 from warehouse_env.simulation.jam_log import JamLog
-from warehouse_env.simulation.jams import NOBODY, cycles
+from warehouse_env.simulation.jams import cycles
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import NOBODY
 
 EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
 
@@ -23,7 +24,7 @@ def standing(*poses: Pose, goals: list[tuple[int, int]], seconds: float = 1.0) -
     simulator = stage(room(12, 12), *poses, keep_right=0.0)
     for robot, (pose, goal) in enumerate(zip(poses, goals, strict=True)):
         start = tuple(simulator.grid.cell(np.array(pose[:2])).tolist())
-        simulator._set_route(0, robot, start, goal)
+        simulator.dispatcher.give_task(0, robot, goal, simulator.route_book.route(start, goal))
     simulator.robots["waiting_time"] = seconds
     return simulator
 
@@ -50,6 +51,23 @@ def test_only_who_stands_waits() -> None:
     assert waits(simulator)[0] == 1
     simulator.robots[0, 0]["alive"] = 0
     assert waits(simulator)[0] == NOBODY
+
+
+@pytest.mark.parametrize(("refused_by", "yields_to", "answer"), [(2, NOBODY, 2), (NOBODY, 2, 2), (2, 1, 2)])
+def test_who_has_refused_it_or_goes_first_is_waited_for(refused_by: int, yields_to: int, answer: int) -> None:
+    simulator = standing(*QUEUE, goals=[(6, 10), (6, 11), (6, 9)])
+    simulator.robots["held_by"][0, 0], simulator.robots["yields_to"][0, 0] = refused_by, yields_to
+    assert waits(simulator) == [answer, NOBODY, NOBODY]
+    simulator.robots["waiting_time"] = 0.0  # yet who drives waits for nobody
+    assert waits(simulator) == [NOBODY] * 3
+
+
+def test_under_the_field_it_names_who_stands_in_the_way() -> None:
+    simulator = stage(room(12, 12), (4.5, 5.5, EAST), (5.5, 5.5, NORTH), protective_field=True)  # 0.1 m of gap
+    simulator.robots["points"] = 0  # no route to look along
+    for _ in range(30):
+        simulator.step(raw(simulator, (1.0, 0.0), (0.0, 0.0)))
+    assert waits(simulator) == [1, NOBODY]
 
 
 def test_a_goal_before_the_other_body_is_reached() -> None:

@@ -39,7 +39,7 @@ def plan(
     """The arcs [K, 2] (signed length [m], steering [rad]), or None."""
     floor, arcs = floor_of(grid), np.zeros((ARCS, 2), dtype=np.float32)
     x, y, heading = (np.float32(value) for value in pose)
-    count = search(
+    count, _ = search(
         x, y, heading, np.float32(0.0), goals, avoid, bodies, TRIES, PARAMETERS[0],
         floor.solid, floor.clearance, turning_metric(PARAMETERS), arcs,
     )  # fmt: skip

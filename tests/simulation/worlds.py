@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import NOBODY
 
 Pose = Sequence[float]  # x [m], y [m], heading [rad], then speed [m/s] and steering [rad] if not 0
 
@@ -44,6 +45,7 @@ def stage(grid: GridMap, *poses: Pose, **changes: Any) -> Simulator:
     simulator = Simulator(config, grid=grid)
     simulator.robots["alive"] = 1
     simulator.robots["gap"] = simulator.robots["min_gap"] = 0.5
+    simulator.robots["held_by"] = simulator.robots["yields_to"] = NOBODY
     for robot, pose in enumerate(poses):
         put(simulator, robot, pose)
         simulator.robots[0, robot]["goal_x"] = simulator.robots[0, robot]["goal_y"] = -1e3  # nobody arrives

@@ -65,11 +65,11 @@ def test_the_export_has_the_librarys_distribution(config: PPOConfig, tmp_path: P
         ours_value = net.value(torch.from_numpy(observation))
     assert torch.equal(ours_value, value)
     if action_type == "discrete":
-        assert output - output.max(-1, keepdims=True) == pytest.approx(
-            (theirs.logits - theirs.logits.max(-1, keepdim=True).values).numpy(), abs=1e-5
-        )
+        # held against the library in float64: its float32 logits are as far off as ours, to the other side at times
+        truth = in_double(trainer, observation)
+        assert output - output.max(-1, keepdims=True) == pytest.approx(truth - truth.max(-1, keepdims=True), abs=1e-5)
         # in float64, where the order of summing does not tell, it is the very same network
-        assert exact(policy._layers, observation) == pytest.approx(in_double(trainer, observation), abs=1e-9)
+        assert exact(policy._layers, observation) == pytest.approx(truth, abs=1e-9)
         assert torch.allclose(log_probability, theirs.log_prob(action), atol=1e-5)
         assert torch.allclose(entropy, theirs.entropy(), atol=1e-5)
     else:

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.kernel import kernel
 from warehouse_env.simulation.footprint import body_touches_shelf
 from warehouse_env.simulation.geometry import rectangles_touch
-from warehouse_env.simulation.kernel import kernel
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.trigonometry import sin_cos, wrap
 

@@ -58,7 +58,7 @@ def give_line(simulator: Simulator, world: int, robot: int, line: NDArray[np.flo
     r["points"], r["spacing"] = len(line), np.hypot(*(line[1] - line[0]))
     r["position"] = nearest * r["spacing"]
     r["milestone"] = r["position"] - since_milestone
-    r["gear"] = 1
+    r["arcs"] = 0  # of a manoeuvre to the line before
 
 
 def speed_for(way: float, period: float, acceleration: float) -> float:

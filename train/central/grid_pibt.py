@@ -10,16 +10,15 @@ finding". Adapted: places have headings, so that what is cheap is what a car-lik
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from warehouse_env.kernel import kernel
 
 AHEAD, ASIDE, BEHIND = 2, 3, 8  # costs of moves, half-cells of driving ahead: aside it slows down, behind it backs
 FAR = np.int32(2**30)
 BACKWARDS = 4  # added to the heading of a move in reverse
 _STEPS = np.array([(0, 1), (-1, 0), (0, -1), (1, 0)], dtype=np.int64)  # (d_row, d_col) of headings 0..3
-
-kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
 
 
 @kernel

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from train.central.grid_pibt import BACKWARDS, kernel
+from train.central.grid_pibt import BACKWARDS
+from warehouse_env.kernel import kernel
 
 LENGTH = 64  # visits of a robot kept, in a ring
 REACHED = 0.6  # [cells] from a cell's centre to the axle, within which a robot may shift gears there

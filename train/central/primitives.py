@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from train.central.grid_pibt import kernel
+from warehouse_env.kernel import kernel
 
 X, Y, COS, SIN = 0, 1, 2, 3  # of the body's centre
 DT = 0.1  # [s] between the poses of a motion

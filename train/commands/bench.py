@@ -17,7 +17,7 @@ from warehouse_env.errors import ConfigError
 
 What = Literal[
     "simulator", "pettingzoo", "vec_env", "policy", "train_reinforce", "train_ppo", "plan", "ant_walk", "tracking",
-    "alone", "field", "start",
+    "field", "alone", "start",
 ]  # fmt: skip
 
 _SMALL = 32  # robots of the single world that larger ones are held against

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from train.commands.drive import Drive
 from train.evaluation.pool import Job, play_all
-from train.evaluation.rollout import Experiment, Trace, chosen_traffic, identity, make_experiment
-from train.learning.config import HELD_OUT_SEED
+from train.evaluation.rollout import Experiment, Trace, identity, make_experiment
 from train.reporting.report import evaluation_table, make_progress, require_charts
 from train.reporting.rows import Row, RowFile, check_writable, read_rows, write_text
-from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.layouts import LAYOUTS
@@ -22,7 +21,7 @@ from warehouse_env.planning import make_planner
 
 
 @dataclass(frozen=True)
-class Evaluate(Checked):
+class Evaluate(Drive):
     """Drive policies through held-out episodes on layouts or maps; print means with 95% intervals."""
 
     policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo")
@@ -39,16 +38,6 @@ class Evaluate(Checked):
     """Simulated time of an episode [s]."""
     tasks: TaskMode = "lifelong"
     """lifelong: a new goal after every arrival; one_shot: one goal each, then parked."""
-    planner: str = EnvConfig.planner
-    """Planner of the routes."""
-    protective_field: bool | None = None
-    """Refuse commands that could end in a contact (as the policy needs it if left out)."""
-    right_of_way: bool | None = None
-    """Decide who goes first, and let who is in the way make room (as the policy needs it if left out)."""
-    reroute: bool | None = None
-    """Plan routes anew around robots that stand (as the policy needs it if left out)."""
-    seed: int = HELD_OUT_SEED
-    """Seed of the first episode, the next ones count on; no training uses seeds from the default on."""
     json: Path | None = None
     """File for the rows, one an episode, as JSON lines (OUT/rows.jsonl if left out)."""
     out: Path = Path("results/evaluate")
@@ -98,7 +87,7 @@ class Evaluate(Checked):
             for robots in dict.fromkeys(self.robots):
                 base = EnvConfig(num_agents=robots, planner=self.planner, tasks=self.tasks, **floor)
                 experiments += [
-                    make_experiment(policy, base, self.episodes, self.seconds, self.seed, chosen_traffic(self))
+                    make_experiment(policy, base, self.episodes, self.seconds, self.seed, self.chosen())
                     for policy in dict.fromkeys(self.policy)
                 ]
         return experiments

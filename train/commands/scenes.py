@@ -5,20 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from train.evaluation.rollout import MOST, chosen_traffic, make_experiment
+from train.commands.drive import Drive
+from train.evaluation.rollout import MOST, make_experiment
 from train.evaluation.scene_runs import play_scene, scene_table
 from train.evaluation.scenes import SCENES
-from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import make_progress
 from train.reporting.rows import RowFile, check_writable, write_text
-from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.planning import make_planner
 
 
 @dataclass(frozen=True)
-class Scenes(Checked):
+class Scenes(Drive):
     """Drive policies through symmetric scenes (head-on, crossing, circle swap); print the share that is resolved."""
 
     scene: tuple[str, ...] = tuple(SCENES)
@@ -29,16 +28,6 @@ class Scenes(Checked):
     """Seeds of each scene and policy."""
     seconds: float = 120.0
     """Simulated time within which all robots must have arrived [s]."""
-    planner: str = EnvConfig.planner
-    """Planner of the routes."""
-    protective_field: bool | None = None
-    """Refuse commands that could end in a contact (as the policy needs it if left out)."""
-    right_of_way: bool | None = None
-    """Decide who goes first, and let who is in the way make room (as the policy needs it if left out)."""
-    reroute: bool | None = None
-    """Plan routes anew around robots that stand (as the policy needs it if left out)."""
-    seed: int = HELD_OUT_SEED
-    """The first seed, the next ones count on; no training uses seeds from the default on."""
     json: Path | None = None
     """File for the rows, one a seed, as JSON lines (OUT/rows.jsonl if left out)."""
     out: Path = Path("results/scenes")
@@ -52,7 +41,7 @@ class Scenes(Checked):
         if not 1 <= self.seeds <= MOST:
             raise ConfigError(f"--seeds {self.seeds} must lie between 1 and {MOST:,}")
         make_planner(self.planner)
-        base, chosen = EnvConfig(planner=self.planner), chosen_traffic(self)
+        base, chosen = EnvConfig(planner=self.planner), self.chosen()
         for policy in self.policy:  # finds what is wrong before the start
             make_experiment(policy, base, self.seeds, self.seconds, self.seed, chosen)
         check_writable(self.out / "table.md")

@@ -66,12 +66,6 @@ def config_of(policy: str, base: EnvConfig, chosen: Mapping[str, Any]) -> EnvCon
     return config.replace(**chosen)
 
 
-def chosen_traffic(options: Any) -> dict[str, bool]:
-    """Return the fields of EnvConfig that a command's options say about traffic; None leaves it to the policy."""
-    given = {name: getattr(options, name) for name in ("protective_field", "right_of_way", "reroute")}
-    return {name: value for name, value in given.items() if value is not None}
-
-
 def make_experiment(
     policy: str, base: EnvConfig, episodes: int, seconds: float, seed: int, chosen: Mapping[str, Any] = {}
 ) -> Experiment:

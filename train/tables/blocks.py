@@ -12,10 +12,11 @@ import numpy as np
 from train.evaluation.planning_runs import Run, make_task, plan_once
 from train.reporting.rows import Row
 from train.tables.catalogue import settings_of, studies_of
-from train.tables.code import code_key
-from train.tables.study import Study, TableTask
+from train.tables.code import code_key, code_of
+from train.tables.study import Experiment, Study, System, TableTask
 from warehouse_env import __version__
-from warehouse_env.planning import Planner
+
+_OF_EXPERIMENTS = ("train.tables.", "warehouse_env.", "agents.")  # code that their rows depend on
 
 
 class Block(NamedTuple):
@@ -29,16 +30,17 @@ class Block(NamedTuple):
     runs: int
     seed: int
 
-    def parts(self) -> tuple[TableTask, Planner]:
-        """Return the task and the planner."""
+    def parts(self) -> tuple[TableTask, System, Experiment | None]:
+        """Return the task, the system, and what is run with them if not a single plan."""
         task = settings_of(self.module, self.study)[self.setting].tasks[self.number]
-        system = next(one for one in studies_of(self.module)[self.study].systems if one.label == self.system)
-        return task, system.make()
+        study = studies_of(self.module)[self.study]
+        return task, next(one for one in study.systems if one.label == self.system), study.experiment
 
     def identity(self) -> Row:
         """Return what its rows are known by: equal identities mean equal rows, but for the times."""
-        task, planner = self.parts()
-        return {
+        task, system, experiment = self.parts()
+        planner = system.make()
+        shared = {
             "study": self.study,
             "setting": self.setting,
             "number": self.number,
@@ -52,6 +54,11 @@ class Block(NamedTuple):
             "version": __version__,
             "code": code_key(type(planner)),
         }
+        if experiment is None:
+            return shared
+        others = [[list(start), list(goal)] for start, goal in task.others]
+        code = code_of(experiment.__module__, type(planner).__module__, within=_OF_EXPERIMENTS)
+        return {**shared, "others": others, "mode": system.mode, "code": code}
 
 
 def blocks_of(module: str, study: Study, runs: int | None, seed: int) -> list[Block]:
@@ -71,12 +78,22 @@ def mixed(blocks: Iterable[Block]) -> list[Block]:
 
 def run_block(block: Block) -> list[Row]:
     """Plan all runs of a block and return their rows; a first plan, which may compile and fill caches, is not timed."""
-    task, planner = block.parts()
+    task, system, experiment = block.parts()
+    if experiment is not None:
+        return _experiments(block, task, system, experiment)
+    planner = system.make()
     truth = make_task(task.grid, f"{block.setting}_{block.number}", task.start, task.goal)
     planner.plan(task.grid, truth.start, truth.goal, np.random.default_rng(block.seed))
     runs = [plan_once(task.grid, planner, truth, block.number, run, block.seed) for run in range(block.runs)]
     identity, best = block.identity(), _best(runs)
     return [{**run.row, **identity, "curve": _curve(run), **(_path(run) if run is best else {})} for run in runs]
+
+
+def _experiments(block: Block, task: TableTask, system: System, experiment: Experiment) -> list[Row]:
+    """Run a study's own experiment, each run with random numbers of its own."""
+    seeds = [np.random.default_rng([block.seed, block.number, run]) for run in range(block.runs)]
+    rows = [experiment(task, system, rng) for rng in seeds]
+    return [{**row, **block.identity(), "run": run, "curve": []} for run, row in enumerate(rows)]
 
 
 def _best(runs: Sequence[Run]) -> Run | None:

@@ -57,6 +57,8 @@ def study_pictures(study: Study, figures: Figures, folder: Path) -> list[Picture
         where = "" if len(optima) == 1 else ", on the task with the longest way"
         title = f"{study.name.replace('_', ' ')}: {setting.name}"
         best = {label: next((row for row in own if row.get("cells")), None) for label, own in rows.items()}
+        if study.experiment is not None and not any(best.values()):
+            continue  # what moves there is no single path
         ways = {label: _way(row) for label, row in best.items()}
         notes = {label: _note(row) for label, row in best.items() if row is not None}
         path = folder / f"{study.name}_paths_{file_name(setting.name)}.png"

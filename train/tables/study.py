@@ -10,6 +10,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, NamedTuple
 
+import numpy as np
+
+from train.reporting.rows import Row
 from train.tables.figures import Figures
 from train.tables.measures import MEASURES
 from warehouse_env.errors import ConfigError, unknown_name
@@ -24,11 +27,12 @@ OPEN: Final = "cannot be told"
 
 
 class TableTask(NamedTuple):
-    """A map with a start and a goal on it."""
+    """A map with a start and a goal on it; others: start and goal of whatever else moves in a study's experiment."""
 
     grid: GridMap
     start: Cell
     goal: Cell
+    others: tuple[tuple[Cell, Cell], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -44,15 +48,23 @@ class Setting:
 
 @dataclass(frozen=True)
 class System:
-    """A planner with its parameters, as one line of the table; `label` is unique in a study, e.g. "pf_aco (paper)"."""
+    """A planner with its parameters, as one line of the table; `label` is unique in a study, e.g. "pf_aco (paper)".
+
+    mode: what a study's experiment does with the planned paths, one of its own names; "" where it only plans.
+    """
 
     label: str
     planner: str
     parameters: Mapping[str, Any] = field(default_factory=dict)
+    mode: str = ""
 
     def make(self) -> Planner:
         """Build the planner; ConfigError for a wrong name or parameter."""
         return make_planner(self.planner, **self.parameters)
+
+
+Experiment = Callable[[TableTask, System, np.random.Generator], Row]
+"""What is run in place of a single plan -> the figures of a row: those of `plan_once` that the study's table shows."""
 
 
 class Published(NamedTuple):
@@ -110,6 +122,7 @@ class Study:
     settings: a function, so that maps are built only where they are needed; it must give the same maps every time.
     runs: of each system on each task; measures: names of MEASURES, the columns.
     pictured: settings of which pictures are drawn; all if empty.
+    experiment: a function of a module, run for every row; a single plan if None.
     note: what is a reconstruction, and what differs from the paper; Markdown, shown under the table.
     """
 
@@ -124,6 +137,7 @@ class Study:
     claims: tuple[Claim, ...] = ()
     note: str = ""
     pictured: tuple[str, ...] = ()
+    experiment: Experiment | None = None
 
     def __post_init__(self) -> None:
         """Refuse names that do not exist, so that a wrong table is noticed before it is run."""

@@ -16,10 +16,10 @@ from warehouse_env.envs.camera import Camera, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, final_metrics, finished_task
 from warehouse_env.envs.options import build_simulator, share_routes
 from warehouse_env.errors import ActionError, ConfigError, shown
+from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.simulation.given import check_count, listed, whole_seed
-from warehouse_env.simulation.kernel import kernel
 from warehouse_env.simulation.simulator import Simulator
 
 StepResult = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]

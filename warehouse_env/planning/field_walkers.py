@@ -127,7 +127,7 @@ def follow(
         seen[row, col] = True
         pull = (float(target[0] - row), float(target[1] - col))
         force = force_at(pull[0], pull[1], push[row, col, 0], push[row, col, 1], energy[row, col], gain, exponent)
-        move = _along(legal[row, col], force[0], force[1])
+        move = along(legal[row, col], force[0], force[1])
         if move >= 0:
             row, col = row + MOVES[move, 0], col + MOVES[move, 1]
         if seen[row, col]:
@@ -136,7 +136,7 @@ def follow(
 
 
 @njit(cache=True, error_model="numpy")
-def _along(legal: NDArray[np.bool_], force_row: float, force_col: float) -> int:
+def along(legal: NDArray[np.bool_], force_row: float, force_col: float) -> int:
     """The legal move (bool[8]) with the smallest angle to a force, under 90 degrees; -1 where there is none."""
     size = np.sqrt(force_row * force_row + force_col * force_col)
     best, largest = -1, _EQUAL

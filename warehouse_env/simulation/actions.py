@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ActionError
+from warehouse_env.kernel import kernel
 from warehouse_env.simulation import preferences
-from warehouse_env.simulation.kernel import kernel
 
 
 @kernel

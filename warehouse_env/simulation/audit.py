@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import UnsafeError
+from warehouse_env.kernel import kernel
 from warehouse_env.simulation.footprint import body_touches_shelf
 from warehouse_env.simulation.geometry import rectangles_touch
-from warehouse_env.simulation.kernel import kernel
 from warehouse_env.simulation.kinematics import approach, drive
 from warehouse_env.simulation.trigonometry import ZERO, sin_cos
 

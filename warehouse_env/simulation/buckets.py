@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from warehouse_env.simulation.kernel import inline
+from warehouse_env.kernel import inline
 
 SEARCH = 2  # buckets to either side that hold all robots within lidar range
 FEW = 32  # robots up to which one bucket holds all of them
@@ -20,6 +20,13 @@ def bucket_grid(num_robots: int, width: float, height: float, reach: float) -> t
         return 1, 1, 2.0 * max(width, height)
     side = reach / SEARCH
     return math.ceil(height / side) + 1, math.ceil(width / side) + 1, side
+
+
+@inline
+def scratch(count, p):  # type: ignore[no-untyped-def]
+    """Return the arrays that `sort` fills: order int32[N], starts int32[buckets + 2] and bodies float32[BODY, N]."""
+    starts = np.empty(p["bucket_rows"] * p["bucket_columns"] + 2, np.int32)
+    return np.empty(count, np.int32), starts, np.empty((BODY, count), np.float32)
 
 
 @inline

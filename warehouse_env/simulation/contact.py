@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from warehouse_env.kernel import inline
 from warehouse_env.simulation.buckets import CENTRE_X, CENTRE_Y, bucket_at
 from warehouse_env.simulation.footprint import body_touches_shelf, clearance_at
 from warehouse_env.simulation.geometry import rectangle_gap, rectangles_touch
-from warehouse_env.simulation.kernel import inline
 from warehouse_env.simulation.kinematics import drive
 from warehouse_env.simulation.state import GAP_HORIZON
 from warehouse_env.simulation.trigonometry import ONE, ZERO, sin_cos
@@ -33,6 +33,13 @@ LANES, MOVES = 8, ROOM
 # Rows of `flags` int32[FLAGS, N]: does the tried pose differ from the present one, is it to be put back?
 MOVING, BLOCKED = 0, 1
 FLAGS = 2
+
+
+@inline
+def scratch(count, p):  # type: ignore[no-untyped-def]
+    """Return a world's arrays: pairs int32[P, 3], motion float32[MOTION, N], flags int32[FLAGS, N] and lanes."""
+    pairs, lanes = np.empty((p["most_pairs"], 3), np.int32), np.zeros(MOTION * LANES, np.float32)
+    return pairs, np.empty((MOTION, count), np.float32), np.empty((FLAGS, count), np.int32), lanes
 
 
 @inline

@@ -1,15 +1,15 @@
 """Driving the arcs of a manoeuvre: a reference pose slides along them, and the robot is steered back to it.
 
-API: `begin(r, count, arcs)` starts the manoeuvre that stands in arcs float32[ARCS, 2] (see manoeuvre.py); `give_up(r)`
-ends it; r["arcs"] > 0 says that a robot is in one. `drive_arcs` returns the next step's (speed, steering) until it is
-done, or 0 arcs are left because the robot was pushed off it.
+API: `begin(r, count, arcs, margin)` starts the manoeuvre that stands in arcs float32[ARCS, 2] (see manoeuvre.py);
+`give_up(r)` ends it; r["arcs"] > 0 says that a robot is in one. `drive_arcs` returns the next step's (speed, steering)
+until it is done, or 0 arcs are left because the robot was pushed off it.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.simulation.kernel import inline, kernel
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import curvature
 from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, sin_cos, wrap
 
@@ -21,6 +21,7 @@ STANDS = np.float32(0.06)  # [m/s] under which the other direction may be taken
 BACK_TO_ARC = np.float32(9.0)  # [1/m^2] of curvature per metre beside the arc, and
 ALONG_ARC = np.float32(6.0)  # [1/m] per radian off its direction: critically damped after a third of a metre
 LOST, LOST_TURN = np.float32(0.15), np.float32(0.35)  # [m], [rad] off the reference at which it is given up
+KEPT = np.float32(1.0 / 3.0)  # of the margin that it was planned with is kept when it is driven
 _STRAIGHT = np.float32(1e-3)  # [1/m]
 _TWO = np.float32(2.0)
 
@@ -32,8 +33,9 @@ def give_up(r):  # type: ignore[no-untyped-def]
 
 
 @inline
-def begin(r, count, arcs):  # type: ignore[no-untyped-def]
-    """Start a manoeuvre of `count` arcs from where the robot stands."""
+def begin(r, count, arcs, margin):  # type: ignore[no-untyped-def]
+    """Start a manoeuvre of `count` arcs, planned with `margin` [m], from where the robot stands."""
+    r["arc_margin"] = margin * KEPT
     r["arcs"], r["arc"] = count, 0
     r["claim"] = 0.0  # what was granted was of another path
     r["arc_x"], r["arc_y"], r["arc_heading"] = r["x"], r["y"], r["heading"]

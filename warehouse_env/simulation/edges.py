@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.simulation.kernel import inline, kernel
+from warehouse_env.kernel import inline, kernel
 
 _EXACT = 1e-9  # [cells] rounding of the crossings below
 WEST, EAST, SOUTH, NORTH = 0, 1, 2, 3  # where an edge faces: to its free side

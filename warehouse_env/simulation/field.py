@@ -14,10 +14,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from warehouse_env.kernel import inline, kernel
+from warehouse_env.observation import FIELD
 from warehouse_env.simulation.buckets import bucket_at
 from warehouse_env.simulation.contact import ACCELERATION, COS, HEADING, SIN, SPEED, STEER, STEER_RATE, X, Y
-from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import braking, curvature
+from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.stops import (
     AXIS_COS,
     AXIS_SIN,
@@ -44,8 +46,8 @@ from warehouse_env.simulation.stops import (
 )
 from warehouse_env.simulation.trigonometry import ZERO
 
+LONG_HELD = np.float32(5.0)  # [s] from which on the observation says the same
 FREE, SHELF = -2, -1  # what refuses a motion: nothing, a shelf; else the index of a robot
-NOBODY = -1  # in ROBOT's held_by
 
 
 @inline
@@ -60,17 +62,6 @@ def scratch(count, p):  # type: ignore[no-untyped-def]
         np.empty((MARK, count + 1), np.int32),
         np.empty(count, np.int32),
     )
-
-
-@inline
-def rank(robots, ranks):  # type: ignore[no-untyped-def]
-    """Write the robots' indices in the order of priority: longest on the way to its goal first, ties by index."""
-    for i in range(robots.shape[0]):
-        k = i
-        while k > 0 and robots[ranks[k - 1]]["age"] < robots[i]["age"]:
-            ranks[k] = ranks[k - 1]
-            k -= 1
-        ranks[k] = i
 
 
 @inline
@@ -200,3 +191,11 @@ def settle(robots):  # type: ignore[no-untyped-def]
     for i in range(robots.shape[0]):
         if abs(robots[i]["speed"]) < REST:
             robots[i]["speed"] = ZERO
+
+
+@inline
+def observe(r, p, row):  # type: ignore[no-untyped-def]
+    """Write the slice `field`, the last of a row: how often and for how long the field has held the robot."""
+    at = row.shape[0] - FIELD
+    row[at] = np.float32(r["held"]) / np.float32(p["repeat"])
+    row[at + 1] = min(r["held_time"], LONG_HELD) / LONG_HELD

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig, SensorSpec
+from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.maps.movingai import read_map
 from warehouse_env.simulation.edges import Edges, edges_of
-from warehouse_env.simulation.kernel import kernel
 
 FINE = 8  # samples of the clearance field per cell side
 UNIT = 0.01  # [m] per count of the clearance field, which saturates at 2.55 m

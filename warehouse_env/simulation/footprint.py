@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from warehouse_env.kernel import inline
 from warehouse_env.simulation.floor import FINE, UNIT
 from warehouse_env.simulation.geometry import rectangles_touch
-from warehouse_env.simulation.kernel import inline
 from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, sin_cos
 
 _FINE = np.float32(FINE)
@@ -14,8 +14,9 @@ _UNIT = np.float32(UNIT)
 _THIRD = np.float32(1.0 / 3.0)
 _TWO_THIRDS = np.float32(2.0 / 3.0)
 _SWEEP_STEP = np.float32(0.12)  # [m] of the front axle between two checked poses, on a gentle arc
-_SWEEP_TURN = np.float32(0.06)  # [rad] between two checked poses, on a sharp one; where the margin is narrow less,
-_TURN_PER_MARGIN = np.float32(2.5)  # [rad/m], so that no corner cuts off more of another than the margin
+_SWEEP_TURN = np.float32(0.06)  # [rad] between two checked poses, on a sharp one; less where the margin is narrow, so
+_TURN_PER_MARGIN = np.float32(1.25)  # [rad/m] that no corner slips past another deeper than half the margin,
+_LEAST_TURN = np.float32(0.001)  # [rad] but not without end
 
 
 @inline
@@ -92,8 +93,8 @@ def sweep_is_free(x, y, c, s, bend, distance, margin, p, solid, clearance):  # t
     half_length = p["half_length"] + margin
     half_width = p["half_width"] + margin
     step = _SWEEP_STEP
-    turn = min(_SWEEP_TURN, _TURN_PER_MARGIN * margin)
-    if abs(bend) * step > turn > ZERO:
+    turn = min(max(_TURN_PER_MARGIN * margin, _LEAST_TURN), _SWEEP_TURN)
+    if abs(bend) * step > turn:
         step = turn / abs(bend)
     count = int(abs(distance) / step) + 1
     step = distance / np.float32(count)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.simulation.kernel import inline
+from warehouse_env.kernel import inline
 from warehouse_env.simulation.trigonometry import ZERO
 
 

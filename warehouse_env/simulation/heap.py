@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from warehouse_env.simulation.kernel import inline
+from warehouse_env.kernel import inline
 
 
 @inline

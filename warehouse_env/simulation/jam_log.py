@@ -9,8 +9,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.simulation.jams import NOBODY
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import NOBODY
 
 PERIOD = 1.0  # [s] between two looks; a cycle seen at two of them is a deadlock
 AWAY = 1.0  # [m] that a robot must get from where it stood to be out of a deadlock

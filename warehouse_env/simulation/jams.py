@@ -1,8 +1,9 @@
-"""Who waits for whom: for each robot that stands, the first body that its own would touch further along its route.
+"""Who waits for whom: each robot that stands, for who the protective field or the right of way says it does.
 
-Geometry alone, so it holds whatever moves the robots. The body is carried along the route as it would be driven: the
-front axle on the line, the body along it, and what it stands off the line by, in place and heading, is driven out on
-the first metre. Others are looked at where they are now. A chain of such robots is a queue; a cycle is a deadlock,
+Where neither has named anybody, for the first body that its own would touch further along its route: geometry alone, so
+that holds whatever moves the robots. The body is carried along the route as it would be driven: the front axle on the
+line, the body along it, and what it stands off the line by, in place and heading, is driven out on the first metre.
+Others are looked at where they are now. A chain of such robots is a queue; a cycle is a deadlock,
 since each of its robots waits for another of them (a wait-for graph, Coffman et al. 1971).
 
 Called when somebody asks (a picture, the log of jams), never by the step itself.
@@ -15,11 +16,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.geometry import rectangles_touch
-from warehouse_env.simulation.kernel import inline, kernel
+from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.trigonometry import ONE, ZERO, arc_tan2, sin_cos, wrap
 
-NOBODY = -1
 STANDING = np.float32(0.95)  # [s] without driving from which a robot is said to wait: 1 s, less its rounding
 ROCKING = np.float32(4.95)  # [s] within a metre of one place from which it is, though it moves: 5 s
 AHEAD = np.float32(2.5)  # [m] of route looked at
@@ -109,7 +110,9 @@ def _waits_for(robots, routes, params, out):  # type: ignore[no-untyped-def]
             r = robots[b, i]
             out[b, i] = NOBODY
             if _stands(r):
-                out[b, i] = _first_in_the_way(robots[b], i, routes[b, i], p, near)
+                out[b, i] = r["held_by"] if r["held_by"] != NOBODY else r["yields_to"]
+                if out[b, i] == NOBODY:
+                    out[b, i] = _first_in_the_way(robots[b], i, routes[b, i], p, near)
 
 
 @kernel

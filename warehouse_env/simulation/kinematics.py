@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.simulation.kernel import inline
+from warehouse_env.kernel import inline
 from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, sin_cos, wrap
 
 _SIXTH = np.float32(1.0 / 6.0)

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.simulation.kernel import inline, kernel
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.meetings import COUNT
 from warehouse_env.simulation.path_ahead import CENTRE_X, CENTRE_Y, DRIVEN, POSES
 from warehouse_env.simulation.rejoin import plan_aside, plan_to_route
-from warehouse_env.simulation.right_of_way import NOBODY
+from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.trigonometry import HALF, ZERO
 
 PATIENCE = np.float32(2.0)  # [s] that a robot stands before it looks for a way out of a ring; twice that for one round

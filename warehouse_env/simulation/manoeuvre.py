@@ -5,7 +5,7 @@ counts. The cost is the time that driving, steering and stopping take; the heuri
 
 API, for any kernel of the simulation (nothing is drawn at random, nothing kept between calls):
 
-    count = search(x, y, heading, steer, goals, avoid, bodies, tries, p, solid, clearance, metric, arcs)
+    count, margin = search(x, y, heading, steer, goals, avoid, bodies, tries, p, solid, clearance, metric, arcs)
 
 x, y, heading, steer: the robot's pose [m], [rad] and its present steering angle [rad]; it may stand too near to
     something: what touches at the start does not count, what touches after it does.
@@ -19,7 +19,8 @@ tries: of TRIES, each nearer to shelves and bodies and with shorter arcs than th
 p, solid, clearance: PARAMETERS record and the floor; metric: turning_metric(PARAMETERS[1]), made once a Simulator.
 arcs float32[ARCS, 2]: is filled with (signed length [m], steering [rad]) of one arc after the other.
 search_once(..., margin, stride, most, ...) instead of tries: a single try of no more than `most` nodes.
-Returns the number of arcs, 0 if the start is a goal already, -1 if there is none or it was not found. A manoeuvre of
+Returns the number of arcs, 0 if the start is a goal already, -1 if there is none or it was not found (search: and the
+margin [m] that it keeps). A manoeuvre of
 more than ARCS arcs is cut off there; it is all free, and the next search begins at its end.
 """
 
@@ -27,18 +28,20 @@ from __future__ import annotations
 
 import numpy as np
 
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation import turning
 from warehouse_env.simulation.footprint import sweep_is_free
 from warehouse_env.simulation.geometry import rectangles_touch
 from warehouse_env.simulation.heap import pop, push
-from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.trigonometry import HALF, ZERO, sin_cos, wrap
 
 ARCS = 16  # of a manoeuvre at most
 MOST = 6000  # nodes of a search
-TRIES = 3
-MARGINS = (np.float32(0.03), np.float32(0.015), np.float32(0.002))  # [m] to shelves and bodies, of each try
-STRIDES = (turning.STRIDE, np.float32(0.2), np.float32(0.15))  # [m] of an arc
+TRIES = 4
+# [m] to shelves and bodies, of each try. A robot drives with a third of that (driving.py): where deviation stops it,
+# the next try can begin.
+MARGINS = (np.float32(0.03), np.float32(0.008), np.float32(0.002), np.float32(0.0005))
+STRIDES = (turning.STRIDE, np.float32(0.2), np.float32(0.15), np.float32(0.15))  # [m] of an arc
 GREED = np.float32(1.1)  # how much the heuristic weighs: soon found before best
 _HEADINGS = 36  # cells of 10 degrees
 _CELLS = np.float32(3.0)  # (x, y) cells to a stride
@@ -199,11 +202,11 @@ def search_once(  # type: ignore[no-untyped-def]
 
 @kernel
 def search(x, y, heading, steer, goals, avoid, bodies, tries, p, solid, clearance, metric, arcs):  # type: ignore[no-untyped-def]
-    """Find a manoeuvre and write it into `arcs`; return the number of its arcs, -1 if there is none (see above)."""
+    """Find a manoeuvre and write it into `arcs`; return the number of its arcs and its margin (see above)."""
     for k in range(tries):
         count = search_once(
             x, y, heading, steer, goals, avoid, bodies, MARGINS[k], STRIDES[k], MOST, p, solid, clearance, metric, arcs
         )
         if count >= 0:
-            return count
-    return -1
+            return count, MARGINS[k]
+    return -1, ZERO

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.geometry import rectangles_touch
-from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.path_ahead import CENTRE_X, CENTRE_Y, COLUMNS, COS, POSES, SIN
 
 WIDE = np.float32(0.08)  # [m] of room around bodies in what is granted anew: paths are predictions

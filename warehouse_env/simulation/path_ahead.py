@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.footprint import clearance_at
-from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import curvature
 from warehouse_env.simulation.tracking import LANE_CLEARANCE, LOOK_AHEAD, LOOK_AHEAD_TIME, OFFSET_FADE, to_steering
 from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, sin_cos

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError
+from warehouse_env.kernel import kernel
 from warehouse_env.simulation.floor import Floor
 from warehouse_env.simulation.footprint import body_touches_shelf
 from warehouse_env.simulation.geometry import rectangle_gap
-from warehouse_env.simulation.kernel import kernel
 from warehouse_env.simulation.trigonometry import sin_cos
 
 GAP = np.float32(0.15)  # [m] to robots at the start, half of it to shelves

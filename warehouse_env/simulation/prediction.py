@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from warehouse_env.kernel import inline
 from warehouse_env.observation import NEIGHBOUR
 from warehouse_env.simulation.geometry import rectangles_touch
-from warehouse_env.simulation.kernel import inline
 from warehouse_env.simulation.trigonometry import HALF, ONE, PI, ZERO, sin_cos
 
 HORIZON = np.float32(2.4)  # [s]

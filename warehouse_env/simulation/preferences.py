@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.simulation.kernel import inline, kernel
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.trigonometry import ZERO
 
 SIDE, SPEED, GOING = range(3)  # columns of choices: offset [m], the speed liked best with it, and the one above 0 [m/s]

@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation import manoeuvre
 from warehouse_env.simulation.buckets import CENTRE_X, CENTRE_Y, COS, SIN
 from warehouse_env.simulation.driving import begin
-from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.trigonometry import HALF_PI, ZERO, arc_tan2, wrap
 
 FIRST, APART, MANY = np.float32(0.75), np.float32(0.4), 8  # [m] ahead, [m] between, and number of poses on the route
@@ -82,18 +82,23 @@ def plan_to_route(r, route, arcs, bodies, p, solid, clearance, metric):  # type:
     goals = np.empty((FAR_MANY + 3, 4), np.float32)
     x, y, heading, steer = r["x"], r["y"], r["heading"], r["steer"]
     count = _write_goals(r, route, APART, MANY, goals)
-    most = manoeuvre.MOST if bodies.shape[0] == 0 else AMONG_OTHERS
-    found = manoeuvre.search_once(
-        x, y, heading, steer, goals[:count], nothing, bodies, manoeuvre.MARGINS[0], manoeuvre.STRIDES[0], most,
-        p, solid, clearance, metric, arcs,
-    )  # fmt: skip
-    if found < 0 and bodies.shape[0] == 0:  # among others it may have to wait: no long search
-        count = _write_goals(r, route, FAR_APART, FAR_MANY, goals)
-        found = manoeuvre.search(
+    if bodies.shape[0] > 0:  # it may have to wait anyway: no long search
+        margin = manoeuvre.MARGINS[0]
+        found = manoeuvre.search_once(
+            x, y, heading, steer, goals[:count], nothing, bodies, margin, manoeuvre.STRIDES[0], AMONG_OTHERS,
+            p, solid, clearance, metric, arcs,
+        )  # fmt: skip
+    else:
+        found, margin = manoeuvre.search(
             x, y, heading, steer, goals[:count], nothing, bodies, manoeuvre.TRIES, p, solid, clearance, metric, arcs
         )
+        if found < 0:
+            count = _write_goals(r, route, FAR_APART, FAR_MANY, goals)
+            found, margin = manoeuvre.search(
+                x, y, heading, steer, goals[:count], nothing, bodies, manoeuvre.TRIES, p, solid, clearance, metric, arcs
+            )
     if found > 0:
-        begin(r, found, arcs)
+        begin(r, found, arcs, margin)
     return found
 
 
@@ -102,7 +107,9 @@ def plan_aside(r, arcs, avoid, bodies, tries, p, solid, clearance, metric):  # t
     """Begin the soonest manoeuvre to a pose whose body is off all rectangles of `avoid` (see above)."""
     goals = np.empty((0, 4), np.float32)
     x, y, heading, steer = r["x"], r["y"], r["heading"], r["steer"]
-    found = manoeuvre.search(x, y, heading, steer, goals, avoid, bodies, tries, p, solid, clearance, metric, arcs)
+    found, margin = manoeuvre.search(
+        x, y, heading, steer, goals, avoid, bodies, tries, p, solid, clearance, metric, arcs
+    )
     if found > 0:
-        begin(r, found, arcs)
+        begin(r, found, arcs, margin)
     return found

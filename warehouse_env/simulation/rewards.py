@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import RewardWeights
-from warehouse_env.simulation.kernel import inline
+from warehouse_env.kernel import inline
 from warehouse_env.simulation.trigonometry import ONE, ZERO
 
 REWARD_TERMS = tuple(f.name for f in dataclasses.fields(RewardWeights))

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.simulation.kernel import inline, kernel
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.meetings import (
     ASKED,
     BIT,
@@ -36,9 +36,9 @@ from warehouse_env.simulation.meetings import (
 )  # fmt: skip
 from warehouse_env.simulation.path_ahead import COS, DRIVEN, SIN, write_path
 from warehouse_env.simulation.preferences import SIDE, speed_of
+from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.trigonometry import HALF, ZERO
 
-NOBODY = -1
 AHEAD = 6  # poses asked for beyond those in which it can stop: 3 m
 SOON = 6  # poses beyond its grant within which one counts as soon to come
 AGAINST = np.float32(-0.5)  # ... and from which it comes the other way
@@ -211,7 +211,10 @@ def _ask(i, robots, route, arcs, choices, ways, p, clearance):  # type: ignore[n
 
 @inline
 def rank(robots, order):  # type: ignore[no-untyped-def]
-    """Write the robots in the order of their right: longest on the way to its goal first, and with it who bars it."""
+    """Write the robots in the order of their right: longest on the way to its goal first, and with it who bars it.
+
+    order int32[N]: their indices; of equals the lower first.
+    """
     count = robots.shape[0]
     for i in range(count):
         robots[i]["right"] = robots[i]["age"]

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from warehouse_env.kernel import inline
 from warehouse_env.observation import EGO, NEIGHBOUR
 from warehouse_env.simulation.buckets import CENTRE_X, CENTRE_Y, COS, SEARCH, SIN, SPEED, bucket_at
 from warehouse_env.simulation.geometry import ray_to_rectangle
-from warehouse_env.simulation.kernel import inline
 from warehouse_env.simulation.tracking import way_point
 from warehouse_env.simulation.trigonometry import ONE, PI, ZERO
 

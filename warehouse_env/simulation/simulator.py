@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.errors import ConfigError, shown
-from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.observation import observation_layout
 from warehouse_env.planning.plan import Planner
 from warehouse_env.portable import Portable
@@ -23,7 +22,7 @@ from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.assignment import Assignment, check_assignments
 from warehouse_env.simulation.audit import is_wanted, raise_fault
 from warehouse_env.simulation.buckets import bucket_grid
-from warehouse_env.simulation.field import NOBODY
+from warehouse_env.simulation.dispatch import ROUTE_BLOCK, Dispatcher
 from warehouse_env.simulation.floor import floor_of, load_grid
 from warehouse_env.simulation.given import (
     check_count,
@@ -36,18 +35,14 @@ from warehouse_env.simulation.given import (
 )
 from warehouse_env.simulation.jams import Jams, jams_of
 from warehouse_env.simulation.manoeuvre import ARCS
-from warehouse_env.simulation.one_shot import OneShotTasks
-from warehouse_env.simulation.placement import place, stand
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
-from warehouse_env.simulation.tasks import Arrival, Tasks, book_arrival
+from warehouse_env.simulation.tasks import Arrival
 from warehouse_env.simulation.turning import turning_metric
 from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
-from warehouse_env.traffic.live import LiveRoutes
 
 PARALLEL_FROM = 256  # robots in all from which waking other threads pays
 _PARTS = 2  # of the worlds for each thread: who is done early, or has a core for itself, does more of them
 _PART = 32  # robots in a part at least
-_ROUTE_BLOCK = 64  # way-points by which the routes' array grows
 
 
 class Simulator(Portable):
@@ -84,20 +79,16 @@ class Simulator(Portable):
             planner = planner if planner is not None else make_planner(config.planner)
             smooth_for = config.robot if config.smooth_routes else None
             routes = RouteBook(self.grid, planner, keep_right=config.keep_right, smooth_for=smooth_for)
-        self.route_book = routes
-        self._live = LiveRoutes(config, routes) if config.reroute else None
         check_pace(config, self.grid.cell_size)
         check_stop(config, state.stop_samples(config))
         self.layout = observation_layout(config)
-        check_memory(num_worlds, config.num_agents, self.layout.size, state.ROBOT.itemsize + 8 * _ROUTE_BLOCK)
-        tasks = OneShotTasks if config.tasks == "one_shot" else Tasks
-        self._tasks = [tasks(self.grid, config) for _ in range(num_worlds)]
-        # made when first used: never seeded copies of a Simulator that has not begun go their own ways
-        self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
+        check_memory(num_worlds, config.num_agents, self.layout.size, state.ROBOT.itemsize + 8 * ROUTE_BLOCK)
         self._params = state.parameters_of(config, self.grid.cell_size)
         self._make_spaces()
         self._weights = weight_vector(config.reward)
         self._reward_weights = config.reward
+        self.robots = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
+        self.dispatcher = Dispatcher(config, routes, self.robots, self._params)
         self._make_arrays()
 
     def _make_spaces(self) -> None:
@@ -110,8 +101,6 @@ class Simulator(Portable):
 
     def _make_arrays(self) -> None:
         b, n, p = self.num_worlds, self.num_agents, self._params
-        self.robots = np.zeros((b, n), dtype=state.ROBOT)
-        self.routes = np.zeros((b, n, _ROUTE_BLOCK, 2), dtype=np.float32)  # [m]; state.route_points are valid
         self.arcs = np.zeros((b, n, ARCS, 2), dtype=np.float32)  # [m], [rad]; the robots' manoeuvres
         self.observation = np.zeros((b, n, self.layout.size), dtype=np.float32)
         self.reward = np.zeros((b, n), dtype=np.float32)
@@ -154,12 +143,12 @@ class Simulator(Portable):
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
         self._step_arguments = (
-            self.robots, self.routes, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
+            self.arcs, self._commands, self._stamps, self.steps, self.truncated,
             self.terminated, self._waiting, self._faults, self._params,
             self._choices, self._floor.solid, self._floor.clearance, self._metric, *seen,
         )  # fmt: skip
         self._observe_arguments = (
-            self.robots, self.routes, self._waiting, self._params, *seen,
+            self._waiting, self._params, *seen,
         )  # fmt: skip
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:
@@ -168,6 +157,20 @@ class Simulator(Portable):
             raise ConfigError(f"an array float32{list(self.observation.shape)} is needed to observe into")
         self.observation = observation
         self._collect()
+
+    @property
+    def routes(self) -> NDArray[np.float32]:
+        """Way-points float32[B, N, R, 2] [m], of which state.route_points are valid; not to keep, as it grows."""
+        return self.dispatcher.routes
+
+    @property
+    def route_book(self) -> RouteBook:
+        """Where routes come from; may be replaced by another simulator's for the same floor, planner and lanes."""
+        return self.dispatcher.book
+
+    @route_book.setter
+    def route_book(self, book: RouteBook) -> None:
+        self.dispatcher.book = book
 
     @property
     def reward_weights(self) -> RewardWeights:
@@ -217,8 +220,6 @@ class Simulator(Portable):
         self._observe(world)
 
     def _reset_world(self, world: int, entropy: list[int] | None, assignment: Assignment | None = None) -> None:
-        if entropy is not None:
-            self._rngs[world] = np.random.default_rng(np.random.SeedSequence(entropy))
         robots = self.robots[world]
         robots[...] = np.zeros((), dtype=state.ROBOT)
         self._stamps[world] = 0
@@ -230,72 +231,9 @@ class Simulator(Portable):
         self.terminated[world] = False
         robots["alive"] = 1
         robots["gap"] = robots["min_gap"] = state.GAP_HORIZON
-        robots["held_by"] = robots["yields_to"] = NOBODY
-        self._tasks[world].reset(self._rngs[world])
-        if assignment is None:
-            self._place_all(world)
-        else:
-            self._assign(world, assignment)
+        robots["held_by"] = robots["yields_to"] = state.NOBODY
+        self.dispatcher.begin(world, entropy, assignment, self._floor)
         robots["anchor_x"], robots["anchor_y"] = robots["x"], robots["y"]
-
-    def _assign(self, world: int, assignment: Assignment) -> None:
-        """Stand the robots of a world where they are told to, with the goals that they are given."""
-        starts = self.grid.cell(assignment.pose[:, :2])
-        tasks = [((int(r), int(c)), (int(u), int(v))) for (r, c), (u, v) in zip(starts, assignment.goal, strict=True)]
-        self._tasks[world].assign(*zip(*tasks, strict=True))
-        for robot, (start, goal) in enumerate(tasks):
-            route = self.route_book.route(start, goal, float(assignment.pose[robot, 2]))
-            self._set_task(world, robot, goal, route)
-            stand(self.robots[world], robot, assignment.pose[robot], self._params, self._floor)
-
-    def _place_all(self, world: int) -> None:
-        """Give every robot of a world a start, a goal and a route."""
-        rng, tasks = self._rngs[world], self._tasks[world]
-        places = tasks.starts(rng)
-        cells, spare = places[: self.num_agents], places[self.num_agents :]
-        goals = tasks.first_goals(cells, rng)
-        self.route_book.prepare(list(zip(cells, goals, strict=True)))
-        for robot in range(self.num_agents):
-            placed = robot < len(cells) and self._place(world, robot, cells[robot], goals[robot])
-            while not placed:
-                if not spare:
-                    raise ConfigError(
-                        f"num_agents={self.num_agents} do not fit on map {self.grid.name!r}: only {robot} found a "
-                        "start that touches nothing; use fewer robots or a larger map"
-                    )
-                cell = spare.pop(0)
-                placed = self._place(world, robot, cell, tasks.next_goal(robot, cell, rng))
-
-    def _place(self, world: int, robot: int, cell: Cell, goal: Cell) -> bool:
-        """Put a robot on a cell, facing along its route; False if it touches something there."""
-        self._set_task(world, robot, goal, self.route_book.route(cell, goal))
-        route = self.routes[world, robot]
-        direction = route[min(2, max(int(self.robots[world, robot]["points"]) - 1, 0))] - route[0]
-        return place(self.robots[world], robot, self.grid.centre(cell), direction, self._params, self._floor)
-
-    def _set_task(self, world: int, robot: int, goal: Cell, points: NDArray[np.float32]) -> None:
-        """Give a robot a goal and its first route there."""
-        self._set_route(world, robot, points)
-        r = self.robots[world, robot]
-        r["milestone"] = r["stalled_time"] = 0.0
-        r["task_length"] = float(r["points"] - 1) * float(r["spacing"])
-        r["goal_x"], r["goal_y"] = points[-1]
-        r["goal_row"], r["goal_col"] = goal
-
-    def _set_route(self, world: int, robot: int, points: NDArray[np.float32]) -> None:
-        if len(points) > self.routes.shape[2]:
-            longer = math.ceil(len(points) / _ROUTE_BLOCK) * _ROUTE_BLOCK
-            grown = np.zeros((self.num_worlds, self.num_agents, longer, 2), dtype=np.float32)
-            grown[:, :, : self.routes.shape[2]] = self.routes
-            self.routes = grown
-            self._collect()
-        self.routes[world, robot, : len(points)] = points
-        r = self.robots[world, robot]
-        r["points"] = len(points)
-        r["spacing"] = np.hypot(*(points[1] - points[0])) if len(points) > 1 else 0.0
-        r["position"] = r["lateral"] = r["bearing"] = 0.0
-        r["arcs"] = r["search_wait"] = 0  # of a manoeuvre to the route before
-        r["claim"] = r["side"] = 0.0
 
     def step(self, actions: ArrayLike) -> NDArray[np.float32]:
         """Advance all worlds by one env step (action_repeat physics steps) and return the observation.
@@ -304,62 +242,33 @@ class Simulator(Portable):
         in [-1, 1] (clipped). ActionError if of another shape, out of range or not finite.
         """
         self._actions.decode(actions, self._commands, self._choices)
+        arguments = (self.robots, self.routes, *self._step_arguments)
         if self._many():
-            arrivals = sum(side_by_side(step.step, [(*part, *self._step_arguments) for part in self._parts]))
+            arrivals = sum(side_by_side(step.step, [(*part, *arguments) for part in self._parts]))
         else:
-            arrivals = step.step(0, self.num_worlds, *self._step_arguments)
+            arrivals = step.step(0, self.num_worlds, *arguments)
         if self._params["checked"][0] != 0:
             raise_fault(self._faults)
-        self.arrivals = self._arrive() if arrivals else []
-        rerouted = 0 if self._live is None else self._reroute(self._live)
+        self.arrivals = self.dispatcher.arrive(self.steps) if arrivals else []
+        rerouted = self.dispatcher.reroute(self.steps)
         if arrivals or rerouted:
-            step.observe(*self._observe_arguments)
+            self._waiting[rerouted] = 1
+            step.observe(self.robots, self.routes, *self._observe_arguments)
         return self.observation
 
     def _many(self) -> bool:
         return self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and get_num_threads() > 1
 
-    def _arrive(self) -> list[Arrival]:
-        """Book the arrivals and return them, and give lifelong robots their next task and route."""
-        arrivals = []
-        for world, robot in np.argwhere(self.robots["arrived"] != 0).tolist():
-            r = self.robots[world, robot]
-            late = 2 * int(self.steps[world]) > self.config.max_steps
-            arrivals.append(book_arrival(r, world, robot, self.seconds(world), late))
-            if self.config.tasks == "lifelong" and r["alive"]:
-                start = (int(r["goal_row"]), int(r["goal_col"]))
-                goal = self._tasks[world].next_goal(robot, start, self._rngs[world])
-                live, route = self._live, None
-                if live is not None:
-                    route = live.route(self.robots[world], self.routes[world], robot, goal)
-                if route is None:
-                    route = self.route_book.route(start, goal, float(r["heading"]))
-                self._set_task(world, robot, goal, route)
-        return arrivals
-
-    def _reroute(self, live: LiveRoutes) -> int:
-        """Route those anew whose way is barred; return their number."""
-        barred = live.watch(self.robots, self.routes, self.steps)
-        for world, robot in barred:
-            r = self.robots[world, robot]
-            route = live.route(self.robots[world], self.routes[world], robot, (int(r["goal_row"]), int(r["goal_col"])))
-            if route is not None:
-                self._set_route(world, robot, route)
-                r["milestone"] = 0.0  # but the time without a metre of progress goes on
-                r["reroutes"] += 1
-                self._waiting[world] = 1
-        return len(barred)
-
     def _observe(self, world: int | None = None) -> None:
         self._waiting[...] = world is None
         if world is not None:
             self._waiting[world] = 1
-        step.observe(*self._observe_arguments)
+        step.observe(self.robots, self.routes, *self._observe_arguments)
 
     def episode_metrics(self, world: int = 0) -> dict[str, float]:
         """Return the row of numbers of a world's episode so far (see metrics.episode_row, and Tasks.cut_off)."""
         row = metrics.episode_row(self.robots[world], self.seconds(world), self.config)
-        return row | {"cut_off": self._tasks[world].cut_off()}
+        return row | {"cut_off": self.dispatcher.tasks[world].cut_off()}
 
     def jams(self) -> Jams:
         """Return whom each standing robot waits for, and which of them wait in a circle (see jams.jams_of)."""

@@ -15,6 +15,8 @@ from warehouse_env.config import EnvConfig
 
 F, I, B = np.float32, np.int32, np.int8  # noqa: E741
 
+NOBODY = -1  # where a robot is named: held_by, yields_to
+
 ROBOT = np.dtype(
     [
         # motion
@@ -45,7 +47,8 @@ ROBOT = np.dtype(
         ("held", I), ("held_by", I), ("held_time", F),  # refused in the last env step; by whom; [s] without a break
         # manoeuvre (simulation/driving.py): in one of `arcs` arcs if that is not 0, on number `arc`
         ("arcs", B), ("arc", B), ("arc_x", F), ("arc_y", F), ("arc_heading", F),  # the reference pose on that arc,
-        ("arc_left", F), ("search_wait", F),  # [m] of it to go, negative backwards; [s] until the next search
+        ("arc_left", F), ("arc_margin", F),  # [m] of it to go, negative backwards; [m] kept from shelves
+        ("search_wait", F),  # [s] until the next search
         # right of way (simulation/right_of_way.py): granted up to this odometer, how far that is, and with which offset
         ("claim", np.float64), ("authority", F), ("side", F), ("at_end", B),  # [m], [m], [m]; the goal is granted, too
         ("yields_to", I), ("right", I), ("aside", B), ("pause", F),  # waits for whom; steps; makes room; [s] no search
@@ -166,6 +169,11 @@ def state_of(robots: NDArray[Any]) -> State:
 def events_of(robots: NDArray[Any]) -> Events:
     """Return the views of Events onto the structured array [B, N]."""
     return Events(*(robots[name] for name in Events._fields))
+
+
+def goal_of(r: Any) -> tuple[int, int]:
+    """Return the cell (row, column) that a robot is on its way to."""
+    return int(r["goal_row"]), int(r["goal_col"])
 
 
 def global_view(robots: NDArray[Any], side: float, config: EnvConfig) -> NDArray[np.float32]:

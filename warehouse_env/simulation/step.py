@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.observation import EGO, FIELD, NEIGHBOUR
+from warehouse_env.kernel import inline, kernel
+from warehouse_env.observation import EGO, NEIGHBOUR
 from warehouse_env.simulation import (
     audit,
     buckets,
@@ -21,15 +22,13 @@ from warehouse_env.simulation import (
     sensing,
     tracking,
 )  # fmt: skip
-from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import approach, braking
 from warehouse_env.simulation.rewards import write_terms
-from warehouse_env.simulation.state import GAP_HORIZON
+from warehouse_env.simulation.state import GAP_HORIZON, NOBODY
 from warehouse_env.simulation.trigonometry import ONE, ZERO
 
 _RAW = 2
 _HORIZON = np.float32(GAP_HORIZON)
-_FIVE = np.float32(5.0)
 _SLOW = np.float32(0.1)  # [m/s] under which a robot counts as waiting
 
 
@@ -43,7 +42,7 @@ def _begin(r):  # type: ignore[no-untyped-def]
     r["arrived"] = 0
     r["touching"] = 0
     r["held"] = 0
-    r["held_by"] = field.NOBODY
+    r["held_by"] = NOBODY
     r["hit_robot"] = 0
     r["hit_shelf"] = 0
     r["near_miss"] = 0
@@ -133,25 +132,33 @@ def _total(r, p):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _places(count, p):  # type: ignore[no-untyped-def]
-    """Return scratch for buckets.sort: order int32[N], starts int32[buckets + 2] and bodies float32[BODY, N]."""
-    starts = np.empty(p["bucket_rows"] * p["bucket_columns"] + 2, np.int32)
-    return np.empty(count, np.int32), starts, np.empty((buckets.BODY, count), np.float32)
-
-
-@inline
-def _motions(count, p):  # type: ignore[no-untyped-def]
-    """Return scratch of contact.py: pairs int32[P, 3], motion float32[MOTION, N], flags int32[FLAGS, N] and lanes."""
-    pairs, lanes = np.empty((p["most_pairs"], 3), np.int32), np.zeros(contact.MOTION * contact.LANES, np.float32)
-    return pairs, np.empty((contact.MOTION, count), np.float32), np.empty((contact.FLAGS, count), np.int32), lanes
-
-
-@inline
 def _sights(p):  # type: ignore[no-untyped-def]
     """Return scratch of sensing.py and prediction.py: turned float32[TURNED, R], legs and path."""
     turned = np.empty((sensing.TURNED, p["rays"]), np.float32)
     legs = np.empty((prediction.LEGS, p["route_points"]), np.float32)
     return turned, legs, np.empty(prediction.PATH, np.float32)
+
+
+@inline
+def _agree(robots, routes, arcs, commands, choices, guards, ways, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
+    """Put the robots in the order of their right, and grant each a stretch of its path, if either is asked for."""
+    if p["field"] != 0:
+        right_of_way.rank(robots, guards[3])
+    if p["right_of_way"] != 0:
+        right_of_way.decide(robots, routes, arcs, commands, choices, guards[3], ways, p, clearance)
+        making_room.resolve(robots, routes, arcs, ways, p, solid, clearance, metric)
+
+
+@inline
+def _move(robots, near, motions, p, solid, clearance):  # type: ignore[no-untyped-def]
+    """Carry out the motions of one physics step, but for those that would end in a shelf or another robot."""
+    pairs, motion, flags, lanes = motions
+    for _ in range(p["substeps"]):
+        contact.try_motion(motion, flags, lanes, p)
+        contact.keep_off_shelves(robots, motion, flags, p, solid, clearance)
+        contact.keep_off_robots(motion, flags, pairs, near, p)
+        contact.accept_motion(robots, motion)
+    contact.store(robots, motion)
 
 
 @inline
@@ -161,14 +168,9 @@ def _advance_world(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Advance one world by one env step; return the number of arrivals."""
     order, starts, bodies = places
-    pairs, motion, flags, lanes = motions
+    pairs, motion, _, _ = motions
     arrivals, count = 0, robots.shape[0]
-    if p["right_of_way"] != 0:
-        right_of_way.rank(robots, guards[3])
-        right_of_way.decide(robots, routes, arcs, commands, choices, guards[3], ways, p, clearance)
-        making_room.resolve(robots, routes, arcs, ways, p, solid, clearance, metric)
-    elif p["field"] != 0:
-        field.rank(robots, guards[3])
+    _agree(robots, routes, arcs, commands, choices, guards, ways, p, solid, clearance, metric)
     for i in range(count):
         _begin(robots[i])
     for repeat in range(p["repeat"]):
@@ -181,12 +183,7 @@ def _advance_world(  # type: ignore[no-untyped-def]
             contact.load(robots, i, first, second, p, clearance, motion)
         if p["field"] != 0:
             field.guard(robots, motion, guards, places, p, solid, clearance)
-        for _ in range(p["substeps"]):
-            contact.try_motion(motion, flags, lanes, p)
-            contact.keep_off_shelves(robots, motion, flags, p, solid, clearance)
-            contact.keep_off_robots(motion, flags, pairs, near, p)
-            contact.accept_motion(robots, motion)
-        contact.store(robots, motion)
+        _move(robots, near, motions, p, solid, clearance)
         if p["field"] != 0:
             field.settle(robots)
             if p["checked"] != 0:
@@ -227,9 +224,7 @@ def _observe_world(  # type: ignore[no-untyped-def]
                 row, ego, route, near, table, p, near + NEIGHBOUR * p["neighbours"], legs, path
             )
         if p["field"] != 0:
-            at = row.shape[0] - FIELD
-            row[at] = np.float32(r["held"]) / np.float32(p["repeat"])
-            row[at + 1] = min(r["held_time"], _FIVE) / _FIVE
+            field.observe(r, p, row)
         reward[i] = write_terms(r, p, weights, terms[i])
 
 
@@ -259,28 +254,14 @@ def step(  # type: ignore[no-untyped-def]
     """
     p = params[0]
     arrivals, count = 0, robots.shape[1]
-    places, motions, sights = _places(count, p), _motions(count, p), _sights(p)
+    places, motions, sights = buckets.scratch(count, p), contact.scratch(count, p), _sights(p)
     guards, ways = field.scratch(count, p), meetings.scratch(count, p)
     for b in range(begin, end):
         clock = steps[b] * p["repeat"] + 1
         waiting[b] = _advance_world(
-            robots[b],
-            routes[b],
-            arcs[b],
-            commands[b],
-            choices[b],
-            stamps[b],
-            places,
-            motions,
-            guards,
-            ways,
-            faults[b],
-            clock,
-            p,
-            solid,
-            clearance,
-            metric,
-        )
+            robots[b], routes[b], arcs[b], commands[b], choices[b], stamps[b], places, motions, guards, ways, faults[b],
+            clock, p, solid, clearance, metric,
+        )  # fmt: skip
         _count_step(robots[b], steps, b, truncated, terminated, p)
         arrivals += waiting[b]
         if waiting[b] == 0:
@@ -297,7 +278,7 @@ def observe(  # type: ignore[no-untyped-def]
 ):
     """Write observations, reward terms and rewards of the worlds that are `waiting`, which then are no more."""
     p = params[0]
-    places, sights = _places(robots.shape[1], p), _sights(p)
+    places, sights = buckets.scratch(robots.shape[1], p), _sights(p)
     for b in range(robots.shape[0]):
         if waiting[b] != 0:
             waiting[b] = 0

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.contact import COS, HEADING, SIN, SPEED, STEER, X, Y
 from warehouse_env.simulation.footprint import body_room, body_touches_shelf
 from warehouse_env.simulation.geometry import rectangles_touch, separation
-from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import braking, curvature, roll
 from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, sin_cos
 

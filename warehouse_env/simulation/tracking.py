@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.simulation.driving import STANDS, drive_arcs, give_up, leads_ahead
+from warehouse_env.kernel import inline, kernel
+from warehouse_env.simulation.driving import KEPT, STANDS, drive_arcs, give_up, leads_ahead
 from warehouse_env.simulation.footprint import clearance_at, sweep_is_free
-from warehouse_env.simulation.kernel import inline, kernel
 from warehouse_env.simulation.kinematics import approach, curvature
 from warehouse_env.simulation.rejoin import bodies_near, plan_to_route
 from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, sin_cos, wrap
@@ -27,14 +27,15 @@ SLOW = np.float32(0.45)  # [m/s] under which another steering angle may be chose
 BEND_SCALE = np.float32(2.0)  # [rad] of steering at which the speed would come down to a creep,
 STEER_SCALE = np.float32(0.9)  # [rad] and off the wanted steering
 MARGIN = np.float32(0.03)  # [m] the follower keeps from shelves
-TIGHT = np.float32(0.01)  # [m] in a manoeuvre, which is planned with as much as there is room for,
-LAST = np.float32(0.002)  # [m] and where it creeps
-CREEPS = np.float32(0.2)  # [m/s]
+STEERED = np.float32(0.02)  # [rad] off the wanted steering from which a robot in a manoeuvre waits for it to turn
+LAST = np.float32(1.5e-4)  # [m] that a manoeuvre must keep from shelves, or it is given up
 LANE_CLEARANCE = np.float32(0.45)  # [m] a way-point moved sideways keeps from shelves
 OFFSET_FADE = np.float32(2.0)  # [m] before the goal in which offsets fade out
 BACK_ON = np.float32(0.5)  # [rad] off the nose up to which target and line end a manoeuvre that only leads on ahead
+PATIENCE = np.float32(4.0)  # [s] without a metre of progress from which manoeuvres are driven to their end
 ASIDE = np.float32(1.0)  # [rad] off the nose from which a target takes a manoeuvre
-AGAIN = np.float32(6.0)  # [s] until another search where nothing was found, or while in touch with another robot
+AGAIN = np.float32(2.0)  # [s] until another search where nothing was found,
+AGAIN_HELD = np.float32(15.0)  # [s] and, found or not, where another robot is in the way
 HELD = np.float32(1.0)  # [s] in touch with a robot after which a way round the others' bodies is searched
 
 
@@ -149,12 +150,13 @@ def _manoeuvre(r, arcs, wanted, p, solid, clearance):  # type: ignore[no-untyped
         give_up(r)
     if r["arcs"] == 0:
         return ZERO, r["steer"]
-    margin = LAST if abs(r["speed"]) < CREEPS else TIGHT
-    if _may(r, speed, steer, margin, p, solid, clearance):
+    if _may(r, speed, steer, r["arc_margin"], p, solid, clearance):
         return speed, steer
-    if abs(r["speed"]) < STANDS and wanted > ZERO:
-        give_up(r)
-    return ZERO, _brake_steer(r, steer, LAST, p, solid, clearance)
+    if abs(r["speed"]) < STANDS and wanted > ZERO and abs(steer - r["steer"]) < STEERED:  # else it steers first
+        r["arc_margin"] *= KEPT  # too near at the start; further on there is more room, as planned
+        if r["arc_margin"] < LAST:
+            give_up(r)
+    return ZERO, _brake_steer(r, steer, r["arc_margin"], p, solid, clearance)
 
 
 @inline
@@ -165,7 +167,7 @@ def _forward(r, route, arcs, bodies, speed, steer, angle, p, solid, clearance, m
     if slow and not (may and alone) and r["search_wait"] <= ZERO:
         others = np.empty((0, 4), np.float32) if alone else bodies_near(r, bodies, p)
         found = plan_to_route(r, route, arcs, others, p, solid, clearance, metric)
-        r["search_wait"] = ZERO if alone and found > 0 else AGAIN
+        r["search_wait"] = AGAIN_HELD if not alone else (ZERO if found > 0 else AGAIN)
         if found > 0:
             return _manoeuvre(r, arcs, speed, p, solid, clearance)
     if may:
@@ -205,7 +207,7 @@ def follow(r, route, arcs, bodies, wanted_speed, offset, p, solid, clearance, me
     if speed > ZERO:
         bend = max(abs(steer) / BEND_SCALE, abs(steer - r["steer"]) / STEER_SCALE)
         on_line = min(speed, CREEP + (p["max_speed"] - CREEP) * max(ZERO, ONE - bend))
-        aligned = max(abs(angle), abs(r["bearing"])) < BACK_ON
+        aligned = max(abs(angle), abs(r["bearing"])) < BACK_ON and r["stalled_time"] < PATIENCE
         if aligned and leads_ahead(r, arcs) and _may(r, on_line, steer, MARGIN, p, solid, clearance):
             give_up(r)
     if r["arcs"] > 0:
@@ -213,7 +215,7 @@ def follow(r, route, arcs, bodies, wanted_speed, offset, p, solid, clearance, me
     elif speed > ZERO:
         speed, steer = _forward(r, route, arcs, bodies, on_line, steer, angle, p, solid, clearance, metric)
     elif r["speed"] > ZERO or speed == ZERO:
-        speed, steer = ZERO, _brake_steer(r, steer, LAST, p, solid, clearance)
+        speed, steer = ZERO, _brake_steer(r, steer, MARGIN, p, solid, clearance)
     else:
         speed, steer = _backwards(r, speed, p, solid, clearance)
     r["target_speed"] = speed

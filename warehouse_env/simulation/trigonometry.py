@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from warehouse_env.simulation.kernel import inline
+from warehouse_env.kernel import inline
 
 ZERO = np.float32(0.0)
 HALF = np.float32(0.5)

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.grid_map import MOVES, GridMap
-from warehouse_env.simulation.kernel import inline, kernel
 
 MARGIN = 0.05  # [m] between a passing body and the disc of a parked one
 

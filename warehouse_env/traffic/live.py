@@ -32,17 +32,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.grid_map import MOVES, Cell
 from warehouse_env.routes.book import RouteBook
-
-kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
-inline = numba.njit(cache=True, error_model="numpy", forceinline=True)
 
 
 @inline

@@ -43,7 +43,7 @@ def verdicts_at(speeds: Sequence[float], module: str, study: Study) -> list[Verd
     rows = [
         row(setting, system.label, rng.uniform(10, 12), run, number, study=study.name, turn_angle=90.0, clearance=1.0,
             gap=rng.choice([0.0, 0.1]), turns=int(rng.integers(3, 9)), converged_at=int(rng.integers(1, 9)),
-            cpu_ms=speed * rng.uniform(1, 1.01))
+            cpu_ms=speed * rng.uniform(1, 1.01), last=rng.uniform(10, 12), contacts=0.0, apart=rng.uniform(1, 2))
         for setting in settings_of(module, study.name)
         for system, speed in zip(study.systems, speeds, strict=True)
         for number in range(2)

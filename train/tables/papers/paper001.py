@@ -9,6 +9,7 @@ import numpy as np
 
 from train.tables.figures import Figures
 from train.tables.maps import clutter
+from train.tables.papers.six_agvs import SIX_AGVS
 from train.tables.study import OPEN, Claim, Published, Setting, Study, System, TableTask, Verdict
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
@@ -102,10 +103,6 @@ def _claims() -> tuple[Claim, ...]:
             "8% shorter, 19% fewer iterations, 12% less time, 33% fewer turns than the colony of reference [11]",
             check=partial(_open, why="the paper does not print that colony's equations, so it is not rebuilt"),
         ),
-        Claim(
-            "Its rules for conflicts cost six AGVs 1.5% of length and 3% of time",
-            check=partial(_open, why="a table of single paths has no traffic"),
-        ),
     )
 
 
@@ -195,4 +192,5 @@ STUDIES = (
         "others no single shelf can do so. A walk is the same in every run.",
         pictured=(BESIDE, LIGHT),
     ),
+    SIX_AGVS,
 )

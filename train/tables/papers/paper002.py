@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from train.tables.maps import clutter
+from train.tables.papers.moving_obstacle import MOVING_OBSTACLE
 from train.tables.papers.paper001 import BESIDE, IN_FRONT, LIGHT, STRONG, WAREHOUSE, walker_settings
 from train.tables.study import Claim, Setting, Study, System
 from warehouse_env.maps.grid_map import Cell
@@ -123,4 +124,5 @@ STUDIES = (
         "in every run, and its length is that of the way as walked, detours included.",
         pictured=(IN_FRONT, LIGHT),
     ),
+    MOVING_OBSTACLE,
 )

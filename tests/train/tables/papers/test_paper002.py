@@ -13,7 +13,7 @@ from train.tables.papers import paper002
 from train.tables.papers.paper002 import MAPS, SHARES, STUDIES
 from train.tables.study import Setting, Study
 
-COMPARISON, WALKERS = STUDIES
+COMPARISON, WALKERS, _ = STUDIES
 
 
 @cache

@@ -1,0 +1,30 @@
+"""What the commands share that drive policies on held-out seeds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from train.learning.config import HELD_OUT_SEED
+from warehouse_env.checked import Checked
+from warehouse_env.config import EnvConfig
+
+
+@dataclass(frozen=True)
+class Drive(Checked):
+    """Options of worlds to drive in, and what of them is chosen against a policy's own."""
+
+    planner: str = EnvConfig.planner
+    """Planner of the routes."""
+    protective_field: bool | None = None
+    """Refuse commands that could end in a contact (as the policy needs it if left out)."""
+    right_of_way: bool | None = None
+    """Decide who goes first, and let who is in the way make room (as the policy needs it if left out)."""
+    reroute: bool | None = None
+    """Plan routes anew around robots that stand (as the policy needs it if left out)."""
+    seed: int = HELD_OUT_SEED
+    """The first seed, the next ones count on; no training uses seeds from the default on."""
+
+    def chosen(self) -> dict[str, bool]:
+        """Return the fields of EnvConfig that the options set, whatever the policy needs."""
+        given = {name: getattr(self, name) for name in ("protective_field", "right_of_way", "reroute")}
+        return {name: value for name, value in given.items() if value is not None}
