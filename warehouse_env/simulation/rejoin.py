@@ -79,27 +79,23 @@ def plan_to_route(r, route, arcs, bodies, p, solid, clearance, metric):  # type:
     if r["points"] < 2:
         return -1
     nothing = np.empty((0, 4), np.float32)
-    goals = np.empty((FAR_MANY + 3, 4), np.float32)
-    x, y, heading, steer = r["x"], r["y"], r["heading"], r["steer"]
-    count = _write_goals(r, route, APART, MANY, goals)
-    if bodies.shape[0] > 0:  # it may have to wait anyway: no long search
-        margin = manoeuvre.MARGINS[0]
+    near, far = np.empty((MANY + 3, 4), np.float32), np.empty((FAR_MANY + 3, 4), np.float32)
+    near = near[: _write_goals(r, route, APART, MANY, near)]
+    far = far[: _write_goals(r, route, FAR_APART, FAR_MANY, far)]
+    alone = bodies.shape[0] == 0
+    most = manoeuvre.MOST if alone else AMONG_OTHERS
+    for k in range(2 * manoeuvre.TRIES if alone else 1):  # among others it may have to wait anyway: no long search
+        margin, stride = manoeuvre.MARGINS[k // 2], manoeuvre.STRIDES[k // 2]
+        goals = near if k % 2 == 0 else far
         found = manoeuvre.search_once(
-            x, y, heading, steer, goals[:count], nothing, bodies, margin, manoeuvre.STRIDES[0], AMONG_OTHERS,
+            r["x"], r["y"], r["heading"], r["steer"], goals, nothing, bodies, margin, stride, most,
             p, solid, clearance, metric, arcs,
         )  # fmt: skip
-    else:
-        found, margin = manoeuvre.search(
-            x, y, heading, steer, goals[:count], nothing, bodies, manoeuvre.TRIES, p, solid, clearance, metric, arcs
-        )
-        if found < 0:
-            count = _write_goals(r, route, FAR_APART, FAR_MANY, goals)
-            found, margin = manoeuvre.search(
-                x, y, heading, steer, goals[:count], nothing, bodies, manoeuvre.TRIES, p, solid, clearance, metric, arcs
-            )
-    if found > 0:
-        begin(r, found, arcs, margin)
-    return found
+        if found > 0:
+            begin(r, found, arcs, margin)
+        if found >= 0:
+            return found
+    return -1
 
 
 @kernel
