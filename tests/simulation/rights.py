@@ -35,15 +35,15 @@ class World:
             points = np.array([x, y]) + along * [math.cos(heading), math.sin(heading)]
             self.simulator.dispatcher.give_route(0, robot, points.astype(np.float32))
         self.ways: Any = None
-        self.order = np.empty(len(poses), np.int32)
+        self.order = np.empty(len(poses), np.int64)
 
     def decide(self, actions: Any = None) -> World:
         """Grant paths; everybody cruises unless told otherwise."""
-        sim, n = self.simulator, len(self.robots)
-        told = np.full((1, n), int(sim.cruise_action)) if actions is None else actions
+        sim = self.simulator
+        told = np.full((1, len(self.robots)), int(sim.cruise_action)) if actions is None else actions
         sim._actions.decode(told, sim._commands, sim._choices)
         p = sim._params[0]
-        self.ways = meetings.scratch(n, p)
+        self.ways = meetings.scratch(sim._paths[0])
         right_of_way.rank(self.robots, self.order)
         right_of_way.decide(
             self.robots, sim.routes[0], sim.arcs[0], sim._commands[0], sim._choices[0], self.order, self.ways, p,
@@ -53,11 +53,11 @@ class World:
 
     def granted(self, robot: int) -> int:
         """Number of the last pose that a robot has been granted."""
-        return int(self.ways[3][meetings.GRANT, robot])
+        return int(self.ways[4][meetings.GRANT, robot])
 
     def path(self, robot: int, last: int | None = None) -> NDArray[np.float32]:
         """The poses of a robot's path, to the last one of it or to number `last`."""
-        end = int(self.ways[3][meetings.COUNT, robot]) if last is None else last + 1
+        end = int(self.ways[4][meetings.COUNT, robot]) if last is None else last + 1
         return np.array(self.ways[0][robot, :end])
 
     def drive(self, robot: int, pose: int) -> None:

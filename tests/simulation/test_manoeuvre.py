@@ -17,7 +17,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.floor import floor_of
 from warehouse_env.simulation.footprint import body_touches_shelf
 from warehouse_env.simulation.geometry import rectangles_touch
-from warehouse_env.simulation.manoeuvre import ARCS, TRIES, search
+from warehouse_env.simulation.manoeuvre import ARCS, MOST, search
 from warehouse_env.simulation.state import parameters_of
 from warehouse_env.simulation.turning import turning_metric
 
@@ -40,7 +40,7 @@ def plan(
     floor, arcs = floor_of(grid), np.zeros((ARCS, 2), dtype=np.float32)
     x, y, heading = (np.float32(value) for value in pose)
     count, _ = search(
-        x, y, heading, np.float32(0.0), goals, avoid, bodies, TRIES, PARAMETERS[0],
+        x, y, heading, np.float32(0.0), goals, avoid, bodies, MOST, PARAMETERS[0],
         floor.solid, floor.clearance, turning_metric(PARAMETERS), arcs,
     )  # fmt: skip
     return None if count < 0 else arcs[:count].astype(np.float64)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tests.simulation.reference import OFFSET
 from tests.simulation.rights import World, empty_path
+from warehouse_env.simulation.driving import begin
 from warehouse_env.simulation.path_ahead import CENTRE_X, CENTRE_Y, COS, DRIVEN, POSES, SIN, write_path
 
 
@@ -19,7 +20,14 @@ def ahead(world: World, side: float = 0.0) -> tuple[NDArray[np.float32], bool]:
     """The path of the first robot, and whether it ends at the goal."""
     sim, path = world.simulator, empty_path()
     count, at_end = write_path(
-        world.robots[0], sim.routes[0, 0], sim.arcs[0, 0], np.float32(side), sim._params[0], sim._floor.clearance, path
+        world.robots[0],
+        sim.routes[0, 0],
+        sim.arcs[0, 0],
+        np.float32(side),
+        POSES,
+        sim._params[0],
+        sim._floor.clearance,
+        path,
     )
     return path[:count], bool(at_end)
 
@@ -48,6 +56,56 @@ def test_poses_do_not_move_while_the_robot_drives(driven: float) -> None:
     after, _ = ahead(world)
     passed = int((0.03 + driven) / 0.5)
     np.testing.assert_allclose(after[1 : POSES - passed, :4], before[1 + passed :, :4], atol=1e-4)
+
+
+def decided(world: World) -> NDArray[np.float32]:
+    """The path of the first robot that the decision goes by, which may have been kept."""
+    return world.decide().path(0)
+
+
+def drive(world: World, metres: float) -> None:
+    """Move the first robot along the x axis, which its route follows."""
+    world.robots["x"][0] += np.float32(metres)
+    world.robots["distance"][0] += metres
+    world.robots["position"][0] += np.float32(metres)
+
+
+def test_a_path_is_kept_for_two_metres_and_then_written_anew() -> None:
+    world = World((2.0, 12.0, 0.0), length=20.0)
+    before, numbers = decided(world), []
+    for k in range(1, 9):
+        drive(world, 0.3)
+        kept, fresh = decided(world), ahead(world)[0]
+        np.testing.assert_allclose(kept[:, :], fresh[: len(kept)], atol=1e-4)
+        numbers.append(len(kept))
+        passed = int(0.3 * k / 0.5 + 1e-6)
+        assert len(kept) in (len(before) - passed, POSES)
+    assert numbers == [32, 31, 31, 30, 29, 29, 32, 32]
+
+
+@pytest.mark.parametrize(("field", "value"), [("y", 12.3), ("heading", 0.6), ("x", 5.0)])
+def test_who_is_off_its_path_gets_another(field: str, value: float) -> None:
+    world = World((2.0, 12.0, 0.0), length=20.0)
+    decided(world)
+    drive(world, 0.6)
+    world.robots[field][0] = value
+    heading = world.robots["heading"]
+    world.robots["cos"], world.robots["sin"] = np.cos(heading), np.sin(heading)
+    np.testing.assert_array_equal(decided(world), ahead(world)[0])
+
+
+def test_another_route_or_manoeuvre_is_another_path() -> None:
+    world = World((2.0, 12.0, 0.0), length=20.0)
+    decided(world)
+    points = np.array([2.0, 12.0]) + np.arange(0.0, 8.0, 0.25)[:, None] * [0.0, 1.0]
+    world.simulator.dispatcher.give_route(0, 0, points.astype(np.float32))
+    np.testing.assert_array_equal(decided(world), ahead(world)[0])
+    assert world.path(0)[-1, CENTRE_Y] > 15.0
+    arcs = world.simulator.arcs[0, 0]
+    arcs[0] = -1.0, 0.0
+    begin(world.robots[0], 1, arcs, np.float32(0.03))
+    np.testing.assert_array_equal(decided(world), ahead(world)[0])
+    assert world.path(0)[1, CENTRE_X] < 2.0
 
 
 def test_a_path_ends_at_the_goal() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import UnsafeError
-from warehouse_env.kernel import kernel
+from warehouse_env.kernel import kernel, part
 from warehouse_env.simulation.footprint import body_touches_shelf
 from warehouse_env.simulation.geometry import rectangles_touch
 from warehouse_env.simulation.kinematics import approach, drive
@@ -44,7 +44,7 @@ def raise_fault(faults: NDArray[Any]) -> None:
     )
 
 
-@kernel
+@part
 def _stop(r, p, stop):  # type: ignore[no-untyped-def]
     """Write the body's centre x, y [m], cosine and sine at each substep of a full stop, float32[T, 4]."""
     x, y, heading, speed = r["x"], r["y"], r["heading"], r["speed"]

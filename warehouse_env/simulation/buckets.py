@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from warehouse_env.kernel import inline
+from warehouse_env.kernel import inline, kernel
 
 SEARCH = 2  # buckets to either side that hold all robots within lidar range
 FEW = 32  # robots up to which one bucket holds all of them
@@ -22,7 +22,7 @@ def bucket_grid(num_robots: int, width: float, height: float, reach: float) -> t
     return math.ceil(height / side) + 1, math.ceil(width / side) + 1, side
 
 
-@inline
+@kernel
 def scratch(count, p):  # type: ignore[no-untyped-def]
     """Return the arrays that `sort` fills: order int32[N], starts int32[buckets + 2] and bodies float32[BODY, N]."""
     starts = np.empty(p["bucket_rows"] * p["bucket_columns"] + 2, np.int32)
@@ -37,7 +37,7 @@ def bucket_at(x, y, p):  # type: ignore[no-untyped-def]
     return row, column
 
 
-@inline
+@kernel
 def sort(robots, p, starts, order, bodies):  # type: ignore[no-untyped-def]
     """Sort all robots by the bucket of their body's centre, and lay what others see of them side by side.
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.buckets import CENTRE_X, CENTRE_Y, bucket_at
 from warehouse_env.simulation.footprint import body_touches_shelf, clearance_at
 from warehouse_env.simulation.geometry import rectangle_gap, rectangles_touch
@@ -35,7 +35,7 @@ MOVING, BLOCKED = 0, 1
 FLAGS = 2
 
 
-@inline
+@kernel
 def scratch(count, p):  # type: ignore[no-untyped-def]
     """Return a world's arrays: pairs int32[P, 3], motion float32[MOTION, N], flags int32[FLAGS, N] and lanes."""
     pairs, lanes = np.empty((p["most_pairs"], 3), np.int32), np.zeros(MOTION * LANES, np.float32)
@@ -217,8 +217,8 @@ def accept_motion(robots, motion):  # type: ignore[no-untyped-def]
         r = robots[i]
         r["driven"] += way
         r["distance"] += np.float64(way)
-    for k in range(5):
-        motion[X + k] = motion[TRY_X + k]
+        for k in range(5):
+            motion[X + k, i] = motion[TRY_X + k, i]
 
 
 @inline

@@ -111,7 +111,7 @@ class Dispatcher:
         r["spacing"] = np.hypot(*(points[1] - points[0])) if len(points) > 1 else 0.0
         r["position"] = r["lateral"] = r["bearing"] = 0.0
         r["arcs"] = r["search_wait"] = 0  # of a manoeuvre to the route before
-        r["claim"] = r["side"] = 0.0
+        r["claim"] = r["side"] = r["poses"] = 0  # no path yet
 
     def arrive(self, steps: NDArray[np.int64]) -> list[Arrival]:
         """Book the arrivals and return them, and give lifelong robots their next task. steps [B]: since the resets."""

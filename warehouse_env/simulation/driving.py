@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.kinematics import curvature
 from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, sin_cos, wrap
 
@@ -29,7 +29,7 @@ _TWO = np.float32(2.0)
 @inline
 def give_up(r):  # type: ignore[no-untyped-def]
     """End the robot's manoeuvre where it is."""
-    r["arcs"] = 0
+    r["arcs"] = r["poses"] = 0  # its path ahead is another
 
 
 @inline
@@ -37,7 +37,7 @@ def begin(r, count, arcs, margin):  # type: ignore[no-untyped-def]
     """Start a manoeuvre of `count` arcs, planned with `margin` [m], from where the robot stands."""
     r["arc_margin"] = margin * KEPT
     r["arcs"], r["arc"] = count, 0
-    r["claim"] = 0.0  # what was granted was of another path
+    r["claim"], r["poses"] = 0.0, 0  # what was granted was of another path
     r["arc_x"], r["arc_y"], r["arc_heading"] = r["x"], r["y"], r["heading"]
     r["arc_left"] = arcs[0, 0] if count > 0 else ZERO
 
@@ -107,7 +107,7 @@ def _speed_limit(r, arcs, p):  # type: ignore[no-untyped-def]
     return limit if forward else min(limit, np.sqrt(slowing * run))
 
 
-@kernel
+@part
 def drive_arcs(r, arcs, wanted, p):  # type: ignore[no-untyped-def]
     """Return the (speed [m/s], steering [rad]) that follow the arcs at `wanted` [m/s] >= 0 at most.
 

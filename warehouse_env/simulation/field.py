@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.observation import FIELD
 from warehouse_env.simulation.buckets import bucket_at
 from warehouse_env.simulation.contact import ACCELERATION, COS, HEADING, SIN, SPEED, STEER, STEER_RATE, X, Y
@@ -50,7 +50,7 @@ LONG_HELD = np.float32(5.0)  # [s] from which on the observation says the same
 FREE, SHELF = -2, -1  # what refuses a motion: nothing, a shelf; else the index of a robot
 
 
-@inline
+@kernel
 def scratch(count, p):  # type: ignore[no-untyped-def]
     """Return the arrays of a world's field: paths, outlines, marks, and the order int32[N] in which robots commit."""
     if p["field"] == 0:
@@ -135,7 +135,7 @@ def _publish(i, trial, paths, outlines, marks):  # type: ignore[no-untyped-def]
     marks[SAMPLES, i] = marks[SAMPLES, trial]
 
 
-@kernel
+@part
 def commit(i, acceleration, steer_rate, motion, field, places, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Have robot i commit to a command [m/s^2], [rad/s] for this physics step and the safe stop after it, if it may.
 

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.geometry import rectangles_touch
 from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.trigonometry import ONE, ZERO, arc_tan2, sin_cos, wrap
@@ -73,7 +73,7 @@ def _stands(r):  # type: ignore[no-untyped-def]
     return r["alive"] != 0 and (r["waiting_time"] >= STANDING or r["standing_time"] >= ROCKING)
 
 
-@kernel
+@part
 def _first_in_the_way(robots, i, route, p, near):  # type: ignore[no-untyped-def]
     """Return the robot whose body robot i's would touch first along its route, or NOBODY."""
     r = robots[i]

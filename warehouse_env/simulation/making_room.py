@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.meetings import COUNT
 from warehouse_env.simulation.path_ahead import CENTRE_X, CENTRE_Y, DRIVEN, POSES
 from warehouse_env.simulation.rejoin import plan_aside, plan_to_route
@@ -29,7 +29,8 @@ def _bodies_near(i, paths, bodies):  # type: ignore[no-untyped-def]
         dx = paths[j, 0, CENTRE_X] - paths[i, 0, CENTRE_X]
         dy = paths[j, 0, CENTRE_Y] - paths[i, 0, CENTRE_Y]
         if j != i and dx * dx + dy * dy < NEAR * NEAR:
-            bodies[count] = paths[j, 0, :DRIVEN]
+            for column in range(DRIVEN):
+                bodies[count, column] = paths[j, 0, column]
             count += 1
     return count
 
@@ -58,19 +59,20 @@ def _least(i, robots):  # type: ignore[no-untyped-def]
     return low
 
 
-@kernel
+@part
 def _make_room(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
     """Search a way off the paths of all others in the ring for robot `low`."""
-    paths, _, _, numbers = ways
+    paths, _, _, _, numbers = ways
     count, j = 0, robots[low]["yields_to"]
     while j != low:
         for k in range(numbers[COUNT, j]):
-            avoid[count] = paths[j, k, :DRIVEN]
+            for column in range(DRIVEN):
+                avoid[count, column] = paths[j, k, column]
             count += 1
         j = robots[j]["yields_to"]
     near = _bodies_near(low, paths, bodies)
     r = robots[low]
-    found = plan_aside(r, arcs[low], avoid[:count], bodies[:near], 1, p, solid, clearance, metric)
+    found = plan_aside(r, arcs[low], avoid[:count], bodies[:near], p, solid, clearance, metric)
     r["aside"] = found > 0
     r["pause"] = SETTLE if found > 0 else PAUSE
 

@@ -5,7 +5,7 @@ counts. The cost is the time that driving, steering and stopping take; the heuri
 
 API, for any kernel of the simulation (nothing is drawn at random, nothing kept between calls):
 
-    count, margin = search(x, y, heading, steer, goals, avoid, bodies, tries, p, solid, clearance, metric, arcs)
+    count, margin = search(x, y, heading, steer, goals, avoid, bodies, most, p, solid, clearance, metric, arcs)
 
 x, y, heading, steer: the robot's pose [m], [rad] and its present steering angle [rad]; it may stand too near to
     something: what touches at the start does not count, what touches after it does.
@@ -13,14 +13,14 @@ goals float32[G, 4]: poses x, y, heading to be reached, and the seconds that it 
     whatever is soonest in all. G = 0: make room, i.e. end where the body keeps off all rectangles of `avoid`.
 avoid float32[K, 4]: rectangles like the robot's body (centre x, y [m], cos, sin) to be off in the end; not read if
     there are goals.
-bodies float32[K, 4]: rectangles that stand still, to be kept off all the way.
-tries: of TRIES, each nearer to shelves and bodies and with shorter arcs than the one before, how many may be made
-    (1: quick; all: whatever there is). Each looks at MOST nodes at most, some 1.5 us each, and gives up then.
+bodies float32[K, 4]: rectangles that stand still, to be kept off all the way, by the field's margin as well.
+most: nodes of each of TRIES, each nearer to shelves and bodies and with shorter arcs than the one before; some 1.5 us a
+    node. After one that was cut off there is no other, unless `most` is MOST.
 p, solid, clearance: PARAMETERS record and the floor; metric: turning_metric(PARAMETERS[1]), made once a Simulator.
 arcs float32[ARCS, 2]: is filled with (signed length [m], steering [rad]) of one arc after the other.
-search_once(..., margin, stride, most, ...) instead of tries: a single try of no more than `most` nodes.
-Returns the number of arcs, 0 if the start is a goal already, -1 if there is none or it was not found (search: and the
-margin [m] that it keeps). A manoeuvre of
+search_once(..., margin, stride, most, ...): a single try.
+Returns the number of arcs, 0 if the start is a goal already, NONE if there is none (search_once: CUT_OFF if there may
+be, but not within `most` nodes), and search also the margin [m] that it keeps. A manoeuvre of
 more than ARCS arcs is cut off there; it is all free, and the next search begins at its end.
 """
 
@@ -28,13 +28,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation import turning
 from warehouse_env.simulation.footprint import sweep_is_free
-from warehouse_env.simulation.geometry import rectangles_touch
+from warehouse_env.simulation.geometry import rectangles_touch, separation
 from warehouse_env.simulation.heap import pop, push
 from warehouse_env.simulation.trigonometry import HALF, ZERO, sin_cos, wrap
 
+NONE, CUT_OFF = -1, -2  # found: see above
 ARCS = 16  # of a manoeuvre at most
 MOST = 6000  # nodes of a search
 TRIES = 4
@@ -48,28 +49,58 @@ _CELLS = np.float32(3.0)  # (x, y) cells to a stride
 _SLOTS = 1 << 14  # of the table of cells, more than twice MOST
 _REACHED, _ALONG = np.float32(0.1), np.float32(0.15)  # [m] beside and along a goal pose that count as there
 _ALIGNED = np.float32(0.2)  # [rad]
+_OFF = np.float32(0.2)  # [m] around a body that makes room: more than right of way asks for (meetings.WIDE, of both)
+_BERTH = np.float32(4.0)  # times as far off bodies as off shelves, which stay where they are
+_GIVEN = np.float32(0.002)  # [m] nearer than at the start that another body may come, as arcs are not driven exactly,
+_SPARE = np.float32(0.001)  # [m] but not so near that the field stops it
 _STEP, _STEP_TURN = np.float32(0.12), np.float32(0.06)  # [m], [rad] between poses held against bodies
 X, Y, HEADING, COSINE, SINE, COST = range(6)  # columns of `poses`
 
 
 @inline
-def _touches_any(x, y, c, s, wide, rectangles, p):  # type: ignore[no-untyped-def]
-    """Whether the body at an axle pose, widened by `wide` [m], touches one of the bodies float32[K, 4]."""
+def _bars(x, y, c, s, avoid, p):  # type: ignore[no-untyped-def]
+    """Whether the body at an axle pose, with _OFF around it, touches one of the bodies `avoid` float32[K, 4]."""
     cx, cy = x - p["offset"] * c, y - p["offset"] * s
-    reach = p["radius"] + p["radius"] + wide + wide
-    for k in range(rectangles.shape[0]):
-        dx, dy = rectangles[k, 0] - cx, rectangles[k, 1] - cy
+    reach = p["radius"] + p["radius"] + _OFF + _OFF
+    for k in range(avoid.shape[0]):
+        dx, dy = avoid[k, 0] - cx, avoid[k, 1] - cy
         if dx * dx + dy * dy < reach * reach and rectangles_touch(
-            dx, dy, c, s, p["half_length"] + wide, p["half_width"] + wide,
-            rectangles[k, 2], rectangles[k, 3], p["half_length"], p["half_width"],
+            dx, dy, c, s, p["half_length"] + _OFF, p["half_width"] + _OFF,
+            avoid[k, 2], avoid[k, 3], p["half_length"], p["half_width"],
         ):  # fmt: skip
             return True
     return False
 
 
 @inline
-def clear_of_bodies(x, y, c, s, bend, length, margin, bodies, p):  # type: ignore[no-untyped-def]
-    """Whether the body keeps `margin` [m] from standing bodies along an arc; the pose at its start is not checked."""
+def _write_rooms(x, y, c, s, margin, bodies, p, rooms):  # type: ignore[no-untyped-def]
+    """Write how far [m] to keep off each body: as the field will ask for and `margin`, or what it is at the start."""
+    cx, cy = x - p["offset"] * c, y - p["offset"] * s
+    field = p["field_margin"] if p["field"] != 0 else ZERO
+    for k in range(bodies.shape[0]):
+        apart = separation(
+            bodies[k, 0] - cx, bodies[k, 1] - cy, c, s, bodies[k, 2], bodies[k, 3], p["half_length"], p["half_width"]
+        )
+        rooms[k] = min(field + _BERTH * margin, max(apart - _GIVEN, min(apart, field + _SPARE)))
+
+
+@inline
+def _is_too_near(x, y, c, s, bodies, rooms, p):  # type: ignore[no-untyped-def]
+    """Whether the body at an axle pose is nearer to one of the bodies than its room [m]."""
+    cx, cy = x - p["offset"] * c, y - p["offset"] * s
+    for k in range(bodies.shape[0]):
+        dx, dy = bodies[k, 0] - cx, bodies[k, 1] - cy
+        reach = p["radius"] + p["radius"] + rooms[k]
+        if dx * dx + dy * dy < reach * reach:
+            apart = separation(dx, dy, c, s, bodies[k, 2], bodies[k, 3], p["half_length"], p["half_width"])
+            if apart < rooms[k]:
+                return True
+    return False
+
+
+@inline
+def clear_of_bodies(x, y, c, s, bend, length, bodies, rooms, p):  # type: ignore[no-untyped-def]
+    """Whether the body keeps `rooms` [m] off standing bodies along an arc; the pose at its start is not checked."""
     if bodies.shape[0] == 0:
         return True
     step = _STEP if abs(bend) * _STEP <= _STEP_TURN else _STEP_TURN / abs(bend)
@@ -81,7 +112,7 @@ def clear_of_bodies(x, y, c, s, bend, length, margin, bodies, p):  # type: ignor
         x += step * (c * half_c - s * half_s)
         y += step * (s * half_c + c * half_s)
         c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
-        if _touches_any(x, y, c, s, margin, bodies, p):
+        if _is_too_near(x, y, c, s, bodies, rooms, p):
             return False
     return True
 
@@ -133,25 +164,26 @@ def _write_arcs(node, parents, by, moves, arcs):  # type: ignore[no-untyped-def]
     return min(count, arcs.shape[0])
 
 
-@kernel
-def search_once(  # type: ignore[no-untyped-def]
-    x, y, heading, steer, goals, avoid, bodies, margin, stride, most, p, solid, clearance, metric, arcs
-):
-    """Search with one margin and stride [m], for at most `most` <= MOST nodes; return as `search` does."""
-    moves = np.empty((turning.MOVES, 9), np.float32)
+@part
+def _search(  # type: ignore[no-untyped-def]
+    x, y, heading, steer, goals, avoid, bodies, rooms, margin, stride, tree, table, queue,
+    p, solid, clearance, metric, arcs,
+):  # fmt: skip
+    """Search as search_once does, with its arrays."""
+    moves, poses, parents, by, done = tree
+    taken, best = table
+    keys, items = queue
+    most = parents.size
     turning.write_moves(stride, p, moves)
-    poses = np.empty((most, 6), np.float32)
-    parents, by, done = np.empty(most, np.int32), np.empty(most, np.int8), np.zeros(most, np.bool_)
-    taken, best = np.zeros(_SLOTS, np.int32), np.empty(_SLOTS, np.float32)
-    keys, items = np.empty(most, np.float32), np.empty(most, np.int32)
     cell, aside = stride / _CELLS, goals.shape[0] == 0
     s, c = sin_cos(heading)
+    _write_rooms(x, y, c, s, margin, bodies, p, rooms)
     poses[0, X], poses[0, Y], poses[0, HEADING], poses[0, COSINE], poses[0, SINE], poses[0, COST] = (
         x, y, heading, c, s, ZERO
     )  # fmt: skip
     parents[0], by[0] = -1, -1
     size, used = push(keys, items, 0, ZERO, 0), 1
-    done[0] = not _touches_any(x, y, c, s, margin, avoid, p) if aside else _to_go(x, y, heading, goals, metric)[0]
+    done[0] = not _bars(x, y, c, s, avoid, p) if aside else _to_go(x, y, heading, goals, metric)[0]
     while size > 0:
         _, node, size = pop(keys, items, size)
         if done[node]:
@@ -181,10 +213,10 @@ def search_once(  # type: ignore[no-untyped-def]
                 continue
             if not sweep_is_free(x, y, c, s, move[turning.BEND], move[turning.LENGTH], margin, p, solid, clearance):
                 continue
-            if not clear_of_bodies(x, y, c, s, move[turning.BEND], move[turning.LENGTH], margin, bodies, p):
+            if not clear_of_bodies(x, y, c, s, move[turning.BEND], move[turning.LENGTH], bodies, rooms, p):
                 continue
             if used == most:
-                return -1
+                return CUT_OFF
             taken[slot], best[slot] = key, total
             nc, ns = c * move[turning.COS] - s * move[turning.SIN], s * move[turning.COS] + c * move[turning.SIN]
             poses[used, X], poses[used, Y], poses[used, HEADING] = nx, ny, turned
@@ -192,21 +224,39 @@ def search_once(  # type: ignore[no-untyped-def]
             parents[used], by[used] = node, k
             rest = ZERO
             if aside:
-                done[used] = not _touches_any(nx, ny, nc, ns, margin, avoid, p)
+                done[used] = not _bars(nx, ny, nc, ns, avoid, p)
             else:
                 done[used], rest = _to_go(nx, ny, turned, goals, metric)
             size = push(keys, items, size, total + rest, used)
             used += 1
-    return -1
+    return NONE
 
 
 @kernel
-def search(x, y, heading, steer, goals, avoid, bodies, tries, p, solid, clearance, metric, arcs):  # type: ignore[no-untyped-def]
+def search_once(  # type: ignore[no-untyped-def]
+    x, y, heading, steer, goals, avoid, bodies, margin, stride, most, p, solid, clearance, metric, arcs
+):
+    """Search with one margin and stride [m], for at most `most` <= MOST nodes; return as `search` does."""
+    moves, poses = np.empty((turning.MOVES, 9), np.float32), np.empty((most, 6), np.float32)
+    tree = moves, poses, np.empty(most, np.int32), np.empty(most, np.int8), np.zeros(most, np.bool_)
+    table = np.zeros(_SLOTS, np.int32), np.empty(_SLOTS, np.float32)
+    queue = np.empty(most, np.float32), np.empty(most, np.int32)
+    rooms = np.empty(bodies.shape[0], np.float32)
+    return _search(
+        x, y, heading, steer, goals, avoid, bodies, rooms, margin, stride, tree, table, queue,
+        p, solid, clearance, metric, arcs,
+    )  # fmt: skip
+
+
+@kernel
+def search(x, y, heading, steer, goals, avoid, bodies, most, p, solid, clearance, metric, arcs):  # type: ignore[no-untyped-def]
     """Find a manoeuvre and write it into `arcs`; return the number of its arcs and its margin (see above)."""
-    for k in range(tries):
+    for k in range(TRIES):
         count = search_once(
-            x, y, heading, steer, goals, avoid, bodies, MARGINS[k], STRIDES[k], MOST, p, solid, clearance, metric, arcs
+            x, y, heading, steer, goals, avoid, bodies, MARGINS[k], STRIDES[k], most, p, solid, clearance, metric, arcs
         )
         if count >= 0:
             return count, MARGINS[k]
-    return -1, ZERO
+        if count == CUT_OFF and most < MOST:  # among narrower ways there are more
+            break
+    return NONE, ZERO

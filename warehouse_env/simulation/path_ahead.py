@@ -2,19 +2,20 @@
 
 The poses stand at whole multiples of APART on the robot's odometer (`distance` of its record), so that they stay where
 they are while it drives: what it has been granted of its path once is the same piece of floor in the next decision.
+So a path is kept from one decision to the next, and written anew after two metres, or where the robot leaves it.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.footprint import clearance_at
 from warehouse_env.simulation.kinematics import curvature
 from warehouse_env.simulation.tracking import LANE_CLEARANCE, LOOK_AHEAD, LOOK_AHEAD_TIME, OFFSET_FADE, to_steering
 from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, sin_cos
 
-POSES = 30  # of a path at most: 15 m
+POSES = 32  # of a path at most: 15.5 m; as many as there are bits
 APART = np.float32(0.5)  # [m] of driving between two of them
 CENTRE_X, CENTRE_Y, COS, SIN, DRIVEN = range(5)  # columns of a path; DRIVEN [m]: from here to there
 COLUMNS = 5
@@ -23,6 +24,8 @@ _FARTHEST = np.float32(16.0)  # [m] of driving looked at
 _STEERED = np.float32(0.19)  # [rad] that the steering changes in a stride at 1 m/s
 _SLOWEST, _FASTEST = np.float32(0.4), np.float32(1.2)  # [m/s] at which the follower's look-ahead is taken
 _THERE = np.float32(0.3)  # [m] before its end at which a route is over
+KEPT = 2.0  # [m] of driving after which a path is written anew,
+OFF, TURNED = np.float32(0.05), np.float32(0.15)  # [m] beside a pose just passed, or sine of the angle to it: too
 _JOIN = 40  # way-points in which the route is searched for the end of a manoeuvre
 _TWO = np.float32(2.0)
 
@@ -45,7 +48,7 @@ def _point(route, points, spacing, along):  # type: ignore[no-untyped-def]
     return route[k, 0] + part * dx, route[k, 1] + part * dy, dx / spacing, dy / spacing
 
 
-@kernel
+@part
 def _along_arcs(r, arcs, to_next, path, p):  # type: ignore[no-untyped-def]
     """Write the poses along the rest of a manoeuvre; return (poses, to_next, driven [m], x, y, heading, steering) then.
 
@@ -102,12 +105,54 @@ def _pursue(route, points, spacing, along, end, side, look, x, y, c, s, p, clear
     return to_steering(bend, p["wheelbase"], p["max_steer"])
 
 
-@kernel
-def write_path(r, route, arcs, side, p, clearance, path):  # type: ignore[no-untyped-def]
+@inline
+def _has_left(r, path, passed, gone, p):  # type: ignore[no-untyped-def]
+    """Whether the robot is off its path: beside the pose passed last (if passed > 0), or farther than it has driven."""
+    cx, cy = r["x"] - p["offset"] * r["cos"], r["y"] - p["offset"] * r["sin"]
+    dx, dy = cx - path[0, CENTRE_X], cy - path[0, CENTRE_Y]
+    most = gone * p["swing"] + OFF
+    if dx * dx + dy * dy > most * most:
+        return True
+    if passed == 0:
+        return False
+    c, s = path[passed, COS], path[passed, SIN]
+    aside = (cy - path[passed, CENTRE_Y]) * c - (cx - path[passed, CENTRE_X]) * s
+    return abs(aside) > OFF or abs(r["sin"] * c - r["cos"] * s) > TURNED or r["cos"] * c + r["sin"] * s < ZERO
+
+
+@part
+def keep_path(r, path, p):  # type: ignore[no-untyped-def]
+    """Drop the poses of a path that the robot has passed since the last decision; False if it must be written anew."""
+    if r["alive"] == 0 or r["poses"] == 0 or r["distance"] - r["path_from"] > KEPT:
+        return False
+    gone = np.float32(r["distance"] - r["path_at"])
+    poses, passed = r["poses"], 0
+    while passed + 1 < poses and path[passed + 1, DRIVEN] <= gone:
+        passed += 1
+    if poses - passed < 2 or _has_left(r, path, passed, gone, p):
+        return False
+    for k in range(1, poses - passed):
+        for column in range(COLUMNS):
+            path[k, column] = path[k + passed, column]
+        path[k, DRIVEN] -= gone
+    _put(path, 0, r["x"], r["y"], r["heading"], ZERO, p)
+    r["poses"], r["path_at"] = poses - passed, r["distance"]
+    return True
+
+
+@inline
+def begin_path(r, poses, at_end):  # type: ignore[no-untyped-def]
+    """Note that a robot's path has been written anew."""
+    r["poses"], r["at_end"] = poses, at_end
+    r["path_from"] = r["path_at"] = r["distance"]
+
+
+@part
+def write_path(r, route, arcs, side, many, p, clearance, path):  # type: ignore[no-untyped-def]
     """Write the bodies at the robot's pose and ahead of it into a path; return (poses, at the end?).
 
-    path float32[POSES, COLUMNS]; side [m]: the lateral offset from the route. A manoeuvre that makes room (`aside`) is
-    the whole path.
+    path float32[POSES, COLUMNS], of which at most `many` poses are written; side [m]: the lateral offset from the
+    route. A manoeuvre that makes room (`aside`) is the whole path.
     """
     _put(path, 0, r["x"], r["y"], r["heading"], ZERO, p)
     if r["alive"] == 0 or r["points"] < 2:
@@ -118,12 +163,12 @@ def write_path(r, route, arcs, side, p, clearance, path):  # type: ignore[no-unt
     points, spacing, along = r["points"], r["spacing"], r["position"]
     if r["arcs"] > 0:
         k, to_next, driven, x, y, heading, steer = _along_arcs(r, arcs, to_next, path, p)
-        if r["aside"] != 0 or k == POSES:
+        if r["aside"] != 0 or k >= many:
             return k, False
         along = _joins(r, route, x, y)
     end = np.float32(points - 1) * spacing
     look = LOOK_AHEAD + LOOK_AHEAD_TIME * min(max(r["speed"], _SLOWEST), _FASTEST)
-    while k < POSES and driven < _FARTHEST:
+    while k < many and driven < _FARTHEST:
         if along >= end - _THERE:
             return k, True
         s, c = sin_cos(heading)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError
-from warehouse_env.kernel import kernel
+from warehouse_env.kernel import part
 from warehouse_env.simulation.floor import Floor
 from warehouse_env.simulation.footprint import body_touches_shelf
 from warehouse_env.simulation.geometry import rectangle_gap
@@ -20,7 +20,7 @@ TOUCH = np.float32(1e-6)  # [m] of gap under which bodies touch
 TURNS = (0, 1, -1, 2, -2, 3, -3, 4)  # eighths of a circle tried off the route's direction
 
 
-@kernel
+@part
 def _fits(robots, count, x, y, heading, p, solid, clearance, gap):  # type: ignore[no-untyped-def]
     """Whether a body at (x, y, heading) keeps `gap` from the first `count` robots and half of it from shelves."""
     s, c = sin_cos(heading)

@@ -2,7 +2,7 @@
 
 API: bodies_near(r, bodies, p) -> standing bodies for
      plan_to_route(r, route, arcs, bodies, p, solid, clearance, metric) and
-     plan_aside(r, arcs, avoid, bodies, tries, p, solid, clearance, metric)
+     plan_aside(r, arcs, avoid, bodies, p, solid, clearance, metric)
 The two search from where the robot stands, begin the manoeuvre if there is one, and return the number of its arcs: 0
 if it needs none, -1 if there is none. For bodies, avoid and metric see manoeuvre.py, and driving.py for how it is
 driven.
@@ -22,7 +22,7 @@ FIRST, APART, MANY = np.float32(0.75), np.float32(0.4), 8  # [m] ahead, [m] betw
 FAR_APART, FAR_MANY = np.float32(1.2), 20  # where none of these can be reached: a lane that must be left backwards
 CRUISE = np.float32(1.3)  # [m/s] at which the rest of the way is priced
 NEAR, MOST_NEAR = np.float32(3.0), 64  # [m] within which others are gone round; more bodies than fit into that
-AMONG_OTHERS = 300  # nodes of a search among these
+AMONG_OTHERS, ASIDE = 300, 2000  # nodes of a search among these, to the route and for room
 
 
 @inline
@@ -77,14 +77,14 @@ def bodies_near(r, bodies, p):  # type: ignore[no-untyped-def]
 def plan_to_route(r, route, arcs, bodies, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
     """Begin the soonest manoeuvre to a pose on the robot's own route (see above)."""
     if r["points"] < 2:
-        return -1
+        return manoeuvre.NONE
     nothing = np.empty((0, 4), np.float32)
     near, far = np.empty((MANY + 3, 4), np.float32), np.empty((FAR_MANY + 3, 4), np.float32)
     near = near[: _write_goals(r, route, APART, MANY, near)]
     far = far[: _write_goals(r, route, FAR_APART, FAR_MANY, far)]
     alone = bodies.shape[0] == 0
     most = manoeuvre.MOST if alone else AMONG_OTHERS
-    for k in range(2 * manoeuvre.TRIES if alone else 1):  # among others it may have to wait anyway: no long search
+    for k in range(2 * manoeuvre.TRIES):
         margin, stride = manoeuvre.MARGINS[k // 2], manoeuvre.STRIDES[k // 2]
         goals = near if k % 2 == 0 else far
         found = manoeuvre.search_once(
@@ -95,16 +95,18 @@ def plan_to_route(r, route, arcs, bodies, p, solid, clearance, metric):  # type:
             begin(r, found, arcs, margin)
         if found >= 0:
             return found
-    return -1
+        if found == manoeuvre.CUT_OFF and not alone:  # it may have to wait anyway: no long search
+            break
+    return manoeuvre.NONE
 
 
 @kernel
-def plan_aside(r, arcs, avoid, bodies, tries, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
+def plan_aside(r, arcs, avoid, bodies, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
     """Begin the soonest manoeuvre to a pose whose body is off all rectangles of `avoid` (see above)."""
     goals = np.empty((0, 4), np.float32)
     x, y, heading, steer = r["x"], r["y"], r["heading"], r["steer"]
     found, margin = manoeuvre.search(
-        x, y, heading, steer, goals, avoid, bodies, tries, p, solid, clearance, metric, arcs
+        x, y, heading, steer, goals, avoid, bodies, ASIDE, p, solid, clearance, metric, arcs
     )
     if found > 0:
         begin(r, found, arcs, margin)

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.meetings import (
     ASKED,
     BIT,
@@ -31,20 +31,22 @@ from warehouse_env.simulation.meetings import (
     TOUCH_TIGHT,
     TOUCH_WIDE,
     WHO,
-    bound,
+    enlist,
     meet,
 )  # fmt: skip
-from warehouse_env.simulation.path_ahead import COS, DRIVEN, SIN, write_path
+from warehouse_env.simulation.path_ahead import COS, DRIVEN, POSES, SIN, begin_path, keep_path, write_path
 from warehouse_env.simulation.preferences import SIDE, speed_of
 from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.trigonometry import HALF, ZERO
 
 AHEAD = 6  # poses asked for beyond those in which it can stop: 3 m
+MORE = 6  # poses beyond these that it takes if it may not wait there
 SOON = 6  # poses beyond its grant within which one counts as soon to come
 AGAINST = np.float32(-0.5)  # ... and from which it comes the other way
 BACK = 4  # poses more that must be free to go back to the commanded offset
 REFUSED = np.float32(0.8)  # [s] that the field has held a robot from which it waits for who held it
 SLOW = np.float32(0.1)  # [m/s]
+TRIED = 5  # decisions after which a robot tries other offsets again while the same one bars its way
 _ROUNDING = np.float32(1e-3)  # [m] of an odometer
 
 
@@ -55,10 +57,10 @@ def _first(k):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _reach_of_grants(row, count, have, ways):  # type: ignore[no-untyped-def]
-    """Return (the last pose before what others have been granted, who bars the way there or NOBODY)."""
-    _, _, masks, numbers = ways
-    last, barrier = numbers[COUNT, row] - 1, NOBODY
+def _reach_of_grants(count, have, end, ways):  # type: ignore[no-untyped-def]
+    """Return (the last pose up to `end` before what others have been granted, who bars the way there or NOBODY)."""
+    _, _, _, masks, numbers = ways
+    last, barrier = end, NOBODY
     for n in range(count):
         j = numbers[WHO, n]
         granted = _first(numbers[GRANT, j])
@@ -73,7 +75,7 @@ def _reach_of_grants(row, count, have, ways):  # type: ignore[no-untyped-def]
 @inline
 def _may_wait(k, count, barrier, ways):  # type: ignore[no-untyped-def]
     """Return whose path a robot that waits at pose k would bar, NOBODY if it may wait there."""
-    _, _, masks, numbers = ways
+    _, _, _, masks, numbers = ways
     for n in range(count):
         j = numbers[WHO, n]
         bars = masks[CROSS, n, k] & _first(numbers[GRANT, j] + SOON)
@@ -84,10 +86,13 @@ def _may_wait(k, count, barrier, ways):  # type: ignore[no-untyped-def]
     return NOBODY
 
 
-@kernel
-def _grant(row, count, have, must, want, yields, ways):  # type: ignore[no-untyped-def]
-    """Return (poses granted of a path, who bars the way to `want` or NOBODY); yields: it may wait anywhere."""
-    last, barrier = _reach_of_grants(row, count, have, ways)
+@part
+def _grant(count, have, must, want, end, yields, ways):  # type: ignore[no-untyped-def]
+    """Return (poses granted of a path, who bars the way to `want` or NOBODY); yields: it may wait anywhere.
+
+    It is granted more than it wants, up to pose `end`, if it may not wait sooner.
+    """
+    last, barrier = _reach_of_grants(count, have, end, ways)
     k = min(max(min(have, last), must), last)
     best, barred_by = NOBODY, NOBODY
     least = k
@@ -107,13 +112,13 @@ def _grant(row, count, have, must, want, yields, ways):  # type: ignore[no-untyp
 
 
 @inline
-def _comes_against(row, granted, count, barrier, ways):  # type: ignore[no-untyped-def]
+def _comes_against(row, granted, end, count, barrier, ways):  # type: ignore[no-untyped-def]
     """Whether who bars the way comes the other way where the paths first touch beyond the grant."""
-    paths, _, masks, numbers = ways
+    paths, _, _, masks, numbers = ways
     for n in range(count):
         if numbers[WHO, n] != barrier:
             continue
-        for k in range(granted, numbers[COUNT, row]):
+        for k in range(granted, end + 1):
             for m in range(numbers[COUNT, barrier]):
                 if masks[TOUCH_WIDE, n, k] >> np.uint32(m) & BIT:
                     return (
@@ -123,13 +128,22 @@ def _comes_against(row, granted, count, barrier, ways):  # type: ignore[no-untyp
     return False
 
 
-@kernel
+@inline
+def _write(i, r, route, arcs, ways, p, clearance):  # type: ignore[no-untyped-def]
+    """Write a robot's path anew."""
+    paths, _, _, _, numbers = ways
+    poses, at_end = write_path(r, route, arcs, r["side"], POSES, p, clearance, paths[i])
+    begin_path(r, poses, at_end)
+    numbers[COUNT, i] = poses
+
+
+@part
 def _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, clearance):  # type: ignore[no-untyped-def]
     """Try the robot's other offsets, the best-liked one first, for one whose path is free as far as it asks.
 
     Takes the first that is, and returns the new (poses granted, who bars the way).
     """
-    paths, boxes, _, numbers = ways
+    paths, _, _, _, numbers = ways
     trial, wanted = paths.shape[0] - 1, choices[0, SIDE]
     for n in range(choices.shape[0]):
         side = choices[n, SIDE]
@@ -139,18 +153,17 @@ def _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, clearance)
             continue
         if n > 0 and side == wanted:
             continue
-        numbers[COUNT, trial], at_end = write_path(r, route, arcs, side, p, clearance, paths[trial])
-        bound(trial, ways)
-        want = min(numbers[MUST, i] + AHEAD + (BACK if side == wanted else 0), numbers[COUNT, trial] - 1)
+        want = numbers[MUST, i] + AHEAD + (BACK if side == wanted else 0)
+        numbers[COUNT, trial], _ = write_path(r, route, arcs, side, min(want + 1, POSES), p, clearance, paths[trial])
+        want = min(want, numbers[COUNT, trial] - 1)
         if want < 2:
             continue
-        count = meet(i, trial, ways, p)
-        free, _ = _grant(trial, count, 0, numbers[MUST, i], want, False, ways)
+        count = meet(i, trial, want, ways, p)
+        free, _ = _grant(count, 0, numbers[MUST, i], want, want, False, ways)
         if free >= want:
-            r["side"], r["at_end"] = side, at_end
-            paths[i] = paths[trial]
-            boxes[i] = boxes[trial]
-            numbers[COUNT, i] = numbers[COUNT, trial]
+            r["side"] = side
+            _write(i, r, route, arcs, ways, p, clearance)
+            enlist(ways, p)
             return free, NOBODY
     return granted, barrier
 
@@ -166,12 +179,14 @@ def _within(path, count, way):  # type: ignore[no-untyped-def]
 
 @inline
 def _begin(i, r, route, arcs, ways, p, clearance):  # type: ignore[no-untyped-def]
-    """Write the robot's path and what it has been granted of it before."""
-    paths, _, _, numbers = ways
-    if r["arcs"] == 0:
-        r["aside"] = 0
-    numbers[COUNT, i], r["at_end"] = write_path(r, route, arcs, r["side"], p, clearance, paths[i])
-    bound(i, ways)
+    """Bring the robot's path up to date, and what it has been granted of it before."""
+    paths, _, _, _, numbers = ways
+    if r["arcs"] == 0 and r["aside"] != 0:
+        r["aside"] = r["poses"] = 0
+    if keep_path(r, paths[i], p):
+        numbers[COUNT, i] = r["poses"]
+    else:
+        _write(i, r, route, arcs, ways, p, clearance)
     speed, last = abs(r["speed"]), numbers[COUNT, i] - 1
     have = _within(paths[i], last + 1, np.float32(r["claim"] - r["distance"]) + _ROUNDING)
     stop = speed * speed * HALF / p["max_acceleration"] + speed * p["time_step"] * np.float32(p["repeat"])
@@ -183,21 +198,23 @@ def _begin(i, r, route, arcs, ways, p, clearance):  # type: ignore[no-untyped-de
 @inline
 def _ask(i, robots, route, arcs, choices, ways, p, clearance):  # type: ignore[no-untyped-def]
     """Grant robot i what it may have of its path."""
-    paths, _, _, numbers = ways
+    paths, _, _, _, numbers = ways
     r = robots[i]
     numbers[ASKED, i] = 1
-    r["yields_to"] = NOBODY
+    before, r["yields_to"] = r["yields_to"], NOBODY
     if r["alive"] == 0:
         return
     must = numbers[MUST, i]
     want = min(must + AHEAD, numbers[COUNT, i] - 1)
-    count = meet(i, i, ways, p)
-    granted, barrier = _grant(i, count, numbers[GRANT, i], must, want, r["aside"] != 0, ways)
+    end = min(want + MORE, numbers[COUNT, i] - 1)
+    count = meet(i, i, end, ways, p)
+    granted, barrier = _grant(count, numbers[GRANT, i], must, want, end, r["aside"] != 0, ways)
     if r["arcs"] == 0:
         stuck = barrier != NOBODY and (
-            abs(robots[barrier]["speed"]) < SLOW or _comes_against(i, granted, count, barrier, ways)
+            abs(robots[barrier]["speed"]) < SLOW or _comes_against(i, granted, end, count, barrier, ways)
         )
-        if stuck or r["side"] != choices[0, SIDE]:
+        again = barrier != before or (r["age"] // p["repeat"] + i) % TRIED == 0
+        if (stuck and again) or (barrier == NOBODY and r["side"] != choices[0, SIDE]):
             granted, barrier = _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, clearance)
     numbers[GRANT, i] = granted
     r["authority"] = paths[i, granted, DRIVEN]
@@ -213,7 +230,7 @@ def _ask(i, robots, route, arcs, choices, ways, p, clearance):  # type: ignore[n
 def rank(robots, order):  # type: ignore[no-untyped-def]
     """Write the robots in the order of their right: longest on the way to its goal first, and with it who bars it.
 
-    order int32[N]: their indices; of equals the lower first.
+    order int[N]: their indices; of equals the lower first.
     """
     count = robots.shape[0]
     for i in range(count):
@@ -232,17 +249,18 @@ def rank(robots, order):  # type: ignore[no-untyped-def]
         order[k] = i
 
 
-@kernel
+@part
 def decide(robots, routes, arcs, commands, choices, order, ways, p, clearance):  # type: ignore[no-untyped-def]
     """Grant all robots of a world a stretch of their paths: `authority` [m], `side` [m] and `yields_to` of the records.
 
     commands float32[N, 2]: speed [m/s] and lateral offset [m] of each, of which the speed becomes the one liked with
-    the offset taken; choices float32[N, K, 3]: see preferences.py; order int32[N]: robots as `rank` has sorted them;
+    the offset taken; choices float32[N, K, 3]: see preferences.py; order int[N]: robots as `rank` has sorted them;
     ways: see meetings.scratch.
     """
     count = robots.shape[0]
     for i in range(count):
         _begin(i, robots[i], routes[i], arcs[i], ways, p, clearance)
+    enlist(ways, p)
     for n in range(count):
         i = order[n]
         _ask(i, robots, routes[i], arcs[i], choices[i], ways, p, clearance)

@@ -17,7 +17,7 @@ from warehouse_env.observation import observation_layout
 from warehouse_env.planning.plan import Planner
 from warehouse_env.portable import Portable
 from warehouse_env.routes.book import RouteBook
-from warehouse_env.simulation import metrics, state, step
+from warehouse_env.simulation import agreement, metrics, state, step
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.assignment import Assignment, check_assignments
 from warehouse_env.simulation.audit import is_wanted, raise_fault
@@ -35,6 +35,7 @@ from warehouse_env.simulation.given import (
 )
 from warehouse_env.simulation.jams import Jams, jams_of
 from warehouse_env.simulation.manoeuvre import ARCS
+from warehouse_env.simulation.path_ahead import COLUMNS, POSES
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.tasks import Arrival
 from warehouse_env.simulation.turning import turning_metric
@@ -54,7 +55,7 @@ class Simulator(Portable):
     `arrivals`, the tasks finished with the last step.
     """
 
-    bound = ("state", "events", "_floor", "_metric", "_step_arguments", "_observe_arguments")
+    bound = ("state", "events", "_floor", "_metric", "_advance_arguments", "_agree_arguments", "_observe_arguments")
 
     def __init__(
         self,
@@ -102,6 +103,7 @@ class Simulator(Portable):
     def _make_arrays(self) -> None:
         b, n, p = self.num_worlds, self.num_agents, self._params
         self.arcs = np.zeros((b, n, ARCS, 2), dtype=np.float32)  # [m], [rad]; the robots' manoeuvres
+        self._paths = np.zeros((b, n + 1 if self.config.right_of_way else 0, POSES, COLUMNS), dtype=np.float32)
         self.observation = np.zeros((b, n, self.layout.size), dtype=np.float32)
         self.reward = np.zeros((b, n), dtype=np.float32)
         self.reward_terms = np.zeros((b, n, len(REWARD_TERMS)), dtype=np.float32)
@@ -142,14 +144,13 @@ class Simulator(Portable):
             self._rays, self._actions.table, self._weights, *self._floor.edges,
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
-        self._step_arguments = (
+        floor = (self._floor.solid, self._floor.clearance, self._metric)
+        self._advance_arguments = (
             self.arcs, self._commands, self._stamps, self.steps, self.truncated,
-            self.terminated, self._waiting, self._faults, self._params,
-            self._choices, self._floor.solid, self._floor.clearance, self._metric, *seen,
+            self.terminated, self._waiting, self._faults, self._params, *floor,
         )  # fmt: skip
-        self._observe_arguments = (
-            self._waiting, self._params, *seen,
-        )  # fmt: skip
+        self._agree_arguments = (self.arcs, self._commands, self._paths, self._params, self._choices, *floor)
+        self._observe_arguments = (self._waiting, self._params, *seen)
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:
         """Write observations into this array [B, N, D] from now on; the last one stays as it is, its holder's own."""
@@ -242,28 +243,31 @@ class Simulator(Portable):
         in [-1, 1] (clipped). ActionError if of another shape, out of range or not finite.
         """
         self._actions.decode(actions, self._commands, self._choices)
-        arguments = (self.robots, self.routes, *self._step_arguments)
-        if self._many():
-            arrivals = sum(side_by_side(step.step, [(*part, *arguments) for part in self._parts]))
-        else:
-            arrivals = step.step(0, self.num_worlds, *arguments)
+        arrivals = sum(side_by_side(self._advance, self._parts if self._many() else [(0, self.num_worlds)]))
         if self._params["checked"][0] != 0:
             raise_fault(self._faults)
         self.arrivals = self.dispatcher.arrive(self.steps) if arrivals else []
         rerouted = self.dispatcher.reroute(self.steps)
         if arrivals or rerouted:
-            self._waiting[rerouted] = 1
-            step.observe(self.robots, self.routes, *self._observe_arguments)
+            self._observe(rerouted)
         return self.observation
+
+    def _advance(self, begin: int, end: int) -> int:
+        """Advance the worlds from `begin` to before `end`, and observe those without arrivals; return how many."""
+        where = (begin, end, self.robots, self.routes)
+        if self.config.right_of_way:
+            agreement.agree(*where, *self._agree_arguments)
+        arrivals: int = step.advance(*where, *self._advance_arguments)
+        step.observe(begin, end, False, self.robots, self.routes, *self._observe_arguments)
+        return arrivals
 
     def _many(self) -> bool:
         return self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and get_num_threads() > 1
 
-    def _observe(self, world: int | None = None) -> None:
-        self._waiting[...] = world is None
-        if world is not None:
-            self._waiting[world] = 1
-        step.observe(self.robots, self.routes, *self._observe_arguments)
+    def _observe(self, worlds: int | list[int] | slice = slice(None)) -> None:
+        """Observe these worlds, and those that wait for it."""
+        self._waiting[worlds] = 1
+        step.observe(0, self.num_worlds, True, self.robots, self.routes, *self._observe_arguments)
 
     def episode_metrics(self, world: int = 0) -> dict[str, float]:
         """Return the row of numbers of a world's episode so far (see metrics.episode_row, and Tasks.cut_off)."""

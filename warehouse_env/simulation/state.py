@@ -51,6 +51,7 @@ ROBOT = np.dtype(
         ("search_wait", F),  # [s] until the next search
         # right of way (simulation/right_of_way.py): granted up to this odometer, how far that is, and with which offset
         ("claim", np.float64), ("authority", F), ("side", F), ("at_end", B),  # [m], [m], [m]; the goal is granted, too
+        ("poses", I), ("path_from", np.float64), ("path_at", np.float64),  # of its path; odometer [m] when made, kept
         ("yields_to", I), ("right", I), ("aside", B), ("pause", F),  # waits for whom; steps; makes room; [s] no search
         # jams and live routes
         ("anchor_x", F), ("anchor_y", F), ("standing_time", F), ("longest_standing", F),  # [m]; [s] within 1 m of it

@@ -1,7 +1,7 @@
-"""The batched step: command, move, judge contacts, advance along the routes; then observe.
+"""The batched step: `advance` commands, moves, judges contacts and goes on along the routes; `observe` looks.
 
-Two entries: `step`, and `observe` for the worlds where tasks and routes change in between. Each does one world after
-another; for all threads, the Simulator hands out parts of the worlds.
+With right of way, `agree` (agreement.py) goes before. They are three, not one, since a kernel is compiled again in
+whatever calls it. Each does one world after another; for all threads, the Simulator hands out parts of the worlds.
 """
 
 from __future__ import annotations
@@ -15,8 +15,6 @@ from warehouse_env.simulation import (
     buckets,
     contact,
     field,
-    making_room,
-    meetings,
     prediction,
     right_of_way,
     sensing,
@@ -131,22 +129,12 @@ def _total(r, p):  # type: ignore[no-untyped-def]
         _park(r, p)
 
 
-@inline
+@kernel
 def _sights(p):  # type: ignore[no-untyped-def]
     """Return scratch of sensing.py and prediction.py: turned float32[TURNED, R], legs and path."""
     turned = np.empty((sensing.TURNED, p["rays"]), np.float32)
     legs = np.empty((prediction.LEGS, p["route_points"]), np.float32)
     return turned, legs, np.empty(prediction.PATH, np.float32)
-
-
-@inline
-def _agree(robots, routes, arcs, commands, choices, guards, ways, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
-    """Put the robots in the order of their right, and grant each a stretch of its path, if either is asked for."""
-    if p["field"] != 0:
-        right_of_way.rank(robots, guards[3])
-    if p["right_of_way"] != 0:
-        right_of_way.decide(robots, routes, arcs, commands, choices, guards[3], ways, p, clearance)
-        making_room.resolve(robots, routes, arcs, ways, p, solid, clearance, metric)
 
 
 @inline
@@ -162,39 +150,19 @@ def _move(robots, near, motions, p, solid, clearance):  # type: ignore[no-untype
 
 
 @inline
-def _advance_world(  # type: ignore[no-untyped-def]
-    robots, routes, arcs, commands, choices, stamps, places, motions, guards, ways, fault, clock,
-    p, solid, clearance, metric,
-):  # fmt: skip
-    """Advance one world by one env step; return the number of arrivals."""
-    order, starts, bodies = places
-    pairs, motion, _, _ = motions
-    arrivals, count = 0, robots.shape[0]
-    _agree(robots, routes, arcs, commands, choices, guards, ways, p, solid, clearance, metric)
-    for i in range(count):
-        _begin(robots[i])
-    for repeat in range(p["repeat"]):
-        buckets.sort(robots, p, starts, order, bodies)
-        near = contact.list_pairs(bodies, order, starts, p, pairs)
-        for i in range(count):
-            first, second = _command(
-                robots[i], routes[i], arcs[i], bodies, commands[i, 0], commands[i, 1], p, solid, clearance, metric
-            )
-            contact.load(robots, i, first, second, p, clearance, motion)
-        if p["field"] != 0:
-            field.guard(robots, motion, guards, places, p, solid, clearance)
-        _move(robots, near, motions, p, solid, clearance)
-        if p["field"] != 0:
-            field.settle(robots)
-            if p["checked"] != 0:
-                audit.find_fault(robots, clock + repeat, p, solid, clearance, fault)
-        contact.judge_pairs(robots, motion, pairs, near, stamps, clock + repeat, p)
-        contact.end_shelf_contacts(robots, p, solid, clearance)
-        for i in range(count):
-            arrivals += _end(robots[i], routes[i], p)
-    for i in range(count):
-        _total(robots[i], p)
-    return arrivals
+def _drive(robots, routes, arcs, commands, places, motions, guards, near, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
+    """Choose each robot's motion of one physics step and carry it out; near: the number of pairs that may meet."""
+    _, motion, _, _ = motions
+    for i in range(robots.shape[0]):
+        first, second = _command(
+            robots[i], routes[i], arcs[i], places[2], commands[i, 0], commands[i, 1], p, solid, clearance, metric
+        )
+        contact.load(robots, i, first, second, p, clearance, motion)
+    if p["field"] != 0:
+        field.guard(robots, motion, guards, places, p, solid, clearance)
+    _move(robots, near, motions, p, solid, clearance)
+    if p["field"] != 0:
+        field.settle(robots)
 
 
 @inline
@@ -239,48 +207,63 @@ def _count_step(robots, steps, b, truncated, terminated, p):  # type: ignore[no-
 
 
 @kernel
-def step(  # type: ignore[no-untyped-def]
-    begin, end, robots, routes, arcs, commands, stamps, steps, truncated, terminated, waiting, faults, params, choices,
-    solid, clearance, metric, rays, table, weights, edges, seen, first, out, terms, reward,
+def advance(  # type: ignore[no-untyped-def]
+    begin, end, robots, routes, arcs, commands, stamps, steps, truncated, terminated, waiting, faults, params,
+    solid, clearance, metric,
 ):  # fmt: skip
-    """Step the worlds from `begin` to before `end`; return the number of arrivals. Leading axis of the arrays: world.
+    """Move the worlds from `begin` to before `end` on by one env step; return the number of arrivals.
 
     robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; arcs float32[B, N, ARCS, 2]: their manoeuvres (manoeuvre.py);
     commands float32[B, N, 2]: speed [m/s] and offset [m], or raw acceleration and steering rate; stamps int32[B, N, N];
     steps int64[B] since the reset, truncated bool[B], terminated bool[B, N]; waiting int32[B]: the arrivals of each
     world, whose observation waits until the Simulator has given out new tasks; faults int32[B, 3]: see
-    audit.find_fault; choices float32[B, N, K, 3]: see preferences.py; metric, rays, table, weights, edges, seen, first:
-    see the Simulator; out: observations float32[B, N, D]; terms float32[B, N, T]; reward float32[B, N].
+    audit.find_fault; metric: see the Simulator.
     """
     p = params[0]
     arrivals, count = 0, robots.shape[1]
-    places, motions, sights = buckets.scratch(count, p), contact.scratch(count, p), _sights(p)
-    guards, ways = field.scratch(count, p), meetings.scratch(count, p)
+    places, motions, guards = buckets.scratch(count, p), contact.scratch(count, p), field.scratch(count, p)
+    order, starts, bodies = places
+    pairs, motion, _, _ = motions
     for b in range(begin, end):
-        clock = steps[b] * p["repeat"] + 1
-        waiting[b] = _advance_world(
-            robots[b], routes[b], arcs[b], commands[b], choices[b], stamps[b], places, motions, guards, ways, faults[b],
-            clock, p, solid, clearance, metric,
-        )  # fmt: skip
+        waiting[b] = 0
+        if p["field"] != 0:
+            right_of_way.rank(robots[b], guards[3])
+        for i in range(count):
+            _begin(robots[b, i])
+        for repeat in range(p["repeat"]):
+            clock = steps[b] * p["repeat"] + 1 + repeat
+            buckets.sort(robots[b], p, starts, order, bodies)
+            near = contact.list_pairs(bodies, order, starts, p, pairs)
+            _drive(
+                robots[b], routes[b], arcs[b], commands[b], places, motions, guards, near, p, solid, clearance, metric
+            )
+            if p["checked"] != 0:
+                audit.find_fault(robots[b], clock, p, solid, clearance, faults[b])
+            contact.judge_pairs(robots[b], motion, pairs, near, stamps[b], clock, p)
+            contact.end_shelf_contacts(robots[b], p, solid, clearance)
+            for i in range(count):
+                waiting[b] += _end(robots[b, i], routes[b, i], p)
+        for i in range(count):
+            _total(robots[b, i], p)
         _count_step(robots[b], steps, b, truncated, terminated, p)
         arrivals += waiting[b]
-        if waiting[b] == 0:
-            _observe_world(
-                robots[b], routes[b], places, sights, p, rays, table, weights, edges, seen, first,
-                out[b], terms[b], reward[b],
-            )  # fmt: skip
     return arrivals
 
 
 @kernel
 def observe(  # type: ignore[no-untyped-def]
-    robots, routes, waiting, params, rays, table, weights, edges, seen, first, out, terms, reward
+    begin, end, late, robots, routes, waiting, params, rays, table, weights, edges, seen, first, out, terms, reward
 ):
-    """Write observations, reward terms and rewards of the worlds that are `waiting`, which then are no more."""
+    """Write observations, rewards and their terms of the worlds from `begin` to before `end`: those that are `waiting`
+    if `late`, which then are no more, else all others.
+
+    table, rays, weights, edges, seen, first: see the Simulator; out: observations float32[B, N, D]; terms float32[B, N,
+    T]; reward float32[B, N].
+    """
     p = params[0]
     places, sights = buckets.scratch(robots.shape[1], p), _sights(p)
-    for b in range(robots.shape[0]):
-        if waiting[b] != 0:
+    for b in range(begin, end):
+        if (waiting[b] != 0) == late:
             waiting[b] = 0
             _observe_world(
                 robots[b], routes[b], places, sights, p, rays, table, weights, edges, seen, first,

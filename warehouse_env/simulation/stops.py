@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.contact import COS, HEADING, SIN, SPEED, STEER, X, Y
 from warehouse_env.simulation.footprint import body_room, body_touches_shelf
 from warehouse_env.simulation.geometry import rectangles_touch, separation
@@ -76,7 +76,7 @@ def draw_outline(row, x, y, heading, c, s, way, bend, driven, turned, outlines, 
     outlines[REACH, row] = np.sqrt(long * long + wide * wide)
 
 
-@kernel
+@part
 def sample(row, i, acceleration, steer_rate, commanded, motion, paths, outlines, marks, p):  # type: ignore[no-untyped-def]
     """Sample robot i's motion into a row of `paths`: `commanded` substeps at a command, then full braking."""
     x, y, heading, c, s = motion[X, i], motion[Y, i], motion[HEADING, i], motion[COS, i], motion[SIN, i]
@@ -117,7 +117,7 @@ def outlines_meet(dx, dy, c1, s1, l1, w1, r1, c2, s2, l2, w2, r2, gap):  # type:
     return dx * dx + dy * dy <= reach * reach and rectangles_touch(dx, dy, c1, s1, l1 + gap, w1 + gap, c2, s2, l2, w2)
 
 
-@kernel
+@part
 def least_separation(a, b, paths, outlines, marks, p):  # type: ignore[no-untyped-def]
     """Return the least separation [m] of two motions at equal times; one over the margin may not be the least.
 
@@ -143,7 +143,7 @@ def least_separation(a, b, paths, outlines, marks, p):  # type: ignore[no-untype
     return least
 
 
-@kernel
+@part
 def meets_shelf(row, paths, outlines, marks, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Whether the body touches a shelf anywhere along a sampled motion."""
     half_length, half_width, cell, pace = p["half_length"], p["half_width"], p["cell"], outlines[PACE, row]

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.driving import KEPT, STANDS, drive_arcs, give_up, leads_ahead
 from warehouse_env.simulation.footprint import clearance_at, sweep_is_free
 from warehouse_env.simulation.kinematics import approach, curvature
@@ -110,7 +110,7 @@ def pursue(r, tx, ty, p):  # type: ignore[no-untyped-def]
     return to_steering(bend, p["wheelbase"], p["max_steer"]), angle
 
 
-@kernel
+@part
 def _may(r, speed, steer, margin, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Whether the robot, after a step under a command, can brake with the steering it then has and keep off shelves.
 
@@ -146,7 +146,7 @@ def _brake_steer(r, steer, margin, p, solid, clearance):  # type: ignore[no-unty
 def _manoeuvre(r, arcs, wanted, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Return (speed, steering) along the arcs; give the manoeuvre up where it is no longer free."""
     speed, steer = drive_arcs(r, arcs, wanted, p)
-    if r["contact_time"] > HELD and wanted > ZERO and r["search_wait"] <= ZERO:
+    if max(r["contact_time"], r["held_time"]) > HELD and wanted > ZERO and r["search_wait"] <= ZERO:
         give_up(r)
     if r["arcs"] == 0:
         return ZERO, r["steer"]
@@ -159,14 +159,20 @@ def _manoeuvre(r, arcs, wanted, p, solid, clearance):  # type: ignore[no-untyped
     return ZERO, _brake_steer(r, steer, r["arc_margin"], p, solid, clearance)
 
 
+@kernel
+def _plan(r, route, arcs, bodies, alone, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
+    """Begin a manoeuvre to the route, around the others' bodies unless `alone`; return the number of its arcs."""
+    others = np.empty((0, 4), np.float32) if alone else bodies_near(r, bodies, p)
+    return plan_to_route(r, route, arcs, others, p, solid, clearance, metric)
+
+
 @inline
 def _forward(r, route, arcs, bodies, speed, steer, angle, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
     """Return the wanted (speed, steering) if its sweep is free, else those of stopping, or of a new manoeuvre."""
     slow, alone = abs(r["speed"]) < SLOW, r["contact_time"] <= HELD
     may = not (slow and abs(angle) > ASIDE) and _may(r, speed, steer, MARGIN, p, solid, clearance)
     if slow and not (may and alone) and r["search_wait"] <= ZERO:
-        others = np.empty((0, 4), np.float32) if alone else bodies_near(r, bodies, p)
-        found = plan_to_route(r, route, arcs, others, p, solid, clearance, metric)
+        found = _plan(r, route, arcs, bodies, alone, p, solid, clearance, metric)
         r["search_wait"] = AGAIN_HELD if not alone else (ZERO if found > 0 else AGAIN)
         if found > 0:
             return _manoeuvre(r, arcs, speed, p, solid, clearance)
