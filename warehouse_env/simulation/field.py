@@ -163,10 +163,12 @@ def commit(i, acceleration, steer_rate, motion, field, places, p, solid, clearan
 
 @inline
 def hold(i, motion, field, p):  # type: ignore[no-untyped-def]
-    """Have robot i stay with its stop."""
+    """Have robot i stay with its stop. Where it stands it may steer, which moves nothing and its stop not at all."""
     marks = field[2]
     marks[COMMITTED, i] = 1
-    motion[ACCELERATION, i], motion[STEER_RATE, i] = braking(motion[SPEED, i], p), ZERO
+    motion[ACCELERATION, i] = braking(motion[SPEED, i], p)
+    if motion[SPEED, i] != ZERO:
+        motion[STEER_RATE, i] = ZERO
 
 
 @inline

@@ -36,7 +36,8 @@ PATIENCE = np.float32(4.0)  # [s] without a metre of progress from which manoeuv
 ASIDE = np.float32(1.0)  # [rad] off the nose from which a target takes a manoeuvre
 AGAIN = np.float32(2.0)  # [s] until another search where nothing was found,
 AGAIN_HELD = np.float32(15.0)  # [s] and, found or not, where another robot is in the way
-HELD = np.float32(1.0)  # [s] in touch with a robot after which a way round the others' bodies is searched
+HELD = np.float32(1.0)  # [s] in touch with a robot after which a way round the others' bodies is searched,
+HELD_BACK = np.float32(2.5)  # [s] and held by the field after which a manoeuvre is given up: it may have to steer first
 
 
 @inline
@@ -146,7 +147,8 @@ def _brake_steer(r, steer, margin, p, solid, clearance):  # type: ignore[no-unty
 def _manoeuvre(r, arcs, wanted, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Return (speed, steering) along the arcs; give the manoeuvre up where it is no longer free."""
     speed, steer = drive_arcs(r, arcs, wanted, p)
-    if max(r["contact_time"], r["held_time"]) > HELD and wanted > ZERO and r["search_wait"] <= ZERO:
+    held = r["contact_time"] > HELD or r["held_time"] > HELD_BACK
+    if held and wanted > ZERO and r["search_wait"] <= ZERO:
         give_up(r)
     if r["arcs"] == 0:
         return ZERO, r["steer"]
