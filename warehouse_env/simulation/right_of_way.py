@@ -47,6 +47,7 @@ BACK = 4  # poses more that must be free to go back to the commanded offset
 REFUSED = np.float32(0.8)  # [s] that the field has held a robot from which it waits for who held it
 SLOW = np.float32(0.1)  # [m/s]
 TRIED = 5  # decisions after which a robot tries other offsets again while the same one bars its way
+NOWHERE = -1  # no pose
 _ROUNDING = np.float32(1e-3)  # [m] of an odometer
 
 
@@ -87,17 +88,17 @@ def _may_wait(k, count, barrier, ways):  # type: ignore[no-untyped-def]
 
 
 @part
-def _grant(count, have, must, want, end, yields, ways):  # type: ignore[no-untyped-def]
+def _grant(count, have, must, want, end, goal, yields, ways):  # type: ignore[no-untyped-def]
     """Return (poses granted of a path, who bars the way to `want` or NOBODY); yields: it may wait anywhere.
 
-    It is granted more than it wants, up to pose `end`, if it may not wait sooner.
+    It is granted more than it wants, up to pose `end`, if it may not wait sooner; at pose `goal` it does not wait.
     """
     last, barrier = _reach_of_grants(count, have, end, ways)
     k = min(max(min(have, last), must), last)
     best, barred_by = NOBODY, NOBODY
     least = k
     while k <= last:
-        bars = NOBODY if yields else _may_wait(k, count, barrier if last < want else NOBODY, ways)
+        bars = NOBODY if yields or k == goal else _may_wait(k, count, barrier if last < want else NOBODY, ways)
         if bars == NOBODY:
             best = k
             if k >= want:
@@ -154,12 +155,13 @@ def _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, clearance)
         if n > 0 and side == wanted:
             continue
         want = numbers[MUST, i] + AHEAD + (BACK if side == wanted else 0)
-        numbers[COUNT, trial], _ = write_path(r, route, arcs, side, min(want + 1, POSES), p, clearance, paths[trial])
-        want = min(want, numbers[COUNT, trial] - 1)
+        many, at_end = write_path(r, route, arcs, side, min(want + 1, POSES), p, clearance, paths[trial])
+        numbers[COUNT, trial], want = many, min(want, many - 1)
         if want < 2:
             continue
         count = meet(i, trial, want, ways, p)
-        free, _ = _grant(count, 0, numbers[MUST, i], want, want, False, ways)
+        goal = many - 1 if at_end else NOWHERE
+        free, _ = _grant(count, 0, numbers[MUST, i], want, want, goal, False, ways)
         if free >= want:
             r["side"] = side
             _write(i, r, route, arcs, ways, p, clearance)
@@ -208,7 +210,8 @@ def _ask(i, robots, route, arcs, choices, ways, p, clearance):  # type: ignore[n
     want = min(must + AHEAD, numbers[COUNT, i] - 1)
     end = min(want + MORE, numbers[COUNT, i] - 1)
     count = meet(i, i, end, ways, p)
-    granted, barrier = _grant(count, numbers[GRANT, i], must, want, end, r["aside"] != 0, ways)
+    goal = numbers[COUNT, i] - 1 if r["at_end"] != 0 else NOWHERE
+    granted, barrier = _grant(count, numbers[GRANT, i], must, want, end, goal, r["aside"] != 0, ways)
     if r["arcs"] == 0:
         stuck = barrier != NOBODY and (
             abs(robots[barrier]["speed"]) < SLOW or _comes_against(i, granted, end, count, barrier, ways)
