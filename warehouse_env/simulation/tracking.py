@@ -35,9 +35,9 @@ BACK_ON = np.float32(0.5)  # [rad] off the nose up to which target and line end 
 PATIENCE = np.float32(4.0)  # [s] without a metre of progress from which manoeuvres are driven to their end
 ASIDE = np.float32(1.0)  # [rad] off the nose from which a target takes a manoeuvre
 AGAIN = np.float32(2.0)  # [s] until another search where nothing was found,
-AGAIN_HELD = np.float32(15.0)  # [s] and, found or not, where another robot is in the way
+AGAIN_HELD, AGAIN_HELD_BACK = np.float32(15.0), np.float32(5.0)  # [s] and, found or not, where another is in the way
 HELD = np.float32(1.0)  # [s] in touch with a robot after which a way round the others' bodies is searched,
-HELD_BACK = np.float32(2.5)  # [s] and held by the field after which a manoeuvre is given up: it may have to steer first
+HELD_BACK = np.float32(2.5)  # [s] and held by the field after which it is, too: it may have to steer first
 
 
 @inline
@@ -147,9 +147,6 @@ def _brake_steer(r, steer, margin, p, solid, clearance):  # type: ignore[no-unty
 def _manoeuvre(r, arcs, wanted, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Return (speed, steering) along the arcs; give the manoeuvre up where it is no longer free."""
     speed, steer = drive_arcs(r, arcs, wanted, p)
-    held = r["contact_time"] > HELD or r["held_time"] > HELD_BACK
-    if held and wanted > ZERO and r["search_wait"] <= ZERO:
-        give_up(r)
     if r["arcs"] == 0:
         return ZERO, r["steer"]
     if _may(r, speed, steer, r["arc_margin"], p, solid, clearance):
@@ -169,13 +166,13 @@ def _plan(r, route, arcs, bodies, alone, p, solid, clearance, metric):  # type: 
 
 
 @inline
-def _forward(r, route, arcs, bodies, speed, steer, angle, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
+def _forward(r, route, arcs, bodies, alone, speed, steer, angle, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
     """Return the wanted (speed, steering) if its sweep is free, else those of stopping, or of a new manoeuvre."""
-    slow, alone = abs(r["speed"]) < SLOW, r["contact_time"] <= HELD
+    slow = abs(r["speed"]) < SLOW
     may = not (slow and abs(angle) > ASIDE) and _may(r, speed, steer, MARGIN, p, solid, clearance)
     if slow and not (may and alone) and r["search_wait"] <= ZERO:
         found = _plan(r, route, arcs, bodies, alone, p, solid, clearance, metric)
-        r["search_wait"] = AGAIN_HELD if not alone else (ZERO if found > 0 else AGAIN)
+        r["search_wait"] = (AGAIN if found <= 0 else ZERO) if alone else AGAIN_HELD_BACK if p["field"] else AGAIN_HELD
         if found > 0:
             return _manoeuvre(r, arcs, speed, p, solid, clearance)
     if may:
@@ -212,7 +209,10 @@ def follow(r, route, arcs, bodies, wanted_speed, offset, p, solid, clearance, me
     if speed < ZERO:
         give_up(r)
     on_line = speed
+    alone = r["contact_time"] <= HELD and r["held_time"] <= HELD_BACK
     if speed > ZERO:
+        if not alone and r["search_wait"] <= ZERO:
+            give_up(r)
         bend = max(abs(steer) / BEND_SCALE, abs(steer - r["steer"]) / STEER_SCALE)
         on_line = min(speed, CREEP + (p["max_speed"] - CREEP) * max(ZERO, ONE - bend))
         aligned = max(abs(angle), abs(r["bearing"])) < BACK_ON and r["stalled_time"] < PATIENCE
@@ -221,7 +221,7 @@ def follow(r, route, arcs, bodies, wanted_speed, offset, p, solid, clearance, me
     if r["arcs"] > 0:
         speed, steer = _manoeuvre(r, arcs, speed, p, solid, clearance)
     elif speed > ZERO:
-        speed, steer = _forward(r, route, arcs, bodies, on_line, steer, angle, p, solid, clearance, metric)
+        speed, steer = _forward(r, route, arcs, bodies, alone, on_line, steer, angle, p, solid, clearance, metric)
     elif r["speed"] > ZERO or speed == ZERO:
         speed, steer = ZERO, _brake_steer(r, steer, MARGIN, p, solid, clearance)
     else:
