@@ -302,3 +302,10 @@ def test_a_recorded_episode_of_preferences_replays_to_the_bit(tmp_path: Path) ->
     loaded = Episode.load(tmp_path / "episode.npz")
     assert loaded.actions.shape == (150, 2, 6, 20)
     assert [replayed.robots.tobytes() for replayed in loaded.replay()] == bits
+
+
+def test_of_two_whose_paths_end_on_each_others_the_first_goes_to_its_goal() -> None:
+    """Nobody need not wait at its goal: it goes on from there."""
+    world = World((8.0, 10.0, 0.0), (10.0, 8.0, math.pi / 2), ages=[9, 0], length=2.5).decide()
+    assert world.robots["yields_to"].tolist() == [NOBODY, 0]
+    assert world.robots["authority"][0] == math.inf

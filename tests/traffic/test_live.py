@@ -13,7 +13,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.recording import Recorder
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import ROBOT
-from warehouse_env.traffic.live import price, watch
+from warehouse_env.traffic.live import LiveRoutes, price, watch
 
 EAST, NORTH, WEST, SOUTH = 0, 2, 4, 6
 ROWS, COLUMNS = 5, 9
@@ -206,3 +206,14 @@ def test_live_routes_keep_one_way_cells() -> None:
     simulator.reset([1])
     drive(simulator)
     assert simulator.robots["goals"].sum() > 0
+
+
+def test_who_is_in_the_cell_of_its_goal_keeps_its_route_to_the_middle() -> None:
+    simulator = Simulator(CONFIG)
+    simulator.reset([1])
+    r = simulator.robots[0, 0]
+    goal = (int(r["goal_row"]), int(r["goal_col"]))
+    live = LiveRoutes(CONFIG, simulator.route_book)
+    assert live.route(simulator.robots[0], simulator.routes[0], 0, goal) is not None
+    r["x"], r["y"] = r["goal_x"] - 0.4, r["goal_y"] - 0.4  # farther off than the radius in which it has arrived
+    assert live.route(simulator.robots[0], simulator.routes[0], 0, goal) is None

@@ -229,11 +229,11 @@ class LiveRoutes:
     ) -> NDArray[np.float32] | None:
         """Return way-points float32[R, 2] [m] from where robot `me` of ROBOT[N] is to a goal, around all others.
 
-        None where the planner finds no path.
+        None where the planner finds no path, or the robot is in the goal's cell already: its route leads to the centre.
         """
         price(robots, routes, me, *self._price, self._cost)
         pose = np.array([robots[me]["x"], robots[me]["y"]])
         row, column = self._book.grid.cell(pose).tolist()
         rng = np.random.default_rng([row, column, *goal])
         plan = self._planner.plan(self._book.grid, (row, column), goal, rng, self._cost)
-        return self._book.lay(plan.cells, pose) if plan.found else None
+        return self._book.lay(plan.cells, pose) if plan.found and len(plan.cells) > 1 else None
