@@ -308,4 +308,4 @@ def test_of_two_whose_paths_end_on_each_others_the_first_goes_to_its_goal() -> N
     """Nobody need not wait at its goal: it goes on from there."""
     world = World((8.0, 10.0, 0.0), (10.0, 8.0, math.pi / 2), ages=[9, 0], length=2.5).decide()
     assert world.robots["yields_to"].tolist() == [NOBODY, 0]
-    assert world.robots["authority"][0] == math.inf
+    assert (world.robots["authority"][0], world.robots["side"][0]) == (math.inf, 0.0)  # straight there, not beside it
