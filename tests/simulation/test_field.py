@@ -349,3 +349,11 @@ def test_a_robot_that_is_held_where_it_stands_may_steer() -> None:
     assert held > 0
     assert simulator.robots["x"][0, 0] > 5.05
     assert simulator.robots["hits_robot"].sum() == 0
+
+
+def test_without_the_field_nothing_is_audited() -> None:
+    """Robots may collide there, whatever WAREHOUSE_CHECK_FIELD says, which these tests set."""
+    simulator = stage(room(12, 12), (4.0, 6.0, 0.0, 1.5), (6.0, 6.0, math.pi, 1.5), action_type="raw")
+    for _ in range(20):
+        simulator.step(np.zeros((1, 2, 2), np.float32))
+    assert simulator.robots["hits_robot"].sum() > 0
