@@ -59,6 +59,12 @@ def _least(i, robots):  # type: ignore[no-untyped-def]
     return low
 
 
+@inline
+def _stands(r):  # type: ignore[no-untyped-def]
+    """Whether a robot stands for good, as far as can be told: for a while, or parked, which counts no time any more."""
+    return r["alive"] == 0 or r["waiting_time"] > PATIENCE
+
+
 @part
 def _make_room(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
     """Search a way off the paths of all others in the ring for robot `low`."""
@@ -97,7 +103,7 @@ def resolve(robots, routes, arcs, ways, p, solid, clearance, metric):  # type: i
             continue
         if _in_ring(i, robots):
             _make_room(_least(i, robots), robots, arcs, ways, bodies, avoid, p, solid, clearance, metric)
-        elif r["waiting_time"] > PATIENCE + PATIENCE and robots[barrier]["waiting_time"] > PATIENCE:
+        elif r["waiting_time"] > PATIENCE + PATIENCE and _stands(robots[barrier]):
             near = _bodies_near(i, ways[0], bodies)
             plan_to_route(r, routes[i], arcs[i], bodies[:near], p, solid, clearance, metric)
             r["pause"] = PAUSE
