@@ -52,13 +52,12 @@ def line_of(orders: Orders, robot: int, centre: NDArray[np.float64], side: float
 def give_line(simulator: Simulator, world: int, robot: int, line: NDArray[np.float32]) -> None:
     """Let a robot drive along a line float32[R, 2] [m] from now on, from the point nearest to its axle."""
     r = simulator.robots[world, robot]
-    simulator.routes[world, robot, : len(line)] = line
     nearest = int(np.argmin(np.hypot(line[:, 0] - r["x"], line[:, 1] - r["y"])))
-    since_milestone = r["position"] - r["milestone"]
-    r["points"], r["spacing"] = len(line), np.hypot(*(line[1] - line[0]))
+    since_milestone, bearing = r["position"] - r["milestone"], r["bearing"]
+    simulator.dispatcher.give_route(world, robot, line)
     r["position"] = nearest * r["spacing"]
     r["milestone"] = r["position"] - since_milestone
-    r["arcs"] = 0  # of a manoeuvre to the line before
+    r["bearing"] = bearing  # by which it steers backwards until it has found its place on the line
 
 
 def speed_for(way: float, period: float, acceleration: float) -> float:

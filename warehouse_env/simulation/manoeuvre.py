@@ -20,8 +20,8 @@ p, solid, clearance: PARAMETERS record and the floor; metric: turning_metric(PAR
 arcs float32[ARCS, 2]: is filled with (signed length [m], steering [rad]) of one arc after the other.
 search_once(..., margin, stride, most, ...): a single try.
 Returns the number of arcs, 0 if the start is a goal already, NONE if there is none (search_once: CUT_OFF if there may
-be, but not within `most` nodes), and search also the margin [m] that it keeps. A manoeuvre of
-more than ARCS arcs is cut off there; it is all free, and the next search begins at its end.
+be, but not within `most` nodes), and search also the margin [m] that it keeps. A manoeuvre of more than ARCS arcs is
+cut off there; it is all free, and the next search begins at its end.
 """
 
 from __future__ import annotations
