@@ -14,6 +14,7 @@ from warehouse_env.maps.grid_map import Cell
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation import state
 from warehouse_env.simulation.assignment import Assignment
+from warehouse_env.simulation.astray import find_astray
 from warehouse_env.simulation.floor import Floor
 from warehouse_env.simulation.one_shot import OneShotTasks
 from warehouse_env.simulation.placement import place, stand
@@ -36,6 +37,7 @@ class Dispatcher:
         self.book, self.robots = book, robots
         self.routes = np.zeros((*robots.shape, ROUTE_BLOCK, 2), dtype=np.float32)
         self._config, self._params = config, params
+        self._astray = np.empty(robots.shape, dtype=np.bool_)
         self._live = LiveRoutes(config, book) if config.reroute else None
         tasks = OneShotTasks if config.tasks == "one_shot" else Tasks
         self.tasks = [tasks(book.grid, config) for _ in range(len(robots))]
@@ -130,19 +132,31 @@ class Dispatcher:
         return arrivals
 
     def reroute(self, steps: NDArray[np.int64]) -> list[int]:
-        """Route those anew whose way is barred; return the worlds of those who got another route."""
-        if self._live is None:
-            return []
+        """Route those anew who are astray or whose way is barred; return the worlds of those who got another route."""
         worlds = []
-        for world, robot in self._live.watch(self.robots, self.routes, steps):
-            r = self.robots[world, robot]
-            route = self._live_route(world, robot, state.goal_of(r))
-            if route is not None:
-                self.give_route(world, robot, route)
-                r["milestone"] = 0.0  # but the time without a metre of progress goes on
-                r["reroutes"] += 1
+        if find_astray(self.robots, self.routes, self._astray):
+            for world, robot in np.argwhere(self._astray).tolist():
+                r = self.robots[world, robot]
+                goal, at = state.goal_of(r), self.book.grid.cell(np.array([r["x"], r["y"]]))
+                route = self._live_route(world, robot, goal)
+                if route is None:
+                    route = self.book.route((int(at[0]), int(at[1])), goal, float(r["heading"]))
+                self._give_another(world, robot, route)
                 worlds.append(world)
+        if self._live is not None:
+            for world, robot in self._live.watch(self.robots, self.routes, steps):
+                live = self._live_route(world, robot, state.goal_of(self.robots[world, robot]))
+                if live is not None:
+                    self._give_another(world, robot, live)
+                    worlds.append(world)
         return worlds
+
+    def _give_another(self, world: int, robot: int, points: NDArray[np.float32]) -> None:
+        """Give a robot another route on its way; the time without a metre of progress goes on."""
+        self.give_route(world, robot, points)
+        r = self.robots[world, robot]
+        r["milestone"] = 0.0
+        r["reroutes"] += 1
 
     def _live_route(self, world: int, robot: int, goal: Cell) -> NDArray[np.float32] | None:
         """Return a route from where a robot is, around all others; None if there is none, or live routes are off."""

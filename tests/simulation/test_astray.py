@@ -1,0 +1,50 @@
+"""Robots astray get another route from where they are, whatever options are on."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.simulation.worlds import drawn, put
+from warehouse_env.config import EnvConfig
+from warehouse_env.simulation.assignment import Assignment
+from warehouse_env.simulation.simulator import Simulator
+
+WALL = "#" * 20
+ROOMS = drawn(["." * 32] + [f"......{WALL}......"] * 5)  # joined by an aisle of one cell, from y = 5 to y = 6
+GOAL = (5, 30)
+
+
+def simulator_at(x: float, y: float, heading: float, reroute: bool = False) -> Simulator:
+    """One robot that was given a route in the eastern room and is somewhere else now."""
+    config = EnvConfig(num_agents=1, planner="astar", tasks="one_shot", action_repeat=2, reroute=reroute)
+    simulator = Simulator(config, grid=ROOMS)
+    simulator.reset_to([Assignment(np.array([[27.5, 4.5, -1.5]]), np.array([GOAL]))], [1])
+    put(simulator, 0, (x, y, heading))
+    return simulator
+
+
+@pytest.mark.parametrize("reroute", [False, True])
+def test_who_is_far_from_its_route_gets_another_and_arrives(reroute: bool) -> None:
+    simulator = simulator_at(2.5, 0.8, math.pi, reroute)
+    for _ in range(500):
+        simulator.step(np.full((1, 1), simulator.cruise_action))
+    assert simulator.robots["reroutes"][0, 0] >= 1
+    assert simulator.robots["alive"][0, 0] == 0  # it is there
+
+
+def test_who_drives_or_is_near_keeps_its_route() -> None:
+    simulator = simulator_at(28.0, 5.0, 0.5)
+    still = np.array([[EnvConfig().speed_levels.index(0.0) * len(EnvConfig().lateral_offsets)]])
+    for _ in range(20):
+        simulator.step(still)
+    assert simulator.robots["reroutes"][0, 0] == 0
+    put(simulator, 0, (26.6, 0.6, 0.5, 0.5))  # far, but it drives
+    simulator.robots["standing_time"] = 9.0
+    simulator.step(still)
+    assert simulator.robots["reroutes"][0, 0] == 0
+    for _ in range(10):
+        simulator.step(still)
+    assert simulator.robots["reroutes"][0, 0] == 1  # it has come to a halt there
