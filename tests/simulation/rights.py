@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tests.simulation.reference import FRONT, LENGTH, OFFSET, REAR, WIDTH, Points
 from tests.simulation.worlds import room, stage
+from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation import meetings, right_of_way
 from warehouse_env.simulation.field import NOBODY
 from warehouse_env.simulation.path_ahead import CENTRE_X, COLUMNS, COS, POSES, SIN
@@ -23,9 +24,16 @@ SPACING = 0.25  # [m] between a route's points
 class World:
     """Robots at poses, each with a straight route ahead of it, and what has been decided last."""
 
-    def __init__(self, *poses: Pose, ages: Sequence[int] | None = None, length: float = 8.0, size: int = 24) -> None:
+    def __init__(
+        self, *poses: Pose, ages: Sequence[int] | None = None, length: float = 8.0, grid: GridMap | None = None
+    ) -> None:
         self.simulator = stage(
-            room(size, size), *poses, action_type="discrete", action_repeat=2, protective_field=True, right_of_way=True
+            room(24, 24) if grid is None else grid,
+            *poses,
+            action_type="discrete",
+            action_repeat=2,
+            protective_field=True,
+            right_of_way=True,
         )
         self.robots = self.simulator.robots[0]
         self.robots["yields_to"] = self.robots["held_by"] = NOBODY

@@ -10,6 +10,7 @@ import pytest
 
 from tests.simulation.reference import separation
 from tests.simulation.rights import World, rectangles
+from tests.simulation.worlds import drawn
 from warehouse_env.simulation import making_room
 from warehouse_env.simulation.right_of_way import NOBODY
 
@@ -91,3 +92,25 @@ def test_a_parked_robot_stands_for_good() -> None:
     world.robots["alive"][1] = 0
     resolve(world)
     assert world.robots["pause"][0] == making_room.PAUSE
+
+
+AISLE = drawn(["#" * 16, "." * 16, "#" * 16])
+
+
+def shut_in() -> World:
+    """In an aisle of one cell one faces a parked robot, and two more wait right behind it, nose to tail."""
+    poses = [(10.1, 1.5, math.pi), (9.6, 1.5, 0.0), (8.6, 1.5, 0.0), (7.6, 1.5, 0.0)]
+    world = World(*poses, ages=[0, 9, 8, 7], grid=AISLE).decide()
+    world.robots["yields_to"] = [NOBODY, 0, 1, 2]
+    world.robots["waiting_time"] = 5.0
+    world.robots["alive"][0] = 0
+    return world
+
+
+def test_behind_one_that_is_shut_in_the_last_backs_off_first() -> None:
+    world = shut_in()
+    assert resolve(world) == [3]
+    assert world.robots["aside"].tolist() == [0, 0, 0, 1]
+    world.decide()
+    assert rectangles(world.path(3))[-1, :, 0].max() < 7.6 - 1.0  # off the floor behind the one before it
+    assert resolve(world) == [3]  # which now waits for that

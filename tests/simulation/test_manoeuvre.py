@@ -16,7 +16,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.floor import floor_of
 from warehouse_env.simulation.footprint import body_touches_shelf
-from warehouse_env.simulation.geometry import rectangles_touch
+from warehouse_env.simulation.geometry import rectangles_touch, separation
 from warehouse_env.simulation.manoeuvre import ARCS, MOST, search
 from warehouse_env.simulation.state import parameters_of
 from warehouse_env.simulation.turning import turning_metric
@@ -35,24 +35,26 @@ def plan(
     goals: NDArray[np.float32] = NOWHERE,
     avoid: NDArray[np.float32] = NOBODY,
     bodies: NDArray[np.float32] = NOBODY,
+    most: int = MOST,
+    parameters: NDArray[np.void] = PARAMETERS,
 ) -> NDArray[np.float64] | None:
     """The arcs [K, 2] (signed length [m], steering [rad]), or None."""
     floor, arcs = floor_of(grid), np.zeros((ARCS, 2), dtype=np.float32)
     x, y, heading = (np.float32(value) for value in pose)
     count, _ = search(
-        x, y, heading, np.float32(0.0), goals, avoid, bodies, MOST, PARAMETERS[0],
-        floor.solid, floor.clearance, turning_metric(PARAMETERS), arcs,
+        x, y, heading, np.float32(0.0), goals, avoid, bodies, most, parameters[0],
+        floor.solid, floor.clearance, turning_metric(parameters), arcs,
     )  # fmt: skip
     return None if count < 0 else arcs[:count].astype(np.float64)
 
 
-def driven(pose: tuple[float, float, float], arcs: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Poses [K, 3] every centimetre along the arcs, on exact circles: eq. (2) of paper 000 in double precision."""
+def driven(pose: tuple[float, float, float], arcs: NDArray[np.float64], fine: float = 0.01) -> NDArray[np.float64]:
+    """Poses [K, 3] every `fine` metres of the arcs, on exact circles: eq. (2) of paper 000 in double precision."""
     x, y, heading = pose
     poses = [pose]
     for length, steer in arcs:
         bend = -math.tan(steer) / ROBOT.wheelbase
-        count = math.ceil(abs(length) / 0.01)
+        count = math.ceil(abs(length) / fine)
         for k in range(1, count + 1):
             at = length * k / count
             if abs(bend) < 1e-9:
@@ -82,6 +84,11 @@ def touches_shelf(grid: GridMap, pose: Any, wide: float = 0.0) -> bool:
 def touch(one: Any, other: Any) -> bool:
     half = (ROBOT.length / 2, ROBOT.width / 2)
     return bool(rectangles_touch(other[0] - one[0], other[1] - one[1], *one[2:], *half, *other[2:], *half))
+
+
+def apart(one: Any, other: Any) -> float:
+    values = [np.float32(v) for v in (other[0] - one[0], other[1] - one[1], *one[2:], *other[2:])]
+    return float(separation(*values, np.float32(ROBOT.length / 2), np.float32(ROBOT.width / 2)))
 
 
 def goals_at(*poses: tuple[float, float, float]) -> NDArray[np.float32]:
@@ -163,6 +170,49 @@ def test_it_drives_round_standing_bodies() -> None:
     poses = driven((3.0, 3.5, 0.0), arcs)
     assert not any(touch(body(at), other) for at in poses for other in wall.tolist())
     assert abs(poses[-1][0] - 8.0) < 0.16
+
+
+def test_a_way_round_one_that_stands_crosswise_is_soon_found() -> None:
+    grid, pose = drawn(["#" * 20, *["." * 20] * 3, "#" * 20]), (8.0, 2.5, 0.0)
+    parked = rectangles((9.1, 2.7, 1.5))
+    arcs = plan(grid, pose, goals_at(*((9.5 + 0.4 * k, 2.5, 0.0) for k in range(8))), bodies=parked, most=1000)
+    assert arcs is not None
+    poses = driven(pose, arcs)
+    assert not any(touch(body(at), parked[0]) for at in poses)
+    assert poses[-1][0] > 9.3
+
+
+def test_it_gets_off_a_shelf_beside_which_it_stands_too_near() -> None:
+    grid = drawn(["#" * 24, "." * 24, "#" * 24])  # one cell wide, from y = 1 to y = 2
+    pose = (20.0, 1.3018, -0.009)  # 2 mm beside the shelf, and its nose leads into it: only straight back is free
+    arcs = plan(grid, pose, goals_at((8.0, 1.5, 0.0)), most=300)
+    assert arcs is not None
+    poses = driven(pose, arcs)
+    assert not any(touches_shelf(grid, at) for at in poses)
+    assert poses[-1][1] > 1.4
+
+
+def test_beside_a_body_no_arc_comes_nearer_than_the_field_allows() -> None:
+    """The gap that the widest axis shows shrinks and grows again within centimetres, where corners pass sides."""
+    parameters, grid = parameters_of(EnvConfig(protective_field=True), 1.0), room(12, 12)
+    rng, planned = np.random.default_rng(5), 0
+    margin, pose = float(parameters["field_margin"][0]), (6.0, 6.0, 0.0)
+    for _ in range(12000):
+        other = body((*rng.uniform(4.5, 7.0, 2), rng.uniform(-math.pi, math.pi)))
+        if not margin + 3e-4 < apart(body(pose), other) < margin + 0.006:
+            continue
+        arcs = plan(
+            grid,
+            pose,
+            goals_at((7.0, 8.0, 1.5), (7.0, 4.0, -1.5)),
+            bodies=np.array([other], np.float32),
+            parameters=parameters,
+        )
+        if arcs is None or len(arcs) == 0:
+            continue
+        planned += 1
+        assert min(apart(body(at), other) for at in driven(pose, arcs[:1], fine=0.001)) > margin
+    assert planned > 20
 
 
 def test_it_makes_room_for_the_path_of_another() -> None:

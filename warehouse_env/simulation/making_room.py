@@ -1,7 +1,8 @@
 """Making room: where robots wait for each other in a ring, one of them leaves the others' paths by a manoeuvre.
 
 The one with the least right does it; if it finds no way, the next one. Who waits for a robot that stands for good, and
-not in a ring, looks for a way round it. Both searches go round all bodies near, as they stand.
+not in a ring, looks for a way round it. Both searches go round all bodies near, as they stand. Whoever finds no way may
+be shut in from behind: then those that wait for it leave the floor behind it, the last of them first if they must.
 """
 
 from __future__ import annotations
@@ -9,15 +10,18 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.simulation.manoeuvre import MOST
 from warehouse_env.simulation.meetings import COUNT
 from warehouse_env.simulation.path_ahead import CENTRE_X, CENTRE_Y, DRIVEN, POSES
-from warehouse_env.simulation.rejoin import plan_aside, plan_to_route
+from warehouse_env.simulation.rejoin import AMONG_OTHERS, plan_aside, plan_to_route
 from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.trigonometry import HALF, ZERO
 
 PATIENCE = np.float32(2.0)  # [s] that a robot stands before it looks for a way out of a ring; twice that for one round
 NEAR = np.float32(6.0)  # [m] within which bodies are gone round
 PAUSE = np.float32(3.0)  # [s] until a robot that found no way searches again
+BACK, BACK_STEP = np.float32(1.8), np.float32(0.3)  # [m] that one who finds no way out wants to back off, and steps
+CHAIN = 4  # robots one behind the other that are asked to
 SETTLE = np.float32(5.0)  # [s] until one that has made room does
 
 
@@ -67,7 +71,7 @@ def _stands(r):  # type: ignore[no-untyped-def]
 
 @part
 def _make_room(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
-    """Search a way off the paths of all others in the ring for robot `low`."""
+    """Search a way off the paths of all others in the ring for robot `low`; return whether there is one."""
     paths, _, _, _, numbers = ways
     count, j = 0, robots[low]["yields_to"]
     while j != low:
@@ -81,6 +85,41 @@ def _make_room(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metr
     found = plan_aside(r, arcs[low], avoid[:count], bodies[:near], p, solid, clearance, metric)
     r["aside"] = found > 0
     r["pause"] = SETTLE if found > 0 else PAUSE
+    return found > 0
+
+
+@inline
+def _write_way_back(r, p, avoid):  # type: ignore[no-untyped-def]
+    """Write the robot's body as it would be on its way straight back into avoid; return how many poses."""
+    count = int(BACK / BACK_STEP)
+    for k in range(count):
+        behind = p["offset"] + np.float32(k + 1) * BACK_STEP
+        avoid[k, 0], avoid[k, 1] = r["x"] - behind * r["cos"], r["y"] - behind * r["sin"]
+        avoid[k, 2], avoid[k, 3] = r["cos"], r["sin"]
+    return count
+
+
+@part
+def _clear_behind(i, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
+    """Have who waits for robot i, which finds no way out, leave the floor behind it; who cannot asks its own waiter."""
+    asks = i
+    for _ in range(CHAIN):
+        count, blocked = _write_way_back(robots[asks], p, avoid), NOBODY
+        for j in range(robots.shape[0]):
+            r = robots[j]
+            leaves = r["aside"] != 0 and r["pause"] > 0
+            if r["yields_to"] != asks or r["alive"] == 0 or leaves or r["waiting_time"] < HALF * PATIENCE:
+                continue
+            near = _bodies_near(j, ways[0], bodies)
+            found = plan_aside(r, arcs[j], avoid[:count], bodies[:near], p, solid, clearance, metric)
+            if found > 0:
+                r["aside"], r["pause"] = 1, SETTLE
+                return
+            if found < 0:
+                r["pause"], blocked = PAUSE, j
+        if blocked == NOBODY:
+            return
+        asks = blocked
 
 
 @kernel
@@ -95,15 +134,19 @@ def resolve(robots, routes, arcs, ways, p, solid, clearance, metric):  # type: i
     if longest < PATIENCE:
         return
     bodies = np.empty((count, 4), np.float32)
-    avoid = np.empty((count * POSES, 4), np.float32)
+    avoid = np.empty((max(count * POSES, int(BACK / BACK_STEP)), 4), np.float32)
     for i in range(count):
         r = robots[i]
         barrier = r["yields_to"]
         if r["alive"] == 0 or r["waiting_time"] < PATIENCE or r["pause"] > 0 or barrier == NOBODY:
             continue
         if _in_ring(i, robots):
-            _make_room(_least(i, robots), robots, arcs, ways, bodies, avoid, p, solid, clearance, metric)
+            low = _least(i, robots)
+            if not _make_room(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric):
+                _clear_behind(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric)
         elif r["waiting_time"] > PATIENCE + PATIENCE and _stands(robots[barrier]):
             near = _bodies_near(i, ways[0], bodies)
-            plan_to_route(r, routes[i], arcs[i], bodies[:near], p, solid, clearance, metric)
+            most = MOST if robots[barrier]["alive"] == 0 else AMONG_OTHERS  # it may yet go
             r["pause"] = PAUSE
+            if plan_to_route(r, routes[i], arcs[i], bodies[:near], most, p, solid, clearance, metric) < 0:
+                _clear_behind(i, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric)

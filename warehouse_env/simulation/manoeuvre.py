@@ -18,7 +18,7 @@ most: nodes of each of TRIES, each nearer to shelves and bodies and with shorter
     node. After one that was cut off there is no other, unless `most` is MOST.
 p, solid, clearance: PARAMETERS record and the floor; metric: turning_metric(PARAMETERS[1]), made once a Simulator.
 arcs float32[ARCS, 2]: is filled with (signed length [m], steering [rad]) of one arc after the other.
-search_once(..., margin, stride, most, ...): a single try.
+search_once(..., bodies, trial, most, ...): a single try.
 Returns the number of arcs, 0 if the start is a goal already, NONE if there is none (search_once: CUT_OFF if there may
 be, but not within `most` nodes), and search also the margin [m] that it keeps. A manoeuvre of more than ARCS arcs is
 cut off there; it is all free, and the next search begins at its end.
@@ -30,22 +30,22 @@ import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation import turning
-from warehouse_env.simulation.footprint import sweep_is_free
+from warehouse_env.simulation.footprint import body_touches_shelf, sweep_is_free
 from warehouse_env.simulation.geometry import rectangles_touch, separation
 from warehouse_env.simulation.heap import pop, push
-from warehouse_env.simulation.trigonometry import HALF, ZERO, sin_cos, wrap
+from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, sin_cos, wrap
 
 NONE, CUT_OFF = -1, -2  # found: see above
 ARCS = 16  # of a manoeuvre at most
 MOST = 6000  # nodes of a search
-TRIES = 4
+TRIES = 5  # the first is coarse: it finds a way round another body, or to turn round, within a tenth of the nodes
 # [m] to shelves and bodies, of each try. A robot drives with a third of that (driving.py): where deviation stops it,
 # the next try can begin.
-MARGINS = (np.float32(0.03), np.float32(0.008), np.float32(0.002), np.float32(0.0005))
-STRIDES = (turning.STRIDE, np.float32(0.2), np.float32(0.15), np.float32(0.15))  # [m] of an arc
+MARGINS = (np.float32(0.03), np.float32(0.03), np.float32(0.008), np.float32(0.002), np.float32(0.0005))
+STRIDES = (np.float32(0.4), turning.STRIDE, np.float32(0.2), np.float32(0.15), np.float32(0.15))  # [m] of an arc
+CELLS = (np.float32(0.4), np.float32(0.1), np.float32(0.067), np.float32(0.05), np.float32(0.05))  # [m], of (x, y)
 GREED = np.float32(1.1)  # how much the heuristic weighs: soon found before best
 _HEADINGS = 36  # cells of 10 degrees
-_CELLS = np.float32(3.0)  # (x, y) cells to a stride
 _SLOTS = 1 << 14  # of the table of cells, more than twice MOST
 _REACHED, _ALONG = np.float32(0.1), np.float32(0.15)  # [m] beside and along a goal pose that count as there
 _ALIGNED = np.float32(0.2)  # [rad]
@@ -53,8 +53,9 @@ _OFF = np.float32(0.2)  # [m] around a body that makes room: more than right of 
 _BERTH = np.float32(4.0)  # times as far off bodies as off shelves, which stay where they are
 _GIVEN = np.float32(0.002)  # [m] nearer than at the start that another body may come, as arcs are not driven exactly,
 _SPARE = np.float32(0.001)  # [m] but not so near that the field stops it
-_STEP, _STEP_TURN = np.float32(0.12), np.float32(0.06)  # [m], [rad] between poses held against bodies
-X, Y, HEADING, COSINE, SINE, COST = range(6)  # columns of `poses`
+_STEP, _STEP_NEAR = np.float32(0.12), np.float32(0.003)  # [m] off a body from which on its distance is coarse; between
+# poses near it: the gap that the widest axis shows can shrink and grow again within centimetres
+X, Y, HEADING, COSINE, SINE, COST, KEPT = range(7)  # columns of `poses`; KEPT: the margin of arcs from there [m]
 
 
 @inline
@@ -85,34 +86,48 @@ def _write_rooms(x, y, c, s, margin, bodies, p, rooms):  # type: ignore[no-untyp
 
 
 @inline
-def _is_too_near(x, y, c, s, bodies, rooms, p):  # type: ignore[no-untyped-def]
-    """Whether the body at an axle pose is nearer to one of the bodies than its room [m]."""
+def _margin_at(x, y, c, s, margin, p, solid, clearance):  # type: ignore[no-untyped-def]
+    """Return the margin [m] to shelves of arcs from a pose: the least one where the body there is nearer than that."""
     cx, cy = x - p["offset"] * c, y - p["offset"] * s
+    half_length, half_width = p["half_length"] + margin, p["half_width"] + margin
+    touches = body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, p["cell"])
+    return min(margin, MARGINS[TRIES - 1]) if touches else margin
+
+
+@inline
+def _spare(x, y, c, s, bodies, rooms, p):  # type: ignore[no-untyped-def]
+    """Return how much further [m] the body at an axle pose is off each of the bodies, at least, than its room."""
+    cx, cy = x - p["offset"] * c, y - p["offset"] * s
+    least = np.float32(np.inf)
     for k in range(bodies.shape[0]):
         dx, dy = bodies[k, 0] - cx, bodies[k, 1] - cy
-        reach = p["radius"] + p["radius"] + rooms[k]
-        if dx * dx + dy * dy < reach * reach:
+        apart = np.sqrt(dx * dx + dy * dy) - p["radius"] - p["radius"]
+        if apart < rooms[k] + _STEP:
             apart = separation(dx, dy, c, s, bodies[k, 2], bodies[k, 3], p["half_length"], p["half_width"])
-            if apart < rooms[k]:
-                return True
-    return False
+        least = min(least, apart - rooms[k])
+    return least
 
 
 @inline
 def clear_of_bodies(x, y, c, s, bend, length, bodies, rooms, p):  # type: ignore[no-untyped-def]
-    """Whether the body keeps `rooms` [m] off standing bodies along an arc; the pose at its start is not checked."""
+    """Whether the body keeps `rooms` [m] off standing bodies along an arc; the pose at its start is not checked.
+
+    It goes on by what no point of the body can come nearer in; where that is too little, by _STEP_NEAR.
+    """
     if bodies.shape[0] == 0:
         return True
-    step = _STEP if abs(bend) * _STEP <= _STEP_TURN else _STEP_TURN / abs(bend)
-    count = int(abs(length) / step) + 1
-    step = length / np.float32(count)
-    turn_s, turn_c = sin_cos(step * bend)
-    half_s, half_c = sin_cos(HALF * step * bend)
-    for _ in range(count):
-        x += step * (c * half_c - s * half_s)
-        y += step * (s * half_c + c * half_s)
+    left, sign = abs(length), ONE if length > ZERO else -ONE
+    spare = _spare(x, y, c, s, bodies, rooms, p)
+    while left > ZERO:
+        step = min(max(spare / (ONE + p["far"] * abs(bend)), _STEP_NEAR), left)
+        left -= step
+        half_s, half_c = sin_cos(HALF * sign * step * bend)
+        x += sign * step * (c * half_c - s * half_s)
+        y += sign * step * (s * half_c + c * half_s)
+        turn_s, turn_c = half_s * half_c + half_s * half_c, half_c * half_c - half_s * half_s
         c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
-        if _is_too_near(x, y, c, s, bodies, rooms, p):
+        spare = _spare(x, y, c, s, bodies, rooms, p)
+        if spare < ZERO:
             return False
     return True
 
@@ -166,7 +181,7 @@ def _write_arcs(node, parents, by, moves, arcs):  # type: ignore[no-untyped-def]
 
 @part
 def _search(  # type: ignore[no-untyped-def]
-    x, y, heading, steer, goals, avoid, bodies, rooms, margin, stride, tree, table, queue,
+    x, y, heading, steer, goals, avoid, bodies, rooms, margin, stride, cell, tree, table, queue,
     p, solid, clearance, metric, arcs,
 ):  # fmt: skip
     """Search as search_once does, with its arrays."""
@@ -175,12 +190,13 @@ def _search(  # type: ignore[no-untyped-def]
     keys, items = queue
     most = parents.size
     turning.write_moves(stride, p, moves)
-    cell, aside = stride / _CELLS, goals.shape[0] == 0
+    aside = goals.shape[0] == 0
     s, c = sin_cos(heading)
     _write_rooms(x, y, c, s, margin, bodies, p, rooms)
     poses[0, X], poses[0, Y], poses[0, HEADING], poses[0, COSINE], poses[0, SINE], poses[0, COST] = (
         x, y, heading, c, s, ZERO
     )  # fmt: skip
+    poses[0, KEPT] = _margin_at(x, y, c, s, margin, p, solid, clearance)
     parents[0], by[0] = -1, -1
     size, used = push(keys, items, 0, ZERO, 0), 1
     done[0] = not _bars(x, y, c, s, avoid, p) if aside else _to_go(x, y, heading, goals, metric)[0]
@@ -193,6 +209,7 @@ def _search(  # type: ignore[no-untyped-def]
         if node > 0 and cost > best[_slot_of(x, y, heading, cell, taken)[0]]:
             continue  # the cell was reached sooner since
         before = by[node]
+        kept = poses[node, KEPT]
         for k in range(turning.MOVES):
             move = moves[k]
             nx, ny = (
@@ -211,7 +228,7 @@ def _search(  # type: ignore[no-untyped-def]
             slot, key = _slot_of(nx, ny, turned, cell, taken)
             if taken[slot] == key and best[slot] <= total:
                 continue
-            if not sweep_is_free(x, y, c, s, move[turning.BEND], move[turning.LENGTH], margin, p, solid, clearance):
+            if not sweep_is_free(x, y, c, s, move[turning.BEND], move[turning.LENGTH], kept, p, solid, clearance):
                 continue
             if not clear_of_bodies(x, y, c, s, move[turning.BEND], move[turning.LENGTH], bodies, rooms, p):
                 continue
@@ -221,6 +238,7 @@ def _search(  # type: ignore[no-untyped-def]
             nc, ns = c * move[turning.COS] - s * move[turning.SIN], s * move[turning.COS] + c * move[turning.SIN]
             poses[used, X], poses[used, Y], poses[used, HEADING] = nx, ny, turned
             poses[used, COSINE], poses[used, SINE], poses[used, COST] = nc, ns, total
+            poses[used, KEPT] = margin if kept == margin else _margin_at(nx, ny, nc, ns, margin, p, solid, clearance)
             parents[used], by[used] = node, k
             rest = ZERO
             if aside:
@@ -234,29 +252,34 @@ def _search(  # type: ignore[no-untyped-def]
 
 @kernel
 def search_once(  # type: ignore[no-untyped-def]
-    x, y, heading, steer, goals, avoid, bodies, margin, stride, most, p, solid, clearance, metric, arcs
+    x, y, heading, steer, goals, avoid, bodies, trial, most, p, solid, clearance, metric, arcs
 ):
-    """Search with one margin and stride [m], for at most `most` <= MOST nodes; return as `search` does."""
-    moves, poses = np.empty((turning.MOVES, 9), np.float32), np.empty((most, 6), np.float32)
+    """Search as in try `trial` of TRIES, for at most `most` <= MOST nodes; return as `search` does."""
+    moves, poses = np.empty((turning.MOVES, 9), np.float32), np.empty((most, 7), np.float32)
     tree = moves, poses, np.empty(most, np.int32), np.empty(most, np.int8), np.zeros(most, np.bool_)
     table = np.zeros(_SLOTS, np.int32), np.empty(_SLOTS, np.float32)
     queue = np.empty(most, np.float32), np.empty(most, np.int32)
     rooms = np.empty(bodies.shape[0], np.float32)
     return _search(
-        x, y, heading, steer, goals, avoid, bodies, rooms, margin, stride, tree, table, queue,
-        p, solid, clearance, metric, arcs,
+        x, y, heading, steer, goals, avoid, bodies, rooms, MARGINS[trial], STRIDES[trial], CELLS[trial],
+        tree, table, queue, p, solid, clearance, metric, arcs,
     )  # fmt: skip
+
+
+@inline
+def trial_of(k, bodies):  # type: ignore[no-untyped-def]
+    """Return which of TRIES is the k-th: alone, where short ways are the rule, the coarse one is the second."""
+    return 1 - k if k < 2 and bodies.shape[0] == 0 else k
 
 
 @kernel
 def search(x, y, heading, steer, goals, avoid, bodies, most, p, solid, clearance, metric, arcs):  # type: ignore[no-untyped-def]
     """Find a manoeuvre and write it into `arcs`; return the number of its arcs and its margin (see above)."""
     for k in range(TRIES):
-        count = search_once(
-            x, y, heading, steer, goals, avoid, bodies, MARGINS[k], STRIDES[k], most, p, solid, clearance, metric, arcs
-        )
+        trial = trial_of(k, bodies)
+        count = search_once(x, y, heading, steer, goals, avoid, bodies, trial, most, p, solid, clearance, metric, arcs)
         if count >= 0:
-            return count, MARGINS[k]
+            return count, MARGINS[trial]
         if count == CUT_OFF and most < MOST:  # among narrower ways there are more
             break
     return NONE, ZERO

@@ -1,11 +1,11 @@
 """Where a manoeuvre leads: back to the robot's own route, or out of somebody's way.
 
 API: bodies_near(r, bodies, p) -> standing bodies for
-     plan_to_route(r, route, arcs, bodies, p, solid, clearance, metric) and
+     plan_to_route(r, route, arcs, bodies, most, p, solid, clearance, metric) and
      plan_aside(r, arcs, avoid, bodies, p, solid, clearance, metric)
 The two search from where the robot stands, begin the manoeuvre if there is one, and return the number of its arcs: 0
-if it needs none, -1 if there is none. For bodies, avoid and metric see manoeuvre.py, and driving.py for how it is
-driven.
+if it needs none, -1 if there is none. For bodies, most, avoid and metric see manoeuvre.py, and driving.py for how it
+is driven. With `most` below manoeuvre.MOST the first search that is cut off is the last.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ FIRST, APART, MANY = np.float32(0.75), np.float32(0.4), 8  # [m] ahead, [m] betw
 FAR_APART, FAR_MANY = np.float32(1.2), 20  # where none of these can be reached: a lane that must be left backwards
 CRUISE = np.float32(1.3)  # [m/s] at which the rest of the way is priced
 NEAR, MOST_NEAR = np.float32(3.0), 64  # [m] within which others are gone round; more bodies than fit into that
-AMONG_OTHERS, ASIDE = 300, 2000  # nodes of a search among these, to the route and for room
+AMONG_OTHERS, ASIDE = 300, 2000  # nodes of a search round others who may go, and of one for room
 
 
 @inline
@@ -74,7 +74,7 @@ def bodies_near(r, bodies, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def plan_to_route(r, route, arcs, bodies, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
+def plan_to_route(r, route, arcs, bodies, most, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
     """Begin the soonest manoeuvre to a pose on the robot's own route (see above)."""
     if r["points"] < 2:
         return manoeuvre.NONE
@@ -82,20 +82,18 @@ def plan_to_route(r, route, arcs, bodies, p, solid, clearance, metric):  # type:
     near, far = np.empty((MANY + 3, 4), np.float32), np.empty((FAR_MANY + 3, 4), np.float32)
     near = near[: _write_goals(r, route, APART, MANY, near)]
     far = far[: _write_goals(r, route, FAR_APART, FAR_MANY, far)]
-    alone = bodies.shape[0] == 0
-    most = manoeuvre.MOST if alone else AMONG_OTHERS
     for k in range(2 * manoeuvre.TRIES):
-        margin, stride = manoeuvre.MARGINS[k // 2], manoeuvre.STRIDES[k // 2]
+        trial = manoeuvre.trial_of(k // 2, bodies)
         goals = near if k % 2 == 0 else far
         found = manoeuvre.search_once(
-            r["x"], r["y"], r["heading"], r["steer"], goals, nothing, bodies, margin, stride, most,
+            r["x"], r["y"], r["heading"], r["steer"], goals, nothing, bodies, trial, most,
             p, solid, clearance, metric, arcs,
         )  # fmt: skip
         if found > 0:
-            begin(r, found, arcs, margin)
+            begin(r, found, arcs, manoeuvre.MARGINS[trial])
         if found >= 0:
             return found
-        if found == manoeuvre.CUT_OFF and not alone:  # it may have to wait anyway: no long search
+        if found == manoeuvre.CUT_OFF and most < manoeuvre.MOST:
             break
     return manoeuvre.NONE
 

@@ -16,7 +16,8 @@ from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.driving import KEPT, STANDS, drive_arcs, give_up, leads_ahead
 from warehouse_env.simulation.footprint import clearance_at, sweep_is_free
 from warehouse_env.simulation.kinematics import approach, curvature
-from warehouse_env.simulation.rejoin import bodies_near, plan_to_route
+from warehouse_env.simulation.manoeuvre import MOST
+from warehouse_env.simulation.rejoin import AMONG_OTHERS, bodies_near, plan_to_route
 from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, sin_cos, wrap
 
 TWO = np.float32(2.0)
@@ -162,7 +163,8 @@ def _manoeuvre(r, arcs, wanted, p, solid, clearance):  # type: ignore[no-untyped
 def _plan(r, route, arcs, bodies, alone, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
     """Begin a manoeuvre to the route, around the others' bodies unless `alone`; return the number of its arcs."""
     others = np.empty((0, 4), np.float32) if alone else bodies_near(r, bodies, p)
-    return plan_to_route(r, route, arcs, others, p, solid, clearance, metric)
+    most = MOST if others.shape[0] == 0 else AMONG_OTHERS
+    return plan_to_route(r, route, arcs, others, most, p, solid, clearance, metric)
 
 
 @inline
