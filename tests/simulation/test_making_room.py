@@ -52,6 +52,10 @@ def test_who_found_no_way_pauses_and_another_makes_room() -> None:
     assert found != [1]
 
 
+def test_of_equals_it_is_always_the_last() -> None:
+    assert resolve(ring(ages=(5, 5, 5))) == [2]
+
+
 def test_while_one_leaves_the_others_stay() -> None:
     world = ring()
     resolve(world)

@@ -54,10 +54,14 @@ def _in_ring(i, robots):  # type: ignore[no-untyped-def]
 
 @inline
 def _least(i, robots):  # type: ignore[no-untyped-def]
-    """Return who of the ring through robot i has been shortest on its way, of those that may search."""
+    """Return who of the ring through robot i has been shortest on its way, of those that may search.
+
+    Of equals always the last: two that took turns would undo each other's way.
+    """
     low, j = i, robots[i]["yields_to"]
     while j != i:
-        if robots[j]["pause"] <= 0 and robots[j]["age"] < robots[low]["age"]:
+        less = robots[j]["age"] < robots[low]["age"] or (robots[j]["age"] == robots[low]["age"] and j > low)
+        if robots[j]["pause"] <= 0 and less:
             low = j
         j = robots[j]["yields_to"]
     return low
