@@ -15,6 +15,7 @@ from warehouse_env.simulation.simulator import Simulator
 WALL = "#" * 20
 ROOMS = drawn(["." * 32] + [f"......{WALL}......"] * 5)  # joined by an aisle of one cell, from y = 5 to y = 6
 GOAL = (5, 30)
+STILL = np.array([[EnvConfig().speed_levels.index(0.0) * len(EnvConfig().lateral_offsets)]])
 
 
 def simulator_at(x: float, y: float, heading: float, reroute: bool = False) -> Simulator:
@@ -35,16 +36,27 @@ def test_who_is_far_from_its_route_gets_another_and_arrives(reroute: bool) -> No
     assert simulator.robots["alive"][0, 0] == 0  # it is there
 
 
+def test_astray_in_the_cell_of_its_goal_it_goes_on_to_its_centre() -> None:
+    simulator = simulator_at(30.05, 0.95, -1.5)  # in the goal's cell, but too far from its centre to have arrived
+    simulator.dispatcher.give_route(0, 0, np.array([[2.0, 5.5], [2.5, 5.5]], np.float32))
+    for _ in range(10):
+        simulator.step(STILL)
+    assert simulator.robots["points"][0, 0] == 2
+    for _ in range(100):
+        simulator.step(np.full((1, 1), simulator.cruise_action))
+    assert simulator.robots["reroutes"][0, 0] >= 1
+    assert simulator.robots["alive"][0, 0] == 0
+
+
 def test_who_drives_or_is_near_keeps_its_route() -> None:
     simulator = simulator_at(28.0, 5.0, 0.5)
-    still = np.array([[EnvConfig().speed_levels.index(0.0) * len(EnvConfig().lateral_offsets)]])
     for _ in range(20):
-        simulator.step(still)
+        simulator.step(STILL)
     assert simulator.robots["reroutes"][0, 0] == 0
     put(simulator, 0, (26.6, 0.6, 0.5, 0.5))  # far, but it drives
     simulator.robots["standing_time"] = 9.0
-    simulator.step(still)
+    simulator.step(STILL)
     assert simulator.robots["reroutes"][0, 0] == 0
     for _ in range(10):
-        simulator.step(still)
+        simulator.step(STILL)
     assert simulator.robots["reroutes"][0, 0] == 1  # it has come to a halt there

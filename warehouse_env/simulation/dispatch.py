@@ -136,12 +136,7 @@ class Dispatcher:
         worlds = []
         if find_astray(self.robots, self.routes, self._astray):
             for world, robot in np.argwhere(self._astray).tolist():
-                r = self.robots[world, robot]
-                goal, at = state.goal_of(r), self.book.grid.cell(np.array([r["x"], r["y"]]))
-                route = self._live_route(world, robot, goal)
-                if route is None:
-                    route = self.book.route((int(at[0]), int(at[1])), goal, float(r["heading"]))
-                self._give_another(world, robot, route)
+                self._give_another(world, robot, self._route_from_here(world, robot))
                 worlds.append(world)
         if self._live is not None:
             for world, robot in self._live.watch(self.robots, self.routes, steps):
@@ -150,6 +145,16 @@ class Dispatcher:
                     self._give_another(world, robot, live)
                     worlds.append(world)
         return worlds
+
+    def _route_from_here(self, world: int, robot: int) -> NDArray[np.float32]:
+        """Return a route to a robot's goal from the cell in which it is, around others if they count."""
+        r = self.robots[world, robot]
+        goal, pose = state.goal_of(r), np.array([r["x"], r["y"]])
+        row, column = self.book.grid.cell(pose).tolist()
+        if (row, column) == goal:
+            return np.array([pose, self.book.grid.centre(np.array(goal))], dtype=np.float32)
+        route = self._live_route(world, robot, goal)
+        return route if route is not None else self.book.route((row, column), goal, float(r["heading"]))
 
     def _give_another(self, world: int, robot: int, points: NDArray[np.float32]) -> None:
         """Give a robot another route on its way; the time without a metre of progress goes on."""
