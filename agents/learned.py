@@ -54,7 +54,9 @@ class LearnedPolicy:
                     "agents.policy_config puts in what it needs"
                 )
         # the field's slice, which comes last, is no news to a policy that was trained without: it reads what it knows
-        seen = config if self.record.env.protective_field else config.replace(protective_field=False)
+        seen = (
+            config if self.record.env.protective_field else config.replace(protective_field=False, right_of_way=False)
+        )
         size, network = observation_layout(seen).size, self.record.network
         if network.observation_size != size:
             raise WeightsError(

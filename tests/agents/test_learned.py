@@ -176,12 +176,16 @@ def test_wrong_tensors_are_not_saved(tmp_path: Path) -> None:
     assert not (tmp_path / "half").exists()
 
 
+TRAFFIC = {"protective_field": True, "right_of_way": True, "reroute": True}
+
+
+@pytest.mark.parametrize("chosen", [{}, TRAFFIC], ids=["plain", "traffic"])
 @pytest.mark.parametrize("name", list(POLICIES))
-def test_every_registered_policy_acts(name: str) -> None:
+def test_every_registered_policy_acts(name: str, chosen: dict[str, Any]) -> None:
     entry = POLICIES[name]
     if entry.weights is not None and not entry.weights.is_dir():
         pytest.skip(f"no weights of {name} yet")
-    config = policy_config(name, EnvConfig())
+    config = policy_config(name, EnvConfig()).replace(**chosen)
     policy = make_policy(name, config)
     size = observation_layout(config).size
     observation = np.random.default_rng(3).uniform(-1, 1, (2, 5, size)).astype(np.float32)

@@ -93,9 +93,10 @@ class Demo(Checked):
 
         base = EnvConfig(layout=self.layout, num_agents=self.video_robots, planner=self.planner)
         policy, reels = self._best(), []
-        for name, config in (("before", base), ("after", base.replace(**AFTER))):
+        seconds = self.video_from + self.video_seconds
+        for name, chosen in (("before", {}), ("after", AFTER)):
             reel = Reel(name, self.video_from)
-            run(make_experiment(policy, config, 1, self.video_from + self.video_seconds, self.seed), [reel])
+            run(make_experiment(policy, base, 1, seconds, self.seed, chosen), [reel])
             reels.append(reel.scenes)
         scale = scale_for(reels[0][0].grid, _SIDE)
         with make_progress() as progress, VideoWriter(path, _FRAMES_PER_SECOND) as video:
