@@ -50,7 +50,6 @@ _SLOTS = 1 << 14  # of the table of cells, more than twice MOST
 _REACHED, _ALONG = np.float32(0.1), np.float32(0.15)  # [m] beside and along a goal pose that count as there
 _ALIGNED = np.float32(0.2)  # [rad]
 _OFF = np.float32(0.2)  # [m] around a body that makes room: more than right of way asks for (meetings.WIDE, of both)
-_GRAZE = np.float32(5e-5)  # [m] to shelves of arcs from where the body stands nearer than the margin
 _BERTH = np.float32(4.0)  # times as far off bodies as off shelves, which stay where they are
 _GIVEN = np.float32(0.002)  # [m] nearer than at the start that another body may come, as arcs are not driven exactly,
 _SPARE = np.float32(0.001)  # [m] but not so near that the field stops it
@@ -92,7 +91,7 @@ def _margin_at(x, y, c, s, margin, p, solid, clearance):  # type: ignore[no-unty
     cx, cy = x - p["offset"] * c, y - p["offset"] * s
     half_length, half_width = p["half_length"] + margin, p["half_width"] + margin
     touches = body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, p["cell"])
-    return _GRAZE if touches else margin
+    return min(margin, MARGINS[TRIES - 1]) if touches else margin
 
 
 @inline
