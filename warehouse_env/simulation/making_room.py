@@ -20,7 +20,7 @@ from warehouse_env.simulation.trigonometry import HALF, ZERO
 PATIENCE = np.float32(2.0)  # [s] that a robot stands before it looks for a way out of a ring; twice that for one round
 NEAR = np.float32(6.0)  # [m] within which bodies are gone round
 PAUSE = np.float32(3.0)  # [s] until a robot that found no way searches again
-BACK, BACK_STEP = np.float32(1.8), np.float32(0.3)  # [m] that one who finds no way out wants to back off, and steps
+BACK, BACK_STEP = 5, np.float32(0.3)  # poses, and [m] between them, to which one who finds no way out wants to back off
 CHAIN = 4  # robots one behind the other that are asked to
 SETTLE = np.float32(5.0)  # [s] until one that has made room does
 
@@ -94,13 +94,11 @@ def _make_room(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metr
 
 @inline
 def _write_way_back(r, p, avoid):  # type: ignore[no-untyped-def]
-    """Write the robot's body as it would be on its way straight back into avoid; return how many poses."""
-    count = int(BACK / BACK_STEP)
-    for k in range(count):
+    """Write the robot's body as it would be on its way straight back into avoid[:BACK]."""
+    for k in range(BACK):
         behind = p["offset"] + np.float32(k + 1) * BACK_STEP
         avoid[k, 0], avoid[k, 1] = r["x"] - behind * r["cos"], r["y"] - behind * r["sin"]
         avoid[k, 2], avoid[k, 3] = r["cos"], r["sin"]
-    return count
 
 
 @part
@@ -108,14 +106,15 @@ def _clear_behind(i, robots, arcs, ways, bodies, avoid, p, solid, clearance, met
     """Have who waits for robot i, which finds no way out, leave the floor behind it; who cannot asks its own waiter."""
     asks = i
     for _ in range(CHAIN):
-        count, blocked = _write_way_back(robots[asks], p, avoid), NOBODY
+        _write_way_back(robots[asks], p, avoid)
+        blocked = NOBODY
         for j in range(robots.shape[0]):
             r = robots[j]
             leaves = r["aside"] != 0 and r["pause"] > 0
             if r["yields_to"] != asks or r["alive"] == 0 or leaves or r["waiting_time"] < HALF * PATIENCE:
                 continue
             near = _bodies_near(j, ways[0], bodies)
-            found = plan_aside(r, arcs[j], avoid[:count], bodies[:near], p, solid, clearance, metric)
+            found = plan_aside(r, arcs[j], avoid[:BACK], bodies[:near], p, solid, clearance, metric)
             if found > 0:
                 r["aside"], r["pause"] = 1, SETTLE
                 return
@@ -138,7 +137,7 @@ def resolve(robots, routes, arcs, ways, p, solid, clearance, metric):  # type: i
     if longest < PATIENCE:
         return
     bodies = np.empty((count, 4), np.float32)
-    avoid = np.empty((max(count * POSES, int(BACK / BACK_STEP)), 4), np.float32)
+    avoid = np.empty((count * POSES, 4), np.float32)
     for i in range(count):
         r = robots[i]
         barrier = r["yields_to"]
