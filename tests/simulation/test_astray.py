@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from tests.simulation.worlds import drawn, put
+from tests.simulation.worlds import drawn, put, room
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.assignment import Assignment
+from warehouse_env.simulation.astray import far_off
 from warehouse_env.simulation.simulator import Simulator
 
 WALL = "#" * 20
@@ -60,3 +61,21 @@ def test_who_drives_or_is_near_keeps_its_route() -> None:
     for _ in range(10):
         simulator.step(STILL)
     assert simulator.robots["reroutes"][0, 0] == 1  # it has come to a halt there
+
+
+@pytest.mark.parametrize(("offset", "cell", "far"), [(1.2, 1.0, 1.5), (3.0, 1.0, 3.3), (0.6, 4.0, 4.0)])
+def test_an_offset_and_the_way_from_a_cells_centre_are_not_astray(offset: float, cell: float, far: float) -> None:
+    config = EnvConfig(lateral_offsets=(0.0, offset, -offset))
+    assert far_off(config, cell) == pytest.approx(far)
+
+
+def test_who_stands_at_a_wide_offset_keeps_its_route() -> None:
+    config = EnvConfig(num_agents=1, planner="astar", lateral_offsets=(0.0, 2.5), keep_right=0.0)
+    simulator = Simulator(config, grid=room(12, 24))
+    simulator.reset_to([Assignment(np.array([[2.5, 3.5, 0.0]]), np.array([(8, 21)]))], [1])
+    put(simulator, 0, (8.0, 6.0, 0.0))  # 2.5 m to the left of its route along y = 3.5
+    simulator.robots["position"] = 5.5
+    stop = np.full((1, 1), config.speed_levels.index(0.0) * 2 + 1)
+    for _ in range(30):
+        simulator.step(stop)
+    assert simulator.robots["reroutes"][0, 0] == 0

@@ -7,15 +7,24 @@ from __future__ import annotations
 
 import numpy as np
 
+from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import kernel
 
-FAR = np.float32(1.5)  # [m] off the route: past any lateral offset
+BESIDE = 0.3  # [m] past the widest lateral offset that count as off the route
 HALT = np.float32(1.0)  # [s] without having moved a metre
 
 
+def far_off(config: EnvConfig, cell_size: float) -> np.float32:
+    """Return metres off its route from which a robot is astray: past any offset, and past where a new one may begin."""
+    return np.float32(max(max(map(abs, config.lateral_offsets)) + BESIDE, cell_size))
+
+
 @kernel
-def find_astray(robots, routes, astray):  # type: ignore[no-untyped-def]
-    """Write into astray bool[B, N] who of robots ROBOT[B, N] is; return how many. routes: float32[B, N, R, 2] [m]."""
+def find_astray(robots, routes, far, astray):  # type: ignore[no-untyped-def]
+    """Write into astray bool[B, N] who of robots ROBOT[B, N] is; return how many.
+
+    routes: float32[B, N, R, 2] [m]; far [m]: see far_off.
+    """
     found = 0
     for b in range(robots.shape[0]):
         for i in range(robots.shape[1]):
@@ -25,7 +34,7 @@ def find_astray(robots, routes, astray):  # type: ignore[no-untyped-def]
                 continue
             k = min(int(r["position"] / r["spacing"] + np.float32(0.5)), r["points"] - 1)
             dx, dy = routes[b, i, k, 0] - r["x"], routes[b, i, k, 1] - r["y"]
-            if dx * dx + dy * dy > FAR * FAR:
+            if dx * dx + dy * dy > far * far:
                 astray[b, i] = True
                 found += 1
     return found

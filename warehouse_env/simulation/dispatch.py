@@ -14,7 +14,7 @@ from warehouse_env.maps.grid_map import Cell
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation import state
 from warehouse_env.simulation.assignment import Assignment
-from warehouse_env.simulation.astray import find_astray
+from warehouse_env.simulation.astray import far_off, find_astray
 from warehouse_env.simulation.floor import Floor
 from warehouse_env.simulation.one_shot import OneShotTasks
 from warehouse_env.simulation.placement import place, stand
@@ -37,7 +37,7 @@ class Dispatcher:
         self.book, self.robots = book, robots
         self.routes = np.zeros((*robots.shape, ROUTE_BLOCK, 2), dtype=np.float32)
         self._config, self._params = config, params
-        self._astray = np.empty(robots.shape, dtype=np.bool_)
+        self._astray, self._far = np.empty(robots.shape, dtype=np.bool_), far_off(config, book.grid.cell_size)
         self._live = LiveRoutes(config, book) if config.reroute else None
         tasks = OneShotTasks if config.tasks == "one_shot" else Tasks
         self.tasks = [tasks(book.grid, config) for _ in range(len(robots))]
@@ -125,16 +125,13 @@ class Dispatcher:
             if config.tasks == "lifelong" and r["alive"]:
                 start = state.goal_of(r)
                 goal = self.tasks[world].next_goal(robot, start, self._rngs[world])
-                route = self._live_route(world, robot, goal)
-                if route is None:
-                    route = self.book.route(start, goal, float(r["heading"]))
-                self.give_task(world, robot, goal, route)
+                self.give_task(world, robot, goal, self._route(world, robot, start, goal))
         return arrivals
 
     def reroute(self, steps: NDArray[np.int64]) -> list[int]:
         """Route those anew who are astray or whose way is barred; return the worlds of those who got another route."""
         worlds = []
-        if find_astray(self.robots, self.routes, self._astray):
+        if find_astray(self.robots, self.routes, self._far, self._astray):
             for world, robot in np.argwhere(self._astray).tolist():
                 self._give_another(world, robot, self._route_from_here(world, robot))
                 worlds.append(world)
@@ -153,8 +150,7 @@ class Dispatcher:
         row, column = self.book.grid.cell(pose).tolist()
         if (row, column) == goal:
             return np.array([pose, self.book.grid.centre(np.array(goal))], dtype=np.float32)
-        route = self._live_route(world, robot, goal)
-        return route if route is not None else self.book.route((row, column), goal, float(r["heading"]))
+        return self._route(world, robot, (row, column), goal)
 
     def _give_another(self, world: int, robot: int, points: NDArray[np.float32]) -> None:
         """Give a robot another route on its way; the time without a metre of progress goes on."""
@@ -162,6 +158,11 @@ class Dispatcher:
         r = self.robots[world, robot]
         r["milestone"] = 0.0
         r["reroutes"] += 1
+
+    def _route(self, world: int, robot: int, start: Cell, goal: Cell) -> NDArray[np.float32]:
+        """Return a live route if there is one, else that from the cell in which a robot is."""
+        live = self._live_route(world, robot, goal)
+        return live if live is not None else self.book.route(start, goal, float(self.robots[world, robot]["heading"]))
 
     def _live_route(self, world: int, robot: int, goal: Cell) -> NDArray[np.float32] | None:
         """Return a route from where a robot is, around all others; None if there is none, or live routes are off."""
