@@ -55,7 +55,7 @@ _GIVEN = np.float32(0.002)  # [m] nearer than at the start that another body may
 _SPARE = np.float32(0.001)  # [m] but not so near that the field stops it
 _STEP, _STEP_NEAR = np.float32(0.12), np.float32(0.003)  # [m] off a body from which on its distance is coarse; between
 # poses near it: the gap that the widest axis shows can shrink and grow again within centimetres
-X, Y, HEADING, COSINE, SINE, COST, KEPT = range(7)  # columns of `poses`; KEPT: the margin of arcs from there [m]
+X, Y, HEADING, COSINE, SINE, COST, MARGIN = range(7)  # columns of `poses`; MARGIN: of arcs from there [m]
 
 
 @inline
@@ -196,7 +196,7 @@ def _search(  # type: ignore[no-untyped-def]
     poses[0, X], poses[0, Y], poses[0, HEADING], poses[0, COSINE], poses[0, SINE], poses[0, COST] = (
         x, y, heading, c, s, ZERO
     )  # fmt: skip
-    poses[0, KEPT] = _margin_at(x, y, c, s, margin, p, solid, clearance)
+    poses[0, MARGIN] = _margin_at(x, y, c, s, margin, p, solid, clearance)
     parents[0], by[0] = -1, -1
     size, used = push(keys, items, 0, ZERO, 0), 1
     done[0] = not _bars(x, y, c, s, avoid, p) if aside else _to_go(x, y, heading, goals, metric)[0]
@@ -209,7 +209,7 @@ def _search(  # type: ignore[no-untyped-def]
         if node > 0 and cost > best[_slot_of(x, y, heading, cell, taken)[0]]:
             continue  # the cell was reached sooner since
         before = by[node]
-        kept = poses[node, KEPT]
+        kept = poses[node, MARGIN]
         for k in range(turning.MOVES):
             move = moves[k]
             nx, ny = (
@@ -238,7 +238,7 @@ def _search(  # type: ignore[no-untyped-def]
             nc, ns = c * move[turning.COS] - s * move[turning.SIN], s * move[turning.COS] + c * move[turning.SIN]
             poses[used, X], poses[used, Y], poses[used, HEADING] = nx, ny, turned
             poses[used, COSINE], poses[used, SINE], poses[used, COST] = nc, ns, total
-            poses[used, KEPT] = margin if kept == margin else _margin_at(nx, ny, nc, ns, margin, p, solid, clearance)
+            poses[used, MARGIN] = margin if kept == margin else _margin_at(nx, ny, nc, ns, margin, p, solid, clearance)
             parents[used], by[used] = node, k
             rest = ZERO
             if aside:
