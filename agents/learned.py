@@ -54,9 +54,8 @@ class LearnedPolicy:
                     "agents.policy_config puts in what it needs"
                 )
         # the field's slice, which comes last, is no news to a policy that was trained without: it reads what it knows
-        seen = (
-            config if self.record.env.protective_field else config.replace(protective_field=False, right_of_way=False)
-        )
+        without = {"protective_field": False, "right_of_way": False}  # right of way needs the field
+        seen = config if self.record.env.protective_field else config.replace(**without)
         size, network = observation_layout(seen).size, self.record.network
         if network.observation_size != size:
             raise WeightsError(
