@@ -17,6 +17,8 @@ FASTEST, FASTEST_BACK = np.float32(0.8), np.float32(0.5)  # [m/s] on arcs
 BRAKING = np.float32(0.9)  # share of the full deceleration that stops are planned with
 STEER_SLACK = np.float32(0.2)  # [rad m/s]: how fast times how far off the wanted steering angle
 READY = np.float32(0.02)  # [m] before the end of an arc that count as its end
+NARROW = np.float32(1e-3)  # [m] of margin under which it drives exactly: it stands while it steers, and ends arcs at
+EXACT, EXACT_STEER = np.float32(0.001), np.float32(0.001)  # [m] before their end, with so little [rad] off
 STANDS = np.float32(0.06)  # [m/s] under which the other direction may be taken
 BACK_TO_ARC = np.float32(9.0)  # [1/m^2] of curvature per metre beside the arc, and
 ALONG_ARC = np.float32(6.0)  # [1/m] per radian off its direction: critically damped after a third of a metre
@@ -77,7 +79,8 @@ def _slide(r, arcs, p):  # type: ignore[no-untyped-def]
 @inline
 def _next_arc(r, arcs):  # type: ignore[no-untyped-def]
     """Go on to the next arc at the end of one; where it leads the other way, once the robot stands."""
-    while r["arcs"] > 0 and abs(r["arc_left"]) < READY:
+    ready = EXACT if r["arc_margin"] < NARROW else READY
+    while r["arcs"] > 0 and abs(r["arc_left"]) < ready:
         following = r["arc"] + 1
         if following == r["arcs"]:
             r["arcs"] = 0
@@ -95,6 +98,8 @@ def _speed_limit(r, arcs, p):  # type: ignore[no-untyped-def]
     forward = arcs[k, 0] > ZERO
     limit = FASTEST if forward else FASTEST_BACK
     run, slowing = abs(r["arc_left"]), _TWO * BRAKING * p["max_acceleration"]
+    if r["arc_margin"] < NARROW:
+        return min(limit, np.sqrt(slowing * run), run / p["time_step"])
     while k + 1 < count:
         at_end = ZERO
         if arcs[k, 0] * arcs[k + 1, 0] > ZERO:
@@ -123,5 +128,8 @@ def drive_arcs(r, arcs, wanted, p):  # type: ignore[no-untyped-def]
     direction = ONE if arcs[k, 0] > ZERO else -ONE
     bend = curvature(arcs[k, 1], p["wheelbase"]) - BACK_TO_ARC * lateral - direction * ALONG_ARC * turned
     steer = min(max(-arc_tan(p["wheelbase"] * bend), -p["max_steer"]), p["max_steer"])
-    speed = min(_speed_limit(r, arcs, p), STEER_SLACK / max(abs(steer - r["steer"]), np.float32(0.01)))
+    off = abs(steer - r["steer"])
+    speed = min(_speed_limit(r, arcs, p), STEER_SLACK / max(off, np.float32(0.01)))
+    if r["arc_margin"] < NARROW and off > EXACT_STEER and abs(r["speed"]) < STANDS:
+        speed = ZERO
     return direction * min(speed, wanted), steer

@@ -38,12 +38,13 @@ from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, sin_cos, wrap
 NONE, CUT_OFF = -1, -2  # found: see above
 ARCS = 16  # of a manoeuvre at most
 MOST = 6000  # nodes of a search
-TRIES = 5  # the first is coarse: it finds a way round another body, or to turn round, within a tenth of the nodes
+TRIES = 6  # the first is coarse: it finds a way round another body, or to turn round, within a tenth of the nodes
 # [m] to shelves and bodies, of each try. A robot drives with a third of that (driving.py): where deviation stops it,
 # the next try can begin.
-MARGINS = (np.float32(0.03), np.float32(0.03), np.float32(0.008), np.float32(0.002), np.float32(0.0005))
-STRIDES = (np.float32(0.4), turning.STRIDE, np.float32(0.2), np.float32(0.15), np.float32(0.15))  # [m] of an arc
-CELLS = (np.float32(0.4), np.float32(0.1), np.float32(0.067), np.float32(0.05), np.float32(0.05))  # [m], of (x, y)
+MARGINS = tuple(np.float32(m) for m in (0.03, 0.03, 0.008, 0.002, 0.0005, 0.0005))
+STRIDES = (np.float32(0.4), turning.STRIDE, *(np.float32(m) for m in (0.2, 0.15, 0.15, 0.06)))  # [m] of an arc
+CELLS = tuple(np.float32(m) for m in (0.4, 0.1, 0.067, 0.05, 0.05, 0.02))  # [m], of (x, y)
+TOO_NEAR = np.float32(5e-5)  # [m] of arcs that begin nearer: more than the follower keeps where it is exact
 GREED = np.float32(1.1)  # how much the heuristic weighs: soon found before best
 _HEADINGS = 36  # cells of 10 degrees
 _SLOTS = 1 << 14  # of the table of cells, more than twice MOST
@@ -87,11 +88,11 @@ def _write_rooms(x, y, c, s, margin, bodies, p, rooms):  # type: ignore[no-untyp
 
 @inline
 def _margin_at(x, y, c, s, margin, p, solid, clearance):  # type: ignore[no-untyped-def]
-    """Return the margin [m] to shelves of arcs from a pose: the least one where the body there is nearer than that."""
+    """Return the margin [m] to shelves of arcs from a pose: TOO_NEAR where the body there is nearer than that."""
     cx, cy = x - p["offset"] * c, y - p["offset"] * s
     half_length, half_width = p["half_length"] + margin, p["half_width"] + margin
     touches = body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, p["cell"])
-    return min(margin, MARGINS[TRIES - 1]) if touches else margin
+    return TOO_NEAR if touches else margin
 
 
 @inline

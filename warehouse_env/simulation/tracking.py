@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.driving import KEPT, STANDS, drive_arcs, give_up, leads_ahead
-from warehouse_env.simulation.footprint import clearance_at, sweep_is_free
-from warehouse_env.simulation.kinematics import approach, curvature
+from warehouse_env.simulation.footprint import clearance_at
 from warehouse_env.simulation.manoeuvre import MOST
+from warehouse_env.simulation.off_shelves import may_drive
 from warehouse_env.simulation.rejoin import AMONG_OTHERS, bodies_near, plan_to_route
-from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, sin_cos, wrap
+from warehouse_env.simulation.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, wrap
 
 TWO = np.float32(2.0)
 LOOK_AHEAD = np.float32(0.55)  # [m] standing
@@ -112,34 +112,10 @@ def pursue(r, tx, ty, p):  # type: ignore[no-untyped-def]
     return to_steering(bend, p["wheelbase"], p["max_steer"]), angle
 
 
-@part
-def _may(r, speed, steer, margin, p, solid, clearance):  # type: ignore[no-untyped-def]
-    """Whether the robot, after a step under a command, can brake with the steering it then has and keep off shelves.
-
-    The step's arc is that of the mean steering (kinematics.drive), the braking path's that of the steering at its end.
-    """
-    dt, wheelbase = p["time_step"], p["wheelbase"]
-    next_speed = approach(r["speed"], speed, p["max_acceleration"] * dt)
-    next_steer = approach(r["steer"], steer, p["max_steer_rate"] * dt)
-    x, y, c, s = r["x"], r["y"], r["cos"], r["sin"]
-    way = HALF * (r["speed"] + next_speed) * dt
-    if next_steer != r["steer"]:
-        bend = curvature(HALF * (r["steer"] + next_steer), wheelbase)
-        if not sweep_is_free(x, y, c, s, bend, way, margin, p, solid, clearance):
-            return False
-        half_s, half_c = sin_cos(HALF * way * bend)
-        turn_s, turn_c = sin_cos(way * bend)
-        x, y = x + way * (c * half_c - s * half_s), y + way * (s * half_c + c * half_s)
-        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
-        way = ZERO
-    way += HALF * next_speed * abs(next_speed) / p["max_acceleration"]
-    return sweep_is_free(x, y, c, s, curvature(next_steer, wheelbase), way, margin, p, solid, clearance)
-
-
 @inline
 def _brake_steer(r, steer, margin, p, solid, clearance):  # type: ignore[no-untyped-def]
     """The steering angle to brake with: the wanted one if its sweep is free, else the present one, free before."""
-    if r["speed"] == ZERO or _may(r, ZERO, steer, margin, p, solid, clearance):
+    if r["speed"] == ZERO or may_drive(r, ZERO, steer, margin, p, solid, clearance):
         return steer
     return r["steer"]
 
@@ -150,7 +126,7 @@ def _manoeuvre(r, arcs, wanted, p, solid, clearance):  # type: ignore[no-untyped
     speed, steer = drive_arcs(r, arcs, wanted, p)
     if r["arcs"] == 0:
         return ZERO, r["steer"]
-    if _may(r, speed, steer, r["arc_margin"], p, solid, clearance):
+    if may_drive(r, speed, steer, r["arc_margin"], p, solid, clearance):
         return speed, steer
     if abs(r["speed"]) < STANDS and wanted > ZERO and abs(steer - r["steer"]) < STEERED:  # else it steers first
         r["arc_margin"] *= KEPT  # too near at the start; further on there is more room, as planned
@@ -171,7 +147,7 @@ def _plan(r, route, arcs, bodies, alone, p, solid, clearance, metric):  # type: 
 def _forward(r, route, arcs, bodies, alone, speed, steer, angle, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
     """Return the wanted (speed, steering) if its sweep is free, else those of stopping, or of a new manoeuvre."""
     slow = abs(r["speed"]) < SLOW
-    may = not (slow and abs(angle) > ASIDE) and _may(r, speed, steer, MARGIN, p, solid, clearance)
+    may = not (slow and abs(angle) > ASIDE) and may_drive(r, speed, steer, MARGIN, p, solid, clearance)
     if slow and not (may and alone) and r["search_wait"] <= ZERO:
         found = _plan(r, route, arcs, bodies, alone, p, solid, clearance, metric)
         r["search_wait"] = (AGAIN if found <= 0 else ZERO) if alone else AGAIN_HELD_BACK if p["field"] else AGAIN_HELD
@@ -186,7 +162,7 @@ def _forward(r, route, arcs, bodies, alone, speed, steer, angle, p, solid, clear
 def _backwards(r, speed, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Return (speed, steering) of backing with the nose along the route, or of stopping before a shelf."""
     steer = min(max(r["bearing"], -p["max_steer"]), p["max_steer"])
-    if _may(r, speed, steer, MARGIN, p, solid, clearance):
+    if may_drive(r, speed, steer, MARGIN, p, solid, clearance):
         return speed, steer
     return ZERO, _brake_steer(r, steer, MARGIN, p, solid, clearance)
 
@@ -218,7 +194,7 @@ def follow(r, route, arcs, bodies, wanted_speed, offset, p, solid, clearance, me
         bend = max(abs(steer) / BEND_SCALE, abs(steer - r["steer"]) / STEER_SCALE)
         on_line = min(speed, CREEP + (p["max_speed"] - CREEP) * max(ZERO, ONE - bend))
         aligned = max(abs(angle), abs(r["bearing"])) < BACK_ON and r["stalled_time"] < PATIENCE
-        if aligned and leads_ahead(r, arcs) and _may(r, on_line, steer, MARGIN, p, solid, clearance):
+        if aligned and leads_ahead(r, arcs) and may_drive(r, on_line, steer, MARGIN, p, solid, clearance):
             give_up(r)
     if r["arcs"] > 0:
         speed, steer = _manoeuvre(r, arcs, speed, p, solid, clearance)
