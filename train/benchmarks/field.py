@@ -83,6 +83,7 @@ def _towards_nearest(robots: NDArray[Any]) -> NDArray[np.float64]:
 DRIVERS: dict[str, tuple[str, Callable[[EnvConfig, np.random.Generator], Driver]]] = {  # name -> action type, maker
     "ppo": ("discrete", lambda config, rng: _learned("ppo", config, rng)),
     "reinforce": ("discrete", lambda config, rng: _learned("reinforce", config, rng)),
+    "greedy": ("discrete", lambda config, rng: _learned("greedy", config, rng)),  # by right of way, with live routes
     "random": ("continuous", _random),
     "random, raw": ("raw", _random),
     "hunter": ("raw", _hunt),

@@ -238,6 +238,14 @@ def tracking(budget: Budget) -> Iterator[Row]:
     yield from follow(_SIMULATED * budget.seconds, budget.seed)
 
 
+def traffic(budget: Budget) -> Iterator[Row]:
+    """A decision with the protective field, right of way and live routes, over one without."""
+    from train.benchmarks.traffic import traffic as weigh
+
+    set_num_threads(1)
+    yield from weigh(budget.seconds, budget.seed)
+
+
 def field(budget: Budget) -> Iterator[Row]:
     """Contacts under the protective field, on every layout, whatever drives; and with noise and latency."""
     from train.benchmarks.field import field as hold
@@ -283,6 +291,7 @@ PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
     "plan": plan,
     "ant_walk": ant_walk,
     "tracking": tracking,
+    "traffic": traffic,
     "field": field,
     "alone": alone,
     "start": start,

@@ -17,7 +17,7 @@ from warehouse_env.errors import ConfigError
 
 What = Literal[
     "simulator", "pettingzoo", "vec_env", "policy", "train_reinforce", "train_ppo", "plan", "ant_walk", "tracking",
-    "field", "alone", "start",
+    "traffic", "field", "alone", "start",
 ]  # fmt: skip
 
 _SMALL = 32  # robots of the single world that larger ones are held against
@@ -26,8 +26,8 @@ _SMALL = 32  # robots of the single world that larger ones are held against
 @dataclass(frozen=True)
 class Bench(Checked):
     """Measure agent-steps/s of the simulator, the environments, a policy's drive and the trainers, plans/s, the path
-    follower's tracking error, whether a robot alone always arrives, contacts under the protective field, and the time
-    to start."""
+    follower's tracking error, what right of way costs, contacts under the protective field, whether a robot alone
+    always arrives, and the time to start."""
 
     only: tuple[What, ...] = ()
     """What to measure (everything if left out)."""
@@ -112,6 +112,11 @@ def tables(rows: Sequence[Row]) -> list[Table]:
         from train.benchmarks.tracking import tracking_table
 
         made.append(tracking_table(tracks))
+    weighed = select(rows, what="traffic")
+    if weighed:
+        from train.benchmarks.traffic import traffic_table
+
+        made.append(traffic_table(weighed))
     guarded = select(rows, what="field")
     if guarded:
         from train.benchmarks.field import field_tables
