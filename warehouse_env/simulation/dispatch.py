@@ -101,7 +101,10 @@ class Dispatcher:
         r["goal_row"], r["goal_col"] = goal
 
     def give_route(self, world: int, robot: int, points: NDArray[np.float32]) -> None:
-        """Give a robot another route to its goal, way-points float32[R, 2] [m]."""
+        """Give a robot another route to its goal, way-points float32[R, 2] [m], evenly spaced along it.
+
+        Where a line bends sharply, as at a pose beside the lane, its points are nearer to each other: not its spacing.
+        """
         if len(points) > self.routes.shape[2]:
             longer = math.ceil(len(points) / ROUTE_BLOCK) * ROUTE_BLOCK
             grown = np.zeros((*self.robots.shape, longer, 2), dtype=np.float32)
@@ -110,7 +113,7 @@ class Dispatcher:
         self.routes[world, robot, : len(points)] = points
         r = self.robots[world, robot]
         r["points"] = len(points)
-        r["spacing"] = np.hypot(*(points[1] - points[0])) if len(points) > 1 else 0.0
+        r["spacing"] = np.hypot(*np.diff(points, axis=0).T).max() if len(points) > 1 else 0.0
         r["position"] = r["lateral"] = r["bearing"] = 0.0
         r["arcs"] = r["search_wait"] = 0  # of a manoeuvre to the route before
         r["claim"] = r["side"] = r["poses"] = 0  # no path yet
