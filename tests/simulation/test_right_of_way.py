@@ -39,24 +39,24 @@ def gap(world: World, robot: int, other: int, last: int | None = None, others_la
 
 
 def crossing(first: int, **more: Any) -> World:
-    """Two that drive at 1 m/s towards the same place, 3 m before it; robot `first` is longer on its way."""
+    """Two that drive at 1 m/s towards the same place, 2 m before it; robot `first` is longer on its way."""
     ages = [0, 0]
     ages[first] = 100
-    return World((7.0, 10.0, 0.0, 1.0), (10.0, 7.0, math.pi / 2, 1.0), ages=ages, **more)
+    return World((8.0, 10.0, 0.0, 1.0), (10.0, 8.0, math.pi / 2, 1.0), ages=ages, **more)
 
 
 def test_alone_a_robot_is_granted_what_it_asks_for() -> None:
     world = World((5.0, 10.0, 0.0)).decide()
     assert world.granted(0) == AHEAD
     r = world.robots[0]
-    assert (r["yields_to"], r["authority"], r["claim"]) == (NOBODY, 3.0, 3.0)
+    assert (r["yields_to"], r["authority"], r["claim"]) == (NOBODY, 1.0, 1.0)
     r["speed"], r["distance"] = 1.0, 0.1  # it stops in 0.5 m, after 0.2 s at 1 m/s: the second pose, at 0.9 m
     assert world.decide().granted(0) == 2 + AHEAD
-    assert r["authority"] == pytest.approx(3.9, abs=ROUNDING)
+    assert r["authority"] == pytest.approx(1.9, abs=ROUNDING)
 
 
 def test_near_its_goal_a_robot_need_not_stop() -> None:
-    world = World((5.0, 10.0, 0.0), length=2.0).decide()
+    world = World((5.0, 10.0, 0.0), length=1.0).decide()
     assert world.robots["at_end"][0] == 1
     assert world.robots["authority"][0] == math.inf
 
@@ -66,15 +66,15 @@ def test_of_two_that_cross_one_waits_off_the_others_path(first: int) -> None:
     world, other = crossing(first).decide(), 1 - first
     assert world.order.tolist() == [first, other]
     assert world.robots["yields_to"].tolist() == [NOBODY if k == first else first for k in range(2)]
-    # 3 m to the crossing, and the body, half a width and its own rear beyond it
-    assert world.robots["authority"][first] > 3.0 + 0.3 + 0.75
-    assert 0.0 < world.robots["authority"][other] < 3.0
+    # 2 m to the crossing, and the body, half a width and its own rear beyond it
+    assert world.robots["authority"][first] > 2.0 + 0.3 + 0.75
+    assert 0.0 < world.robots["authority"][other] < 2.0
     assert gap(world, other, first, last=world.granted(other)) > 0.0  # off all of the other's path
 
 
 def test_nobody_waits_on_a_crossing() -> None:
-    # Three metres of path end on the other's line, so that more is asked for, or less is taken.
-    for distance in np.arange(1.0, 5.0, 0.25):
+    # A metre of path ends on the other's line, so that more is asked for, or less is taken.
+    for distance in np.arange(0.75, 3.0, 0.125):
         world = World((10.0 - distance, 10.0, 0.0), (10.0, 7.0, math.pi / 2), ages=[9, 0]).decide()
         end = rectangles(world.path(0))[world.granted(0)][None, None]
         line = rectangles(world.path(1))[None, 1:7]
@@ -87,7 +87,7 @@ def test_who_has_been_granted_a_crossing_keeps_it() -> None:
     world.robots["x"][0] = 1.0
     world.decide()
     claim = float(world.robots["claim"][1])
-    world.robots["alive"][0], world.robots["x"][0] = 1, 7.0
+    world.robots["alive"][0], world.robots["x"][0] = 1, 8.0
     world.robots["age"][0] = 1000  # it goes first, but what is granted stays
     world.decide()
     assert world.order.tolist() == [0, 1]
@@ -96,21 +96,22 @@ def test_who_has_been_granted_a_crossing_keeps_it() -> None:
 
 
 def test_what_is_granted_is_lost_to_one_that_cannot_stop() -> None:
-    world = World((9.0, 10.0, 0.0), (10.0, 7.0, math.pi / 2), ages=[0, 100])
+    world = World((9.0, 10.0, 0.0), (10.0, 9.0, math.pi / 2), ages=[0, 100])
     world.robots["alive"][0] = 0
     world.robots["x"][0] = 1.0
     world.decide()
-    assert world.robots["authority"][1] == 3.0
+    before = world.robots["authority"][1]
+    assert before >= 1.0
     world.robots["alive"][0], world.robots["x"][0], world.robots["speed"][0] = 1, 9.0, 1.5
     world.robots["age"][0] = 1000
     world.decide()
     assert world.robots["authority"][0] >= 1.5**2 / 2 + 0.2 * 1.5
-    assert world.robots["authority"][1] < 3.0
+    assert world.robots["authority"][1] < before
     assert world.robots["yields_to"][1] == 0
 
 
 def test_of_two_head_on_the_later_one_takes_another_side() -> None:
-    world = World((5.0, 10.0, 0.0), (12.0, 10.0, math.pi), ages=[9, 0]).decide()
+    world = World((5.0, 10.0, 0.0, 1.0), (11.6, 10.0, math.pi, 1.0), ages=[9, 0]).decide()
     assert world.robots["side"].tolist() == [0.0, np.float32(-1.2)]  # 0.6 m are too few for two bodies
     assert world.robots["yields_to"].tolist() == [NOBODY, NOBODY]
     assert gap(world, 1, 0, world.granted(1), world.granted(0)) > 2 * WIDE - ROUNDING
@@ -122,13 +123,13 @@ def test_sides_are_tried_in_the_order_of_preference(liked: float) -> None:
     preferences = np.zeros((1, 2, len(table)), np.float32)
     preferences[0, :, np.flatnonzero((table == (1.5, 0.0)).all(axis=1))] = 3.0
     preferences[0, :, np.flatnonzero((table == np.array((0.5, liked), np.float32)).all(axis=1))] = 2.0
-    world = World((5.0, 10.0, 0.0), (12.0, 10.0, math.pi), ages=[9, 0]).decide(preferences)
+    world = World((5.0, 10.0, 0.0, 1.0), (11.6, 10.0, math.pi, 1.0), ages=[9, 0]).decide(preferences)
     assert world.robots["side"][1] == np.float32(liked)
     assert world.simulator._commands[0, :, 0].tolist() == [1.5, 0.5]  # the speed that it likes there
 
 
 def test_the_liked_side_is_taken_back_when_it_is_free() -> None:
-    world = World((5.0, 10.0, 0.0), (12.0, 10.0, math.pi), ages=[9, 0]).decide()
+    world = World((5.0, 10.0, 0.0, 1.0), (11.6, 10.0, math.pi, 1.0), ages=[9, 0]).decide()
     world.robots["x"][0], world.robots["points"][0] = 20.0, 1
     assert world.decide().robots["side"][1] == 0.0
 
@@ -306,6 +307,6 @@ def test_a_recorded_episode_of_preferences_replays_to_the_bit(tmp_path: Path) ->
 
 def test_of_two_whose_paths_end_on_each_others_the_first_goes_to_its_goal() -> None:
     """Nobody need not wait at its goal: it goes on from there."""
-    world = World((8.0, 10.0, 0.0), (10.0, 8.0, math.pi / 2), ages=[9, 0], length=2.5).decide()
+    world = World((9.25, 10.0, 0.0), (10.0, 9.25, math.pi / 2), ages=[9, 0], length=1.0).decide()
     assert world.robots["yields_to"].tolist() == [NOBODY, 0]
     assert (world.robots["authority"][0], world.robots["side"][0]) == (math.inf, 0.0)  # straight there, not beside it

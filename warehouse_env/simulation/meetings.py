@@ -11,7 +11,7 @@ from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.geometry import rectangles_touch
 from warehouse_env.simulation.path_ahead import CENTRE_X, CENTRE_Y, COS, POSES, SIN
 
-WIDE = np.float32(0.08)  # [m] of room around bodies in what is granted anew: paths are predictions
+WIDE = np.float32(0.04)  # [m] of room around bodies in what is granted anew: paths are predictions
 TIGHT = np.float32(0.008)  # [m] around bodies that are near, and in what has been granted before: less than the field
 NEARBY = 2  # poses from where it is that are predicted well
 ACROSS = np.float32(0.5)  # cosine of the angle from which one crosses another's path, rather than going along with it

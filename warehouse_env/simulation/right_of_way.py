@@ -39,7 +39,8 @@ from warehouse_env.simulation.preferences import SIDE, speed_of
 from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.trigonometry import HALF, ZERO
 
-AHEAD = 6  # poses asked for beyond those in which it can stop: 3 m
+AHEAD = 2  # poses asked for beyond those in which it can stop: 1 m; more bars the way of others for longer
+BESIDE = 6  # poses that must be free beyond these at another offset
 MORE = 6  # poses beyond these that it takes if it may not wait there
 SOON = 6  # poses beyond its grant within which one counts as soon to come
 AGAINST = np.float32(-0.5)  # ... and from which it comes the other way
@@ -154,7 +155,7 @@ def _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, clearance)
             continue
         if n > 0 and side == wanted:
             continue
-        want = numbers[MUST, i] + AHEAD + (BACK if side == wanted else 0)
+        want = numbers[MUST, i] + BESIDE + (BACK if side == wanted else 0)
         many, at_end = write_path(r, route, arcs, side, min(want + 1, POSES), p, clearance, paths[trial])
         numbers[COUNT, trial], want = many, min(want, many - 1)
         if want < 2:
