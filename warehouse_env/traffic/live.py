@@ -18,7 +18,8 @@ are 2 to 4 wide either way, so many of these differences may be chance:
 | against 0.3, 3 | 80.2, 71.4 | | |
 | look_ahead 10 | 81.7 | | |
 | stood_for 15; stood_for 3 and every 2 | 80.5; 71.0 | | |
-| turn 3 and look_ahead 10, and right of way asks 2 m ahead instead of 3 (79, 123, 81; alone 81.3, 125, 84) | 83.0 | 127 | 85 |
+| turn 3 and look_ahead 10, where right of way asks 2 m ahead, not 3 | 83.0 | 127 | 85 |
+| right of way asks 2 m ahead, not 3 | 81.3 | 125 | 84 |
 
 Prices on whole classes of lanes (12: which lane, aisle and rim, each way), optimised by CMA-ES for `narrow` with 64
 robots (80 evaluations of 3 x 300 s), came to 84.0 on eight fresh seeds, without them 81.9: [-1.1, 5.3] more, so nothing
