@@ -93,14 +93,14 @@ class RewardWeights(Checked):
 class RerouteSpec(Checked):
     """When a robot is routed anew on its way, and what the others' places and routes cost it (traffic/live.py)."""
 
-    planner: str = "astar_turns"  # of all routes while robots drive; one that takes a cost map
+    planner: str = "astar_turns:hairpin=10"  # of all routes while robots drive; one that takes a cost map
     every: float = 4.0  # [s] between two looks at a robot's way ahead
     look_ahead: float = 10.0  # [m] of it
     stood_for: float = 6.0  # [s] without having moved a metre from which a robot counts as standing
     standing: float = 10.0  # [cells] for entering the cell of a robot that stands
     beside: float = 3.0  # [cells] for entering a cell beside it
     against: float = 1.0  # [cells] for a move against one of another's remaining route
-    turn: float = 3.0  # [cells] for beginning with a turn of 90 degrees, twice that for turning round
+    turn: float = 1.0  # [cells] for beginning with a turn of 90 degrees, twice that for turning round
     boxed_turn: float = 30.0  # [cells] for beginning with a turn of more than 90 degrees in an aisle of one cell
 
     def __post_init__(self) -> None:

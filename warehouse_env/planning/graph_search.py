@@ -121,10 +121,11 @@ def _search(legal: Any, toll: Any, start: int, goal: int, informed: bool) -> Any
 
 
 @njit(cache=True)
-def _search_turns(legal: Any, toll: Any, start: int, goal: int) -> Any:
+def _search_turns(legal: Any, toll: Any, start: int, goal: int, hairpin: int) -> Any:
     """A* on cell x arriving move with the cost (length + tolls, turns); return the state before each and the goal's.
 
-    State = 9 * cell + move, move 8 at the start. legal, toll: as in `_search`.
+    State = 9 * cell + move, move 8 at the start. legal, toll: as in `_search`; hairpin: millionths of a cell that a
+    turn of more than 90 degrees costs.
     """
     rows, cols = legal.shape[0], legal.shape[1]
     straight, diagonal, length, turned, before, closed, (first, second, node) = _labels(9 * rows * cols, 9 * start + 8)
@@ -148,6 +149,8 @@ def _search_turns(legal: Any, toll: Any, start: int, goal: int) -> Any:
             a = straight[state] + (1 - move % 2) * _STEP
             if toll is not None:
                 a += toll[row, col, move]
+            if arrived != 8 and 3 <= (move - arrived) % 8 <= 5:
+                a += hairpin
             b = diagonal[state] + move % 2
             new_turns = turned[state] + (1 if arrived != 8 and arrived != move else 0)
             new_length = a / MICRO + b * _SQRT2
@@ -173,9 +176,11 @@ def _shortest(
     return path[::-1]
 
 
-def fewest_turns(legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int) -> list[int]:
-    """Flat cells of a path with the fewest turns among the cheapest, empty where none."""
-    before, state = _search_turns(legal, toll, start, goal)
+def fewest_turns(
+    legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int, hairpin: float = 0.0
+) -> list[int]:
+    """Flat cells of a path with the fewest turns among the cheapest, empty where none; hairpin: see AStarTurns."""
+    before, state = _search_turns(legal, toll, start, goal, round(hairpin * MICRO))
     path = []
     while state >= 0:
         path.append(int(state) // 9)
@@ -236,11 +241,13 @@ class AStar(_GraphSearch):
 class AStarTurns(_GraphSearch):
     """The fewest turns among the shortest paths: A* on cell x direction with the cost (length, turns)."""
 
+    hairpin: float = 0.0  # [cells] price of a turn of more than 90 degrees, which only a cost map makes worth while
+
     name: ClassVar[str] = "astar_turns"
 
     def search(self, legal: NDArray[np.bool_], toll: NDArray[np.int64] | None, start: int, goal: int) -> list[int]:
         """Return the flat cells of such a path."""
-        return fewest_turns(legal, toll, start, goal)
+        return fewest_turns(legal, toll, start, goal, self.hairpin)
 
 
 def min_turns(grid: GridMap, start: Cell, goal: Cell) -> int:

@@ -18,7 +18,7 @@ def test_whatever_drives_is_held_by_the_field_and_touches_nothing(name: str) -> 
     row = field.drive(name, config, 30, 1)
     assert (row["collisions_robot"], row["collisions_shelf"], row["slips"], row["contacts_per_km"]) == (0, 0, 0, 0)
     assert row["robot_km"] > 0.05
-    bare = field.drive(name, config.replace(protective_field=False), 30, 1)
+    bare = field.drive(name, config.replace(protective_field=False, right_of_way=False), 30, 1)
     assert bare["collisions_robot"] + bare["collisions_shelf"] > 0 or name in ("ppo", "reinforce")
 
 
@@ -37,7 +37,7 @@ def test_the_tables_add_up() -> None:
     }  # fmt: skip
     rows = [{**row, "part": part} for part in ("promise", "margin", "noise", "promise")]
     promise, margin, noise = field.field_tables(rows)
-    assert promise.cells == (("open", "8", "8 in 4.0", "", "", "", ""),)
+    assert promise.cells == (("open", "8", "8 in 4.0", "", "", "", "", ""),)
     assert promise.note == "8 contacts in 4.0 robot-km."
     assert margin.cells == (("0.020", "100", "4 in 2.0"),)
     assert noise.cells == (("ppo", "5%", "a step", "1 + 1"),)
