@@ -16,7 +16,7 @@ import pytest
 import tyro
 
 from agents import POLICIES
-from train.cli import COMMANDS, main
+from train.cli import COMMANDS, main, with_values
 from train.reporting.rows import read_rows
 from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, SensorSpec, Simulator, observation_layout
 from warehouse_env.simulation.rewards import REWARD_TERMS
@@ -135,7 +135,7 @@ def test_every_command_is_understood(line: str, capsys: pytest.CaptureFixture[st
     else:
         name = next(name for name in COMMANDS if name.split() == words[: len(name.split())])
         options = getattr(import_module(COMMANDS[name].module), COMMANDS[name].options)
-        parsed = tyro.cli(options, prog=f"warehouse {name}", args=words[len(name.split()) :])
+        parsed = tyro.cli(options, prog=f"warehouse {name}", args=with_values(options, words[len(name.split()) :]))
         assert isinstance(parsed, options)
 
 

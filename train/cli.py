@@ -6,6 +6,7 @@ A new command is one line in COMMANDS. Its module is imported only when it is ca
 from __future__ import annotations
 
 import importlib
+import itertools
 import os
 import sys
 from collections.abc import Sequence
@@ -100,15 +101,22 @@ def _options(options: Any, program: str, arguments: list[str]) -> Any:
         return chosen
 
     made.__annotations__["chosen"] = Annotated[options, tyro.conf.arg(name="")]
-    return tyro.cli(made, prog=program, description=options.__doc__, args=_with_values(options, arguments))
+    return tyro.cli(made, prog=program, description=options.__doc__, args=with_values(options, arguments))
 
 
-def _with_values(options: Any, arguments: list[str]) -> list[str]:
-    """Return a command line in which --name and --no-name have a value, where leaving an option out is a third one."""
+def with_values(options: Any, arguments: list[str]) -> list[str]:
+    """Return a command line in which --name and --no-name have a value, where leaving an option out is a third one.
+
+    Where a value stands behind it, as --help shows them, it is kept.
+    """
     names = [name.replace("_", "-") for name, kind in get_type_hints(options).items() if kind == bool | None]
     values = {f"--{name}": [f"--{name}", "True"] for name in names}
     values |= {f"--no-{name}": [f"--{name}", "False"] for name in names}
-    return [word for given in arguments for word in values.get(given, [given])]
+    return [
+        word
+        for given, after in itertools.pairwise([*arguments, ""])
+        for word in ([given] if after in ("True", "False", "None") else values.get(given, [given]))
+    ]
 
 
 def _no_command(arguments: list[str]) -> int:

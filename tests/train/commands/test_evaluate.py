@@ -112,6 +112,7 @@ def test_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture
         ([], (True, True, True)),
         (["--no-reroute"], (True, True, False)),
         (["--no-right-of-way", "--reroute"], (True, False, True)),
+        (["--right-of-way", "False", "--reroute", "True"], (True, False, True)),  # as --help has it
     ],
 )
 def test_greedy_gets_what_it_needs_unless_told_otherwise(
