@@ -166,9 +166,7 @@ def test_random_cost_maps_are_searched_exactly() -> None:
 def test_turning_back_sharply_is_priced(hairpin: float, back: bool) -> None:
     grid = drawn("....", "....")
     cost = np.zeros((2, 4, 8))
-    cost[1, 2, [2, 3, 4]] = (
-        2.5  # to leave the start for the goal; by (1, 3) and back it is 1 + sqrt 2, round by (0, 3) it is 3
-    )
+    cost[1, 2, [2, 3, 4]] = 2.5  # straight to the goal; by (1, 3) and back it is 1 + sqrt 2, round by (0, 3) it is 3
     cells = make_planner(f"astar_turns:hairpin={hairpin}").plan(grid, (1, 2), (0, 2), RNG, cost).cells.tolist()
     assert cells == ([[1, 2], [1, 3], [0, 2]] if back else [[1, 2], [1, 3], [0, 3], [0, 2]])
 

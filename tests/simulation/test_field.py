@@ -22,7 +22,9 @@ from tests.simulation.test_no_overlap import MAZE, crowd
 from tests.simulation.worlds import drawn, put, raw, room, stage
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import ConfigError, UnsafeError
+from warehouse_env.simulation import contact, field, stops
 from warehouse_env.simulation.audit import SWITCH
+from warehouse_env.simulation.kinematics import braking
 from warehouse_env.simulation.simulator import Simulator
 
 ROOT = Path(__file__).parents[2]
@@ -169,6 +171,26 @@ def test_random_commands_on_random_floors(seed: int, substeps: int, margin: floa
     shake(simulator, rng, 60)
     assert untouched(simulator)
     assert len(poses) < 2 or least_gap(simulator) > margin - ROUNDING
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**6), st.sampled_from([1, 2, 3]), st.sampled_from([0.5, 1.03, 1.047]))
+def test_the_field_samples_the_poses_that_bodies_take(seed: int, substeps: int, steer: float) -> None:
+    """Steering that reaches its lock between two substeps of the command bends the next ones more, not the same."""
+    rng = np.random.default_rng(seed)
+    pose = (15.0, 15.0, rng.uniform(-3.0, 3.0), rng.uniform(-0.5, 1.5), rng.choice([-steer, steer]))
+    command = (rng.uniform(-1.0, 1.0), rng.uniform(-1.5, 1.5))
+    simulator = guarded(room(30, 30), pose, substeps=substeps)
+    p, body = simulator._params[0], simulator.robots[0]
+    paths, outlines, marks, _ = field.scratch(1, p)
+    motion = np.zeros((contact.MOTION, 1), np.float32)
+    contact.load(body, 0, *np.float32(command), p, simulator._floor.clearance, motion)
+    rates = motion[contact.ACCELERATION, 0], motion[contact.STEER_RATE, 0]
+    stops.sample(1, 0, *rates, substeps, motion, paths, outlines, marks, p)
+    for n in range(substeps, marks[stops.SAMPLES, 1] + 1, substeps):
+        simulator.step(raw(simulator, command if n == substeps else (float(braking(body["speed"][0], p)), 0.0)))
+        centre = [body["x"] - p["offset"] * body["cos"], body["y"] - p["offset"] * body["sin"]]
+        assert paths[1, n - 1] == pytest.approx(np.concatenate([*centre, body["cos"], body["sin"]]), abs=ROUNDING)
 
 
 def towards_nearest(simulator: Simulator) -> NDArray[np.float64]:

@@ -83,7 +83,7 @@ def sample(row, i, acceleration, steer_rate, commanded, motion, paths, outlines,
     speed, steer, lock, dt = motion[SPEED, i], motion[STEER, i], p["max_steer"], p["dt"]
     slowest, fastest, offset, far = p["min_speed"], p["max_speed"], p["offset"], p["far"]
     substeps, wheelbase = p["substeps"], p["wheelbase"]
-    bend = curvature(steer, wheelbase)
+    mean, bend = steer, curvature(steer, wheelbase)
     pace, n = ZERO, 0
     paths[row, 0, CENTRE_X], paths[row, 0, CENTRE_Y] = x - offset * c, y - offset * s
     paths[row, 0, BODY_COS], paths[row, 0, BODY_SIN] = c, s
@@ -95,8 +95,9 @@ def sample(row, i, acceleration, steer_rate, commanded, motion, paths, outlines,
         for _ in range(substeps):
             next_speed = min(max(speed + acceleration * dt, slowest), fastest)
             next_steer = min(max(steer + steer_rate * dt, -lock), lock)
-            if next_steer != steer or n == commanded:
-                bend = curvature(HALF * (steer + next_steer), wheelbase)
+            if HALF * (steer + next_steer) != mean:  # also in the substep after the one that reached the lock
+                mean = HALF * (steer + next_steer)
+                bend = curvature(mean, wheelbase)
             if speed != ZERO or next_speed != ZERO:
                 distance = HALF * (speed + next_speed) * dt
                 x, y, heading = roll(x, y, heading, distance, bend)

@@ -26,8 +26,9 @@ Turns at 3 cells made every tenth route begin with a bend that its line could no
 for minutes where its line passed a place twice. At 1 cell, with hairpins priced, no route of 1,900 folds.
 
 Prices on whole classes of lanes (12: which lane, aisle and rim, each way), optimised by CMA-ES for `narrow` with 64
-robots (80 evaluations of 3 x 300 s), came to 84.0 on eight fresh seeds, without them 81.9: [-1.1, 5.3] more, so nothing
-that could be told. Under `ppo` without right of way live routes were all: 14 to 106 on paper46 and 7 to 58 on narrow.
+robots (80 evaluations of 3 x 300 s), came to 84.0 on eight other trial seeds, without them 81.9: [-1.1, 5.3] more, so
+nothing that could be told. Under `ppo` without right of way live routes were all: 14 to 106 on paper46 and 7 to 58 on
+narrow.
 
 Robots look one after another, spread over the period by their index, so two that meet do not both turn away at once,
 and no step does the work of all. Nothing is drawn by chance: a world's routes depend on its own robots alone.
