@@ -217,3 +217,27 @@ def test_who_is_in_the_cell_of_its_goal_keeps_its_route_to_the_middle() -> None:
     assert live.route(simulator.robots[0], simulator.routes[0], 0, goal) is not None
     r["x"], r["y"] = r["goal_x"] - 0.4, r["goal_y"] - 0.4  # farther off than the radius in which it has arrived
     assert live.route(simulator.robots[0], simulator.routes[0], 0, goal) is None
+
+
+def sharpest_turn(route: Any) -> float:
+    """Sharpest turn [rad] between two segments of a route."""
+    steps = np.diff(route.astype(np.float64), axis=0)
+    steps = steps[np.hypot(*steps.T) > 1e-6]
+    turns = np.angle(np.exp(1j * np.diff(np.arctan2(steps[:, 1], steps[:, 0]))))
+    return float(np.abs(turns).max(initial=0.0))
+
+
+def test_no_live_route_folds_back_on_itself() -> None:
+    """Nor where those who stand around would make it worth while to go a cell ahead and turn there."""
+    config = EnvConfig(layout="narrow", num_agents=64, planner="astar_turns", reroute=True)
+    simulator, rng = Simulator(config), np.random.default_rng(0)
+    simulator.reset([0])
+    live, book, robots = LiveRoutes(config, simulator.route_book), simulator.route_book, simulator.robots[0]
+    cells, folded = book.grid.free_cells, 0
+    robots["standing_time"] = config.reroute_spec.stood_for
+    for _ in range(600):
+        me, goal = rng.integers(64), tuple(cells[rng.integers(len(cells))].tolist())
+        robots[me]["heading"] = rng.uniform(-np.pi, np.pi)
+        route = live.route(robots, simulator.routes[0], me, goal)
+        folded += route is not None and sharpest_turn(route) > 2.0
+    assert folded == 0
