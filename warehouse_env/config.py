@@ -100,13 +100,17 @@ class RerouteSpec(Checked):
     standing: float = 10.0  # [cells] for entering the cell of a robot that stands
     beside: float = 3.0  # [cells] for entering a cell beside it
     against: float = 1.0  # [cells] for a move against one of another's remaining route
+    crowd: float = 0.6  # [cells] for entering a cell of another's remaining route that it is as far from,
+    crowd_within: float = 10.0  # [m] less for every metre farther or nearer, and nothing from here on
+    saving: float = 3.0  # [cells] that a new route on the way must save, or the old one is kept
     turn: float = 1.0  # [cells] for beginning with a turn of 90 degrees, twice that for turning round
     boxed_turn: float = 30.0  # [cells] for beginning with a turn of more than 90 degrees in an aisle of one cell
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._between(_LEAST, _MOST, "every")
-        self._between(0.0, _MOST, "look_ahead", "stood_for", "standing", "beside", "against", "turn", "boxed_turn")
+        self._between(_LEAST, _MOST, "every", "crowd_within")
+        self._between(0.0, _MOST, "look_ahead", "stood_for", "standing", "beside", "against", "crowd", "saving")
+        self._between(0.0, _MOST, "turn", "boxed_turn")
 
     def _called(self, name: str) -> str:
         """Return what errors call a parameter; `every` alone could be anything."""

@@ -13,7 +13,8 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.recording import Recorder
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import ROBOT
-from warehouse_env.traffic.live import LiveRoutes, price, watch
+from warehouse_env.traffic.live import LiveRoutes, prices_of, watch
+from warehouse_env.traffic.prices import cells_ahead, path_cost, price
 
 EAST, NORTH, WEST, SOUTH = 0, 2, 4, 6
 ROWS, COLUMNS = 5, 9
@@ -47,12 +48,14 @@ def barred(robots: Any, routes: Any, step: int = 0, every: int = 1, look_ahead: 
     return [bool(found) for found in out[0]]
 
 
+FREE = {"standing": 0.0, "beside": 0.0, "against": 0.0, "crowd": 0.0, "turn": 0.0, "boxed_turn": 0.0}
+
+
 def costs(robots: Any, routes: Any, me: int, legal: Any = None, **prices: float) -> Any:
     cost = np.empty((ROWS, COLUMNS, 8))
-    spec = RerouteSpec(**({"standing": 0.0, "beside": 0.0, "against": 0.0, "turn": 0.0, "boxed_turn": 0.0} | prices))
+    spec = RerouteSpec(**(FREE | prices))
     legal = np.ones(cost.shape, np.bool_) if legal is None else legal
-    each = (spec.standing, spec.beside, spec.against, spec.turn, spec.boxed_turn)
-    price(robots[0], routes[0], me, legal, 6.0, *each, np.float32(0.0), np.float32(1.0), cost)
+    price(robots[0], routes[0], me, legal, 6.0, prices_of(spec), np.float32(0.0), np.float32(1.0), cost)
     return cost
 
 
@@ -117,6 +120,40 @@ def test_moves_against_what_is_left_of_a_route_cost() -> None:
     assert cost.sum() == 2 * west.sum()
     robots[0, 0]["alive"] = 0
     assert not costs(robots, eastwards(2, 2, range(9)), 1, against=2.0).any()
+
+
+def test_cells_where_another_will_be_at_the_same_time_cost() -> None:
+    robots = record({"x": 0.5, "y": 2.5, "points": 9}, {"x": 4.5, "y": 4.5})  # one goes east in row 2, one is off it
+    cost = costs(robots, eastwards(2, 2, range(9)), 1, crowd=2.0, crowd_within=4.0)
+    # To (2, 3) one has 3 m to go and the other 2.41 from (0, 4): 2 - 2 * 0.59 / 4. To (2, 4) they have 4 and 2.
+    wanted = [0.0, 0.586, 1.586, 1.707, 1.0, 0.707, 0.414, 0.414, 0.414]
+    assert cost[1, :, SOUTH].tolist() == pytest.approx(wanted, abs=1e-3)
+    assert cost[2, :8, EAST].tolist() == pytest.approx(wanted[1:], abs=1e-3)
+    assert not costs(robots, eastwards(2, 2, range(9)), 0, crowd=2.0).any()  # nobody is in his own way
+
+
+def test_what_is_left_of_a_route_costs_its_length_and_its_prices() -> None:
+    robots = record({"x": 2.5, "y": 2.5, "points": 9, "position": 2.0})
+    cells = cells_ahead(robots[0, 0], eastwards(1, 2, range(9))[0, 0], np.float32(1.0), ROWS, COLUMNS)
+    assert cells.tolist() == [[2, column] for column in range(2, 9)]
+    cost = np.zeros((ROWS, COLUMNS, 8))
+    cost[2, 4, EAST], cost[2, 4, WEST], cost[2, 8] = 1.5, 7.0, 7.0
+    assert path_cost(cells, cost) == 6 + 1.5
+    assert path_cost(np.array([[0, 0], [1, 1], [1, 3]]), cost) == pytest.approx(2**0.5 + 2)
+
+
+def test_on_its_way_a_robot_keeps_its_route_unless_a_new_one_saves_enough() -> None:
+    simulator = Simulator(CONFIG.replace(num_agents=2))
+    simulator.reset([1])
+    robots, routes = simulator.robots[0], simulator.routes[0]
+    goal = (int(robots[0]["goal_row"]), int(robots[0]["goal_col"]))
+    live = LiveRoutes(simulator.config, simulator.route_book)
+    assert live.route(robots, routes, 0, goal, on_its_way=True) is None
+    assert live.route(robots, routes, 0, goal) is not None
+    middle = int(robots[0]["points"]) // 2
+    robots[1]["x"], robots[1]["y"] = routes[0, middle]  # in its way, and stands
+    robots[1]["standing_time"] = 60.0
+    assert live.route(robots, routes, 0, goal, on_its_way=True) is not None
 
 
 def test_turning_away_from_the_heading_costs_and_more_where_there_is_no_room() -> None:

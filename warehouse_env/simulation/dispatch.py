@@ -140,7 +140,7 @@ class Dispatcher:
                 worlds.append(world)
         if self._live is not None:
             for world, robot in self._live.watch(self.robots, self.routes, steps):
-                live = self._live_route(world, robot, state.goal_of(self.robots[world, robot]))
+                live = self._live_route(world, robot, state.goal_of(self.robots[world, robot]), on_its_way=True)
                 if live is not None:
                     self._give_another(world, robot, live)
                     worlds.append(world)
@@ -167,8 +167,8 @@ class Dispatcher:
         live = self._live_route(world, robot, goal)
         return live if live is not None else self.book.route(start, goal, float(self.robots[world, robot]["heading"]))
 
-    def _live_route(self, world: int, robot: int, goal: Cell) -> NDArray[np.float32] | None:
-        """Return a route from where a robot is, around all others; None if there is none, or live routes are off."""
+    def _live_route(self, world: int, robot: int, goal: Cell, on_its_way: bool = False) -> NDArray[np.float32] | None:
+        """Return a route from where a robot is, around all others; None if live routes are off or find none."""
         if self._live is None:
             return None
-        return self._live.route(self.robots[world], self.routes[world], robot, goal)
+        return self._live.route(self.robots[world], self.routes[world], robot, goal, on_its_way)
