@@ -13,7 +13,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
 
 SPEEDS, STEERINGS = (1.3, 0.5, -0.4), (-0.9, -0.35, 0.0, 0.35, 0.9)  # [m/s], [rad]
-HORIZON = 1.0  # [s] after which a primitive's end is judged
+PERIOD = 1.0  # [s] of a primitive; decided anew sooner, robots that meet rock to and fro and stay where they are
 HEADING_WEIGHT = 0.6  # [m] of detour that a heading away from the goal by a right angle is worth
 VISIT_WEIGHT = 1.0  # [m] of detour that one more decision spent in the same place is worth
 HEADINGS = 8  # of a place: a cell and a heading
@@ -30,6 +30,8 @@ class _World:
         self.since = np.zeros(n)  # decisions since the last goal: the priority
         self.visits = np.zeros((n, size * HEADINGS))
         self.field = np.zeros((n, *simulator.grid.shape))
+        self.action = np.zeros((n, 2), np.float32)  # of the present primitives
+        self.stops = np.ones(n, bool)  # who has none
 
     def aim(self, simulator: Simulator, goals: NDArray[np.int32]) -> None:
         """Take the goals int32[N, 2]: whose is new begins to count anew."""
@@ -47,7 +49,7 @@ class CentralPBCR:
     term that grows with how often it has been in a place, which drives it out of where it keeps coming back.
     Reconstructed from the idea, not from their code: the cost to go is the distance over cells and the turn that is
     still to be made; a place is a cell and an eighth of a turn. Adapted: bodies have inertia, so an arc is followed by
-    a stop and both are kept free; an arc is judged by where it would lead in HORIZON.
+    a stop and both are kept free; an arc is judged by where it would lead, changes taken as done at once.
     """
 
     name = "central_pbcr"
@@ -55,7 +57,9 @@ class CentralPBCR:
     def __init__(self, config: EnvConfig) -> None:
         robot = config.robot
         self._commands = np.array([(v, s) for v in SPEEDS for s in STEERINGS])
-        self._decision = round(config.time_step * config.action_repeat / DT)
+        self._step = config.time_step * config.action_repeat  # [s]
+        self._every = max(1, round(PERIOD / self._step))  # env steps
+        self._decision = round(self._every * self._step / DT)
         self._limits = np.array([
             robot.max_acceleration, robot.max_steering_rate, robot.wheelbase, robot.rear_reach - 0.5 * robot.length,
         ])  # fmt: skip
@@ -68,10 +72,16 @@ class CentralPBCR:
         for world in range(simulator.num_worlds):
             if simulator.steps[world] == 0 or world not in self._worlds:
                 self._worlds[world] = _World(simulator)
-            actions[world] = self._decide(simulator, world, generators[world])
+            memory = self._worlds[world]
+            if simulator.steps[world] % self._every == 0:
+                self._decide(simulator, world, generators[world])
+            stop = np.clip(-simulator.state.speed[world] / self._step / self._limits[0], -1.0, 1.0)
+            actions[world, :, 0] = np.where(memory.stops, stop, memory.action[:, 0])
+            actions[world, :, 1] = np.where(memory.stops, 0.0, memory.action[:, 1])
         return actions
 
-    def _decide(self, simulator: Simulator, world: int, rng: np.random.Generator) -> NDArray[np.float32]:
+    def _decide(self, simulator: Simulator, world: int, rng: np.random.Generator) -> None:
+        """Choose the primitives of the next period."""
         memory, state, grid = self._worlds[world], simulator.state, simulator.grid
         poses = state.pose[world].astype(np.float64)
         speeds, steers = state.speed[world].astype(np.float64), state.steer[world].astype(np.float64)
@@ -88,20 +98,13 @@ class CentralPBCR:
             poses, speeds, steers, self._commands, keys, order, solid, grid.cell_size, self._body, self._limits,
             self._decision,
         )  # fmt: skip
-        return self._actions(choice, speeds, steers)
-
-    def _actions(self, choice: NDArray[np.int64], speeds: Floats, steers: Floats) -> NDArray[np.float32]:
-        """Return raw actions float32[N, 2]: what reaches speed and steering by the next decision, or the stop."""
-        period = self._decision * DT
-        goal_speed = np.where(choice >= 0, self._commands[choice, 0], 0.0)
-        goal_steer = np.where(choice >= 0, self._commands[choice, 1], steers)
-        rates = np.stack([goal_speed - speeds, goal_steer - steers], axis=-1) / period / self._limits[:2]
-        clipped: NDArray[np.float32] = np.clip(rates, -1.0, 1.0).astype(np.float32)
-        return clipped
+        change = self._commands[choice] - np.stack([speeds, steers], axis=-1)
+        memory.action = np.clip(change / (self._every * self._step) / self._limits[:2], -1.0, 1.0).astype(np.float32)
+        memory.stops = choice < 0
 
     def _ends(self, poses: Floats, steers: Floats) -> Floats:
-        """Return float64[N, K, 3], where the arcs of the primitives lead in HORIZON, changes taken as done at once."""
-        distance = self._commands[:, 0] * HORIZON
+        """Return float64[N, K, 3], where the arcs of the primitives lead in PERIOD, changes taken as done at once."""
+        distance = self._commands[:, 0] * PERIOD
         bend = -np.tan(self._commands[:, 1]) / self._limits[2]
         turn = distance * bend
         chord = distance * np.sinc(0.5 * turn / np.pi)

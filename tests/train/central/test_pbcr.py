@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from train.central import CENTRAL, central_config
-from train.central.primitives import DT, POSES, drive, meet, meets_shelf
+from train.central.primitives import DT, MARGIN, POSES, drive, meet, meets_shelf
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
 
@@ -44,21 +44,23 @@ def test_a_motion_ends_where_full_braking_ends() -> None:
 
 def test_bodies_meet_within_the_margin() -> None:
     standing = motion_of(0.0, 0.0, 0.0)
-    assert not meet(standing, motion_of(0.93, 0.0, 0.0), 0.45, 0.3)  # 3 cm bumper to bumper
-    assert meet(standing, motion_of(0.91, 0.0, 0.0), 0.45, 0.3)
-    assert not meet(standing, motion_of(0.0, 0.63, 0.0), 0.45, 0.3)
-    assert meet(standing, motion_of(0.0, 0.61, 0.0), 0.45, 0.3)
-    assert meet(motion_of(-1.5, 0.0, 0.0, 1.2, 1.2), standing, 0.45, 0.3)  # stops 0.96 m further on
-    assert not meet(motion_of(-2.0, 0.0, 0.0, 1.2, 1.2), standing, 0.45, 0.3)
+    assert not meet(standing, motion_of(0.93, 0.0, 0.0), 0.45, 0.3, MARGIN)  # 3 cm bumper to bumper
+    assert meet(standing, motion_of(0.91, 0.0, 0.0), 0.45, 0.3, MARGIN)
+    assert not meet(standing, motion_of(0.0, 0.63, 0.0), 0.45, 0.3, MARGIN)
+    assert meet(standing, motion_of(0.0, 0.61, 0.0), 0.45, 0.3, MARGIN)
+    assert meet(motion_of(-1.5, 0.0, 0.0, 1.2, 1.2), standing, 0.45, 0.3, MARGIN)  # stops 0.96 m further on
+    assert not meet(motion_of(-2.0, 0.0, 0.0, 1.2, 1.2), standing, 0.45, 0.3, MARGIN)
 
 
 def test_bodies_meet_shelves_within_the_margin() -> None:
     solid = np.ones((5, 7), np.uint8)
     solid[1:4, 1:6] = 0  # a floor of 3 x 5 m
-    assert not meets_shelf(motion_of(2.0, 1.5, 0.0), solid, 1.0, 0.45, 0.3)
-    assert meets_shelf(motion_of(2.0, 0.31, 0.0), solid, 1.0, 0.45, 0.3)  # 1 cm beside the rim
-    assert not meets_shelf(motion_of(2.0, 0.33, 0.0), solid, 1.0, 0.45, 0.3)
-    assert meets_shelf(motion_of(4.0, 1.5, 0.0, 1.2, 1.2), solid, 1.0, 0.45, 0.3)  # its nose at 4.15 + 0.96 of 5 m
+    assert not meets_shelf(motion_of(2.0, 1.5, 0.0), solid, 1.0, 0.45, 0.3, MARGIN)
+    assert meets_shelf(motion_of(2.0, 0.31, 0.0), solid, 1.0, 0.45, 0.3, MARGIN)  # 1 cm beside the rim
+    assert not meets_shelf(motion_of(2.0, 0.33, 0.0), solid, 1.0, 0.45, 0.3, MARGIN)
+    assert meets_shelf(
+        motion_of(4.0, 1.5, 0.0, 1.2, 1.2), solid, 1.0, 0.45, 0.3, MARGIN
+    )  # its nose at 4.15 + 0.96 of 5 m
 
 
 def test_many_robots_drive_without_a_contact() -> None:
