@@ -97,9 +97,9 @@ def _too_near(motion, stop, other, other_stop, body):  # type: ignore[no-untyped
 
 
 @kernel
-def decide(
+def decide(  # type: ignore[no-untyped-def]
     i, poses, speeds, steers, commands, keys, decided, choice, motions, stops, solid, cell, body, limits, decision
-):  # type: ignore[no-untyped-def]
+):
     """Choose robot i's primitive, the best that meets nobody who has decided; who bars it is asked to decide first.
 
     motions float64[N, POSES, 4]: committed by the decided, the stop of the others; stops: of all. False: it falls back
