@@ -108,6 +108,8 @@ def test_a_robot_that_stands_makes_its_cell_dear_and_those_around_it() -> None:
     assert cost[2, 6, EAST] == 3.0  # leaving it for the cell beside
     assert cost[2, 3, EAST] == 0.0
     assert not costs(robots, eastwards(3, 2, range(9)), 1, standing=10.0, beside=3.0).any()  # nobody is in his own way
+    robots[0, 0]["standing_time"] = 40.0  # who has stood long himself goes a longer way round
+    assert costs(robots, eastwards(3, 2, range(9)), 0, standing=10.0, beside=3.0)[2, 5, EAST] == 30.0
 
 
 def test_moves_against_what_is_left_of_a_route_cost() -> None:
@@ -264,17 +266,23 @@ def sharpest_turn(route: Any) -> float:
     return float(np.abs(turns).max(initial=0.0))
 
 
-def test_no_live_route_folds_back_on_itself() -> None:
-    """Nor where those who stand around would make it worth while to go a cell ahead and turn there."""
-    config = EnvConfig(layout="narrow", num_agents=64, planner="astar_turns", reroute=True)
-    simulator, rng = Simulator(config), np.random.default_rng(0)
+def folded(planner: str) -> int:
+    """Count routes that fold back on themselves in their first 7 m, of 1,500 among robots that stand on `narrow`."""
+    spec = RerouteSpec(planner=planner)
+    config = EnvConfig(layout="narrow", num_agents=64, planner="astar_turns", reroute=True, reroute_spec=spec)
+    simulator, rng, count = Simulator(config), np.random.default_rng(0), 0
     simulator.reset([0])
-    live, book, robots = LiveRoutes(config, simulator.route_book), simulator.route_book, simulator.robots[0]
-    cells, folded = book.grid.free_cells, 0
-    robots["standing_time"] = config.reroute_spec.stood_for
-    for _ in range(600):
+    live, robots = LiveRoutes(config, simulator.route_book), simulator.robots[0]
+    robots["standing_time"] = spec.stood_for
+    cells = simulator.grid.free_cells
+    for _ in range(1500):
         me, goal = rng.integers(64), tuple(cells[rng.integers(len(cells))].tolist())
         robots[me]["heading"] = rng.uniform(-np.pi, np.pi)
         route = live.route(robots, simulator.routes[0], me, goal)
-        folded += route is not None and sharpest_turn(route) > 2.0
-    assert folded == 0
+        count += route is not None and sharpest_turn(route[:15]) > 2.0
+    return count
+
+
+def test_the_price_of_hairpins_keeps_live_routes_from_folding() -> None:
+    """One that folds passes a place twice, and a robot there may take itself to be where it will be later."""
+    assert 5 * folded(RerouteSpec.planner) < folded("astar_turns")

@@ -13,6 +13,7 @@ from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.grid_map import MOVES
 
 _DIAGONAL = math.sqrt(2.0) - 1.0
+_DEARER = 20.0  # [s] within a metre of one place after which those that stand cost a robot twice as much, and so on
 
 
 @inline
@@ -113,6 +114,7 @@ def price(robots, routes, me, legal, stood_for, prices, behind, cell, cost):  # 
     rows, columns = cost.shape[0], cost.shape[1]
     cost[:] = 0.0
     row, column = cell_of(robots[me]["x"], robots[me]["y"], cell, rows, columns)
+    dearer = 1.0 + robots[me]["standing_time"] / _DEARER
     for other in range(robots.shape[0]):
         r = robots[other]
         if other == me:
@@ -121,7 +123,7 @@ def price(robots, routes, me, legal, stood_for, prices, behind, cell, cost):  # 
             at_row, at_column = body_cell(r, behind, cell, rows, columns)
             for i in range(at_row - 1, at_row + 2):
                 for j in range(at_column - 1, at_column + 2):
-                    _charge_entry(cost, i, j, standing if i == at_row and j == at_column else beside)
+                    _charge_entry(cost, i, j, dearer * (standing if i == at_row and j == at_column else beside))
         if r["alive"] != 0:
             _charge_route(cost, r, routes[other], row, column, against, crowd, crowd_within, cell)
     _charge_turns(cost, robots[me], row, column, legal, turn, boxed_turn)
