@@ -3,7 +3,7 @@
 
 PYTHON ?= python3
 VENV ?= .venv
-EXTRAS ?= render,train,orca,dev
+EXTRAS ?= render,train,orca,onnx,dev
 CONSTRAINTS ?= constraints.txt
 TESTS ?= -n auto --maxprocesses 8
 DEMO ?= results/demo

@@ -43,6 +43,7 @@ COMMANDS: dict[str, Command] = {
     "scenes": Command(
         "train.commands.scenes", "Scenes", "drive policies through symmetric scenes and count those that are resolved"
     ),
+    "export": Command("train.commands.export", "Export", "write a trained policy as an ONNX model"),
     "bench": Command(
         "train.commands.bench", "Bench", "measure the speed of the simulator, the planners and the trainers"
     ),
