@@ -47,8 +47,9 @@ def test_every_command_has_help_with_the_common_options(capsys: pytest.CaptureFi
         assert main([*name.split(), "--help"]) == 0
         shown = capsys.readouterr().out
         assert f"warehouse {name}" in shown
-        assert "--seed" in shown
-        assert "--json" in shown
+        if name != "export":  # which plays nothing
+            assert "--seed" in shown
+            assert "--json" in shown
 
 
 def test_help_without_a_command_and_version(capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,7 +24,7 @@ from train.learning.config import TrainingConfig
 from train.learning.progress import ProgressLog
 from train.learning.timing import Split
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError, WeightsError
+from warehouse_env.errors import ConfigError, WarehouseError, WeightsError
 from warehouse_env.simulation.simulator import Simulator
 
 CHECKPOINT = "checkpoint"
@@ -117,6 +117,8 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
     with ExitStack() as stack:
         stop = stack.enter_context(_stop_signal())
         log = stack.enter_context(ProgressLog(config.directory, config.progress, position.steps))
+        if saved is None:
+            _save(config, trainer, position, log.last)  # from here on --resume goes on, whenever it is killed
         _loop(config, trainer, position, log, stop)
         _save(config, trainer, position, log.last)
         log.say(_summary(config, trainer, position, stop.is_set()))
@@ -167,7 +169,7 @@ def _loop(
 ) -> None:
     begun, saved = time.monotonic() - position.seconds, time.monotonic()
     while (spent := position.spent(config)) < 1.0 and not stop.is_set():
-        losses = trainer.update(position.update, spent)
+        losses = _update(config, trainer, position, spent)
         position.update += 1
         position.steps += trainer.rows * trainer.rollout
         position.seconds = time.monotonic() - begun
@@ -175,6 +177,24 @@ def _loop(
         if time.monotonic() - saved >= config.checkpoint_seconds:
             _save(config, trainer, position, log.last)
             saved = time.monotonic()
+
+
+def _update(config: TrainingConfig, trainer: Trainer, position: Position, spent: float) -> dict[str, float]:
+    """Return an update's losses; WarehouseError if it leaves weights that are no numbers, and nothing is saved then."""
+    losses, cause = {}, ""
+    try:
+        losses = trainer.update(position.update, spent)
+    except ValueError as error:  # torch refuses to draw from what is no number
+        cause = str(error)
+    if not all(np.isfinite(tensor).all() for tensor in trainer.policy_tensors().values()):
+        raise WarehouseError(
+            f"update {position.update} of {config.directory} left weights that are not finite, after "
+            f"{position.steps:,} agent-steps; the folder holds the last good ones: try a smaller --learning-rate, or "
+            "--gradient-clip"
+        )
+    if cause:
+        raise ValueError(cause)
+    return losses
 
 
 def _save(config: TrainingConfig, trainer: Trainer, position: Position, figures: dict[str, float]) -> None:

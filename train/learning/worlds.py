@@ -219,7 +219,8 @@ class TrainingWorlds:
     def history(self) -> dict[str, NDArray[Any]]:
         """Return what `replay` needs: the last actions, and every world's age in steps and episode number."""
         age = np.concatenate([simulator.steps for simulator in self.simulators])
-        return {"actions": np.stack(self._actions), "age": age, "episode": self._episode.copy()}
+        actions = np.stack(self._actions) if self._actions else np.empty(0)
+        return {"actions": actions, "age": age, "episode": self._episode.copy()}
 
     def replay(self, history: dict[str, NDArray[Any]]) -> None:
         """Bring all worlds, just made with the same arguments, to where they stood when `history` was taken."""

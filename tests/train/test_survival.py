@@ -1,0 +1,136 @@
+"""Trainings that are killed, run out of disk, or go wrong: the last good weights stay, and one sentence says why."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from safetensors.numpy import load_file
+
+from agents import make_policy, policy_config
+from train import ppo, reinforce
+from train.learning import checkpoint
+from train.learning.config import PPOConfig, ReinforceConfig, TrainingConfig
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import WarehouseError
+
+ROOT = Path(__file__).parents[2]
+KILLS = int(os.environ.get("WAREHOUSE_TEST_KILLS", "3"))
+TRAINERS: Any = pytest.mark.parametrize("kind", ["reinforce", "ppo"])
+SMALL: dict[str, Any] = {
+    "layouts": ("open",), "robots": (2, 4), "rows": 8, "planner": "astar", "rollout": 6, "hidden": (24,),
+    "episode_seconds": 3.0, "checkpoint_seconds": 0.0, "threads": 1, "progress": False,
+}  # fmt: skip
+
+
+def train(kind: str, out: Path, **changes: Any) -> Path:
+    if kind == "reinforce":
+        return reinforce.train(ReinforceConfig(out=out, **SMALL | {"minibatch": 24} | changes))
+    return ppo.train(PPOConfig(out=out, **SMALL | {"minibatch": 24} | changes))
+
+
+def weights(folder: Path) -> dict[str, np.ndarray[Any, Any]]:
+    return load_file(folder / "weights.safetensors")
+
+
+def arguments(kind: str, config: TrainingConfig) -> list[str]:
+    given = [f"--{name.replace('_', '-')}" for name in SMALL if name not in ("progress",)]
+    values = [SMALL[name] for name in SMALL if name not in ("progress",)]
+    words = [sys.executable, "-m", f"train.{kind}", "--out", str(config.out), "--steps", str(config.steps)]
+    for option, value in zip(given, values, strict=True):
+        words += [option, *(map(str, value) if isinstance(value, tuple) else [str(value)])]
+    return [*words, "--minibatch", "24", "--no-progress"]
+
+
+def test_killed_again_and_again_it_comes_to_the_same_bits(tmp_path: Path) -> None:
+    """Killed at any moment, at first before it has saved anything itself; then --resume, until it is through."""
+    steps = 48 * 8 * (KILLS + 4)
+    whole = reinforce.train(ReinforceConfig(out=tmp_path / "whole", steps=steps, minibatch=24, **SMALL))
+    config = ReinforceConfig(out=tmp_path / "killed", steps=steps)
+    folder, rng, begun = config.directory, np.random.default_rng(0), arguments("reinforce", config)
+    for _ in range(KILLS):
+        state = folder / "checkpoint" / "state.json"
+        again = [sys.executable, "-m", "train.reinforce", "--resume", str(folder), "--no-progress"]
+        before = state.stat().st_mtime_ns if state.is_file() else None
+        process = subprocess.Popen(again if before else begun, cwd=ROOT, stderr=subprocess.PIPE)
+        deadline = time.monotonic() + 120.0  # until it has saved, so that every round gets on
+        while process.poll() is None and time.monotonic() < deadline:
+            if state.is_file() and state.stat().st_mtime_ns != before:
+                break
+            time.sleep(0.005)
+        time.sleep(rng.uniform(0.0, 0.03))
+        process.send_signal(signal.SIGKILL)
+        _, said = process.communicate()
+        assert b"Error" not in said, said
+    assert reinforce.train(ReinforceConfig(resume=folder, progress=False)) == folder
+    for name, tensor in weights(whole).items():
+        np.testing.assert_array_equal(weights(folder)[name], tensor)
+
+
+@TRAINERS
+def test_weights_that_are_no_numbers_are_not_saved(kind: str, tmp_path: Path) -> None:
+    begun = train(kind, tmp_path, steps=8 * 6)
+    good = weights(begun)
+    saved = checkpoint.read(begun / "checkpoint")
+    data = saved.data | {"config": saved.data["config"] | {"learning_rate": 1e9, "gradient_clip": 1e9, "steps": 10**6}}
+    arrays = saved.arrays | {
+        name: array * 1e38 for name, array in saved.arrays.items() if "critic" in name and name.endswith("weight")
+    }
+    checkpoint.write(begun / "checkpoint", arrays, data)
+    config = (ReinforceConfig if kind == "reinforce" else PPOConfig)(resume=begun, progress=False)
+    with pytest.raises(WarehouseError, match=r"weights that are not finite.*last good ones.*--learning-rate"):
+        (reinforce if kind == "reinforce" else ppo).train(config)  # type: ignore[arg-type]
+    for name, tensor in weights(begun).items():
+        np.testing.assert_array_equal(tensor, good[name])
+    make_policy(begun, policy_config(begun, EnvConfig()))
+
+
+@TRAINERS
+def test_a_full_disk_is_one_sentence_and_the_last_checkpoint_stays(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = train(kind, tmp_path, steps=8 * 6)
+    before = (folder / "checkpoint" / "state.json").read_bytes()
+    saved = checkpoint.read(folder / "checkpoint")
+    longer = saved.data["config"] | {"steps": 8 * 6 * 4}
+    checkpoint.write(folder / "checkpoint", saved.arrays, saved.data | {"config": longer})
+    kept = (folder / "checkpoint" / "state.json").read_bytes()
+    assert kept != before
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(checkpoint, "save_file", full)
+    config = (ReinforceConfig if kind == "reinforce" else PPOConfig)(resume=folder, progress=False)
+    with pytest.raises(WarehouseError, match=r"cannot write .*No space left on device"):
+        (reinforce if kind == "reinforce" else ppo).train(config)  # type: ignore[arg-type]
+    assert (folder / "checkpoint" / "state.json").read_bytes() == kept
+    monkeypatch.undo()
+    assert (reinforce if kind == "reinforce" else ppo).train(config) == folder  # type: ignore[arg-type]
+
+
+def test_a_training_that_never_got_through_an_update_can_be_gone_on_with(tmp_path: Path) -> None:
+    config = ReinforceConfig(out=tmp_path, steps=8 * 6 * 2, minibatch=24, **SMALL)
+
+    class KilledError(Exception):
+        pass
+
+    def die(*_: object) -> None:
+        raise KilledError
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reinforce.Reinforce, "update", die)
+        with pytest.raises(KilledError):
+            reinforce.train(config)
+    folder = reinforce.train(ReinforceConfig(resume=config.directory, progress=False))
+    whole = reinforce.train(replace(config, name="whole"))
+    for name, tensor in weights(whole).items():
+        np.testing.assert_array_equal(weights(folder)[name], tensor)
