@@ -144,6 +144,16 @@ def test_what_is_left_of_a_route_costs_its_length_and_its_prices() -> None:
     assert path_cost(np.array([[0, 0], [1, 1], [1, 3]]), cost) == pytest.approx(2**0.5 + 2)
 
 
+def test_prices_beyond_what_a_planner_takes_are_cut_off_there() -> None:
+    simulator = Simulator(CONFIG.replace(reroute_spec=RerouteSpec(standing=1e4, beside=1e4)))
+    simulator.reset([1])
+    robots = simulator.robots[0]
+    robots["standing_time"] = 1e6
+    live = LiveRoutes(simulator.config, simulator.route_book)
+    goal = (int(robots[0]["goal_row"]), int(robots[0]["goal_col"]))
+    assert live.route(robots, simulator.routes[0], 0, goal) is not None
+
+
 def test_on_its_way_a_robot_keeps_its_route_unless_a_new_one_saves_enough() -> None:
     simulator = Simulator(CONFIG.replace(num_agents=2))
     simulator.reset([1])

@@ -156,20 +156,7 @@ def decide_all(poses, speeds, steers, commands, keys, order, solid, cell, body, 
     for i in order:
         if not decided[i]:
             decide(
-                i,
-                poses,
-                speeds,
-                steers,
-                commands,
-                keys,
-                decided,
-                choice,
-                motions,
-                stops,
-                solid,
-                cell,
-                body,
-                limits,
+                i, poses, speeds, steers, commands, keys, decided, choice, motions, stops, solid, cell, body, limits,
                 decision,
-            )
+            )  # fmt: skip
     return choice

@@ -181,20 +181,22 @@ def _loop(
 
 def _update(config: TrainingConfig, trainer: Trainer, position: Position, spent: float) -> dict[str, float]:
     """Return an update's losses; WarehouseError if it leaves weights that are no numbers, and nothing is saved then."""
-    losses, cause = {}, ""
     try:
         losses = trainer.update(position.update, spent)
-    except ValueError as error:  # torch refuses to draw from what is no number
-        cause = str(error)
+    except ValueError:  # so torch refuses to draw from what is no number
+        _check_weights(config, trainer, position)
+        raise
+    _check_weights(config, trainer, position)
+    return losses
+
+
+def _check_weights(config: TrainingConfig, trainer: Trainer, position: Position) -> None:
     if not all(np.isfinite(tensor).all() for tensor in trainer.policy_tensors().values()):
         raise WarehouseError(
             f"update {position.update} of {config.directory} left weights that are not finite, after "
             f"{position.steps:,} agent-steps; the folder holds the last good ones: try a smaller --learning-rate, or "
             "--gradient-clip"
         )
-    if cause:
-        raise ValueError(cause)
-    return losses
 
 
 def _save(config: TrainingConfig, trainer: Trainer, position: Position, figures: dict[str, float]) -> None:

@@ -41,8 +41,8 @@ Robots that stand cost a robot twice as much once it has stood for 20 s itself: 
 328 s without, for 81 s with that (4 worlds of 64 robots); twice as much after 5 s costs 6 of 92 goals on `narrow`.
 
 Turns at 3 cells made every tenth route begin with a bend that its line could not hold: it folded, and a robot stood
-for minutes where its line passed a place twice. At 1 cell, with hairpins priced, none of 1,358
-begins with a fold, and one has it farther on, where two streams of robots that stand lie side by side.
+for minutes where its line passed a place twice. At 1 cell, with hairpins priced, none of 1,358 began with a fold, and
+one had it farther on, on its way between two that stood.
 
 Prices on whole classes of lanes (12: which lane, aisle and rim, each way), optimised by CMA-ES for `narrow` with 64
 robots (80 evaluations of 3 x 300 s), came to 84.0 on eight other trial seeds, without them 81.9: [-1.1, 5.3] more, so
@@ -64,6 +64,7 @@ from warehouse_env.config import EnvConfig, RerouteSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import Cell
+from warehouse_env.planning.plan import DEAREST
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.traffic.prices import body_cell, cell_of, cells_ahead, path_cost, price, stands_still
 
@@ -175,6 +176,7 @@ class LiveRoutes:
         Also for one `on_its_way` there, if a new route would save too little.
         """
         price(robots, routes, me, *self._price, self._cost)
+        np.minimum(self._cost, DEAREST, out=self._cost)
         pose = np.array([robots[me]["x"], robots[me]["y"]])
         row, column = self._book.grid.cell(pose).tolist()
         rng = np.random.default_rng([row, column, *goal])
