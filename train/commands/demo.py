@@ -45,7 +45,7 @@ class Demo(Checked):
     """Simulated time of an episode [s]."""
     video_robots: int = 64
     """Number of robots in the video, which shows the same tasks before and after side by side."""
-    video_from: float = 120.0
+    video_from: float = 420.0
     """Simulated time after which the video begins, when jams have built up [s]."""
     video_seconds: float = 60.0
     """Simulated time that the video shows, at twice the speed [s]; 0 makes none."""
