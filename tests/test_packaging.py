@@ -21,7 +21,7 @@ ROOT = Path(__file__).parent.parent
 PACKAGES = ("warehouse_env", "agents", "train")
 CUDA = re.compile(r"(nvidia|cuda|triton)")
 
-EXTRAS = ("render", "train", "orca", "onnx", "tables", "dev")  # those of constraints.txt; the clients have a file of their own
+EXTRAS = ("render", "train", "orca", "onnx", "tables", "dev")  # those of constraints.txt; the clients have another
 
 settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 project = settings["project"]
