@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +21,7 @@ from warehouse_env.simulation.state import ROBOT
 from warehouse_env.traffic.live import LiveRoutes, prices_of, watch
 from warehouse_env.traffic.prices import cells_ahead, path_cost, price
 
+ROOT = Path(__file__).parents[2]
 EAST, NORTH, WEST, SOUTH = 0, 2, 4, 6
 ROWS, COLUMNS = 5, 9
 
@@ -266,6 +272,32 @@ def test_who_is_in_the_cell_of_its_goal_keeps_its_route_to_the_middle() -> None:
     assert live.route(simulator.robots[0], simulator.routes[0], 0, goal) is not None
     r["x"], r["y"] = r["goal_x"] - 0.4, r["goal_y"] - 0.4  # farther off than the radius in which it has arrived
     assert live.route(simulator.robots[0], simulator.routes[0], 0, goal) is None
+
+
+def price_bits() -> list[str]:
+    """Digests of the cost maps of six robots on their way, of whom two stand, and of what their routes cost there."""
+    simulator = Simulator(CONFIG.replace(num_agents=6))
+    simulator.reset([3])
+    robots, routes, grid = simulator.robots[0], simulator.routes[0], simulator.grid
+    robots["standing_time"][:2] = 7.7
+    robots["position"] = np.linspace(0.3, 3.1, 6)
+    cost, size = np.empty((*grid.shape, 8)), np.float32(grid.cell_size)
+    found = []
+    for me in range(6):
+        price(robots, routes, me, grid.legal_moves, 6.0, prices_of(RerouteSpec()), np.float32(0.3), size, cost)
+        cells = cells_ahead(robots[me], routes[me], size, *grid.shape)
+        found.append(hashlib.sha256(cost.tobytes() + np.float64(path_cost(cells, cost)).tobytes()).hexdigest())
+    return found
+
+
+def test_plain_python_gives_the_same_prices_to_the_bit() -> None:
+    program = "from tests.traffic.test_live import price_bits; print(*price_bits())"
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", program],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == price_bits()
 
 
 def sharpest_turn(route: Any) -> float:

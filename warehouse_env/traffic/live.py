@@ -66,7 +66,7 @@ from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import Cell
 from warehouse_env.planning.plan import DEAREST
 from warehouse_env.routes.book import RouteBook
-from warehouse_env.traffic.prices import body_cell, cell_of, cells_ahead, path_cost, price, stands_still
+from warehouse_env.traffic.prices import ahead_of, body_cell, cell_of, cells_ahead, path_cost, price, stands_still
 
 
 @kernel
@@ -82,8 +82,8 @@ def _is_barred(r, route, look_ahead, stands, cell):  # type: ignore[no-untyped-d
     """Whether a robot's route leads within look_ahead [m] through a cell in or beside which another stands."""
     if r["points"] < 2:
         return False
-    first = int(r["position"] / r["spacing"]) + 1
-    last = min(r["points"] - 1, first + int(look_ahead / r["spacing"]))
+    first = ahead_of(r)
+    last = min(r["points"] - 1, first + int(look_ahead / np.float64(r["spacing"])))
     for k in range(first, last + 1):
         row, column = cell_of(route[k, 0], route[k, 1], cell, stands.shape[0], stands.shape[1])
         if stands[row, column] > 0:

@@ -1,6 +1,7 @@
 """What the other robots of a world cost a live route: a cost map made of where they stand and of where they are going.
 
-What is priced, and why: live.py.
+What is priced, and why: live.py. Prices are sums in float64, said where a kernel would widen a float32 by itself, for
+plain Python would not.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def _charge_entry(cost, row, column, price):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _ahead(r):  # type: ignore[no-untyped-def]
+def ahead_of(r):  # type: ignore[no-untyped-def]
     """Return the number of the first point of a robot's route that is ahead of it."""
     return int(r["position"] / max(r["spacing"], np.float32(1e-6))) + 1
 
@@ -68,7 +69,7 @@ def _charge_route(cost, r, route, row, column, against, crowd, crowd_within, cel
     far from there, and nothing from `crowd_within` [m] more or less.
     """
     rows, columns = cost.shape[0], cost.shape[1]
-    first = _ahead(r)
+    first, spacing, size = ahead_of(r), np.float64(r["spacing"]), np.float64(cell)
     before_row, before_column = cell_of(r["x"], r["y"], cell, rows, columns)
     for k in range(first, r["points"]):
         i, j = cell_of(route[k, 0], route[k, 1], cell, rows, columns)
@@ -78,7 +79,7 @@ def _charge_route(cost, r, route, row, column, against, crowd, crowd_within, cel
         cost[i, j, back] += against
         cost[i, j, (back + 1) % 8] += 0.5 * against
         cost[i, j, (back + 7) % 8] += 0.5 * against
-        apart = abs(_way(i - row, j - column) * cell - (k - first + 1) * r["spacing"])
+        apart = abs(_way(i - row, j - column) * size - (k - first + 1) * spacing)
         if apart < crowd_within:
             _charge_entry(cost, i, j, crowd * (1.0 - apart / crowd_within))
         before_row, before_column = i, j
@@ -93,7 +94,7 @@ def _eighth(d_row, d_column):  # type: ignore[no-untyped-def]
 @kernel
 def _charge_turns(cost, r, row, column, legal, turn, boxed_turn):  # type: ignore[no-untyped-def]
     """Add the prices of turning away from a robot's heading to the moves that leave its cell."""
-    ahead = int(round(r["heading"] / (0.25 * math.pi))) % 8
+    ahead = int(round(np.float64(r["heading"]) / (0.25 * math.pi))) % 8
     boxed = not (legal[row, column, (ahead + 2) % 8] or legal[row, column, (ahead + 6) % 8])
     for move in range(8):
         off = (move - ahead) % 8
@@ -114,7 +115,7 @@ def price(robots, routes, me, legal, stood_for, prices, behind, cell, cost):  # 
     rows, columns = cost.shape[0], cost.shape[1]
     cost[:] = 0.0
     row, column = cell_of(robots[me]["x"], robots[me]["y"], cell, rows, columns)
-    dearer = 1.0 + robots[me]["standing_time"] / _DEARER
+    dearer = 1.0 + np.float64(robots[me]["standing_time"]) / _DEARER
     for other in range(robots.shape[0]):
         r = robots[other]
         if other == me:
@@ -135,7 +136,7 @@ def cells_ahead(r, route, cell, rows, columns):  # type: ignore[no-untyped-def]
     cells = np.empty((r["points"] + 1, 2), np.int64)
     cells[0, 0], cells[0, 1] = cell_of(r["x"], r["y"], cell, rows, columns)
     count = 1
-    for k in range(_ahead(r), r["points"]):
+    for k in range(ahead_of(r), r["points"]):
         i, j = cell_of(route[k, 0], route[k, 1], cell, rows, columns)
         if i != cells[count - 1, 0] or j != cells[count - 1, 1]:
             cells[count, 0], cells[count, 1] = i, j
