@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -98,15 +99,19 @@ class ActorCritic(nn.Module):
         log_probability = (-0.5 * standard**2 - self.log_std - _HALF_LOG_TAU).sum(-1)
         return log_probability, (self.log_std + 0.5 + _HALF_LOG_TAU).sum().expand(len(action))
 
-    def draw(self, observation: Tensor, rng: np.random.Generator) -> NDArray[np.int64] | NDArray[np.float32]:
-        """Draw one action a row: int64[M], or float32[M, A] for real-valued actions. No gradient."""
+    def draw(self, observation: Tensor, rng: np.random.Generator) -> tuple[NDArray[Any], NDArray[np.float32]]:
+        """Draw one action a row: int64[M], or float32[M, A] for real-valued ones, and log pi of it. No gradient."""
         with torch.no_grad():
             output = self.output(observation).numpy()
             if self.network.discrete:
-                return draw_discrete(output, rng)
+                action = draw_discrete(output, rng)
+                output -= output.max(axis=-1, keepdims=True)
+                chosen = output[np.arange(len(action)), action]
+                return action, chosen - np.log(np.exp(output).sum(axis=-1))
             noise = rng.standard_normal(output.shape, dtype=np.float32)
-            real: NDArray[np.float32] = output + noise * torch.exp(self.log_std).numpy()
-            return real
+            log_std = self.log_std.numpy()
+            log_probability = (np.float32(-0.5) * noise**2 - log_std - np.float32(_HALF_LOG_TAU)).sum(axis=-1)
+            return output + noise * np.exp(log_std), log_probability
 
 
 def first_actor_critic(network: Network, env: EnvConfig, cruise_bias: float) -> ActorCritic:

@@ -18,7 +18,7 @@ from train.commands.bench import Bench
 from train.commands.demo import Demo
 from train.commands.evaluate import Evaluate
 from train.commands.plan import PlanCommand
-from train.learning.config import PPOConfig, ReinforceConfig
+from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig
 from warehouse_env.config import EnvConfig, RewardWeights, RobotSpec, SensorSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.planning import PLANNERS, make_planner
@@ -31,6 +31,7 @@ CLASSES = (
     RewardWeights,
     ReinforceConfig,
     PPOConfig,
+    ThreadedPPOConfig,
     Network,
     PolicyRecord,
     *COMMANDS,
@@ -75,7 +76,7 @@ jsonish = st.recursive(
 
 @given(jsonish)
 def test_any_json_works_or_is_refused(data: Any) -> None:
-    for build in (EnvConfig.from_dict, ReinforceConfig.from_dict, PPOConfig.from_dict):
+    for build in (EnvConfig.from_dict, ReinforceConfig.from_dict, PPOConfig.from_dict, ThreadedPPOConfig.from_dict):
         works_or_says(lambda build=build: build(data))
 
 

@@ -70,7 +70,7 @@ class Ppo:
         mixes = config.worlds(config.rows)
         self.env = mixes[0][0]
         with self.split.measure("simulator_s"):
-            self._simulators = make_simulators(mixes, config.jam_seconds)
+            self._simulators = make_simulators(mixes, config.jam_seconds, {})
             self._tally = Tally(self._simulators)
             worlds = WarehouseVecEnv(self._simulators)
             worlds.seed(config.seed)
@@ -111,6 +111,7 @@ class Ppo:
 
     def update(self, number: int, spent: float) -> dict[str, float]:
         """Collect one rollout and learn from it (see `Trainer.update`)."""
+        set_threads(self.config.threads)  # another trainer of this process may have other needs
         model, weights = self.model, self.config.reward(spent)
         self._step_size, model.ent_coef = self.config.step_size(spent), self.config.entropy(spent)
         for simulator in self._simulators:

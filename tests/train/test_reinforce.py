@@ -17,8 +17,9 @@ from agents.weights_folder import Network, read_record
 from train import reinforce
 from train.learning.config import HELD_OUT_SEED, ReinforceConfig
 from train.learning.experience import advantages
+from train.learning.threaded import joint_scale
 from train.learning.worlds import Tally, TrainingWorlds
-from train.reinforce import Reinforce, joint_scale, policy_loss
+from train.reinforce import Reinforce, policy_loss
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError
 from warehouse_env.simulation.simulator import Simulator
@@ -37,7 +38,7 @@ def test_the_gradient_of_one_step_is_the_hand_computed_one() -> None:
     net = ActorCritic(Network(2, 3, True, ()), np.array([0.5, 0.0, -0.5], np.float32))
     observation, action, advantage = np.array([0.3, -0.7], np.float32), 1, 2.0
     log_probability, entropy = net.log_probability(torch.from_numpy(observation[None]), torch.tensor([action]))
-    policy_loss(log_probability, torch.tensor([advantage]), entropy, 0.1).backward()
+    (policy_loss(log_probability, torch.tensor([advantage])) - 0.1 * entropy.mean()).backward()
     weight, bias = (net.state_dict()[f"actor.0.{kind}"].numpy() for kind in ("weight", "bias"))
     p = np.exp(weight @ observation + bias)
     p /= p.sum()
@@ -85,14 +86,14 @@ def test_it_learns_a_bandit_whose_best_arm_the_observation_names() -> None:
     for _ in range(60):
         best = rng.integers(3, size=256)
         observation = torch.from_numpy(np.eye(3, dtype=np.float32)[best])
-        action = net.draw(observation, rng)
+        action, _ = net.draw(observation, rng)
         advantage = torch.from_numpy((action == best).astype(np.float32))
         mean, spread = joint_scale([advantage])
-        log_probability, entropy = net.log_probability(observation, torch.from_numpy(action))
+        log_probability, _ = net.log_probability(observation, torch.from_numpy(action))
         optimizer.zero_grad()
-        policy_loss(log_probability, (advantage - mean) / spread, entropy, 0.0).backward()
+        policy_loss(log_probability, (advantage - mean) / spread).backward()
         optimizer.step()
-    assert (net.draw(observation, rng) == best).mean() > 0.95
+    assert (net.draw(observation, rng)[0] == best).mean() > 0.95
 
 
 def test_a_training_leaves_a_policy_that_acts(config: ReinforceConfig) -> None:

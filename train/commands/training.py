@@ -1,4 +1,4 @@
-"""`warehouse train reinforce` and `warehouse train ppo`: the trainers' own options, and --json like everywhere."""
+"""`warehouse train reinforce`, `ppo` and `threaded_ppo`: the trainers' own options, and --json like everywhere."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated
 
 import tyro
 
-from train.learning.config import PPOConfig, ReinforceConfig
+from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig
 from train.reporting.rows import RowFile, read_rows
 
 _ROWS = "progress.jsonl"  # in a run's folder
@@ -41,6 +41,21 @@ class TrainPPO:
     def run(self) -> None:
         """Train; torch and stable-baselines3 are imported here."""
         from train.ppo import train
+
+        _train(lambda: train(self.config), self.json)
+
+
+@dataclass(frozen=True)
+class TrainThreadedPPO:
+    """Train proximal policy optimisation of our own, in threads as REINFORCE is."""
+
+    config: Annotated[ThreadedPPOConfig, tyro.conf.arg(name="")] = field(default_factory=ThreadedPPOConfig)
+    json: Path | None = None
+    """Also write the rows of the training's progress to this file as JSON lines."""
+
+    def run(self) -> None:
+        """Train; torch is imported here."""
+        from train.threaded_ppo import train
 
         _train(lambda: train(self.config), self.json)
 

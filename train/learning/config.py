@@ -161,15 +161,17 @@ class TrainingConfig(Checked):
 
 
 @dataclass(frozen=True)
-class ReinforceConfig(TrainingConfig):
-    """Train our policy gradient: REINFORCE over the next action command, with a learned value as baseline."""
+class ThreadedConfig(TrainingConfig):
+    """What the trainers share whose threads have worlds of their own (threaded.py)."""
 
-    name: str = "reinforce"
-    """Name of the run; its folder is OUT/NAME."""
+    rows: int = 768
+    """Robots trained with at a time, over all worlds; rounded so that every mix has at least one world."""
+    hidden: tuple[int, ...] = (64, 64)
+    """Widths of the hidden tanh layers, of the actor and of the critic."""
     rollout: int = 24
     """Decisions of every robot between two updates."""
     minibatch: int = 2048
-    """Rows of one gradient step; every row is used once."""
+    """Rows of one gradient step."""
     critic_factor: float = 4.0
     """The critic's step size, as a multiple of the actor's."""
 
@@ -178,6 +180,40 @@ class ReinforceConfig(TrainingConfig):
         self._between(1, _MOST_SAMPLES // self.rows, "rollout")
         self._between(1, _MOST_SAMPLES, "minibatch")
         self._between(0.0, 1e9, "critic_factor")
+
+    def shares(self) -> list[list[tuple[EnvConfig, int]]]:
+        """Return what each thread trains on: mixes as a whole where they can be dealt out evenly, for a few large
+        simulators are faster than many small ones, else its share of each.
+        """
+        mixes = self.worlds(self.rows)
+        if len(mixes) % self.threads == 0:
+            return [mixes[number :: self.threads] for number in range(self.threads)]
+        return [self.worlds(self.rows / self.threads) for _ in range(self.threads)]
+
+
+@dataclass(frozen=True)
+class ReinforceConfig(ThreadedConfig):
+    """Train our policy gradient: REINFORCE over the next action command, with a learned value as baseline."""
+
+    name: str = "reinforce"
+    """Name of the run; its folder is OUT/NAME."""
+
+
+@dataclass(frozen=True)
+class ThreadedPPOConfig(ThreadedConfig):
+    """Train proximal policy optimisation of our own, in threads as REINFORCE is."""
+
+    name: str = "threaded_ppo"
+    """Name of the run; its folder is OUT/NAME."""
+    epochs: int = 2
+    """Passes over the rows of one rollout."""
+    clip: float = 0.2
+    """How far the probability ratio may leave 1."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(1, _MOST_SAMPLES, "epochs")
+        self._require(0 < self.clip < 1, "clip", "between 0 and 1")
 
 
 @dataclass(frozen=True)

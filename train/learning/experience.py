@@ -13,7 +13,7 @@ from torch import Tensor
 from agents.networks import ActorCritic
 from train.learning.config import TrainingConfig
 from train.learning.timing import Split
-from train.learning.worlds import TrainingWorlds
+from train.learning.worlds import Books, TrainingWorlds
 from warehouse_env.config import EnvConfig, RewardWeights
 
 
@@ -22,6 +22,7 @@ class Rollout(NamedTuple):
 
     observation: Tensor  # float32[T * R, D]
     action: Tensor  # int64[T * R] or float32[T * R, 2]
+    log_probability: Tensor  # float32[T * R], of the action when it was drawn
     advantage: Tensor  # float32[T * R]
     target: Tensor  # float32[T * R], of the critic: the return
 
@@ -56,7 +57,7 @@ class RolloutWorker:
     """Worlds and buffers of one thread."""
 
     def __init__(
-        self, config: TrainingConfig, length: int, mixes: Sequence[tuple[EnvConfig, int]], number: int
+        self, config: TrainingConfig, length: int, mixes: Sequence[tuple[EnvConfig, int]], number: int, books: Books
     ) -> None:
         """Make the worlds.
 
@@ -65,10 +66,11 @@ class RolloutWorker:
             length: decisions in a rollout, T.
             mixes: environments with the number of worlds of each.
             number: of this worker; the worlds' seeds follow from it.
+            books: routes that all workers share.
         """
         self._config, self._length, self.split = config, length, Split()
         with self.split.measure("simulator_s"):
-            self.worlds = TrainingWorlds(mixes, [config.seed, number], config.jam_seconds)
+            self.worlds = TrainingWorlds(mixes, [config.seed, number], config.jam_seconds, books)
         self.rows = self.worlds.rows
         self._observation = np.zeros((length + 1, *self.worlds.observation.shape), np.float32)
         self._action: NDArray[np.int64] | NDArray[np.float32]
@@ -76,6 +78,7 @@ class RolloutWorker:
             self._action = np.zeros((length, self.rows), np.int64)
         else:
             self._action = np.zeros((length, self.rows, 2), np.float32)
+        self._log_probability = np.zeros((length, self.rows), np.float32)
         self._reward = np.zeros((length, self.rows), np.float32)
         self._ended = np.zeros((length, self.rows), np.bool_)
         self._last_value = np.zeros((length, self.rows), np.float32)
@@ -94,7 +97,7 @@ class RolloutWorker:
         for t in range(self._length):
             self._observation[t] = worlds.observation
             with self.split.measure("policy_s"):
-                self._action[t] = net.draw(torch.from_numpy(self._observation[t]), rng)
+                self._action[t], self._log_probability[t] = net.draw(torch.from_numpy(self._observation[t]), rng)
             with self.split.measure("simulator_s"):
                 ends = worlds.step(self._action[t])
             self._reward[t] = worlds.reward
@@ -110,7 +113,8 @@ class RolloutWorker:
         value = _values(net, self._observation)
         reward = self._reward * np.float32(config.reward_scale)
         advantage = advantages(reward, value, self._ended, self._last_value, config.gamma, config.gae_lambda)
-        arrays = (self._observation[:-1], self._action, advantage, advantage + value[:-1])
+        drawn = (self._observation[:-1], self._action, self._log_probability)
+        arrays = (*drawn, advantage, advantage + value[:-1])
         return Rollout(*(torch.from_numpy(array).flatten(0, 1) for array in arrays))
 
 

@@ -25,6 +25,9 @@ from warehouse_env.simulation.simulator import Simulator
 _COLLISION, _CONTACT = REWARD_TERMS.index("collision"), REWARD_TERMS.index("contact")
 _JAM_SHARE = 0.2  # of a world's robots
 
+Books = dict[tuple[str, str | None], RouteBook]
+"""The routes of each floor (layout, map file); threads may share them, for a route depends on its task alone."""
+
 
 class TrainingSimulator(Simulator):
     """Worlds whose episodes end at different times, and early when they jam: little is learned in a jam."""
@@ -63,9 +66,10 @@ class TrainingSimulator(Simulator):
         return observation
 
 
-def make_simulators(mixes: Sequence[tuple[EnvConfig, int]], jam_seconds: float) -> list[TrainingSimulator]:
-    """Return one simulator for each (environment, number of worlds); those on the same floor share their routes."""
-    books: dict[tuple[str, str | None], RouteBook] = {}
+def make_simulators(
+    mixes: Sequence[tuple[EnvConfig, int]], jam_seconds: float, books: Books
+) -> list[TrainingSimulator]:
+    """Return one simulator for each (environment, number of worlds); those on one floor share a book, made if new."""
     simulators = []
     for config, worlds in mixes:
         floor = (config.layout, config.map_file)
@@ -135,15 +139,18 @@ class TrainingWorlds:
         tally: counts of goals, collisions and metres.
     """
 
-    def __init__(self, mixes: Sequence[tuple[EnvConfig, int]], seed: list[int], jam_seconds: float) -> None:
+    def __init__(
+        self, mixes: Sequence[tuple[EnvConfig, int]], seed: list[int], jam_seconds: float, books: Books | None = None
+    ) -> None:
         """Make and reset all worlds.
 
         Args:
             mixes: environments with the number of worlds of each; all with the same observation, action and max_steps.
             seed: of the training, and what tells these worlds from others.
             jam_seconds: a world is reset early once a fifth of its robots have not come forward for this long [s].
+            books: routes shared with others.
         """
-        self.simulators = make_simulators(mixes, jam_seconds)
+        self.simulators = make_simulators(mixes, jam_seconds, {} if books is None else books)
         config = mixes[0][0]
         self.tally = Tally(self.simulators)
         self._seed = seed

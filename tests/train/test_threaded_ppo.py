@@ -1,0 +1,128 @@
+"""Our PPO: the clipped loss by hand, drawn probabilities, how mixes are dealt to threads, resuming to the bit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.numpy import load_file
+
+from agents.networks import ActorCritic
+from agents.weights_folder import Network, read_record
+from train import threaded_ppo
+from train.learning.config import ThreadedPPOConfig
+from train.learning.threaded import joint_scale
+from train.threaded_ppo import ThreadedPpo, clipped_loss
+from warehouse_env.errors import ConfigError
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> ThreadedPPOConfig:
+    """Return a training of some seconds: worlds on the open floor, four updates."""
+    return ThreadedPPOConfig(
+        out=tmp_path, layouts=("open",), robots=(2, 4), rows=16, planner="astar", steps=16 * 6 * 4, rollout=6,
+        minibatch=24, hidden=(24,), episode_seconds=3.0, checkpoint_seconds=0.0, threads=2, progress=False,
+    )  # fmt: skip
+
+
+def test_the_clipped_loss_by_hand() -> None:
+    ratio, advantage = torch.tensor([1.0, 1.5, 0.5, 1.5, 0.5]), torch.tensor([2.0, 1.0, 1.0, -1.0, -1.0])
+    log_ratio = ratio.log().requires_grad_()
+    loss, held = clipped_loss(log_ratio, advantage, 0.2)
+    # min(r A, clip(r) A): 2, 1.2 (held), 0.5, -1.5, -0.8 (held)
+    assert loss.item() == pytest.approx(-(2.0 + 1.2 + 0.5 - 1.5 - 0.8) / 5)
+    assert held.item() == pytest.approx(4 / 5)
+    loss.backward()
+    assert log_ratio.grad is not None
+    assert log_ratio.grad.tolist() == pytest.approx([-2.0 / 5, 0.0, -0.5 / 5, 1.5 / 5, 0.0])
+
+
+@pytest.mark.parametrize("discrete", [True, False])
+def test_a_draw_comes_with_its_log_probability(discrete: bool) -> None:
+    torch.manual_seed(0)
+    net = ActorCritic(Network(5, 3, discrete, (16,)), np.array([1.0, -1.0, 0.0], np.float32))
+    observation = 3.0 * torch.randn(200, 5)
+    action, log_probability = net.draw(observation, np.random.default_rng(0))
+    expected, _ = net.log_probability(observation, torch.from_numpy(action))
+    assert log_probability == pytest.approx(expected.detach().numpy(), abs=1e-5)
+
+
+def test_it_learns_a_bandit_in_several_passes_over_each_batch() -> None:
+    torch.manual_seed(0)
+    rng = np.random.default_rng(0)
+    net = ActorCritic(Network(3, 3, True, (16,)), np.zeros(3, np.float32))
+    optimizer = torch.optim.Adam(net.parameters(), lr=0.02)
+    for _ in range(20):
+        best = rng.integers(3, size=256)
+        observation = torch.from_numpy(np.eye(3, dtype=np.float32)[best])
+        action, old = net.draw(observation, rng)
+        advantage = torch.from_numpy((action == best).astype(np.float32))
+        mean, spread = joint_scale([advantage])
+        for _ in range(4):
+            log_probability, _ = net.log_probability(observation, torch.from_numpy(action))
+            optimizer.zero_grad()
+            loss, _ = clipped_loss(log_probability - torch.from_numpy(old), (advantage - mean) / spread, 0.2)
+            loss.backward()
+            optimizer.step()
+    assert (net.draw(observation, rng)[0] == best).mean() > 0.95
+
+
+def test_whole_mixes_are_dealt_out_where_they_go_round(config: ThreadedPPOConfig) -> None:
+    config = replace(config, layouts=("open", "narrow"), robots=(8, 16, 32), rows=384)
+    dealt = [[(env.layout, env.num_agents, worlds) for env, worlds in share] for share in config.shares()]
+    assert dealt == [
+        [("open", 8, 8), ("open", 32, 2), ("narrow", 16, 4)],
+        [("open", 16, 4), ("narrow", 8, 8), ("narrow", 32, 2)],
+    ]
+    halves = replace(config, robots=(8,), layouts=("open",)).shares()
+    assert [[(env.num_agents, worlds) for env, worlds in share] for share in halves] == [[(8, 24)], [(8, 24)]]
+
+
+def test_every_pass_takes_every_row_once(config: ThreadedPPOConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+    trainer, taken = ThreadedPpo(replace(config, epochs=3)), []
+    gradient = trainer._gradient
+
+    def counted(rollout, rows, *rest):  # type: ignore[no-untyped-def]
+        taken.append((id(rollout), rows.tolist()))
+        return gradient(rollout, rows, *rest)
+
+    monkeypatch.setattr(trainer, "_gradient", counted)
+    losses = trainer.update(0, 0.0)
+    for worker in {name for name, _ in taken}:
+        rows = sorted(row for name, part in taken if name == worker for row in part)
+        assert rows == sorted(3 * list(range(48)))
+    assert losses["clip_fraction"] >= 0.0
+    assert losses["entropy"] > 0.0
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_resumed_run_gives_the_same_bits_as_an_unbroken_one(
+    config: ThreadedPPOConfig, threads: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = replace(config, threads=threads)
+    whole = load_file(threaded_ppo.train(replace(config, name="whole")) / "weights.safetensors")
+    update, calls = ThreadedPpo.update, []
+
+    def broken(self: ThreadedPpo, number: int, spent: float) -> dict[str, float]:
+        calls.append(number)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return update(self, number, spent)
+
+    monkeypatch.setattr(ThreadedPpo, "update", broken)
+    with pytest.raises(KeyboardInterrupt):
+        threaded_ppo.train(replace(config, name="parts"))
+    monkeypatch.setattr(ThreadedPpo, "update", update)
+    folder = threaded_ppo.train(ThreadedPPOConfig(resume=config.out / "parts", progress=False))
+    record = read_record(folder)
+    assert (record.algorithm, record.training["updates"]) == ("threaded_ppo", 4)
+    parts = load_file(folder / "weights.safetensors")
+    assert all(np.array_equal(whole[name], parts[name]) for name in whole)
+
+
+def test_bad_options_are_one_sentence() -> None:
+    with pytest.raises(ConfigError, match=r"clip=1\.5 must be between 0 and 1"):
+        ThreadedPPOConfig(clip=1.5)

@@ -1,0 +1,61 @@
+"""Proximal policy optimisation of our own: the clipped loss in the threads of `train reinforce`.
+
+Schulman et al. 2017, "Proximal policy optimization algorithms", eq. 7: ascend E[min(r A, clip(r, 1 - e, 1 + e) A)] with
+the ratio r = pi(a | o) / pi_old(a | o), some passes over each rollout. Beside stable-baselines3's (`train ppo`) it
+plays its worlds on all threads at once, computes the critic's values in one pass, and goes on from a checkpoint to the
+same bits.
+
+    python -m train.threaded_ppo --minutes 10
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from train.learning.config import ThreadedPPOConfig
+from train.learning.threaded import ThreadedTrainer
+from train.learning.training_run import profile as profile_trainer
+from train.learning.training_run import run_training
+
+
+class ThreadedPpo(ThreadedTrainer):
+    """The trainer: some passes over the rows of each rollout, with the ratio clipped."""
+
+    algorithm = "threaded_ppo"
+
+    def __init__(self, config: ThreadedPPOConfig) -> None:
+        super().__init__(config)
+        self.epochs, self._clip = config.epochs, config.clip
+
+    def actor_loss(self, log_probability: Tensor, old: Tensor, advantage: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the clipped loss, and the share of rows whose ratio is clipped (see `ThreadedTrainer.actor_loss`)."""
+        return clipped_loss(log_probability - old, advantage, self._clip)
+
+
+def clipped_loss(log_ratio: Tensor, advantage: Tensor, clip: float) -> tuple[Tensor, Tensor]:
+    """Return -E[min(r A, clip(r) A)] (eq. 7) and the share of rows with r beyond 1 - clip to 1 + clip."""
+    ratio = log_ratio.exp()
+    within = ratio.clamp(1.0 - clip, 1.0 + clip)
+    loss = -torch.minimum(ratio * advantage, within * advantage).mean()
+    return loss, ((ratio - 1.0).abs() > clip).float().mean()
+
+
+def train(config: ThreadedPPOConfig) -> Path:
+    """Train by `config`; return the run's folder, a policy folder (errors: `run_training`)."""
+    return run_training(config, ThreadedPpo.algorithm, ThreadedPpo)
+
+
+def profile(config: ThreadedPPOConfig, updates: int = 10) -> dict[str, float]:
+    """Measure some updates without writing anything (see `training_run.profile`)."""
+    return profile_trainer(ThreadedPpo(config), updates)
+
+
+if __name__ == "__main__":
+    import sys
+
+    from train.cli import main
+
+    sys.exit(main(["train", "threaded_ppo", *sys.argv[1:]]))
