@@ -24,6 +24,7 @@ _PLANNER = "astar"  # its routes are there at once; ants would be measured under
 _POLICY = "ppo"
 _POOL = 32  # random actions are drawn before the clock starts, and then cycled
 _SIMULATED = 100  # seconds that the path follower drives, or robots under the field, for each second of the budget
+_TRAINED = 5  # seconds of each training for each second of the budget
 _ALONE = 300  # seconds that each robot alone drives for each second of the budget
 _CHUNKS = 9  # the rate of a row is the median over these
 _START_SEEDS = 16  # large batches repeat so many starts, for laying 30,000 routes is not what is measured
@@ -159,31 +160,11 @@ def policy(budget: Budget) -> Iterator[Row]:
     set_num_threads(MOST_THREADS)
 
 
-def train_reinforce(budget: Budget) -> Iterator[Row]:
-    """Our trainer at its defaults: agent-steps/s, and the shares of simulator, policy and update."""
-    from train.learning.config import ReinforceConfig
-    from train.reinforce import profile
+def training(budget: Budget) -> Iterator[Row]:
+    """The trainers at their defaults, in turns: agent-steps/s, and the shares of simulator, policy and update."""
+    from train.benchmarks.trainers import training as train
 
-    yield _training(lambda updates: profile(ReinforceConfig(seed=budget.seed), updates), ReinforceConfig(), budget)
-
-
-def train_ppo(budget: Budget) -> Iterator[Row]:
-    """The PPO trainer at its defaults, likewise."""
-    from train.learning.config import PPOConfig
-    from train.ppo import profile
-
-    yield _training(lambda updates: profile(PPOConfig(seed=budget.seed), updates), PPOConfig(), budget)
-
-
-def _training(profile: Callable[[int], dict[str, float]], config: Any, budget: Budget) -> Row:
-    figures = profile(max(2, round(budget.seconds)))
-    parts = {name.removesuffix("_s"): figures[name] for name in ("simulator_s", "policy_s", "update_s")}
-    shares = {name: seconds / sum(parts.values()) for name, seconds in parts.items()}  # threads add up
-    worlds = sum(count for _, count in config.worlds(config.rows))
-    return {
-        "envs": worlds, "agents": "/".join(map(str, config.robots)), "threads": config.threads,
-        "agent_steps_per_s": figures["steps_per_second"], "shares": shares,
-    }  # fmt: skip
+    yield from train(_TRAINED * budget.seconds, budget.seed)
 
 
 def plan(budget: Budget) -> Iterator[Row]:
@@ -286,8 +267,7 @@ PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
     "pettingzoo": pettingzoo,
     "vec_env": vec_env,
     "policy": policy,
-    "train_reinforce": train_reinforce,
-    "train_ppo": train_ppo,
+    "training": training,
     "plan": plan,
     "ant_walk": ant_walk,
     "tracking": tracking,

@@ -16,7 +16,7 @@ from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
 
 What = Literal[
-    "simulator", "pettingzoo", "vec_env", "policy", "train_reinforce", "train_ppo", "plan", "ant_walk", "tracking",
+    "simulator", "pettingzoo", "vec_env", "policy", "training", "plan", "ant_walk", "tracking",
     "traffic", "field", "alone", "start",
 ]  # fmt: skip
 
@@ -157,7 +157,7 @@ def _speeds(rows: Sequence[Row]) -> Table:
         low, high = row.get("low"), row.get("high")
         cells.append(
             (
-                row["what"],
+                f"train {row['trainer']}" if "trainer" in row else row["what"],
                 *(str(row[name]) for name in ("envs", "agents", "threads")),
                 _thousands(row["agent_steps_per_s"]),
                 f"{_thousands(low)} to {_thousands(high)}" if low is not None and high is not None else "",
@@ -181,6 +181,13 @@ def ratios(rows: Sequence[Row]) -> list[str]:
         elif row["envs"] == 1 and row["agents"] > _SMALL:
             small = select(simulator, envs=1, agents=_SMALL, threads=1)
             lines += [f"{_name(row)} over {_name(one)}: {_ratio(row, one)}" for one in small]
+    trained = select(rows, what="training")
+    for row in trained:
+        lines += [
+            f"train {row['trainer']} over train ppo: {_ratio(row, other)}"
+            for other in select(trained, trainer="ppo")
+            if row is not other
+        ]
     for row in select(rows, what="policy"):
         lines.append(
             f"policy {_name(row)}, {row['threads']} thread(s): a step {row['step_ms']:.2f} ms, a decision "
