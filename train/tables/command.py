@@ -30,7 +30,7 @@ class Tables(Checked):
     tables: tuple[str, ...] = ()
     """Single tables by name, as 000_table_1."""
     runs: int | None = None
-    """Runs of each system on each task, instead of each table's own number (10 in the benchmark)."""
+    """Runs of each system on each task (of --learning: episodes), instead of each study's own number."""
     seed: int = 0
     """Seed of the runs; the maps are fixed."""
     processes: int = field(default_factory=lambda: os.cpu_count() or 1)
@@ -47,10 +47,16 @@ class Tables(Checked):
     """Run the benchmark of all planners on five maps instead of the papers' tables."""
     traffic: bool = False
     """Run the study of several robots' routes: conflicts, choices of routes, replanning, what driving makes of it."""
+    learning: bool = False
+    """Train five seeds of each algorithm, drive them and the rules under all options, and say what learning adds."""
+    trainings: int = 5
+    """Of --learning: seeds of each algorithm."""
+    steps: int = 8_000_000
+    """Of --learning: agent-steps of each training."""
     pairs: int = 200
     """Of the benchmark: pairs of cells planned on each map."""
     maps: tuple[str, ...] = ()
-    """Of the benchmark: its maps by name, or MovingAI .map files (its five if left out); of --traffic: layouts."""
+    """Of the benchmark: its maps by name, or MovingAI .map files (its five if left out); of other studies: layouts."""
     planner: tuple[str, ...] = ()
     """Of the benchmark: planners, ours and other libraries' by name (all that are installed if left out)."""
 
@@ -61,11 +67,11 @@ class Tables(Checked):
                 raise ConfigError(f"{option} {count} must lie in 1..{MOST:,}")
         if self.seed < 0 or self.processes < 1:
             raise ConfigError(f"--seed {self.seed} must be at least 0 and --processes {self.processes} at least 1")
-        if self.benchmark and self.traffic:
-            raise ConfigError("--benchmark and --traffic are two studies; ask for one at a time")
+        if self.benchmark + self.traffic + self.learning > 1:
+            raise ConfigError("--benchmark, --traffic and --learning are studies of their own; ask for one at a time")
         if self.pictures:
             require_charts()
-        if self.benchmark or self.traffic:
+        if self.benchmark or self.traffic or self.learning:
             self._run_study()
             return
         begin = time.perf_counter()
@@ -79,13 +85,17 @@ class Tables(Checked):
         print(f"wrote {written} files to {self.out} in {time.perf_counter() - begin:.0f} s; begin with README.md")
 
     def _run_study(self) -> None:
-        """Run the benchmark or the study of traffic, which have tables of their own."""
+        """Run the benchmark, the study of traffic or that of learning, which have tables of their own."""
         names = ("out", "json", "runs", "seed", "processes", "fresh", "pictures", "maps")
         options: dict[str, Any] = {name: getattr(self, name) for name in names}
         if self.benchmark:
             from train.tables.benchmark.command import Benchmark
 
             Benchmark(**options, pairs=self.pairs, planner=self.planner).run()
+        elif self.learning:
+            from train.tables.learning.command import Learning
+
+            Learning(**options, trainings=self.trainings, steps=self.steps).run()
         else:
             from train.tables.traffic.command import Traffic
 
