@@ -4,19 +4,38 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from train.central import CENTRAL, central_config
-from train.central.primitives import DT, MARGIN, POSES, drive, meet, meets_shelf
+from train.central.pbcr import PERIOD, SPEEDS, STEERINGS
+from train.central.primitives import DT, MARGIN, POSES, decide_all, drive, meet, meets_shelf
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
 
-LIMITS = np.array([1.0, 1.5, 0.6, 0.3])
+LIMITS, BODY = np.array([1.0, 1.5, 0.6, 0.3]), np.array([0.45, 0.3])
+COMMANDS = np.array([(speed, steer) for speed in SPEEDS for steer in STEERINGS])
+Floats = NDArray[np.float64]
 
 
-def motion_of(x: float, y: float, heading: float, speed: float = 0.0, goal_speed: float = 0.0) -> np.ndarray:  # type: ignore[type-arg]
+def motion_of(x: float, y: float, heading: float, speed: float = 0.0, goal_speed: float = 0.0) -> Floats:
+    """Return the motion that goes for `goal_speed` straight ahead for 0.2 s, and then stops."""
     motion = np.empty((POSES, 4))
-    drive(np.array([x, y, heading]), speed, 0.0, goal_speed, 0.0, 2, LIMITS, motion)
+    drive(np.array([x, y, heading]), speed, 0.0, goal_speed, 0.0, round(0.2 / DT), LIMITS, motion)
     return motion
+
+
+def room(rows: int, columns: int) -> NDArray[np.uint8]:
+    """Return an empty floor with a rim of shelves."""
+    return np.pad(np.zeros((rows, columns), np.uint8), 1, constant_values=1)
+
+
+def chosen(poses: Floats, speeds: Floats, solid: NDArray[np.uint8], keys: Floats) -> NDArray[np.int64]:
+    """Return the primitives that robots with straight wheels choose, the first of them first."""
+    straight, order, period = np.zeros(len(poses)), np.arange(len(poses)), round(PERIOD / DT)
+    choice: NDArray[np.int64] = decide_all(
+        poses, speeds, straight, COMMANDS, keys, order, solid, 1.0, BODY, LIMITS, period
+    )
+    return choice
 
 
 def test_a_motion_is_what_the_simulator_drives() -> None:
@@ -53,14 +72,22 @@ def test_bodies_meet_within_the_margin() -> None:
 
 
 def test_bodies_meet_shelves_within_the_margin() -> None:
-    solid = np.ones((5, 7), np.uint8)
-    solid[1:4, 1:6] = 0  # a floor of 3 x 5 m
+    solid = room(3, 5)
     assert not meets_shelf(motion_of(2.0, 1.5, 0.0), solid, 1.0, 0.45, 0.3, MARGIN)
     assert meets_shelf(motion_of(2.0, 0.31, 0.0), solid, 1.0, 0.45, 0.3, MARGIN)  # 1 cm beside the rim
     assert not meets_shelf(motion_of(2.0, 0.33, 0.0), solid, 1.0, 0.45, 0.3, MARGIN)
-    assert meets_shelf(
-        motion_of(4.0, 1.5, 0.0, 1.2, 1.2), solid, 1.0, 0.45, 0.3, MARGIN
-    )  # its nose at 4.15 + 0.96 of 5 m
+    # its nose comes to 4.15 + 0.96 of 5 m
+    assert meets_shelf(motion_of(4.0, 1.5, 0.0, 1.2, 1.2), solid, 1.0, 0.45, 0.3, MARGIN)
+
+
+def test_who_stands_beside_the_rim_may_drive_along_it() -> None:
+    """It stands 1 cm from it, nearer than MARGIN; its favourite leads straight ahead."""
+    straight = 2
+    assert COMMANDS[straight].tolist() == [1.3, 0.0]
+    keys = np.abs(np.arange(len(COMMANDS)) - straight)[None].astype(float)
+    pose = np.array([[2.0, 0.31, 0.0]])
+    assert chosen(pose, np.zeros(1), room(3, 8), keys) == [straight]
+    assert chosen(pose, np.zeros(1), room(3, 3), keys) != [straight]  # its nose would come to 3.15 m
 
 
 def test_many_robots_drive_without_a_contact() -> None:
@@ -72,3 +99,12 @@ def test_many_robots_drive_without_a_contact() -> None:
     row = simulator.episode_metrics(0)
     assert row["goals"] > 0
     assert row["collisions_robot"] == row["collisions_shelf"] == 0
+
+
+def test_robots_of_a_full_floor_do_not_rock_in_their_places() -> None:
+    config = central_config("central_pbcr", EnvConfig(layout="paper46", num_agents=32, planner="astar"))
+    simulator, planner = Simulator(config), CENTRAL["central_pbcr"].make(config)
+    simulator.reset(500)
+    for _ in range(300):
+        simulator.step(planner.act_on(simulator, [np.random.default_rng(0)]))
+    assert (simulator.robots["standing_time"] > 10.0).sum() <= 12  # within a metre of one place
