@@ -12,17 +12,21 @@ import numpy as np
 from warehouse_env.kernel import kernel
 
 X, Y, COS, SIN = 0, 1, 2, 3  # of the body's centre
-DT = 0.1  # [s] between the poses of a motion
-POSES = 26  # of a motion: a decision of a second, and braking from 1.5 m/s
+DT = 0.05  # [s] between the poses of a motion: the simulator's substep, at whose ends it looks for contacts
+HOLD = 4  # DT for which a command stands
+POSES = 52  # of a motion: a decision of a second, and braking from 1.5 m/s
 MARGIN = 0.02  # [m] between bodies, and to shelves,
-LEAST = 0.002  # [m] but this for who has come nearer, since motions are only nearly driven as predicted
+LEAST = 0.002  # [m] but this for who stands nearer, as at a start beside the rim
 NEAR = 5.0  # [m] beyond which no two motions meet
+UNDECIDED, CHOOSING, CHOSEN = 0, 1, 2  # of a robot
 
 
 @kernel
 def drive(pose, speed, steer, goal_speed, goal_steer, decision, limits, motion):  # type: ignore[no-untyped-def]
     """Write the motion float64[POSES, 4]: a decision of so many steps of DT, or of none at all, then the stop.
 
+    Just as simulation/kinematics.py drives it; a stop's last command is weaker, so that it ends at rest. (Predicted to
+    6 mm and looked at every 0.1 s, motions that were to stay LEAST apart touched.)
     pose: x, y, heading of the front axle; limits: acceleration, steering rate, wheelbase, axle to centre.
     """
     x, y, heading = pose[0], pose[1], pose[2]
@@ -30,16 +34,16 @@ def drive(pose, speed, steer, goal_speed, goal_steer, decision, limits, motion):
     change = min(max(goal_speed - speed, -most_v), most_v) / max(decision, 1)
     turn = min(max(goal_steer - steer, -most_s), most_s) / max(decision, 1)
     for k in range(POSES):
-        if k < decision:
-            next_speed, next_steer = speed + change, steer + turn
-        else:
-            next_speed, next_steer = np.sign(speed) * max(abs(speed) - limits[0] * DT, 0.0), steer
-        distance = 0.5 * (speed + next_speed) * DT
-        angle = -distance * np.tan(0.5 * (steer + next_steer)) / limits[2]
-        x += distance * np.cos(heading + 0.5 * angle)
-        y += distance * np.sin(heading + 0.5 * angle)
-        heading += angle
-        speed, steer = next_speed, next_steer
+        if k >= decision and (k - decision) % HOLD == 0:
+            change, turn = -min(max(speed / HOLD, -limits[0] * DT), limits[0] * DT), 0.0
+        distance = (speed + 0.5 * change) * DT
+        half = -0.5 * distance * np.tan(steer + 0.5 * turn) / limits[2]
+        chord = distance * (1.0 - half * half / 6.0)
+        x += chord * np.cos(heading + half)
+        y += chord * np.sin(heading + half)
+        heading += 2.0 * half
+        speed += change
+        steer += turn
         c, s = np.cos(heading), np.sin(heading)
         motion[k, X], motion[k, Y] = x - limits[3] * c, y - limits[3] * s
         motion[k, COS], motion[k, SIN] = c, s
@@ -97,47 +101,61 @@ def _too_near(motion, stop, other, other_stop, body):  # type: ignore[no-untyped
 
 
 @kernel
+def _is_free(i, motion, poses, state, motions, stops, body):  # type: ignore[no-untyped-def]
+    """Whether a motion of robot i keeps clear of those who are choosing or have chosen."""
+    for j in range(poses.shape[0]):
+        if j == i or state[j] == UNDECIDED or np.hypot(poses[i, 0] - poses[j, 0], poses[i, 1] - poses[j, 1]) > NEAR:
+            continue
+        if _too_near(motion, stops[i], motions[j], stops[j], body):
+            return False
+    return True
+
+
+@kernel
+def _fall_back(i, state, choice, motions, stops, body):  # type: ignore[no-untyped-def]
+    """Let robot i stop, and those as well that have chosen a motion which counts on its moving away."""
+    state[i] = CHOSEN
+    choice[i] = -1
+    motions[i] = stops[i]
+    for j in range(state.size):
+        if state[j] == CHOSEN and choice[j] >= 0 and _too_near(stops[i], stops[i], motions[j], stops[j], body):
+            _fall_back(j, state, choice, motions, stops, body)
+
+
+@kernel
 def decide(  # type: ignore[no-untyped-def]
-    i, poses, speeds, steers, commands, keys, decided, choice, motions, stops, solid, cell, body, limits, decision
+    i, poses, speeds, steers, commands, keys, state, choice, motions, stops, solid, cell, body, limits, decision
 ):
     """Choose robot i's primitive, the best that meets nobody who has decided; who bars it is asked to decide first.
 
-    motions float64[N, POSES, 4]: committed by the decided, the stop of the others; stops: of all. False: it falls back
-    on its stop.
+    state int8[N]: UNDECIDED, CHOOSING or CHOSEN; motions float64[N, POSES, 4]: of the undecided the stop; stops: of
+    all. False: it falls back on its stop.
     """
-    n = poses.shape[0]
     margin = LEAST if meets_shelf(stops[i], solid, cell, body[0], body[1], MARGIN) else MARGIN
-    decided[i] = True
+    state[i] = CHOOSING
     motion = np.empty((POSES, 4))
     for k in np.argsort(keys[i]):
         drive(poses[i], speeds[i], steers[i], commands[k, 0], commands[k, 1], decision, limits, motion)
         if meets_shelf(motion, solid, cell, body[0], body[1], margin):
             continue
-        free = True
-        for j in range(n):
-            if decided[j] and j != i and np.hypot(poses[i, 0] - poses[j, 0], poses[i, 1] - poses[j, 1]) < NEAR:
-                free &= not _too_near(motion, stops[i], motions[j], stops[j], body)
-        if not free:
+        if not _is_free(i, motion, poses, state, motions, stops, body):
             continue
         motions[i] = motion
         choice[i] = k
-        for j in range(n):
-            if j == i or np.hypot(poses[i, 0] - poses[j, 0], poses[i, 1] - poses[j, 1]) > NEAR:
+        free = True
+        for j in range(poses.shape[0]):
+            if state[j] != UNDECIDED or np.hypot(poses[i, 0] - poses[j, 0], poses[i, 1] - poses[j, 1]) > NEAR:
                 continue
-            if _too_near(motion, stops[i], motions[j], stops[j], body):
-                if decided[j]:  # meanwhile, in its fall-back
-                    free = False
-                else:
-                    free = decide(
-                        j, poses, speeds, steers, commands, keys, decided, choice, motions, stops, solid, cell, body,
-                        limits, decision,
-                    )  # fmt: skip
-                if not free:
-                    break
-        if free:
+            if _too_near(motion, stops[i], motions[j], stops[j], body) and not decide(
+                j, poses, speeds, steers, commands, keys, state, choice, motions, stops, solid, cell, body, limits,
+                decision,
+            ):  # fmt: skip
+                free = False
+                break
+        if free and _is_free(i, motion, poses, state, motions, stops, body):  # some may have fallen back meanwhile
+            state[i] = CHOSEN
             return True
-    motions[i] = stops[i]
-    choice[i] = -1
+    _fall_back(i, state, choice, motions, stops, body)
     return False
 
 
@@ -149,14 +167,14 @@ def decide_all(poses, speeds, steers, commands, keys, order, solid, cell, body, 
     float64[N, K], less is better; order int64[N]: first the highest priority; body: half length, half width.
     """
     n = speeds.size
-    motions, choice, decided = np.empty((n, POSES, 4)), np.full(n, -1, np.int64), np.zeros(n, np.bool_)
+    motions, choice, state = np.empty((n, POSES, 4)), np.full(n, -1, np.int64), np.full(n, UNDECIDED, np.int8)
     for i in range(n):
         drive(poses[i], speeds[i], steers[i], 0.0, steers[i], 0, limits, motions[i])
     stops = motions.copy()
     for i in order:
-        if not decided[i]:
+        if state[i] == UNDECIDED:
             decide(
-                i, poses, speeds, steers, commands, keys, decided, choice, motions, stops, solid, cell, body, limits,
+                i, poses, speeds, steers, commands, keys, state, choice, motions, stops, solid, cell, body, limits,
                 decision,
             )  # fmt: skip
     return choice

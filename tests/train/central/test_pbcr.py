@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -39,20 +41,24 @@ def chosen(poses: Floats, speeds: Floats, solid: NDArray[np.uint8], keys: Floats
 
 
 def test_a_motion_is_what_the_simulator_drives() -> None:
+    """A second of each command, and the stop after it, whose last command is a weaker one."""
     config = EnvConfig(layout="open", num_agents=1, planner="astar", action_type="raw", action_repeat=2)
-    simulator = Simulator(config)
+    assert pytest.approx(config.time_step / config.substeps) == DT  # it looks for contacts then
+    simulator, motion = Simulator(config), np.empty((POSES, 4))
     simulator.reset(1)
-    for goal_speed, goal_steer in ((1.0, 0.3), (1.0, -0.4), (0.6, 0.0)):
+    for goal_speed, goal_steer in ((0.93, 0.3), (1.3, -0.9), (-0.37, 0.9)):
         state = simulator.state
         speed, steer = float(state.speed[0, 0]), float(state.steer[0, 0])
-        motion = np.empty((POSES, 4))
-        drive(state.pose[0, 0].astype(float), speed, steer, goal_speed, goal_steer, 2, LIMITS, motion)
-        change, turn = np.clip([goal_speed - speed, goal_steer - steer], -2 * DT * LIMITS[:2], 2 * DT * LIMITS[:2])
-        simulator.step(np.array([[[change / 0.2, turn / 0.2 / 1.5]]], np.float32))
-        x, y, heading = simulator.state.pose[0, 0]
-        centre = [x - 0.3 * np.cos(heading), y - 0.3 * np.sin(heading)]
-        assert motion[1, :2] == pytest.approx(centre, abs=2e-3)
-        assert motion[1, 2:] == pytest.approx([np.cos(heading), np.sin(heading)], abs=2e-3)
+        drive(state.pose[0, 0].astype(float), speed, steer, goal_speed, goal_steer, round(1.0 / DT), LIMITS, motion)
+        change, turn = np.clip([goal_speed - speed, goal_steer - steer], -LIMITS[:2], LIMITS[:2])
+        for seconds in np.arange(0.2, 2.5, 0.2):
+            stop = np.clip(-float(simulator.state.speed[0, 0]) / 0.2, -1.0, 1.0)
+            simulator.step(np.array([[[change, turn / 1.5] if seconds < 1.1 else [stop, 0.0]]], np.float32))
+            x, y, heading = simulator.state.pose[0, 0].astype(float)
+            expected = [x - 0.3 * np.cos(heading), y - 0.3 * np.sin(heading), np.cos(heading), np.sin(heading)]
+            assert motion[round(seconds / DT) - 1] == pytest.approx(expected, abs=1e-4)
+        assert simulator.state.speed[0, 0] == pytest.approx(0.0, abs=1e-6)
+    assert simulator.events.touching[0, 0] == 0
 
 
 def test_a_motion_ends_where_full_braking_ends() -> None:
@@ -88,6 +94,18 @@ def test_who_stands_beside_the_rim_may_drive_along_it() -> None:
     pose = np.array([[2.0, 0.31, 0.0]])
     assert chosen(pose, np.zeros(1), room(3, 8), keys) == [straight]
     assert chosen(pose, np.zeros(1), room(3, 3), keys) != [straight]  # its nose would come to 3.15 m
+
+
+def test_nobody_counts_on_a_place_that_is_not_left() -> None:
+    """The first asks both others to make room: one drives off through its place, one cannot, so it stops after all."""
+    poses = np.array([[4.4, 1.8, 1.6], [3.7, 2.1, -1.7], [4.2, 3.0, -1.7]])
+    speeds, motions = np.array([0.4, 0.3, 0.3]), np.empty((3, POSES, 4))
+    choice = chosen(poses, speeds, room(5, 5), np.tile(np.arange(len(COMMANDS), dtype=float), (3, 1)))
+    assert choice[0] == choice[2] == -1
+    for i in range(3):
+        goal, period = ((0.0, 0.0), 0) if choice[i] < 0 else (COMMANDS[choice[i]], round(PERIOD / DT))
+        drive(poses[i], speeds[i], 0.0, *goal, period, LIMITS, motions[i])
+    assert not any(meet(one, two, *BODY, 0.0) for one, two in combinations(motions, 2))
 
 
 def test_many_robots_drive_without_a_contact() -> None:
