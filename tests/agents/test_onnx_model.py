@@ -13,7 +13,6 @@ from safetensors.numpy import load_file
 
 from agents import POLICIES, LearnedPolicy, Network, PolicyRecord, policy_config, save_policy
 from agents.onnx_model import onnx_model
-from train.cli import main
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.observation import observation_layout
@@ -78,20 +77,6 @@ def test_real_valued_actions_have_means_and_deviations(tmp_path: Path) -> None:
     own = LearnedPolicy(tmp_path, env).output(observation)
     np.testing.assert_allclose(mean, own, atol=1e-4, rtol=1e-5)
     np.testing.assert_allclose(deviation, np.exp(tensors["log_std"]), rtol=1e-5)
-
-
-def test_the_command_writes_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["export", "--policy", "reinforce", "--onnx", str(tmp_path / "new" / "head.onnx")]) == 0
-    assert "head.onnx" in capsys.readouterr().out
-    config = policy_config("reinforce", EnvConfig())
-    assert run((tmp_path / "new" / "head.onnx").read_bytes(), seen(config))[0].shape == (16, 20)
-
-
-@pytest.mark.parametrize(("policy", "said"), [("greedy", "a rule without weights"), ("nowhere", "not a policy folder")])
-def test_what_cannot_be_exported(tmp_path: Path, policy: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["export", "--policy", policy, "--onnx", str(tmp_path / "a.onnx")]) == 2
-    assert said in capsys.readouterr().err
-    assert not (tmp_path / "a.onnx").exists()
 
 
 def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -47,9 +47,8 @@ def test_every_command_has_help_with_the_common_options(capsys: pytest.CaptureFi
         assert main([*name.split(), "--help"]) == 0
         shown = capsys.readouterr().out
         assert f"warehouse {name}" in shown
-        if name != "export":  # which plays nothing
-            assert "--seed" in shown
-            assert "--json" in shown
+        assert "--seed" in shown
+        assert "--json" in shown
 
 
 def test_help_without_a_command_and_version(capsys: pytest.CaptureFixture[str]) -> None:
@@ -99,6 +98,7 @@ def test_help_without_a_command_and_version(capsys: pytest.CaptureFixture[str]) 
         ("demo --video-seconds -1", ["--video-seconds"]),
         ("train reinforce --robots 0", ["robots=(0,)"]),
         ("train ppo --gamma 2", ["gamma=2.0"]),
+        ("export --seed -1", ["seed=-1", "at least 0"]),
     ],
 )
 def test_bad_input_gives_one_sentence(
