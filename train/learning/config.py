@@ -166,6 +166,8 @@ class ThreadedConfig(TrainingConfig):
 
     rows: int = 768
     """Robots trained with at a time, over all worlds; rounded so that every mix has at least one world."""
+    robots: tuple[int, ...] = (16, 24, 32)
+    """Robots in a world."""
     hidden: tuple[int, ...] = (64, 64)
     """Widths of the hidden tanh layers, of the actor and of the critic."""
     rollout: int = 24
@@ -205,7 +207,11 @@ class ThreadedPPOConfig(ThreadedConfig):
 
     name: str = "threaded_ppo"
     """Name of the run; its folder is OUT/NAME."""
-    epochs: int = 2
+    learning_rate: float = 5e-4
+    """Adam's first step size, decayed linearly to a twentieth of it."""
+    minibatch: int = 4096
+    """Rows of one gradient step."""
+    epochs: int = 3
     """Passes over the rows of one rollout."""
     clip: float = 0.2
     """How far the probability ratio may leave 1."""

@@ -51,7 +51,7 @@ class Tables(Checked):
     """Train five seeds of each algorithm, drive them and the rules under all options, and say what learning adds."""
     trainings: int = 5
     """Of --learning: seeds of each algorithm."""
-    steps: int = 8_000_000
+    steps: int = 4_000_000
     """Of --learning: agent-steps of each training."""
     pairs: int = 200
     """Of the benchmark: pairs of cells planned on each map."""

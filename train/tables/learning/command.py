@@ -38,7 +38,7 @@ class Learning(Checked):
     pictures: bool = True
     maps: tuple[str, ...] = ()  # names of layouts; FLOORS if empty
     trainings: int = 5  # seeds of each algorithm
-    steps: int = 8_000_000  # agent-steps of each training
+    steps: int = 4_000_000  # agent-steps of each training
 
     def run(self) -> None:
         """Train and drive what is missing, then write the tables and the learning curves."""
