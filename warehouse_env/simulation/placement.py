@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError
-from warehouse_env.kernel import part
+from warehouse_env.kernel import kernel, part
+from warehouse_env.simulation import tracking
 from warehouse_env.simulation.floor import Floor
 from warehouse_env.simulation.footprint import body_touches_shelf
 from warehouse_env.simulation.geometry import rectangle_gap
-from warehouse_env.simulation.trigonometry import sin_cos
+from warehouse_env.simulation.trigonometry import ZERO, sin_cos, wrap
 
 GAP = np.float32(0.15)  # [m] to robots at the start, half of it to shelves
 TOUCH = np.float32(1e-6)  # [m] of gap under which bodies touch
@@ -40,6 +41,44 @@ def _fits(robots, count, x, y, heading, p, solid, clearance, gap):  # type: igno
     return True
 
 
+@part
+def _put(robots, index, x, y, heading):  # type: ignore[no-untyped-def]
+    """Put robot `index` at a pose."""
+    r = robots[index]
+    r["x"], r["y"], r["heading"] = x, y, heading
+    r["sin"], r["cos"] = sin_cos(heading)
+
+
+@part
+def _nearest(route, points, x, y):  # type: ignore[no-untyped-def]
+    """Return the number of the way-point that is nearest to (x, y), among the first `points`."""
+    best, nearest = np.float32(np.inf), 0
+    for k in range(points):
+        dx, dy = route[k, 0] - x, route[k, 1] - y
+        if dx * dx + dy * dy < best:
+            best, nearest = dx * dx + dy * dy, k
+    return nearest
+
+
+@kernel
+def put_all(robots, routes, pose, speed, params, solid, clearance):  # type: ignore[no-untyped-def]
+    """Put robots ROBOT[B, N] at pose float32[B, N, 3], driving at speed float32[B, N] [m/s], wheels straight, beside the
+    nearest points of their routes float32[B, N, R, 2] [m]; return bool[B]: whether no body of a world touches anything.
+    """
+    p = params[0]
+    free = np.ones(robots.shape[0], np.bool_)
+    for b in range(robots.shape[0]):
+        for i in range(robots.shape[1]):
+            r, x, y, heading = robots[b, i], pose[b, i, 0], pose[b, i, 1], wrap(pose[b, i, 2])
+            free[b] = free[b] and _fits(robots[b], i, x, y, heading, p, solid, clearance, TOUCH)
+            _put(robots[b], i, x, y, heading)
+            r["anchor_x"], r["anchor_y"], r["speed"], r["steer"] = x, y, speed[b, i], ZERO
+            r["position"] = np.float32(_nearest(routes[b, i], r["points"], x, y)) * r["spacing"]
+            tracking.locate(r, routes[b, i])
+            tracking.aim(r, routes[b, i], p)
+    return free
+
+
 def place(
     robots: NDArray[Any],
     index: int,
@@ -59,7 +98,7 @@ def place(
     for turn in TURNS:
         heading = np.float32(math.remainder(first + turn * eighth, 2 * math.pi))
         if _fits(robots, index, x, y, heading, p[0], floor.solid, floor.clearance, GAP):
-            _put(robots[index], x, y, heading)
+            _put(robots, index, x, y, heading)
             return True
     return False
 
@@ -72,9 +111,4 @@ def stand(robots: NDArray[Any], index: int, pose: NDArray[np.float64], p: NDArra
         raise ConfigError(
             f"robot {index} touches a shelf or another robot at ({x:.3f}, {y:.3f}), heading {heading:.3f}"
         )
-    _put(robots[index], x, y, heading)
-
-
-def _put(r: Any, x: np.float32, y: np.float32, heading: np.float32) -> None:
-    r["x"], r["y"], r["heading"] = x, y, heading
-    r["sin"], r["cos"] = sin_cos(heading)
+    _put(robots, index, x, y, heading)

@@ -36,6 +36,7 @@ from warehouse_env.simulation.given import (
 from warehouse_env.simulation.jams import Jams, jams_of
 from warehouse_env.simulation.manoeuvre import ARCS
 from warehouse_env.simulation.path_ahead import COLUMNS, POSES
+from warehouse_env.simulation.placement import put_all
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.tasks import Arrival
 from warehouse_env.simulation.turning import turning_metric
@@ -235,6 +236,18 @@ class Simulator(Portable):
         robots["held_by"] = robots["yields_to"] = state.NOBODY
         self.dispatcher.begin(world, entropy, assignment, self._floor)
         robots["anchor_x"], robots["anchor_y"] = robots["x"], robots["y"]
+
+    def put(self, pose: ArrayLike, speed: ArrayLike) -> NDArray[np.bool_]:
+        """Put robots at poses float[B, N, 3] (x [m], y [m], heading [rad]) with speeds float[B, N] [m/s] beside their
+        routes, and observe; return bool[B]: whether no body of a world touches anything. Call after a reset.
+        """
+        given = [
+            np.ascontiguousarray(np.broadcast_to(array, self.robots.shape + more), np.float32)
+            for array, more in ((pose, (3,)), (speed, ()))
+        ]
+        free = put_all(self.robots, self.routes, *given, self._params, self._floor.solid, self._floor.clearance)
+        self._observe()
+        return free
 
     def step(self, actions: ArrayLike) -> NDArray[np.float32]:
         """Advance all worlds by one env step (action_repeat physics steps) and return the observation.

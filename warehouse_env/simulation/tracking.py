@@ -113,6 +113,15 @@ def pursue(r, tx, ty, p):  # type: ignore[no-untyped-def]
 
 
 @inline
+def aim(r, route, p):  # type: ignore[no-untyped-def]
+    """Set follow_steer towards a point of the route ahead; return that, the direction there, and the angle to it."""
+    ahead = LOOK_AHEAD + LOOK_AHEAD_TIME * max(r["speed"], ZERO)
+    tx, ty, ux, uy = way_point(r, route, ahead)
+    r["follow_steer"], angle = pursue(r, tx, ty, p)
+    return tx, ty, ux, uy, angle
+
+
+@inline
 def _brake_steer(r, steer, margin, p, solid, clearance):  # type: ignore[no-untyped-def]
     """The steering angle to brake with: the wanted one if its sweep is free, else the present one, free before."""
     if r["speed"] == ZERO or may_drive(r, ZERO, steer, margin, p, solid, clearance):
@@ -170,9 +179,7 @@ def _backwards(r, speed, p, solid, clearance):  # type: ignore[no-untyped-def]
 @inline
 def follow(r, route, arcs, bodies, wanted_speed, offset, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
     """Set target_speed, target_steer and follow_steer from a wanted speed [m/s] and lateral offset [m]."""
-    ahead = LOOK_AHEAD + LOOK_AHEAD_TIME * max(r["speed"], ZERO)
-    tx, ty, ux, uy = way_point(r, route, ahead)
-    r["follow_steer"], angle = pursue(r, tx, ty, p)
+    tx, ty, ux, uy, angle = aim(r, route, p)
     r["search_wait"] = max(r["search_wait"] - p["time_step"], ZERO)
     steer = r["follow_steer"]
     if offset != ZERO:
