@@ -44,6 +44,10 @@ COMMANDS: dict[str, Command] = {
     "scenes": Command(
         "train.commands.scenes", "Scenes", "drive policies through symmetric scenes and count those that are resolved"
     ),
+    "understand": Command(
+        "train.commands.understand", "Understand", "draw what policies are likely to do in telling moments"
+    ),
+    "curves": Command("train.commands.curves", "Curves", "draw the learning curves of several runs in one picture"),
     "export": Command("train.commands.export", "Export", "write a trained policy as an ONNX model"),
     "bench": Command(
         "train.commands.bench", "Bench", "measure the speed of the simulator, the planners and the trainers"

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from train.evaluation.rollout import config_of, make_actor
+from train.evaluation.rollout import Watcher, config_of, make_actor
 from train.evaluation.scenes import SCENES, Scene
 from train.reporting.report import Table, grouped, number
 from train.reporting.rows import Row, plain, wilson_interval
@@ -32,11 +32,12 @@ def play_scene(
     seeds: Sequence[int],
     tick: Callable[[int], None],
     chosen: Mapping[str, Any] = {},
+    watch: Sequence[Watcher] = (),
 ) -> list[Row]:
     """Play a scene of SCENES once a seed, for at most `seconds`; return a row each.
 
     A row does not depend on the other seeds: the policy is asked for one world at a time, with a generator of its own.
-    tick is told how many seeds are done; for chosen see rollout.config_of.
+    tick is told how many seeds are done; for chosen see rollout.config_of. watch: called with each Simulator.
     """
     scene = SCENES[name]()
     config = config_of(policy, base.replace(num_agents=scene.robots, tasks="one_shot"), chosen)
@@ -49,14 +50,14 @@ def play_scene(
         part = seeds[first : first + WORLDS]
         simulator = Simulator(config, len(part), grid=None if book else scene.grid, routes=book)
         book = simulator.route_book
-        played = _play(simulator, scene, policy, part)
+        played = _play(simulator, scene, policy, part, watch)
         about = {"config": config.to_dict(), "version": __version__}
         rows += [plain({**shared, "seed": seed, **row, **about}) for seed, row in zip(part, played, strict=True)]
         tick(len(rows))
     return rows
 
 
-def _play(simulator: Simulator, scene: Scene, policy: str, seeds: Sequence[int]) -> list[Row]:
+def _play(simulator: Simulator, scene: Scene, policy: str, seeds: Sequence[int], watch: Sequence[Watcher]) -> list[Row]:
     """Play the seeds side by side until all robots of all worlds have arrived, or time is up."""
     config = simulator.config
     act = make_actor(policy, config)
@@ -65,6 +66,8 @@ def _play(simulator: Simulator, scene: Scene, policy: str, seeds: Sequence[int])
     log = JamLog(simulator)
     going = list(range(len(seeds)))
     steps = 0
+    for watcher in watch:
+        watcher(simulator, steps)
     while steps < config.max_steps and going:
         given = [act(observation[world : world + 1], rngs[world]) for world in going]
         actions = np.zeros((len(seeds), *given[0].shape[1:]), given[0].dtype)  # nobody drives where all have arrived
@@ -72,6 +75,8 @@ def _play(simulator: Simulator, scene: Scene, policy: str, seeds: Sequence[int])
         observation = simulator.step(actions)
         steps += 1
         log(simulator, steps)
+        for watcher in watch:
+            watcher(simulator, steps)
         for world in [world for world in going if simulator.terminated[world].all()]:
             log.close(simulator, world)
             going.remove(world)

@@ -45,9 +45,9 @@ def style() -> Any:
     return load("matplotlib").rc_context(STYLE)
 
 
-def empty_figure(width: float, height: float) -> Figure:
+def empty_figure(width: float, height: float, dpi: int = DPI) -> Figure:
     """Return a figure of width x height [inches] that needs no window."""
-    figure: Figure = load("matplotlib.figure").Figure(figsize=(width, height), dpi=DPI, layout="constrained")
+    figure: Figure = load("matplotlib.figure").Figure(figsize=(width, height), dpi=dpi, layout="constrained")
     load("matplotlib.backends.backend_agg").FigureCanvasAgg(figure)
     return figure
 

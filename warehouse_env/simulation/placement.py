@@ -62,8 +62,8 @@ def _nearest(route, points, x, y):  # type: ignore[no-untyped-def]
 
 @kernel
 def put_all(robots, routes, pose, speed, params, solid, clearance):  # type: ignore[no-untyped-def]
-    """Put robots ROBOT[B, N] at pose float32[B, N, 3], driving at speed float32[B, N] [m/s], wheels straight, beside the
-    nearest points of their routes float32[B, N, R, 2] [m]; return bool[B]: whether no body of a world touches anything.
+    """Put robots ROBOT[B, N] at pose float32[B, N, 3], driving at speed float32[B, N] [m/s], wheels straight, beside
+    the nearest points of their routes float32[B, N, R, 2] [m]; return bool[B]: whether nothing of a world touches.
     """
     p = params[0]
     free = np.ones(robots.shape[0], np.bool_)

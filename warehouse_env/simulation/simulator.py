@@ -241,11 +241,9 @@ class Simulator(Portable):
         """Put robots at poses float[B, N, 3] (x [m], y [m], heading [rad]) with speeds float[B, N] [m/s] beside their
         routes, and observe; return bool[B]: whether no body of a world touches anything. Call after a reset.
         """
-        given = [
-            np.ascontiguousarray(np.broadcast_to(array, self.robots.shape + more), np.float32)
-            for array, more in ((pose, (3,)), (speed, ()))
-        ]
-        free = put_all(self.robots, self.routes, *given, self._params, self._floor.solid, self._floor.clearance)
+        poses, speeds = np.empty((*self.robots.shape, 3), np.float32), np.empty(self.robots.shape, np.float32)
+        poses[:], speeds[:] = pose, speed
+        free: NDArray[np.bool_] = put_all(self.robots, self.routes, poses, speeds, self._params, *self._floor[:2])
         self._observe()
         return free
 

@@ -1,0 +1,163 @@
+"""Telling moments: others as they stand or drive at one moment, and where one robot is put to see what a policy does.
+
+In an aisle two cells wide, on a crossing, beside a bay: the floors of scenes.py. The robot in question, the ego, drives
+east; it is put at every point of a fine lattice around its route, heading along it, and the policy is asked there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents import make_policy
+from agents.learned import LearnedPolicy
+from agents.policy import Observation
+from train.evaluation.scenes import crossing, head_on
+from train.reporting.rows import Row
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.render.probability_maps import ProbabilityMap, View
+from warehouse_env.simulation.assignment import Assignment
+from warehouse_env.simulation.simulator import Simulator
+
+CRUISE = EnvConfig().robot.max_speed  # [m/s]
+ALONG, ACROSS = 0.2, 0.1  # [m] between two points of the lattice
+
+Driving = tuple[float, float, float, float]  # front axle x [m], y [m], heading [rad]; speed [m/s]
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """A floor, the others and their goals, the ego's start and goal; the lattice fills a part of the floor."""
+
+    title: str
+    grid: GridMap
+    others: tuple[Driving, ...]
+    ego: tuple[float, float, float]  # where its route begins: x [m], y [m], heading [rad]
+    goals: tuple[Cell, ...]  # of the others, then the ego's
+    lattice: View
+    view: View  # what of the floor is drawn
+
+
+def _head_on() -> Moment:
+    return Moment(
+        "Head-on in an aisle of two cells",
+        head_on(2, False).grid,
+        ((16.0, 3.0, math.pi, CRUISE),),
+        (7.5, 2.5, 0.0),
+        ((1, 1), (1, 26)),
+        View(7.0, 19.0, 2.0, 4.0),
+        View(6.5, 19.5, 1.5, 4.5),
+    )
+
+
+def _crossing() -> Moment:
+    north, south = math.pi / 2, -math.pi / 2
+    return Moment(
+        "A crossing",
+        crossing().grid,
+        ((13.5, 10.0, north, CRUISE), (12.5, 17.5, south, CRUISE), (18.0, 13.5, math.pi, CRUISE)),
+        (5.5, 12.5, 0.0),
+        ((1, 10), (24, 15), (15, 1), (10, 24)),
+        View(6.0, 15.6, 12.0, 14.0),
+        View(5.6, 19.2, 8.8, 18.6),
+    )
+
+
+def _leaving() -> Moment:
+    return Moment(
+        "A robot leaves its place",
+        head_on(2, True).grid,
+        ((14.0, 3.9, -math.pi / 2, 0.5),),
+        (7.5, 2.5, 0.0),
+        ((1, 1), (1, 26)),
+        View(7.0, 19.0, 2.0, 4.0),
+        View(6.5, 19.5, 1.5, 5.5),
+    )
+
+
+MOMENTS: dict[str, Callable[[], Moment]] = {"head_on": _head_on, "crossing": _crossing, "leaving": _leaving}
+
+
+class Asked:
+    """What a policy of discrete actions is likely to do, in four chances that are read off its probabilities.
+
+    stop: to stop or back up; slow: to drive, but below its fastest level; right, left: to drive on that side of the
+    route. The first two leave what is driven fast, the last two and `stop` what is driven on the route itself.
+    """
+
+    CHANCES: ClassVar[dict[str, str]] = {
+        "stop": "stop or back up",
+        "slow": "drive slowly",
+        "right": "pass on the right",
+        "left": "pass on the left",
+    }
+
+    def __init__(self, policy: str, config: EnvConfig) -> None:
+        """Load the policy; ConfigError where it has no probabilities."""
+        made = make_policy(policy, config)
+        if not isinstance(made, LearnedPolicy) or config.action_type != "discrete":
+            raise ConfigError(
+                f"policy {policy!r} has no probabilities of actions; name a trained one of discrete actions"
+            )
+        self._policy = made
+        speed, offset = np.array([(v, o) for v in config.speed_levels for o in config.lateral_offsets]).T
+        drives = speed > 0
+        slow = drives & (speed < speed.max())
+        self._classes = np.stack([~drives, slow, drives & (offset < 0), drives & (offset > 0)], axis=1)
+
+    def __call__(self, observation: Observation) -> NDArray[np.float64]:
+        """Return the chances in the order of CHANCES, float64[..., 4] from float32[..., D]."""
+        logits = self._policy.preferences(observation).astype(np.float64)
+        likely = np.exp(logits - logits.max(axis=-1, keepdims=True))
+        chances: NDArray[np.float64] = likely @ self._classes / likely.sum(axis=-1, keepdims=True)
+        return chances
+
+
+def map_of(moment: Moment, policy: str, config: EnvConfig) -> ProbabilityMap:
+    """Ask a policy at every point of a moment's lattice; one world a point, so each sees what it would see there.
+
+    config: as the policy needs it, but for the number of robots.
+    """
+    asked = Asked(policy, config)
+    count = len(moment.goals)
+    x, y = moment.lattice.points(ALONG, ACROSS)
+    simulator = Simulator(config.replace(num_agents=count), x.size * y.size, grid=moment.grid)
+    start = np.array([*(other[:3] for other in moment.others), moment.ego])
+    simulator.reset_to([Assignment(start, np.array(moment.goals))] * simulator.num_worlds, 0)
+    route = simulator.routes[0, -1, : simulator.state.route_points[0, -1]].astype(np.float64)
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    pose = np.tile(start, (len(points), 1, 1))
+    pose[:, -1] = np.column_stack([points, headings_along(route, points)])
+    speed = np.array([*(other[3] for other in moment.others), CRUISE])
+    free = simulator.put(pose, speed)
+    chances = np.where(free[:, None], asked(simulator.observation[:, -1]), np.nan)
+    shown = {name: chances[:, k].reshape(len(y), len(x)) for k, name in enumerate(Asked.CHANCES.values())}
+    heading = pose[:, -1, 2].reshape(len(y), len(x))
+    return ProbabilityMap(moment.grid, config.robot, x, y, heading, shown, start[:-1], speed[:-1], route, moment.view)
+
+
+def rows_of(one: ProbabilityMap) -> list[Row]:
+    """Return a row for each point of the lattice where the robot can be: pose, and its chances."""
+    rows = []
+    for (r, c), stop in np.ndenumerate(one.chances[Asked.CHANCES["stop"]]):
+        if np.isfinite(stop):
+            chances = {short: one.chances[name][r, c] for short, name in Asked.CHANCES.items()}
+            rows.append({"x": one.x[c], "y": one.y[r], "heading": one.heading[r, c], "speed": CRUISE, **chances})
+    return rows
+
+
+def headings_along(route: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the direction [rad] of a route float[R, 2] [m] where it is nearest to each of points float[K, 2] [m]."""
+    begin, step = route[:-1], np.diff(route, axis=0)
+    apart = points[:, None] - begin
+    share = ((apart * step).sum(axis=2) / (step**2).sum(axis=1)).clip(0.0, 1.0)
+    nearest = np.hypot(*np.moveaxis(apart - share[..., None] * step, 2, 0)).argmin(axis=1)
+    angles: NDArray[np.float64] = np.arctan2(step[nearest, 1], step[nearest, 0])
+    return angles
