@@ -99,7 +99,7 @@ def draw_chances(axes: Sequence[Axes], one: ProbabilityMap) -> None:
     dx, dy = (float(values[1] - values[0]) for values in (one.x, one.y))
     extent = (one.x[0] - dx / 2, one.x[-1] + dx / 2, one.y[0] - dy / 2, one.y[-1] + dy / 2)
     for ax, (name, chance) in zip(axes, one.chances.items(), strict=False):
-        _draw_floor(ax, one.grid, one.view)
+        _draw_floor(ax, one.grid, one.view, 8)
         ax.imshow(
             np.ma.masked_invalid(chance), origin="lower", extent=extent, cmap=HEAT, vmin=0, vmax=1,
             interpolation="nearest", zorder=2,
@@ -130,7 +130,7 @@ def draw_moments(axes: Sequence[Axes], one: Moments) -> None:
     """Draw each moment into axes of its own."""
     shades = load("matplotlib.cm").ScalarMappable(load("matplotlib.colors").Normalize(0, 1), HEAT)
     for k, ax in enumerate(axes):
-        _draw_floor(ax, one.grid, one.view)
+        _draw_floor(ax, one.grid, one.view, 5)
         for pose, speed, chance, alive in zip(one.pose[k], one.speed[k], one.chance[k], one.alive[k], strict=True):
             colour = shades.to_rgba(float(chance)) if alive else hexed(GREY)
             draw_robot(ax, pose, float(speed), one.robot, colour, 1.0 if alive else 0.35)
@@ -163,15 +163,17 @@ def _ratio(view: View) -> float:
     return (view.high - view.low) / (view.right - view.left)
 
 
-def _draw_floor(ax: Axes, grid: GridMap, view: View) -> None:
-    """Draw floor and shelves in plain colours, so that what is laid over them stands out."""
+def _draw_floor(ax: Axes, grid: GridMap, view: View, most: int) -> None:
+    """Draw floor and shelves in plain colours, so that what is laid over them stands out, and `most` ticks a side."""
     height, width = (grid.cell_size * count for count in grid.shape)
     plain = np.where(grid.occupied[..., None], SHELF, FLOOR).astype(np.uint8)
     ax.imshow(plain, extent=(0, width, 0, height), interpolation="nearest")
     ax.set(xlim=(view.left, view.right), ylim=(view.low, view.high))
     ticker = load("matplotlib.ticker")
     for axis, length in ((ax.xaxis, view.right - view.left), (ax.yaxis, view.high - view.low)):
-        axis.set_major_locator(ticker.MultipleLocator(1 if length < 6 else 2 if length < 14 else 4))
+        axis.set_major_locator(
+            ticker.MultipleLocator(next(step for step in (1, 2, 4, 8, 16, length) if length <= most * step))
+        )
         axis.set_major_formatter(ticker.FormatStrFormatter("%g m"))
     ax.tick_params(labelsize=8, labelcolor=FAINT)
     for side in ("top", "right"):
