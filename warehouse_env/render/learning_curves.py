@@ -88,12 +88,13 @@ def spread(curves: Sequence[Curve], key: str) -> tuple[NDArray[np.float64], ...]
 
 
 def _logarithmic(ax: Axes, curves: Sequence[Curve], key: str) -> None:
-    """Make the axis logarithmic; a value of 0 leads down to its lower end."""
+    """Make the axis logarithmic; a value of 0 leads down to its lower end. Not so if all are 0."""
     ticker: Any = load("matplotlib.ticker")
     positive = [float(value) for curve in curves for value in curve.values[key] if value > 0]
+    if not positive:
+        return
     ax.set_yscale("log", nonpositive="clip")
-    if positive:
-        ax.set_ylim(min(positive) / 1.2, max(positive) * 1.2)
+    ax.set_ylim(min(positive) / 1.2, max(positive) * 1.2)
     ax.yaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.yaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
     ax.yaxis.set_minor_locator(ticker.NullLocator())
