@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from safetensors.numpy import load_file
 
 from agents import make_policy, policy_config
 from agents.networks import ActorCritic
@@ -19,7 +18,7 @@ from train.learning.config import HELD_OUT_SEED, ReinforceConfig
 from train.learning.experience import advantages
 from train.learning.threaded import joint_scale
 from train.learning.worlds import Tally, TrainingWorlds
-from train.reinforce import Reinforce, policy_loss
+from train.reinforce import policy_loss
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError
 from warehouse_env.simulation.simulator import Simulator
@@ -115,32 +114,6 @@ def test_a_training_leaves_a_policy_that_acts(config: ReinforceConfig) -> None:
     card = (folder / "CARD.md").read_text()
     assert "192 agent-steps in 4 updates, seed 0" in card
     assert not [path.name for path in folder.rglob(".*")]
-
-
-@pytest.mark.parametrize("threads", [1, 2])
-def test_a_resumed_run_gives_the_same_bits_as_an_unbroken_one(
-    config: ReinforceConfig, threads: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    config = replace(config, threads=threads, rows=16, steps=2 * config.steps)  # type: ignore[operator]
-    whole = load_file(reinforce.train(replace(config, name="whole")) / "weights.safetensors")
-
-    update, calls = Reinforce.update, []
-
-    def broken(self: Reinforce, number: int, spent: float) -> dict[str, float]:
-        calls.append(number)
-        if len(calls) == 4:
-            raise KeyboardInterrupt
-        return update(self, number, spent)
-
-    monkeypatch.setattr(Reinforce, "update", broken)
-    with pytest.raises(KeyboardInterrupt):
-        reinforce.train(replace(config, name="parts"))
-    monkeypatch.setattr(Reinforce, "update", update)
-    folder = reinforce.train(ReinforceConfig(resume=config.out / "parts", progress=False))
-    parts = load_file(folder / "weights.safetensors")
-    assert read_record(folder).training["updates"] == read_record(config.out / "whole").training["updates"]
-    assert whole.keys() == parts.keys()
-    assert all(np.array_equal(whole[name], parts[name]) for name in whole)
 
 
 def test_contacts_go_on_in_worlds_that_are_brought_back() -> None:

@@ -1,4 +1,4 @@
-"""Our PPO: the clipped loss by hand, drawn probabilities, how mixes are dealt to threads, resuming to the bit."""
+"""Our PPO: the clipped loss by hand, drawn probabilities, and every row once a pass."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from safetensors.numpy import load_file
 
 from agents.networks import ActorCritic
-from agents.weights_folder import Network, read_record
-from train import threaded_ppo
+from agents.weights_folder import Network
 from train.learning.config import ThreadedPPOConfig
 from train.learning.threaded import joint_scale
 from train.threaded_ppo import ThreadedPpo, clipped_loss
@@ -70,17 +68,6 @@ def test_it_learns_a_bandit_in_several_passes_over_each_batch() -> None:
     assert (net.draw(observation, rng)[0] == best).mean() > 0.95
 
 
-def test_whole_mixes_are_dealt_out_where_they_go_round(config: ThreadedPPOConfig) -> None:
-    config = replace(config, layouts=("open", "narrow"), robots=(8, 16, 32), rows=384)
-    dealt = [[(env.layout, env.num_agents, worlds) for env, worlds in share] for share in config.shares()]
-    assert dealt == [
-        [("open", 8, 8), ("open", 32, 2), ("narrow", 16, 4)],
-        [("open", 16, 4), ("narrow", 8, 8), ("narrow", 32, 2)],
-    ]
-    halves = replace(config, robots=(8,), layouts=("open",)).shares()
-    assert [[(env.num_agents, worlds) for env, worlds in share] for share in halves] == [[(8, 24)], [(8, 24)]]
-
-
 def test_every_pass_takes_every_row_once(config: ThreadedPPOConfig, monkeypatch: pytest.MonkeyPatch) -> None:
     trainer, taken = ThreadedPpo(replace(config, epochs=3)), []
     gradient = trainer._gradient
@@ -96,31 +83,6 @@ def test_every_pass_takes_every_row_once(config: ThreadedPPOConfig, monkeypatch:
         assert rows == sorted(3 * list(range(48)))
     assert losses["clip_fraction"] >= 0.0
     assert losses["entropy"] > 0.0
-
-
-@pytest.mark.parametrize("threads", [1, 2])
-def test_a_resumed_run_gives_the_same_bits_as_an_unbroken_one(
-    config: ThreadedPPOConfig, threads: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    config = replace(config, threads=threads)
-    whole = load_file(threaded_ppo.train(replace(config, name="whole")) / "weights.safetensors")
-    update, calls = ThreadedPpo.update, []
-
-    def broken(self: ThreadedPpo, number: int, spent: float) -> dict[str, float]:
-        calls.append(number)
-        if len(calls) == 3:
-            raise KeyboardInterrupt
-        return update(self, number, spent)
-
-    monkeypatch.setattr(ThreadedPpo, "update", broken)
-    with pytest.raises(KeyboardInterrupt):
-        threaded_ppo.train(replace(config, name="parts"))
-    monkeypatch.setattr(ThreadedPpo, "update", update)
-    folder = threaded_ppo.train(ThreadedPPOConfig(resume=config.out / "parts", progress=False))
-    record = read_record(folder)
-    assert (record.algorithm, record.training["updates"]) == ("threaded_ppo", 4)
-    parts = load_file(folder / "weights.safetensors")
-    assert all(np.array_equal(whole[name], parts[name]) for name in whole)
 
 
 def test_bad_options_are_one_sentence() -> None:

@@ -1,0 +1,70 @@
+"""What REINFORCE and our PPO share: how mixes are dealt to threads, one book of routes, resuming to the bit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from safetensors.numpy import load_file
+
+from agents.weights_folder import read_record
+from train import reinforce, threaded_ppo
+from train.learning.config import ReinforceConfig, ThreadedConfig, ThreadedPPOConfig
+from train.learning.threaded import ThreadedTrainer
+
+SMALL: dict[str, Any] = {
+    "layouts": ("open",), "robots": (2, 4), "rows": 16, "planner": "astar", "steps": 16 * 6 * 8, "rollout": 6,
+    "minibatch": 24, "hidden": (24,), "episode_seconds": 3.0, "checkpoint_seconds": 0.0, "progress": False,
+}  # fmt: skip
+TRAINERS = [(reinforce, ReinforceConfig), (threaded_ppo, ThreadedPPOConfig)]
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+@pytest.mark.parametrize(("module", "options"), TRAINERS)
+def test_a_resumed_run_gives_the_same_bits_as_an_unbroken_one(
+    module: ModuleType, options: type[ThreadedConfig], threads: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = options(out=tmp_path, threads=threads, **SMALL)
+    whole = load_file(module.train(replace(config, name="whole")) / "weights.safetensors")
+    update, calls = ThreadedTrainer.update, []
+
+    def broken(self: ThreadedTrainer, number: int, spent: float) -> dict[str, float]:
+        calls.append(number)
+        if len(calls) == 4:
+            raise KeyboardInterrupt
+        return update(self, number, spent)
+
+    monkeypatch.setattr(ThreadedTrainer, "update", broken)
+    with pytest.raises(KeyboardInterrupt):
+        module.train(replace(config, name="parts"))
+    monkeypatch.setattr(ThreadedTrainer, "update", update)
+    folder = module.train(options(resume=tmp_path / "parts", progress=False))
+    parts = load_file(folder / "weights.safetensors")
+    assert read_record(folder).training["updates"] == read_record(tmp_path / "whole").training["updates"]
+    assert whole.keys() == parts.keys()
+    assert all(np.array_equal(whole[name], parts[name]) for name in whole)
+
+
+def test_whole_mixes_are_dealt_out_where_they_go_round() -> None:
+    config = ReinforceConfig(layouts=("open", "narrow"), robots=(8, 16, 32), rows=384, threads=2)
+    dealt = [[(env.layout, env.num_agents, worlds) for env, worlds in share] for share in config.shares()]
+    assert dealt == [
+        [("open", 8, 8), ("open", 32, 2), ("narrow", 16, 4)],
+        [("open", 16, 4), ("narrow", 8, 8), ("narrow", 32, 2)],
+    ]
+    halves = replace(config, robots=(8,), layouts=("open",)).shares()
+    assert [[(env.num_agents, worlds) for env, worlds in share] for share in halves] == [[(8, 24)], [(8, 24)]]
+
+
+def test_workers_share_the_routes_of_a_floor() -> None:
+    trainer = reinforce.Reinforce(ReinforceConfig(threads=2, **SMALL | {"layouts": ("open", "narrow")}))
+    books = {
+        (simulator.config.layout, id(simulator.route_book))
+        for worker in trainer._workers
+        for simulator in worker.worlds.simulators
+    }
+    assert sorted(layout for layout, _ in books) == ["narrow", "open"]
