@@ -19,13 +19,17 @@ _COMMANDS = 4096  # of discrete actions: speed levels x lateral offsets
 
 @dataclass(frozen=True)
 class RobotSpec(Checked):
-    """Four wheels, rear steer, rear drive; the pose is the centre of the fixed front axle (paper 000, eq. 2)."""
+    """Four wheels, rear steer, rear drive; the pose is the centre of the fixed front axle (paper 000, eq. 2).
+
+    A front-steered vehicle is the same about its fixed rear axle, where eq. (2) holds as well: most of its body lies
+    ahead of that axle, and its steering angle counts the other way round (the wheels turned right turn it right).
+    """
 
     length: float = 0.9  # [m]
     width: float = 0.6  # [m]
     height: float = 0.4  # [m], for pictures only
-    wheelbase: float = 0.6  # [m], front axle to the steered rear axle
-    front_overhang: float = 0.15  # [m], body ahead of the front axle
+    wheelbase: float = 0.6  # [m], from the fixed axle (the front one) to the steered one
+    front_overhang: float = 0.15  # [m], body ahead of the fixed axle; more than half: front-steered
     min_speed: float = -0.5  # [m/s]
     max_speed: float = 1.5  # [m/s]
     max_acceleration: float = 1.0  # [m/s^2], braking as well
@@ -44,8 +48,13 @@ class RobotSpec(Checked):
 
     @property
     def rear_reach(self) -> float:
-        """Body behind the front axle [m]."""
+        """Body behind the fixed axle [m]."""
         return self.length - self.front_overhang
+
+    @property
+    def front_steered(self) -> bool:
+        """Whether the steered wheels are those ahead: the fixed axle is then under the rear half of the body."""
+        return self.front_overhang > self.rear_reach
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from warehouse_env.config import RobotSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.colours import CONTACT, DEADLOCK, WAITING, name_colours, robot_colour
 from warehouse_env.render.floor import floor_image, scale_for
 from warehouse_env.render.frame import CAPTION_HEIGHT, Scene, draw, route_ahead, scene_of
+from warehouse_env.render.sprites import paint_robot
 
 SCALE = 40
 
@@ -248,3 +250,32 @@ except ValueError as error:
 """
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout == "pictures need the package 'pygame'; pip install \"warehouse-env[render]\"\n"
+
+
+class Sheet:
+    """Keeps the polygons that are painted on it."""
+
+    scale = 100.0
+
+    def __init__(self) -> None:
+        self.shapes: list[NDArray[np.float64]] = []
+
+    def polygon(self, points: NDArray[np.float64], colour: object, alpha: int = 255) -> None:
+        self.shapes.append(points)
+
+
+@pytest.mark.parametrize(("front", "axle", "turned"), [(0.15, -0.6, 0.5), (0.75, 0.6, -0.5)])
+def test_the_steered_wheels_stand_on_their_axle(front: float, axle: float, turned: float) -> None:
+    sheet = Sheet()
+    pose = np.zeros(3, np.float32)
+    paint_robot(sheet, pose, 0.5, RobotSpec(front_overhang=front), (200, 0, 0), None, True)  # type: ignore[arg-type]
+    wheels = [shape for shape in sheet.shapes if np.ptp(shape, axis=0).max() < 0.25]
+    assert sorted(round(float(wheel.mean(axis=0)[0]), 6) for wheel in wheels) == sorted([0.0, 0.0, axle, axle])
+    for wheel in wheels:
+        x, _ = (wheel - wheel.mean(axis=0)).T
+        way = wheel[np.abs(x).argmax()] - wheel.mean(axis=0)
+        steered = abs(wheel.mean(axis=0)[0]) > 0.1
+        angle = math.atan2(*(way * np.sign(way[0]))[::-1])
+        assert angle == pytest.approx(turned if steered else 0.0, abs=0.45)
+        assert not steered or angle * turned > 0
+    assert all((np.abs(shape[:, 0] - (2 * front - 0.9) / 2) <= 0.55).all() for shape in sheet.shapes)  # on the body

@@ -193,6 +193,28 @@ def test_the_field_samples_the_poses_that_bodies_take(seed: int, substeps: int, 
         assert paths[1, n - 1] == pytest.approx(np.concatenate([*centre, body["cos"], body["sin"]]), abs=ROUNDING)
 
 
+@settings(max_examples=60)
+@given(st.integers(0, 10**6), st.sampled_from([0.2, 1.0]))
+def test_an_outline_holds_all_that_a_motion_sweeps(seed: int, front: float) -> None:
+    """Rear-steered bodies swing their tails, front-steered ones their noses."""
+    rng = np.random.default_rng(seed)
+    steer, command = rng.uniform(-1.0, 1.0), np.float32([rng.uniform(-1.0, 1.0), rng.uniform(-1.5, 1.5)])
+    robot = RobotSpec(length=1.2, wheelbase=0.8, front_overhang=front)
+    simulator = guarded(room(30, 30), (15.0, 15.0, rng.uniform(-3.0, 3.0), rng.uniform(-0.5, 1.5), steer), robot=robot)
+    p, motion = simulator._params[0], np.zeros((contact.MOTION, 1), np.float32)
+    paths, outlines, marks, _ = field.scratch(1, p)
+    contact.load(simulator.robots[0], 0, *command, p, simulator._floor.clearance, motion)
+    stops.outline_trial(0, *command, motion, outlines, p)
+    stops.sample(1, 0, *command, p["substeps"], motion, paths, outlines, marks, p)
+    c, s = outlines[stops.AXIS_COS, 1], outlines[stops.AXIS_SIN, 1]
+    for x, y, cos, sin in paths[1, : marks[stops.SAMPLES, 1]].astype(float):
+        for along, aside in ((0.6, 0.3), (0.6, -0.3), (-0.6, 0.3), (-0.6, -0.3)):
+            dx = x + along * cos - aside * sin - outlines[stops.MIDDLE_X, 1]
+            dy = y + along * sin + aside * cos - outlines[stops.MIDDLE_Y, 1]
+            assert abs(dx * c + dy * s) <= outlines[stops.LONG, 1] + ROUNDING
+            assert abs(dy * c - dx * s) <= outlines[stops.WIDE, 1] + ROUNDING
+
+
 def towards_nearest(simulator: Simulator) -> NDArray[np.float64]:
     """Raw actions at full speed, steering for the nearest robot."""
     robots = simulator.robots
@@ -250,8 +272,9 @@ def test_robots_under_the_field_arrive() -> None:
     [
         RobotSpec(length=1.4, width=0.4, front_overhang=0.1, max_speed=3.0, min_speed=-3.0, max_acceleration=6.0),
         RobotSpec(length=0.5, width=0.5, front_overhang=0.45, wheelbase=0.3, max_acceleration=0.3),
+        RobotSpec(length=1.2, wheelbase=0.8, front_overhang=1.0),
     ],
-    ids=["long and fast", "square, brakes weakly"],
+    ids=["long and fast", "square, brakes weakly", "front-steered"],
 )
 def test_robots_of_other_shapes(robot: RobotSpec) -> None:
     back = robot.length / 2 - robot.front_overhang

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from tests.simulation.reference import REAR, WHEELBASE, WIDTH, bodies
 from tests.simulation.worlds import coast, raw, room, stage
+from warehouse_env.config import RobotSpec
 from warehouse_env.simulation.kinematics import approach, curvature, drive
 from warehouse_env.simulation.simulator import Simulator
 
@@ -194,3 +195,20 @@ def test_curvature_and_approach_by_hand() -> None:
     cases = [(0.0, 1.0, 0.25, 0.25), (0.0, -1.0, 0.25, -0.25), (0.9, 1.0, 0.25, 1.0), (1.0, 1.0, 0.25, 1.0)]
     for value, target, most, expected in cases:
         assert float(approach(F(value), F(target), F(most))) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("steering", ANGLES)
+def test_the_steered_wheels_of_a_front_steered_vehicle_roll_where_they_point(steering: float) -> None:
+    """Ahead of the fixed axle they are turned by minus the angle: no wheel may slide sideways."""
+    robot = RobotSpec(front_overhang=0.75)
+    assert robot.front_steered
+    assert not RobotSpec().front_steered
+    simulator = stage(room(14, 14), (7.0, 7.0, 0.3, 1.0, steering), robot=robot)
+    places = []
+    for _ in range(2):
+        x, y, heading = pose(simulator)
+        places.append((x + robot.wheelbase * math.cos(heading), y + robot.wheelbase * math.sin(heading), heading))
+        coast(simulator, 1)
+    (x, y, heading), (to_x, to_y, to_heading) = places
+    way = math.atan2(to_y - y, to_x - x)  # of the steered axle: a chord, so along the mean heading
+    assert math.remainder(way - (heading + to_heading) / 2 + steering, 2 * math.pi) == pytest.approx(0.0, abs=1e-3)

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from tests.simulation.reference import OFFSET, rectangle, separation
 from tests.simulation.worlds import room, stage
-from warehouse_env.config import SensorSpec
+from warehouse_env.config import RobotSpec, SensorSpec
 from warehouse_env.simulation.prediction import travel
 from warehouse_env.simulation.simulator import Simulator
 
 F = np.float32
+REAR_STEERED = RobotSpec()
 SPEEDS, SIDES = (-0.4, 0.0, 0.5, 1.3), (0.0, 0.6, -0.6, 1.2, -1.2)  # the commands
 TIMES = 2.4 * np.arange(1, 9) / 8  # [s] looked at
 
@@ -38,9 +39,11 @@ def test_travel_by_summing_up(speed: float, target: float, t: float) -> None:
     assert float(travel(F(speed), F(target), F(1.0), F(t))) == pytest.approx(metres(speed, target, t), abs=1e-4)
 
 
-def scene(own: tuple[float, ...], *others: tuple[float, ...], **sensor: Any) -> Simulator:
+def scene(
+    own: tuple[float, ...], *others: tuple[float, ...], robot: RobotSpec = REAR_STEERED, **sensor: Any
+) -> Simulator:
     """The own robot with a straight route due east along y = 20 from x = 10; others anywhere."""
-    settings = {"speed_levels": SPEEDS, "sensor": SensorSpec(predictions=True, **sensor)}
+    settings = {"speed_levels": SPEEDS, "sensor": SensorSpec(predictions=True, **sensor), "robot": robot}
     simulator = stage(room(40, 40), own, *others, action_type="discrete", **settings)
     simulator.routes[0, 0, :40] = np.column_stack([np.linspace(10.0, 29.5, 40), np.full(40, 20.0)])
     r = simulator.robots[0, 0]
@@ -91,8 +94,8 @@ def test_a_robot_that_comes_head_on_by_hand() -> None:
     assert got[1, 0] == 1.0
 
 
-def own_body(own: tuple[float, ...], speed: float, side: float, t: float) -> NDArray[np.float64]:
-    """The own body after t seconds of a command, grown by its margin; the route runs due east."""
+def own_body(own: tuple[float, ...], speed: float, side: float, t: float, back: float) -> NDArray[np.float64]:
+    """The own body after t seconds of a command, grown by its margin, its centre `back` [m] behind the axle."""
     x, y, heading, now = own
     s = metres(now, speed, t)
     margin = 0.03 + 0.05 * t
@@ -103,26 +106,24 @@ def own_body(own: tuple[float, ...], speed: float, side: float, t: float) -> NDA
         y = 20.0 + side + (lateral - side) * left
         heading = math.atan((side - lateral) / 1.5) if left > 0 else 0.0
         x += s
-    return rectangle(
-        x - OFFSET * math.cos(heading), y - OFFSET * math.sin(heading), heading, 0.45 + margin, 0.3 + margin
-    )
+    return rectangle(x - back * math.cos(heading), y - back * math.sin(heading), heading, 0.45 + margin, 0.3 + margin)
 
 
-@settings(max_examples=30)
-@given(st.integers(0, 10**6))
-def test_predictions_agree_with_polygons(seed: int) -> None:
+@settings(max_examples=60)
+@given(st.integers(0, 10**6), st.sampled_from([OFFSET, -OFFSET]))
+def test_predictions_agree_with_polygons(seed: int, back: float) -> None:
     rng = np.random.default_rng(seed)
     own = (12.0, 20.0 + rng.uniform(-1, 1), rng.uniform(-0.8, 0.8), rng.choice([0.0, 0.7, 1.3]))
     others = [(12.0 + rng.uniform(-2, 5), 20.0 + rng.uniform(-3, 3), rng.uniform(-3.1, 3.1), rng.uniform(-0.5, 1.5))
               for _ in range(4)]  # fmt: skip
-    got = predictions(scene(own, *others))
+    got = predictions(scene(own, *others, robot=RobotSpec(front_overhang=0.45 - back)))
     for a, speed in enumerate(SPEEDS):
         for b, side in enumerate(SIDES):
             apart = []
             for t in TIMES.tolist():
-                body = own_body(own, speed, side if speed > 0 else 0.0, t)
+                body = own_body(own, speed, side if speed > 0 else 0.0, t, back)
                 there = [
-                    rectangle(x + (v * t - OFFSET) * math.cos(h), y + (v * t - OFFSET) * math.sin(h), h, 0.45, 0.3)
+                    rectangle(x + (v * t - back) * math.cos(h), y + (v * t - back) * math.sin(h), h, 0.45, 0.3)
                     for x, y, h, v in others
                 ]
                 apart.append(float(separation(body, np.array(there)).min()))

@@ -18,7 +18,7 @@ _OVERSAMPLE = 4
 _WHITE: RGB = (255, 255, 255)
 _WHEEL: RGB = (28, 31, 36)
 _WHEELS_FROM = 11.0  # [px/m]
-_PLATE_FRONT, _PLATE_GAP = 0.26, 0.10  # [m] of the plate: behind the axle, off the tail
+_NOSE, _PLATE_FRONT, _PLATE_GAP = 0.32, 0.41, 0.10  # [m] behind the front: of the nose, of the plate; off the tail
 _CORNER_STEPS = np.linspace(0.0, math.pi / 2, 5)
 
 
@@ -86,7 +86,7 @@ def body_centre(pose: NDArray[np.float32], robot: RobotSpec) -> tuple[float, flo
 def plate_centre(pose: NDArray[np.float32], robot: RobotSpec) -> tuple[float, float]:
     """Centre [m] of the lighter plate behind the front mark, where a number fits."""
     x, y, heading = (float(value) for value in pose)
-    back = (robot.rear_reach + _PLATE_FRONT - _PLATE_GAP) / 2
+    back = (robot.rear_reach - robot.front_overhang + _PLATE_FRONT - _PLATE_GAP) / 2
     return x - back * math.cos(heading), y - back * math.sin(heading)
 
 
@@ -119,20 +119,22 @@ def paint_robot(
     half = robot.width / 2 - 0.13
     if detailed:
         _paint_wheels(put, robot, steer, mix(_WHEEL, _WHITE, 0.0 if alive else 0.35))
-        plate = rounded_box(_PLATE_GAP - robot.rear_reach, -_PLATE_FRONT, -half, half, 0.05)
+        plate = rounded_box(_PLATE_GAP - robot.rear_reach, robot.front_overhang - _PLATE_FRONT, -half, half, 0.05)
         put(plate, mix(colour, _WHITE, 0.5))
-    nose = np.array([(robot.front_overhang - 0.05, 0.0), (-0.17, half + 0.03), (-0.17, -half - 0.03)])
+    front = robot.front_overhang
+    nose = np.array([(front - 0.05, 0.0), (front - _NOSE, half + 0.03), (front - _NOSE, -half - 0.03)])
     put(nose, _WHITE if alive else (225, 227, 230))
 
 
 def _paint_wheels(put: Any, robot: RobotSpec, steer: float, ink: RGB) -> None:
-    """Two fixed front wheels, two rear wheels turned by `steer`."""
+    """Two fixed wheels, and two that steer, on the other axle of the body; ahead, an angle counts the other way."""
     wheel = rounded_box(-0.11, 0.11, -0.05, 0.05, 0.03)
-    turned = wheel @ _rotation(steer)
+    axle, angle = (robot.wheelbase, -steer) if robot.front_steered else (-robot.wheelbase, steer)
+    turned = wheel @ _rotation(angle)
     side = robot.width / 2 - 0.09
     for left in (side, -side):
         put(wheel + np.array([0.0, left]), ink)
-        put(turned + np.array([-robot.wheelbase, left]), ink)
+        put(turned + np.array([axle, left]), ink)
 
 
 def _rotation(angle: float) -> Points:

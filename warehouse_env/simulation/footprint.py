@@ -100,7 +100,7 @@ def sweep_is_free(x, y, c, s, bend, distance, margin, p, solid, clearance):  # t
     step = distance / np.float32(count)
     turn_s, turn_c = sin_cos(step * bend)
     half_s, half_c = sin_cos(HALF * step * bend)
-    most = abs(step) * (ONE + (p["offset"] + half_length) * abs(bend))  # that any point moves from pose to pose
+    most = abs(step) * (ONE + (abs(p["offset"]) + half_length) * abs(bend))  # that any point moves from pose to pose
     room = ZERO
     for k in range(count):
         x += step * (c * half_c - s * half_s)

@@ -57,7 +57,7 @@ def _touched(cx, cy, c, s, near, count, robots, p):  # type: ignore[no-untyped-d
 def _list_near(robots, i, p, near):  # type: ignore[no-untyped-def]
     """Write the robots whose body robot i's could meet within AHEAD into near int32[N]; return how many."""
     x, y = robots[i]["x"], robots[i]["y"]
-    reach = AHEAD + _SETTLE + p["radius"] + p["radius"] + p["offset"] + p["offset"]
+    reach = AHEAD + _SETTLE + p["radius"] + p["radius"] + abs(p["offset"]) + abs(p["offset"])
     count = 0
     for j in range(robots.shape[0]):
         dx, dy = robots[j]["x"] - x, robots[j]["y"] - y

@@ -111,7 +111,7 @@ def _offset_touches(path, k, lateral, offset, margin, ox, oy, oc, os, p):  # typ
     ux, uy, left = path[UNIT_X + k], path[UNIT_Y + k], path[LEFT + k]
     side = offset + (lateral - offset) * left
     x, y = path[PATH_X + k] - side * uy, path[PATH_Y + k] + side * ux
-    far = p["radius"] + p["radius"] + _DIAGONAL * margin + p["offset"]  # however the body stands about its axle
+    far = p["radius"] + p["radius"] + _DIAGONAL * margin + abs(p["offset"])  # however the body stands about its axle
     gap_x, gap_y = ox - x - p["offset"], oy - y
     if gap_x * gap_x + gap_y * gap_y > far * far:
         return False
@@ -160,7 +160,7 @@ def _look(row, start, near, others, table, at, count, path, v0, lateral, turning
     if table[at, 0] > ZERO:
         for a in range(at, at + count):
             widest = max(widest, abs(table[a, 1]))
-    bodies = p["radius"] + p["radius"] + p["offset"] + widest + _DIAGONAL * MARGIN
+    bodies = p["radius"] + p["radius"] + abs(p["offset"]) + widest + _DIAGONAL * MARGIN
     for j in range(others):
         entry = near + j * NEIGHBOUR
         x, vx = row[entry] * p["lidar_range"], row[entry + 4] * p["max_speed"] + v0
