@@ -151,6 +151,7 @@ class EnvConfig(Checked):
     protective_field: bool = False  # robots brake, whatever they are told, where they could not stop clear of others
     field_margin: float = 0.02  # [m] that the field keeps between robots
     right_of_way: bool = False  # who goes first is settled early, and who is in the way makes room
+    message_loss: float = 0.0  # share of env steps in which nobody hears of a robot (simulation/messages.py)
     reroute: bool = False  # route robots anew around others that stand, and against the stream of all others
     reroute_spec: RerouteSpec = field(default_factory=RerouteSpec)
     robot: RobotSpec = field(default_factory=RobotSpec)
@@ -170,6 +171,7 @@ class EnvConfig(Checked):
         follows = self.action_type != "raw" or not self.right_of_way
         self._require(follows, "right_of_way", "False with raw actions, which follow no route")
         self._between(0.0, 10.0, "field_margin")
+        self._between(0.0, 1.0, "message_loss")
         for name in ("speed_levels", "lateral_offsets"):
             self._between(-_MOST, _MOST, name)
             self._require(1 <= len(getattr(self, name)) <= _COMMANDS, name, f"1 to {_COMMANDS} numbers")

@@ -10,8 +10,8 @@ from warehouse_env.kernel import inline, kernel
 
 SEARCH = 2  # buckets to either side that hold all robots within lidar range
 FEW = 32  # robots up to which one bucket holds all of them
-CENTRE_X, CENTRE_Y, COS, SIN, SPEED = 0, 1, 2, 3, 4  # rows of `bodies`
-BODY = 5
+CENTRE_X, CENTRE_Y, COS, SIN, SPEED, SILENT = 0, 1, 2, 3, 4, 5  # rows of `bodies`
+BODY = 6
 
 
 def bucket_grid(num_robots: int, width: float, height: float, reach: float) -> tuple[int, int, float]:
@@ -43,7 +43,7 @@ def sort(robots, p, starts, order, bodies):  # type: ignore[no-untyped-def]
 
     starts int32[rows x columns + 2]: where a bucket begins in `order` int32[N], the robots' indices, ascending within
     a bucket; so the buckets of one row from column a to b hold order[starts[row, a]:starts[row, b + 1]].
-    bodies float32[BODY, N], in that order: centre x, y [m], cosine and sine of the heading, speed [m/s].
+    bodies float32[BODY, N], in that order: centre x, y [m], cosine and sine of the heading, speed [m/s], 1 if silent.
     """
     count = robots.shape[0]
     offset = p["offset"]
@@ -73,3 +73,4 @@ def sort(robots, p, starts, order, bodies):  # type: ignore[no-untyped-def]
         bodies[COS, n] = c
         bodies[SIN, n] = s
         bodies[SPEED, n] = r["speed"]
+        bodies[SILENT, n] = r["silent"]

@@ -33,6 +33,7 @@ from warehouse_env.simulation.stops import (
     REACH,
     REST,
     SAMPLES,
+    SILENT,
     SLACK,
     WIDE,
     draw_outline,
@@ -65,7 +66,7 @@ def scratch(count, p):  # type: ignore[no-untyped-def]
 
 
 @inline
-def begin(motion, field, p):  # type: ignore[no-untyped-def]
+def begin(robots, motion, field, p):  # type: ignore[no-untyped-def]
     """Begin a physics step: nobody has committed to more than its stop, of which only an outline is known."""
     _, outlines, marks, _ = field
     for i in range(motion.shape[1]):
@@ -76,6 +77,7 @@ def begin(motion, field, p):  # type: ignore[no-untyped-def]
         draw_outline(i, x, y, heading, c, s, stopping_distance(speed, p), bend, ZERO, ZERO, outlines, p)
         marks[SAMPLES, i] = 0
         marks[COMMITTED, i] = 0
+        marks[SILENT, i] = max(robots[i]["silent"], p["late"])
 
 
 @inline
@@ -154,9 +156,9 @@ def commit(i, acceleration, steer_rate, motion, field, places, p, solid, clearan
         refuser = _who_refuses(i, acceleration, steer_rate, motion, field, places, p)
         if refuser != FREE:
             return refuser
-        if p["late"] == 0:
+        if marks[SILENT, i] == 0:
             _publish(i, trial, paths, outlines, marks)
-    marks[COMMITTED, i] = p["late"] == 0
+    marks[COMMITTED, i] = 1 - marks[SILENT, i]
     motion[ACCELERATION, i], motion[STEER_RATE, i] = acceleration, steer_rate
     return FREE
 
@@ -174,7 +176,7 @@ def hold(i, motion, field, p):  # type: ignore[no-untyped-def]
 @inline
 def guard(robots, motion, field, places, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Let the robots commit, in the order of priority, to the commands that `motion` holds; who may not, brakes."""
-    begin(motion, field, p)
+    begin(robots, motion, field, p)
     for i in field[3]:
         r = robots[i]
         refuser = commit(i, motion[ACCELERATION, i], motion[STEER_RATE, i], motion, field, places, p, solid, clearance)

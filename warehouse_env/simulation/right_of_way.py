@@ -203,7 +203,7 @@ def _ask(i, robots, route, arcs, choices, ways, p, clearance):  # type: ignore[n
     """Grant robot i what it may have of its path."""
     paths, _, _, _, numbers = ways
     r = robots[i]
-    numbers[ASKED, i] = 1
+    numbers[ASKED, i] = 1 - r["silent"]
     before, r["yields_to"] = r["yields_to"], NOBODY
     if r["alive"] == 0:
         return
@@ -220,7 +220,8 @@ def _ask(i, robots, route, arcs, choices, ways, p, clearance):  # type: ignore[n
         again = barrier != before or (r["age"] // p["repeat"] + i) % TRIED == 0
         if (stuck and again) or (barrier == NOBODY and r["side"] != choices[0, SIDE]):
             granted, barrier = _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, clearance)
-    numbers[GRANT, i] = granted
+    if r["silent"] == 0:
+        numbers[GRANT, i] = granted
     r["authority"] = paths[i, granted, DRIVEN]
     r["claim"] = r["distance"] + np.float64(r["authority"])
     if barrier == NOBODY and r["held_by"] >= 0 and r["held_time"] > REFUSED and abs(r["speed"]) < SLOW:

@@ -10,7 +10,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline
 from warehouse_env.observation import EGO, NEIGHBOUR
-from warehouse_env.simulation.buckets import CENTRE_X, CENTRE_Y, COS, SEARCH, SIN, SPEED, bucket_at
+from warehouse_env.simulation.buckets import CENTRE_X, CENTRE_Y, COS, SEARCH, SILENT, SIN, SPEED, bucket_at
 from warehouse_env.simulation.geometry import ray_to_rectangle
 from warehouse_env.simulation.tracking import way_point
 from warehouse_env.simulation.trigonometry import ONE, PI, ZERO
@@ -99,7 +99,7 @@ def _remember(squared, dx, dy, j, out, start, count):  # type: ignore[no-untyped
 def look_around(n, bodies, order, starts, p, rays, out, start):  # type: ignore[no-untyped-def]
     """Scan all robots in range of the n-th of `bodies` into the lidar, and remember the nearest from out[start] on.
 
-    bodies, order, starts: see buckets.sort.
+    Of those that are silent the lidar alone tells. bodies, order, starts: see buckets.sort.
     """
     c, s = bodies[COS, n], bodies[SIN, n]
     cx, cy = bodies[CENTRE_X, n], bodies[CENTRE_Y, n]
@@ -119,7 +119,7 @@ def look_around(n, bodies, order, starts, p, rays, out, start):  # type: ignore[
                 other_c, other_s = bodies[COS, m], bodies[SIN, m]
                 x, y = dx * c + dy * s, dy * c - dx * s
                 scan_robot(x, y, other_c * c + other_s * s, other_s * c - other_c * s, p, rays, out)
-                if squared < lidar_range * lidar_range:
+                if squared < lidar_range * lidar_range and bodies[SILENT, m] == ZERO:
                     _remember(squared, dx, dy, m, out, start, count)
 
 

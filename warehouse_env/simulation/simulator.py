@@ -35,6 +35,7 @@ from warehouse_env.simulation.given import (
 )
 from warehouse_env.simulation.jams import Jams, jams_of
 from warehouse_env.simulation.manoeuvre import ARCS
+from warehouse_env.simulation.messages import Messages
 from warehouse_env.simulation.path_ahead import COLUMNS, POSES
 from warehouse_env.simulation.placement import put_all
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
@@ -91,6 +92,7 @@ class Simulator(Portable):
         self._reward_weights = config.reward
         self.robots = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
         self.dispatcher = Dispatcher(config, routes, self.robots, self._params)
+        self._messages = Messages(config.message_loss)
         self._make_arrays()
 
     def _make_spaces(self) -> None:
@@ -235,6 +237,7 @@ class Simulator(Portable):
         robots["gap"] = robots["min_gap"] = state.GAP_HORIZON
         robots["held_by"] = robots["yields_to"] = state.NOBODY
         self.dispatcher.begin(world, entropy, assignment, self._floor)
+        self._messages.begin(world, entropy)
         robots["anchor_x"], robots["anchor_y"] = robots["x"], robots["y"]
 
     def put(self, pose: ArrayLike, speed: ArrayLike) -> NDArray[np.bool_]:
@@ -247,6 +250,11 @@ class Simulator(Portable):
         self._observe()
         return free
 
+    def break_down(self, world: int, robot: int) -> None:
+        """Take a robot out of service until its world's reset: it brakes, and stands in the others' way for good."""
+        self.robots["alive"][world, robot] = 0
+        self.terminated[world, robot] = True
+
     def step(self, actions: ArrayLike) -> NDArray[np.float32]:
         """Advance all worlds by one env step (action_repeat physics steps) and return the observation.
 
@@ -254,6 +262,7 @@ class Simulator(Portable):
         in [-1, 1] (clipped). ActionError if of another shape, out of range or not finite.
         """
         self._actions.decode(actions, self._commands, self._choices)
+        self._messages.lose(self.robots)
         arrivals = sum(side_by_side(self._advance, self._parts if self._many() else [(0, self.num_worlds)]))
         if self._params["checked"][0] != 0:
             raise_fault(self._faults)

@@ -45,6 +45,7 @@ ROBOT = np.dtype(
         # protective field
         ("age", I),  # physics steps on the way to its goal
         ("held", I), ("held_by", I), ("held_time", F),  # refused in the last env step; by whom; [s] without a break
+        ("silent", B),  # its messages of this env step are lost (messages.py)
         # manoeuvre (simulation/driving.py): in one of `arcs` arcs if that is not 0, on number `arc`
         ("arcs", B), ("arc", B), ("arc_x", F), ("arc_y", F), ("arc_heading", F),  # the reference pose on that arc,
         ("arc_left", F), ("arc_margin", F),  # [m] of it to go, negative backwards; [m] kept from shelves

@@ -30,9 +30,10 @@ PLACE = 4
 # has been sampled, how far any point of the body moves at most in one of its substeps [m].
 MIDDLE_X, MIDDLE_Y, AXIS_COS, AXIS_SIN, LONG, WIDE, REACH, PACE = range(8)
 OUTLINE = 8
-# marks int32[MARK, N + 1]: samples of a path, 0 where it has not been needed yet; has the robot committed in this step?
-SAMPLES, COMMITTED = 0, 1
-MARK = 2
+# marks int32[MARK, N + 1]: samples of a path, 0 where it has not been needed yet; do the others know what the robot has
+# committed in this step; does nobody hear of it?
+SAMPLES, COMMITTED, SILENT = 0, 1, 2
+MARK = 3
 
 
 @inline

@@ -1,0 +1,123 @@
+"""Messages lost: who is silent is seen by lidar alone, and commits unheard; nothing else changes, and nothing by 0."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.simulation.rights import World
+from tests.simulation.test_determinism import MAP, actions_for, bits
+from tests.simulation.worlds import drawn, raw, room, stage
+from warehouse_env.config import EnvConfig, SensorSpec
+from warehouse_env.errors import ConfigError
+from warehouse_env.simulation.simulator import Simulator
+
+STANDING = ((5.0, 5.0, 0.0), (7.0, 5.0, math.pi))
+
+
+def seen(loss: float) -> tuple[Simulator, NDArray[np.float32]]:
+    """What each of two robots, nose to nose, sees of the other."""
+    changes = {"action_type": "discrete", "sensor": SensorSpec(predictions=True), "message_loss": loss}
+    simulator = stage(room(10, 12), *STANDING, **changes)
+    for robot, (x, y, heading) in enumerate(STANDING):
+        ahead = np.arange(0.0, 4.0, 0.25)[:, None] * [math.cos(heading), math.sin(heading)]
+        simulator.dispatcher.give_route(0, robot, (np.array([x, y]) + ahead).astype(np.float32))
+    return simulator, simulator.step(np.full((1, 2), 5))[0].copy()  # speed 0, on the route
+
+
+def test_a_silent_robot_is_seen_by_lidar_alone() -> None:
+    simulator, heard = seen(0.0)
+    _, unheard = seen(1.0)
+    of = simulator.layout.slices
+    assert (heard[:, of["neighbours"].start + 6] == 1).all()
+    assert not unheard[:, of["neighbours"]].any()
+    assert (heard[:, of["predictions"]] < 1).any(axis=1).all()
+    assert (unheard[:, of["predictions"]] == 1).all()
+    for name in ("lidar", "ego", "route"):
+        np.testing.assert_array_equal(unheard[:, of[name]], heard[:, of[name]])
+
+
+@pytest.mark.parametrize(("loss", "held"), [(0.0, False), (1.0, True)])
+def test_who_follows_close_behind_brakes_if_it_does_not_hear_who_is_ahead(loss: float, held: bool) -> None:
+    """Both stop within the same way, so what is 0.1 m ahead is in the way only if it might stop now."""
+    poses = (2.0, 1.5, 0.0, 1.5), (3.0, 1.5, 0.0, 1.5)
+    simulator = stage(room(3, 30), *poses, protective_field=True, message_loss=loss)
+    simulator.robots["age"][0, 1] = 1
+    simulator.step(raw(simulator, (1.0, 0.0), (1.0, 0.0)))
+    assert simulator.robots["held"][0].tolist() == [held, False]
+
+
+def test_what_a_silent_robot_is_granted_the_others_learn_a_decision_later() -> None:
+    authority = {}
+    for silent in (0, 1):
+        world = World((8.0, 10.0, 0.0, 1.0), (10.0, 8.0, math.pi / 2, 1.0), ages=(100, 0))
+        world.robots["silent"][0] = silent
+        world.decide()
+        authority[silent] = world.robots["authority"].tolist()
+        assert world.robots["authority"][0] > 2.0 + 0.3 + 0.75  # over the crossing
+    assert authority[0][1] < 2.0  # waits before it
+    assert authority[1][1] > authority[0][1]
+    world.robots["silent"][0] = 0
+    assert world.decide().robots["yields_to"].tolist() == [-1, 0]
+
+
+def driven(simulator: Simulator, steps: int = 80) -> list[bytes]:
+    for actions in actions_for("discrete", steps, simulator.num_worlds, simulator.num_agents):
+        simulator.step(actions)
+    return bits(simulator)
+
+
+def small(loss: float, worlds: int, **changes: Any) -> Simulator:
+    settings = {"planner": "astar", "action_repeat": 2, "sensor": SensorSpec(predictions=True)} | changes
+    return Simulator(EnvConfig(num_agents=5, message_loss=loss, **settings), worlds, grid=drawn(MAP))
+
+
+def test_what_is_lost_does_not_depend_on_the_worlds_beside() -> None:
+    three, alone = small(0.4, 3), small(0.4, 1)
+    three.reset([7, 8, 9])
+    alone.reset([8])
+    together = driven(three)
+    for actions in actions_for("discrete", 80, 3, 5)[:, 1:2]:
+        alone.step(actions)
+    assert bits(alone)[0] == together[1]
+    assert alone.robots["silent"].any()
+
+
+def test_tasks_are_those_of_the_seed_whatever_is_lost() -> None:
+    goals = []
+    for loss in (0.0, 0.4):
+        simulator = small(loss, 1)  # nothing that robots do here depends on what they see
+        simulator.reset(3)
+        driven(simulator, 300)
+        goals.append((simulator.robots["goals"].sum(), simulator.state.goal.tolist(), simulator.state.pose.tolist()))
+    assert goals[0] == goals[1]
+    assert goals[0][0] > 0
+
+
+def test_a_copy_loses_the_same_messages() -> None:
+    simulator = small(0.5, 2, protective_field=True)
+    simulator.reset(1)
+    driven(simulator, 10)
+    copy = pickle.loads(pickle.dumps(simulator))
+    assert driven(copy, 30) == driven(simulator, 30)
+
+
+def test_as_many_are_lost_as_asked_for() -> None:
+    simulator = small(0.25, 4)
+    simulator.reset(2)
+    lost = []
+    for actions in actions_for("discrete", 200, 4, 5):
+        simulator.step(actions)
+        lost.append(simulator.robots["silent"].copy())
+    assert np.mean(lost) == pytest.approx(0.25, abs=4 * math.sqrt(0.25 * 0.75 / 4000))
+
+
+@pytest.mark.parametrize("loss", [-0.1, 1.5, math.nan])
+def test_losses_that_cannot_be(loss: float) -> None:
+    with pytest.raises(ConfigError, match="message_loss"):
+        EnvConfig(message_loss=loss)
