@@ -41,6 +41,9 @@ COMMANDS: dict[str, Command] = {
     "evaluate": Command(
         "train.commands.evaluate", "Evaluate", "drive policies over held-out episodes and count collisions"
     ),
+    "robust": Command(
+        "train.commands.robust", "Robust", "drive policies with other bodies, worse sensors, lost messages: what holds?"
+    ),
     "scenes": Command(
         "train.commands.scenes", "Scenes", "drive policies through symmetric scenes and count those that are resolved"
     ),

@@ -28,7 +28,8 @@ def observation_layout(config: EnvConfig) -> ObservationLayout:
         min(seconds in touch, 5) / 5, min(seconds standing, 20) / 20.
     route[2 x route_points]: (x, y) / 5 m of the route at route_spacing, 2 route_spacing, ... ahead.
     neighbours[7 x neighbours], nearest first: (x, y) / lidar_range of the other body's centre from the own,
-        cos and sin of the relative heading, relative velocity (x, y) / max_speed, 1; all 0 where nobody is.
+        cos and sin of the relative heading, relative velocity (x, y) / max_speed, 1; all 0 where nobody is, or is heard
+        of (message_loss).
     predictions[speed_levels x lateral_offsets], if the sensor has them: share of the next seconds until the command
         would lead to a conflict, 1 where it would not (simulation/prediction.py).
     field[2], if there is a protective field: share of the last env step in which it held the robot back,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from typing import Any
 from train.commands.drive import Drive
 from train.evaluation.pool import Job, play_all
 from train.evaluation.rollout import Experiment, Trace, identity, make_experiment
-from train.reporting.report import evaluation_table, make_progress, require_charts
+from train.reporting.report import Table, evaluation_table, make_progress, require_charts
 from train.reporting.rows import Row, RowFile, check_writable, read_rows, write_text
 from warehouse_env.config import EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError, unknown_name
@@ -21,8 +21,8 @@ from warehouse_env.planning import make_planner
 
 
 @dataclass(frozen=True)
-class Evaluate(Drive):
-    """Drive policies through held-out episodes on layouts or maps; print means with 95% intervals."""
+class Episodes(Drive):
+    """Which episodes to drive, and where their rows go: what evaluate and robust share."""
 
     policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo")
     """Policies to compare: names, or folders of trained ones; central_pibt is none, it knows all and plans for all."""
@@ -46,28 +46,26 @@ class Evaluate(Drive):
     """Keep the rows that the file holds already, and play only the episodes that it lacks."""
     processes: int = 1
     """Experiments to play at a time, each in a process of its own; the rows stay the same but for ms_per_step."""
-    pictures: bool = True
-    """Draw the trajectories of one episode of each policy, and the bar chart of collisions."""
 
-    def run(self) -> None:
-        """Play all experiments, print the table, write rows and pictures."""
-        experiments = self.experiments()
-        path, table_path = self.json or self.out / "rows.jsonl", self.out / "table.md"
+    @property
+    def rows_path(self) -> Path:
+        """Where the rows go."""
+        return self.json or self.out / "rows.jsonl"
+
+    def tabulate(
+        self, experiments: Sequence[Experiment], table_of: Callable[[Sequence[Row]], Table], traced: bool = False
+    ) -> tuple[list[Row], list[Trace]]:
+        """Play the experiments, print the table of their rows and write both; return what `play` does."""
+        path, table_path = self.rows_path, self.out / "table.md"
         check_writable(table_path)
-        if self.pictures:
-            require_charts()
         old = read_rows(path) if self.resume and path.exists() else []
-        rows, traces = play(experiments, RowFile(path, keep=self.resume), old, self.pictures, self.processes)
-        table = evaluation_table(rows)
+        rows, traces = play(experiments, RowFile(path, keep=self.resume), old, traced, self.processes)
+        table = table_of(rows)
         table.print()
         write_text(table_path, table.markdown())
-        if self.pictures:
-            from train.evaluation.pictures import evaluation_pictures
+        return rows, traces
 
-            evaluation_pictures(rows, traces, self.out)
-        print(f"wrote the rows to {path}, the table{' and the pictures' if self.pictures else ''} to {self.out}")
-
-    def experiments(self) -> list[Experiment]:
+    def experiments(self, disturbance: str | None = None) -> list[Experiment]:
         """Return the product of floors, robot counts and policies; everything that can be checked now is."""
         if self.processes < 1:
             raise ConfigError(f"--processes {self.processes} must be at least 1")
@@ -87,10 +85,31 @@ class Evaluate(Drive):
             for robots in dict.fromkeys(self.robots):
                 base = EnvConfig(num_agents=robots, planner=self.planner, tasks=self.tasks, **floor)
                 experiments += [
-                    make_experiment(policy, base, self.episodes, self.seconds, self.seed, self.chosen())
+                    make_experiment(policy, base, self.episodes, self.seconds, self.seed, self.chosen(), disturbance)
                     for policy in dict.fromkeys(self.policy)
                 ]
         return experiments
+
+
+@dataclass(frozen=True)
+class Evaluate(Episodes):
+    """Drive policies through held-out episodes on layouts or maps; print means with 95% intervals."""
+
+    pictures: bool = True
+    """Draw the trajectories of one episode of each policy, and the bar chart of collisions."""
+
+    def run(self) -> None:
+        """Play all experiments, print the table, write rows and pictures."""
+        experiments = self.experiments()
+        if self.pictures:
+            require_charts()
+        rows, traces = self.tabulate(experiments, evaluation_table, self.pictures)
+        if self.pictures:
+            from train.evaluation.pictures import evaluation_pictures
+
+            evaluation_pictures(rows, traces, self.out)
+        drawn = " and the pictures" if self.pictures else ""
+        print(f"wrote the rows to {self.rows_path}, the table{drawn} to {self.out}")
 
 
 def play(

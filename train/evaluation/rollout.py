@@ -16,6 +16,7 @@ from agents import make_policy, policy_config
 from agents.policy import Action, Observation
 from agents.preferences import Preferring, ranked
 from train.central import CENTRAL, central_config
+from train.evaluation.disturbances import DISTURBANCES, Breakdown, Senses
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
@@ -43,6 +44,7 @@ class Experiment:
     config: EnvConfig  # as the policy needs it; max_steps is the length of an episode
     seed: int  # of episode 0; episode k has seed + k
     episodes: tuple[int, ...]  # the numbers of the episodes to play
+    disturbance: str | None = None  # a name of DISTURBANCES, whose changes the config has
 
     @property
     def seeds(self) -> list[int]:
@@ -57,7 +59,8 @@ class Experiment:
     @property
     def title(self) -> str:
         """What the progress bar says."""
-        return f"{self.place} · {self.config.num_agents} robots · {self.policy}"
+        spoiled = f" · {DISTURBANCES[self.disturbance].summary}" if self.disturbance else ""
+        return f"{self.place} · {self.config.num_agents} robots · {self.policy}{spoiled}"
 
 
 def config_of(policy: str, base: EnvConfig, chosen: Mapping[str, Any]) -> EnvConfig:
@@ -67,9 +70,10 @@ def config_of(policy: str, base: EnvConfig, chosen: Mapping[str, Any]) -> EnvCon
 
 
 def make_experiment(
-    policy: str, base: EnvConfig, episodes: int, seconds: float, seed: int, chosen: Mapping[str, Any] = {}
-) -> Experiment:
-    """Return the experiment of `episodes` episodes of `seconds` simulated time in the config of `config_of`.
+    policy: str, base: EnvConfig, episodes: int, seconds: float, seed: int, chosen: Mapping[str, Any] = {},
+    disturbance: str | None = None,
+) -> Experiment:  # fmt: skip
+    """Return the experiment of `episodes` episodes of `seconds` simulated time in the config of `config_of`, disturbed.
 
     Raises ConfigError for an unknown policy or a number out of range, WeightsError for an unusable policy folder.
     """
@@ -84,8 +88,10 @@ def make_experiment(
     if seed < 0:
         raise ConfigError(f"seed={seed} must be at least 0")
     config = config_of(policy, base, chosen)
+    if disturbance is not None:
+        config = DISTURBANCES[disturbance].config(config)
     steps = max(1, round(seconds / (config.time_step * config.action_repeat)))
-    return Experiment(policy, config.replace(max_steps=steps), seed, tuple(range(episodes)))
+    return Experiment(policy, config.replace(max_steps=steps), seed, tuple(range(episodes)), disturbance)
 
 
 class Routes:
@@ -116,6 +122,7 @@ def run(experiment: Experiment, watch: Sequence[Watcher] = (), routes: Routes | 
     generators = [np.random.default_rng([seed, _POLICY_STREAM]) for seed in seeds]
     simulator.reset(seeds)
     metrics: list[dict[str, Any] | None] = [None] * len(seeds)
+    watch = [*watch, *_events(experiment)]
     log = JamLog(simulator)
     _call(watch, simulator, 0)
     seconds: list[float] = []
@@ -145,13 +152,31 @@ def _decider(experiment: Experiment) -> Decider:
     """Return what chooses the actions: a central planner from all that is known, a policy from observations alone."""
     if experiment.policy in CENTRAL:
         return CENTRAL[experiment.policy].make(experiment.config).act_on
-    act = make_actor(experiment.policy, experiment.config)
+    name = experiment.disturbance
+    if name is None:
+        act, eyes = make_actor(experiment.policy, experiment.config), []
+    else:
+        act = make_actor(experiment.policy, _as_commanded(experiment))
+        eyes = [Senses(DISTURBANCES[name], experiment.config, seed) for seed in experiment.seeds]
 
     def decide(simulator: Simulator, generators: Sequence[np.random.Generator]) -> NDArray[Any]:
-        observation = simulator.observation
-        return np.concatenate([act(observation[b : b + 1], rng) for b, rng in enumerate(generators)])
+        seen = [simulator.observation[b : b + 1] for b in range(len(generators))]
+        seen = [eye.see(row) for eye, row in zip(eyes, seen, strict=True)] if eyes else seen
+        return np.concatenate([act(row, rng) for row, rng in zip(seen, generators, strict=True)])
 
     return decide
+
+
+def _as_commanded(experiment: Experiment) -> EnvConfig:
+    """Return the config that the policy was made for, as far as its commands go: a disturbance may give them others."""
+    levels = config_of(experiment.policy, experiment.config, {}).speed_levels
+    return experiment.config.replace(speed_levels=levels)
+
+
+def _events(experiment: Experiment) -> list[Watcher]:
+    """Return what befalls the robots of an experiment on the way."""
+    after = DISTURBANCES[experiment.disturbance].breakdown if experiment.disturbance else None
+    return [] if after is None else [Breakdown(after, experiment.seeds)]
 
 
 def make_actor(name: str, config: EnvConfig) -> Callable[[Observation, np.random.Generator], Action]:
@@ -171,6 +196,9 @@ def identity(experiment: Experiment) -> Row:
     """Return the fields that all rows of an experiment share and by which they are found again in a file."""
     config = experiment.config
     shared = {"policy": experiment.policy, "layout": experiment.place, "robots": config.num_agents}
+    if experiment.disturbance is not None:
+        strengths = DISTURBANCES[experiment.disturbance].strengths
+        shared |= {"disturbance": experiment.disturbance, "strengths": strengths}
     return dict(plain({**shared, "tasks": config.tasks, "planner": config.planner, "config": config.to_dict()}))
 
 

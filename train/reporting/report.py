@@ -191,7 +191,7 @@ def _share(part: Interval, whole: Interval) -> Interval:
     return Interval(ratio, max(0.0, ratio - half), ratio + half, part.samples)
 
 
-def _short_names(names: set[str]) -> dict[str, str]:
+def short_names(names: set[str]) -> dict[str, str]:
     """Return for each name, where it is a path, its last part, unless two would then be the same."""
     last = {name: Path(name).name or name for name in names}
     counts = Counter(last.values())
@@ -210,7 +210,7 @@ def evaluation_table(rows: Sequence[Row]) -> Table:
     flow = any(FREE_FLOW in line for line in summary)
     if flow:
         shown.insert(-1, Measure(FREE_FLOW, "free flow %", _field(FREE_FLOW), factor=100.0))
-    short = _short_names({str(row[name]) for row in rows for name in names})
+    short = short_names({str(row[name]) for row in rows for name in names})
     cells = []
     for line in summary:
         texts = [with_interval(line[m.name], m.factor) if m.name in line else "-" for m in shown]  # type: ignore[arg-type]

@@ -142,6 +142,24 @@ def mean_interval(values: Iterable[float | None]) -> Interval:
     return Interval(mean, mean - half, mean + half, count)
 
 
+def stratified_interval(strata: Sequence[Sequence[float]]) -> Interval:
+    """Return the mean of the strata's means with its 95% interval, each weighing the same whatever its size.
+
+    By Student's t over the samples within strata, with the degrees of freedom of Welch (1947) rounded down; what the
+    strata differ by is no chance. `low` and `high` are NaN if one has fewer than two samples.
+    """
+    count, samples = len(strata), sum(map(len, strata))
+    mean = float(np.mean([np.mean(values) for values in strata]))
+    if min(map(len, strata)) < 2:
+        return Interval(mean, math.nan, math.nan, samples)
+    errors = [float(np.var(values, ddof=1)) / len(values) for values in strata]
+    if not sum(errors) > 0:
+        return Interval(mean, mean, mean, samples)
+    least = sum(error**2 / (len(values) - 1) for error, values in zip(errors, strata, strict=True))
+    half = t_quantile(max(1, int(sum(errors) ** 2 / least + 1e-9))) * math.sqrt(sum(errors)) / count
+    return Interval(mean, mean - half, mean + half, samples)
+
+
 def wilson_interval(successes: int, trials: int) -> Interval:
     """Return a share with its 95% interval by Wilson's score (1927), good near 0 and 1 as well; trials: at least 1."""
     z = 1.959964

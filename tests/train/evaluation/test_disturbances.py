@@ -1,0 +1,163 @@
+"""Disturbances against observations made by hand; none leaves the bits alone; worlds do not depend on each other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED, Breakdown, Disturbance, Senses, body, in_aisles
+from train.evaluation.rollout import Experiment, make_experiment, run
+from warehouse_env.config import EnvConfig, RobotSpec
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.observation import observation_layout
+from warehouse_env.simulation.simulator import Simulator
+
+CONFIG = EnvConfig(num_agents=500)
+LIDAR = observation_layout(CONFIG).slices["lidar"]
+NOTHING = np.float32(1.0) / np.float32(7.0)  # 6 m of range
+OPEN = EnvConfig(layout="open", num_agents=3, planner="astar")
+
+
+def observed(metres: float) -> NDArray[np.float32]:
+    """Observations [1, 500, D] in which every ray reads so far, and all else is 0.25."""
+    rows = np.full((1, 500, observation_layout(CONFIG).size), 0.25, np.float32)
+    rows[..., LIDAR] = np.float32(1.0) / np.float32(1.0 + metres)
+    return rows
+
+
+def senses(seed: int = 5, **strengths: Any) -> Senses:
+    return Senses(Disturbance("by hand", **strengths), CONFIG, seed)
+
+
+def split(rows: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The rays, and all else."""
+    return rows[..., LIDAR], np.delete(rows, np.r_[LIDAR], axis=-1)
+
+
+def test_no_disturbance_leaves_the_bits_alone() -> None:
+    rows = observed(2.0)
+    assert senses().see(rows) is rows
+
+
+def test_lidar_noise_is_in_metres() -> None:
+    rows = observed(2.0)
+    rays, rest = split(senses(range_noise=0.03).see(rows))
+    off = 1.0 / rays.astype(float) - 1.0 - 2.0
+    assert off.mean() == pytest.approx(0.0, abs=0.001)  # of 16,000 rays
+    assert off.std() == pytest.approx(0.03, rel=0.03)
+    assert (rest == 0.25).all()
+    assert (rows == observed(2.0)).all()  # the simulator's own is left alone
+
+
+def test_lidar_noise_makes_neither_echoes_out_of_nothing_nor_ranges_that_cannot_be() -> None:
+    rays, _ = split(senses(range_noise=0.03).see(observed(6.0)))
+    assert (rays == NOTHING).all()
+    rays, _ = split(senses(range_noise=0.5).see(observed(5.9)))
+    assert rays.min() == NOTHING
+    rays, _ = split(senses(range_noise=0.5).see(observed(0.1)))
+    assert rays.max() == 1.0
+
+
+def test_lost_rays_read_nothing_there() -> None:
+    rays, rest = split(senses(dropout=0.2).see(observed(2.0)))
+    lost = rays == NOTHING
+    assert lost.mean() == pytest.approx(0.2, abs=0.01)
+    assert (rays[~lost] == observed(2.0)[0, 0, LIDAR][0]).all()
+    assert (rest == 0.25).all()
+
+
+@pytest.mark.parametrize(("delay", "seen"), [(1, [0, 0, 1, 2, 3, 4]), (3, [0, 0, 0, 0, 1, 2])])
+def test_delayed_observations_are_those_of_decisions_before(delay: int, seen: list[int]) -> None:
+    eye, rows, got = senses(delay=delay), observed(2.0), []
+    for k in range(6):
+        rows[...] = k  # as the simulator does, which writes over its own
+        got.append(int(eye.see(rows)[0, 0, 0]))
+    assert got == seen
+
+
+def test_the_seed_draws_the_noise() -> None:
+    rows, strengths = observed(2.0), {"range_noise": 0.03, "dropout": 0.1}
+    first, again, other = (senses(seed, **strengths).see(rows) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).any()
+
+
+def test_bodies_are_in_proportion_and_the_other_way_round() -> None:
+    assert body(0.9) == RobotSpec()
+    long, turned = body(1.2), body(1.2, front_steered=True)
+    assert (long.wheelbase, long.front_overhang) == pytest.approx((0.8, 0.2))
+    assert (turned.front_overhang, turned.rear_reach) == pytest.approx((long.rear_reach, long.front_overhang))
+    assert (long.front_steered, turned.front_steered) == (False, True)
+
+
+def test_aisles_lie_between_shelves_no_more_than_three_cells_apart() -> None:
+    lines = ["#...#....#", "..........", "#........."]
+    grid = GridMap(np.array([[mark == "#" for mark in line] for line in lines]), name="drawn")
+    marks = ["".join("x" if cell else "." for cell in row) for row in in_aisles(grid)]
+    assert marks == [".xxx......", "x.........", ".........."]
+
+
+def experiment(name: str | None, policy: str = "ppo", episodes: int = 1, seconds: float = 20.0) -> Experiment:
+    return make_experiment(policy, OPEN, episodes, seconds, seed=700, disturbance=name)
+
+
+def numbers(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    apart = ("ms_per_step", "config", "disturbance", "strengths")
+    return [{name: value for name, value in row.items() if name not in apart} for row in rows]
+
+
+def test_an_undisturbed_episode_is_that_of_evaluate() -> None:
+    disturbed, plain = run(experiment(UNDISTURBED)), run(experiment(None))
+    assert numbers(disturbed) == numbers(plain)
+    assert "disturbance" not in plain[0]
+    assert disturbed[0]["disturbance"] == UNDISTURBED
+    assert not any(disturbed[0]["strengths"].values())
+
+
+@pytest.mark.parametrize("name", [name for name in DISTURBANCES if name != UNDISTURBED])
+def test_every_disturbance_plays_for_itself_and_makes_a_difference(name: str) -> None:
+    base = OPEN.replace(layout="narrow", num_agents=24)
+    two, one, none = (
+        run(make_experiment("ppo", base, many, 90.0, 700, disturbance=disturbance))
+        for many, disturbance in ((2, name), (1, name), (1, UNDISTURBED))
+    )
+    assert numbers(two)[:1] == numbers(one)
+    assert numbers(one) != numbers(none)
+
+
+def test_the_fastest_command_of_a_trained_policy_means_the_maximum_speed() -> None:
+    fast, fastest = experiment("fast", seconds=40.0), []
+    assert fast.config.speed_levels == (-0.4, 0.0, 0.5, 2.0)
+    run(fast, [lambda simulator, steps: fastest.append(float(simulator.state.speed.max()))])
+    assert 1.6 < max(fastest) <= 2.0
+
+
+def test_one_robot_of_each_world_breaks_down_in_an_aisle() -> None:
+    config = EnvConfig(num_agents=8, planner="astar_turns", layout="narrow", action_repeat=2)
+    simulator, watch = Simulator(config, 2), Breakdown(10.0, [3, 4])
+    simulator.reset([3, 4])
+    inside, broken_at = in_aisles(simulator.grid), [0.0, 0.0]
+    stood: list[Any] = []
+    for step in range(400):
+        simulator.step(np.full((2, 8), simulator.cruise_action))
+        watch(simulator, step)
+        for world, robot in np.argwhere(simulator.state.alive == 0):
+            if not broken_at[world]:
+                broken_at[world] = simulator.seconds(world)
+                row, column = simulator.grid.cell(simulator.state.pose[world, robot, :2].astype(float))
+                assert inside[row, column]
+        if step >= 300:
+            stood.append(simulator.state.pose[simulator.state.alive == 0].tobytes())
+    assert (simulator.state.alive == 0).sum(axis=1).tolist() == [1, 1]
+    assert all(10.0 <= seconds < 30.0 for seconds in broken_at)
+    assert len(set(stood)) == 1
+    alone = Simulator(config)
+    alone.reset([4])
+    watch = Breakdown(10.0, [4])
+    for step in range(400):
+        alone.step(np.full((1, 8), alone.cruise_action))
+        watch(alone, step)
+    np.testing.assert_array_equal(alone.state.pose[0], simulator.state.pose[1])

@@ -1,0 +1,155 @@
+"""What is unlike the undisturbed world: other bodies, worse sensors, late and lost messages, a robot that breaks down.
+
+Bodies, speeds and lost messages are fields of EnvConfig. Lidar and delay spoil the observation that the policy sees,
+and nothing else: the path follower, the field and the right of way know a robot's own state exactly and at once. A new
+disturbance is a line in DISTURBANCES, and every table has its row.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.policy import Observation
+from warehouse_env.config import EnvConfig, RobotSpec
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.observation import observation_layout
+from warehouse_env.simulation.simulator import Simulator
+
+NARROW = 3  # [cells] between two shelves up to which it is an aisle
+UNDISTURBED = "none"
+_SENSES, _BREAKDOWN = 3, 4  # streams of a seed, apart from the world's, the policy's and the scenes'
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """One row of the table: fields of EnvConfig that it sets, and what it does besides."""
+
+    summary: str
+    changes: Mapping[str, Any] = field(default_factory=dict)
+    range_noise: float = 0.0  # [m], standard deviation of every range that lidar measures
+    dropout: float = 0.0  # share of the rays that read "nothing there"
+    delay: int = 0  # decisions by which the whole observation is old
+    breakdown: float | None = None  # [s] after which one robot of each world breaks down in an aisle
+
+    def config(self, config: EnvConfig) -> EnvConfig:
+        """Return a policy's config with the changes; where they change the maximum speed, the fastest command is it."""
+        changed = config.replace(**self.changes)
+        most, fastest = changed.robot.max_speed, max(config.speed_levels)
+        if most == config.robot.max_speed:
+            return changed
+        return changed.replace(speed_levels=tuple(most if v == fastest else v for v in config.speed_levels))
+
+    @property
+    def strengths(self) -> dict[str, float]:
+        """What it does besides the changes, as JSON."""
+        return {name: getattr(self, name) for name in ("range_noise", "dropout", "delay", "breakdown")}
+
+
+def body(length: float, front_steered: bool = False) -> RobotSpec:
+    """Return a robot of another length [m], axles in proportion; front-steered: the same one the other way round."""
+    usual = RobotSpec()
+    scale = length / usual.length
+    overhang = scale * (usual.rear_reach if front_steered else usual.front_overhang)
+    return RobotSpec(length=length, wheelbase=scale * usual.wheelbase, front_overhang=overhang)
+
+
+DISTURBANCES: dict[str, Disturbance] = {
+    UNDISTURBED: Disturbance("undisturbed"),
+    "short": Disturbance("body 0.7 m long", {"robot": body(0.7)}),
+    "long": Disturbance("body 1.2 m long", {"robot": body(1.2)}),
+    "front_steered": Disturbance("front-steered, 0.9 m", {"robot": body(0.9, front_steered=True)}),
+    "front_steered_long": Disturbance("front-steered, 1.2 m", {"robot": body(1.2, front_steered=True)}),
+    "slow": Disturbance("at most 0.8 m/s", {"robot": RobotSpec(max_speed=0.8)}),
+    "fast": Disturbance("at most 2.0 m/s", {"robot": RobotSpec(max_speed=2.0)}),
+    "sluggish": Disturbance("brakes at 0.5 m/s^2", {"robot": RobotSpec(max_acceleration=0.5)}),
+    "range_noise": Disturbance("lidar noise 3 cm", range_noise=0.03),
+    "dropout": Disturbance("rays lost, 5%", dropout=0.05),
+    "much_dropout": Disturbance("rays lost, 20%", dropout=0.2),
+    "delay": Disturbance("seen 1 decision late", delay=1),
+    "long_delay": Disturbance("seen 3 decisions late", delay=3),
+    "message_loss": Disturbance("messages lost, 10%", {"message_loss": 0.1}),
+    "much_message_loss": Disturbance("messages lost, 50%", {"message_loss": 0.5}),
+    "breakdown": Disturbance("one broken down", breakdown=60.0),
+}
+
+
+class Senses:
+    """What one world's robots see through their disturbed sensors; draws from a stream of the seed's own."""
+
+    def __init__(self, disturbance: Disturbance, config: EnvConfig, seed: int) -> None:
+        self._disturbance = disturbance
+        self._lidar = observation_layout(config).slices["lidar"]
+        self._nothing = np.float32(1.0) / (np.float32(1.0) + np.float32(config.sensor.lidar_range))
+        self._rng = np.random.default_rng([seed, _SENSES])
+        self._seen: deque[Observation] = deque(maxlen=disturbance.delay + 1)
+
+    def see(self, observation: Observation) -> Observation:
+        """Return what the robots see, float32[..., D]; called once a decision, with what there is to see.
+
+        In the first decisions of a delay they see what was there at the start.
+        """
+        spoiled = self._spoil(observation)
+        if self._disturbance.delay == 0:
+            return spoiled
+        self._seen.append(spoiled.copy())  # the simulator writes over its own
+        return self._seen[0]
+
+    def _spoil(self, observation: Observation) -> Observation:
+        noise, dropout = self._disturbance.range_noise, self._disturbance.dropout
+        if not (noise or dropout):
+            return observation
+        spoiled = observation.copy()
+        rays = spoiled[..., self._lidar]
+        if noise:
+            rays[...] = self._noisy(rays, noise)
+        if dropout:
+            rays[self._rng.random(rays.shape) < dropout] = self._nothing
+        return spoiled
+
+    def _noisy(self, rays: NDArray[np.float32], noise: float) -> NDArray[np.float32]:
+        """Return rays 1 / (1 + d) of ranges d that are off by `noise` [m]; where nothing is, nothing is measured."""
+        ranges = 1.0 / rays.astype(np.float64) - 1.0
+        off = np.maximum(ranges + noise * self._rng.standard_normal(rays.shape), 0.0)
+        measured = np.maximum((1.0 / (1.0 + off)).astype(np.float32), self._nothing)
+        return np.where(rays > self._nothing, measured, rays)
+
+
+def in_aisles(grid: GridMap) -> NDArray[np.bool_]:
+    """Return bool[H, W]: free cells with shelves on two opposite sides, no more than NARROW cells between them."""
+    free = ~grid.occupied
+    found = np.zeros_like(free)
+    for cells, aisle in ((free, found), (free.T, found.T)):  # along rows, then along columns
+        for line, marked in zip(cells, aisle, strict=True):
+            shelves = np.flatnonzero(~line)
+            for left, right in itertools.pairwise(shelves.tolist()):
+                if 1 < right - left <= NARROW + 1:
+                    marked[left + 1 : right] = True
+    return found
+
+
+class Breakdown:
+    """A watcher that has one robot of each world break down: the first moment after `after` [s] that finds one in an
+    aisle; of several, one by chance, from a stream of the seed's own.
+    """
+
+    def __init__(self, after: float, seeds: list[int]) -> None:
+        self._after = after
+        self._waiting = {world: np.random.default_rng([seed, _BREAKDOWN]) for world, seed in enumerate(seeds)}
+        self._aisles: NDArray[np.bool_] | None = None
+
+    def __call__(self, simulator: Simulator, steps: int) -> None:
+        """Look for robots in aisles, in the worlds in which it is time."""
+        if self._aisles is None:
+            self._aisles = in_aisles(simulator.grid)
+        for world in [world for world in self._waiting if simulator.seconds(world) >= self._after]:
+            cells = simulator.grid.cell(simulator.state.pose[world, :, :2].astype(np.float64))
+            inside = np.flatnonzero(self._aisles[cells[:, 0], cells[:, 1]] & (simulator.state.alive[world] != 0))
+            if len(inside):
+                simulator.break_down(world, int(self._waiting.pop(world).choice(inside)))

@@ -1,0 +1,109 @@
+"""What holds and what breaks: rows of disturbed episodes -> one table, each row held against the undisturbed ones."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED
+from train.reporting.report import Table, grouped, number, short_names, with_interval
+from train.reporting.rows import Interval, Row, mean_interval, select, stratified_interval
+
+SLOWER = 0.9  # of the undisturbed goals, under which a policy is slower
+MORE_CONTACTS = 1.5  # times the undisturbed contacts per kilometre, above which there are contacts
+JAMMED = 60.0  # [s] that the longest standing is longer than undisturbed, from which on robots jam
+_FLOOR = ("layout", "robots")
+_HEADER = (
+    "disturbance", "policy", "goals/robot-h", "of undisturbed %", "worst floor %", "robot contacts/km",
+    "shelf contacts/km", "longest standing s", "verdict",
+)  # fmt: skip
+NOTE = (
+    "Goals: mean of the floors' and robot counts' means [95% interval by Student's t over episodes within them]; worst "
+    "floor: where the share of the undisturbed goals is least; contacts: of all episodes together, a pair counts once; "
+    "longest standing: of any robot within a metre of one place, mean over episodes. Verdict, the first that is true: "
+    f"contacts: over {MORE_CONTACTS:g} times those of the undisturbed row per kilometre; jams: longest standing "
+    f"{JAMMED:g} s longer or more; slower: under {100 * SLOWER:g}% of its goals; else holds. "
+    "Lidar and delay spoil what the policy sees, nothing else: the path follower, the field and right of way know each "
+    "robot's own state exactly, and greedy looks at nothing. A robot whose message is lost is seen by lidar alone, and "
+    "what it commits to or is granted the others learn a step later. The one that breaks down, after 60 s in an aisle, "
+    "still counts among the robots, and nobody takes over its goal or avoids goals that it stands on."
+)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A policy under a disturbance, over all floors and robot counts."""
+
+    goals: Interval  # per robot-hour
+    by_floor: dict[tuple[object, ...], float]  # the same, by layout and robots
+    robot_contacts: float  # per km
+    shelf_contacts: float
+    standing: float  # [s], the longest of any robot, mean over episodes
+
+    @property
+    def contacts(self) -> float:
+        """Contacts per kilometre, with robots and shelves."""
+        return self.robot_contacts + self.shelf_contacts
+
+    def share_of(self, usual: Measured) -> float:
+        """Return the goals as a share of those of `usual`; NaN where that has none."""
+        return _ratio(self.goals.mean, usual.goals.mean)
+
+    def worst_floor(self, usual: Measured) -> tuple[float, tuple[object, ...]]:
+        """Return the least share of a layout and number of robots, and which they are."""
+        shares = [(_ratio(goals, usual.by_floor[floor]), floor) for floor, goals in self.by_floor.items()]
+        return min(shares, key=lambda share: math.inf if math.isnan(share[0]) else share[0])
+
+
+def measure(rows: Sequence[Row]) -> Measured:
+    """Sum up the rows of a policy under a disturbance; at least one."""
+    floors = {floor: [row["goals_per_robot_hour"] for row in group] for floor, group in grouped(rows, _FLOOR).items()}
+    km = sum(row["robot_km"] for row in rows)
+    return Measured(
+        stratified_interval(list(floors.values())),
+        {floor: mean_interval(goals).mean for floor, goals in floors.items()},
+        _ratio(sum(row["collisions_robot"] for row in rows), km),
+        _ratio(sum(row["collisions_shelf"] for row in rows), km),
+        mean_interval(row["longest_standing_s"] for row in rows).mean,
+    )
+
+
+def verdict(found: Measured, usual: Measured) -> str:
+    """Return in one word what a disturbance does to a policy, by the rules of NOTE."""
+    if found.contacts > MORE_CONTACTS * usual.contacts:
+        return "contacts"
+    if found.standing >= usual.standing + JAMMED:
+        return "jams"
+    return "holds" if found.share_of(usual) >= SLOWER else "slower"
+
+
+def robust_table(rows: Sequence[Row]) -> Table:
+    """Return one line for each disturbance and policy. Rows: those of the undisturbed world are among them."""
+    short = short_names({str(row["policy"]) for row in rows} | {str(row["layout"]) for row in rows})
+    usual = {str(row["policy"]): measure(select(rows, disturbance=UNDISTURBED, policy=row["policy"])) for row in rows}
+    cells = []
+    for (name, policy), group in grouped(rows, ("disturbance", "policy")).items():
+        found, base = measure(group), usual[str(policy)]
+        share, (layout, robots) = found.worst_floor(base)
+        contacts = number(found.robot_contacts, 2), number(found.shelf_contacts, 2), number(found.standing, 2)
+        worst = f"{number(100 * share, 2)} ({short[str(layout)]}, {robots})"
+        compared = number(100 * found.share_of(base), 2), worst
+        known = name != UNDISTURBED
+        cells.append((
+            DISTURBANCES[str(name)].summary, short[str(policy)], with_interval(found.goals),
+            *(compared if known else ("", "")), *contacts, verdict(found, base) if known else "",
+        ))  # fmt: skip
+    return Table(f"Robustness ({_about(rows)})", _HEADER, tuple(cells), NOTE)
+
+
+def _about(rows: Sequence[Row]) -> str:
+    """Say what the rows are of."""
+    short = short_names({str(row["layout"]) for row in rows})
+    floors = ", ".join(f"{short[str(layout)]} with {robots}" for layout, robots in grouped(rows, _FLOOR))
+    episodes = len({row["episode"] for row in rows})
+    return f"{floors} robots; {episodes} episodes of {number(rows[0]['seconds'])} s each"
+
+
+def _ratio(part: float, whole: float) -> float:
+    return part / whole if whole > 0 else math.nan
