@@ -75,7 +75,7 @@ def test_help_without_a_command_and_version(capsys: pytest.CaptureFixture[str]) 
         ("evaluate --policy brake --seed -1", ["seed=-1"]),
         ("evaluate --policy no/such/folder", ["no/such/folder", "policy folder"]),
         ("evaluate --policy brake --map missing.map", ["missing.map"]),
-        ("robust --disturbance fog", ["unknown disturbance 'fog'", "dropout"]),
+        ("robust --disturbance dropuot", ["unknown disturbance 'dropuot'", "dropout"]),
         ("robust --robots 0", ["num_agents=0", "from 1"]),
         ("robust --policy no/such/folder", ["no/such/folder", "policy folder"]),
         ("plan --planner pf_ac", ["unknown planner 'pf_ac'", "pf_aco"]),
