@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
+import os
 import pickle
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +22,7 @@ from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.simulator import Simulator
 
+ROOT = Path(__file__).parents[2]
 STANDING = ((5.0, 5.0, 0.0), (7.0, 5.0, math.pi))
 
 
@@ -105,6 +111,26 @@ def test_a_copy_loses_the_same_messages() -> None:
     driven(simulator, 10)
     copy = pickle.loads(pickle.dumps(simulator))
     assert driven(copy, 30) == driven(simulator, 30)
+
+
+def digest() -> str:
+    """A digest of a short history by right of way, under which silence has a part in all that is decided."""
+    simulator = small(0.4, 1, protective_field=True, right_of_way=True)
+    simulator.reset(4)
+    content = hashlib.blake2b()
+    for actions in actions_for("discrete", 12, 1, 5):
+        simulator.step(actions)
+        content.update(bits(simulator)[0])
+    return content.hexdigest()
+
+
+def test_plain_python_gives_the_same_bits() -> None:
+    program = "from tests.simulation.test_messages import digest; print(digest())"
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    command = [sys.executable, "-W", "ignore", "-c", program]
+    done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == digest()
 
 
 def test_as_many_are_lost_as_asked_for() -> None:
