@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel, part
@@ -61,7 +61,7 @@ def _nearest(route, points, x, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def put_all(robots, routes, pose, speed, params, solid, clearance):  # type: ignore[no-untyped-def]
+def _put_all(robots, routes, pose, speed, params, solid, clearance):  # type: ignore[no-untyped-def]
     """Put robots ROBOT[B, N] at pose float32[B, N, 3], driving at speed float32[B, N] [m/s], wheels straight, beside
     the nearest points of their routes float32[B, N, R, 2] [m]; return bool[B]: whether nothing of a world touches.
     """
@@ -76,6 +76,16 @@ def put_all(robots, routes, pose, speed, params, solid, clearance):  # type: ign
             r["position"] = np.float32(_nearest(routes[b, i], r["points"], x, y)) * r["spacing"]
             tracking.locate(r, routes[b, i])
             tracking.aim(r, routes[b, i], p)
+    return free
+
+
+def put_all(
+    robots: NDArray[Any], routes: NDArray[np.float32], pose: ArrayLike, speed: ArrayLike, p: NDArray[Any], floor: Floor
+) -> NDArray[np.bool_]:
+    """Put robots ROBOT[B, N] at poses [B, N, 3] with speeds [B, N] or one for all; see `_put_all`."""
+    poses, speeds = np.empty((*robots.shape, 3), np.float32), np.empty(robots.shape, np.float32)
+    poses[:], speeds[:] = pose, speed
+    free: NDArray[np.bool_] = _put_all(robots, routes, poses, speeds, p, floor.solid, floor.clearance)
     return free
 
 

@@ -226,13 +226,9 @@ class Simulator(Portable):
     def _reset_world(self, world: int, entropy: list[int] | None, assignment: Assignment | None = None) -> None:
         robots = self.robots[world]
         robots[...] = np.zeros((), dtype=state.ROBOT)
-        self._stamps[world] = 0
-        self._faults[world] = 0
-        self.steps[world] = 0
+        self._stamps[world] = self._faults[world] = self._commands[world] = self.steps[world] = 0
         self.arrivals = [arrival for arrival in self.arrivals if arrival.world != world]
-        self._commands[world] = 0
-        self.truncated[world] = False
-        self.terminated[world] = False
+        self.truncated[world] = self.terminated[world] = False
         robots["alive"] = 1
         robots["gap"] = robots["min_gap"] = state.GAP_HORIZON
         robots["held_by"] = robots["yields_to"] = state.NOBODY
@@ -244,9 +240,7 @@ class Simulator(Portable):
         """Put robots at poses float[B, N, 3] (x [m], y [m], heading [rad]) with speeds float[B, N] [m/s] beside their
         routes, and observe; return bool[B]: whether no body of a world touches anything. Call after a reset.
         """
-        poses, speeds = np.empty((*self.robots.shape, 3), np.float32), np.empty(self.robots.shape, np.float32)
-        poses[:], speeds[:] = pose, speed
-        free: NDArray[np.bool_] = put_all(self.robots, self.routes, poses, speeds, self._params, *self._floor[:2])
+        free = put_all(self.robots, self.routes, pose, speed, self._params, self._floor)
         self._observe()
         return free
 
