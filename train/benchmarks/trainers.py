@@ -62,7 +62,7 @@ def _drive(trainer: Trainer, seconds: float, number: int) -> int:
 def _row(name: str, one: _Measured) -> Row:
     config, spent = one.config, sum(one.split.values())
     return {
-        "trainer": name, "envs": sum(count for _, count in config.worlds(config.rows)),
+        "what": f"train_{name}", "trainer": name, "envs": sum(count for _, count in config.worlds(config.rows)),
         "agents": "/".join(map(str, config.robots)), "threads": config.threads, "hidden": list(config.hidden),
         "agent_steps_per_s": statistics.median(one.rates), "low": min(one.rates), "high": max(one.rates),
         "shares": {part.removesuffix("_s"): seconds / spent for part, seconds in one.split.items()},

@@ -157,7 +157,7 @@ def _speeds(rows: Sequence[Row]) -> Table:
         low, high = row.get("low"), row.get("high")
         cells.append(
             (
-                f"train {row['trainer']}" if "trainer" in row else row["what"],
+                row["what"],
                 *(str(row[name]) for name in ("envs", "agents", "threads")),
                 _thousands(row["agent_steps_per_s"]),
                 f"{_thousands(low)} to {_thousands(high)}" if low is not None and high is not None else "",
@@ -181,13 +181,9 @@ def ratios(rows: Sequence[Row]) -> list[str]:
         elif row["envs"] == 1 and row["agents"] > _SMALL:
             small = select(simulator, envs=1, agents=_SMALL, threads=1)
             lines += [f"{_name(row)} over {_name(one)}: {_ratio(row, one)}" for one in small]
-    trained = select(rows, what="training")
-    for row in trained:
-        lines += [
-            f"train {row['trainer']} over train ppo: {_ratio(row, other)}"
-            for other in select(trained, trainer="ppo")
-            if row is not other
-        ]
+    for other in select(rows, what="train_ppo"):
+        trained = [row for row in rows if "trainer" in row and row is not other]
+        lines += [f"{row['what']} over train_ppo: {_ratio(row, other)}" for row in trained]
     for row in select(rows, what="policy"):
         lines.append(
             f"policy {_name(row)}, {row['threads']} thread(s): a step {row['step_ms']:.2f} ms, a decision "

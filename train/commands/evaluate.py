@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from train.commands.drive import Drive
-from train.evaluation.pool import Job, play_all
-from train.evaluation.rollout import Experiment, Trace, identity, make_experiment
-from train.reporting.report import Table, evaluation_table, make_progress, require_charts
+from train.evaluation.episodes import play
+from train.evaluation.rollout import Experiment, Trace, make_experiment
+from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, check_writable, read_rows, write_text
 from warehouse_env.config import EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError, unknown_name
@@ -110,45 +109,3 @@ class Evaluate(Episodes):
             evaluation_pictures(rows, traces, self.out)
         drawn = " and the pictures" if self.pictures else ""
         print(f"wrote the rows to {self.rows_path}, the table{drawn} to {self.out}")
-
-
-def play(
-    experiments: Sequence[Experiment],
-    file: RowFile,
-    old: Sequence[Row] = (),
-    traced: bool = False,
-    processes: int = 1,
-) -> tuple[list[Row], list[Trace]]:
-    """Run experiments under a progress bar, writing the rows of each as soon as it ends.
-
-    Episodes whose rows are among `old` are not played again. Returns all rows in the order of the experiments, and
-    if `traced` the traces of the first episodes played. On Ctrl-C the KeyboardInterrupt says which rows are kept.
-    """
-    rows: dict[int, list[Row]] = {}
-    traces: dict[int, Trace] = {}
-    jobs = []
-    for index, experiment in enumerate(experiments):
-        rows[index], missing = _split(experiment, old)
-        if missing is not None:
-            jobs.append(Job(index, missing, traced))
-    try:
-        with make_progress() as progress:
-            bar = progress.add_task("", total=sum(job.experiment.config.max_steps for job in jobs))
-            moved = lambda steps, title: progress.update(bar, completed=steps, description=title)  # noqa: E731
-            for played in play_all(jobs, processes, moved):
-                file.add(played.rows)
-                rows[played.number] += played.rows
-                if played.trace is not None:
-                    traces[played.number] = played.trace
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(file.kept()) from None
-    return [row for index in sorted(rows) for row in rows[index]], [traces[index] for index in sorted(traces)]
-
-
-def _split(experiment: Experiment, old: Iterable[Row]) -> tuple[list[Row], Experiment | None]:
-    """Return the rows of an experiment that exist already, and the experiment of its missing episodes, if any."""
-    same = identity(experiment).items()
-    found = {row["episode"]: row for row in old if all(row.get(name) == value for name, value in same)}
-    done = [found[k] for k in experiment.episodes if k in found and found[k]["seed"] == experiment.seed + k]
-    missing = tuple(k for k in experiment.episodes if all(row["episode"] != k for row in done))
-    return done, dataclasses.replace(experiment, episodes=missing) if missing else None

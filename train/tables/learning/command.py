@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from train.commands.evaluate import play
+from train.evaluation.episodes import play
 from train.evaluation.rollout import Experiment, make_experiment
 from train.reporting.rows import RowFile, check_writable, whole_rows, write_text
 from train.tables.learning.figures import SETTINGS, learning_tables
