@@ -17,6 +17,7 @@ from warehouse_env.observation import observation_layout
 
 _ALWAYS_NEEDED = ("action_type", "time_step", "action_repeat", "sensor")
 _NEEDED_IF_DISCRETE = ("speed_levels", "lateral_offsets")
+_TRAINED_UNDER = ("protective_field", "reroute")  # options that a policy is given if it had them in its training
 
 
 def needed_fields(record: PolicyRecord) -> tuple[str, ...]:
@@ -25,9 +26,10 @@ def needed_fields(record: PolicyRecord) -> tuple[str, ...]:
 
 
 def config_for(directory: Path | str, base: EnvConfig) -> EnvConfig:
-    """Return `base` with the action and the sensor that the policy in `directory` was trained with."""
+    """Return `base` with the action, the sensor and the options that the policy in `directory` was trained with."""
     record = read_record(directory)
-    return base.replace(**{name: getattr(record.env, name) for name in needed_fields(record)})
+    options = [name for name in _TRAINED_UNDER if getattr(record.env, name)]
+    return base.replace(**{name: getattr(record.env, name) for name in (*needed_fields(record), *options)})
 
 
 class LearnedPolicy:
@@ -53,6 +55,8 @@ class LearnedPolicy:
                     f"{directory} was trained with {field}={trained}, not {given}; "
                     "agents.policy_config puts in what it needs"
                 )
+        if self.record.env.protective_field and not config.protective_field:
+            raise WeightsError(f"{directory} was trained under the protective field, and needs protective_field=True")
         # the field's slice, which comes last, is no news to a policy that was trained without: it reads what it knows
         without = {"protective_field": False, "right_of_way": False}  # right of way needs the field
         seen = config if self.record.env.protective_field else config.replace(**without)

@@ -97,6 +97,17 @@ def test_policy_config_puts_in_what_the_policy_needs(folder: Path) -> None:
     assert make_policy(str(folder), config).act(observations(), np.random.default_rng(0)).shape == (2, 5)
 
 
+def test_a_policy_gets_the_options_that_it_was_trained_under(tmp_path: Path) -> None:
+    under = EnvConfig(protective_field=True, reroute=True)
+    network = Network(observation_layout(under).size, 20, True, (8,))
+    tensors = tensors_of(ActorCritic(network, np.zeros(20, np.float32)))
+    folder = save_policy(tmp_path / "under", PolicyRecord("threaded_ppo", network, under), tensors)
+    assert policy_config(folder, EnvConfig()) == under
+    assert make_policy(folder, under.replace(reroute=False)).name == str(folder)
+    with pytest.raises(WeightsError, match="trained under the protective field, and needs protective_field=True"):
+        make_policy(folder, under.replace(protective_field=False))
+
+
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [

@@ -223,7 +223,7 @@ def test_it_comes_back_to_its_arcs_from_where_it_was_pushed() -> None:
     assert r["arcs"] == 0
     r["x"] += 0.5  # further off than feedback should mend: the next search begins there
     drive(simulator, int(simulator.cruise_action), 100)
-    assert r["goals"] == 1
+    assert r["goals"] >= 1  # the next one is drawn by chance, and may be near
 
 
 @pytest.mark.parametrize("heading", [0.0, math.pi / 2, math.pi, -math.pi / 2])

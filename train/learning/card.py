@@ -42,12 +42,17 @@ def _origin(record: PolicyRecord) -> str:
         f"agent-steps in {training.get('updates', 0):,} updates, seed {config.get('seed')}, on the layouts "
         f"{_list(config.get('layouts'))} with {_list(config.get('robots'))} robots, routes by "
         f"`{config.get('planner')}`, episodes of {config.get('episode_seconds')} s (worlds that jammed for "
-        f"{config.get('jam_seconds')} s ended early), without a protective field.",
+        f"{config.get('jam_seconds')} s ended early), {_under(record)}.",
         _start(record),
         f"Training seeds lie below {HELD_OUT_SEED:,}, evaluation seeds from there on.",
         f"Actions are chosen by: {record.mode}.",
     )
     return " ".join(sentence for sentence in sentences if sentence)
+
+
+def _under(record: PolicyRecord) -> str:
+    field = "under the protective field" if record.env.protective_field else "without a protective field"
+    return field + (" and with live routes" if record.env.reroute else "")
 
 
 def _start(record: PolicyRecord) -> str:

@@ -83,6 +83,10 @@ class TrainingConfig(Checked):
     """Physics steps between two decisions."""
     predictions: bool = True
     """Let the robot predict, for every action, the time to a conflict; the untrained policy then avoids conflicts."""
+    protective_field: bool = False
+    """Train under the protective field: contacts are refused, what is learned is not to stand in each other's way."""
+    reroute: bool = False
+    """Route robots anew around those that stand while they train."""
     cruise_bias: float = 1.5
     """Without predictions: how strongly the untrained policy prefers to cruise on its route (logits)."""
     checkpoint_seconds: float = 60.0
@@ -130,6 +134,7 @@ class TrainingConfig(Checked):
         env = EnvConfig(
             layout=layout, num_agents=robots, planner=self.planner, keep_right=self.keep_right,
             action_repeat=self.action_repeat, sensor=SensorSpec(predictions=self.predictions),
+            protective_field=self.protective_field, reroute=self.reroute,
         )  # fmt: skip
         decision = env.time_step * env.action_repeat
         steps = max(1, round(self.episode_seconds / decision))
