@@ -89,6 +89,10 @@ class TrainingConfig(Checked):
     """Route robots anew around those that stand while they train."""
     cruise_bias: float = 1.5
     """Without predictions: how strongly the untrained policy prefers to cruise on its route (logits)."""
+    rollout: int = 24
+    """Decisions of every robot between two updates."""
+    minibatch: int = 4096
+    """Rows of one gradient step."""
     checkpoint_seconds: float = 60.0
     """Time between checkpoints [s]."""
     threads: int = field(default_factory=_cores)
@@ -108,6 +112,8 @@ class TrainingConfig(Checked):
         self._between(0.0, 1.0, "gamma", "gae_lambda")
         self._between(-1e9, 1e9, "collision_first", "collision_last", "contact")
         self._between(1, 16_384, "hidden")
+        self._between(1, _MOST_SAMPLES // self.rows, "rollout")
+        self._between(1, _MOST_SAMPLES, "minibatch")
         for name, most in (("layouts", 100), ("robots", 100), ("hidden", 16)):
             self._require(1 <= len(getattr(self, name)) <= most, name, f"1 to {most} values")
         plain = bool(self.name) and Path(self.name).name == self.name
@@ -175,17 +181,11 @@ class ThreadedConfig(TrainingConfig):
     """Robots in a world."""
     hidden: tuple[int, ...] = (64, 64)
     """Widths of the hidden tanh layers, of the actor and of the critic."""
-    rollout: int = 24
-    """Decisions of every robot between two updates."""
-    minibatch: int = 2048
-    """Rows of one gradient step."""
     critic_factor: float = 4.0
     """The critic's step size, as a multiple of the actor's."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._between(1, _MOST_SAMPLES // self.rows, "rollout")
-        self._between(1, _MOST_SAMPLES, "minibatch")
         self._between(0.0, 1e9, "critic_factor")
 
     def shares(self) -> list[list[tuple[EnvConfig, int]]]:
@@ -199,24 +199,10 @@ class ThreadedConfig(TrainingConfig):
 
 
 @dataclass(frozen=True)
-class ReinforceConfig(ThreadedConfig):
-    """Train our policy gradient: REINFORCE over the next action command, with a learned value as baseline."""
+class ClippedConfig(TrainingConfig):
+    """What both PPOs share."""
 
-    name: str = "reinforce"
-    """Name of the run; its folder is OUT/NAME."""
-
-
-@dataclass(frozen=True)
-class ThreadedPPOConfig(ThreadedConfig):
-    """Train proximal policy optimisation of our own, in threads as REINFORCE is."""
-
-    name: str = "threaded_ppo"
-    """Name of the run; its folder is OUT/NAME."""
-    learning_rate: float = 5e-4
-    """Adam's first step size, decayed linearly to a twentieth of it."""
-    minibatch: int = 4096
-    """Rows of one gradient step."""
-    epochs: int = 3
+    epochs: int = 2
     """Passes over the rows of one rollout."""
     clip: float = 0.2
     """How far the probability ratio may leave 1."""
@@ -228,7 +214,29 @@ class ThreadedPPOConfig(ThreadedConfig):
 
 
 @dataclass(frozen=True)
-class PPOConfig(TrainingConfig):
+class ReinforceConfig(ThreadedConfig):
+    """Train our policy gradient: REINFORCE over the next action command, with a learned value as baseline."""
+
+    name: str = "reinforce"
+    """Name of the run; its folder is OUT/NAME."""
+    minibatch: int = 2048
+    """Rows of one gradient step; every row is used once."""
+
+
+@dataclass(frozen=True)
+class ThreadedPPOConfig(ThreadedConfig, ClippedConfig):
+    """Train proximal policy optimisation of our own, in threads as REINFORCE is."""
+
+    name: str = "threaded_ppo"
+    """Name of the run; its folder is OUT/NAME."""
+    learning_rate: float = 5e-4
+    """Adam's first step size, decayed linearly to a twentieth of it."""
+    epochs: int = 3
+    """Passes over the rows of one rollout."""
+
+
+@dataclass(frozen=True)
+class PPOConfig(ClippedConfig):
     """Train proximal policy optimisation, by stable-baselines3."""
 
     name: str = "ppo"
@@ -237,15 +245,3 @@ class PPOConfig(TrainingConfig):
     """Adam's first step size, decayed linearly to a twentieth of it."""
     rollout: int = 48
     """Decisions of every robot between two updates."""
-    minibatch: int = 4096
-    """Rows of one gradient step."""
-    epochs: int = 2
-    """Passes over the rows of one rollout."""
-    clip: float = 0.2
-    """How far the probability ratio may leave 1."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(1, _MOST_SAMPLES // self.rows, "rollout")
-        self._between(1, _MOST_SAMPLES, "minibatch", "epochs")
-        self._require(0 < self.clip < 1, "clip", "between 0 and 1")
