@@ -37,7 +37,7 @@ COMMANDS: dict[str, Command] = {
     "layouts": Command("train.commands.layouts", "Layouts", "list, draw, check and convert maps"),
     "train reinforce": Command("train.commands.training", "TrainReinforce", "train our policy gradient"),
     "train ppo": Command("train.commands.training", "TrainPPO", "train PPO by stable-baselines3"),
-    "train threaded_ppo": Command("train.commands.training", "TrainThreadedPPO", "train our PPO, which is faster"),
+    "train threaded_ppo": Command("train.commands.training", "TrainThreadedPPO", "train our PPO, in threads"),
     "evaluate": Command(
         "train.commands.evaluate", "Evaluate", "drive policies over held-out episodes and count collisions"
     ),

@@ -28,7 +28,6 @@ from train.learning import checkpoint
 from train.learning.config import PPOConfig
 from train.learning.timing import Split, set_threads
 from train.learning.training_run import network_of, run_training
-from train.learning.training_run import profile as profile_trainer
 from train.learning.worlds import Tally, make_simulators
 from warehouse_env.envs.vector import WarehouseVecEnv
 
@@ -163,11 +162,6 @@ class Ppo:
 def train(config: PPOConfig) -> Path:
     """Train by `config`; return the run's folder, a policy folder (errors: `run_training`)."""
     return run_training(config, Ppo.algorithm, Ppo)
-
-
-def profile(config: PPOConfig, updates: int = 10) -> dict[str, float]:
-    """Measure some updates without writing anything (see `training_run.profile`)."""
-    return profile_trainer(Ppo(config), updates)
 
 
 if __name__ == "__main__":

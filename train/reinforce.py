@@ -15,7 +15,6 @@ from torch import Tensor
 
 from train.learning.config import ReinforceConfig
 from train.learning.threaded import ThreadedTrainer
-from train.learning.training_run import profile as profile_trainer
 from train.learning.training_run import run_training
 
 
@@ -37,11 +36,6 @@ def policy_loss(log_probability: Tensor, advantage: Tensor) -> Tensor:
 def train(config: ReinforceConfig) -> Path:
     """Train by `config`; return the run's folder, a policy folder (errors: `run_training`)."""
     return run_training(config, Reinforce.algorithm, Reinforce)
-
-
-def profile(config: ReinforceConfig, updates: int = 10) -> dict[str, float]:
-    """Measure some updates without writing anything (see `training_run.profile`)."""
-    return profile_trainer(Reinforce(config), updates)
 
 
 if __name__ == "__main__":

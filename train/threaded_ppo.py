@@ -17,7 +17,6 @@ from torch import Tensor
 
 from train.learning.config import ThreadedPPOConfig
 from train.learning.threaded import ThreadedTrainer
-from train.learning.training_run import profile as profile_trainer
 from train.learning.training_run import run_training
 
 
@@ -46,11 +45,6 @@ def clipped_loss(log_ratio: Tensor, advantage: Tensor, clip: float) -> tuple[Ten
 def train(config: ThreadedPPOConfig) -> Path:
     """Train by `config`; return the run's folder, a policy folder (errors: `run_training`)."""
     return run_training(config, ThreadedPpo.algorithm, ThreadedPpo)
-
-
-def profile(config: ThreadedPPOConfig, updates: int = 10) -> dict[str, float]:
-    """Measure some updates without writing anything (see `training_run.profile`)."""
-    return profile_trainer(ThreadedPpo(config), updates)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from agents.weights_folder import read_record
 from tests.agents.test_forward import exact
 from train import ppo
 from train.learning.config import PPOConfig
+from train.learning.training_run import profile
 from train.ppo import Ppo
 from warehouse_env.errors import ConfigError
 from warehouse_env.observation import observation_layout
@@ -125,7 +126,7 @@ def test_with_predictions_an_untrained_policy_takes_the_fastest_free_command(con
 
 
 def test_profile_says_where_the_time_goes(config: PPOConfig) -> None:
-    split = ppo.profile(config, updates=1)
+    split = profile(Ppo(config), updates=1)
     assert split["steps"] == 64
     assert all(split[part] > 0 for part in ("simulator_s", "policy_s", "update_s"))
 

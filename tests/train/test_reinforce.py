@@ -17,8 +17,9 @@ from train import reinforce
 from train.learning.config import HELD_OUT_SEED, ReinforceConfig
 from train.learning.experience import advantages
 from train.learning.threaded import joint_scale
+from train.learning.training_run import profile
 from train.learning.worlds import Tally, TrainingWorlds
-from train.reinforce import policy_loss
+from train.reinforce import Reinforce, policy_loss
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError
 from warehouse_env.simulation.simulator import Simulator
@@ -160,7 +161,7 @@ def test_resuming_from_nothing_or_from_damage_is_one_sentence(config: ReinforceC
 
 
 def test_profile_says_where_the_time_goes_and_writes_nothing(config: ReinforceConfig) -> None:
-    split = reinforce.profile(config, updates=2)
+    split = profile(Reinforce(config), updates=2)
     assert split["steps"] == 2 * 6 * 8
     assert 0 < split["simulator_s"] + split["policy_s"] + split["update_s"] <= split["seconds"] * 1.01
     assert not list(config.out.iterdir())
