@@ -9,13 +9,15 @@ from typing import Any
 
 from train.evaluation.episodes import play
 from train.evaluation.rollout import Experiment, make_experiment
+from train.learning.curves import read_run
 from train.reporting.rows import RowFile, check_writable, whole_rows, write_text
 from train.tables.learning.figures import SETTINGS, learning_tables
-from train.tables.learning.trainings import configs, train_missing
+from train.tables.learning.trainings import START, configs, train_missing
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.layouts import LAYOUTS
+from warehouse_env.render.learning_curves import learning_curves
 
 FLOORS = ("paper46", "narrow")
 ROBOTS = (16, 32)
@@ -62,8 +64,13 @@ class Learning(Checked):
         tables = learning_tables(rows, policies)
         for table in tables:
             table.print()
+        shown = ""
+        if self.pictures:
+            learned = (one for name, group in trainings.items() if name != START for one in group)
+            learning_curves([read_run(one.directory).curve for one in learned], folder / "curves.png")
+            shown = "![learning curves](curves.png)\n\n"
         text = "\n".join(table.markdown() for table in tables)
-        write_text(folder / "README.md", f"# What learning adds\n\n{text}")
+        write_text(folder / "README.md", f"# What learning adds\n\n{shown}{text}")
         print(f"wrote the tables to {folder / 'README.md'} in {time.perf_counter() - begin:.0f} s; the rows are {path}")
 
     def experiments(self, policies: dict[str, list[str]], episodes: int) -> list[Experiment]:

@@ -122,7 +122,9 @@ def test_the_study_from_the_command_line(
     assert main(line) == 0  # nothing is trained or driven again
     assert "agent-steps" not in capsys.readouterr().out
     assert read_rows(tmp_path / "learning" / "rows.jsonl") == rows
-    assert "What learning adds" in (tmp_path / "learning" / "README.md").read_text(encoding="utf-8")
+    page = (tmp_path / "learning" / "README.md").read_text(encoding="utf-8")
+    assert page.startswith("# What learning adds\n\n![learning curves](curves.png)")
+    assert (tmp_path / "learning" / "curves.png").stat().st_size > 10_000
 
 
 def test_wrong_numbers_are_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
