@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import sqlite3
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -306,6 +308,24 @@ def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     for start, goal in TASKS * 2:
         known.route(start, goal)
     assert len(known._routes) == 2
+
+
+def test_threads_may_share_a_book(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(route_book, "MEMORY", 1)  # so that each route drops another
+    grid = make_layout("open")
+    cells = [(int(r), int(c)) for r, c in grid.picks[:12]]
+    pairs = [(start, goal) for start in cells for goal in cells if start != goal]
+    alone, shared = (RouteBook(grid, make_planner("astar")) for _ in range(2))
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            found = list(pool.map(lambda pair: shared.route(*pair), 10 * pairs))
+    finally:
+        sys.setswitchinterval(before)
+    for pair, route in zip(10 * pairs, found, strict=True):
+        np.testing.assert_array_equal(route, alone.route(*pair))
+    assert len(shared._routes) == 1
 
 
 def test_routes_do_not_depend_on_the_order_they_are_asked_in() -> None:

@@ -14,6 +14,7 @@ import weakref
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -106,7 +107,7 @@ def _write(database: _Database, pending: list[tuple[str, bytes]]) -> None:
 class RouteBook(Portable):
     """Routes on one map by one planner. A copy knows what is on disk, and makes the other routes again."""
 
-    bound = ("_solid", "_one_way", "_routes", "_fresh", "_store", "_usual")
+    bound = ("_solid", "_one_way", "_routes", "_fresh", "_store", "_usual", "_lock")
 
     def __init__(
         self,
@@ -129,6 +130,7 @@ class RouteBook(Portable):
         self._fresh: dict[tuple[Cell, Cell, Cell | None], NDArray[np.int64]] = {}  # plans whose routes are not made yet
         self._store = PlanStore(cache_directory())
         self._usual = 1.0  # [s] that a plan takes, the mean of the last few
+        self._lock = Lock()  # of what is kept: threads of a training share a book
 
     def __getstate__(self) -> dict[str, Any]:
         """Write what is pending first, so that the copy finds it."""
@@ -188,10 +190,11 @@ class RouteBook(Portable):
 
     def _keep(self, start: Cell, goal: Cell, behind: Cell | None, plan: Plan) -> None:
         """Keep a plan until its route is made, and on disk where it took long."""
-        self._fresh[start, goal, behind] = plan.cells
-        self._usual += 0.5 * (plan.seconds - self._usual)
-        if plan.found and plan.seconds > WORTH_KEEPING:
-            self._store.put(self._key(start, goal, behind), plan.cells)
+        with self._lock:
+            self._fresh[start, goal, behind] = plan.cells
+            self._usual += 0.5 * (plan.seconds - self._usual)
+            if plan.found and plan.seconds > WORTH_KEEPING:
+                self._store.put(self._key(start, goal, behind), plan.cells)
 
     def _without(self, cell: Cell | None) -> GridMap:
         """Return the map with one more cell occupied."""
@@ -232,10 +235,11 @@ class RouteBook(Portable):
                     raise
                 cells = self.cells(start, goal)  # a dead end: it must back out
             known = self.lay(cells)
-            if len(self._routes) >= MEMORY:
-                self._routes.pop(next(iter(self._routes)))
-            self._routes[start, goal, behind] = known
-            self._fresh.pop((start, goal, behind), None)
+            with self._lock:
+                if len(self._routes) >= MEMORY:
+                    self._routes.pop(next(iter(self._routes)))
+                self._routes[start, goal, behind] = known
+                self._fresh.pop((start, goal, behind), None)
         return known
 
     def lay(self, cells: NDArray[np.int64], begin: NDArray[np.floating[Any]] | None = None) -> NDArray[np.float32]:
