@@ -17,7 +17,8 @@ from warehouse_env.observation import observation_layout
 
 _ALWAYS_NEEDED = ("action_type", "time_step", "action_repeat", "sensor")
 _NEEDED_IF_DISCRETE = ("speed_levels", "lateral_offsets")
-_TRAINED_UNDER = ("protective_field", "reroute")  # options that a policy is given if it had them in its training
+# options that a policy is given if it had them in its training
+_TRAINED_UNDER = ("protective_field", "right_of_way", "right_of_way_after", "reroute")
 
 
 def needed_fields(record: PolicyRecord) -> tuple[str, ...]:

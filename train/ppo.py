@@ -69,7 +69,7 @@ class Ppo:
         mixes = config.worlds(config.rows)
         self.env = mixes[0][0]
         with self.split.measure("simulator_s"):
-            self._simulators = make_simulators(mixes, config.jam_seconds, {})
+            self._simulators = make_simulators(mixes, config.jam_seconds, config.shared, {})
             self._tally = Tally(self._simulators)
             worlds = WarehouseVecEnv(self._simulators)
             worlds.seed(config.seed)

@@ -7,6 +7,7 @@ typeguard take True for a number, convert nothing and explain themselves in para
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 import os
 from collections.abc import Sequence
@@ -95,6 +96,26 @@ def check_names(what: str, given: Any, owner: Any) -> None:
     for name in given:
         if name not in known:
             raise unknown_name(what, name, known)
+
+
+def parse_named(text: Any, kind: str, example: str) -> tuple[Any, dict[str, Any]]:
+    """Read "NAME:KEY=VALUE,KEY=VALUE" as a name and its parameters; what is no text is returned with none.
+
+    Values are JSON, words need no quotes. ConfigError, which names the `kind` and an example, where it cannot be read.
+    """
+    if not isinstance(text, str):
+        return text, {}
+    name, _, rest = text.partition(":")
+    found: dict[str, Any] = {}
+    for part in rest.split(",") if rest else ():
+        key, equals, value = (piece.strip() for piece in part.partition("="))
+        if not (key and equals and value):
+            raise ConfigError(f"{kind} {name}: {shown(part)} must be PARAMETER=VALUE, as in {example}")
+        try:
+            found[key] = json.loads(value)
+        except (ValueError, RecursionError):  # a word, or nothing that JSON can hold
+            found[key] = value
+    return name, found
 
 
 def _kinds_of(cls: type) -> dict[str, Any]:

@@ -130,7 +130,7 @@ class RerouteSpec(Checked):
 class EnvConfig(Checked):
     """One warehouse with its robots: all that defines an episode but the seed."""
 
-    layout: str = "paper46"  # a name of LAYOUTS, unless map_file is given
+    layout: str = "paper46"  # a name of LAYOUTS, as "aisles:seed=7", unless map_file is given
     map_file: str | None = None  # a MovingAI .map
     num_agents: int = 8
     planner: str = "pf_aco"  # a name of PLANNERS
@@ -151,6 +151,7 @@ class EnvConfig(Checked):
     protective_field: bool = False  # robots brake, whatever they are told, where they could not stop clear of others
     field_margin: float = 0.02  # [m] that the field keeps between robots
     right_of_way: bool = False  # who goes first is settled early, and who is in the way makes room
+    right_of_way_after: float = 0.0  # [s] that a robot must have stood for it to step in, near it only; 0: always
     message_loss: float = 0.0  # share of env steps in which nobody hears of a robot (simulation/messages.py)
     reroute: bool = False  # route robots anew around others that stand, and against the stream of all others
     reroute_spec: RerouteSpec = field(default_factory=RerouteSpec)
@@ -170,6 +171,7 @@ class EnvConfig(Checked):
         self._require(self.protective_field or not self.right_of_way, "right_of_way", "False without protective_field")
         follows = self.action_type != "raw" or not self.right_of_way
         self._require(follows, "right_of_way", "False with raw actions, which follow no route")
+        self._between(0.0, _MOST, "right_of_way_after")
         self._between(0.0, 10.0, "field_margin")
         self._between(0.0, 1.0, "message_loss")
         for name in ("speed_levels", "lateral_offsets"):

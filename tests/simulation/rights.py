@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tests.simulation.reference import FRONT, LENGTH, OFFSET, REAR, WIDTH, Points
 from tests.simulation.worlds import room, stage
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.simulation import meetings, right_of_way
+from warehouse_env.simulation import meetings, right_of_way, stepping_in
 from warehouse_env.simulation.field import NOBODY
 from warehouse_env.simulation.path_ahead import CENTRE_X, COLUMNS, COS, POSES, SIN
 from warehouse_env.simulation.simulator import Simulator
@@ -52,6 +52,7 @@ class World:
         sim._actions.decode(told, sim._commands, sim._choices)
         p = sim._params[0]
         self.ways = meetings.scratch(sim._paths[0])
+        stepping_in.step_in(self.robots, sim._commands[0], p)
         right_of_way.rank(self.robots, self.order)
         right_of_way.decide(
             self.robots, sim.routes[0], sim.arcs[0], sim._commands[0], sim._choices[0], self.order, self.ways, p,

@@ -19,12 +19,15 @@ class Drive(Checked):
     """Refuse commands that could end in a contact (as the policy needs it if left out)."""
     right_of_way: bool | None = None
     """Decide who goes first, and let who is in the way make room (as the policy needs it if left out)."""
+    right_of_way_after: float | None = None
+    """Let right of way step in only where a robot has stood for so long [s], 0: always (as the policy needs it)."""
     reroute: bool | None = None
     """Plan routes anew around robots that stand (as the policy needs it if left out)."""
     seed: int = HELD_OUT_SEED
     """The first seed, the next ones count on; no training uses seeds from the default on."""
 
-    def chosen(self) -> dict[str, bool]:
+    def chosen(self) -> dict[str, bool | float]:
         """Return the fields of EnvConfig that the options set, whatever the policy needs."""
-        given = {name: getattr(self, name) for name in ("protective_field", "right_of_way", "reroute")}
+        options = ("protective_field", "right_of_way", "right_of_way_after", "reroute")
+        given = {name: getattr(self, name) for name in options}
         return {name: value for name, value in given.items() if value is not None}

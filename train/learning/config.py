@@ -67,6 +67,8 @@ class TrainingConfig(Checked):
     """Reward of a contact at the end; between, it changes linearly with the share of the budget spent."""
     contact: float = -0.5
     """Reward of every decision in touch, unless told to stand: dear enough that pushing on does not pay."""
+    shared: float = 0.0
+    """Share of a robot's reward that is the mean over all within 6 m, so that giving way can pay."""
     reward_scale: float = 0.1
     """Factor on all rewards."""
     entropy_first: float = 0.01
@@ -87,6 +89,8 @@ class TrainingConfig(Checked):
     """Train under the protective field: contacts are refused, what is learned is not to stand in each other's way."""
     reroute: bool = False
     """Route robots anew around those that stand while they train."""
+    right_of_way_after: float | None = None
+    """Train with right of way that steps in where a robot has stood for so long [s], 0: everywhere; None: without."""
     cruise_bias: float = 1.5
     """Without predictions: how strongly the untrained policy prefers to cruise on its route (logits)."""
     rollout: int = 24
@@ -109,7 +113,7 @@ class TrainingConfig(Checked):
         self._between(0.0, 1e9, "entropy_first", "entropy_last", "cruise_bias", "keep_right", "checkpoint_seconds")
         self._between(1e-9, 1e9, "minutes", "episode_seconds", "jam_seconds")
         self._between(1e-30, 1e9, "reward_scale", "learning_rate", "gradient_clip")
-        self._between(0.0, 1.0, "gamma", "gae_lambda")
+        self._between(0.0, 1.0, "gamma", "gae_lambda", "shared")
         self._between(-1e9, 1e9, "collision_first", "collision_last", "contact")
         self._between(1, 16_384, "hidden")
         self._between(1, _MOST_SAMPLES // self.rows, "rollout")
@@ -141,6 +145,7 @@ class TrainingConfig(Checked):
             layout=layout, num_agents=robots, planner=self.planner, keep_right=self.keep_right,
             action_repeat=self.action_repeat, sensor=SensorSpec(predictions=self.predictions),
             protective_field=self.protective_field, reroute=self.reroute,
+            right_of_way=self.right_of_way_after is not None, right_of_way_after=self.right_of_way_after or 0.0,
         )  # fmt: skip
         decision = env.time_step * env.action_repeat
         steps = max(1, round(self.episode_seconds / decision))

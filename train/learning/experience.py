@@ -70,7 +70,7 @@ class RolloutWorker:
         """
         self._config, self._length, self.split = config, length, Split()
         with self.split.measure("simulator_s"):
-            self.worlds = TrainingWorlds(mixes, [config.seed, number], config.jam_seconds, books)
+            self.worlds = TrainingWorlds(mixes, [config.seed, number], config.jam_seconds, config.shared, books)
         self.rows = self.worlds.rows
         self._observation = np.zeros((length + 1, *self.worlds.observation.shape), np.float32)
         self._action: NDArray[np.int64] | NDArray[np.float32]

@@ -24,6 +24,7 @@ from warehouse_env.simulation.simulator import Simulator
 
 _COLLISION, _CONTACT = REWARD_TERMS.index("collision"), REWARD_TERMS.index("contact")
 _JAM_SHARE = 0.2  # of a world's robots
+NEAR = np.float32(6.0)  # [m] within which robots share rewards
 
 Books = dict[tuple[str, str | None], RouteBook]
 """The routes of each floor (layout, map file); threads may share them, for a route depends on its task alone."""
@@ -32,16 +33,20 @@ Books = dict[tuple[str, str | None], RouteBook]
 class TrainingSimulator(Simulator):
     """Worlds whose episodes end at different times, and early when they jam: little is learned in a jam."""
 
-    def __init__(self, config: EnvConfig, num_worlds: int, jam_seconds: float, routes: RouteBook | None) -> None:
+    def __init__(
+        self, config: EnvConfig, num_worlds: int, jam_seconds: float, shared: float, routes: RouteBook | None
+    ) -> None:
         """Make the worlds.
 
         Args:
             config: of the environment; its max_steps bounds an episode.
             num_worlds: how many.
             jam_seconds: a world is truncated once a fifth of its robots have not come forward for this long [s].
+            shared: share of a reward that is the mean over all robots within NEAR, itself among them.
             routes: shared with other simulators on the same floor.
         """
         super().__init__(config, num_worlds, routes=routes)
+        self._shared = np.float32(shared)
         self._jam_seconds = jam_seconds
 
     def reset(self, seed: int | Sequence[int] | None = None) -> NDArray[np.float32]:
@@ -62,18 +67,28 @@ class TrainingSimulator(Simulator):
         self.reward[told] -= self.reward_terms[told, _CONTACT]
         hit = told & stood
         self.reward[hit] -= self.reward_terms[hit, _COLLISION]
+        if self._shared > 0.0:
+            self.reward += self._shared * (self._mean_near() - self.reward)
         self.truncated |= (self.robots["stalled_time"] > self._jam_seconds).mean(axis=1) > _JAM_SHARE
         return observation
 
+    def _mean_near(self) -> NDArray[np.float32]:
+        """Return each robot's mean reward over those within NEAR of it, float32[B, N]."""
+        x, y = self.robots["x"], self.robots["y"]
+        dx, dy = x[:, :, None] - x[:, None, :], y[:, :, None] - y[:, None, :]
+        near = dx * dx + dy * dy < NEAR * NEAR
+        mean: NDArray[np.float32] = (near * self.reward[:, None, :]).sum(axis=2) / near.sum(axis=2, dtype=np.float32)
+        return mean
+
 
 def make_simulators(
-    mixes: Sequence[tuple[EnvConfig, int]], jam_seconds: float, books: Books
+    mixes: Sequence[tuple[EnvConfig, int]], jam_seconds: float, shared: float, books: Books
 ) -> list[TrainingSimulator]:
     """Return one simulator for each (environment, number of worlds); those on one floor share a book, made if new."""
     simulators = []
     for config, worlds in mixes:
         floor = (config.layout, config.map_file)
-        simulators.append(TrainingSimulator(config, worlds, jam_seconds, books.get(floor)))
+        simulators.append(TrainingSimulator(config, worlds, jam_seconds, shared, books.get(floor)))
         books[floor] = simulators[-1].route_book
     return simulators
 
@@ -140,7 +155,12 @@ class TrainingWorlds:
     """
 
     def __init__(
-        self, mixes: Sequence[tuple[EnvConfig, int]], seed: list[int], jam_seconds: float, books: Books | None = None
+        self,
+        mixes: Sequence[tuple[EnvConfig, int]],
+        seed: list[int],
+        jam_seconds: float,
+        shared: float = 0.0,
+        books: Books | None = None,
     ) -> None:
         """Make and reset all worlds.
 
@@ -148,9 +168,10 @@ class TrainingWorlds:
             mixes: environments with the number of worlds of each; all with the same observation, action and max_steps.
             seed: of the training, and what tells these worlds from others.
             jam_seconds: a world is reset early once a fifth of its robots have not come forward for this long [s].
+            shared: see TrainingSimulator.
             books: routes shared with others.
         """
-        self.simulators = make_simulators(mixes, jam_seconds, {} if books is None else books)
+        self.simulators = make_simulators(mixes, jam_seconds, shared, {} if books is None else books)
         config = mixes[0][0]
         self.tally = Tally(self.simulators)
         self._seed = seed

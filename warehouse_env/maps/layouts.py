@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.checked import parse_named
 from warehouse_env.errors import unknown_name
 from warehouse_env.maps.generators import aisles, blocks, open_floor, random_floor, single_lane
 from warehouse_env.maps.grid_map import Cell, GridMap
@@ -113,11 +114,15 @@ NAMED_TASKS: dict[str, dict[str, NamedTask]] = {
 
 
 def make_layout(name: str, **parameters: Any) -> GridMap:
-    """Return the named layout; ConfigError, with near matches, for an unknown name or an unknown parameter."""
+    """Return the named layout; ConfigError, with near matches, for an unknown name or an unknown parameter.
+
+    The name may carry parameters, so that a configuration or a command line can: "aisles:seed=7,rows=40".
+    """
+    name, named = parse_named(name, "layout", "aisles:seed=7,rows=40")
     if not isinstance(name, str) or name not in LAYOUTS:
         raise unknown_name("layout", name, LAYOUTS)
     known = inspect.signature(LAYOUTS[name]).parameters
-    for parameter in parameters:
+    for parameter in (parameters := named | parameters):
         if parameter not in known:
             raise unknown_name(f"parameter of layout {name!r}:", parameter, known or ["none"])
     plain = {key: value.item() if isinstance(value, np.generic) else value for key, value in parameters.items()}

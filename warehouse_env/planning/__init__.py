@@ -13,12 +13,11 @@ Which to take when; `warehouse tables --benchmark` has the figures (200 pairs of
 from __future__ import annotations
 
 import inspect
-import json
 from collections.abc import Callable
 from typing import Any
 
-from warehouse_env.checked import check_names
-from warehouse_env.errors import ConfigError, shown, unknown_name
+from warehouse_env.checked import check_names, parse_named
+from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.planning.ants.aco import Aco
 from warehouse_env.planning.ants.acs import Acs, ShaaAcs
 from warehouse_env.planning.ants.apf_aco import ApfAco
@@ -71,27 +70,11 @@ def make_planner(name: str, **parameters: Any) -> Planner:
     The name may carry parameters, so that a configuration or a command line can: "pf_aco:ants=20,local_search=false".
     Their values are JSON, words need no quotes; `parameters` come first.
     """
-    name, _, text = name.partition(":") if isinstance(name, str) else (name, "", "")
+    name, named = parse_named(name, "planner", "pf_aco:ants=20,patience=null")
     if not isinstance(name, str) or name not in PLANNERS:
         raise unknown_name("planner", name, PLANNERS)
-    parameters = _parameters(name, text) | parameters
+    parameters = named | parameters
     if parameters and not inspect.signature(PLANNERS[name]).parameters:
         raise ConfigError(f"planner {name} takes no parameters; leave out {', '.join(parameters)}")
     check_names(f"{name} parameter", parameters, PLANNERS[name])
     return PLANNERS[name](**parameters)
-
-
-def _parameters(name: str, text: str) -> dict[str, Any]:
-    """Read "key=value,key=value"; "" has none."""
-    found: dict[str, Any] = {}
-    for part in text.split(",") if text else ():
-        key, equals, value = (piece.strip() for piece in part.partition("="))
-        if not (key and equals and value):
-            raise ConfigError(
-                f"planner {name}: {shown(part)} must be PARAMETER=VALUE, as in {name}:ants=20,patience=null"
-            )
-        try:
-            found[key] = json.loads(value)
-        except (ValueError, RecursionError):  # a word, or nothing that JSON can hold
-            found[key] = value
-    return found

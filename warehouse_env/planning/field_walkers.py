@@ -100,7 +100,7 @@ class ApfImproved(Apf):
         return self._walk(grid, start, goal, exponent, self.points if self.intermediate_point else 0)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def follow(
     legal: NDArray[np.bool_],
     push: NDArray[np.float64],
@@ -135,7 +135,7 @@ def follow(
     return cells[: count + 1], False
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def along(legal: NDArray[np.bool_], force_row: float, force_col: float) -> int:
     """The legal move (bool[8]) with the smallest angle to a force, under 90 degrees; -1 where there is none."""
     size = np.sqrt(force_row * force_row + force_col * force_col)

@@ -26,7 +26,7 @@ HALVINGS = 4  # of a move that would come too near to a shelf
 SLACK = 1e-9  # [cells] of rounding in comparisons of clearances
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _wanted(line, k, x, y, deviation, length, power):  # type: ignore[no-untyped-def]
     """Return where node k makes eq. 13 least while its neighbours stand still; for power 1, a step on the way there."""
     if power == 2:
@@ -52,7 +52,7 @@ def _wanted(line, k, x, y, deviation, length, power):  # type: ignore[no-untyped
     return line[k, 0] + share * pull_x, line[k, 1] + share * pull_y
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _cost(line, k, px, py, x, y, deviation, length, power):  # type: ignore[no-untyped-def]
     """Return what node k at p adds to eq. 13."""
     away = distance(px, py, x, y)
@@ -63,7 +63,7 @@ def _cost(line, k, px, py, x, y, deviation, length, power):  # type: ignore[no-u
     return deviation * away + length * (before + after)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _fits(line, k, x, y, need, solid):  # type: ignore[no-untyped-def]
     """Return whether both segments at node k keep their clearance with the node at (x, y)."""
     for other, wanted in ((k - 1, need[k - 1]), (k + 1, need[k])):
@@ -72,7 +72,7 @@ def _fits(line, k, x, y, need, solid):  # type: ignore[no-untyped-def]
     return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _move(line, k, x, y, need, solid, deviation, length, power):  # type: ignore[no-untyped-def]
     """Move node k of x(k) = (x, y) as far towards its best place as the shelves let it; return the distance."""
     fromx, fromy = line[k, 0], line[k, 1]
@@ -94,7 +94,7 @@ def _move(line, k, x, y, need, solid, deviation, length, power):  # type: ignore
     return 0.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _descend(line, nodes, need, solid, deviation, length, power):  # type: ignore[no-untyped-def]
     """Lower eq. 13 node by node, in place; the clearances `need` hold before and after each move."""
     for _ in range(SWEEPS):

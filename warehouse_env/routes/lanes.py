@@ -27,7 +27,7 @@ ITERATIONS = 60
 PULL, SMOOTH, PUSH = 0.12, 0.45, 0.5  # shares of the way to lane, neighbours and clearance in one iteration
 
 
-@numba.njit(cache=True, error_model="numpy", forceinline=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _free_to(solid, one_way, mine, x, y, ux, uy, cell):  # type: ignore[no-untyped-def]
     """Distance [m] along (ux, uy) to the first shelf, at most SIGHT, in steps of 5 cm.
 
@@ -45,7 +45,7 @@ def _free_to(solid, one_way, mine, x, y, ux, uy, cell):  # type: ignore[no-untyp
     return SIGHT
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _lane_shift(left, right, keep_right):  # type: ignore[no-untyped-def]
     """Metres to the right of the path where the lane is, from the free widths to both sides; nan beside a crossing."""
     width = left + right
@@ -60,7 +60,7 @@ def _lane_shift(left, right, keep_right):  # type: ignore[no-untyped-def]
     return math.nan
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _fill_gaps(shift, keep_right):  # type: ignore[no-untyped-def]
     """Replace runs of nan: between two lanes by the way from one to the other, on open floor by keep_right."""
     n = shift.shape[0]
@@ -79,7 +79,7 @@ def _fill_gaps(shift, keep_right):  # type: ignore[no-untyped-def]
             shift[m] = before + part * (after - before)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _ease_into_single_lanes(shift, room):  # type: ignore[no-untyped-def]
     """Let the lane leave and enter single lanes (fixed) with no more than EASE metres sideways per metre."""
     n = shift.shape[0]
@@ -94,7 +94,7 @@ def _ease_into_single_lanes(shift, room):  # type: ignore[no-untyped-def]
                 k += step
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _along_one_way(one_way, x, y, ux, uy, cell):  # type: ignore[no-untyped-def]
     """Direction (an index into ARROWS) of the one-way cell at a point, 0 for none or if (ux, uy) leads across it."""
     row, column = int(math.floor(y / cell)) + 1, int(math.floor(x / cell)) + 1
@@ -105,7 +105,7 @@ def _along_one_way(one_way, x, y, ux, uy, cell):  # type: ignore[no-untyped-def]
     return mine if along > ALONG else 0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _lane_targets(points, solid, one_way, cell, keep_right, shift, room, out):  # type: ignore[no-untyped-def]
     """Write where each point should be (right of the middle where there are two lanes), and its possible clearance."""
     n = points.shape[0]
@@ -126,7 +126,7 @@ def _lane_targets(points, solid, one_way, cell, keep_right, shift, room, out):  
         out[k, 1] = points[k, 1] - s * ux
 
 
-@numba.njit(cache=True, error_model="numpy", forceinline=True)
+@numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _direction(points, k):  # type: ignore[no-untyped-def]
     """Unit vector along the line at point k, over a metre to either side."""
     a, b = max(k - 2, 0), min(k + 2, points.shape[0] - 1)
@@ -135,7 +135,7 @@ def _direction(points, k):  # type: ignore[no-untyped-def]
     return (dx / norm, dy / norm) if norm > 1e-9 else (1.0, 0.0)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _relax(points, targets, room, solid, cell):  # type: ignore[no-untyped-def]
     """Move the inner points in place until lane, smoothness and clearance balance."""
     n = points.shape[0]
@@ -153,7 +153,7 @@ def _relax(points, targets, room, solid, cell):  # type: ignore[no-untyped-def]
             points[k, 0], points[k, 1] = nx, ny
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def resample(points, spacing):  # type: ignore[no-untyped-def]
     """Return the polyline float64[L, 2] [m] as evenly spaced points, nearest to `spacing` [m]; both ends are kept."""
     n = points.shape[0]
@@ -179,7 +179,7 @@ def resample(points, spacing):  # type: ignore[no-untyped-def]
     return line
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def drivable_line(points, solid, one_way, cell, keep_right):  # type: ignore[no-untyped-def]
     """Return way-points float32[R, 2] [m], evenly spaced about SPACING apart, from the first to the last point.
 

@@ -40,7 +40,7 @@ def most_curvature(robot: RobotSpec) -> float:
     return math.tan(STEERING_SHARE * robot.max_steering) / robot.wheelbase
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _bend(line, k):  # type: ignore[no-untyped-def]
     """Return the curvature at way-point k: of the circle through it and its neighbours."""
     ax, ay = line[k, 0] - line[k - 1, 0], line[k, 1] - line[k - 1, 1]
@@ -50,7 +50,7 @@ def _bend(line, k):  # type: ignore[no-untyped-def]
     return 2.0 * abs(ax * by - ay * bx) / sides if sides > 0.0 else math.inf
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def sharpest(line):  # type: ignore[no-untyped-def]
     """Return the largest curvature [1/m] of a line float64[K, 2] [m], by circles through three way-points each."""
     most = 0.0
@@ -59,7 +59,7 @@ def sharpest(line):  # type: ignore[no-untyped-def]
     return most
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def narrowest(line, solid, cell, reach):  # type: ignore[no-untyped-def]
     """Return the least distance [m] of a line's segments from shelves and rim, at most `reach`."""
     least = reach
@@ -68,7 +68,7 @@ def narrowest(line, solid, cell, reach):  # type: ignore[no-untyped-def]
     return least
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _best_place(line, target, k):  # type: ignore[no-untyped-def]
     """Return where way-point k makes the objective least while the others stand still."""
     x = DEVIATION * target[k, 0] + LENGTH * (line[k - 1, 0] + line[k + 1, 0])
@@ -81,7 +81,7 @@ def _best_place(line, target, k):  # type: ignore[no-untyped-def]
     return x / scale, y / scale
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _relax(line, target, solid, cell, room, bend):  # type: ignore[no-untyped-def]
     """Move the inner way-points in place: to the objective's least, within the curvature, and off the shelves."""
     n = line.shape[0]

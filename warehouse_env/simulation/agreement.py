@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import kernel
-from warehouse_env.simulation import making_room, meetings, right_of_way
+from warehouse_env.simulation import making_room, meetings, right_of_way, stepping_in
 
 
 @kernel
@@ -20,6 +20,8 @@ def agree(  # type: ignore[no-untyped-def]
     p = params[0]
     order = np.empty(robots.shape[1], np.int64)
     for b in range(begin, end):
+        if not stepping_in.step_in(robots[b], commands[b], p):
+            continue
         ways = meetings.scratch(paths[b])
         right_of_way.rank(robots[b], order)
         right_of_way.decide(robots[b], routes[b], arcs[b], commands[b], choices[b], order, ways, p, clearance)

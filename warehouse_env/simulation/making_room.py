@@ -141,7 +141,7 @@ def resolve(robots, routes, arcs, ways, p, solid, clearance, metric):  # type: i
     for i in range(count):
         r = robots[i]
         barrier = r["yields_to"]
-        if r["alive"] == 0 or r["waiting_time"] < PATIENCE or r["pause"] > 0 or barrier == NOBODY:
+        if r["alive"] == 0 or r["settled"] <= 0 or r["waiting_time"] < PATIENCE or r["pause"] > 0 or barrier == NOBODY:
             continue
         if _in_ring(i, robots):
             low = _least(i, robots)

@@ -12,8 +12,9 @@ If what bars the way stands or comes the other way, the robot's other lateral of
 preferences. What robots would have to tell each other for it, within 16 m: the poses ahead (path_ahead.py), how far
 they have been granted them, how long they have been on their way, whom they wait for, and whether they make room.
 
-Where all wait in a ring none the less, one of them makes room: making_room.py. Under it all lies the field (field.py):
-paths are predictions, and whatever is granted, no robot moves where it could not stop clear of all others.
+Where all wait in a ring none the less, one of them makes room: making_room.py. All this may step in only where a robot
+has stood for a while: stepping_in.py. Under it all lies the field (field.py): paths are predictions, and whatever is
+granted, no robot moves where it could not stop clear of all others.
 """
 
 from __future__ import annotations
@@ -213,7 +214,7 @@ def _ask(i, robots, route, arcs, choices, ways, p, clearance):  # type: ignore[n
     count = meet(i, i, end, ways, p)
     goal = numbers[COUNT, i] - 1 if r["at_end"] != 0 else NOWHERE
     granted, barrier = _grant(count, numbers[GRANT, i], must, want, end, goal, r["aside"] != 0, ways)
-    if r["arcs"] == 0:
+    if r["arcs"] == 0 and r["settled"] > ZERO:
         stuck = barrier != NOBODY and (
             abs(robots[barrier]["speed"]) < SLOW or _comes_against(i, granted, end, count, barrier, ways)
         )
@@ -269,7 +270,8 @@ def decide(robots, routes, arcs, commands, choices, order, ways, p, clearance): 
     for n in range(count):
         i = order[n]
         _ask(i, robots, routes[i], arcs[i], choices[i], ways, p, clearance)
-        commands[i, 0] = speed_of(robots[i], choices[i], commands[i, 0])
+        if robots[i]["settled"] > ZERO:
+            commands[i, 0] = speed_of(robots[i], choices[i], commands[i, 0])
 
 
 @inline

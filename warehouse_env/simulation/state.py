@@ -54,6 +54,7 @@ ROBOT = np.dtype(
         ("claim", np.float64), ("authority", F), ("side", F), ("at_end", B),  # [m], [m], [m]; the goal is granted, too
         ("poses", I), ("path_from", np.float64), ("path_at", np.float64),  # of its path; odometer [m] when made, kept
         ("yields_to", I), ("right", I), ("aside", B), ("pause", F),  # waits for whom; steps; makes room; [s] no search
+        ("settled", F),  # [s] left for which it keeps to what it is granted
         # jams and live routes
         ("anchor_x", F), ("anchor_y", F), ("standing_time", F), ("longest_standing", F),  # [m]; [s] within 1 m of it
         ("late_goals", I), ("reroutes", I),  # reached after max_steps / 2; routes made anew on the way
@@ -72,7 +73,7 @@ PARAMETERS = np.dtype(
         ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
         ("predictions", B),
         ("most_pairs", I), ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator
-        ("right_of_way", B),
+        ("right_of_way", B), ("right_of_way_after", F),  # [s]
         ("field", B), ("field_margin", F), ("stop_samples", I), ("swing", F), ("far", F), ("field_range", F),
         ("late", B), ("checked", B),  # what others commit is known a step later; see audit.py
         ("action_type", I), ("one_shot", B), ("collision_ends", B), ("max_steps", np.int64),
@@ -108,7 +109,8 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
         "cell": cell, "lidar_range": sensor.lidar_range, "rays": sensor.rays, "neighbours": sensor.neighbours,
         "route_points": sensor.route_points, "route_spacing": sensor.route_spacing,
         "predictions": sensor.predictions,
-        "right_of_way": config.right_of_way, "field": config.protective_field, "field_margin": config.field_margin,
+        "right_of_way": config.right_of_way, "right_of_way_after": config.right_of_way_after,
+        "field": config.protective_field, "field_margin": config.field_margin,
         "stop_samples": stop_samples(config), "swing": wide,
         "far": math.hypot(max(robot.rear_reach, robot.front_overhang), half_width),
         "field_range": 2 * (radius + stride + wide * stop) + config.field_margin,

@@ -58,7 +58,7 @@ def _command(r, route, arcs, bodies, first, second, p, solid, clearance, metric)
         r["target_speed"] = r["speed"] + first * dt
         r["target_steer"] = r["steer"] + second * dt
         return first, second
-    if p["right_of_way"] != 0:
+    if p["right_of_way"] != 0 and r["settled"] > ZERO:
         first, second = right_of_way.limit(r, first, p), r["side"]
     tracking.follow(r, route, arcs, bodies, first, second, p, solid, clearance, metric)
     next_speed = approach(r["speed"], r["target_speed"], p["max_acceleration"] * dt)

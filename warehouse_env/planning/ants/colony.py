@@ -134,7 +134,7 @@ def cells_of(floor: Floor, walks: Walks, ant: int) -> NDArray[np.int64]:
     return np.concatenate([start, start + np.cumsum(MOVES[walks.moves[ant, : walks.steps[ant]]], axis=0)])
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _next_random(state: np.uint64) -> np.uint64:
     """One step of xorshift64 (Marsaglia 2003); the state must not be 0."""
     state ^= state << _SHIFT_13
@@ -208,7 +208,7 @@ def walk(
         walks.steps[ant] = steps
 
 
-@njit(cache=True, forceinline=True, error_model="numpy")
+@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
 def _weigh(
     neighbour: NDArray[np.int32],
     trail: Table,
@@ -236,7 +236,7 @@ def _weigh(
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _largest(chance: NDArray[np.float64]) -> int:
     """The first place of the largest of float64[8]."""
     best = 0

@@ -73,7 +73,7 @@ def improve(floor: Floor, runs: Runs, elite: int, walks: Walks, first: int, last
     return _next_best(walks, first, last, -1.0, 0)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _next_best(walks: Walks, first: int, last: int, cost: float, turns: int) -> int:
     """The first of the ants with the least (cost, turns) above those given; -1 if none arrived with more."""
     best = -1
@@ -108,7 +108,7 @@ def shorten(floor: Floor, runs: Runs, start: int, moves: NDArray[np.int8]) -> ND
     return _unroll(floor, node, cost, sums, origin)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _link_onwards(
     floor: Floor,
     runs: Runs,
@@ -151,7 +151,7 @@ def _link_onwards(
                 origin[j, second, 0], origin[j, second, 1], origin[j, second, 2] = i, before[first], first
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _straight_move(d_row: int, d_column: int) -> int:
     """The straight move of an octile link with these differences."""
     if abs(d_column) > abs(d_row):
@@ -159,7 +159,7 @@ def _straight_move(d_row: int, d_column: int) -> int:
     return 6 if d_row > 0 else 2
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _diagonal_move(d_row: int, d_column: int) -> int:
     """The diagonal move of an octile link with these differences."""
     if d_row < 0:
@@ -167,7 +167,7 @@ def _diagonal_move(d_row: int, d_column: int) -> int:
     return 7 if d_column > 0 else 5
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _choose_arrivals(
     cost: NDArray[np.float64], sums: NDArray[np.int64], before: NDArray[np.int64], base: NDArray[np.int64]
 ) -> None:
@@ -183,7 +183,7 @@ def _choose_arrivals(
         base[leaving, 3] += 0 if straight_on else 1
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _unroll(
     floor: Floor,
     node: NDArray[np.int64],

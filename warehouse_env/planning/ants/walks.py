@@ -73,7 +73,7 @@ def measure(floor: Floor, walks: Walks, first: int, last: int) -> int:
     return best
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _spread(floor: Floor, walks: Walks, ant: int, mean: float) -> float:
     """Standard deviation [m] of the heights along a path with p - 1 steps (eq. 24, paper 000)."""
     cell, count = walks.start[ant], walks.steps[ant]
