@@ -14,22 +14,31 @@ from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 
-Shares = Callable[[NDArray[np.float32]], NDArray[np.float32]]
-"""How much a policy likes each action: shares in [0, 1] float32[1, N, A] from observations float32[1, N, D]."""
+Shares = Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]
+"""How much a policy likes each action: shares in [0, 1] float[1, N, A] from observations float32[1, N, D]."""
 
 REWARD_TERMS = tuple(field.name for field in dataclasses.fields(RewardWeights))
 FLAGS = ("alive", "loaded", "touching", "deadlocked", "arrived", "hit_robot", "hit_shelf", "near_miss")
-_STRAIGHT = 0.006  # [rad] by which a route turns at a way-point that is kept, about a third of a degree
+_STRAIGHT = 0.006  # [rad] by which a route turns at the way-points that are kept, a third of a degree
 
 
 class Recorded(Protocol):
-    """An `Episode` of simulation/recording.py, which can be run again."""
+    """An Episode of simulation/recording.py: what was driven, and can be run again."""
 
-    config: EnvConfig
-    grid: GridMap
-    seeds: tuple[int, ...]
-    actions: NDArray[Any]
-    pose: NDArray[np.float32]
+    @property
+    def config(self) -> EnvConfig:
+        """What the episode was driven in."""
+        ...
+
+    @property
+    def grid(self) -> GridMap:
+        """The floor."""
+        ...
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """One a world."""
+        ...
 
     def replay(self) -> Iterator[Any]:
         """Yield the simulator after the reset and after every step."""
@@ -52,11 +61,12 @@ class Replay:
     waits_for: NDArray[np.int32]  # [F, N], whom a standing robot waits for, else -1
     yields_to: NDArray[np.int32]  # [F, N], whom the right of way makes it give way to, else -1
     held_by: NDArray[np.int32]  # [F, N], before whom the protective field brakes it, else -1
-    rewards: NDArray[np.float32]  # [F, N, R], the weighed terms of the step before, in the order of REWARD_TERMS
-    routes: tuple[NDArray[np.float32], ...]  # each [K, 2] [m]
-    route: NDArray[np.int32]  # [F, N], which of the routes it drives
+    rewards: NDArray[np.float32]  # [F, N, R], the weighed terms of the last step, in the order of REWARD_TERMS
+    routes: tuple[NDArray[np.float32], ...]  # each [K, 2] [m], without way-points at which it goes straight on
+    route: NDArray[np.int32]  # [F, N], which of the routes it is on
     along: NDArray[np.float32]  # [F, N] [m] reached on it
-    liked: NDArray[np.float32] | None = None  # [F, N, A] in [0, 1], the policy's preferences over actions
+    totals: NDArray[np.int32]  # [F, 3], goals, collisions and near misses so far; a pair's counts once
+    liked: NDArray[np.float32] | None = None  # [F, N, A] in [0, 1], how much the policy likes each action
 
     @property
     def seconds(self) -> float:
@@ -64,9 +74,96 @@ class Replay:
         return self.config.action_repeat * self.config.time_step
 
 
-def replay_of(episode: Recorded, name: str, policy: Shares | None = None, world: int = 0) -> Replay:
-    """Run an episode again and keep what is to be seen of one world; policy: to be asked at every moment.
+def replay_of(
+    episode: Recorded,
+    name: str,
+    policy: Shares | None = None,
+    world: int = 0,
+    moved: Callable[[], object] = lambda: None,
+) -> Replay:
+    """Run an episode again and keep what is to be seen of one world.
 
-    Raises ConfigError for a world that the episode does not have.
+    policy: asked at every moment for its preferences; moved: called after every step. Raises ConfigError for a world
+    that the episode does not have.
     """
-    raise NotImplementedError
+    if not 0 <= world < len(episode.seeds):
+        raise ConfigError(f"world={world} must be one of the episode's {len(episode.seeds)}, which count from 0")
+    lines = _Lines()
+    moments: dict[str, list[NDArray[Any]]] = {}
+    stations = _station_cells(episode.grid)
+    for simulator in episode.replay():
+        moment = _moment(simulator, world, stations)
+        moment["route"] = lines.numbers(simulator, world)
+        if policy is not None:
+            moment["liked"] = np.asarray(policy(simulator.observation[world : world + 1])[0], dtype=np.float32)
+        for what, values in moment.items():
+            moments.setdefault(what, []).append(values)
+        moved()
+    arrays: dict[str, Any] = {what: np.stack(values) for what, values in moments.items()}
+    seed, routes = episode.seeds[world], tuple(lines.found)
+    return Replay(name, episode.grid, episode.config, seed, routes=routes, **arrays)
+
+
+def _station_cells(grid: GridMap) -> NDArray[np.bool_]:
+    """Return bool[H * W], whether a cell is a station."""
+    marked = np.zeros(grid.shape, dtype=np.bool_)
+    marked[tuple(grid.stations.T)] = True
+    return marked.reshape(-1)
+
+
+def _moment(simulator: Any, world: int, stations: NDArray[np.bool_]) -> dict[str, NDArray[Any]]:
+    """Copy what is to be seen of one world now but its routes; loaded is who is on its way to a station."""
+    state, events, robots = simulator.state, simulator.events, simulator.robots[world]
+    jams = simulator.jams()
+    goal = state.goal[world, :, 0] * simulator.grid.shape[1] + state.goal[world, :, 1]
+    bits = (
+        state.alive[world], stations[goal], events.touching[world], jams.cycle[world] >= 0, events.arrived[world],
+        events.hit_robot[world], events.hit_shelf[world], events.near_miss[world],
+    )  # fmt: skip
+    flags = sum((np.asarray(bit) > 0).astype(np.uint8) << k for k, bit in enumerate(bits))
+    return {
+        "pose": state.pose[world].copy(), "speed": state.speed[world].copy(), "steer": state.steer[world].copy(),
+        "goal": goal.astype(np.int32), "flags": np.asarray(flags, dtype=np.uint8),
+        "waits_for": jams.waits_for[world], "yields_to": robots["yields_to"].copy(),
+        "held_by": robots["held_by"].copy(), "rewards": simulator.reward_terms[world].copy(),
+        "along": state.route_position[world].copy(), "totals": _totals(robots),
+    }  # fmt: skip
+
+
+def _totals(robots: NDArray[Any]) -> NDArray[np.int32]:
+    """Return int32[3], the goals, collisions and near misses of an episode so far, as its metrics count them."""
+    hits = int(robots["hits_robot"].sum()) // 2 + int(robots["hits_shelf"].sum())
+    return np.array([robots["goals"].sum(), hits, int(robots["near_misses"].sum()) // 2], dtype=np.int32)
+
+
+class _Lines:
+    """The routes met so far; one that a robot stays on is kept once."""
+
+    def __init__(self) -> None:
+        self.found: list[NDArray[np.float32]] = []
+        self._last: dict[int, tuple[int, NDArray[np.float32]]] = {}  # by robot: number, way-points
+
+    def numbers(self, simulator: Any, world: int) -> NDArray[np.int32]:
+        """Return int32[N], the number in `found` of the route that each robot is on."""
+        counts = simulator.state.route_points[world].tolist()
+        return np.array(
+            [self._number(i, simulator.routes[world, i, :count]) for i, count in enumerate(counts)], dtype=np.int32
+        )
+
+    def _number(self, robot: int, points: NDArray[np.float32]) -> int:
+        known = self._last.get(robot)
+        if known is not None and np.array_equal(known[1], points):
+            return known[0]
+        self._last[robot] = (len(self.found), points.copy())
+        self.found.append(straightened(points))
+        return len(self.found) - 1
+
+
+def straightened(points: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return a line float32[K, 2] [m] without the points at which it goes straight on; ends and length stay."""
+    if len(points) < 3:
+        return np.array(points, dtype=np.float32).reshape(-1, 2)
+    step = np.diff(points.astype(np.float64), axis=0)
+    direction = np.arctan2(step[:, 1], step[:, 0])
+    turn = np.abs((np.diff(direction) + np.pi) % (2 * np.pi) - np.pi)
+    return np.array(points[np.concatenate([[True], turn > _STRAIGHT, [True]])], dtype=np.float32)

@@ -43,11 +43,13 @@ class Episode:
     seeds: tuple[int, ...]  # one a world
     actions: NDArray[Any]  # int[T, B, N], preferences float[T, B, N, A], or float32[T, B, N, 2]
     pose: NDArray[np.float32]  # [T + 1, B, N, 3], front axle x [m], y [m], heading [rad]; the first after the reset
+    policy: str = ""  # name or folder of what chose the actions, if it was told
 
     def save(self, path: str | Path) -> None:
         """Write to a file (.npz), as a whole or not at all; WarehouseError where it cannot be written."""
         grid = self.grid
         text = {"format": FORMAT, "config": self.config.to_dict(), "map": grid.name, "cell_size": grid.cell_size}
+        text["policy"] = self.policy
         with complete_file(path) as part, part.open("wb") as file:
             np.savez_compressed(
                 file, about=np.frombuffer(json.dumps(text).encode(), dtype=np.uint8), occupied=grid.occupied,
@@ -69,7 +71,8 @@ class Episode:
                 floor = (data["occupied"], data["height"], about["cell_size"], *ends, about["map"], data.get("one_way"))
                 grid = GridMap(*floor)
                 seeds = tuple(data["seeds"].tolist())
-                episode = cls(EnvConfig.from_dict(about["config"]), grid, seeds, data["actions"], data["pose"])
+                config, policy = EnvConfig.from_dict(about["config"]), str(about.get("policy", ""))
+                episode = cls(config, grid, seeds, data["actions"], data["pose"], policy)
                 episode._check_shapes()
                 return episode
         except FileNotFoundError:
@@ -108,12 +111,15 @@ class Episode:
 class Recorder:
     """Steps a simulator and keeps what an Episode needs. The planner must be the one that the config names."""
 
-    def __init__(self, simulator: Simulator, seeds: tuple[int, ...]) -> None:
-        """Reset the simulator with one seed a world, below 2**63 so that a file can hold them, and begin."""
+    def __init__(self, simulator: Simulator, seeds: tuple[int, ...], policy: str = "") -> None:
+        """Reset the simulator with one seed a world, below 2**63 so that a file can hold them, and begin.
+
+        policy: the name or folder of what will choose the actions, to be told with the episode.
+        """
         given = listed(seeds)
         if given is None:
             raise ConfigError(f"seeds={shown(seeds)} must be a list of one whole number for each world")
-        self.simulator, self._seeds = simulator, tuple(whole_seed(seed) for seed in given)
+        self.simulator, self._seeds, self._policy = simulator, tuple(whole_seed(seed) for seed in given), policy
         if any(seed >= 2**63 for seed in self._seeds):
             raise ConfigError(f"seeds={shown(seeds)} must be below 2**63 to be recorded")
         simulator.reset(self._seeds)
@@ -132,4 +138,4 @@ class Recorder:
         """What has been recorded so far."""
         simulator = self.simulator
         actions = np.array(self._actions)
-        return Episode(simulator.config, simulator.grid, self._seeds, actions, np.array(self._pose))
+        return Episode(simulator.config, simulator.grid, self._seeds, actions, np.array(self._pose), self._policy)

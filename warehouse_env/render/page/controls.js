@@ -1,0 +1,121 @@
+// Buttons, keys, mouse and fingers.
+
+const SPEEDS = [0.25, 0.5, 1, 2, 4, 8, 16];
+const LAYERS = { routes: "r", goals: "g", trails: "t", lidar: "l", waiting: "w", numbers: "n" };
+
+// Keys: what they do, as the help says it, and how.
+const KEYS = [
+  { keys: [" ", "k"], shown: "Space", says: "play or pause", act: (app) => app.toggle() },
+  { keys: ["ArrowLeft"], shown: "←", says: "a step back", act: (app) => app.step(-1) },
+  { keys: ["ArrowRight"], shown: "→", says: "a step on", act: (app) => app.step(1) },
+  { keys: ["Shift+ArrowLeft"], shown: "Shift ←", says: "5 s back", act: (app) => app.step(-5 / app.seconds) },
+  { keys: ["Shift+ArrowRight"], shown: "Shift →", says: "5 s on", act: (app) => app.step(5 / app.seconds) },
+  { keys: ["Home"], shown: "Home", says: "to the start", act: (app) => app.seek(0) },
+  { keys: ["End"], shown: "End", says: "to the end", act: (app) => app.seek(app.last) },
+  { keys: ["[", "p"], shown: "[", says: "to the event before", act: (app) => app.toEvent(-1) },
+  { keys: ["]", "e"], shown: "]", says: "to the next event", act: (app) => app.toEvent(1) },
+  { keys: ["ArrowUp"], shown: "↑", says: "faster", act: (app) => app.faster(1) },
+  { keys: ["ArrowDown"], shown: "↓", says: "slower", act: (app) => app.faster(-1) },
+  { keys: ["+", "="], shown: "+", says: "zoom in", act: (app) => app.zoom(1.3) },
+  { keys: ["-"], shown: "−", says: "zoom out", act: (app) => app.zoom(1 / 1.3) },
+  { keys: ["0"], shown: "0", says: "show the whole floor", act: (app) => app.fit() },
+  { keys: [","], shown: ",", says: "robot before", act: (app) => app.choose(app.robot - 1) },
+  { keys: ["."], shown: ".", says: "next robot", act: (app) => app.choose(app.robot + 1) },
+  { keys: ["f"], shown: "F", says: "follow the chosen robot", act: (app) => app.follow(!app.following) },
+  ...Object.entries(LAYERS).map(([layer, key]) => ({
+    keys: [key], shown: key.toUpperCase(), says: `show or hide ${layer}`, act: (app) => app.layer(layer),
+  })),
+  { keys: ["d"], shown: "D", says: "dark or light", act: (app) => app.theme(!app.dark) },
+  { keys: ["?", "h"], shown: "?", says: "this help", act: (app) => app.help() },
+  { keys: ["Escape"], shown: "Esc", says: "choose no robot", act: (app) => app.choose(-1) },
+];
+
+function buildKeys(app) {
+  const list = document.querySelector("#keys");
+  for (const { shown, says } of KEYS) list.append(element("kbd", "", shown), element("span", "", says));
+  document.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("select, input")) return;
+    if (event.key === " " && event.target.matches("button")) event.target.blur();
+    const arrow = event.shiftKey && event.key.startsWith("Arrow");
+    const pressed = arrow ? `Shift+${event.key}` : event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    const found = KEYS.find(({ keys }) => keys.includes(pressed));
+    const dialog = document.querySelector("#help");
+    if (!found || (dialog.open && pressed !== "?" && pressed !== "h")) return;
+    event.preventDefault();
+    found.act(app);
+  });
+}
+
+function buildButtons(app) {
+  const acts = {
+    play: () => app.toggle(), back: () => app.step(-1), on: () => app.step(1),
+    before: () => app.toEvent(-1), after: () => app.toEvent(1),
+    in: () => app.zoom(1.4), out: () => app.zoom(1 / 1.4), fit: () => app.fit(),
+    theme: () => app.theme(!app.dark), ask: () => app.help(), follow: () => app.follow(!app.following),
+    previous: () => app.choose(app.robot - 1), next: () => app.choose(app.robot + 1),
+  };
+  for (const [id, act] of Object.entries(acts)) document.getElementById(id).addEventListener("click", act);
+  const speed = document.querySelector("#speed");
+  for (const value of SPEEDS) speed.add(new Option(`${value}×`, value, value === app.speed, value === app.speed));
+  speed.addEventListener("change", () => (app.speed = Number(speed.value)));
+  const span = document.querySelector("#span");
+  span.addEventListener("change", () => app.change({ chartSeconds: Number(span.value) }));
+  for (const layer of Object.keys(LAYERS)) {
+    const button = element("button", "chip", layer);
+    button.dataset.layer = layer;
+    button.title = `${layer} (${LAYERS[layer].toUpperCase()})`;
+    button.addEventListener("click", () => app.layer(layer));
+    document.querySelector("#layers").append(button);
+  }
+}
+
+function showControls(app) {
+  const play = document.querySelector("#play");
+  play.classList.toggle("playing", app.playing);
+  play.setAttribute("aria-label", app.playing ? "pause" : "play");
+  const seconds = (frame) => (frame * app.seconds).toFixed(1);
+  document.querySelector("#clock").textContent = `${seconds(app.frame)} s`;
+  document.querySelector("#length").textContent = `of ${seconds(app.last)} s, step ${Math.floor(app.frame + 1e-6)}`;
+  document.querySelector("#speed").value = app.speed;
+  for (const button of document.querySelectorAll("[data-layer]")) {
+    button.setAttribute("aria-pressed", app.layers[button.dataset.layer]);
+  }
+}
+
+// Drag to pan, wheel or two fingers to zoom, a click or tap to choose a robot.
+function buildPointer(app, canvas, index) {
+  const fingers = new Map();
+  let moved = 0;
+  const offMiddle = (x, y) => [x - canvas.clientWidth / 2, y - canvas.clientHeight / 2];
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    if (!fingers.size) moved = 0;
+    fingers.set(event.pointerId, [event.offsetX, event.offsetY]);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    const before = fingers.get(event.pointerId);
+    if (!before) return;
+    const now = [event.offsetX, event.offsetY];
+    moved += Math.hypot(now[0] - before[0], now[1] - before[1]);
+    if (fingers.size === 2) pinch(app, fingers, event.pointerId, now, offMiddle);
+    if (moved > 4 || fingers.size > 1) app.pan((now[0] - before[0]) / fingers.size, (now[1] - before[1]) / fingers.size);
+    fingers.set(event.pointerId, now);
+  });
+  const lift = (event) => {
+    fingers.delete(event.pointerId);
+    if (event.type === "pointerup" && moved <= 4 && !fingers.size) app.chooseAt(index, event.offsetX, event.offsetY);
+  };
+  for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, lift);
+  canvas.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    const lines = event.deltaMode === 1 ? 16 : 1;
+    app.zoom(Math.exp(-0.0016 * lines * event.deltaY), ...offMiddle(event.offsetX, event.offsetY));
+  }, { passive: false });
+}
+
+function pinch(app, fingers, id, now, offMiddle) {
+  const [other] = [...fingers].filter(([key]) => key !== id).map(([, place]) => place);
+  const before = fingers.get(id);
+  const ratio = Math.hypot(now[0] - other[0], now[1] - other[1]) / Math.hypot(before[0] - other[0], before[1] - other[1]);
+  if (Number.isFinite(ratio) && ratio > 0) app.zoom(ratio, ...offMiddle((now[0] + other[0]) / 2, (now[1] + other[1]) / 2));
+}

@@ -1,0 +1,98 @@
+// One world of N robots at F moments: its columns, and where everybody is between two moments.
+
+const TURN = 2 * Math.PI;
+
+function wrapped(angle) {
+  return angle - TURN * Math.round(angle / TURN);
+}
+
+class Episode {
+  constructor(about, columns, flags) {
+    Object.assign(this, about);
+    this.columns = columns;
+    this.bit = Object.fromEntries(flags.map((name, k) => [name, 1 << k]));
+    this.width = this.gridColumns * this.cell;
+    this.height = this.gridRows * this.cell;
+    this.last = this.frames - 1;
+    this.routes = this.readRoutes();
+    // of the moment shown: x, y, heading, speed, steer of each robot
+    this.now = new Float64Array(this.robots * 5);
+    this.moment = 0; // whole number of the last moment before
+  }
+
+  get(name, robot, frame) {
+    const column = this.columns[name];
+    return column.values[robot * this.frames + frame] * column.unit;
+  }
+
+  flag(name, robot, frame) {
+    return (this.columns.flags.values[robot * this.frames + frame] & this.bit[name]) !== 0;
+  }
+
+  total(k, frame) {
+    return this.columns.totals.values[k * this.frames + frame];
+  }
+
+  readRoutes() {
+    const counts = this.columns.route_points.values;
+    const { route_x: x, route_y: y } = this.columns;
+    const routes = [];
+    let start = 0;
+    for (const count of counts) {
+      const points = new Float32Array(3 * count); // x, y, metres from the start
+      for (let k = 0; k < count; k++) {
+        points[3 * k] = x.values[start + k] * x.unit;
+        points[3 * k + 1] = y.values[start + k] * y.unit;
+        const far = k ? Math.hypot(points[3 * k] - points[3 * k - 3], points[3 * k + 1] - points[3 * k - 2]) : 0;
+        points[3 * k + 2] = k ? points[3 * k - 1] + far : 0;
+      }
+      routes.push(points);
+      start += count;
+    }
+    return routes;
+  }
+
+  // Fill `now`; frame may lie between two moments.
+  goTo(frame) {
+    const shown = Math.min(frame + 1e-6, this.last);
+    const k = Math.min(Math.floor(shown), this.last);
+    const next = Math.min(k + 1, this.last);
+    const part = shown - k;
+    this.moment = k;
+    this.part = part;
+    for (let i = 0; i < this.robots; i++) {
+      const at = 5 * i;
+      for (const [n, name] of ["x", "y", "heading", "speed", "steer"].entries()) {
+        const a = this.get(name, i, k);
+        const change = this.get(name, i, next) - a;
+        this.now[at + n] = a + part * (n === 2 ? wrapped(change) : change);
+      }
+    }
+  }
+
+  // Metres from the front axle back to the middle of the body.
+  get back() {
+    return this.body.length / 2 - this.body.front;
+  }
+
+  centre(robot) {
+    const at = 5 * robot;
+    const heading = this.now[at + 2];
+    return [this.now[at] - this.back * Math.cos(heading), this.now[at + 1] - this.back * Math.sin(heading)];
+  }
+
+  centreAt(robot, frame) {
+    const heading = this.get("heading", robot, frame);
+    return [
+      this.get("x", robot, frame) - this.back * Math.cos(heading),
+      this.get("y", robot, frame) - this.back * Math.sin(heading),
+    ];
+  }
+
+  goalAt(robot, frame) {
+    const cell = this.columns.goal.values[robot * this.frames + frame];
+    const row = Math.floor(cell / this.gridColumns);
+    const column = cell - row * this.gridColumns;
+    return [(column + 0.5) * this.cell, (this.gridRows - row - 0.5) * this.cell];
+  }
+}

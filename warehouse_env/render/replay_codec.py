@@ -1,0 +1,117 @@
+"""Replays as few bytes: whole numbers of a unit, their differences in time, byte by byte, deflated.
+
+The browser undoes it (page/data.js). Positions are kept to 2 mm or better than a 65,000th of the floor, headings to a
+65,536th of a turn; speeds, steering, rewards and preferences to a 127th of their largest value.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.render.replay import REWARD_TERMS, Replay
+
+Whole = NDArray[np.int64]
+FINEST = 0.002  # [m], of positions
+_STEPS = 65_000  # of the floor's longer side, where that is coarser
+_TURN = 65_536  # steps of a full turn
+_EIGHT_BIT = 127
+
+
+class Column(NamedTuple):
+    """An array of whole numbers, time last, each times `unit`; kept as differences of an order, in `width` bytes."""
+
+    name: str
+    values: Whole
+    order: int
+    width: int
+    unit: float = 1.0
+
+
+def packed(replay: Replay) -> tuple[list[dict[str, Any]], bytes]:
+    """Return what the columns of a replay are (name, shape, order, width, unit, signed), and all deflated."""
+    columns = list(columns_of(replay))
+    about = [
+        {
+            "name": c.name, "shape": c.values.shape, "order": c.order, "width": c.width, "unit": c.unit,
+            "signed": bool((c.values < 0).any()),
+        }
+        for c in columns
+    ]  # fmt: skip
+    return about, zlib.compress(b"".join(map(_bytes, columns)), 9)
+
+
+def position_unit(grid: GridMap) -> float:
+    """Return the step [m] in which positions on a floor are kept."""
+    return max(FINEST, max(grid.shape) * grid.cell_size / _STEPS)
+
+
+def columns_of(replay: Replay) -> Iterator[Column]:
+    """Yield a replay's columns: [N, F] a robot and moment, [R, N, F] and [A, N, F] too, [K] the routes and the floor."""
+    unit = position_unit(replay.grid)
+    yield from (Column(name, _steps(replay.pose[..., k], unit), 2, 2, unit) for k, name in enumerate("xy"))
+    turn = 2 * np.pi / _TURN
+    yield Column("heading", _steps(replay.pose[..., 2], turn) % _TURN, 2, 2, turn)
+    yield _scaled("speed", replay.speed, 1)
+    yield _scaled("steer", replay.steer, 1)
+    yield Column("along", _steps(replay.along, unit), 1, 4, unit)
+    for name in ("goal", "route", "waits_for", "yields_to", "held_by"):
+        yield _names(name, getattr(replay, name).T)
+    yield Column("flags", replay.flags.T.astype(np.int64), 0, 1)
+    yield Column("totals", replay.totals.T.astype(np.int64), 1, 4)
+    for k, term in enumerate(REWARD_TERMS):
+        yield _scaled(f"reward {term}", replay.rewards[..., k], 0)
+    if replay.liked is not None:
+        shares = np.moveaxis(replay.liked, 0, -1)  # [N, A, F]
+        yield Column("liked", _steps(shares, 1 / 255, moved=False), 0, 1, 1 / 255)
+    yield from _route_columns(replay, unit)
+    yield from _floor_columns(replay.grid)
+
+
+def _route_columns(replay: Replay, unit: float) -> Iterator[Column]:
+    """How many points each route has, then the points of all."""
+    points = np.concatenate([np.empty((0, 2), dtype=np.float32), *replay.routes])
+    yield _names("route_points", np.array([len(route) for route in replay.routes], dtype=np.int64))
+    yield from (Column(f"route_{name}", _steps(points[:, k], unit), 1, 4, unit) for k, name in enumerate("xy"))
+
+
+def _floor_columns(grid: GridMap) -> Iterator[Column]:
+    """What stands on each cell (1 shelf, 2 pick, 4 station), its direction, and its height."""
+    cells = grid.occupied.astype(np.int64)
+    for cell, mark in ((grid.picks, 2), (grid.stations, 4)):
+        cells[tuple(cell.T)] |= mark
+    yield Column("cells", cells.reshape(-1), 0, 1)
+    yield Column("one_way", grid.one_way.reshape(-1).astype(np.int64), 0, 1)
+    yield _scaled("height", grid.height.reshape(-1), 0)
+
+
+def _steps(values: NDArray[np.floating[Any]], unit: float, moved: bool = True) -> Whole:
+    """Return values as whole numbers of a unit, time last if it came first."""
+    whole = np.rint(np.asarray(values, dtype=np.float64) / unit).astype(np.int64)
+    return whole.T if moved else whole
+
+
+def _scaled(name: str, values: NDArray[np.floating[Any]], order: int) -> Column:
+    """Return numbers of either sign as a byte each: 127 is the largest."""
+    most = float(np.abs(values).max(initial=0.0)) or 1.0
+    return Column(name, _steps(values, most / _EIGHT_BIT), order, 1, most / _EIGHT_BIT)
+
+
+def _names(name: str, values: NDArray[np.integer[Any]]) -> Column:
+    """Return numbers that stand for things, -1 for none, in as few bytes as they need."""
+    most = int(values.max(initial=0))
+    return Column(name, values.astype(np.int64), 0, 1 if most < 128 else 2 if most < 32_768 else 4)
+
+
+def _bytes(column: Column) -> bytes:
+    """Return the lowest byte of all differences along the last axis, then the next ones."""
+    values = column.values
+    for _ in range(column.order):
+        values = np.diff(values, axis=-1, prepend=0)
+    planes = [(values >> 8 * k & 255).astype(np.uint8).tobytes() for k in range(column.width)]
+    return b"".join(planes)
