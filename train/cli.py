@@ -41,6 +41,10 @@ COMMANDS: dict[str, Command] = {
     "evaluate": Command(
         "train.commands.evaluate", "Evaluate", "drive policies over held-out episodes and count collisions"
     ),
+    "record": Command("train.commands.record", "Record", "drive a policy through one episode and keep it as a file"),
+    "replay": Command(
+        "train.commands.replay", "ReplayCommand", "show recorded episodes: a page for the browser, a video, a window"
+    ),
     "robust": Command(
         "train.commands.robust", "Robust", "drive policies with other bodies, worse sensors, lost messages: what holds?"
     ),

@@ -118,8 +118,8 @@ def run(experiment: Experiment, watch: Sequence[Watcher] = (), routes: Routes | 
     """
     config, seeds = experiment.config, experiment.seeds
     simulator = (routes or Routes()).simulator(config, len(seeds))
-    decide = _decider(experiment)
-    generators = [np.random.default_rng([seed, _POLICY_STREAM]) for seed in seeds]
+    decide = decider(experiment)
+    generators = [generator_of(seed) for seed in seeds]
     simulator.reset(seeds)
     metrics: list[dict[str, Any] | None] = [None] * len(seeds)
     watch = [*watch, *_events(experiment)]
@@ -148,7 +148,12 @@ def _measured(simulator: Simulator, log: JamLog, world: int) -> dict[str, Any]:
     return {**simulator.episode_metrics(world), **log.metrics(world)}
 
 
-def _decider(experiment: Experiment) -> Decider:
+def generator_of(seed: int) -> np.random.Generator:
+    """Return what a policy draws from in the episode of a seed."""
+    return np.random.default_rng([seed, _POLICY_STREAM])
+
+
+def decider(experiment: Experiment) -> Decider:
     """Return what chooses the actions: a central planner from all that is known, a policy from observations alone."""
     if experiment.policy in CENTRAL:
         return CENTRAL[experiment.policy].make(experiment.config).act_on

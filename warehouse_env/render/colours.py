@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterable
+from functools import lru_cache
 
 RGB = tuple[int, int, int]
 
@@ -37,6 +38,7 @@ _NAMED: dict[str, RGB] = {
 }
 
 
+@lru_cache(maxsize=1024)
 def mix(colour: RGB, other: RGB, share: float) -> RGB:
     """Return `colour` with a share in [0, 1] of `other`."""
     red, green, blue = (round(a + (b - a) * share) for a, b in zip(colour, other, strict=True))

@@ -17,7 +17,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.colours import CONTACT, DEADLOCK, RGB, WAITING, mix, robot_colour
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor import FLOOR, floor_image
-from warehouse_env.render.sprites import Tile, body_centre, paint_arrow, paint_goal, paint_robot, plate_centre
+from warehouse_env.render.sprites import Tile, body_centre, paint_arrow, paint_robot, plate_centre, stamp_goal
 
 CAPTION_HEIGHT = 28  # [px], the strip below the floor
 _CAPTION_GROUND: RGB = (38, 44, 52)
@@ -126,26 +126,29 @@ def _ground(grid: GridMap, scale: float) -> NDArray[np.uint8]:
 
 
 def _draw_routes(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float) -> None:
-    # Hair lines around the true one make a line of even width in any direction.
-    radius = max(0.35, 0.03 * scale)
-    angles = np.arange(0, 2 * math.pi, math.pi / 3 if radius > 0.6 else math.pi / 1.5)
-    shifts = radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    for i, route in enumerate(scene.routes):
-        if len(route) < 2 or not scene.alive[i]:
-            continue
-        colour = mix(robot_colour(i), FLOOR, 0.35)
-        points = np.stack([route[:, 0], top - route[:, 1]], axis=1).astype(np.float64) * scale - 0.5
-        for shift in shifts:
-            pygame.draw.aalines(canvas, colour, False, (points + shift).tolist())
+    """Draw the routes as hair lines beside each other, close enough to make one of even width in any direction."""
+    shown = [i for i, route in enumerate(scene.routes) if len(route) > 1 and scene.alive[i]]
+    if not shown:
+        return
+    ends = np.cumsum([len(scene.routes[i]) for i in shown])
+    way = np.concatenate([scene.routes[i] for i in shown]).astype(np.float64)
+    points = np.stack([way[:, 0], top - way[:, 1]], axis=1) * scale - 0.5
+    ahead = np.diff(points, axis=0, append=points[-1:])
+    ahead[ends - 1] = ahead[ends - 2]  # not to where the next route begins
+    aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1) / np.hypot(*ahead.T).clip(1e-9)[:, None]
+    radius = max(0.35, 0.03 * scale)  # [px]
+    shifts = np.linspace(-radius, radius, max(2, math.ceil(1.6 * radius) + 1))
+    hairs = [(points + shift * aside).tolist() for shift in shifts]
+    for i, begin, end in zip(shown, (0, *ends[:-1].tolist()), ends.tolist(), strict=True):
+        for hair in hairs:
+            pygame.draw.aalines(canvas, mix(robot_colour(i), FLOOR, 0.35), False, hair[begin:end])
 
 
 def _draw_goals(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float) -> None:
     centres = scene.grid.centre(np.asarray(scene.goal)).reshape(-1, 2)
     for i in np.flatnonzero(scene.alive):
-        x, y = float(centres[i, 0]), float(centres[i, 1])
-        tile = Tile(pygame, (x, y), 0.45, top, scale)
-        paint_goal(tile, (x, y), robot_colour(int(i)))
-        tile.stamp(canvas)
+        place = (float(centres[i, 0]) * scale, (top - float(centres[i, 1])) * scale)
+        stamp_goal(pygame, canvas, place, robot_colour(int(i)), scale)
 
 
 def _draw_robots(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float) -> None:

@@ -52,7 +52,7 @@ def position_unit(grid: GridMap) -> float:
 
 
 def columns_of(replay: Replay) -> Iterator[Column]:
-    """Yield a replay's columns: [N, F] a robot and moment, [R, N, F] and [A, N, F] too, [K] the routes and the floor."""
+    """Yield a replay's columns: [N, F] by robot and moment, or [N, A, F]; [K] of the routes' points and the floor."""
     unit = position_unit(replay.grid)
     yield from (Column(name, _steps(replay.pose[..., k], unit), 2, 2, unit) for k, name in enumerate("xy"))
     turn = 2 * np.pi / _TURN

@@ -29,10 +29,11 @@ _SCRIPTS = (
 MANY = 32  # robots from which names and goals are left out at first, so that the floor is seen
 
 
-def write_replay_page(path: Path, replays: Sequence[Replay], title: str) -> None:
+def write_replay_page(path: Path, replays: Sequence[Replay], title: str, robot: int | None = None) -> None:
     """Write a page of one replay, or of two side by side and in step, all of it or nothing.
 
-    Raises ConfigError for another number of them, WarehouseError where it cannot be written.
+    robot: the one that is chosen at first. A link may say where to begin: page.html#t=12.5&robot=3&play, t in seconds.
+    Raises ConfigError for another number of replays, WarehouseError where the file cannot be written.
     """
     if not 1 <= len(replays) <= 2:
         raise ConfigError(f"a page shows one replay, or two side by side, not {len(replays)}")
@@ -42,7 +43,7 @@ def write_replay_page(path: Path, replays: Sequence[Replay], title: str) -> None
         "title": html.escape(title),
         "near": f"{replays[0].config.near_miss_gap:g}",
         "style": (_PAGE / "replay.css").read_text(encoding="utf-8"),
-        "about": _json(_about(replays, columns)),
+        "about": _json(_about(replays, columns) | {"robot": robot}),
         "data": "\n".join(
             f'<script type="text/plain" class="data">{base64.b64encode(one).decode()}</script>' for one in data
         ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import Any
 
@@ -19,6 +20,7 @@ _WHITE: RGB = (255, 255, 255)
 _WHEEL: RGB = (28, 31, 36)
 _WHEELS_FROM = 11.0  # [px/m]
 _NOSE, _PLATE_FRONT, _PLATE_GAP = 0.32, 0.41, 0.10  # [m] behind the front: of the nose, of the plate; off the tail
+_SHADOW = (0.05, -0.06)  # [m] to the south-east
 _CORNER_STEPS = np.linspace(0.0, math.pi / 2, 5)
 
 
@@ -48,14 +50,24 @@ class Tile:
         place = (centre[0] * fine + self._corner[0], -centre[1] * fine + self._corner[1])
         self._pygame.draw.circle(self.surface, _ink(colour, alpha), place, radius * fine)
 
+    def polygons(self, points: Points, shapes: Iterable[tuple[int, int, RGB, int]]) -> None:
+        """Fill polygons, each from one of float[K, 2] points [m] to before another, with a colour and an alpha."""
+        fine = self.scale * _OVERSAMPLE
+        pixels = (points * (fine, -fine) + self._corner).tolist()
+        for begin, end, colour, alpha in shapes:
+            self._pygame.draw.polygon(self.surface, _ink(colour, alpha), pixels[begin:end])
+
+    def shrunk(self) -> Any:
+        """Return the tile at the frame's size; shapes on transparent black, so already multiplied by their cover."""
+        side = self.surface.get_width() // _OVERSAMPLE
+        return self._pygame.transform.smoothscale(self.surface, (side, side))
+
     def stamp(self, canvas: Any) -> None:
         """Shrink the tile and lay it over the frame's surface."""
-        side = self.surface.get_width() // _OVERSAMPLE
-        small = self._pygame.transform.smoothscale(self.surface, (side, side))
-        # Shapes lie on transparent black, so the shrunken colours are already multiplied by their cover.
-        canvas.blit(small, (self.left, self.upper), special_flags=self._pygame.BLEND_PREMULTIPLIED)
+        canvas.blit(self.shrunk(), (self.left, self.upper), special_flags=self._pygame.BLEND_PREMULTIPLIED)
 
 
+@lru_cache(maxsize=256)
 def _ink(colour: RGB, alpha: int) -> tuple[int, int, int, int]:
     red, green, blue = (channel * alpha // 255 for channel in colour)
     return red, green, blue, alpha
@@ -100,41 +112,54 @@ def paint_robot(
     """
     detailed = tile.scale >= _WHEELS_FROM
     x, y, heading = (float(value) for value in pose)
-    turn = _rotation(heading)
+    still, ends = _outlines(robot, rim is not None)
+    turned = [_steered_wheels(robot, steer)] if detailed else []
+    points = np.concatenate([still, *turned]) @ _rotation(heading) + (x, y)
+    points[ends[0] : ends[1]] += _SHADOW
+    if not alive:
+        colour = mix(GREY, _WHITE, 0.25)
+    wheel = mix(_WHEEL, _WHITE, 0.0 if alive else 0.35)
+    inks = [(rim or colour, 90), ((20, 24, 30), 70), (rim or mix(colour, (0, 0, 0), 0.4), 255), (colour, 255)]
+    inks += [(wheel, 255), (wheel, 255), (mix(colour, _WHITE, 0.5), 255), (_WHITE if alive else (225, 227, 230), 255)]
+    shapes = [(begin, end, *ink) for begin, end, ink in zip((0, *ends), ends, inks, strict=False)]
+    begin = 0 if rim is not None else 1  # the halo
+    if not detailed:
+        tile.polygons(points, [*shapes[begin:4], shapes[7]])
+        return
+    middle = (len(still) + len(points)) // 2
+    steered = [(len(still), middle, wheel, 255), (middle, len(points), wheel, 255)]
+    tile.polygons(points, [*shapes[begin:6], *steered, *shapes[6:]])
 
-    def put(points: Points, ink: RGB, alpha: int = 255, shift: tuple[float, float] = (0.0, 0.0)) -> None:
-        tile.polygon(points @ turn + (x + shift[0], y + shift[1]), ink, alpha)
+
+@lru_cache(maxsize=16)
+def _outlines(robot: RobotSpec, marked: bool) -> tuple[Points, tuple[int, ...]]:
+    """Return the outlines of a body [m], one after the other, and where each ends.
+
+    Halo, shadow, hull, skin, the two fixed wheels, plate, nose.
+    """
 
     def hull(inset: float, corner: float) -> Points:
         half = robot.width / 2 - inset
         return rounded_box(inset - robot.rear_reach, robot.front_overhang - inset, -half, half, corner)
 
-    if not alive:
-        colour = mix(GREY, _WHITE, 0.25)
-    if rim is not None:
-        put(hull(-0.22, 0.3), rim, 90)
-    put(hull(0.0, 0.12), (20, 24, 30), 70, (0.05, -0.06))
-    put(hull(0.0, 0.12), mix(colour, (0, 0, 0), 0.4) if rim is None else rim)
-    put(hull(0.05 if rim is None else 0.07, 0.08), colour)
-    half = robot.width / 2 - 0.13
-    if detailed:
-        _paint_wheels(put, robot, steer, mix(_WHEEL, _WHITE, 0.0 if alive else 0.35))
-        plate = rounded_box(_PLATE_GAP - robot.rear_reach, robot.front_overhang - _PLATE_FRONT, -half, half, 0.05)
-        put(plate, mix(colour, _WHITE, 0.5))
-    front = robot.front_overhang
+    half, front, side = robot.width / 2 - 0.13, robot.front_overhang, robot.width / 2 - 0.09
+    plate = rounded_box(_PLATE_GAP - robot.rear_reach, front - _PLATE_FRONT, -half, half, 0.05)
     nose = np.array([(front - 0.05, 0.0), (front - _NOSE, half + 0.03), (front - _NOSE, -half - 0.03)])
-    put(nose, _WHITE if alive else (225, 227, 230))
+    skin = hull(0.07 if marked else 0.05, 0.08)
+    left, right = (_wheel() + np.array([0.0, aside]) for aside in (side, -side))
+    shapes = [hull(-0.22, 0.3), hull(0.0, 0.12), hull(0.0, 0.12), skin, left, right, plate, nose]
+    return np.concatenate(shapes), tuple(np.cumsum([len(shape) for shape in shapes]).tolist())
 
 
-def _paint_wheels(put: Any, robot: RobotSpec, steer: float, ink: RGB) -> None:
-    """Two fixed wheels, and two that steer, on the other axle of the body; ahead, an angle counts the other way."""
-    wheel = rounded_box(-0.11, 0.11, -0.05, 0.05, 0.03)
+def _wheel() -> Points:
+    return rounded_box(-0.11, 0.11, -0.05, 0.05, 0.03)
+
+
+def _steered_wheels(robot: RobotSpec, steer: float) -> Points:
+    """Outlines of the wheels on the body's other axle; ahead of the fixed one, an angle counts the other way."""
     axle, angle = (robot.wheelbase, -steer) if robot.front_steered else (-robot.wheelbase, steer)
-    turned = wheel @ _rotation(angle)
-    side = robot.width / 2 - 0.09
-    for left in (side, -side):
-        put(wheel + np.array([0.0, left]), ink)
-        put(turned + np.array([axle, left]), ink)
+    turned, side = _wheel() @ _rotation(angle), robot.width / 2 - 0.09
+    return np.concatenate([turned + np.array([axle, aside]) for aside in (side, -side)])
 
 
 def _rotation(angle: float) -> Points:
@@ -143,12 +168,22 @@ def _rotation(angle: float) -> Points:
     return np.array([[cos, sin], [-sin, cos]])
 
 
-def paint_goal(tile: Tile, centre: tuple[float, float], colour: RGB) -> None:
-    """Paint a target of the robot's colour around a cell's centre [m]."""
-    tile.circle(centre, 0.40, _WHITE, 200)
-    tile.circle(centre, 0.36, colour)
-    tile.circle(centre, 0.26, _WHITE, 235)
-    tile.circle(centre, 0.13, colour)
+def stamp_goal(pygame: Any, canvas: Any, centre: tuple[float, float], colour: RGB, scale: float) -> None:
+    """Lay a target of the robot's colour around a place of the frame's surface [px]; `scale` [px/m]."""
+    left, upper = math.floor(centre[0]), math.floor(centre[1])
+    parts = (math.floor((value - math.floor(value)) * _OVERSAMPLE) for value in centre)
+    picture, x, y = _goal(pygame, colour, scale, *parts)
+    canvas.blit(picture, (left + x, upper + y), special_flags=pygame.BLEND_PREMULTIPLIED)
+
+
+@lru_cache(maxsize=512)
+def _goal(pygame: Any, colour: RGB, scale: float, right: int, down: int) -> tuple[Any, int, int]:
+    """Return a target around a point that many `_OVERSAMPLE`ths of a pixel off, and where its corner lies [px]."""
+    x, y = right / _OVERSAMPLE / scale, -down / _OVERSAMPLE / scale
+    tile = Tile(pygame, (x, y), 0.45, 0.0, scale)
+    for radius, ink, alpha in ((0.40, _WHITE, 200), (0.36, colour, 255), (0.26, _WHITE, 235), (0.13, colour, 255)):
+        tile.circle((x, y), radius, ink, alpha)
+    return tile.shrunk(), tile.left, tile.upper
 
 
 def paint_arrow(tile: Tile, begin: Points, end: Points, ink: RGB, width: float) -> None:

@@ -111,7 +111,7 @@ async function start() {
   app.theme(dark.matches);
   dark.addEventListener("change", () => app.theme(dark.matches));
   app.fit();
-  app.choose(-1);
+  app.choose(about.robot ?? -1);
   readAddress(app);
   let size = "";
   new ResizeObserver(() => {

@@ -1,0 +1,113 @@
+"""An episode as arrays: what the simulator had, at every moment; and packed, within the steps that it is kept in."""
+
+from __future__ import annotations
+
+import zlib
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.render.episodes import driven
+from warehouse_env.errors import ConfigError
+from warehouse_env.render.replay import FLAGS, REWARD_TERMS, Replay, replay_of, straightened
+from warehouse_env.render.replay_codec import packed, position_unit
+from warehouse_env.simulation import rewards
+
+
+def shares(observation: np.ndarray) -> np.ndarray:
+    """Shares of 20 actions that hang on what is seen."""
+    liked = np.abs(np.sin(observation[..., :1] * 50 + np.arange(20)))
+    return liked / liked.sum(axis=-1, keepdims=True)
+
+
+def flag(replay: Replay, name: str) -> np.ndarray:
+    return (replay.flags >> FLAGS.index(name) & 1).astype(bool)
+
+
+def unpacked(replay: Replay) -> dict[str, np.ndarray]:
+    """Undo `packed`, as the browser does."""
+    about, data = packed(replay)
+    found, start, raw = {}, 0, zlib.decompress(data)
+    for column in about:
+        count, width = int(np.prod(column["shape"])), column["width"]
+        planes = np.frombuffer(raw, np.uint8, count * width, start).reshape(width, count).astype(np.uint64)
+        values = sum(plane << np.uint64(8 * k) for k, plane in enumerate(planes)).reshape(column["shape"])  # type: ignore[union-attr]
+        for _ in range(column["order"]):
+            values = np.cumsum(values, axis=-1, dtype=np.uint64)
+        whole = (values & np.uint64(256**width - 1)).astype(np.int64)
+        if column["signed"]:
+            whole = np.where(whole >= 256**width // 2, whole - 256**width, whole)
+        found[column["name"]] = whole * column["unit"]
+        start += count * width
+    assert start == len(raw)
+    return found
+
+
+def test_a_replay_has_what_the_simulator_had() -> None:
+    episode = driven()
+    replay = replay_of(episode, "follow", shares, world=1)
+    np.testing.assert_array_equal(replay.pose, episode.pose[:, 1])
+    assert replay.seed == 9
+    assert replay.seconds == pytest.approx(0.2)
+    assert REWARD_TERMS == rewards.REWARD_TERMS
+    for k, simulator in enumerate(episode.replay()):
+        np.testing.assert_array_equal(replay.speed[k], simulator.state.speed[1])
+        np.testing.assert_array_equal(replay.rewards[k], simulator.reward_terms[1])
+        np.testing.assert_array_equal(replay.waits_for[k], simulator.jams().waits_for[1])
+        np.testing.assert_array_equal(flag(replay, "touching")[k], simulator.events.touching[1] > 0)
+        np.testing.assert_array_equal(flag(replay, "hit_robot")[k], simulator.events.hit_robot[1] > 0)
+        assert replay.liked is not None
+        np.testing.assert_allclose(replay.liked[k], shares(simulator.observation)[1], atol=1e-6)
+        for i, goal in enumerate(simulator.state.goal[1].tolist()):
+            assert replay.goal[k, i] == goal[0] * 14 + goal[1]
+            assert flag(replay, "loaded")[k, i] == (goal in episode.grid.stations.tolist())
+            route = replay.routes[replay.route[k, i]]
+            np.testing.assert_array_equal(route[-1], simulator.routes[1, i, simulator.state.route_points[1, i] - 1])
+    metrics = simulator.episode_metrics(1)
+    assert metrics["collisions_robot"] > 0
+    collisions = metrics["collisions_robot"] + metrics["collisions_shelf"]
+    assert replay.totals[-1].tolist() == [metrics["goals"], collisions, metrics["near_misses"]]
+
+
+def test_a_world_that_is_not_there() -> None:
+    with pytest.raises(ConfigError, match="world=2 must be one of the episode's 2"):
+        replay_of(driven(), "follow", world=2)
+
+
+def test_a_route_keeps_its_turns_and_its_length() -> None:
+    corner = np.array([(k, 0.0) for k in range(9)] + [(8.0, k) for k in range(1, 7)], dtype=np.float32)
+    np.testing.assert_array_equal(straightened(corner), [(0, 0), (8, 0), (8, 6)])
+    angles = np.linspace(0, np.pi / 2, 20)
+    arc = np.stack([np.cos(angles), np.sin(angles)], axis=1).astype(np.float32)
+    np.testing.assert_array_equal(straightened(arc), arc)
+    for short in (arc[:0], arc[:1], arc[:2]):
+        np.testing.assert_array_equal(straightened(short), short)
+
+
+def test_what_is_packed_is_what_was_there() -> None:
+    replay = replay_of(driven(), "follow", shares)
+    found = unpacked(replay)
+    unit = position_unit(replay.grid)
+    assert unit == 0.002
+    near: dict[str, Any] = {"rtol": 0, "atol": unit / 2 + 1e-6}
+    np.testing.assert_allclose(found["x"].T, replay.pose[..., 0], **near)
+    np.testing.assert_allclose(found["y"].T, replay.pose[..., 1], **near)
+    np.testing.assert_allclose(found["along"].T, replay.along, **near)
+    points = np.concatenate(replay.routes)
+    np.testing.assert_allclose(np.stack([found["route_x"], found["route_y"]], axis=1), points, **near)
+    turned = (found["heading"].T - replay.pose[..., 2] + np.pi) % (2 * np.pi) - np.pi
+    assert np.abs(turned).max() < 1e-4
+    for name in ("goal", "route", "waits_for", "yields_to", "held_by", "flags", "totals"):
+        np.testing.assert_array_equal(found[name].T, getattr(replay, name))
+    for k, term in enumerate(REWARD_TERMS):
+        most = np.abs(replay.rewards[..., k]).max()
+        np.testing.assert_allclose(found[f"reward {term}"].T, replay.rewards[..., k], rtol=0, atol=most / 250)
+    assert replay.liked is not None
+    np.testing.assert_allclose(np.moveaxis(found["liked"], -1, 0), replay.liked, rtol=0, atol=0.002)
+    cells = found["cells"].reshape(10, 14).astype(int)
+    np.testing.assert_array_equal(cells & 1, replay.grid.occupied)
+    np.testing.assert_array_equal(np.argwhere(cells & 2), sorted(replay.grid.picks.tolist()))
+    np.testing.assert_array_equal(np.argwhere(cells & 4), sorted(replay.grid.stations.tolist()))
+    np.testing.assert_allclose(found["height"].reshape(10, 14), replay.grid.height, atol=1e-3)
+    np.testing.assert_array_equal(found["one_way"].reshape(10, 14), replay.grid.one_way)

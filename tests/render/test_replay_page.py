@@ -1,0 +1,233 @@
+"""The replay page in a real browser: it loads in silence, plays, scrubs, and shows the arrays."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.render.browser import Opener, browser, needs_chromium, open_page  # noqa: F401
+from tests.render.episodes import CONFIG, driven
+from tests.render.test_replay import shares
+from warehouse_env.errors import ConfigError
+from warehouse_env.render.replay import Replay, replay_of
+from warehouse_env.render.replay_page import _PAGE, _SCRIPTS, write_replay_page
+
+
+@pytest.fixture(scope="module")
+def replay() -> Replay:
+    return replay_of(driven(), "follow <b>&", shares)
+
+
+@pytest.fixture(scope="module")
+def one(replay: Replay, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page of one episode."""
+    path = tmp_path_factory.mktemp("page") / "replay.html"
+    write_replay_page(path, [replay], "A </script> & more")
+    return path
+
+
+@pytest.fixture(scope="module")
+def two(replay: Replay, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page of that episode beside a shorter one."""
+    path = tmp_path_factory.mktemp("page") / "two.html"
+    write_replay_page(path, [replay, replay_of(driven(60, True), "front-steered")], "two", robot=2)
+    return path
+
+
+def shown(page: Any, panel: int = 0) -> np.ndarray:
+    """Return the poses that the page shows, float[N, 3]."""
+    return np.array([(r["x"], r["y"], r["heading"]) for r in page.evaluate(f"replay.robots({panel})")])
+
+
+def assert_at(page: Any, replay: Replay, frame: int, panel: int = 0) -> None:
+    apart = shown(page, panel) - replay.pose[frame]
+    apart[:, 2] = (apart[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    assert np.abs(apart).max() < 0.0012
+
+
+def test_every_script_is_in_the_page() -> None:
+    assert {path.stem for path in _PAGE.glob("*.js")} == set(_SCRIPTS)
+
+
+def test_nothing_is_fetched(one: Path) -> None:
+    text = one.read_text(encoding="utf-8")
+    assert not re.findall(r"(?:src|href)=\"(?!data:)", text)
+    assert "default-src 'none'" in text
+    assert one.stat().st_size < 300_000
+
+
+def test_three_are_too_many(replay: Replay, tmp_path: Path) -> None:
+    for replays in ([], [replay] * 3):
+        with pytest.raises(ConfigError, match="one replay, or two side by side"):
+            write_replay_page(tmp_path / "page.html", replays, "none")
+    assert list(tmp_path.iterdir()) == []
+
+
+@needs_chromium
+def test_it_loads_and_says_what_it_shows(one: Path, open_page: Opener) -> None:
+    page = open_page(one)
+    assert page.title() == "A </script> & more"
+    assert page.inner_text("h1") == "A </script> & more"
+    assert page.inner_text("figcaption b") == "follow <b>&"
+    assert "hall, 7 robots, seed 4" in page.inner_text("figcaption")
+    assert page.evaluate("replay.frames()") == 151
+    assert not page.evaluate("replay.playing()")
+
+
+@needs_chromium
+def test_it_shows_the_arrays(one: Path, replay: Replay, open_page: Opener) -> None:
+    page = open_page(one)
+    for frame in (0, 1, 77, 150):
+        page.evaluate(f"replay.seek({frame})")
+        assert page.evaluate("replay.frame()") == frame
+        assert_at(page, replay, frame)
+        assert page.evaluate("replay.totals()") == replay.totals[frame].tolist()
+    page.evaluate("replay.seek(10000)")
+    assert page.evaluate("replay.frame()") == 150
+
+
+@needs_chromium
+def test_between_two_moments_robots_are_between(one: Path, replay: Replay, open_page: Opener) -> None:
+    page = open_page(one)
+    page.evaluate("replay.seek(20.5)")
+    middle = (replay.pose[20, :, :2] + replay.pose[21, :, :2]) / 2
+    np.testing.assert_allclose(shown(page)[:, :2], middle, atol=0.002)
+
+
+@needs_chromium
+def test_the_lidar_is_the_robots_own(one: Path, open_page: Opener) -> None:
+    """What the page works out from the poses is what the robots observed."""
+    page = open_page(one)
+    rays, most = CONFIG.sensor.rays, CONFIG.sensor.lidar_range
+    apart = []
+    for k, simulator in enumerate(driven().replay()):
+        if k % 30:
+            continue
+        page.evaluate(f"replay.seek({k})")
+        shown(page)
+        for i in range(CONFIG.num_agents):
+            observed = 1 / simulator.observation[0, i, :rays] - 1
+            apart.append(np.abs(np.array(page.evaluate(f"replay.lidar({i})")) - observed.clip(max=most)))
+    # a ray along an edge may meet it or miss it by a millimetre
+    assert np.mean(np.concatenate(apart) < 0.02) > 0.99
+
+
+@needs_chromium
+def test_it_plays_to_the_end_and_no_further(one: Path, open_page: Opener) -> None:
+    page = open_page(one)
+    page.evaluate("replay.app.speed = 16")
+    page.click("#play")
+    page.wait_for_function("replay.frame() > 5")
+    page.wait_for_function("!replay.playing()")
+    assert page.evaluate("replay.frame()") == 150
+    page.click("#play")
+    page.wait_for_function("replay.frame() < 100")
+
+
+@needs_chromium
+def test_the_keyboard_works(one: Path, open_page: Opener) -> None:
+    page = open_page(one)
+
+    def press(key: str, what: str) -> Any:
+        page.keyboard.press(key)
+        return page.evaluate(what)
+
+    assert press("ArrowRight", "replay.frame()") == 1
+    assert press("ArrowRight", "replay.frame()") == 2
+    assert press("ArrowLeft", "replay.frame()") == 1
+    assert press("Shift+ArrowRight", "replay.frame()") == 26
+    assert press("End", "replay.frame()") == 150
+    assert press("Home", "replay.frame()") == 0
+    assert press("Space", "replay.playing()")
+    assert not press("Space", "replay.playing()")
+    assert press(".", "replay.app.robot") == 0
+    assert press("f", "replay.app.following")
+    assert press("Escape", "replay.app.robot") == -1
+    scale = page.evaluate("replay.app.view.scale")
+    assert press("+", "replay.app.view.scale") > scale
+    assert press("0", "replay.app.view.scale") == scale
+    assert not press("r", "replay.app.layers.routes")
+    dark = page.evaluate("document.documentElement.dataset.theme")
+    assert press("d", "document.documentElement.dataset.theme") != dark
+    press("?", "0")
+    assert page.is_visible("#keys")
+    assert press("ArrowRight", "replay.frame()") == 0  # the help is open
+
+
+@needs_chromium
+def test_events_are_those_of_the_arrays(one: Path, replay: Replay, open_page: Opener) -> None:
+    page = open_page(one)
+    events = page.evaluate("replay.events()")
+    hits = (replay.flags >> 5 & 1).any(axis=1) | (replay.flags >> 6 & 1).any(axis=1)
+    found = {event["frame"] for event in events if event["kind"] == "collision"}
+    assert found == set(np.flatnonzero(hits).tolist())
+    page.keyboard.press("]")
+    assert page.evaluate("replay.frame()") == min(event["frame"] for event in events if event["frame"] > 0)
+
+
+@needs_chromium
+def test_the_time_line_is_scrubbed(one: Path, open_page: Opener) -> None:
+    page = open_page(one)
+    box = page.locator("#timeline").bounding_box()
+    page.mouse.move(box["x"] + 5, box["y"] + 8)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 8)
+    page.mouse.up()
+    assert abs(page.evaluate("replay.frame()") - 75) <= 1
+
+
+@needs_chromium
+def test_a_click_chooses_a_robot_and_its_numbers_are_shown(one: Path, replay: Replay, open_page: Opener) -> None:
+    page = open_page(one)
+    page.evaluate("replay.seek(40)")
+    place = page.evaluate(
+        "(() => { const { app } = replay, [x, y] = app.replays[0].centre(3), c = app.canvases[0];"
+        " return [c.clientWidth / 2 + (x - app.view.x) * app.view.scale,"
+        " c.clientHeight / 2 - (y - app.view.y) * app.view.scale]; })()"
+    )
+    page.click(".floor canvas", position={"x": place[0], "y": place[1]})
+    assert page.inner_text("#robot-name") == "Robot 3"
+    page.wait_for_function("document.querySelector('.chart output').textContent !== ''")
+    said = page.inner_text(".chart output").replace("−", "-")
+    assert float(said.split()[0]) == pytest.approx(float(replay.speed[40, 3]), abs=0.02)
+    percents = page.locator("#commands td").all_inner_texts()
+    assert replay.liked is not None
+    assert max(int(text) for text in percents if text) == pytest.approx(100 * replay.liked[40, 3].max(), abs=1)
+
+
+@needs_chromium
+def test_two_episodes_are_in_step(two: Path, replay: Replay, open_page: Opener) -> None:
+    page = open_page(two)
+    other = replay_of(driven(60, True), "front-steered")
+    assert page.evaluate("replay.app.robot") == 2
+    page.evaluate("replay.seek(33)")
+    assert_at(page, replay, 33, 0)
+    assert_at(page, other, 33, 1)
+    page.evaluate("replay.seek(100)")  # the shorter one waits at its end
+    assert_at(page, replay, 100, 0)
+    assert_at(page, other, 60, 1)
+    assert page.locator("#totals thead th").all_inner_texts()[1:] == ["follow <b>&", "front-steered"]
+
+
+@needs_chromium
+def test_an_address_says_where_to_begin(one: Path, open_page: Opener) -> None:
+    page = open_page(one, "#t=6&robot=4")
+    assert page.evaluate("[replay.frame(), replay.app.robot]") == [30, 4]
+
+
+@needs_chromium
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_it_fits_a_phone(two: Path, scheme: str, open_page: Opener) -> None:
+    page = open_page(two, "", 390, 844, color_scheme=scheme, has_touch=True, device_scale_factor=2)
+    assert page.evaluate("document.documentElement.dataset.theme") == scheme
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    for canvas in page.locator(".floor canvas").all():
+        box = canvas.bounding_box()
+        assert box["width"] > 350
+        assert box["height"] > 150
+    page.tap("#play")
+    assert page.evaluate("replay.playing()")

@@ -1,0 +1,150 @@
+"""`warehouse record` and `warehouse replay`: from nothing to a page in two commands; videos, windows, what is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from train.cli import main
+from train.commands.replay import frames, pace
+from train.reporting.rows import read_rows
+from warehouse_env.simulation.recording import Episode
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Episodes of two policies that decide at different rates, of 6 s each."""
+    folder = tmp_path_factory.mktemp("episodes")
+    paths = folder / "ppo.npz", folder / "brake.npz"
+    for path in paths:
+        options = f"--policy {path.stem} --layout open --robots 3 --planner astar --seconds 6 --seed 4"
+        assert main(["record", *options.split(), "--out", str(path), "--json", str(path.with_suffix(".jsonl"))]) == 0
+    return paths
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: str | Path) -> str:
+    """Run a replay and return what it says."""
+    assert main(["replay", *map(str, words)]) == 0
+    return capsys.readouterr().out
+
+
+def refused(capsys: pytest.CaptureFixture[str], *words: str | Path) -> str:
+    """Run a replay that is refused and return its sentence."""
+    assert main(["replay", *map(str, words)]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.count("\n") == 1
+    return shown.err
+
+
+def test_a_recorded_episode_is_told_of(files: tuple[Path, Path]) -> None:
+    episode = Episode.load(files[0])
+    assert (episode.policy, episode.seeds, len(episode.actions)) == ("ppo", (4,), 30)
+    (row,) = read_rows(files[1].with_suffix(".jsonl"))
+    assert (row["policy"], row["seed"], row["steps"], row["robots"]) == ("brake", 4, 60, 3)
+    assert row["out"] == str(files[1])
+
+
+def test_the_second_command_is_what_the_first_one_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    options = "--layout open --robots 2 --planner astar --seconds 4"
+    assert main(["record", *options.split()]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("wrote the episode to results/episode.npz; ")
+    words = re.findall(r"warehouse (replay .*)$", said.strip())[0].split()
+    assert main(words) == 0
+    assert re.search(r"wrote the replay to results/episode.html \(\d\.\d MB\)", capsys.readouterr().out)
+    assert "ppo" in (tmp_path / "results/episode.html").read_text(encoding="utf-8")
+
+
+def test_two_episodes_make_a_page_and_rows(
+    files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page, rows = tmp_path / "new" / "page.html", tmp_path / "rows.jsonl"
+    run(capsys, *files, "--html", page, "--json", rows, "--title", "Who is better?", "--robot", "1")
+    assert "<title>Who is better?</title>" in page.read_text(encoding="utf-8")
+    assert [(row["name"], row["steps"], row["html"]) for row in read_rows(rows)] == [
+        ("ppo", 30, str(page)),
+        ("brake", 60, str(page)),
+    ]
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".gif"])
+def test_a_video_lasts_as_long_as_it_says(
+    files: tuple[Path, Path], tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    pytest.importorskip("pygame")
+    path = tmp_path / f"clip{suffix}"
+    said = run(capsys, *files, "--video", path, "--speed", "3", "--pixels", "200")
+    assert said == f"wrote the video to {path}: 2 s at 3 times the speed\n"
+    count, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
+    assert count == 31
+    assert seconds == pytest.approx(31 / 15, abs=0.11)
+
+
+def test_frames_are_in_step(files: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pygame")
+    from warehouse_env.render import frame
+    from warehouse_env.render.frame import Scene
+
+    scenes: list[Scene] = []
+    draw = frame.draw
+    monkeypatch.setattr(frame, "draw", lambda scene, scale: (scenes.append(scene), draw(scene, scale))[1])
+    episodes = [Episode.load(path) for path in files]
+    every, fps = pace(episodes, 20.0)
+    assert (every, fps) == (pytest.approx(0.8), pytest.approx(25))
+    pictures = list(frames(episodes, [0, 0], ["a", "b"], every, 200))
+    left, right = scenes[::2], scenes[1::2]
+    assert len(pictures) == len(left) == len(right) == 8
+    for k, pair in enumerate(zip(left, right, strict=True)):
+        for scene, episode, name in zip(pair, episodes, "ab", strict=True):
+            assert scene.time == pytest.approx(0.8 * k)
+            assert scene.text.startswith(f"{name}   ")
+            step = 0.1 * episode.config.action_repeat
+            np.testing.assert_array_equal(scene.pose, episode.pose[round(0.8 * k / step), 0])
+    one = draw(left[0], 200 / 40).shape
+    assert pictures[0].shape == (one[0], 2 * one[1], 3)
+
+
+@pytest.fixture
+def headless(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    pygame = pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    yield
+    pygame.display.quit()
+
+
+@pytest.mark.usefixtures("headless")
+def test_a_window_shows_it_all(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(capsys, files[0], "--window", "--speed", "60") == f"showed 8 s of {files[0]}\n"
+
+
+def test_what_is_refused(files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = tmp_path / "page.html"
+    assert "choose one of --html FILE, --video FILE and --window" in refused(capsys, files[0])
+    assert "choose one of" in refused(capsys, files[0], "--html", page, "--window")
+    assert "one episode file, or two" in refused(capsys, *files, files[0], "--html", page)
+    assert "nowhere.npz does not exist" in refused(capsys, "nowhere.npz", "--html", page)
+    assert "has no world of seed 7; its seeds are 4" in refused(capsys, files[0], "--html", page, "--seed", "7")
+    assert "--robot 3 must be one of" in refused(capsys, files[0], "--html", page, "--robot", "3")
+    assert "speed=0" in refused(capsys, files[0], "--html", page, "--speed", "0")
+    assert "must end in .mp4 or .gif" in refused(capsys, files[0], "--video", tmp_path / "clip.avi")
+    assert "is a folder" in refused(capsys, files[0], "--html", tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_policy_that_is_gone_leaves_its_preferences_out(
+    files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    old = tmp_path / "old.npz"
+    dataclasses.replace(Episode.load(files[0]), policy=str(tmp_path / "gone")).save(old)
+    run(capsys, old, "--html", tmp_path / "page.html")
+    assert '"liked"' not in (tmp_path / "page.html").read_text(encoding="utf-8").split('id="about"')[1][:20_000]

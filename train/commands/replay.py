@@ -1,0 +1,191 @@
+"""`warehouse replay`: a recorded episode, or two side by side, as a page for the browser, a video, or in a window."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import tyro
+from numpy.typing import NDArray
+
+from train.evaluation.recorded import shares_of
+from train.reporting.report import make_progress, require_video
+from train.reporting.rows import RowFile, check_writable
+from warehouse_env.checked import Checked
+from warehouse_env.errors import ConfigError, WarehouseError
+from warehouse_env.render.extras import check_frames
+from warehouse_env.render.replay import Replay, replay_of
+from warehouse_env.render.replay_page import write_replay_page
+from warehouse_env.simulation.recording import Episode
+
+if TYPE_CHECKING:
+    from warehouse_env.render.frame import Scene
+
+FLUENT = 25.0  # frames a second that a video is to come near
+
+
+@dataclass(frozen=True)
+class ReplayCommand(Checked):
+    """Show a recorded episode, or two side by side and in step: --html, --video or --window."""
+
+    episodes: tyro.conf.Positional[tuple[Path, ...]]
+    """One or two files of `warehouse record`."""
+    html: Path | None = None
+    """Write one HTML file, which any browser shows without a network."""
+    video: Path | None = None
+    """Write a video, .mp4 or .gif."""
+    window: bool = False
+    """Show it in a window, until it ends or is closed."""
+    title: str = ""
+    """Title of the page or the window (what is shown, if left out)."""
+    robot: int | None = None
+    """Robot that the page begins with."""
+    speed: float = 4.0
+    """Simulated seconds that a second of the video or the window shows."""
+    pixels: int = 736
+    """Longest side of a floor in the video or the window [px]."""
+    seed: int | None = None
+    """Which of an episode's worlds to show, by its seed (its first, if left out)."""
+    json: Path | None = None
+    """Write a row about each episode to this file as JSON lines."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(0.01, 1000.0, "speed")
+        self._between(64, 8192, "pixels")
+
+    def run(self) -> None:
+        """Load the episodes, show them, and say what was written."""
+        if (self.html is not None) + (self.video is not None) + self.window != 1:
+            raise ConfigError("choose one of --html FILE, --video FILE and --window")
+        if not 1 <= len(self.episodes) <= 2:
+            raise ConfigError(f"name one episode file, or two to see side by side, not {len(self.episodes)}")
+        episodes = [Episode.load(path) for path in self.episodes]
+        worlds = [self._world(path, episode) for path, episode in zip(self.episodes, episodes, strict=True)]
+        names = names_of(self.episodes, episodes)
+        title = self.title or " and ".join(names)
+        file = RowFile(self.json)
+        if self.html is not None:
+            self._write_page(self.html, episodes, worlds, names, title)
+        elif self.video is not None:
+            self._write_video(self.video, episodes, worlds, names)
+        else:
+            self._show(episodes, worlds, names, title)
+        shown = zip(self.episodes, names, episodes, worlds, strict=True)
+        file.add(
+            {
+                "episode": path, "policy": episode.policy, "name": name, "map": episode.grid.name,
+                "robots": episode.config.num_agents, "seed": episode.seeds[world], "steps": len(episode.actions),
+                "html": self.html, "video": self.video,
+            }
+            for path, name, episode, world in shown
+        )  # fmt: skip
+
+    def _world(self, path: Path, episode: Episode) -> int:
+        if self.seed is None:
+            return 0
+        if self.seed not in episode.seeds:
+            known = ", ".join(map(str, episode.seeds[:8]))
+            raise ConfigError(f"{path} has no world of seed {self.seed}; its seeds are {known}")
+        return episode.seeds.index(self.seed)
+
+    def _write_page(
+        self, path: Path, episodes: Sequence[Episode], worlds: Sequence[int], names: Sequence[str], title: str
+    ) -> None:
+        if self.robot is not None and not 0 <= self.robot < max(one.config.num_agents for one in episodes):
+            raise ConfigError(f"--robot {self.robot} must be one of the episode's robots, which count from 0")
+        check_writable(path)
+        replays: list[Replay] = []
+        with make_progress() as progress:
+            bar = progress.add_task("replay", total=sum(len(one.actions) + 1 for one in episodes))
+            for episode, world, name in zip(episodes, worlds, names, strict=True):
+                try:
+                    shares = shares_of(episode.policy, episode.config)
+                except WarehouseError as error:
+                    progress.console.print(f"without the policy's preferences: {error}", markup=False)
+                    shares = None
+                replays.append(replay_of(episode, name, shares, world, lambda: progress.advance(bar)))
+        write_replay_page(path, replays, title, self.robot)
+        print(f"wrote the replay to {path} ({path.stat().st_size / 1e6:.1f} MB); any browser opens it")
+
+    def _write_video(
+        self, path: Path, episodes: Sequence[Episode], worlds: Sequence[int], names: Sequence[str]
+    ) -> None:
+        from warehouse_env.render.video import VideoWriter
+
+        require_video()
+        every, fps = pace(episodes, self.speed)
+        with VideoWriter(path, fps) as video, make_progress() as progress:
+            bar = progress.add_task("video", total=1 + int(max(map(seconds_of, episodes)) / every + 1e-6))
+            for frame in frames(episodes, worlds, names, every, self.pixels):
+                video.add(frame)
+                progress.advance(bar)
+        print(f"wrote the video to {path}: {video.frames / fps:.0f} s at {self.speed:g} times the speed")
+
+    def _show(self, episodes: Sequence[Episode], worlds: Sequence[int], names: Sequence[str], title: str) -> None:
+        from warehouse_env.render.window import Window
+
+        check_frames()
+        every, fps = pace(episodes, self.speed)
+        with Window(fps, title) as window:
+            shown = sum(
+                1 for _ in itertools.takewhile(window.show, frames(episodes, worlds, names, every, self.pixels))
+            )
+        print(f"showed {shown * every:.0f} s of {' and '.join(map(str, self.episodes))}")
+
+
+def names_of(paths: Sequence[Path], episodes: Sequence[Episode]) -> list[str]:
+    """Return what episodes are called: by their policies, where these differ, else by their files."""
+    policies = [Path(episode.policy).name for episode in episodes]
+    if all(policies) and len(set(policies)) == len(policies):
+        return policies
+    return [path.stem for path in paths]
+
+
+def seconds_of(episode: Episode) -> float:
+    """Return the simulated time of an episode [s]."""
+    return len(episode.actions) * _step(episode)
+
+
+def _step(episode: Episode) -> float:
+    return episode.config.time_step * episode.config.action_repeat
+
+
+def pace(episodes: Sequence[Episode], speed: float) -> tuple[float, float]:
+    """Return the simulated time between two frames [s], a multiple of the longest step, and the frame rate [1/s]."""
+    step = max(map(_step, episodes))
+    every = step * max(1, round(speed / FLUENT / step))
+    return every, speed / every
+
+
+def frames(
+    episodes: Sequence[Episode], worlds: Sequence[int], names: Sequence[str], every: float, pixels: int
+) -> Iterator[NDArray[np.uint8]]:
+    """Yield pictures uint8[H, W, 3] of all episodes side by side; one that is over waits for the other."""
+    from warehouse_env.render.floor import scale_for
+    from warehouse_env.render.frame import draw
+
+    scale = min(scale_for(episode.grid, pixels, most=64.0) for episode in episodes)
+    films = [_film(*one, every) for one in zip(episodes, worlds, names, strict=True)]
+    last: list[NDArray[np.uint8]] = [np.empty((0, 0, 3), np.uint8)] * len(films)
+    for scenes in itertools.zip_longest(*films):
+        last = [old if scene is None else draw(scene, scale) for scene, old in zip(scenes, last, strict=True)]
+        height = max(len(frame) for frame in last)
+        padded = [np.pad(frame, ((0, height - len(frame)), (0, 0), (0, 0))) for frame in last]
+        yield padded[0] if len(padded) == 1 else np.concatenate(padded, axis=1)
+
+
+def _film(episode: Episode, world: int, name: str, every: float) -> Iterator[Scene]:
+    """Yield a scene at every multiple of `every` [s] of an episode, of the last step before."""
+    from warehouse_env.render.frame import scene_of
+
+    shown = 0
+    for steps, simulator in enumerate(episode.replay()):
+        while shown * every < (steps + 1) * _step(episode) - 1e-6 and shown * every <= seconds_of(episode) + 1e-6:
+            scene = scene_of(simulator, world)
+            yield scene._replace(text=f"{name}   {scene.text}")
+            shown += 1

@@ -1,0 +1,60 @@
+"""Episodes kept to be looked at again: one of an experiment as a file, and what its policy liked at every moment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents import LearnedPolicy, make_policy
+from agents.preferences import Preferring
+from train.central import CENTRAL
+from train.evaluation.disturbances import DISTURBANCES
+from train.evaluation.rollout import Experiment, Routes, decider, generator_of
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
+from warehouse_env.render.replay import Shares
+from warehouse_env.simulation.recording import Episode, Recorder
+
+
+def record(experiment: Experiment, moved: Callable[[], object] = lambda: None) -> Episode:
+    """Play the first episode of an experiment, to the bit as `run` does, and return it; moved: called after each step.
+
+    Raises ConfigError where robots break down on the way, which an episode cannot tell.
+    """
+    name = experiment.disturbance
+    if name is not None and DISTURBANCES[name].breakdown is not None:
+        raise ConfigError(f"under the disturbance {name!r} robots break down, and no episode can be recorded")
+    seed = experiment.seeds[0]
+    recorder = Recorder(Routes().simulator(experiment.config, 1), (seed,), experiment.policy)
+    decide, generators = decider(experiment), [generator_of(seed)]
+    for _ in range(experiment.config.max_steps):
+        recorder.step(decide(recorder.simulator, generators))
+        moved()
+        if recorder.simulator.terminated.all():
+            break
+    return recorder.episode
+
+
+def shares_of(policy: str, config: EnvConfig) -> Shares | None:
+    """Return how much a policy likes each action, for `replay_of`; None if it has no preferences, or has no name.
+
+    Of a learned policy these are the chances; of a rule its order, 1 for the action liked best and 0 for the one liked
+    least. Raises ConfigError or WeightsError for a policy that cannot be made.
+    """
+    if not policy or policy in CENTRAL or config.action_type != "discrete":
+        return None
+    made = make_policy(policy, config)
+    if not isinstance(made, Preferring):
+        return None
+
+    def shares(observation: NDArray[np.float32]) -> NDArray[np.float64]:
+        liked = made.preferences(observation).astype(np.float64)
+        liked -= liked.max(axis=-1, keepdims=True)
+        if isinstance(made, LearnedPolicy):
+            likely = np.exp(liked)
+            return np.asarray(likely / likely.sum(axis=-1, keepdims=True))
+        return np.asarray(1 - liked / liked.min(axis=-1, keepdims=True).clip(max=-1e-9))
+
+    return shares
