@@ -1,13 +1,15 @@
-"""A small floor and a scene on it, for all picture tests."""
+"""A small floor and a scene on it, for all picture tests; a browser, for those of pages."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.render.browser import CHROMIUM, Opener
 from warehouse_env.config import RobotSpec
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.frame import Scene
@@ -41,3 +43,37 @@ def make_scene(grid: GridMap) -> Callable[..., Scene]:
         return scene._replace(**changes)
 
     return make
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """A running browser."""
+    api = pytest.importorskip("playwright.sync_api")
+    with api.sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield running
+        running.close()
+
+
+@pytest.fixture
+def open_page(browser: Any) -> Iterator[Opener]:
+    """Return an opener of replay pages; whatever they complain of, or ask the network for, fails the test."""
+    faults: list[str] = []
+    opened = []
+
+    def opener(path: Path, address: str = "", width: int = 1200, height: int = 800, **options: Any) -> Any:
+        page = browser.new_page(viewport={"width": width, "height": height}, **options)
+        page.on("console", lambda message: faults.append(f"console {message.type}: {message.text}"))
+        page.on("pageerror", lambda error: faults.append(f"error: {error}"))
+        page.on(
+            "request", lambda request: faults.extend([request.url] * (not request.url.startswith(("file:", "data:"))))
+        )
+        page.goto(f"{path.as_uri()}{address}")
+        page.wait_for_function("window.replay")
+        opened.append(page)
+        return page
+
+    yield opener
+    for page in opened:
+        page.close()
+    assert not faults

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.render.browser import Opener, browser, needs_chromium, open_page  # noqa: F401
+from tests.render.browser import Opener, needs_chromium
 from tests.render.episodes import CONFIG, driven
 from tests.render.test_replay import shares
 from warehouse_env.errors import ConfigError

@@ -1,4 +1,4 @@
-"""`warehouse record` and `warehouse replay`: from nothing to a page in two commands; videos, windows, what is refused."""
+"""`warehouse record` and `replay`: from nothing to a page in two commands; videos, windows, what is refused."""
 
 from __future__ import annotations
 

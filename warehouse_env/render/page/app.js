@@ -115,8 +115,10 @@ class App {
     if (this.following) [this.view.x, this.view.y] = this.replays[this.active].centre(this.robot);
     this.canvases.forEach((canvas, k) => drawStage(canvas, this.replays[k], this));
     drawTimeline(this);
-    showControls(this);
+    document.querySelector("#clock").textContent = `${(this.frame * this.seconds).toFixed(1)} s`;
     if (!all) return;
+    sayTime(this);
+    showControls(this);
     showTotals(this);
     showRobot(this);
     showCharts(this);

@@ -5,7 +5,7 @@ function drawChart(canvas, chart, app) {
   sizeCanvas(canvas);
   const context = canvas.getContext("2d");
   const { width, height } = canvas;
-  const ratio = pixelRatio(canvas);
+  const ratio = canvas.ratio;
   const span = chartSpan(app);
   const paper = {
     x: (seconds) => ((seconds - span.from) / (span.to - span.from)) * width,
@@ -79,6 +79,6 @@ function drawShares(canvas, episode, levels, app) {
     }
   }
   context.fillStyle = app.css.ink;
-  const ratio = pixelRatio(canvas);
+  const ratio = canvas.ratio;
   context.fillRect(((app.frame * app.seconds - span.from) / (span.to - span.from)) * width - ratio / 2, 0, ratio, height);
 }

@@ -3,8 +3,26 @@
 const LARGEST_PICTURE = 4096; // [px] a side, beyond which the part in view is painted each time
 const BOX_SIDES = [[0.43, 0.08], [0.3, 0.05]]; // half sides and corners of a box and its lid [cells]
 
-// Draw the floor; place: { scale [px/m], left, top: where the floor's north-west corner is [px] }.
+// Draw ground and floor from a picture of just this view, made anew where the view is another.
+// place: { scale [px/m], left, top: where the floor's north-west corner is [px] }.
 function drawFloor(context, episode, place, inks) {
+  const { canvas } = context;
+  const key = [canvas.width, canvas.height, place.scale, place.left, place.top, inks.name].join();
+  if (canvas.stillKey !== key) {
+    canvas.still ??= document.createElement("canvas");
+    if (canvas.still.width !== canvas.width || canvas.still.height !== canvas.height) {
+      Object.assign(canvas.still, { width: canvas.width, height: canvas.height });
+    }
+    const still = canvas.still.getContext("2d", { alpha: false });
+    still.fillStyle = inks.ground;
+    still.fillRect(0, 0, canvas.width, canvas.height);
+    drawScaledFloor(still, episode, place, inks);
+    canvas.stillKey = key;
+  }
+  context.drawImage(canvas.still, 0, 0);
+}
+
+function drawScaledFloor(context, episode, place, inks) {
   const side = Math.max(episode.width, episode.height);
   const bucket = 2 ** (Math.ceil(2 * Math.log2(place.scale)) / 2);
   if (bucket * side > LARGEST_PICTURE) {
@@ -13,7 +31,7 @@ function drawFloor(context, episode, place, inks) {
   }
   const picture = floorPicture(episode, bucket, inks);
   const ratio = place.scale / bucket;
-  context.imageSmoothingQuality = "high";
+  context.imageSmoothingQuality = "medium";
   context.drawImage(picture, place.left, place.top, picture.width * ratio, picture.height * ratio);
 }
 

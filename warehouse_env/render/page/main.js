@@ -8,11 +8,21 @@ async function readReplays(about) {
     const episode = new Episode(one, readColumns(one.packed, await inflate(texts[k].textContent)), about.flags);
     texts[k].remove();
     episode.colours = about.colours.robots.slice(0, episode.robots);
+    episode.edges = episode.colours.map((colour) => mixed(colour, "#000000", 0.55));
     episode.shapes = shapesOf(episode.body);
     episode.events = findEvents(episode);
     episode.waiting = countWaiting(episode);
     return episode;
   }));
+}
+
+// A colour #rrggbb with a share of another.
+function mixed(colour, other, share) {
+  const parts = [1, 3, 5].map((at) => {
+    const [a, b] = [colour, other].map((one) => parseInt(one.slice(at, at + 2), 16));
+    return Math.round(a + (b - a) * share).toString(16).padStart(2, "0");
+  });
+  return `#${parts.join("")}`;
 }
 
 function buildFloors(replays) {
@@ -36,7 +46,7 @@ function buildLegend(app) {
   for (const canvas of document.querySelectorAll("#legend canvas")) {
     sizeCanvas(canvas);
     const context = canvas.getContext("2d");
-    const ratio = pixelRatio(canvas);
+    const ratio = canvas.ratio;
     context.clearRect(0, 0, canvas.width, canvas.height);
     const style = { ...styleOf(canvas, app.replays[0], app), ratio };
     drawSign(context, canvas.dataset.sign, canvas.width / 2, canvas.height / 2, 0.42 * canvas.height, style);
@@ -97,6 +107,21 @@ function publish(app) {
   };
 }
 
+// Keep canvases as large as they are shown, and the whole floor in view where it was.
+function watchSizes(app) {
+  let size = "";
+  const watch = new ResizeObserver(() => {
+    const [canvas] = app.canvases;
+    const now = `${canvas.clientWidth} ${canvas.clientHeight}`;
+    const whole = app.view.scale <= app.view.least * 1.001;
+    if (now !== size && whole && !app.following) app.fit();
+    size = now;
+    sizesChanged();
+    app.changed = true;
+  });
+  for (const place of ["#floors", "aside", "#charts"]) watch.observe(document.querySelector(place));
+}
+
 async function start() {
   const about = JSON.parse(document.querySelector("#about").textContent);
   const replays = await readReplays(about);
@@ -113,17 +138,13 @@ async function start() {
   app.fit();
   app.choose(about.robot ?? -1);
   readAddress(app);
-  let size = "";
-  new ResizeObserver(() => {
-    const [canvas] = app.canvases;
-    const now = `${canvas.clientWidth} ${canvas.clientHeight}`;
-    const whole = app.view.scale <= app.view.least * 1.001;
-    if (now !== size && whole && !app.following) app.fit();
-    size = now;
-    app.changed = true;
-  }).observe(document.querySelector("#floors"));
+  watchSizes(app);
   document.querySelector("#loading").remove();
   buildLegend(app);
+  document.querySelector("#legend").addEventListener("toggle", () => {
+    sizesChanged();
+    buildLegend(app);
+  });
   const themed = app.theme.bind(app);
   app.theme = (isDark) => {
     themed(isDark);

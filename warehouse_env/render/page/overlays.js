@@ -35,13 +35,11 @@ function drawRoutes(context, episode, place, style) {
     if (!episode.flag("alive", i, episode.moment)) continue;
     const own = i === style.robot;
     context.strokeStyle = style.colours[i];
-    context.globalAlpha = own ? 1 : style.robot >= 0 ? 0.35 : 0.6;
+    context.globalAlpha = own ? 1 : style.robot >= 0 ? 0.28 : 0.5;
     context.lineWidth = Math.max((own ? 2 : 1.1) * style.ratio, (own ? 0.1 : 0.055) * place.scale);
-    context.setLineDash(own ? [] : [4 * style.ratio, 3 * style.ratio]);
     traceRoute(context, episode, i, place);
     context.stroke();
   }
-  context.setLineDash([]);
   context.globalAlpha = 1;
 }
 

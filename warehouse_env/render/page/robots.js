@@ -8,7 +8,9 @@ function shapesOf(body) {
   const rear = body.front - body.length, half = body.width / 2;
   const box = (inset, corner) => {
     const path = new Path2D();
-    path.roundRect(rear + inset, inset - half, body.length - 2 * inset, 2 * (half - inset), corner);
+    const place = [rear + inset, inset - half, body.length - 2 * inset, 2 * (half - inset)];
+    if (corner) path.roundRect(...place, corner);
+    else path.rect(...place);
     return path;
   };
   const nose = new Path2D();
@@ -20,7 +22,7 @@ function shapesOf(body) {
   wheel.roundRect(-0.12, -0.05, 0.24, 0.1, 0.03);
   const plate = new Path2D();
   plate.roundRect(rear + 0.1, 0.19 - half, body.length - 0.42, body.width - 0.38, 0.04);
-  return { hull: box(0, 0.12), skin: box(0.035, 0.09), halo: box(-0.14, 0.22), plate, nose, wheel };
+  return { hull: box(0, 0.12), skin: box(0.035, 0.09), halo: box(-0.14, 0.22), small: box(0, 0), plate, nose, wheel };
 }
 
 // Where a body's own frame lies on a canvas: place as for drawFloor, bottom: the floor's south edge [px].
@@ -55,10 +57,11 @@ function drawRobot(context, episode, robot, place, style) {
   intoBody(context, place, x, y, heading);
   const rim = rimOf(episode, robot, k, style);
   if (rim) fill(shapes.halo, rim);
-  fill(shapes.hull, colour);
-  fill(shapes.hull, style.inks.edge);
-  fill(shapes.skin, colour);
-  if (place.scale >= WHEELS_FROM * style.ratio) drawWheels(context, episode, steer, style);
+  if (place.scale >= WHEELS_FROM * style.ratio) {
+    fill(shapes.hull, style.edges[robot]);
+    fill(shapes.skin, colour);
+    drawWheels(context, episode, steer, style);
+  } else fill(shapes.small, colour);
   if (episode.flag("loaded", robot, k) && alive) drawLoad(context, episode, style);
   fill(shapes.nose, style.inks.nose);
   if (style.numbers && place.scale >= NUMBERS_FROM * style.ratio) drawNumber(context, episode, robot, place, style);

@@ -4,7 +4,7 @@ const LIGHT = {
   name: "light", ground: "#e9ebee", floor: "#f8f7f3", seam: "#eeece6", pick: "#d3cdc0", station: "#cfe6e8",
   stationEdge: "#6fa3a9", rack: "#6f7a87", boxes: ["#aab3be", "#b9b6ac", "#9ca7b4", "#b3bbc4"], lid: "#ffffff38",
   shade: "#2b303826", raised: [224, 150, 70], sunken: [80, 140, 205], oneWay: "#8796a6", parked: "#b4b9c0",
-  edge: "#00000080", nose: "#ffffff", wheel: "#15181c", load: "#d9b98a", strap: "#a9834f", number: "#14181e",
+  nose: "#ffffff", wheel: "#15181c", load: "#d9b98a", strap: "#a9834f", number: "#14181e",
   lidar: "#0072b21c", ray: "#0072b24d", hit: "#0072b2", arrow: "#262c36", halo: "#ffffffd9", sign: "#ffffff",
   chosen: "#14181e", near: "#c86400", deadlock: "#6a0096",
 };
@@ -12,7 +12,7 @@ const DARK = {
   name: "dark", ground: "#0d1014", floor: "#20252c", seam: "#272d35", pick: "#434c57", station: "#1f444a",
   stationEdge: "#4f8f97", rack: "#3c4550", boxes: ["#56606d", "#5f605d", "#4d5865", "#5d6773"], lid: "#ffffff14",
   shade: "#00000059", raised: [230, 150, 70], sunken: [80, 150, 230], oneWay: "#6d7b8a", parked: "#59616b",
-  edge: "#00000099", nose: "#f4f6f8", wheel: "#0a0c0f", load: "#d2b07e", strap: "#94703f", number: "#0b0e12",
+  nose: "#f4f6f8", wheel: "#0a0c0f", load: "#d2b07e", strap: "#94703f", number: "#0b0e12",
   lidar: "#56b4e924", ray: "#56b4e95c", hit: "#7cc8f2", arrow: "#f1f4f7", halo: "#0b0e12d9", sign: "#ffffff",
   chosen: "#ffffff", near: "#ff9a2e", deadlock: "#c77dff",
 };
@@ -23,7 +23,7 @@ function inksOf(dark) {
 
 // Where the floor lies on a canvas under a view.
 function placeOf(canvas, episode, view) {
-  const ratio = pixelRatio(canvas);
+  const ratio = canvas.ratio;
   const scale = view.scale * ratio;
   const left = canvas.width / 2 - view.x * scale;
   const bottom = canvas.height / 2 + view.y * scale;
@@ -32,12 +32,10 @@ function placeOf(canvas, episode, view) {
 
 function drawStage(canvas, episode, app) {
   sizeCanvas(canvas);
-  const context = canvas.getContext("2d");
+  const context = canvas.getContext("2d", { alpha: false });
   const place = placeOf(canvas, episode, app.view);
   const style = styleOf(canvas, episode, app);
   context.setTransform(1, 0, 0, 1, 0, 0);
-  context.fillStyle = style.inks.ground;
-  context.fillRect(0, 0, canvas.width, canvas.height);
   drawFloor(context, episode, place, style.inks);
   if (app.layers.trails) drawTrails(context, episode, place, style);
   if (app.layers.routes) drawRoutes(context, episode, place, style);
@@ -55,8 +53,9 @@ function styleOf(canvas, episode, app) {
   return {
     inks,
     colours: episode.colours,
+    edges: episode.edges,
     marks: { collision: app.colours.contact, near: inks.near, deadlock: inks.deadlock, waiting: app.colours.waiting },
-    ratio: pixelRatio(canvas),
+    ratio: canvas.ratio,
     robot: app.robot < episode.robots ? app.robot : -1,
     waiting: app.layers.waiting,
     numbers: app.layers.numbers,

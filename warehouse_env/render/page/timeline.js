@@ -41,7 +41,7 @@ function sentenceOf(event) {
 function drawTimeline(app) {
   const canvas = document.querySelector("#timeline");
   const resized = sizeCanvas(canvas);
-  const ratio = pixelRatio(canvas);
+  const ratio = canvas.ratio;
   if (resized || !app.timePicture) app.timePicture = timePicture(app, canvas, ratio);
   const context = canvas.getContext("2d");
   context.clearRect(0, 0, canvas.width, canvas.height);
@@ -52,6 +52,10 @@ function drawTimeline(app) {
   context.fillRect(0, 0, x, canvas.height);
   context.globalAlpha = 1;
   context.fillRect(Math.min(x, canvas.width - 2 * ratio) - ratio, 0, 2.5 * ratio, canvas.height);
+}
+
+function sayTime(app) {
+  const canvas = document.querySelector("#timeline");
   canvas.setAttribute("aria-valuenow", Math.round(app.frame * app.seconds));
   canvas.setAttribute("aria-valuetext", `${(app.frame * app.seconds).toFixed(1)} seconds`);
 }

@@ -30,16 +30,21 @@ class View {
   }
 }
 
-// A canvas that is as large as it is shown, in device pixels; returns whether its size has changed.
+// Layout is asked for the size of a canvas once, and again only after `sizesChanged`: asking makes the browser lay out.
+let sizeRound = 0;
+
+function sizesChanged() {
+  sizeRound++;
+}
+
+// Make a canvas as large as it is shown, in device pixels; returns whether its size has changed.
 function sizeCanvas(canvas) {
-  const ratio = Math.min(window.devicePixelRatio || 1, 2);
-  const width = Math.max(1, Math.round(canvas.clientWidth * ratio));
-  const height = Math.max(1, Math.round(canvas.clientHeight * ratio));
+  if (canvas.sizedIn === sizeRound) return false;
+  canvas.sizedIn = sizeRound;
+  canvas.ratio = Math.min(window.devicePixelRatio || 1, 2);
+  const width = Math.max(1, Math.round(canvas.clientWidth * canvas.ratio));
+  const height = Math.max(1, Math.round(canvas.clientHeight * canvas.ratio));
   const changed = canvas.width !== width || canvas.height !== height;
   if (changed) Object.assign(canvas, { width, height });
   return changed;
-}
-
-function pixelRatio(canvas) {
-  return canvas.width / Math.max(1, canvas.clientWidth);
 }
