@@ -9,6 +9,7 @@ from typing import Any
 
 from train.commands.drive import Drive
 from train.evaluation.episodes import play
+from train.evaluation.places import NOTES, PAGE
 from train.evaluation.rollout import Experiment, Trace, make_experiment
 from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, check_writable, read_rows, write_text
@@ -52,13 +53,17 @@ class Episodes(Drive):
         return self.json or self.out / "rows.jsonl"
 
     def tabulate(
-        self, experiments: Sequence[Experiment], table_of: Callable[[Sequence[Row]], Table], traced: bool = False
+        self,
+        experiments: Sequence[Experiment],
+        table_of: Callable[[Sequence[Row]], Table],
+        traced: bool = False,
+        notes: RowFile | None = None,
     ) -> tuple[list[Row], list[Trace]]:
         """Play the experiments, print the table of their rows and write both; return what `play` does."""
         path, table_path = self.rows_path, self.out / "table.md"
         check_writable(table_path)
         old = read_rows(path) if self.resume and path.exists() else []
-        rows, traces = play(experiments, RowFile(path, keep=self.resume), old, traced, self.processes)
+        rows, traces = play(experiments, RowFile(path, keep=self.resume), old, traced, self.processes, notes)
         table = table_of(rows)
         table.print()
         write_text(table_path, table.markdown())
@@ -96,16 +101,27 @@ class Evaluate(Episodes):
 
     pictures: bool = True
     """Draw the trajectories of one episode of each policy, and the bar chart of collisions."""
+    report: Path | None = None
+    """Folder for a page to read and share: what the figures show in words, charts, heat maps, the worst as replays."""
 
     def run(self) -> None:
-        """Play all experiments, print the table, write rows and pictures."""
-        experiments = self.experiments()
-        if self.pictures:
+        """Play all experiments, print the table, write rows, pictures and the report."""
+        experiments, notes = self.experiments(), None
+        if self.pictures or self.report is not None:
             require_charts()
-        rows, traces = self.tabulate(experiments, evaluation_table, self.pictures)
+        if self.report is not None:
+            check_writable(self.report / PAGE)
+            notes = RowFile(self.report / NOTES, keep=self.resume)
+        rows, traces = self.tabulate(experiments, evaluation_table, self.pictures, notes)
         if self.pictures:
             from train.evaluation.pictures import evaluation_pictures
 
             evaluation_pictures(rows, traces, self.out)
         drawn = " and the pictures" if self.pictures else ""
-        print(f"wrote the rows to {self.rows_path}, the table{drawn} to {self.out}")
+        page = ""
+        if self.report is not None:
+            from train.evaluation.report_page import write_report
+
+            noted = read_rows(self.report / NOTES) if (self.report / NOTES).exists() else []
+            page = f", the report to {write_report(rows, noted, experiments, self.report, self.rows_path)}"
+        print(f"wrote the rows to {self.rows_path}, the table{drawn} to {self.out}{page}")

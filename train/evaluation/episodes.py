@@ -17,11 +17,13 @@ def play(
     old: Sequence[Row] = (),
     traced: bool = False,
     processes: int = 1,
+    notes: RowFile | None = None,
 ) -> tuple[list[Row], list[Trace]]:
     """Run experiments under a progress bar, writing the rows of each as soon as it ends.
 
-    Episodes whose rows are among `old` are not played again. Returns all rows in the order of the experiments, and
-    if `traced` the traces of the first episodes played. On Ctrl-C the KeyboardInterrupt says which rows are kept.
+    Episodes whose rows are among `old` are not played again. notes: the file for what `Places` notes of the others.
+    Returns all rows in the order of the experiments, and if `traced` the traces of the first episodes played. On Ctrl-C
+    the KeyboardInterrupt says which rows are kept.
     """
     rows: dict[int, list[Row]] = {}
     traces: dict[int, Trace] = {}
@@ -29,13 +31,15 @@ def play(
     for index, experiment in enumerate(experiments):
         rows[index], missing = _split(experiment, old)
         if missing is not None:
-            jobs.append(Job(index, missing, traced))
+            jobs.append(Job(index, missing, traced, notes is not None))
     try:
         with make_progress() as progress:
             bar = progress.add_task("", total=sum(job.experiment.config.max_steps for job in jobs))
             moved = lambda steps, title: progress.update(bar, completed=steps, description=title)  # noqa: E731
             for played in play_all(jobs, processes, moved):
                 file.add(played.rows)
+                if notes is not None:
+                    notes.add(played.notes)
                 rows[played.number] += played.rows
                 if played.trace is not None:
                     traces[played.number] = played.trace

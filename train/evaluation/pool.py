@@ -8,6 +8,7 @@ import signal
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
+from train.evaluation.places import Places
 from train.evaluation.rollout import Experiment, Routes, Trace, Watcher, run
 from train.reporting.rows import Row
 from warehouse_env.simulation.simulator import Simulator
@@ -17,11 +18,12 @@ _WAIT = 0.2  # [s] between two looks at the processes
 
 
 class Job(NamedTuple):
-    """An experiment to play, its number among all, and whether its first episode is traced."""
+    """An experiment to play, its number among all, and whether its first episode is traced, its places noted."""
 
     number: int
     experiment: Experiment
     traced: bool
+    noted: bool = False
 
 
 class Played(NamedTuple):
@@ -30,6 +32,7 @@ class Played(NamedTuple):
     number: int
     rows: list[Row]
     trace: Trace | None
+    notes: list[Row]
 
 
 def play_all(jobs: Sequence[Job], processes: int, progress: Callable[[int, str], None]) -> Iterator[Played]:
@@ -70,8 +73,10 @@ def _play(job: Job, routes: Routes, tick: Callable[[int], None]) -> Played:
             tick(steps)
 
     trace = Trace(job.experiment) if job.traced else None
-    watchers: list[Watcher] = [watch] if trace is None else [watch, trace]
-    return Played(job.number, run(job.experiment, watchers, routes), trace)
+    places = Places(job.experiment) if job.noted else None
+    watchers: list[Watcher] = [watch, *(one for one in (trace, places) if one is not None)]
+    rows = run(job.experiment, watchers, routes)
+    return Played(job.number, rows, trace, [] if places is None else places.rows())
 
 
 class _Process:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import signal
-from collections.abc import Callable, Iterator, Sequence
-from typing import TypeVar
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, TypeVar
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -17,12 +18,19 @@ def work_all(work: Callable[[Job], Result], jobs: Sequence[Job], processes: int)
     `work` is a function of a module and, like jobs and results, can be pickled. Its errors are raised here. Leaving
     the generator early ends the processes.
     """
-    if min(processes, len(jobs)) <= 1:
-        yield from map(work, jobs)
+    with workers(min(processes, len(jobs))) as each:
+        yield from each(work, jobs)
+
+
+@contextlib.contextmanager
+def workers(processes: int) -> Iterator[Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[Any]]]:
+    """Yield a `map` whose work is done in so many processes, in any order; in this one for less than two."""
+    if processes <= 1:
+        yield map
         return
     context = multiprocessing.get_context("spawn")  # a fork would inherit locks and threads in an unknown state
-    with context.Pool(min(processes, len(jobs)), _set_up) as pool:
-        yield from pool.imap_unordered(work, jobs)
+    with context.Pool(processes, _set_up) as pool:
+        yield pool.imap_unordered
 
 
 def _set_up() -> None:

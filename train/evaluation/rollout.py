@@ -24,6 +24,7 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.jam_log import JamLog
+from warehouse_env.simulation.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
 
 Watcher = Callable[[Simulator, int], None]
@@ -109,6 +110,18 @@ class Routes:
         return simulator
 
 
+class OneBook(Routes):
+    """Simulators that all use one route book, and so its floor and planner, whatever their configs name."""
+
+    def __init__(self, book: RouteBook) -> None:
+        super().__init__()
+        self._book = book
+
+    def simulator(self, config: EnvConfig, worlds: int) -> Simulator:
+        """Return a new simulator on the book."""
+        return Simulator(config, worlds, routes=self._book)
+
+
 def run(experiment: Experiment, watch: Sequence[Watcher] = (), routes: Routes | None = None) -> list[Row]:
     """Play all episodes side by side, one world each; return their rows in the order of their seeds.
 
@@ -140,6 +153,20 @@ def run(experiment: Experiment, watch: Sequence[Watcher] = (), routes: Routes | 
     measured = [values or _measured(simulator, log, world) for world, values in enumerate(metrics)]
     ms_per_step = 1000 * statistics.median(seconds) / len(seeds)
     return [_row(experiment, k, values, ms_per_step) for k, values in zip(experiment.episodes, measured, strict=True)]
+
+
+def record(experiment: Experiment, routes: Routes | None = None) -> Episode:
+    """Play an undisturbed experiment again, as `run` does, and return its episodes so that they can be replayed."""
+    config, seeds = experiment.config, experiment.seeds
+    simulator = (routes or Routes()).simulator(config, len(seeds))
+    decide = _decider(experiment)
+    generators = [np.random.default_rng([seed, _POLICY_STREAM]) for seed in seeds]
+    recorder = Recorder(simulator, tuple(seeds))
+    steps = 0
+    while steps < config.max_steps and not simulator.terminated.all():
+        recorder.step(decide(simulator, generators))
+        steps += 1
+    return recorder.episode
 
 
 def _measured(simulator: Simulator, log: JamLog, world: int) -> dict[str, Any]:
@@ -229,9 +256,7 @@ class Trace:
         self.grid = simulator.grid
         self._poses.append(pose)
         if steps:
-            robot = simulator.config.robot
-            back = np.float32(robot.length / 2 - robot.front_overhang)  # from the front axle to the body's centre [m]
-            centre = pose[:, :2] - back * np.stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])], axis=1)
+            centre = centres(pose, simulator.config)
             self._contacts += [centre[events.hit_shelf[0] > 0], pair_centres(centre[events.hit_robot[0] > 0])]
 
     @property
@@ -243,6 +268,13 @@ class Trace:
     def contacts(self) -> NDArray[np.float32]:
         """Where contacts began, float32[K, 2] [m]: the body's centre at a shelf, the middle between two robots."""
         return np.concatenate([np.empty((0, 2), dtype=np.float32), *self._contacts])
+
+
+def centres(pose: NDArray[np.float32], config: EnvConfig) -> NDArray[np.float32]:
+    """Return float32[..., 2], the centres [m] of bodies whose front axles are at pose float32[..., 3]."""
+    back = np.float32(config.robot.length / 2 - config.robot.front_overhang)
+    ahead: NDArray[np.float32] = np.stack([np.cos(pose[..., 2]), np.sin(pose[..., 2])], axis=-1)
+    return np.asarray(pose[..., :2] - back * ahead)
 
 
 def pair_centres(centre: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -33,7 +33,7 @@ class Table:
         """Print for reading, on stdout unless `file` is given; text columns to the left, numbers to the right."""
         table = RichTable(title=self.title, title_justify="left", title_style="bold")
         for index, name in enumerate(self.header):
-            table.add_column(name, justify="right" if self._numeric(index) else "left", no_wrap=index == 0)
+            table.add_column(name, justify="right" if self.numeric(index) else "left", no_wrap=index == 0)
         for row in self.cells:
             table.add_row(*row)
         console = make_console(file or sys.stdout)
@@ -43,13 +43,14 @@ class Table:
 
     def markdown(self) -> str:
         """Return the table as Markdown."""
-        rule = ["--:" if self._numeric(index) else "---" for index in range(len(self.header))]
+        rule = ["--:" if self.numeric(index) else "---" for index in range(len(self.header))]
         lines = [" | ".join(row) for row in (self.header, rule, *self.cells)]
         body = "\n".join(f"| {line} |" for line in lines)
         return f"### {self.title}\n\n{body}\n" + ("".join(f"\n{line.strip()}\n" for line in self.note.splitlines()))
 
-    def _numeric(self, index: int) -> bool:
-        return any(row[index][:1] in "-0123456789" for row in self.cells if row[index])
+    def numeric(self, index: int) -> bool:
+        """Return whether a column holds numbers, which are read from the right."""
+        return any(row[index][:1] in "-+0123456789" for row in self.cells if row[index])
 
 
 def make_console(file: TextIO) -> Console:
@@ -97,6 +98,12 @@ def with_interval(interval: Interval, factor: float = 1.0, digits: int = 3) -> s
     return f"{mean:.{decimals}f} [{low:.{decimals}f}, {high:.{decimals}f}]"
 
 
+def difference(found: Interval, factor: float = 1.0, digits: int = 3) -> str:
+    """Format a difference as `with_interval` does, with its sign."""
+    text = with_interval(found, factor, digits)
+    return f"+{text}" if found.mean > 0 else text
+
+
 @dataclass(frozen=True)
 class Measure:
     """One column of the evaluation table: how to read it from a row, and in which unit to show it."""
@@ -134,6 +141,8 @@ MEASURES = (
     Measure("stuck", "stuck %", _field("stuck"), factor=100.0, most=1.0),
     Measure("deadlocks", "deadlocks", _field("deadlocks")),
     Measure("longest_standing_s", "longest standing s", _field("longest_standing_s")),
+    Measure("waiting_share", "waiting %", _field("waiting_share"), factor=100.0, most=1.0, shown=False),
+    Measure("path_length_ratio", "driven/planned", _field("path_length_ratio"), shown=False),
     Measure("ms_per_step", "ms/step", _field("ms_per_step")),
 )
 _ONE_SHOT = (

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -140,6 +140,35 @@ def mean_interval(values: Iterable[float | None]) -> Interval:
         return Interval(mean, math.nan, math.nan, 1)
     half = t_quantile(count - 1) * float(sample.std(ddof=1)) / math.sqrt(count)
     return Interval(mean, mean - half, mean + half, count)
+
+
+def paired(
+    rows: Iterable[Row], other: Iterable[Row], value: Callable[[Row], float | None], names: Sequence[str]
+) -> Interval:
+    """Return the mean difference of rows from other rows that have the same named fields, with its 95% interval."""
+    known = {_values(row, names): value(row) for row in other}
+    differences = []
+    for row in rows:
+        mine, theirs = value(row), known.get(_values(row, names))
+        if mine is not None and theirs is not None:
+            differences.append(mine - theirs)
+    return mean_interval(differences)
+
+
+def _values(row: Row, names: Sequence[str]) -> tuple[object, ...]:
+    return tuple(row.get(name) for name in names)
+
+
+def apart(ours: Interval, theirs: Interval) -> Interval:
+    """Return the difference of two independent means with its 95% interval."""
+    mean = ours.mean - theirs.mean
+    half = math.hypot(ours.high - ours.mean, theirs.high - theirs.mean)
+    return Interval(mean, mean - half, mean + half, min(ours.samples, theirs.samples))
+
+
+def is_told(difference: Interval) -> bool:
+    """Return whether the interval of a difference leaves out 0."""
+    return difference.low > 0 or difference.high < 0
 
 
 def stratified_interval(strata: Sequence[Sequence[float]]) -> Interval:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import base64
 import csv
-import html
+import dataclasses
 import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from train.reporting.page import Page, Part, Shown, image
 from train.reporting.report import Table, number, with_interval
 from train.reporting.rows import Row, write_text
 from train.tables import all_planners
@@ -197,47 +197,7 @@ def _index(written: Sequence[Written]) -> str:
 
 def _html(one: Written) -> str:
     """Return the page of all planners in a file of its own, pictures and all."""
-    images = "".join(
-        f'<figure><img alt="{html.escape(picture.caption)}" src="data:image/png;base64,'
-        f'{base64.b64encode(picture.path.read_bytes()).decode()}"><figcaption>{html.escape(picture.caption)}.'
-        "</figcaption></figure>"
-        for picture in one.pictures[:2]
-    )
-    table = study_table(one.study, one.figures)
-    head = "".join(f"<th>{html.escape(name)}</th>" for name in table.header)
-    lines = "".join(f"<tr>{''.join(f'<td>{_inline(cell)}</td>' for cell in line)}</tr>" for line in table.cells)
-    return _HTML.format(
-        title=html.escape(one.study.title),
-        worth=_inline(worth_using(one.study, one.figures)),
-        images=images,
-        table=f"<table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table>",
-        note=html.escape(f"{INTERVALS} {one.study.note}"),
-    )
-
-
-def _inline(text: str) -> str:
-    """Return Markdown's bold, italics and code as HTML."""
-    parts = html.escape(text)
-    for sign, tag in (("**", "b"), ("*", "i"), ("`", "code")):
-        pieces = parts.split(sign)
-        parts = "".join(piece if index % 2 == 0 else f"<{tag}>{piece}</{tag}>" for index, piece in enumerate(pieces))
-    return parts
-
-
-_HTML = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{title}</title>
-<style>
-body {{ font: 15px/1.5 system-ui, sans-serif; color: #2b3038; max-width: 1350px; margin: 2em auto; padding: 0 1em }}
-img {{ max-width: 100% }} figure {{ margin: 1.5em 0 }} figcaption {{ color: #5f6771 }}
-table {{ border-collapse: collapse; font-size: 13px; display: block; overflow-x: auto }}
-th, td {{ padding: .3em .5em; text-align: right; border-bottom: 1px solid #e3e5e8; white-space: nowrap }}
-th:nth-child(-n+2), td:nth-child(-n+2) {{ text-align: left }}
-code {{ background: #f2f3f5; padding: 0 .25em }}
-</style></head><body>
-<h1>{title}</h1>
-<p>{worth}</p>
-{images}
-{table}
-<p>{note}</p>
-</body></html>
-"""
+    shown = [Shown(image(picture.path, picture.caption), f"{picture.caption}.") for picture in one.pictures[:2]]
+    table = dataclasses.replace(study_table(one.study, one.figures), note=f"{INTERVALS} {one.study.note}")
+    worth = worth_using(one.study, one.figures)
+    return Page(one.study.title, words=[worth], parts=[Part(pictures=shown, tables=[table])]).html()

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import html
+import io
 import math
 import os
+import re
 from typing import TYPE_CHECKING, Any
 
 from warehouse_env.files import complete_file
@@ -38,6 +41,8 @@ STYLE: dict[str, Any] = {
     "ytick.labelcolor": INK,
     "legend.frameon": False,
 }
+_PAGE_INKS = {INK: "ink", FAINT: "faint", STYLE["grid.color"]: "rule", "#ffffff": "paper"}
+_NOT_DATED = {"Date": None, "Creator": None}
 
 
 def style() -> Any:
@@ -56,6 +61,22 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
     """Write a figure, all of it or nothing; WarehouseError where it cannot be written."""
     with complete_file(path) as part:
         figure.savefig(part, facecolor="white", bbox_inches="tight", pad_inches=0.12)
+
+
+def svg(figure: Figure, label: str) -> str:
+    """Return a figure as SVG for a page: it fills its place, and its inks are the page's (--ink, --faint, --rule).
+
+    label: what is read out in its stead.
+    """
+    text = io.StringIO()
+    with load("matplotlib").rc_context({"svg.fonttype": "none", "svg.hashsalt": label}):
+        figure.savefig(text, format="svg", transparent=True, bbox_inches="tight", pad_inches=0.05, metadata=_NOT_DATED)
+    drawing = re.sub(r' id="\w+_\d+"', "", text.getvalue()[text.getvalue().index("<svg") :])
+    for ink, name in _PAGE_INKS.items():
+        drawing = drawing.replace(ink, f"var(--{name})")
+    width, height = (float(side) for side in re.findall(r'(?:width|height)="([\d.]+)pt"', drawing)[:2])
+    box = f'viewBox="0 0 {width:g} {height:g}" style="max-width: {1.5 * width:.0f}px"'
+    return f'<svg role="img" aria-label="{html.escape(label)}" {box}{drawing[drawing.index(">", 4) :]}'
 
 
 def hexed(colour: RGB) -> str:

@@ -189,7 +189,7 @@ def collision_bars(
         for ax, bars in zip(axes, panels, strict=False):
             _bars(ax, bars)
         if len(collisions):
-            _collision_scale(axes[0], [bar for bar in panels[0] if math.isfinite(bar.mean)])
+            collision_scale(axes[0], [bar for bar in panels[0] if math.isfinite(bar.mean)])
             axes[0].set_ylabel("collisions per robot-km")
             axes[0].set_title("Collisions (less is better)")
         if len(goals):
@@ -230,7 +230,7 @@ def _bars(ax: Axes, bars: Sequence[Bar]) -> None:
     ax.grid(axis="y")
 
 
-def _collision_scale(ax: Axes, bars: Sequence[Bar]) -> None:
+def collision_scale(ax: Axes, bars: Sequence[Bar]) -> None:
     """Logarithmic, but linear below the decade of the smallest figure, so that zero has its place."""
     positive = [value for bar in bars for value in (bar.mean, bar.high) if math.isfinite(value) and value > 0]
     if not positive:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from train.reporting.report import Table, with_interval
-from train.reporting.rows import Interval, Row, mean_interval, select
+from train.reporting.rows import Interval, Row, apart, is_told, mean_interval, select
 from train.tables.learning.trainings import START
 
 
@@ -94,8 +94,5 @@ def _late(row: Row) -> float | None:
 
 def _difference(ours: Interval, theirs: Interval) -> str:
     """Return the difference of two independent means with its interval, or that none can be told."""
-    apart = ours.mean - theirs.mean
-    half = ((ours.high - ours.mean) ** 2 + (theirs.high - theirs.mean) ** 2) ** 0.5
-    if not abs(apart) > half:
-        return "not told apart"
-    return f"{apart:+.1f} [{apart - half:+.1f}, {apart + half:+.1f}]"
+    found = apart(ours, theirs)
+    return f"{found.mean:+.1f} [{found.low:+.1f}, {found.high:+.1f}]" if is_told(found) else "not told apart"

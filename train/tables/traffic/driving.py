@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cache
 
-from train.evaluation.rollout import Routes, make_experiment
+from train.evaluation.rollout import OneBook, make_experiment
 from train.evaluation.rollout import run as drive
 from train.reporting.rows import Row
 from train.tables.traffic.jobs import Job, floor
 from warehouse_env.config import EnvConfig
 from warehouse_env.planning import Planner, make_planner
 from warehouse_env.routes.book import RouteBook
-from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.traffic.expected import WithCost, expected_traffic
 
 DRIVEN = ("astar_turns", "pf_aco", "astar_turns, cost a cell", "astar_turns, cost a move", "pf_aco, cost a move")
@@ -28,7 +27,7 @@ def measure_driving(job: Job) -> Iterator[Row]:
     base = EnvConfig(layout=job.map, num_agents=job.robots)
     experiment = make_experiment(POLICY, base, 1, SECONDS, job.seed + job.number)
     book = RouteBook(grid, _driven_planner(job.map, job.system, job.robots), keep_right=experiment.config.keep_right)
-    (row,) = drive(experiment, routes=_OneBook(book))
+    (row,) = drive(experiment, routes=OneBook(book))
     yield {name: value for name, value in row.items() if name not in ("config", "layout", "planner")} | {
         "system": job.system
     }
@@ -41,15 +40,3 @@ def _driven_planner(name: str, system: str, robots: int) -> Planner:
         return make_planner(planner)
     lanes = expected_traffic(floor(name), robots, DRIVEN_PRICE, directed=cost == "move")
     return WithCost(make_planner(planner), lanes)
-
-
-class _OneBook(Routes):
-    """Simulators that all use one route book."""
-
-    def __init__(self, book: RouteBook) -> None:
-        super().__init__()
-        self._book = book
-
-    def simulator(self, config: EnvConfig, worlds: int) -> Simulator:
-        """Return a new simulator on the book."""
-        return Simulator(config, worlds, routes=self._book)

@@ -6,11 +6,12 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from train.reporting.report import Table, grouped, with_interval
-from train.reporting.rows import Interval, Row, mean_interval, select
+from train.reporting.rows import Interval, Row, is_told, mean_interval, paired, select
 from train.tables.traffic.driving import DRIVEN_PRICE, POLICY
 from train.tables.traffic.routes import PRICE
 
 Value = Callable[[Row], float | None]
+SAMPLE = ("map", "number", "case")  # what makes two rows a pair
 
 ROUTES_NOTE = (
     "Conflicts a robot and task, each counted once for its pair: what a drive meets while all others repeat theirs at "
@@ -35,24 +36,9 @@ DRIVING_NOTE = (
 )
 
 
-def paired(rows: Sequence[Row], other: Sequence[Row], value: Value) -> Interval:
-    """Return the mean difference of rows from other rows of the same map, number and case, with its 95% interval."""
-    known = {_sample_of(row): value(row) for row in other}
-    differences = []
-    for row in rows:
-        mine, theirs = value(row), known.get(_sample_of(row))
-        if mine is not None and theirs is not None:
-            differences.append(mine - theirs)
-    return mean_interval(differences)
-
-
 def _possible(found: Interval, share: bool) -> Interval:
     """Cut the interval of a share to the values that are possible."""
     return found._replace(low=max(found.low, 0.0), high=min(found.high, 1.0)) if share else found
-
-
-def _sample_of(row: Row) -> tuple[object, ...]:
-    return row["map"], row["number"], row.get("case")
 
 
 def conflicts_of(row: Row) -> float:
@@ -70,7 +56,7 @@ def routes_table(name: str, rows: Sequence[Row]) -> Table:
     own = [row for row in rows if row["part"] == "routes" and row["map"] == name]
     own = [row for row in own if row["price"] in (0.0, PRICE)]
     for (robots, system), group in grouped(own, ("robots", "system")).items():
-        against = paired(group, select(own, robots=robots, system="astar"), conflicts_of)
+        against = paired(group, select(own, robots=robots, system="astar"), conflicts_of, SAMPLE)
         measured = [mean_interval(row[m] for row in group) for m in ("crossings", "opposing", "paid")]
         texts = [with_interval(measured[0]), with_interval(measured[1]), with_interval(measured[2], 100)]
         ms = with_interval(mean_interval(row["ms"] for row in group)._replace(low=float("nan")))
@@ -120,7 +106,7 @@ def driving_table(rows: Sequence[Row]) -> Table:
         texts = []
         for measure, factor in (("collisions_per_km", 1), ("goals_per_robot_hour", 1), ("stuck", 100)):
             texts.append(with_interval(mean_interval(row[measure] for row in group), factor))
-            texts.append(with_interval(paired(group, base, _field(measure)), factor))
+            texts.append(with_interval(paired(group, base, _field(measure), SAMPLE), factor))
         lines.append((str(name), str(robots), str(system), str(len(group)), *texts))
     header = (
         "map",
@@ -190,7 +176,7 @@ def answers(rows: Sequence[Row], maps: Sequence[str]) -> Table:
             if asked.robots is not None:
                 own = [row for row in own if row["robots"] == asked.robots]
             own = [row for row in own if row.get("price", 0.0) in (0.0, PRICE)]
-            found = paired(select(own, system=asked.ours), select(own, system=asked.other), asked.value)
+            found = paired(select(own, system=asked.ours), select(own, system=asked.other), asked.value, SAMPLE)
             cells.append(_answer(found, asked))
         lines.append((asked.text, f"{asked.ours} against {asked.other}", *cells))
     note = "Paired differences with their 95% interval; no difference told: the interval holds zero."
@@ -201,6 +187,6 @@ def _answer(found: Interval, asked: Question) -> str:
     if not found.samples:
         return "not run"
     text = f"{with_interval(found)} {asked.unit}"
-    if found.samples < 2 or found.low <= 0.0 <= found.high:
+    if not is_told(found):
         return f"no difference told: {text}"
     return f"{'yes' if (found.mean > 0) == asked.more else 'no'}: {text}"

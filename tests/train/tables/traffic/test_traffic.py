@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from train.reporting.rows import Row, read_rows, write_rows
+from train.reporting.rows import Row, paired, read_rows, write_rows
 from train.tables.command import Tables
 from train.tables.traffic import command as traffic
 from train.tables.traffic.command import Traffic, run_job, write_report
-from train.tables.traffic.figures import answers, conflicts_of, paired
+from train.tables.traffic.figures import SAMPLE, answers, conflicts_of
 from train.tables.traffic.jobs import Job
 from train.tables.traffic.k_shortest import k_shortest
 from warehouse_env.errors import ConfigError
@@ -39,10 +39,10 @@ ROWS = [
 
 
 def test_pairs_are_of_one_map_and_draw() -> None:
-    found = paired(ROWS[1::4], list(reversed(ROWS[0::4])), conflicts_of)
+    found = paired(ROWS[1::4], list(reversed(ROWS[0::4])), conflicts_of, SAMPLE)
     assert found.samples == 3
     assert found.mean == pytest.approx(-(0.7 + 0.8 + 0.65) / 3)
-    assert paired(ROWS[1::4], [{**ROWS[0], "map": "paper46"}], conflicts_of).samples == 0
+    assert paired(ROWS[1::4], [{**ROWS[0], "map": "paper46"}], conflicts_of, SAMPLE).samples == 0
 
 
 def test_answers_are_plain() -> None:

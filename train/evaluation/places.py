@@ -1,0 +1,124 @@
+"""Where on the floor robots wait and touch, and how much longer than planned they drive: notes beside the rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from train.evaluation.rollout import Experiment, centres, pair_centres
+from train.reporting.rows import Row, plain
+from warehouse_env.simulation.simulator import Simulator
+
+PAGE, NOTES = "index.html", "places.jsonl"  # of a report
+KEY = ("policy", "layout", "robots", "tasks", "planner", "seed")  # of an episode, in its row and in its note
+
+
+class Places:
+    """A watcher that notes for every episode of an experiment what `Floor` sums up."""
+
+    def __init__(self, experiment: Experiment) -> None:
+        self._experiment = experiment
+        self._over: list[float] = []  # [s]
+
+    def __call__(self, simulator: Simulator, steps: int) -> None:
+        """Note what happened in the last step; step 0 begins."""
+        worlds, (rows, columns) = simulator.num_worlds, simulator.grid.shape
+        if not steps:
+            self._shape, self._cell = (rows, columns), simulator.grid.cell_size
+            self._waited = np.zeros((worlds, rows * columns))
+            self._stood = np.zeros(simulator.robots.shape, dtype=np.int64)
+            self._contacts: list[list[tuple[float, float, str]]] = [[] for _ in range(worlds)]
+            self._ratios: list[list[float]] = [[] for _ in range(worlds)]
+            self._seconds = [0.0] * worlds
+        else:
+            self._note_waiting(simulator)
+            self._note_contacts(simulator)
+            for arrival in simulator.arrivals:
+                if arrival.planned > 0:
+                    self._ratios[arrival.world].append(arrival.driven / arrival.planned)
+            for world in np.flatnonzero((simulator.robots["acting"] > 0).any(axis=1)).tolist():
+                self._seconds[world] = simulator.seconds(world)
+
+    def _note_waiting(self, simulator: Simulator) -> None:
+        """Add the time that each robot stood in the last step to the cell that its body's centre is on."""
+        stood = simulator.robots["waited"].astype(np.int64)
+        world, robot = np.nonzero(stood > self._stood)
+        spent = (stood - self._stood)[world, robot] * simulator.config.time_step
+        self._stood = stood
+        cells = simulator.grid.cell(centres(simulator.state.pose, simulator.config)[world, robot])
+        row, column = cells.clip(0, np.array(self._shape) - 1).T
+        np.add.at(self._waited, (world, row * self._shape[1] + column), spent)
+
+    def _note_contacts(self, simulator: Simulator) -> None:
+        events = simulator.events
+        hit = {"shelf": events.hit_shelf > 0, "robot": events.hit_robot > 0}
+        for world in np.flatnonzero((hit["shelf"] | hit["robot"]).any(axis=1)).tolist():
+            centre = centres(simulator.state.pose[world], simulator.config)
+            found = {"shelf": centre[hit["shelf"][world]], "robot": pair_centres(centre[hit["robot"][world]])}
+            self._contacts[world] += [(*xy, kind) for kind, places in found.items() for xy in places.tolist()]
+
+    def rows(self) -> list[Row]:
+        """Return a note for each episode, in the order of the seeds: JSON values, waiting only where there is any."""
+        one = self._experiment
+        about = {
+            "policy": one.policy, "layout": one.place, "robots": one.config.num_agents, "tasks": one.config.tasks,
+            "planner": one.config.planner,
+        }  # fmt: skip
+        return [
+            dict(plain({
+                **about, "seed": seed, "seconds": self._seconds[world], "shape": self._shape, "cell_size": self._cell,
+                "waited": [[int(k), round(waited[k], 2)] for k in np.flatnonzero(waited)],
+                "contacts": [[round(x, 2), round(y, 2), kind] for x, y, kind in self._contacts[world]],
+                "ratios": np.round(self._ratios[world], 4),
+            }))
+            for world, (seed, waited) in enumerate(zip(one.seeds, self._waited, strict=True))
+        ]  # fmt: skip
+
+
+class Floor(NamedTuple):
+    """What several episodes on one floor noted together."""
+
+    waiting: NDArray[np.float64]  # [H, W], how long an hour some robot stood there [s/h]
+    contacts: NDArray[np.float64]  # [K, 2] [m]
+    ratios: NDArray[np.float64]  # driven / planned length of each trip
+    hours: float  # simulated
+
+
+def floor_of_notes(notes: Sequence[Row]) -> Floor:
+    """Sum up the notes, at least one, of episodes on one floor."""
+    rows, columns = notes[0]["shape"]
+    waiting = np.zeros(rows * columns)
+    for note in notes:
+        for cell, seconds in note["waited"]:
+            waiting[cell] += seconds
+    hours = sum(note["seconds"] for note in notes) / 3600.0
+    contacts = np.array([place[:2] for note in notes for place in note["contacts"]]).reshape(-1, 2)
+    ratios = np.array([ratio for note in notes for ratio in note["ratios"]])
+    return Floor(waiting.reshape(rows, columns) / max(hours, 1e-9), contacts, ratios, hours)
+
+
+def peaks(heat: NDArray[np.float64], count: int, radius: int) -> list[tuple[int, int, float]]:
+    """Return up to `count` worst places of heat [H, W] as (row, column, its heat): the hottest squares, apart.
+
+    A place is a square that reaches `radius` cells from its middle, the heat is all that lies in it; the hottest comes
+    first, then the hottest of what it leaves, and so on. Of equal squares the one whose own cell is hotter is taken,
+    then the first in reading order.
+    """
+    left, found = heat.copy(), []
+    for _ in range(count):
+        around = np.pad(left, radius)
+        total = sum(
+            around[i : i + heat.shape[0], j : j + heat.shape[1]]
+            for i in range(2 * radius + 1)
+            for j in range(2 * radius + 1)
+        )
+        hottest = np.isclose(total, np.max(total), rtol=1e-9)
+        row, column = np.unravel_index(int(np.argmax(np.where(hottest, left, -1.0))), heat.shape)
+        if not total[row, column] > 0:  # type: ignore[index]
+            break
+        found.append((int(row), int(column), float(total[row, column])))  # type: ignore[index]
+        left[max(0, row - radius) : row + radius + 1, max(0, column - radius) : column + radius + 1] = 0.0
+    return found

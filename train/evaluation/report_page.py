@@ -1,0 +1,148 @@
+"""The report of an evaluation: a page with its table, charts, heat maps and worst episodes, from rows and notes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from train.evaluation.places import KEY, PAGE, Floor, floor_of_notes
+from train.evaluation.rollout import Experiment
+from train.evaluation.words import paragraph
+from train.evaluation.worst import worst_episodes, write_replays
+from train.reporting.page import Page, Part, Shown, made_by
+from train.reporting.report import evaluation_table, grouped, make_progress, number, short_names
+from train.reporting.rows import Row, mean_interval, select, write_rows
+from warehouse_env.render.charts import Bar
+from warehouse_env.render.heat_maps import Panel, heat_maps
+from warehouse_env.render.report_charts import detours, over_robots
+from warehouse_env.simulation.floor import load_grid
+
+ROWS = "rows.jsonl"
+WORST = 5  # episodes shown as replays
+
+
+def write_report(
+    rows: Sequence[Row], notes: Sequence[Row], experiments: Sequence[Experiment], folder: Path, rows_path: Path
+) -> Path:
+    """Write the page, the replays beside it, and a copy of the rows where they are elsewhere; return the page.
+
+    notes: of all or some of the episodes; those of other episodes are left out.
+    """
+    known = {tuple(row[name] for name in KEY) for row in rows}
+    notes = [note for note in notes if tuple(note[name] for name in KEY) in known]
+    worst = worst_episodes(rows, WORST)
+    with make_progress() as progress:
+        bar = progress.add_task("replays of the worst episodes", total=len(worst))
+        links = write_replays(worst, experiments, folder, lambda: progress.advance(bar))
+    short = short_names({str(row[name]) for row in rows for name in ("layout", "policy")})
+    floors = _floors(rows, notes)
+    parts = [
+        Part("Table", tables=[evaluation_table(rows)]),
+        Part("Over the number of robots", pictures=[_over_robots(rows, short)]),
+        _where(experiments, rows, floors, short),
+        Part("Detours", pictures=_detours(rows, floors, short)),
+        Part("Worst episodes", _WORST, links=links),
+        Part("What was run", facts=_facts(rows, notes)),
+    ]
+    if rows_path.absolute() != (folder / ROWS).absolute():
+        write_rows(folder / ROWS, rows)
+    title = f"Evaluation: {', '.join(dict.fromkeys(short[str(row['policy'])] for row in rows))}"
+    places = ", ".join(dict.fromkeys(short[str(row["layout"])] for row in rows))
+    subtitle = f"{places}; {rows[0]['tasks']} tasks, routes by {rows[0]['planner']}"
+    Page(title, subtitle, paragraph(rows, floors), parts).write(folder / PAGE)
+    return folder / PAGE
+
+
+_WORST = (
+    "The worst episode of each policy, then the second worst of each: by collisions per km, then by robots stuck at "
+    "the end, then by the longest standing. Each opens as a replay; the file beside it (.npz) plays it again "
+    "to the bit."
+)
+
+
+def _floors(rows: Sequence[Row], notes: Sequence[Row]) -> dict[str, Floor]:
+    """Return what was noted under each policy on each floor with the most robots there, by policy@layout."""
+    most = {layout: max(row["robots"] for row in own) for (layout,), own in grouped(rows, ("layout",)).items()}
+    full = [note for note in notes if note["robots"] == most[note["layout"]]]
+    return {f"{policy}@{layout}": floor_of_notes(own) for (policy, layout), own in _by_place(full).items()}
+
+
+def _by_place(notes: Sequence[Row]) -> dict[tuple[object, ...], list[Row]]:
+    return grouped(notes, ("policy", "layout"))
+
+
+def _over_robots(rows: Sequence[Row], short: Mapping[str, str]) -> Shown:
+    floors = {
+        short[str(layout)]: (_bars(own, "collisions_per_km", short), _bars(own, "goals_per_robot_hour", short))
+        for (layout,), own in grouped(rows, ("layout",)).items()
+    }
+    label = "Collisions per robot-km and goals per robot-hour over the number of robots"
+    caption = f"{label}: means over episodes with 95% intervals. Fewer collisions and more goals are better."
+    return Shown(over_robots(floors, label), caption)
+
+
+def _bars(rows: Sequence[Row], measure: str, short: Mapping[str, str]) -> list[Bar]:
+    bars = []
+    for (policy, robots), own in grouped(rows, ("policy", "robots")).items():
+        found = mean_interval(row[measure] for row in own)
+        bars.append(Bar(short[str(policy)], int(str(robots)), found.mean, found.low, found.high))
+    return bars
+
+
+def _where(
+    experiments: Sequence[Experiment], rows: Sequence[Row], floors: Mapping[str, Floor], short: Mapping[str, str]
+) -> Part:
+    """Return the heat maps of each floor, a panel a policy."""
+    grids = {one.place: load_grid(one.config) for one in experiments}
+    pictures = []
+    for layout in dict.fromkeys(str(row["layout"]) for row in rows):
+        own = {name: floor for name, floor in floors.items() if name.partition("@")[2] == layout}
+        robots = max(row["robots"] for row in select(rows, layout=layout))
+        panels = [
+            Panel(short[name.partition("@")[0]], grids[layout], floor.waiting, floor.contacts)
+            for name, floor in own.items()
+        ]
+        if panels:
+            label = f"Where robots wait and collide on {short[layout]} with {robots} robots"
+            hours = number(sum(floor.hours for floor in own.values()) / len(own), 2)
+            caption = (
+                f"{label}: colour is how long an hour a robot stands on a cell (its body's middle), red crosses are "
+                f"collisions in {hours} simulated hours a policy, blue squares are stations."
+            )
+            pictures.append(Shown(heat_maps(panels, "standing [s per hour]", label), caption))
+    missing = "" if pictures else "No places were noted: the rows were kept from a run without a report."
+    return Part("Where robots wait and collide", missing, pictures)
+
+
+def _detours(rows: Sequence[Row], floors: Mapping[str, Floor], short: Mapping[str, str]) -> list[Shown]:
+    """Return a chart a floor of driven over planned length."""
+    pictures = []
+    for layout in dict.fromkeys(str(row["layout"]) for row in rows):
+        ratios = {
+            short[name.partition("@")[0]]: floor.ratios
+            for name, floor in floors.items()
+            if name.partition("@")[2] == layout and len(floor.ratios)
+        }
+        if ratios:
+            robots = max(row["robots"] for row in select(rows, layout=layout))
+            label = f"Driven over planned length of trips on {short[layout]} with {robots} robots"
+            trips = ", ".join(f"`{name}` {len(values):,}" for name, values in ratios.items())
+            caption = (
+                f"{label}: the share of trips that are at most so many times as long as their first route was planned; "
+                f"left of 1 a robot cut corners or arrived within the goal's radius. Trips: {trips}."
+            )
+            pictures.append(Shown(detours(ratios, label), caption))
+    return pictures
+
+
+def _facts(rows: Sequence[Row], notes: Sequence[Row]) -> dict[str, str]:
+    seeds = sorted({row["seed"] for row in rows})
+    shown = f"{seeds[0]} to {seeds[-1]}" if seeds[-1] - seeds[0] + 1 == len(seeds) > 1 else ", ".join(map(str, seeds))
+    hours = sum(row["seconds"] for row in rows) / 3600
+    km = sum(row["robot_km"] for row in rows)
+    return made_by(**{
+        "Seeds": f"{shown}, the same for every policy",
+        "Simulated": f"{len(rows)} episodes, {number(hours)} hours, {number(km)} robot-km",
+        "Places noted": f"in {len(notes)} of {len(rows)} episodes",
+        "Rows": f"`{ROWS}` beside this page holds every episode with its whole configuration",
+    })  # fmt: skip

@@ -1,0 +1,102 @@
+"""Pages: words, tables and pictures as one HTML file that needs no other and no network, light or dark."""
+
+from __future__ import annotations
+
+import base64
+import platform
+import shlex
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import NamedTuple
+
+import jinja2
+from markupsafe import Markup, escape
+
+from train.reporting.report import Table
+from train.reporting.rows import write_text
+from warehouse_env import __version__
+
+_BOUND_TO = ("numpy", "numba", "torch")  # packages on which figures may depend
+
+
+class Shown(NamedTuple):
+    """A drawing as HTML (SVG, or `image`), and what is said below it."""
+
+    drawing: str
+    caption: str
+
+
+class Link(NamedTuple):
+    """Something to open: a path relative to the page, its title, and what it is."""
+
+    target: str
+    title: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Part:
+    """What stands under a heading, in this order; text, captions and cells may hold Markdown's bold, italics, code."""
+
+    heading: str = ""
+    text: str = ""
+    pictures: Sequence[Shown] = ()
+    tables: Sequence[Table] = ()
+    links: Sequence[Link] = ()
+    facts: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Page:
+    """A title, the answer in words (paragraphs), and parts."""
+
+    title: str
+    subtitle: str = ""
+    words: Sequence[str] = ()
+    parts: Sequence[Part] = ()
+
+    def html(self) -> str:
+        """Return the page as a file's text."""
+        return _template().render(page=self, number=_number)
+
+    def write(self, path: Path) -> None:
+        """Write the page, all of it or nothing."""
+        write_text(path, self.html())
+
+
+@cache
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    environment.filters["inline"] = _inline
+    return environment.from_string((Path(__file__).parent / "page.html").read_text(encoding="utf-8"))
+
+
+def _number(table: Table, column: int) -> Markup:
+    return Markup(' class="number"') if table.numeric(column) else Markup("")
+
+
+def _inline(text: str) -> Markup:
+    """Return Markdown's bold, italics and code as HTML; a cell that says better or worse is coloured so."""
+    parts = str(escape(text))
+    for sign, tag in (("**", "b"), ("*", "i"), ("`", "code")):
+        pieces = parts.split(sign)
+        parts = "".join(piece if index % 2 == 0 else f"<{tag}>{piece}</{tag}>" for index, piece in enumerate(pieces))
+    return Markup(f'<span class="{text}">{parts}</span>' if text in ("better", "worse") else parts)
+
+
+def image(path: Path, alt: str) -> str:
+    """Return a PNG file as a drawing, taken into the page."""
+    data = base64.b64encode(path.read_bytes()).decode()
+    return f'<img alt="{escape(alt)}" src="data:image/png;base64,{data}">'
+
+
+def made_by(**facts: str) -> dict[str, str]:
+    """Return what was run: the facts given, the command as typed, and the versions of what its figures rest on."""
+    command = shlex.join(["warehouse", *sys.argv[1:]])
+    versions = [f"warehouse-env {__version__}", f"Python {platform.python_version()}"]
+    versions += [f"{name} {version(name)}" for name in _BOUND_TO]
+    return {"Command": f"`{command}`", **facts, "Versions": ", ".join(versions)}

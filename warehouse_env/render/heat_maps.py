@@ -1,0 +1,128 @@
+"""Figures on the floor, for pages: where robots wait, touch and pass, and what is proposed to be changed there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.render.chart_style import FAINT, empty_figure, hexed, style, svg
+from warehouse_env.render.colours import BLUE, CONTACT, GREEN, RGB
+from warehouse_env.render.extras import load
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_WIDE = 10.0  # [inches] of a picture
+_SHELF: RGB = (140, 148, 158)
+_HEAT = ((1.0, 0.86, 0.3, 0.0), (0.99, 0.70, 0.12, 0.75), (0.90, 0.36, 0.05, 0.95), (0.62, 0.05, 0.12, 1.0))
+_WHITE = "#fffffe"  # on both pages: "#ffffff" would become the paper of the page
+_POWER = 0.5  # power of the scale: what is a quarter of the most has half of its colour
+_ARROWS = {1: (1, 0), 2: (0, 1), 3: (-1, 0), 4: (0, -1)}  # one_way.ARROWS as (x, y)
+
+
+class Panel(NamedTuple):
+    """A floor with what is to be seen on it; all but the title may be left out.
+
+    heat: float[H, W], no colour where it is 0. marks: float[K, 2] [m], crosses. numbers: places (x, y) [m], numbered
+    from 1. opened: bool[H, W], cells whose shelf is taken away. one_way: uint8[H, W], as in GridMap.
+    """
+
+    title: str
+    grid: GridMap
+    heat: NDArray[np.floating[Any]] | None = None
+    marks: NDArray[np.floating[Any]] | None = None
+    numbers: Sequence[tuple[float, float]] = ()
+    opened: NDArray[np.bool_] | None = None
+    one_way: NDArray[np.uint8] | None = None
+
+
+def heat_maps(panels: Sequence[Panel], unit: str, label: str, across: int = 3, shared: bool = True) -> str:
+    """Draw panels beside each other, `across` in a row, with a colour bar in `unit` that they share or not."""
+    with style():
+        across = 2 if len(panels) == 4 else min(across, len(panels))
+        rows = -(-len(panels) // across)
+        ratio = max(panel.grid.shape[0] / panel.grid.shape[1] for panel in panels)
+        wide = _WIDE if across > 1 else 0.7 * _WIDE
+        figure = empty_figure(wide, rows * (min(1.6, ratio) * wide / across * 0.93 + 0.4) + 0.1)
+        axes = figure.subplots(rows, across, squeeze=False)
+        most = [_most(panel) for panel in panels]
+        drawn = []
+        for ax, panel, own in zip(axes.flat, panels, most, strict=False):
+            image = _draw(ax, panel, max(most) if shared else own)
+            if image is not None:
+                drawn.append((ax, image))
+        for ax in axes.flat[len(panels) :]:
+            ax.set_axis_off()
+        bars = [(axes.ravel().tolist(), drawn[0][1])] if shared and drawn else drawn
+        for where, image in bars:
+            bar = figure.colorbar(image, ax=where, fraction=0.03, pad=0.015, aspect=30, shrink=0.9)
+            bar.set_label(unit)
+            bar.outline.set_visible(False)
+        return svg(figure, label)
+
+
+def _most(panel: Panel) -> float:
+    return float(panel.heat.max()) if panel.heat is not None else 0.0
+
+
+def _draw(ax: Axes, panel: Panel, most: float) -> Any:
+    """Draw a floor into axes; return what its colour bar is of, None where there is no heat."""
+    grid, (rows, columns) = panel.grid, panel.grid.shape
+    side = grid.cell_size
+    place: dict[str, Any] = {"extent": (0, columns * side, 0, rows * side), "interpolation": "none"}
+    ax.imshow(_shelves(panel), **place)
+    image = None
+    if panel.heat is not None and most > 0:
+        norm = load("matplotlib.colors").PowerNorm(_POWER, 0, most)
+        image = ax.imshow(np.where(panel.heat > 0, panel.heat, 0.0), cmap=_colours(), norm=norm, **place)
+    x, y = grid.centre(grid.stations).T
+    ax.plot(x, y, "s", ms=max(1.2, 110 / max(rows, columns)), mfc="none", mec=hexed(BLUE), mew=0.7, alpha=0.8)
+    if panel.one_way is not None:
+        _arrows(ax, panel)
+    if panel.marks is not None and len(panel.marks):
+        ax.plot(*panel.marks.T[:2], "x", ms=4.5, mew=1.3, color=hexed(CONTACT), alpha=0.7)
+    for number, (at_x, at_y) in enumerate(panel.numbers, start=1):
+        circle = {"boxstyle": "circle,pad=0.22", "fc": hexed(BLUE), "ec": _WHITE, "lw": 1.0}
+        ax.annotate(
+            str(number), (at_x, at_y), xytext=(9, 9), textcoords="offset points", ha="center", va="center",
+            color=_WHITE, fontsize=8, fontweight="bold", bbox=circle,
+            arrowprops={"arrowstyle": "-", "color": hexed(BLUE), "lw": 1.2}, zorder=6,
+        )  # fmt: skip
+    ax.set(xlim=(0, columns * side), ylim=(0, rows * side), title=panel.title)
+    ax.tick_params(labelsize=8)
+    ax.set_aspect("equal")
+    for edge in ax.spines.values():
+        edge.set(visible=True, color=FAINT)
+    return image
+
+
+def _shelves(panel: Panel) -> NDArray[np.float64]:
+    """Return float64[H, W, 4]: shelves in grey, what is opened in green, the rest clear."""
+    image = np.zeros((*panel.grid.shape, 4))
+    image[panel.grid.occupied] = (*(part / 255 for part in _SHELF), 0.6)
+    if panel.opened is not None:
+        image[panel.opened] = (*(part / 255 for part in GREEN), 0.9)
+    return image
+
+
+def _arrows(ax: Axes, panel: Panel) -> None:
+    """Draw the direction of every one-way cell."""
+    assert panel.one_way is not None
+    cells = np.argwhere(panel.one_way)
+    if not len(cells):
+        return
+    x, y = panel.grid.centre(cells).T
+    along = np.array([_ARROWS[int(panel.one_way[row, column])] for row, column in cells], dtype=np.float64)
+    ax.quiver(
+        x, y, *(0.8 * panel.grid.cell_size * along).T, pivot="mid", angles="xy", scale_units="xy", scale=1.0,
+        color=hexed(GREEN), headwidth=5, headlength=5, headaxislength=4.5, width=0.004,
+    )  # fmt: skip
+
+
+def _colours() -> Any:
+    """Return the scale from clear over yellow to dark red: it reads on light and on dark pages."""
+    return load("matplotlib.colors").LinearSegmentedColormap.from_list("heat", _HEAT)

@@ -1,0 +1,155 @@
+"""Charts of the pages that reports are: SVG drawings in the inks of the page, for light and dark."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.render.chart_style import FAINT, INK, empty_figure, hexed, style, svg
+from warehouse_env.render.charts import Bar, collision_scale
+from warehouse_env.render.colours import BLUE, CONTACT, GREEN, GREY, name_colours
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_APART = 0.13  # of the place between two numbers of robots: how far policies stand from each other
+
+
+class Pair(NamedTuple):
+    """What stands in one line of `differences`: a paired difference with its 95% interval."""
+
+    name: str
+    mean: float
+    low: float
+    high: float
+
+
+class Load(NamedTuple):
+    """What a floor does with a number of robots: goals per hour of all of them, with the 95% interval."""
+
+    robots: int
+    mean: float
+    low: float
+    high: float
+    jammed: bool
+
+
+def over_robots(floors: Mapping[str, tuple[Sequence[Bar], Sequence[Bar]]], label: str) -> str:
+    """Draw collisions per km and goals per robot-hour over the number of robots, a row of panels a floor."""
+    with style():
+        figure = empty_figure(10.0, 3.1 * len(floors) + 0.4)
+        axes = figure.subplots(len(floors), 2, squeeze=False)
+        figure.get_layout_engine().set(w_pad=0.12, h_pad=0.1)  # type: ignore[union-attr,call-arg]
+        for (left, right), (floor, (collisions, goals)) in zip(axes, floors.items(), strict=True):
+            _dots(left, collisions)
+            _dots(right, goals)
+            collision_scale(left, [bar for bar in collisions if np.isfinite(bar.mean)])
+            right.margins(y=0.15)
+            right.set_ylim(bottom=0)
+            left.set(title=f"{floor}: collisions per robot-km", xlabel="robots")
+            right.set(title=f"{floor}: goals per robot-hour", xlabel="robots")
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper left", ncols=6)
+        return svg(figure, label)
+
+
+def _dots(ax: Axes, bars: Sequence[Bar]) -> None:
+    """A dot with its interval for each policy and number of robots, the dots of a policy joined by a line."""
+    counts = sorted({bar.robots for bar in bars})
+    policies = list(dict.fromkeys(bar.policy for bar in bars))
+    for k, (policy, colour) in enumerate(name_colours(policies).items()):
+        own = sorted((bar for bar in bars if bar.policy == policy), key=lambda bar: bar.robots)
+        at = [counts.index(bar.robots) + (k - (len(policies) - 1) / 2) * _APART for bar in own]
+        means = [bar.mean for bar in own]
+        reach = np.array([(bar.mean - max(bar.low, 0.0), bar.high - bar.mean) for bar in own]).T
+        ax.plot(at, means, color=hexed(colour), lw=1.2, alpha=0.5)
+        ax.errorbar(
+            at, means, np.nan_to_num(reach).clip(0), fmt="o", ms=5, color=hexed(colour), elinewidth=1.5, capsize=3,
+            label=policy, clip_on=False,
+        )  # fmt: skip
+    ax.set_xticks(range(len(counts)), [str(count) for count in counts])
+    ax.set_xlim(-0.5, len(counts) - 0.5)
+    ax.grid(axis="y")
+
+
+def detours(ratios: Mapping[str, NDArray[np.float64]], label: str) -> str:
+    """Draw for each policy which share of its trips was at most so many times as long as planned."""
+    with style():
+        figure = empty_figure(7.0, 3.4)
+        ax = figure.add_subplot()
+        colours = name_colours(ratios)
+        nearest, farthest = 0.97, 1.1
+        for name, values in ratios.items():
+            ranked = np.sort(values)
+            nearest = min(nearest, float(np.quantile(ranked, 0.01)))
+            farthest = max(farthest, float(np.quantile(ranked, 0.98)))
+            at = np.quantile(ranked, np.linspace(0, 1, 201), method="inverted_cdf")
+            ax.step(at, np.linspace(0, 100, 201), where="post", color=hexed(colours[name]), lw=2, label=name)
+        ax.axvline(1.0, color=FAINT, lw=1, ls=(0, (4, 3)))
+        ax.set(xlim=(nearest, farthest), ylim=(0, 102))
+        ax.set(xlabel="driven / planned length of a trip", ylabel="trips up to there [%]")
+        ax.grid(axis="y")
+        figure.legend(loc="outside upper left", ncols=6)
+        return svg(figure, label)
+
+
+def differences(panels: Mapping[str, Sequence[Pair]], label: str, unit: str = "") -> str:
+    """Draw paired differences with their intervals, a panel each measure, a line each pair, around zero."""
+    with style():
+        names = list(dict.fromkeys(pair.name for pairs in panels.values() for pair in pairs))
+        figure = empty_figure(10.0, 0.34 * len(names) + 0.9)
+        for k, (ax, (title, pairs)) in enumerate(
+            zip(figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True)
+        ):
+            for pair in pairs:
+                told = pair.low > 0 or pair.high < 0
+                at = len(names) - 1 - names.index(pair.name)
+                reach = np.nan_to_num([[pair.mean - pair.low], [pair.high - pair.mean]]).clip(0)
+                colour = hexed(BLUE if told else GREY)
+                fill = colour if told else "#ffffff"
+                ax.errorbar([pair.mean], [at], xerr=reach, fmt="o", ms=6, color=colour, mfc=fill, capsize=3)
+            ax.axvline(0, color=INK, lw=0.9)
+            ax.set_yticks(range(len(names)), names[::-1] if k == 0 else [""] * len(names))
+            ax.set_ylim(-0.6, len(names) - 0.4)
+            ax.tick_params(axis="y", length=0)
+            ax.set_title(title, fontsize=10)
+            ax.set_xlabel(unit)
+            ax.margins(x=0.12)
+            ax.grid(axis="x")
+        return svg(figure, label)
+
+
+def throughput(loads: Sequence[Load], alone: float, bears: int, label: str) -> str:
+    """Draw the goals per hour of a whole floor over its robots; alone: those of one robot that nobody hinders.
+
+    bears: the number of robots that is marked as the most that the floor bears.
+    """
+    with style():
+        figure = empty_figure(7.6, 3.6)
+        ax = figure.add_subplot()
+        loads = sorted(loads)
+        robots, means = [load.robots for load in loads], [load.mean for load in loads]
+        top = max([*means, *(load.high for load in loads if np.isfinite(load.high))])
+        ax.plot([0, robots[-1]], [0, alone * robots[-1]], color=FAINT, lw=1.2, ls=(0, (4, 3)))
+        ax.annotate(
+            "if nobody hindered anybody", (0.8 * top / alone, 0.8 * top), xytext=(-8, 4), textcoords="offset points",
+            ha="right", color=FAINT, fontsize=9,
+        )  # fmt: skip
+        ax.plot(robots, means, color=hexed(BLUE), lw=1.6)
+        for load in loads:
+            reach = np.nan_to_num([[load.mean - load.low], [load.high - load.mean]]).clip(0)
+            colour, marker = (CONTACT, "X") if load.jammed else (BLUE, "o")
+            ax.errorbar(
+                [load.robots], [load.mean], reach, fmt=marker, ms=7, color=hexed(colour), elinewidth=1.4, capsize=3
+            )
+        ax.axvspan(0, bears, color=hexed(GREEN), alpha=0.1, lw=0)
+        for marker, colour, text in (("o", BLUE, "drives"), ("X", CONTACT, "jams")):
+            ax.plot([], [], marker, color=hexed(colour), label=text)
+        ax.plot([], [], "s", color=hexed(GREEN), alpha=0.3, label=f"up to {bears} robots")
+        ax.set(xlim=(0, robots[-1] * 1.05), ylim=(0, top * 1.12), xlabel="robots", ylabel="goals per hour, all robots")
+        ax.grid(axis="y")
+        figure.legend(loc="outside upper left", ncols=3)
+        return svg(figure, label)
