@@ -1,0 +1,89 @@
+"""`warehouse compare RUN RUN`: evaluations side by side, with paired differences -> a table, rows, a page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from train.reporting.comparison import Line, Run, compare, comparison_table, comparison_words, read_runs
+from train.reporting.page import Page, Part, Shown, made_by
+from train.reporting.report import require_charts, short_names
+from train.reporting.rows import RowFile, check_writable
+from warehouse_env.checked import Checked
+from warehouse_env.errors import ConfigError
+
+_DRAWN = ("goals_per_robot_hour", "collisions_per_km", "waiting_share")
+
+
+@dataclass(frozen=True)
+class Compare(Checked):
+    """Hold runs of `warehouse evaluate` against the first one, over the episodes that both have.
+
+    The same policy is held against itself in another run; where two runs have one policy each, these two. Example:
+    warehouse compare results/before results/after --html results/difference.html
+    """
+
+    runs: tyro.conf.Positional[tuple[Path, ...]]
+    """Files of rows that `warehouse evaluate` wrote, or folders with rows.jsonl in them (as a report is)."""
+    policy: tuple[str, ...] = ()
+    """Policies to look at (all if left out)."""
+    seed: tuple[int, ...] = ()
+    """Seeds of the episodes to look at (all if left out)."""
+    json: Path | None = None
+    """File for the figures, a row a measure of each pair and floor, as JSON lines."""
+    html: Path | None = None
+    """File for a page with the figures in words, a chart of the differences, and the table."""
+
+    def run(self) -> None:
+        """Read all runs, print the table, write rows and page."""
+        runs = [self._chosen(run) for run in read_runs(self.runs)]
+        lines = compare(runs, self.policy)
+        file = RowFile(self.json)
+        if self.html is not None:
+            check_writable(self.html)
+            require_charts()
+        comparison_table(lines).print()
+        file.add(line.row() for line in lines)
+        wrote = [f"the figures to {self.json}"] * (self.json is not None)
+        if self.html is not None:
+            _page(lines, runs).write(self.html)
+            wrote.append(f"the page to {self.html}")
+        episodes = sum(line.difference.samples for line in lines if line.measure == lines[0].measure)
+        print(f"wrote {' and '.join(wrote) or 'no file (--json and --html do)'}; compared {episodes} pairs of episodes")
+
+    def _chosen(self, run: Run) -> Run:
+        rows = [row for row in run.rows if not self.seed or row["seed"] in self.seed]
+        if not rows:
+            raise ConfigError(f"{run.path} has no episode with --seed {' '.join(map(str, self.seed))}")
+        return run._replace(rows=rows)
+
+
+def _page(lines: Sequence[Line], runs: Sequence[Run]) -> Page:
+    table = comparison_table(lines)
+    facts = {run.name: f"`{run.path}`, {len(run.rows)} episodes, version {_versions(run)}" for run in runs}
+    title = f"{' and '.join(run.name for run in runs[1:])} against {runs[0].name}"
+    drawn = Part("Differences", pictures=[_drawing(lines)])
+    parts = [drawn, Part("Every figure", tables=[table]), Part("What was compared", facts=made_by(**facts))]
+    return Page(title, "Paired differences over the same episodes", comparison_words(lines), parts)
+
+
+def _versions(run: Run) -> str:
+    return ", ".join(sorted({str(row.get("version", "unknown")) for row in run.rows}))
+
+
+def _drawing(lines: Sequence[Line]) -> Shown:
+    from warehouse_env.render.report_charts import Pair, differences
+
+    short = short_names({name for line in lines for name in (line.layout, line.ours.policy)})
+    panels: dict[str, list[Pair]] = {}
+    for line in lines:
+        if line.measure.name in _DRAWN:
+            name = f"{line.ours.run}: {short[line.ours.policy]}, {short[line.layout]} {line.robots}"
+            scaled = [line.measure.factor * value for value in line.difference[:3]]
+            panels.setdefault(line.measure.heading, []).append(Pair(name, *scaled))
+    label = "Paired differences from the run that is compared with"
+    caption = f"{label}: mean and 95% interval; blue and filled where the interval leaves out 0, else grey."
+    return Shown(differences(panels, label), caption)

@@ -1,0 +1,201 @@
+"""Runs side by side: what two evaluations differ by over the episodes that both have, as paired differences."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from train.reporting.report import MEASURES, Measure, Table, difference, grouped, number, short_names, with_interval
+from train.reporting.rows import Interval, Row, is_told, paired, read_rows, select
+from warehouse_env.errors import WarehouseError
+
+EPISODE = ("layout", "robots", "tasks", "disturbance", "seed")  # what two rows must share to be of one episode
+_NEEDED = ("policy", "layout", "robots", "tasks", "planner", "seed", "robot_km", "collisions_per_km")
+_COMPARED = (
+    "goals_per_robot_hour", "collisions_per_km", "stuck", "waiting_share", "longest_standing_s", "path_length_ratio",
+)  # fmt: skip
+_MORE_IS_BETTER = ("goals_per_robot_hour",)
+NOTE = (
+    "Over the episodes that both have: the same floor, number of robots and seed. Difference: mean of the paired "
+    "differences [95% interval by Student's t], the run less the one it is held against; better and worse where the "
+    "interval leaves out 0, each interval for itself: of twenty differences that do not exist one will look told apart."
+)
+
+
+class Run(NamedTuple):
+    """An evaluation that was written down."""
+
+    name: str
+    path: Path
+    rows: list[Row]
+
+
+class System(NamedTuple):
+    """A policy of a run."""
+
+    run: str
+    policy: str
+
+
+class Line(NamedTuple):
+    """A measure of one system, held against another's over their common episodes on one floor."""
+
+    layout: str
+    robots: int
+    ours: System
+    other: System
+    measure: Measure
+    found: Interval
+    base: Interval
+    difference: Interval
+
+    @property
+    def verdict(self) -> str:
+        """Better, worse, equal in every episode, or not told apart."""
+        if self.difference.samples > 1 and self.difference[:3] == (0.0, 0.0, 0.0):
+            return "equal"
+        if not is_told(self.difference):
+            return "not told apart"
+        return "better" if (self.difference.mean > 0) == (self.measure.name in _MORE_IS_BETTER) else "worse"
+
+    def row(self) -> Row:
+        """Return it in JSON types, in the units of the rows (shares from 0 to 1)."""
+        numbers: dict[str, Any] = {"episodes": self.difference.samples}
+        for name, interval in (("run", self.found), ("base", self.base), ("difference", self.difference)):
+            numbers |= {name: interval.mean, f"{name}_low": interval.low, f"{name}_high": interval.high}
+        about = {"layout": self.layout, "robots": self.robots, "measure": self.measure.name}
+        systems = {"of": self.ours._asdict(), "against": self.other._asdict()}
+        return {**about, **systems, **numbers, "verdict": self.verdict}
+
+
+def read_runs(paths: Sequence[Path]) -> list[Run]:
+    """Return the runs of files of rows, or of folders that hold rows.jsonl, by names that tell them apart.
+
+    Raises WarehouseError for fewer than two, for what is missing, and for rows that are none of an evaluation.
+    """
+    if len(paths) < 2:
+        raise WarehouseError("name two runs at least: files of rows that `warehouse evaluate` wrote, or their folders")
+    files = [path / "rows.jsonl" if path.is_dir() else path for path in paths]
+    names = [file.parent.name if file.stem == "rows" and file.parent.name else file.stem for file in files]
+    counts = Counter(names)
+    names = [name if counts[name] == 1 else str(path) for name, path in zip(names, paths, strict=True)]
+    if len(set(names)) < len(names):
+        raise WarehouseError(f"{Counter(names).most_common(1)[0][0]} is named twice; a run is compared with another")
+    return [Run(name, file, _rows(file)) for name, file in zip(names, files, strict=True)]
+
+
+def _rows(file: Path) -> list[Row]:
+    if not file.is_file():
+        raise WarehouseError(f"{file} does not exist; name rows that `warehouse evaluate` wrote, or their folder")
+    rows = read_rows(file)
+    missing = [name for name in _NEEDED if any(name not in row for row in rows)]
+    if not rows or missing:
+        lack = f"its rows lack {missing[0]!r}" if missing else "it is empty"
+        raise WarehouseError(f"{file} holds no rows of `warehouse evaluate`: {lack}")
+    for key, own in grouped(rows, ("policy", *EPISODE)).items():
+        if len(own) > 1:
+            raise WarehouseError(f"{file} holds {len(own)} rows of {key[0]} with seed {key[-1]} on {key[1]}; keep one")
+    return rows
+
+
+def compare(runs: Sequence[Run], policies: Sequence[str] = ()) -> list[Line]:
+    """Hold every further run against the first: each policy against the same one, or a single one against a single one.
+
+    policies: those to look at, all if there are none. Raises WarehouseError where nothing can be paired.
+    """
+    lines = []
+    for run in runs[1:]:
+        pairs = _pairs(_systems(run, policies), _systems(runs[0], policies))
+        if not pairs:
+            raise WarehouseError(
+                f"{run.name} and {runs[0].name} have no policy in common, and more than one each; name one by --policy"
+            )
+        for ours, other in pairs:
+            mine, theirs = select(run.rows, policy=ours.policy), select(runs[0].rows, policy=other.policy)
+            lines += _lines(ours, other, mine, theirs)
+    if not lines:
+        raise WarehouseError("the runs have no episode in common: none of the same floor, number of robots and seed")
+    return lines
+
+
+def _systems(run: Run, policies: Sequence[str]) -> list[System]:
+    names = dict.fromkeys(str(row["policy"]) for row in run.rows)
+    return [System(run.name, name) for name in names if not policies or name in policies]
+
+
+def _pairs(ours: Sequence[System], others: Sequence[System]) -> list[tuple[System, System]]:
+    same = [(a, b) for a, b in product(ours, others) if a.policy == b.policy]
+    return same if same or len(ours) != 1 or len(others) != 1 else [(ours[0], others[0])]
+
+
+def _lines(ours: System, other: System, mine: Sequence[Row], theirs: Sequence[Row]) -> list[Line]:
+    """Return a line for each floor, number of robots and measure of which both have something."""
+    lines = []
+    for (layout, robots), group in grouped(mine, ("layout", "robots")).items():
+        base = select(theirs, layout=layout, robots=robots)
+        common = {_key(row) for row in group} & {_key(row) for row in base}
+        group, base = ([row for row in rows if _key(row) in common] for rows in (group, base))
+        for measure in (one for name in _COMPARED for one in MEASURES if one.name == name):
+            found = paired(group, base, measure.value, EPISODE)
+            if found.samples:
+                means = measure.interval(group), measure.interval(base)
+                lines.append(Line(str(layout), int(str(robots)), ours, other, measure, *means, found))
+    return lines
+
+
+def _key(row: Row) -> tuple[object, ...]:
+    return tuple(row.get(name) for name in EPISODE)
+
+
+def comparison_table(lines: Sequence[Line]) -> Table:
+    """Return a line for each measure of each pair on each floor."""
+    short = short_names({name for line in lines for name in (line.layout, line.ours.policy, line.other.policy)})
+    same = all(line.ours.policy == line.other.policy for line in lines)
+    cells = []
+    for line in lines:
+        names = [system.run if same else f"{system.run}: {short[system.policy]}" for system in (line.ours, line.other)]
+        factor = line.measure.factor
+        told = difference(line.difference, factor)
+        cells.append((
+            short[line.layout], str(line.robots), *((short[line.ours.policy],) if same else ()), line.measure.heading,
+            names[0], with_interval(line.found, factor), names[1], with_interval(line.base, factor),
+            str(line.difference.samples), told, line.verdict,
+        ))  # fmt: skip
+    policy = ("policy",) if same else ()
+    header = ("floor", "robots", *policy, "measure", "run", "mean", "against", "its mean", "episodes", "difference", "")
+    return Table("Comparison", header, tuple(cells), NOTE)
+
+
+def comparison_words(lines: Sequence[Line]) -> list[str]:
+    """Say for each pair and floor what is told apart, and what is not."""
+    short = short_names({name for line in lines for name in (line.layout, line.ours.policy, line.other.policy)})
+    texts = []
+    for (ours, other, layout, robots), own in _grouped(lines).items():
+        told = [line for line in own if line.verdict in ("better", "worse")]
+        open_ = [line.measure.heading for line in own if line.verdict == "not told apart"]
+        names = " and ".join(f"**{one.run}** (`{short[one.policy]}`)" for one in (ours, other))
+        text = f"{names} on {short[layout]} with {robots} robots, {own[0].difference.samples} episodes of both: "
+        said = [
+            f"{line.measure.heading} {difference(line.difference, line.measure.factor)}{_percent(line)}, {line.verdict}"
+            for line in told
+        ]
+        text += "; ".join(said) if said else "nothing is told apart"
+        rest = f". *Not told apart*: {', '.join(open_)}" if said and open_ else ""
+        texts.append(f"{text}{rest}.")
+    return texts
+
+
+def _percent(line: Line) -> str:
+    if not line.base.mean > 0:
+        return ""
+    return f" ({number(100 * line.difference.mean / line.base.mean, 2)}%)"
+
+
+def _grouped(lines: Sequence[Line]) -> dict[tuple[System, System, str, int], list[Line]]:
+    groups: dict[tuple[System, System, str, int], list[Line]] = {}
+    for line in lines:
+        groups.setdefault((line.ours, line.other, line.layout, line.robots), []).append(line)
+    return groups
