@@ -41,6 +41,10 @@ COMMANDS: dict[str, Command] = {
     "evaluate": Command(
         "train.commands.evaluate", "Evaluate", "drive policies over held-out episodes and count collisions"
     ),
+    "compare": Command("train.commands.compare", "Compare", "hold runs of evaluate against each other, in pairs"),
+    "advise": Command(
+        "train.commands.advise", "Advise", "say how many robots a floor bears, where they wait, what a change brings"
+    ),
     "record": Command("train.commands.record", "Record", "drive a policy through one episode and keep it as a file"),
     "replay": Command(
         "train.commands.replay", "ReplayCommand", "show recorded episodes: a page for the browser, a video, a window"

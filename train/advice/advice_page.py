@@ -1,0 +1,134 @@
+"""An advice as a page: the answer, and the figures behind it."""
+
+from __future__ import annotations
+
+from train.advice.answer import answer, effect_text, told
+from train.advice.course import Advice
+from train.reporting.page import Page, Part, Shown, made_by
+from train.reporting.report import Table, with_interval
+from warehouse_env.render import report_charts
+from warehouse_env.render.heat_maps import Panel, heat_maps
+
+
+def advice_page(advice: Advice) -> Page:
+    """Return the page."""
+    grid = advice.plan.grid
+    parts = [
+        Part("How many robots", pictures=[_throughput(advice)], tables=[loads_table(advice)]),
+        Part("Where the bottlenecks are", pictures=[_heat(advice)], tables=[places_table(advice)]),
+        Part("What a change would bring", "", _changes(advice), [changes_table(advice)] if advice.effects else []),
+        Part("What was run", facts=_facts(advice)),
+    ]
+    title = f"How many robots does {grid.name} bear, and what holds them up?"
+    subtitle = f"{grid.shape[0]} x {grid.shape[1]} cells, {len(grid.picks)} pick faces, {len(grid.stations)} stations"
+    return Page(title, subtitle, answer(advice), parts)
+
+
+def _throughput(advice: Advice) -> Shown:
+    label = "Goals per hour of all robots together over their number"
+    found = [report_charts.Load(load.robots, *load.goals[:3], load.jammed) for load in advice.loads]
+    caption = (
+        f"{label}, in the second half of the episodes: means with 95% intervals. The dashed line is what they would "
+        "reach if each were alone on the floor."
+    )
+    return Shown(report_charts.throughput(found, advice.alone.mean, advice.bears, label), caption)
+
+
+def loads_table(advice: Advice) -> Table:
+    """Return a line for each number of robots."""
+    cells = [
+        (
+            str(load.robots), str(load.episodes), with_interval(load.goals), with_interval(load.each),
+            with_interval(load.waiting, 100), with_interval(load.stuck, 100), "jams" if load.jammed else "drives",
+        )
+        for load in advice.loads
+    ]  # fmt: skip
+    header = ("robots", "episodes", "goals/h, all", "goals/robot-h", "waiting %", "stuck %", "")
+    return Table("Robots", header, tuple(cells))
+
+
+def _heat(advice: Advice) -> Shown:
+    grid = advice.plan.grid
+    places = [(place.x, place.y) for place in advice.bottlenecks]
+    panels = [
+        Panel("waiting [s per hour and cell]", grid, advice.floor.waiting, numbers=places),
+        Panel("trips that pass [%]", grid, 100 * advice.visits),
+    ]
+    count = advice.bears or advice.loads[0].robots
+    label = f"Where {count} robots wait, and where trips lead"
+    caption = (
+        f"{label}. Left: how long an hour some robot stands on a cell; the numbers are the worst places. Right: the "
+        "share of trips, drawn at random, whose shortest route leads over a cell. Blue squares are stations."
+    )
+    return Shown(heat_maps(panels, "", label, shared=False), caption)
+
+
+def places_table(advice: Advice) -> Table:
+    """Return a line for each bottleneck."""
+    cells = [
+        (
+            str(k), f"{place.x:g}", f"{place.y:g}", f"{place.waiting:.0f}", f"{100 * place.share:.1f}",
+            f"{100 * place.trips:.1f}",
+        )
+        for k, place in enumerate(advice.bottlenecks, start=1)
+    ]  # fmt: skip
+    header = ("place", "x [m]", "y [m]", "waiting [s per hour]", "of all waiting [%]", "trips that pass [%]")
+    return Table("Bottlenecks", header, tuple(cells), "Within two cells of the place's middle.")
+
+
+def _changes(advice: Advice) -> list[Shown]:
+    """Return where the best change of each kind lies, and what all of them bring."""
+    best = [effect for effect in advice.effects if effect.goals is not None]
+    if not best:
+        return []
+    panels = [
+        Panel(
+            f"{'A' if effect.candidate.kind == 'aisle' else 'B'}: {effect.candidate.kind}", advice.plan.grid,
+            advice.floor.waiting, opened=effect.candidate.changed if effect.candidate.kind == "aisle" else None,
+            one_way=effect.candidate.grid.one_way if effect.candidate.kind == "one-way" else None,
+        )
+        for effect in best
+    ]  # fmt: skip
+    label = "The changes that were measured"
+    said = " ".join(f"**{panel.title}**: {effect.candidate.text}; {effect_text(effect)}." for panel, effect in zip(
+        panels, best, strict=True))  # fmt: skip
+    caption = f"{label}, in green, over where robots wait without them [s per hour]. {said}"
+    pairs = [
+        report_charts.Pair(effect.candidate.text, *(effect.goals or effect.first)[:3]) for effect in advice.effects
+    ]
+    differences = "Goals per hour of all robots, difference from the floor as it is"
+    below = (
+        f"{differences}: paired, with 95% intervals; blue and filled where the interval leaves out 0. The first of "
+        "each kind was chosen among its others and driven again with new seeds; they show what they were chosen by."
+    )
+    drawn = report_charts.differences({"difference in goals per hour": pairs}, differences)
+    return [Shown(heat_maps(panels, "standing [s per hour]", label), caption), Shown(drawn, below)]
+
+
+def changes_table(advice: Advice) -> Table:
+    """Return a line for each change of the floor that was tried."""
+    cells = [
+        (
+            effect.candidate.text, effect.candidate.kind, told(effect.first), str(effect.first.samples),
+            told(effect.goals), str(effect.goals.samples) if effect.goals else "", told(effect.waiting, 100),
+            told(effect.trip),
+        )
+        for effect in advice.effects
+    ]  # fmt: skip
+    header = (
+        "change", "kind", "goals/h, first look", "pairs", "goals/h, measured", "pairs", "waiting %", "metres a trip",
+    )  # fmt: skip
+    note = (
+        "Differences from the floor as it is, in pairs of episodes with the same seeds [95% interval by Student's t]."
+    )
+    return Table("Changes of the floor", header, tuple(cells), note)
+
+
+def _facts(advice: Advice) -> dict[str, str]:
+    plan = advice.plan
+    return made_by(**{
+        "Policy": "`greedy`: right of way by rules under the protective field, with live routes",
+        "Routes": f"by {plan.planner}",
+        "Episodes": f"of {plan.seconds:g} s, seeds from {plan.seed} on",
+        "Rows": "`rows.jsonl` beside this page holds every episode",
+    })  # fmt: skip

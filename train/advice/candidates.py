@@ -1,0 +1,183 @@
+"""Changes of a floor that may help at its bottlenecks: shelves taken away, and one-way aisles.
+
+Pick faces and stations stay where they are, so that robots have the same tasks on every changed floor.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from train.advice.bottlenecks import plan_trips
+from warehouse_env.maps.distance import label_regions
+from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.traffic.conflicts import conflicts
+from warehouse_env.traffic.together import Task
+
+Kind = Literal["aisle", "one-way"]
+REACH = 4  # [cells] from a bottleneck to a shelf that may be opened
+MOST_CELLS = 60  # of shelf that one change takes away
+WIDEST = 2  # [cells] across what still counts as an aisle
+SHORTEST = 4  # [cells] along it
+PRICE = 4.0  # [cells] of detour that avoiding an expected conflict is worth, as in the study of traffic
+EAST, NORTH, WEST, SOUTH = 1, 2, 3, 4  # one_way.ARROWS
+_NAMES = {EAST: "east", NORTH: "north", WEST: "west", SOUTH: "south"}
+_STEPS = ((0, 1), (-1, 0), (0, -1), (1, 0))
+
+
+class Candidate(NamedTuple):
+    """A changed floor."""
+
+    kind: Kind
+    text: str  # what is changed, in words
+    grid: GridMap
+    changed: NDArray[np.bool_]  # [H, W], cells opened or given a direction
+
+
+def aisles(grid: GridMap, cell: Cell) -> list[Candidate]:
+    """Return what could be opened around a cell: each way a gap through the next shelf, and its face taken away."""
+    found = []
+    for step in _STEPS:
+        face = _next_shelf(grid, cell, step)
+        if face is None:
+            continue
+        through = _run(grid, face, step)
+        across = [*_run(grid, face, (step[1], step[0]))[::-1], *_run(grid, face, (-step[1], -step[0]))[1:]]
+        beyond = (through[-1][0] + step[0], through[-1][1] + step[1])
+        if _is_free(grid, beyond):
+            found.append(_opened(grid, through, "a gap through the shelves"))
+        found.append(_opened(grid, across, "the aisle wider by a row of shelves"))
+    return [one for one in found if 0 < one.changed.sum() <= MOST_CELLS]
+
+
+def _next_shelf(grid: GridMap, cell: Cell, step: Cell) -> Cell | None:
+    """Return the first shelf cell within REACH that way; None if there is none before the map's edge."""
+    for distance in range(1, REACH + 1):
+        row, column = cell[0] + distance * step[0], cell[1] + distance * step[1]
+        if not (0 <= row < grid.shape[0] and 0 <= column < grid.shape[1]):
+            return None
+        if grid.occupied[row, column]:
+            return row, column
+    return None
+
+
+def _run(grid: GridMap, cell: Cell, step: Cell) -> list[Cell]:
+    """Return the shelf cells from one on, that way."""
+    cells = []
+    row, column = cell
+    while 0 <= row < grid.shape[0] and 0 <= column < grid.shape[1] and grid.occupied[row, column]:
+        cells.append((row, column))
+        row, column = row + step[0], column + step[1]
+    return cells
+
+
+def _is_free(grid: GridMap, cell: Cell) -> bool:
+    row, column = cell
+    return 0 <= row < grid.shape[0] and 0 <= column < grid.shape[1] and not grid.occupied[row, column]
+
+
+def _opened(grid: GridMap, cells: Iterable[Cell], what: str) -> Candidate:
+    changed = np.zeros(grid.shape, dtype=np.bool_)
+    for cell in cells:
+        changed[cell] = True
+    text = f"{what} at {_where(grid, changed)} ({int(changed.sum())} shelf cells)"
+    occupied = grid.occupied & ~changed
+    return Candidate("aisle", text, dataclasses.replace(grid, occupied=occupied), changed)
+
+
+def _where(grid: GridMap, changed: NDArray[np.bool_]) -> str:
+    """Say where cells are, in metres."""
+    corners = grid.centre(np.argwhere(changed))
+    half = grid.cell_size / 2
+    (left, low), (right, high) = corners.min(axis=0) - half, corners.max(axis=0) + half
+    return f"x {left:g} to {right:g} m, y {low:g} to {high:g} m"
+
+
+def aisle_cells(grid: GridMap, along_row: bool) -> NDArray[np.int64]:
+    """Return int64[H, W]: numbers from 1 for the aisles along rows (or columns), 0 off them.
+
+    An aisle is at most WIDEST cells across, its sides shelves or the map's edge, and at least SHORTEST long.
+    """
+    free = ~grid.occupied if along_row else ~grid.occupied.T
+    narrow = free & (_lengths(free.T).T <= WIDEST)
+    aisle = narrow & (_lengths(narrow) >= SHORTEST)
+    label = label_regions(aisle)
+    return np.ascontiguousarray(label if along_row else label.T).astype(np.int64)
+
+
+def _lengths(free: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return int64[H, W]: the length of the run of free cells in its row that a cell is in, 0 off them."""
+    lengths = np.zeros(free.shape, dtype=np.int64)
+    for row, line in enumerate(free):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], line.astype(np.int64), [0]])))
+        for start, end in zip(edges[::2], edges[1::2], strict=True):
+            lengths[row, start:end] = end - start
+    return lengths
+
+
+def one_ways(grid: GridMap, cell: Cell, flow: NDArray[np.float64]) -> list[Candidate]:
+    """Return the aisles through a cell as one-way streets, the way that most drive there; flow: as `traffic`."""
+    found = []
+    for along_row in (True, False):
+        label = aisle_cells(grid, along_row)
+        if label[cell]:
+            street = label == label[cell]
+            forth, back = (EAST, WEST) if along_row else (NORTH, SOUTH)
+            more = _towards(flow[street], forth) >= _towards(flow[street], back)
+            way = forth if more else back
+            directions = grid.one_way.copy()
+            directions[street] = way
+            text = f"one way {_NAMES[way]} at {_where(grid, street)}"
+            found.append(Candidate("one-way", text, dataclasses.replace(grid, one_way=directions), street))
+    return [one for one in found if joined(one.grid)]
+
+
+def _towards(flow: NDArray[np.float64], way: int) -> float:
+    """Return how much of flow [K, 8] has a part towards a direction."""
+    middle = 2 * (way - 1)
+    return float(sum(flow[:, (middle + turn) % 8].sum() for turn in (-1, 0, 1)))
+
+
+def alternating(grid: GridMap) -> list[Candidate]:
+    """Return the floor with all aisles along rows, or along columns, one way in turn."""
+    found = []
+    for along_row, name in ((True, "west-east"), (False, "north-south")):
+        label = aisle_cells(grid, along_row)
+        directions = grid.one_way.copy()
+        lines = np.argwhere(label)[:, 0 if along_row else 1]
+        begins = np.flatnonzero(np.diff(np.concatenate([[-2], np.unique(lines)])) > 1)
+        first = np.unique(lines)[begins]
+        if len(first) < 2:
+            continue
+        turn = np.searchsorted(first, np.arange(grid.shape[0 if along_row else 1]), side="right") % 2
+        ways = np.where(turn, *((EAST, WEST) if along_row else (NORTH, SOUTH)))
+        street = label > 0
+        directions[street] = (np.broadcast_to(ways[:, None] if along_row else ways[None, :], grid.shape))[street]
+        text = f"all {len(first)} lines of {name} aisles one way in turn"
+        found.append(Candidate("one-way", text, dataclasses.replace(grid, one_way=directions), street))
+    return [one for one in found if joined(one.grid)]
+
+
+def joined(grid: GridMap) -> bool:
+    """Return whether each endpoint can be reached from every other."""
+    first, *others = grid.endpoints[2]
+    region = grid.return_region(first)
+    return all(region[cell] for cell in others)
+
+
+def expected_cost(grid: GridMap, trips: Sequence[Task], robots: int) -> float:
+    """Return the cells that a trip costs: its length, and PRICE for each conflict that it meets among `robots`."""
+    routes = plan_trips(grid, trips)
+    length = float(np.mean([len(route) for route in routes]))
+    met = 2.0 * conflicts(routes, grid.shape).all / len(routes) * robots / len(routes)
+    return length + PRICE * met
+
+
+def choose(candidates: Sequence[Candidate], trips: Sequence[Task], robots: int, most: int) -> list[Candidate]:
+    """Return the `most` changes by which trips should cost least, each once."""
+    different = {one.changed.tobytes() + one.grid.one_way.tobytes(): one for one in candidates}
+    return sorted(different.values(), key=lambda one: expected_cost(one.grid, trips, robots))[:most]

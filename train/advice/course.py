@@ -1,0 +1,179 @@
+"""The course of an advice: how many robots, where they wait, which changes to try; each step from the rows before."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from train.advice import candidates
+from train.advice.bottlenecks import Bottleneck, bottlenecks, draw_trips, passing, plan_trips, traffic
+from train.advice.candidates import Candidate
+from train.advice.capacity import FIRST, Load, bears, loads, next_count
+from train.advice.trials import Clock, Trial, Trials
+from train.evaluation.places import Floor, floor_of_notes
+from train.reporting.rows import Interval, Row, paired
+from warehouse_env.maps.grid_map import GridMap
+
+AS_IS = "as it is"  # the floor without a change
+FEWEST = 2  # episodes of everything: with one there is no interval
+ALONE = 4  # times as many of one robot alone, which are quick and vary much
+TRIED = {"aisle": 3, "one-way": 3}  # changes of each kind that are driven
+CHOSEN_AT = 3  # bottlenecks, the worst ones, that changes are sought for
+_SHARES = {"capacity": 0.4, "first": 0.65}  # of the time, by when these steps should be done
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is asked."""
+
+    grid: GridMap
+    planner: str
+    seconds: float  # of an episode
+    seed: int
+    episodes: int | None  # of everything; None: what the clock allows
+    most: int  # robots
+
+    def trials(self, floor: str, grid: GridMap, robots: int, seeds: range) -> list[Trial]:
+        """Return an episode for each seed."""
+        return [Trial(floor, grid, robots, seed, self.seconds, self.planner) for seed in seeds]
+
+
+class Effect(NamedTuple):
+    """What a change of the floor brings, in pairs of episodes with the same seeds."""
+
+    candidate: Candidate
+    first: Interval  # goals per hour of all robots, by which it was chosen among others
+    base: Interval  # goals per hour on the floor as it is, in the episodes of `goals`
+    goals: Interval | None  # the difference in episodes of their own; None for what was not chosen
+    waiting: Interval | None  # share of time, the same
+    trip: Interval | None  # metres driven to a goal, the same
+
+
+class Advice(NamedTuple):
+    """All that was found out."""
+
+    plan: Plan
+    alone: Interval  # goals per hour of one robot
+    loads: list[Load]
+    bears: int
+    stopped: bool  # the time was over before the number of robots was known closely
+    floor: Floor  # where robots wait, as many as the floor bears
+    visits: NDArray[np.float64]  # share of trips over each cell
+    bottlenecks: list[Bottleneck]
+    effects: list[Effect]
+
+
+def advise(plan: Plan, trials: Trials, clock: Clock) -> Advice:
+    """Find out everything, in the time that there is."""
+    alone = trials.drive(plan.trials(AS_IS, plan.grid, 1, range(plan.seed, plan.seed + ALONE * _few(plan))), "1 robot")
+    rows, stopped = _grow(plan, trials, clock)
+    found = loads(rows)
+    count = bears(found) or found[0].robots
+    floor = floor_of_notes(rows[count])
+    trips = draw_trips(plan.grid, plan.seed)
+    routes = plan_trips(plan.grid, trips)
+    visits = passing(routes, plan.grid.shape)
+    worst = bottlenecks(plan.grid, floor.waiting, visits) if floor.waiting.any() else []
+    flow = traffic(routes, plan.grid.shape)
+    chosen = []
+    for kind, most in TRIED.items():
+        options = [one for place in worst[:CHOSEN_AT] for one in _options(plan.grid, kind, place, flow)]
+        options += candidates.alternating(plan.grid) if kind == "one-way" and worst else []
+        chosen += candidates.choose(options, trips, count, most)
+    effects = _try(plan, chosen, count, trials, clock)
+    each = loads({1: alone})[0].each
+    return Advice(plan, each, found, bears(found), stopped, floor, visits, worst, effects)
+
+
+def _few(plan: Plan) -> int:
+    return plan.episodes or FEWEST
+
+
+def _options(grid: GridMap, kind: str, place: Bottleneck, flow: NDArray[np.float64]) -> list[Candidate]:
+    if kind == "aisle":
+        return candidates.aisles(grid, place.cell)
+    return candidates.one_ways(grid, place.cell, flow)
+
+
+def _grow(plan: Plan, trials: Trials, clock: Clock) -> tuple[dict[int, list[Row]], bool]:
+    """Return the rows by number of robots, from FIRST until they jam and closely below that; whether time stopped it.
+
+    A number that would take longer than its share of the time, by what the last one took, is not begun.
+    """
+    rows: dict[int, list[Row]] = {}
+    last, took = FIRST, 0.0
+    count = next_count([], plan.most)
+    while count is not None:
+        if rows and not clock.allows(took * (count / last) ** 1.5, _SHARES["capacity"]):
+            return rows, True
+        begin = clock.spent
+        seeds = range(plan.seed, plan.seed + _few(plan))
+        rows[count] = trials.drive(plan.trials(AS_IS, plan.grid, count, seeds), f"{count} robots")
+        last, took = count, clock.spent - begin
+        count = next_count(loads(rows), plan.most)
+    return rows, False
+
+
+def _try(plan: Plan, chosen: Sequence[Candidate], robots: int, trials: Trials, clock: Clock) -> list[Effect]:
+    """Drive all changes, then the best of each kind again: with new seeds, for what it was chosen by flatters it.
+
+    The effects are in the order of their kind, best first.
+    """
+    seed = plan.seed + ALONE * _few(plan)
+    base, driven = _rounds(plan, chosen, robots, range(seed, seed + _few(plan)), trials, clock, "first")
+    firsts = [_goals(rows, base, robots) for rows in driven]
+    order = sorted(range(len(chosen)), key=lambda k: (chosen[k].kind, -firsts[k].mean))
+    best = [k for place, k in enumerate(order) if place == 0 or chosen[order[place - 1]].kind != chosen[k].kind]
+    seed += _few(plan)
+    most = plan.episodes or 1_000
+    base, again = _rounds(plan, [chosen[k] for k in best], robots, range(seed, seed + most), trials, clock, "second")
+    found = dict(zip(best, again, strict=True))
+    return [_effect(chosen[k], firsts[k], base, found.get(k), robots) for k in order]
+
+
+def _rounds(
+    plan: Plan, chosen: Sequence[Candidate], robots: int, seeds: range, trials: Trials, clock: Clock, title: str
+) -> tuple[list[Row], list[list[Row]]]:
+    """Drive the floor as it is and its changes, seed by seed while there is time, FEWEST at least; return the rows."""
+    base: list[Row] = []
+    driven: list[list[Row]] = [[] for _ in chosen]
+    took = 0.0
+    for done, seed in enumerate(seeds if chosen else ()):
+        if done >= FEWEST and not clock.allows(took):
+            break
+        begin = clock.spent
+        floors = [(AS_IS, plan.grid), *((one.text, one.grid) for one in chosen)]
+        asked = [trial for name, grid in floors for trial in plan.trials(name, grid, robots, range(seed, seed + 1))]
+        row, *rows = trials.drive(asked, f"changes of the floor, {title} look")
+        base.append(row)
+        for own, one in zip(driven, rows, strict=True):
+            own.append(one)
+        took = clock.spent - begin
+    return base, driven
+
+
+def _effect(one: Candidate, first: Interval, base: Sequence[Row], rows: Sequence[Row] | None, robots: int) -> Effect:
+    whole = _times(_mean_goals(base), robots)
+    if rows is None:
+        return Effect(one, first, whole, None, None, None)
+    waiting = paired(rows, base, lambda row: row["waiting_share"], ("seed",))
+    trip = paired(rows, base, lambda row: row["path_length_m"], ("seed",))
+    return Effect(one, first, whole, _goals(rows, base, robots), waiting, trip)
+
+
+def _mean_goals(rows: Sequence[Row]) -> Interval:
+    return loads({1: rows})[0].each if rows else Interval(float("nan"), float("nan"), float("nan"), 0)
+
+
+def _goals(rows: Sequence[Row], base: Sequence[Row], robots: int) -> Interval:
+    """Return the paired difference of the goals per hour of all robots together."""
+    return _times(paired(rows, base, lambda row: row["late_goals_per_robot_hour"], ("seed",)), robots)
+
+
+def _times(interval: Interval, factor: float) -> Interval:
+    mean, low, high = (factor * value for value in interval[:3])
+    return Interval(mean, low, high, interval.samples)

@@ -1,0 +1,121 @@
+"""`warehouse advise`: how many robots a floor bears, where it holds them up, what a change would bring -> a page."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from train.advice.advice_page import advice_page, changes_table, loads_table, places_table
+from train.advice.answer import answer
+from train.advice.course import Plan, advise
+from train.advice.trials import Clock, Trials
+from train.commands.layouts import check_connected
+from train.evaluation.processes import workers
+from train.reporting.report import make_console, make_progress, require_charts
+from train.reporting.rows import RowFile, check_writable, whole_rows
+from warehouse_env.checked import Checked
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.layouts import make_layout
+from warehouse_env.maps.movingai import read_map
+from warehouse_env.planning import make_planner
+
+MOST = 512  # robots tried if --most does not say otherwise
+
+
+@dataclass(frozen=True)
+class Advise(Checked):
+    """Say how many robots a floor bears before it jams, where they wait, what one more aisle or a one-way rule brings.
+
+    Robots drive for good between pick faces and stations, under right of way by rules, more and more of them until
+    they jam. At the worst bottlenecks aisles are opened and made one way, and driven with the same seeds. Example:
+    warehouse advise --map hall.map --minutes 10
+    """
+
+    map: Path | None = None
+    """MovingAI .map file of the floor, with one-way cells beside it in NAME.oneway if there are any."""
+    layout: str | None = None
+    """Layout instead of a map."""
+    minutes: float = 5.0
+    """Time to take [min], about; more time means more episodes and narrower intervals."""
+    episodes: int | None = None
+    """Episodes of everything instead of a time: the same advice on every machine, however long it takes."""
+    seconds: float = 300.0
+    """Simulated time of an episode [s]."""
+    most: int = MOST
+    """Most robots to try."""
+    planner: str = "astar_turns"
+    """Planner of the routes."""
+    seed: int = 0
+    """The first seed, the next ones count on."""
+    processes: int = field(default_factory=lambda: min(os.cpu_count() or 1, 8))
+    """Episodes to drive at a time, each in a process of its own; the rows stay the same."""
+    resume: bool = False
+    """Keep the rows that the file holds already, and drive only the episodes that it lacks."""
+    json: Path | None = None
+    """File for the rows, one an episode, as JSON lines (OUT/rows.jsonl if left out)."""
+    out: Path = Path("results/advice")
+    """Folder for the rows and the page."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(0.01, 1e5, "minutes")
+        self._between(1.0, 1e6, "seconds")
+        self._between(2, 1_000, "episodes")
+        self._between(1, 100_000, "most")
+        self._between(1, 4096, "processes")
+        self._between(0, 2**62, "seed")
+
+    def run(self) -> None:
+        """Drive, print the answer, write rows and page."""
+        grid = self._floor()
+        make_planner(self.planner)
+        check_connected(grid)
+        page = self.out / "index.html"
+        check_writable(page)
+        require_charts()
+        path = self.json or self.out / "rows.jsonl"
+        old = whole_rows(path) if self.resume else []
+        file = RowFile(path, keep=self.resume)
+        most = min(self.most, len(grid.endpoints[2]) - 1, len(grid.free_cells) // 4)
+        plan = Plan(grid, self.planner, self.seconds, self.seed, self.episodes, max(1, most))
+        clock = Clock(None if self.episodes else self.minutes)
+        try:
+            with workers(self.processes) as each, self._bar(clock) as tick:
+                advice = advise(plan, Trials(each, file, old, tick), clock)
+        except KeyboardInterrupt:
+            again = "; the same command with --resume goes on" if file.count else ""
+            raise KeyboardInterrupt(f"{file.kept()}{again}") from None
+        loads_table(advice).print()
+        places_table(advice).print()
+        if advice.effects:
+            changes_table(advice).print()
+        console = make_console(sys.stdout)
+        for text in answer(advice):
+            console.print(text.replace("*", "").replace("`", ""), highlight=False, soft_wrap=not console.is_terminal)
+        advice_page(advice).write(page)
+        print(f"wrote {file.count:,} rows to {path} and the page to {page} in {clock.spent:.0f} s")
+
+    def _floor(self) -> GridMap:
+        if (self.map is None) == (self.layout is None):
+            raise ConfigError("name one floor: --map FILE or --layout NAME")
+        return read_map(self.map) if self.map is not None else make_layout(str(self.layout))
+
+    @contextmanager
+    def _bar(self, clock: Clock) -> Iterator[Callable[[str], None]]:
+        """Show how much of the time is over, or how many episodes are driven where there is no limit of time."""
+        with make_progress() as progress:
+            total = None if self.episodes else round(60 * self.minutes)
+            bar = progress.add_task("1 robot", total=total)
+            done = 0
+
+            def tick(title: str) -> None:
+                nonlocal done
+                done += 1
+                progress.update(bar, description=title, completed=done if total is None else round(clock.spent))
+
+            yield tick
