@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from train.advice.bottlenecks import plan_trips
 from warehouse_env.maps.distance import label_regions
+from warehouse_env.maps.endpoints import shelves
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.traffic.conflicts import conflicts
 from warehouse_env.traffic.together import Task
@@ -39,40 +40,54 @@ class Candidate(NamedTuple):
 
 
 def aisles(grid: GridMap, cell: Cell) -> list[Candidate]:
-    """Return what could be opened around a cell: each way a gap through the next shelf, and its face taken away."""
+    """Return what could be opened around a cell, on each of its sides where shelves are.
+
+    A gap through the next rack, its face taken away, and the same through all racks of the floor that lie in that
+    line: a new aisle, or one that is wider over its whole length. The walls around a floor stay.
+    """
+    racks = shelves(grid.occupied)
     found = []
     for step in _STEPS:
-        face = _next_shelf(grid, cell, step)
+        face = _next_shelf(grid, racks, cell, step)
         if face is None:
             continue
-        through = _run(grid, face, step)
-        across = [*_run(grid, face, (step[1], step[0]))[::-1], *_run(grid, face, (-step[1], -step[0]))[1:]]
-        beyond = (through[-1][0] + step[0], through[-1][1] + step[1])
-        if _is_free(grid, beyond):
+        aside = (step[1], step[0])
+        through = _run(racks, face, step)
+        across = [*_run(racks, face, aside), *_run(racks, face, (-aside[0], -aside[1]))]
+        if _is_free(grid, (through[-1][0] + step[0], through[-1][1] + step[1])):
             found.append(_opened(grid, through, "a gap through the shelves"))
+            found.append(_opened(grid, _line(racks, face, step), "a new aisle"))
         found.append(_opened(grid, across, "the aisle wider by a row of shelves"))
-    return [one for one in found if 0 < one.changed.sum() <= MOST_CELLS]
+        found.append(_opened(grid, _line(racks, face, aside), "the aisle wider over its whole length"))
+    return [one for one in found if one.changed.sum() <= MOST_CELLS]
 
 
-def _next_shelf(grid: GridMap, cell: Cell, step: Cell) -> Cell | None:
-    """Return the first shelf cell within REACH that way; None if there is none before the map's edge."""
+def _next_shelf(grid: GridMap, racks: NDArray[np.bool_], cell: Cell, step: Cell) -> Cell | None:
+    """Return the first cell of a rack within REACH that way; None if there is none, or a wall before it."""
     for distance in range(1, REACH + 1):
         row, column = cell[0] + distance * step[0], cell[1] + distance * step[1]
-        if not (0 <= row < grid.shape[0] and 0 <= column < grid.shape[1]):
-            return None
-        if grid.occupied[row, column]:
-            return row, column
+        if not _is_free(grid, (row, column)):
+            inside = 0 <= row < grid.shape[0] and 0 <= column < grid.shape[1]
+            return (row, column) if inside and racks[row, column] else None
     return None
 
 
-def _run(grid: GridMap, cell: Cell, step: Cell) -> list[Cell]:
-    """Return the shelf cells from one on, that way."""
+def _run(racks: NDArray[np.bool_], cell: Cell, step: Cell) -> list[Cell]:
+    """Return the cells of a rack from one on, that way."""
     cells = []
     row, column = cell
-    while 0 <= row < grid.shape[0] and 0 <= column < grid.shape[1] and grid.occupied[row, column]:
+    while 0 <= row < racks.shape[0] and 0 <= column < racks.shape[1] and racks[row, column]:
         cells.append((row, column))
         row, column = row + step[0], column + step[1]
     return cells
+
+
+def _line(racks: NDArray[np.bool_], cell: Cell, step: Cell) -> list[Cell]:
+    """Return all cells of racks on the row, or the column, of a cell that goes along `step`."""
+    row, column = cell
+    if step[0]:
+        return [(int(one), column) for one in np.flatnonzero(racks[:, column])]
+    return [(row, int(one)) for one in np.flatnonzero(racks[row])]
 
 
 def _is_free(grid: GridMap, cell: Cell) -> bool:
@@ -179,5 +194,5 @@ def expected_cost(grid: GridMap, trips: Sequence[Task], robots: int) -> float:
 
 def choose(candidates: Sequence[Candidate], trips: Sequence[Task], robots: int, most: int) -> list[Candidate]:
     """Return the `most` changes by which trips should cost least, each once."""
-    different = {one.changed.tobytes() + one.grid.one_way.tobytes(): one for one in candidates}
+    different = {one.changed.tobytes() + one.grid.one_way.tobytes(): one for one in reversed(candidates)}
     return sorted(different.values(), key=lambda one: expected_cost(one.grid, trips, robots))[:most]

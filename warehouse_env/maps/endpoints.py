@@ -32,7 +32,7 @@ def default_endpoints(occupied: NDArray[np.bool_]) -> tuple[NDArray[np.int64], N
     rest[tuple(stations.T)] = False
     lattice = np.zeros_like(region)
     lattice[1::3, 1::3] = True
-    for wanted in (beside(_shelves(occupied)), beside(occupied), lattice, region):
+    for wanted in (beside(shelves(occupied)), beside(occupied), lattice, region):
         picks = np.argwhere(rest & wanted)
         if len(picks):
             return picks, stations
@@ -96,7 +96,7 @@ def beside(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(_neighbourhood(occupied, [(0, 1), (-1, 0), (0, -1), (1, 0)]).any(axis=0))
 
 
-def _shelves(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def shelves(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return bool[H, W]: the occupied cells that are not part of a wall, i.e. not connected with the map's edge."""
     from warehouse_env.maps.distance import label_regions
 

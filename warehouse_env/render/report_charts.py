@@ -140,7 +140,7 @@ def throughput(loads: Sequence[Load], alone: float, bears: int, label: str) -> s
         )  # fmt: skip
         ax.plot(robots, means, color=hexed(BLUE), lw=1.6)
         for load in loads:
-            reach = np.nan_to_num([[load.mean - load.low], [load.high - load.mean]]).clip(0)
+            reach = np.nan_to_num([[load.mean - max(load.low, 0.0)], [load.high - load.mean]]).clip(0)
             colour, marker = (CONTACT, "X") if load.jammed else (BLUE, "o")
             ax.errorbar(
                 [load.robots], [load.mean], reach, fmt=marker, ms=7, color=hexed(colour), elinewidth=1.4, capsize=3
