@@ -34,10 +34,11 @@ def _capacity(advice: Advice) -> Iterator[str]:
             yield "The time was over before the number in between was found."
     load = next((load for load in advice.loads if load.robots == advice.bears), None)
     if load is not None:
+        alone = with_interval(advice.alone)
+        share = number(100 * load.each.mean / advice.alone.mean, 2) if advice.alone.mean > 0 else "-"
         yield (
-            f"{load.robots} robots together reach {with_interval(load.goals)} goals an hour; each of them "
-            f"{number(100 * load.each.mean / advice.alone.mean, 2)}% of what one alone would "
-            f"({with_interval(advice.alone)}), waiting {with_interval(load.waiting, 100, 2)}% of its time."
+            f"{load.robots} robots together reach {with_interval(load.goals)} goals an hour; each of them {share}% of "
+            f"what one alone would ({alone}), waiting {with_interval(load.waiting, 100, 2)}% of its time."
         )
     worth = worthwhile(advice.loads, advice.alone.mean)
     if worth is not None:

@@ -16,6 +16,7 @@ from train.advice.bottlenecks import plan_trips
 from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.endpoints import shelves
 from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.planning.plan import path_length
 from warehouse_env.traffic.conflicts import conflicts
 from warehouse_env.traffic.together import Task
 
@@ -187,7 +188,7 @@ def joined(grid: GridMap) -> bool:
 def expected_cost(grid: GridMap, trips: Sequence[Task], robots: int) -> float:
     """Return the cells that a trip costs: its length, and PRICE for each conflict that it meets among `robots`."""
     routes = plan_trips(grid, trips)
-    length = float(np.mean([len(route) for route in routes]))
+    length = float(np.mean([path_length(route) for route in routes]))
     met = 2.0 * conflicts(routes, grid.shape).all / len(routes) * robots / len(routes)
     return length + PRICE * met
 

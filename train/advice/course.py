@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from train.advice import candidates
 from train.advice.bottlenecks import Bottleneck, bottlenecks, draw_trips, passing, plan_trips, traffic
-from train.advice.candidates import Candidate
+from train.advice.candidates import Candidate, Kind
 from train.advice.capacity import FIRST, Load, bears, loads, next_count
 from train.advice.trials import Clock, Trial, Trials
 from train.evaluation.places import Floor, floor_of_notes
@@ -21,7 +21,8 @@ from warehouse_env.maps.grid_map import GridMap
 AS_IS = "as it is"  # the floor without a change
 FEWEST = 3  # episodes of everything: with two an interval is three times as wide
 ALONE = 4  # times as many of one robot alone, which are quick and vary much
-TRIED = {"aisle": 3, "one-way": 3}  # changes of each kind that are driven
+KINDS: tuple[Kind, ...] = ("aisle", "one-way")
+TRIED = 3  # changes of each kind that are driven at most, where there is time
 CHOSEN_AT = 3  # bottlenecks, the worst ones, that changes are sought for
 _GROWING = 0.4  # of the time, for the number of robots
 
@@ -68,9 +69,10 @@ class Advice(NamedTuple):
 
 
 def advise(plan: Plan, trials: Trials, clock: Clock) -> Advice:
-    """Find out everything, in the time that there is."""
+    """Find out everything, in the time that there is once a robot alone has driven, for which kernels may compile."""
     alone = trials.drive(plan.trials(AS_IS, plan.grid, 1, range(plan.seed, plan.seed + ALONE * _few(plan))), "1 robot")
-    rows, stopped = _grow(plan, trials, clock)
+    clock.restart()
+    rows, took, stopped = _grow(plan, trials, clock)
     found = loads(rows)
     count = bears(found) or found[0].robots
     floor = floor_of_notes(rows[count])
@@ -80,7 +82,8 @@ def advise(plan: Plan, trials: Trials, clock: Clock) -> Advice:
     worst = bottlenecks(plan.grid, floor.waiting, visits) if floor.waiting.any() else []
     flow = traffic(routes, plan.grid.shape)
     chosen = []
-    for kind, most in TRIED.items():
+    most = _affordable(clock.left, took[count] / len(rows[count]))
+    for kind in KINDS:
         options = [one for place in worst[:CHOSEN_AT] for one in _options(plan.grid, kind, place, flow)]
         options += candidates.alternating(plan.grid) if kind == "one-way" and worst else []
         chosen += candidates.choose(options, trips, count, most)
@@ -93,29 +96,47 @@ def _few(plan: Plan) -> int:
     return plan.episodes or FEWEST
 
 
-def _options(grid: GridMap, kind: str, place: Bottleneck, flow: NDArray[np.float64]) -> list[Candidate]:
+def _affordable(left: float, took: float) -> int:
+    """Return how many changes of each kind, 1 to TRIED, can be driven in the seconds that are left; took: an episode.
+
+    Each is driven FEWEST times, and so is the floor as it is; then the best of each kind and the floor once more.
+    """
+    episodes = min(left / max(took, 1e-9), 1e9) / FEWEST
+    return int(min(TRIED, max(1, (episodes - 2 - len(KINDS)) // len(KINDS))))
+
+
+def _options(grid: GridMap, kind: Kind, place: Bottleneck, flow: NDArray[np.float64]) -> list[Candidate]:
     if kind == "aisle":
         return candidates.aisles(grid, place.cell)
     return candidates.one_ways(grid, place.cell, flow)
 
 
-def _grow(plan: Plan, trials: Trials, clock: Clock) -> tuple[dict[int, list[Row]], bool]:
-    """Return the rows by number of robots, from FIRST until they jam and closely below that; whether time stopped it.
+class Grown(NamedTuple):
+    """Episodes by number of robots."""
+
+    rows: dict[int, list[Row]]
+    took: dict[int, float]  # [s] in all
+    stopped: bool  # by the clock
+
+
+def _grow(plan: Plan, trials: Trials, clock: Clock) -> Grown:
+    """Drive FIRST robots, more until they jam, and numbers in between.
 
     A number that would take longer than its share of the time, by what the last one took, is not begun.
     """
     rows: dict[int, list[Row]] = {}
-    last, took = FIRST, 0.0
+    took: dict[int, float] = {}
+    last = FIRST
     count = next_count([], plan.most)
     while count is not None:
-        if rows and not clock.allows(took * (count / last) ** 1.5, _GROWING):
-            return rows, True
+        if rows and not clock.allows(took[last] * (count / last) ** 1.5, _GROWING):
+            return Grown(rows, took, True)
         begin = clock.spent
         seeds = range(plan.seed, plan.seed + _few(plan))
         rows[count] = trials.drive(plan.trials(AS_IS, plan.grid, count, seeds), f"{count} robots")
-        last, took = count, clock.spent - begin
+        last, took[count] = count, clock.spent - begin
         count = next_count(loads(rows), plan.most)
-    return rows, False
+    return Grown(rows, took, False)
 
 
 def _try(plan: Plan, chosen: Sequence[Candidate], robots: int, trials: Trials, clock: Clock) -> list[Effect]:

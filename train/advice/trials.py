@@ -5,6 +5,7 @@ All trials of a seed have the same starts and first goals where floors have the 
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
@@ -84,13 +85,22 @@ class Clock:
     """A budget of time, or none."""
 
     def __init__(self, minutes: float | None) -> None:
-        self._begin = time.monotonic()
+        self.restart()
         self._budget = None if minutes is None else 60.0 * minutes
+
+    def restart(self) -> None:
+        """Begin anew."""
+        self._begin = time.monotonic()
 
     @property
     def spent(self) -> float:
-        """Seconds since it was made."""
+        """Seconds since it was made, or restarted."""
         return time.monotonic() - self._begin
+
+    @property
+    def left(self) -> float:
+        """Seconds of the budget that are left, infinite without one."""
+        return math.inf if self._budget is None else self._budget - self.spent
 
     def allows(self, seconds: float, share: float = 1.0) -> bool:
         """Return whether so much more time stays within a share of the budget."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -41,7 +42,7 @@ class Advise(Checked):
     layout: str | None = None
     """Layout instead of a map."""
     minutes: float = 5.0
-    """Time to take [min], about; more time means more episodes and narrower intervals."""
+    """Time to take [min], about, beside compilation at first use; more means more episodes, narrower intervals."""
     episodes: int | None = None
     """Episodes of everything instead of a time: the same advice on every machine, however long it takes."""
     seconds: float = 300.0
@@ -83,7 +84,7 @@ class Advise(Checked):
         file = RowFile(path, keep=self.resume)
         most = min(self.most, len(grid.endpoints[2]) - 1, len(grid.free_cells) // 4)
         plan = Plan(grid, self.planner, self.seconds, self.seed, self.episodes, max(1, most))
-        clock = Clock(None if self.episodes else self.minutes)
+        clock, begin = Clock(None if self.episodes else self.minutes), time.monotonic()
         try:
             with workers(self.processes) as each, self._bar(clock) as tick:
                 advice = advise(plan, Trials(each, file, old, tick), clock)
@@ -98,7 +99,7 @@ class Advise(Checked):
         for text in answer(advice):
             console.print(text.replace("*", "").replace("`", ""), highlight=False, soft_wrap=not console.is_terminal)
         advice_page(advice).write(page)
-        print(f"wrote {file.count:,} rows to {path} and the page to {page} in {clock.spent:.0f} s")
+        print(f"wrote {file.count:,} rows to {path} and the page to {page} in {time.monotonic() - begin:.0f} s")
 
     def _floor(self) -> GridMap:
         if (self.map is None) == (self.layout is None):

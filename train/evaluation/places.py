@@ -103,9 +103,9 @@ def floor_of_notes(notes: Sequence[Row]) -> Floor:
 def peaks(heat: NDArray[np.float64], count: int, radius: int) -> list[tuple[int, int, float]]:
     """Return up to `count` worst places of heat [H, W] as (row, column, its heat): the hottest squares, apart.
 
-    A place is a square that reaches `radius` cells from its middle, the heat is all that lies in it; the hottest comes
-    first, then the hottest of what it leaves, and so on. Of equal squares the one whose own cell is hotter is taken,
-    then the first in reading order.
+    A place is a square that reaches `radius` cells from a cell that has heat itself, its heat is all that lies in it;
+    the hottest comes first, then the hottest of what it leaves, and so on. Of equal squares the one whose own cell is
+    hotter is taken, then the first in reading order.
     """
     left, found = heat.copy(), []
     for _ in range(count):
@@ -115,10 +115,11 @@ def peaks(heat: NDArray[np.float64], count: int, radius: int) -> list[tuple[int,
             for i in range(2 * radius + 1)
             for j in range(2 * radius + 1)
         )
-        hottest = np.isclose(total, np.max(total), rtol=1e-9)
+        total = np.where(left > 0, total, 0.0)
+        hottest = np.isclose(total, total.max(), rtol=1e-9)
         row, column = np.unravel_index(int(np.argmax(np.where(hottest, left, -1.0))), heat.shape)
-        if not total[row, column] > 0:  # type: ignore[index]
+        if not total[row, column] > 0:
             break
-        found.append((int(row), int(column), float(total[row, column])))  # type: ignore[index]
+        found.append((int(row), int(column), float(total[row, column])))
         left[max(0, row - radius) : row + radius + 1, max(0, column - radius) : column + radius + 1] = 0.0
     return found

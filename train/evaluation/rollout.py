@@ -24,7 +24,6 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.jam_log import JamLog
-from warehouse_env.simulation.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
 
 Watcher = Callable[[Simulator, int], None]
@@ -153,20 +152,6 @@ def run(experiment: Experiment, watch: Sequence[Watcher] = (), routes: Routes | 
     measured = [values or _measured(simulator, log, world) for world, values in enumerate(metrics)]
     ms_per_step = 1000 * statistics.median(seconds) / len(seeds)
     return [_row(experiment, k, values, ms_per_step) for k, values in zip(experiment.episodes, measured, strict=True)]
-
-
-def record(experiment: Experiment, routes: Routes | None = None) -> Episode:
-    """Play an undisturbed experiment again, as `run` does, and return its episodes so that they can be replayed."""
-    config, seeds = experiment.config, experiment.seeds
-    simulator = (routes or Routes()).simulator(config, len(seeds))
-    decide = _decider(experiment)
-    generators = [np.random.default_rng([seed, _POLICY_STREAM]) for seed in seeds]
-    recorder = Recorder(simulator, tuple(seeds))
-    steps = 0
-    while steps < config.max_steps and not simulator.terminated.all():
-        recorder.step(decide(simulator, generators))
-        steps += 1
-    return recorder.episode
 
 
 def _measured(simulator: Simulator, log: JamLog, world: int) -> dict[str, Any]:

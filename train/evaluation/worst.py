@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from train.evaluation.pictures import file_name
-from train.evaluation.rollout import Experiment, Routes, identity, record
+from train.evaluation.recorded import record, shares_of
+from train.evaluation.rollout import Experiment, identity
 from train.reporting.page import Link
 from train.reporting.report import grouped, number
 from train.reporting.rows import Row
@@ -59,13 +60,13 @@ def write_replays(
     worst: Sequence[Worst], experiments: Sequence[Experiment], folder: Path, tick: Callable[[], None]
 ) -> list[Link]:
     """Play the episodes again and write each as an episode file and a replay page; return links from the folder."""
-    links, routes = [], Routes()
+    links = []
     for one in worst:
         row = one.row
         experiment = _experiment_of(row, experiments)
         title = f"{Path(row['policy']).name}, {row['robots']} robots on {Path(row['layout']).stem}, seed {row['seed']}"
         name = "_".join(map(file_name, (row["layout"], str(row["robots"]), row["policy"], str(row["seed"]))))
-        page = write_replay(record(experiment, routes), title, folder / FOLDER / name)
+        page = write_replay(record(experiment), title, folder / FOLDER / name)
         links.append(Link(page.relative_to(folder).as_posix(), title, one.why))
         tick()
     return links
@@ -75,7 +76,7 @@ def write_replay(episode: Episode, title: str, path: Path) -> Path:
     """Write PATH.npz and PATH.html, and return the latter."""
     episode.save(path.with_name(f"{path.name}.npz"))
     page = path.with_name(f"{path.name}.html")
-    write_replay_page(page, [replay_of(episode, title)], title)
+    write_replay_page(page, [replay_of(episode, title, shares_of(episode.policy, episode.config))], title)
     return page
 
 

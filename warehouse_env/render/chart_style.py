@@ -71,12 +71,14 @@ def svg(figure: Figure, label: str) -> str:
     text = io.StringIO()
     with load("matplotlib").rc_context({"svg.fonttype": "none", "svg.hashsalt": label}):
         figure.savefig(text, format="svg", transparent=True, bbox_inches="tight", pad_inches=0.05, metadata=_NOT_DATED)
-    drawing = re.sub(r' id="\w+_\d+"', "", text.getvalue()[text.getvalue().index("<svg") :])
+    drawing = re.sub(r' id="\w+_\d+"| <metadata>.*?</metadata>\n', "", text.getvalue(), flags=re.DOTALL)
+    drawing = drawing[drawing.index("<svg") :]
     for ink, name in _PAGE_INKS.items():
         drawing = drawing.replace(ink, f"var(--{name})")
     width, height = (float(side) for side in re.findall(r'(?:width|height)="([\d.]+)pt"', drawing)[:2])
     box = f'viewBox="0 0 {width:g} {height:g}" style="max-width: {1.5 * width:.0f}px"'
-    return f'<svg role="img" aria-label="{html.escape(label)}" {box}{drawing[drawing.index(">", 4) :]}'
+    names = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
+    return f'<svg role="img" aria-label="{html.escape(label)}" {names} {box}{drawing[drawing.index(">") :]}'
 
 
 def hexed(colour: RGB) -> str:

@@ -132,12 +132,8 @@ def throughput(loads: Sequence[Load], alone: float, bears: int, label: str) -> s
         ax = figure.add_subplot()
         loads = sorted(loads)
         robots, means = [load.robots for load in loads], [load.mean for load in loads]
-        top = max([*means, *(load.high for load in loads if np.isfinite(load.high))])
-        ax.plot([0, robots[-1]], [0, alone * robots[-1]], color=FAINT, lw=1.2, ls=(0, (4, 3)))
-        ax.annotate(
-            "if nobody hindered anybody", (0.8 * top / alone, 0.8 * top), xytext=(-8, 4), textcoords="offset points",
-            ha="right", color=FAINT, fontsize=9,
-        )  # fmt: skip
+        top = max([1e-9, *means, *(load.high for load in loads if np.isfinite(load.high))])
+        ax.plot([0, robots[-1]], [0, alone * robots[-1]], color=FAINT, lw=1.2, ls=(0, (4, 3)), label="none in the way")
         ax.plot(robots, means, color=hexed(BLUE), lw=1.6)
         for load in loads:
             reach = np.nan_to_num([[load.mean - max(load.low, 0.0)], [load.high - load.mean]]).clip(0)
@@ -151,5 +147,5 @@ def throughput(loads: Sequence[Load], alone: float, bears: int, label: str) -> s
         ax.plot([], [], "s", color=hexed(GREEN), alpha=0.3, label=f"up to {bears} robots")
         ax.set(xlim=(0, robots[-1] * 1.05), ylim=(0, top * 1.12), xlabel="robots", ylabel="goals per hour, all robots")
         ax.grid(axis="y")
-        figure.legend(loc="outside upper left", ncols=3)
+        figure.legend(loc="outside upper left", ncols=4)
         return svg(figure, label)

@@ -1,0 +1,138 @@
+"""Runs side by side: paired differences by hand, what pairs with what, the command and its page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from train.cli import main
+from train.reporting.comparison import Line, Run, compare, comparison_words, read_runs
+from train.reporting.rows import Interval, apart, is_told, paired, read_rows, write_rows
+from warehouse_env.errors import WarehouseError
+
+
+def row(policy: str, seed: int, goals: float, hits: float = 0.0, layout: str = "hall") -> dict[str, Any]:
+    return {
+        "policy": policy, "layout": layout, "robots": 8, "tasks": "lifelong", "planner": "astar", "seed": seed,
+        "robot_km": 2.0, "collisions_per_km": hits, "goals_per_robot_hour": goals, "stuck": 0.0, "version": "1",
+    }  # fmt: skip
+
+
+BEFORE = [row("ppo", seed, goals, hits) for seed, goals, hits in ((1, 100, 2), (2, 120, 1), (3, 90, 3), (4, 1, 9))]
+AFTER = [row("ppo", seed, goals, hits) for seed, goals, hits in ((2, 131, 1.5), (3, 99, 2), (1, 110, 2), (9, 5, 5))]
+
+
+def lines_of(before: list[dict[str, Any]], after: list[dict[str, Any]]) -> dict[str, Line]:
+    lines = compare([Run("before", Path("b"), before), Run("after", Path("a"), after)])
+    return {line.measure.name: line for line in lines}
+
+
+def test_paired_differences_by_hand() -> None:
+    found = paired(AFTER, BEFORE, lambda one: one["goals_per_robot_hour"], ("seed",))
+    # differences 11, 9, 10: mean 10, standard deviation 1, half width 4.3027 / sqrt(3)
+    assert found == pytest.approx((10.0, 10 - 2.4841, 10 + 2.4841, 3), abs=1e-3)
+    assert is_told(found)
+    assert not is_told(Interval(1.0, float("nan"), float("nan"), 1))
+    assert paired(AFTER, BEFORE, lambda one: None, ("seed",)).samples == 0
+
+
+def test_independent_differences_by_hand() -> None:
+    found = apart(Interval(10.0, 7.0, 13.0, 5), Interval(4.0, 0.0, 8.0, 4))
+    assert found == pytest.approx((6.0, 1.0, 11.0, 4))  # half widths 3 and 4 make 5
+
+
+def test_only_common_episodes_count() -> None:
+    lines = lines_of(BEFORE, AFTER)
+    goals, hits = lines["goals_per_robot_hour"], lines["collisions_per_km"]
+    assert (goals.difference.samples, goals.base.mean, goals.found.mean) == (
+        3,
+        pytest.approx(310 / 3),
+        pytest.approx(340 / 3),
+    )
+    assert goals.verdict == "better"
+    assert (hits.difference.mean, hits.verdict) == (pytest.approx(-0.5 / 3), "not told apart")
+    assert lines["stuck"].verdict == "equal"
+    assert lines_of(AFTER, BEFORE)["goals_per_robot_hour"].verdict == "worse"
+    assert goals.row()["difference_low"] == pytest.approx(10 - 2.4841, abs=1e-3)
+
+
+def test_words_of_a_comparison() -> None:
+    (text,) = comparison_words(list(lines_of(BEFORE, AFTER).values()))
+    assert text == (
+        "**after** (`ppo`) and **before** (`ppo`) on hall with 8 robots, 3 episodes of both: goals/robot-h "
+        "+10.0 [7.5, 12.5] (9.7%), better. *Not told apart*: collisions/km."
+    )
+
+
+def test_single_policies_pair_whatever_they_are_called() -> None:
+    other = [{**one, "policy": "greedy"} for one in AFTER]
+    line = lines_of(BEFORE, other)["goals_per_robot_hour"]
+    assert (line.ours.policy, line.other.policy) == ("greedy", "ppo")
+    both = [*other, *({**one, "policy": "brake"} for one in AFTER)]
+    with pytest.raises(WarehouseError, match="no policy in common"):
+        lines_of(BEFORE, both)
+    with pytest.raises(WarehouseError, match="no episode in common"):
+        lines_of(BEFORE, [{**one, "layout": "yard"} for one in AFTER])
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ("", "it is empty"),
+        ('{"part": 1}\n', "lack 'policy'"),
+        ("nonsense\n", "line 1: not a JSON object"),
+        (None, "does not exist"),
+    ],
+)
+def test_what_is_no_run_is_named(content: str | None, reason: str, tmp_path: Path) -> None:
+    write_rows(tmp_path / "good.jsonl", BEFORE)
+    if content is not None:
+        (tmp_path / "bad.jsonl").write_text(content)
+    with pytest.raises(WarehouseError, match=reason):
+        read_runs([tmp_path / "good.jsonl", tmp_path / "bad.jsonl"])
+
+
+def test_a_seed_twice_is_refused_and_so_is_a_single_run(tmp_path: Path) -> None:
+    write_rows(tmp_path / "twice.jsonl", [*BEFORE, BEFORE[0]])
+    with pytest.raises(WarehouseError, match="2 rows of ppo with seed 1 on hall"):
+        read_runs([tmp_path / "twice.jsonl", tmp_path / "other.jsonl"])
+    with pytest.raises(WarehouseError, match="is named twice"):
+        read_runs([tmp_path / "twice.jsonl", tmp_path / "twice.jsonl"])
+    with pytest.raises(WarehouseError, match="two runs at least"):
+        read_runs([tmp_path / "twice.jsonl"])
+
+
+def test_runs_have_names_that_tell_them_apart(tmp_path: Path) -> None:
+    paths = []
+    for name in ("a/rows.jsonl", "b/rows.jsonl", "c.jsonl"):
+        write_rows(tmp_path / name, BEFORE)
+        paths.append(tmp_path / name)
+    assert [run.name for run in read_runs([paths[0].parent, *paths[1:]])] == ["a", "b", "c"]
+    write_rows(tmp_path / "d" / "a" / "rows.jsonl", BEFORE)
+    names = [run.name for run in read_runs([paths[0].parent, tmp_path / "d" / "a"])]
+    assert names == [str(tmp_path / "a"), str(tmp_path / "d" / "a")]
+
+
+def test_the_command_writes_table_rows_and_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("matplotlib")
+    write_rows(tmp_path / "before.jsonl", BEFORE)
+    write_rows(tmp_path / "after.jsonl", AFTER)
+    runs = [str(tmp_path / name) for name in ("before.jsonl", "after.jsonl")]
+    written = ["--json", str(tmp_path / "out.jsonl"), "--html", str(tmp_path / "out.html")]
+    assert main(["compare", *runs, *written]) == 0
+    printed = capsys.readouterr().out
+    assert "+10.0 [7.5, 12.5]" in printed
+    assert printed.endswith("compared 3 pairs of episodes\n")
+    first = read_rows(tmp_path / "out.jsonl")[0]
+    assert (first["measure"], first["episodes"], first["verdict"]) == ("goals_per_robot_hour", 3, "better")
+    page = (tmp_path / "out.html").read_text()
+    assert "<title>after against before</title>" in page
+    assert '<span class="better">better</span>' in page
+    assert page.count("<svg role=") == 1
+
+    assert main(["compare", *runs, "--seed", "1", "2"]) == 0
+    assert "compared 2 pairs" in capsys.readouterr().out
+    assert main(["compare", *runs, "--seed", "77"]) == 2
+    assert "has no episode with --seed 77" in capsys.readouterr().err
