@@ -57,7 +57,8 @@ POLICIES: dict[str, PolicyEntry] = {
     "rules": PolicyEntry("paper 001's coordinator: waits by priority, steps aside, backs", rule=Rules),
     "reinforce": PolicyEntry("our policy gradient, trained on this environment", weights=WEIGHTS_FOLDER / "reinforce"),
     "threaded_ppo": PolicyEntry(
-        "our PPO, trained under the field and with live routes", weights=WEIGHTS_FOLDER / "threaded_ppo"
+        "our PPO, under the field, with live routes, and right of way where robots stand",
+        weights=WEIGHTS_FOLDER / "threaded_ppo",
     ),
     "ppo": PolicyEntry("stable-baselines3 PPO, trained on this environment", weights=WEIGHTS_FOLDER / "ppo"),
 }

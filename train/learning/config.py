@@ -90,7 +90,9 @@ class TrainingConfig(Checked):
     reroute: bool = False
     """Route robots anew around those that stand while they train."""
     right_of_way_after: float | None = None
-    """Train with right of way that steps in where a robot has stood for so long [s], 0: everywhere; None: without."""
+    """Have the policy driven with right of way that steps in where a robot has stood for so long [s], 0: everywhere;
+    None: without. The training goes without it in any case: that is quicker, and what is learned could not be told
+    apart."""
     cruise_bias: float = 1.5
     """Without predictions: how strongly the untrained policy prefers to cruise on its route (logits)."""
     rollout: int = 24
@@ -112,6 +114,9 @@ class TrainingConfig(Checked):
         self._between(0, 2**32 - 1, "seed")
         self._between(0.0, 1e9, "entropy_first", "entropy_last", "cruise_bias", "keep_right", "checkpoint_seconds")
         self._between(1e-9, 1e9, "minutes", "episode_seconds", "jam_seconds")
+        self._between(0.0, 1e4, "right_of_way_after")
+        under = self.protective_field or self.right_of_way_after is None
+        self._require(under, "right_of_way_after", "left out without --protective-field")
         self._between(1e-30, 1e9, "reward_scale", "learning_rate", "gradient_clip")
         self._between(0.0, 1.0, "gamma", "gae_lambda", "shared")
         self._between(-1e9, 1e9, "collision_first", "collision_last", "contact")
@@ -145,11 +150,16 @@ class TrainingConfig(Checked):
             layout=layout, num_agents=robots, planner=self.planner, keep_right=self.keep_right,
             action_repeat=self.action_repeat, sensor=SensorSpec(predictions=self.predictions),
             protective_field=self.protective_field, reroute=self.reroute,
-            right_of_way=self.right_of_way_after is not None, right_of_way_after=self.right_of_way_after or 0.0,
         )  # fmt: skip
         decision = env.time_step * env.action_repeat
         steps = max(1, round(self.episode_seconds / decision))
         return env.replace(action_type=self.action_type, max_steps=steps, reward=self.reward(0.0))
+
+    def driven(self, env: EnvConfig) -> EnvConfig:
+        """Return an environment of the training as the policy is to be driven in."""
+        if self.right_of_way_after is None:
+            return env
+        return env.replace(right_of_way=True, right_of_way_after=self.right_of_way_after)
 
     def reward(self, spent: float) -> RewardWeights:
         """Return the reward weights when the share `spent` (0 to 1) of the budget is used."""

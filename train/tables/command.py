@@ -49,6 +49,12 @@ class Tables(Checked):
     """Run the study of several robots' routes: conflicts, choices of routes, replanning, what driving makes of it."""
     learning: bool = False
     """Train five seeds of each algorithm, drive them and the rules under all options, and say what learning adds."""
+    floors: bool = False
+    """Drive policies and the rule on named floors, benchmark maps and 20 floors drawn at random, 16 to 128 robots."""
+    policy: tuple[str, ...] = ()
+    """Of --floors: policies to hold against the rule, names or folders (threaded_ppo if left out)."""
+    robots: tuple[int, ...] = (16, 32, 64, 128)
+    """Of --floors: numbers of robots."""
     trainings: int = 5
     """Of --learning: seeds of each algorithm."""
     steps: int = 4_000_000
@@ -67,13 +73,19 @@ class Tables(Checked):
                 raise ConfigError(f"{option} {count} must lie in 1..{MOST:,}")
         if self.seed < 0 or self.processes < 1:
             raise ConfigError(f"--seed {self.seed} must be at least 0 and --processes {self.processes} at least 1")
-        if self.benchmark + self.traffic + self.learning > 1:
-            raise ConfigError("--benchmark, --traffic and --learning are studies of their own; ask for one at a time")
+        studies = self.benchmark + self.traffic + self.learning + self.floors
+        if studies > 1:
+            names = "--benchmark, --traffic, --learning and --floors"
+            raise ConfigError(f"{names} are studies of their own; ask for one at a time")
         if self.pictures:
             require_charts()
-        if self.benchmark or self.traffic or self.learning:
+        if studies:
             self._run_study()
-            return
+        else:
+            self._compare_with_papers()
+
+    def _compare_with_papers(self) -> None:
+        """Make the tables of the papers."""
         begin = time.perf_counter()
         studies = chosen(self.papers, self.tables)
         check_writable(self.out / "README.md")
@@ -85,9 +97,15 @@ class Tables(Checked):
         print(f"wrote {written} files to {self.out} in {time.perf_counter() - begin:.0f} s; begin with README.md")
 
     def _run_study(self) -> None:
-        """Run the benchmark, the study of traffic or that of learning, which have tables of their own."""
-        names = ("out", "json", "runs", "seed", "processes", "fresh", "pictures", "maps")
+        """Run one of the studies that have tables of their own."""
+        names = ("out", "json", "runs", "seed", "processes", "fresh", "maps")
         options: dict[str, Any] = {name: getattr(self, name) for name in names}
+        if self.floors:
+            from train.tables.floors.command import Floors
+
+            Floors(**options, policy=self.policy, robots=self.robots).run()
+            return
+        options["pictures"] = self.pictures
         if self.benchmark:
             from train.tables.benchmark.command import Benchmark
 

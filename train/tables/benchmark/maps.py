@@ -26,25 +26,26 @@ def clutter(share: float, name: str) -> GridMap:
     return dataclasses.replace(random_floor(46, 46, share=share, seed=_CLUTTER_SEED), name=name)
 
 
-def movingai_warehouse() -> GridMap:
-    """Return the MovingAI map warehouse-10-20-10-2-2 (Stern et al. 2019), 170 x 84 cells, cell for cell.
+def movingai_warehouse(aisle: int = 2) -> GridMap:
+    """Return the MovingAI map warehouse-10-20-10-2-AISLE (Stern et al. 2019), cell for cell.
 
-    It is regular: 20 rows of 10 shelves, each 10 x 2 cells, aisles 2 wide, wide rims, and a wall around.
+    It is regular: 20 rows of 10 shelves, each 10 x 2 cells, aisles and two rims 1 or 2 wide, two wide rims, and a wall
+    around: 161 x 63 or 170 x 84 cells.
     """
     inner = blocks(
-        82,
-        168,
+        40 + 21 * aisle,
+        150 + 9 * aisle,
         block_rows=2,
         block_columns=10,
-        aisle=2,
-        cross=2,
+        aisle=aisle,
+        cross=aisle,
         zone_rows=20,
         zone_columns=10,
-        rim_rows=2,
+        rim_rows=aisle,
         rim_columns=25,
         corridor_stations=False,
     )
-    return GridMap(np.pad(inner.occupied, 1, constant_values=True), name="warehouse-10-20-10-2-2")
+    return GridMap(np.pad(inner.occupied, 1, constant_values=True), name=f"warehouse-10-20-10-2-{aisle}")
 
 
 MAPS: dict[str, Callable[[], GridMap]] = {

@@ -1,0 +1,86 @@
+"""Policies on many floors: the table by hand, and the whole study, small."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from train.cli import main
+from train.reporting.rows import Row, read_rows
+from train.tables.benchmark.maps import movingai_warehouse
+from train.tables.floors import command
+from train.tables.floors.command import DRAWN, Floors
+from train.tables.floors.figures import floors_tables
+from warehouse_env.maps.movingai import read_map
+
+
+def row(policy: str, layout: str, seed: int, late: float, robots: int = 4, **more: Any) -> Row:
+    return {
+        "policy": policy, "layout": layout, "robots": robots, "seed": seed, "late_goals_per_robot_hour": late,
+        "stuck": 0.0, "longest_standing_s": 10.0, "collisions_robot": 0.0, "collisions_shelf": 0.0, "robot_km": 2.5,
+        **more,
+    }  # fmt: skip
+
+
+ROWS = [
+    row("greedy", "aisles:seed=1", 0, 100.0, robots=1),
+    row("greedy", "aisles:seed=2", 1, 100.0, robots=1),
+    row("greedy", "aisles:seed=1", 0, 60.0),
+    row("greedy", "aisles:seed=2", 1, 80.0, longest_standing_s=33.0),
+    row("ppo", "aisles:seed=1", 0, 66.0, stuck=0.25, collisions_robot=2.0),
+    row("ppo", "aisles:seed=2", 1, 88.0),
+]
+
+
+def test_the_table_by_hand() -> None:
+    (table,) = floors_tables(ROWS, ["ppo"])
+    rule, ours = (dict(zip(table.header, line, strict=True)) for line in table.cells)
+    assert (rule["floor"], rule["robots"], rule["policy"]) == ("drawn at random", "4", "greedy")
+    assert (rule["% of alone"], rule["above the rule"], rule["stood s"], rule["km"]) == ("70", "", "33", "5")
+    # paired 6 and 8: 7 +- 12.706 * 1.414 / 1.414 = 12.7
+    assert ours["above the rule"] == "+7.0 [-5.7, 19.7], not told apart"
+    assert (ours["in %"], ours["% of alone"]) == ("+10.0", "77")
+    assert (ours["stuck %"], ours["contacts"]) == ("12", "2")
+
+
+def test_a_difference_that_is_sure_is_shown_as_such() -> None:
+    sure = [*ROWS, row("greedy", "aisles:seed=3", 2, 70.0), row("ppo", "aisles:seed=3", 2, 77.0)]
+    ours = dict(zip(*(floors_tables(sure, ["ppo"])[0].header, floors_tables(sure, ["ppo"])[0].cells[1]), strict=True))
+    assert ours["above the rule"] == "+7.00 [4.52, 9.48]"  # 6, 8, 7: 4.303 / sqrt(3) = 2.48 either way
+
+
+def test_every_floor_has_the_same_seeds_for_the_rule_and_the_policies(tmp_path: Path) -> None:
+    made = list(Floors(out=tmp_path, policy=("ppo", "brake")).experiments(tmp_path))
+    seeds: dict[tuple[str, int], set[tuple[int, ...]]] = {}
+    for one in made:
+        seeds.setdefault((one.place, one.config.num_agents), set()).add(tuple(one.seeds))
+    assert all(len(group) == 1 for group in seeds.values())
+    assert len({place for place, _ in seeds}) == 3 + len(DRAWN) + 2
+    assert all(one.seed >= 12_000_000 for one in made)
+
+
+@pytest.mark.parametrize("aisle", [1, 2])
+def test_a_benchmark_map_is_written_as_it_is(tmp_path: Path, aisle: int) -> None:
+    list(Floors(out=tmp_path).experiments(tmp_path))
+    written, grid = read_map(tmp_path / f"warehouse-10-20-10-2-{aisle}.map"), movingai_warehouse(aisle)
+    assert (written.occupied == grid.occupied).all()
+    assert grid.shape == ((63, 161), (84, 170))[aisle - 1]  # as in the archive of Stern et al.
+
+
+def test_the_whole_study_small(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(command, "SECONDS", 8.0)
+    asked = [
+        "tables", "--floors", "--maps", "open", "aisles:seed=3", "--policy", "follow", "--robots", "2", "--runs", "2",
+        "--out", str(tmp_path), "--processes", "1",
+    ]  # fmt: skip
+    assert main(asked) == 0
+    assert main(asked) == 0  # plays nothing again
+    rows = read_rows(tmp_path / "floors" / "rows.jsonl")
+    assert len(rows) == 2 * 2 + 2 * 2 + 2 + 2
+    assert "drawn at random" in (tmp_path / "floors" / "README.md").read_text()
+    assert main([*asked, "--maps", "aisle:seed=3"]) != 0
+    assert "aisles" in capsys.readouterr().err
