@@ -13,3 +13,12 @@ needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the
 
 Opener = Callable[..., Any]
 """Opens a page: a path, what stands behind it in the address, a width and height [px], and options of Playwright's."""
+
+
+def until(page: Any, expression: str, tries: int = 600) -> None:
+    """Wait until an expression is true in a page, half a minute at most; the page itself may not evaluate texts."""
+    for _ in range(tries):
+        if page.evaluate(expression):
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError(f"{expression} never came true")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.render.browser import CHROMIUM, Opener
+from tests.render.browser import CHROMIUM, Opener, until
 from warehouse_env.config import RobotSpec
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.frame import Scene
@@ -69,7 +69,7 @@ def open_page(browser: Any) -> Iterator[Opener]:
             "request", lambda request: faults.extend([request.url] * (not request.url.startswith(("file:", "data:"))))
         )
         page.goto(f"{path.as_uri()}{address}")
-        page.wait_for_function("window.replay")
+        until(page, "window.replay !== undefined")
         opened.append(page)
         return page
 

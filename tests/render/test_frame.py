@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import pytest
@@ -260,8 +260,8 @@ class Sheet:
     def __init__(self) -> None:
         self.shapes: list[NDArray[np.float64]] = []
 
-    def polygon(self, points: NDArray[np.float64], colour: object, alpha: int = 255) -> None:
-        self.shapes.append(points)
+    def polygons(self, points: NDArray[np.float64], shapes: Iterable[tuple[int, int, object, int]]) -> None:
+        self.shapes += [points[begin:end] for begin, end, _, _ in shapes]
 
 
 @pytest.mark.parametrize(("front", "axle", "turned"), [(0.15, -0.6, 0.5), (0.75, 0.6, -0.5)])

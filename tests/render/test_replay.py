@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import zlib
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.render.episodes import driven
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.render.replay import FLAGS, REWARD_TERMS, Replay, replay_of, straightened
 from warehouse_env.render.replay_codec import packed, position_unit
 from warehouse_env.simulation import rewards
@@ -73,6 +74,13 @@ def test_a_replay_has_what_the_simulator_had() -> None:
 def test_a_world_that_is_not_there() -> None:
     with pytest.raises(ConfigError, match="world=2 must be one of the episode's 2"):
         replay_of(driven(), "follow", world=2)
+
+
+def test_an_episode_that_runs_another_way_is_refused() -> None:
+    episode = driven(20)
+    other = dataclasses.replace(episode, actions=np.zeros_like(episode.actions))
+    with pytest.raises(WarehouseError, match="cannot be run again to the bit"):
+        replay_of(other, "follow")
 
 
 def test_a_route_keeps_its_turns_and_its_length() -> None:

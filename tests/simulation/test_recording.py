@@ -41,6 +41,21 @@ def test_a_loaded_episode_replays_to_the_bit(action_type: str, tmp_path: Path) -
     np.testing.assert_array_equal(np.array([pose for _, pose in replayed]), episode.pose)
 
 
+def test_the_file_says_whose_actions_they_are(tmp_path: Path) -> None:
+    simulator = Simulator(EnvConfig(num_agents=3, planner="astar"))
+    recorder = Recorder(simulator, (3,), "runs/mine")
+    recorder.step(np.zeros((1, 3), int))
+    recorder.episode.save(tmp_path / "episode.npz")
+    assert Episode.load(tmp_path / "episode.npz").policy == "runs/mine"
+    with np.load(tmp_path / "episode.npz") as data:
+        arrays = dict(data)
+    about = json.loads(arrays["about"].tobytes())
+    del about["policy"]  # as in files of versions that did not tell
+    arrays["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
+    np.savez(tmp_path / "old.npz", **arrays)
+    assert Episode.load(tmp_path / "old.npz").policy == ""
+
+
 def test_the_file_holds_its_map(tmp_path: Path) -> None:
     occupied = np.zeros((9, 12), dtype=bool)
     occupied[3:5, 3:9] = True

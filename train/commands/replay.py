@@ -135,7 +135,8 @@ class ReplayCommand(Checked):
             shown = sum(
                 1 for _ in itertools.takewhile(window.show, frames(episodes, worlds, names, every, self.pixels))
             )
-        print(f"showed {shown * every:.0f} s of {' and '.join(map(str, self.episodes))}")
+        seconds = min(shown * every, max(map(seconds_of, episodes)))
+        print(f"showed {seconds:.0f} s of {' and '.join(map(str, self.episodes))}")
 
 
 def names_of(paths: Sequence[Path], episodes: Sequence[Episode]) -> list[str]:

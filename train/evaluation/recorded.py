@@ -21,8 +21,10 @@ from warehouse_env.simulation.recording import Episode, Recorder
 def record(experiment: Experiment, moved: Callable[[], object] = lambda: None) -> Episode:
     """Play the first episode of an experiment, to the bit as `run` does, and return it; moved: called after each step.
 
-    Raises ConfigError where robots break down on the way, which an episode cannot tell.
+    Raises ConfigError for what an episode cannot tell: robots that break down, central planners that set routes.
     """
+    if experiment.policy in CENTRAL:
+        raise ConfigError(f"{experiment.policy} sets the robots' routes as they drive, and no episode can be recorded")
     name = experiment.disturbance
     if name is not None and DISTURBANCES[name].breakdown is not None:
         raise ConfigError(f"under the disturbance {name!r} robots break down, and no episode can be recorded")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig, RewardWeights
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.maps.grid_map import GridMap
 
 Shares = Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]
@@ -38,6 +38,11 @@ class Recorded(Protocol):
     @property
     def seeds(self) -> tuple[int, ...]:
         """One a world."""
+        ...
+
+    @property
+    def pose(self) -> NDArray[np.float32]:
+        """[T + 1, B, N, 3], front axle x [m], y [m], heading [rad]."""
         ...
 
     def replay(self) -> Iterator[Any]:
@@ -84,7 +89,7 @@ def replay_of(
     """Run an episode again and keep what is to be seen of one world.
 
     policy: asked at every moment for its preferences; moved: called after every step. Raises ConfigError for a world
-    that the episode does not have.
+    that the episode does not have, WarehouseError where the run goes another way than the poses that were recorded.
     """
     if not 0 <= world < len(episode.seeds):
         raise ConfigError(f"world={world} must be one of the episode's {len(episode.seeds)}, which count from 0")
@@ -100,6 +105,11 @@ def replay_of(
             moments.setdefault(what, []).append(values)
         moved()
     arrays: dict[str, Any] = {what: np.stack(values) for what, values in moments.items()}
+    if not np.array_equal(arrays["pose"], episode.pose[:, world]):
+        raise WarehouseError(
+            "this episode cannot be run again to the bit: it was recorded by another version, or its robots were "
+            "driven by more than its actions"
+        )
     seed, routes = episode.seeds[world], tuple(lines.found)
     return Replay(name, episode.grid, episode.config, seed, routes=routes, **arrays)
 

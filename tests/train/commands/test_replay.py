@@ -124,7 +124,7 @@ def headless(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 @pytest.mark.usefixtures("headless")
 def test_a_window_shows_it_all(files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(capsys, files[0], "--window", "--speed", "60") == f"showed 8 s of {files[0]}\n"
+    assert run(capsys, files[0], "--window", "--speed", "60") == f"showed 6 s of {files[0]}\n"
 
 
 def test_what_is_refused(files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

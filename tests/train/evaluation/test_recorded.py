@@ -19,7 +19,7 @@ BASE = EnvConfig(layout="open", num_agents=5, planner="astar")
 FULL = {"protective_field": True, "right_of_way": True, "reroute": True}
 
 
-@pytest.mark.parametrize(("policy", "chosen"), [("brake", {}), ("ppo", FULL), ("central_pibt", {})])
+@pytest.mark.parametrize(("policy", "chosen"), [("brake", {}), ("ppo", FULL)])
 def test_what_is_recorded_is_what_is_evaluated(policy: str, chosen: dict[str, bool]) -> None:
     experiment = make_experiment(policy, BASE, 1, 12.0, 5, chosen)
     trace, steps = Trace(experiment), []
@@ -37,9 +37,12 @@ def test_an_episode_ends_when_all_have_arrived() -> None:
     assert 0 < len(record(experiment).actions) < experiment.config.max_steps
 
 
-def test_robots_that_break_down_are_refused() -> None:
-    experiment = make_experiment("brake", BASE, 1, 5.0, 5, {}, "breakdown")
-    with pytest.raises(ConfigError, match="break down"):
+@pytest.mark.parametrize(
+    ("policy", "disturbance", "said"), [("brake", "breakdown", "break down"), ("central_pibt", None, "routes")]
+)
+def test_what_an_episode_cannot_tell_is_refused(policy: str, disturbance: str | None, said: str) -> None:
+    experiment = make_experiment(policy, BASE, 1, 5.0, 5, {}, disturbance)
+    with pytest.raises(ConfigError, match=said):
         record(experiment)
 
 
