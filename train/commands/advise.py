@@ -14,6 +14,7 @@ from train.advice.advice_page import advice_page, changes_table, loads_table, pl
 from train.advice.answer import answer
 from train.advice.course import Plan, advise
 from train.advice.trials import Clock, Trials
+from train.commands.evaluate import GOES_ON
 from train.commands.layouts import check_connected
 from train.evaluation.processes import workers
 from train.reporting.report import make_console, make_progress, require_charts
@@ -89,8 +90,7 @@ class Advise(Checked):
             with workers(self.processes) as each, self._bar(clock) as tick:
                 advice = advise(plan, Trials(each, file, old, tick), clock)
         except KeyboardInterrupt:
-            again = "; the same command with --resume goes on" if file.count else ""
-            raise KeyboardInterrupt(f"{file.kept()}{again}") from None
+            raise KeyboardInterrupt(file.kept(), *[GOES_ON] * (file.count > 0)) from None
         loads_table(advice).print()
         places_table(advice).print()
         if advice.effects:

@@ -19,6 +19,8 @@ from warehouse_env.maps.layouts import LAYOUTS
 from warehouse_env.maps.movingai import read_map
 from warehouse_env.planning import make_planner
 
+GOES_ON = "the same command with --resume goes on"
+
 
 @dataclass(frozen=True)
 class Episodes(Drive):
@@ -63,7 +65,11 @@ class Episodes(Drive):
         path, table_path = self.rows_path, self.out / "table.md"
         check_writable(table_path)
         old = read_rows(path) if self.resume and path.exists() else []
-        rows, traces = play(experiments, RowFile(path, keep=self.resume), old, traced, self.processes, notes)
+        file = RowFile(path, keep=self.resume)
+        try:
+            rows, traces = play(experiments, file, old, traced, self.processes, notes)
+        except KeyboardInterrupt as stop:
+            raise KeyboardInterrupt(*stop.args, *[GOES_ON] * (file.count > 0)) from None
         table = table_of(rows)
         table.print()
         write_text(table_path, table.markdown())

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from train.central import CENTRAL
 from train.evaluation.pictures import file_name
 from train.evaluation.recorded import record, shares_of
 from train.evaluation.rollout import Experiment, identity
@@ -30,13 +31,15 @@ class Worst(NamedTuple):
 def worst_episodes(rows: Sequence[Row], count: int) -> list[Worst]:
     """Return the worst episodes: the worst of each policy, then the second of each, and so on; worst first in a turn.
 
-    Worse is who has more collisions per km, then more robots stuck at the end, then a robot that stood longer.
+    Worse is who has more collisions per km, then more robots stuck at the end, then a robot that stood longer. Central
+    planners are left out: their episodes cannot be recorded.
     """
-    turns = [sorted(group, key=_badness, reverse=True) for group in grouped(rows, ("policy",)).values()]
+    own = [row for row in rows if row["policy"] not in CENTRAL]
+    turns = [sorted(group, key=_badness, reverse=True) for group in grouped(own, ("policy",)).values()]
     ranked = [
         row
         for turn in range(max(map(len, turns), default=0))
-        for row in sorted((own[turn] for own in turns if turn < len(own)), key=_badness, reverse=True)
+        for row in sorted((group[turn] for group in turns if turn < len(group)), key=_badness, reverse=True)
     ]
     return [Worst(row, _why(row)) for row in ranked[:count]]
 

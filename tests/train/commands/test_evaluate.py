@@ -187,7 +187,8 @@ def test_ctrl_c_keeps_the_finished_rows(
 
     monkeypatch.setattr(pool, "run", interrupted)
     assert main(command(tmp_path, "--policy", "brake", "follow", "--episodes", "2")) == 130
-    assert capsys.readouterr().err == f"warehouse: stopped; 2 rows are kept in {tmp_path / 'rows.jsonl'}\n"
+    kept = f"2 rows are kept in {tmp_path / 'rows.jsonl'}; the same command with --resume goes on"
+    assert capsys.readouterr().err == f"warehouse: stopped; {kept}\n"
     assert len(read_rows(tmp_path / "rows.jsonl")) == 2
 
 

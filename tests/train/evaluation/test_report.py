@@ -82,6 +82,7 @@ def test_the_worst_of_each_policy_come_in_turn() -> None:
     assert found[0].why == "8 collisions, no robots stuck at the end, 5 s the longest standing"
     assert found[1].why == "no collisions, 2 robots stuck at the end, 5 s the longest standing"
     assert worst_episodes([], 5) == []
+    assert worst_episodes([row("central_pibt", 0, 1.0)], 5) == []
 
 
 def test_a_report_is_a_page_with_replays_beside_it(
