@@ -99,10 +99,10 @@ def _few(plan: Plan) -> int:
 def _affordable(left: float, took: float) -> int:
     """Return how many changes of each kind, 1 to TRIED, can be driven in the seconds that are left; took: an episode.
 
-    Each is driven FEWEST times, and so is the floor as it is; then the best of each kind and the floor once more.
+    Each is driven FEWEST times, and so is the floor as it is; then the best of each kind and the floor twice as often.
     """
     episodes = min(left / max(took, 1e-9), 1e9) / FEWEST
-    return int(min(TRIED, max(1, (episodes - 2 - len(KINDS)) // len(KINDS))))
+    return int(min(TRIED, max(1, (episodes - 3 - 2 * len(KINDS)) // len(KINDS))))
 
 
 def _options(grid: GridMap, kind: Kind, place: Bottleneck, flow: NDArray[np.float64]) -> list[Candidate]:

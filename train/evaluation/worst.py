@@ -79,7 +79,8 @@ def write_replay(episode: Episode, title: str, path: Path) -> Path:
     """Write PATH.npz and PATH.html, and return the latter."""
     episode.save(path.with_name(f"{path.name}.npz"))
     page = path.with_name(f"{path.name}.html")
-    write_replay_page(page, [replay_of(episode, title, shares_of(episode.policy, episode.config))], title)
+    shares = shares_of(episode.policy, episode.config)
+    write_replay_page(page, [replay_of(episode, Path(episode.policy).name, shares)], title)
     return page
 
 

@@ -189,7 +189,7 @@ def test_conflicts_cost_cells() -> None:
 
 def test_as_many_changes_as_there_is_time_for() -> None:
     assert course._affordable(math.inf, 1.0) == 3
-    assert course._affordable(3 * (4 + 2 * 2) * 10.0, 10.0) == 2  # 2 of each kind, the floor, and 3 again
+    assert course._affordable(3 * (2 * 2 + 1 + 2 * 3) * 10.0, 10.0) == 2  # 2 of each kind, the floor, and 3 twice
     assert course._affordable(0.0, 10.0) == 1
 
 
