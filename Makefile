@@ -3,7 +3,7 @@
 
 PYTHON ?= python3
 VENV ?= .venv
-EXTRAS ?= render,train,orca,onnx,dev
+EXTRAS ?= render,train,orca,onnx,docs,dev
 CONSTRAINTS ?= constraints.txt
 TESTS ?= -n auto --maxprocesses 8
 DEMO ?= results/demo
@@ -15,7 +15,7 @@ PIP := $(RUN)/python -m pip --disable-pip-version-check
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test clients lint format bench clean missing
+.PHONY: help setup demo test docs clients lint format bench clean missing
 
 help: ## list what make can do (the default)
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -28,6 +28,10 @@ demo: $(STAMP) ## compare the shipped policies: 16 robots, a table, pictures and
 
 test: $(STAMP) ## run all tests
 	$(RUN)/python -m pytest $(TESTS)
+
+docs: $(STAMP) ## build the documentation in build/docs; a warning is an error
+	$(RUN)/python -m sphinx --quiet --fail-on-warning --keep-going --fresh-env docs build/docs
+	@echo "wrote the documentation to build/docs; begin with build/docs/index.html"
 
 clients: ## use SuperSuit, TorchRL, RLlib, Gymnasium and SB3 for real, briefly, in .venv-clients
 	@$(MAKE) --no-print-directory test VENV=$(VENV)-clients EXTRAS=$(EXTRAS),clients \
@@ -42,12 +46,12 @@ format: $(STAMP) ## put imports and layout in order
 	$(RUN)/ruff check --fix
 	$(RUN)/ruff format
 
-bench: $(STAMP) ## measure the speeds that README gives
+bench: $(STAMP) ## measure the speeds that docs/measured/speed.md gives
 	$(RUN)/warehouse bench --json $(BENCH)
 
 clean: ## remove the environment, caches and build products; results stay
 	rm -rf .venv .venv-clients .ci-venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
-	find warehouse_env agents train tests -name __pycache__ -type d -prune -exec rm -rf {} +
+	find warehouse_env agents train tests docs -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Done again when a version changes or the environment's Python is gone. Torch comes first: the CUDA build, which pip
 # takes where it sees no CPU build, works as well but is 3 GB larger. Setuptools is pinned, so no isolated build.

@@ -21,7 +21,8 @@ ROOT = Path(__file__).parent.parent
 PACKAGES = ("warehouse_env", "agents", "train")
 CUDA = re.compile(r"(nvidia|cuda|triton)")
 
-EXTRAS = ("render", "train", "orca", "onnx", "tables", "dev")  # those of constraints.txt; the clients have another
+# Those of constraints.txt; the clients have another.
+EXTRAS = ("render", "train", "orca", "onnx", "tables", "docs", "dev")
 
 settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 project = settings["project"]
@@ -181,6 +182,7 @@ def test_set_up_spares_a_folder_that_is_no_environment(tmp_path: Path) -> None:
     [
         ("demo", "constraints.txt", "bin/warehouse demo"),
         ("test", "constraints.txt", "-m pytest"),
+        ("docs", "constraints.txt", "-m sphinx"),
         ("clients", "constraints-clients.txt", "-m pytest tests/clients"),
     ],
 )

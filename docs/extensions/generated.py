@@ -1,0 +1,124 @@
+"""Directives for what is never typed by hand: tables of options, of registries, and the commands' help."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import importlib
+import inspect
+import io
+import os
+from typing import Any
+from unittest import mock
+
+from docutils import nodes
+from field_notes import default_of, field_notes
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+from train.cli import COMMANDS, main
+
+COLUMNS = "100"  # characters of a line of help
+
+
+def looked_up(path: str) -> Any:
+    """Return what a path such as `warehouse_env.config.RobotSpec` names."""
+    module, _, name = path.rpartition(".")
+    return getattr(importlib.import_module(module), name)
+
+
+def table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    """Return a Markdown table."""
+    lines = [" | ".join(cell.replace("|", "\\|") for cell in row) for row in (header, ("---",) * len(header), *rows)]
+    return "\n".join(f"| {line} |" for line in lines)
+
+
+def options_table(options: type) -> str:
+    """Return a table of a dataclass: each field with its type, its default, its unit and meaning."""
+    notes = field_notes(options)
+    rows = [
+        (f"`{field.name}`", f"`{field.type}`", _code(default_of(field)), _plain(notes[field.name]))
+        for field in dataclasses.fields(options)
+    ]
+    return table(("option", "type", "default", "unit and meaning"), rows)
+
+
+def help_of(command: str) -> str:
+    """Return what `warehouse COMMAND --help` prints; "" is the list of commands."""
+    text = io.StringIO()
+    plain = {"COLUMNS": COLUMNS, "NO_COLOR": "1", "TERM": "dumb"}
+    with mock.patch.dict(os.environ, plain), contextlib.redirect_stdout(text):
+        if main([*command.split(), "--help"]) != 0:
+            raise ValueError(f"warehouse {command} --help failed")
+    return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
+
+
+def _code(text: str) -> str:
+    return f"`{text}`" if text else ""
+
+
+def _plain(text: str) -> str:
+    """Keep Markdown from reading a note as markup, but for its backticks."""
+    parts = text.split("`")
+    escaped = ["".join(f"\\{sign}" if sign in "*_[]<>" else sign for sign in part) for part in parts[::2]]
+    return "".join(a + (f"`{b}`" if b is not None else "") for a, b in zip(escaped, [*parts[1::2], None], strict=True))
+
+
+class Options(SphinxDirective):
+    """The table of a dataclass's fields, named by its path."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Return the table."""
+        return self.parse_text_to_nodes(options_table(looked_up(self.arguments[0])))
+
+
+class Parameters(SphinxDirective):
+    """The tables of all dataclasses of a registry, each under its name there with its docstring."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Return a section for each."""
+        parts: list[str] = []
+        for name, one in looked_up(self.arguments[0]).items():
+            parts += [f"### {name}", "", _plain(" ".join((inspect.getdoc(one) or "").split("\n\n")[0].split())), ""]
+            parts += [options_table(one) if dataclasses.fields(one) else "It has no parameters.", ""]
+        return self.parse_text_to_nodes("\n".join(parts), allow_section_headings=True)
+
+
+class Commands(SphinxDirective):
+    """The help of every command."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return the list of commands, then a section for each."""
+        parts = ["```text", help_of(""), "```", ""]
+        for name in COMMANDS:
+            parts += [f"## warehouse {name}", "", "```text", help_of(name), "```", ""]
+        return self.parse_text_to_nodes("\n".join(parts), allow_section_headings=True)
+
+
+def _adapted(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
+    """Make reStructuredText of a plain docstring: signs stand for themselves, hanging paragraphs keep their lines."""
+    paragraphs = "\n".join(lines).split("\n\n")
+    lines[:] = "\n\n".join(map(_paragraph, paragraphs)).splitlines()
+
+
+def _paragraph(text: str) -> str:
+    first, *rest = text.strip("\n").split("\n")
+    hangs = not first.startswith((" ", "-")) and any(line.startswith(" ") for line in rest)
+    if hangs and not first.endswith(":"):
+        return "::\n\n" + "\n".join(f"    {line}" for line in (first, *rest))
+    parts = text.split("`")
+    parts[::2] = ["".join(f"\\{sign}" if sign in "\\*|" else sign for sign in part) for part in parts[::2]]
+    return "`".join(parts)
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Register the directives."""
+    app.add_directive("options", Options)
+    app.add_directive("parameters", Parameters)
+    app.add_directive("commands", Commands)
+    app.connect("autodoc-process-docstring", _adapted, priority=100)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,24 @@
+"""What docs/ says about RLlib and TorchRL runs: the blocks of Python that need packages of the clients, shortened."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+import pytest
+
+from tests.pages import Block, python_blocks
+
+BLOCKS = [block for block in python_blocks() if block.clients]
+
+
+def test_there_are_such_blocks() -> None:
+    assert {name for block in BLOCKS for name in block.clients} == {"ray", "torchrl"}
+
+
+@pytest.mark.parametrize("block", BLOCKS, ids=str)
+def test_the_python_runs(block: Block, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    if any(find_spec(name) is None for name in block.clients):
+        pytest.skip("`make clients` has an environment with what it needs")
+    monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+    block.run()
+    assert "reward a decision" in capsys.readouterr().out or "algorithm.train()" in block.source

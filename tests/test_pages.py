@@ -1,0 +1,188 @@
+"""README and docs/ do not lie: their Python runs, commands parse, and files, names and sizes are those of the code."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import shlex
+import sys
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import pytest
+import tyro
+
+from agents import POLICIES
+from tests.pages import PAGES, ROOT, SHORTER, Block, command_lines, fenced, python_blocks
+from train.cli import COMMANDS, main, with_values
+from train.reporting.rows import read_rows
+from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, SensorSpec, Simulator, observation_layout
+from warehouse_env.simulation.rewards import REWARD_TERMS
+
+PROGRAMS = ("warehouse", "make", "pip", "python")
+PYTHON = python_blocks()
+MODEL = PAGES["docs/model.md"]
+
+
+def section(title: str) -> str:
+    """Return what the model's page says under a heading, up to the next one."""
+    return MODEL.split(f"\n## {title}\n")[1].split("\n## ")[0]
+
+
+@pytest.fixture
+def registries() -> Any:
+    """Put back the registries that the recipes add to."""
+    with mock.patch.dict(LAYOUTS), mock.patch.dict(PLANNERS), mock.patch.dict(POLICIES):
+        yield
+
+
+@pytest.mark.parametrize("block", [block for block in PYTHON if not block.clients], ids=str)
+def test_the_python_runs(
+    block: Block, registries: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if "render" in block.source or "matplotlib" in block.source:
+        pytest.importorskip("matplotlib")
+        pytest.importorskip("pygame")
+    monkeypatch.chdir(tmp_path)
+    # Dataclasses look their module up by its name.
+    monkeypatch.setitem(sys.modules, "page", type(sys)("page"))
+    block.run()
+    for written, kept in re.findall(r'(imsave|save|VideoWriter)\("(\w+)', block.source):
+        assert list(tmp_path.glob(f"{kept}.*")), f"{written} left no {kept}"
+
+
+def test_each_way_to_shorten_an_example_fits_one_page_alone() -> None:
+    assert all(len({block.page for block in PYTHON if long in block.source}) == 1 for long in SHORTER)
+
+
+def test_the_recipes_work_together_from_the_command_line(
+    registries: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "page", type(sys)("page"))
+    before = {*LAYOUTS, *PLANNERS, *POLICIES}
+    for block in PYTHON:
+        if re.search(r"^(LAYOUTS|PLANNERS|POLICIES)\[", block.source, re.MULTILINE):
+            block.run()
+    layout, planner, policy = ((set(names) - before).pop() for names in (LAYOUTS, PLANNERS, POLICIES))
+    common = f"--layout {layout} --planner {planner} --no-pictures --out {tmp_path}"
+    assert main([*f"plan {common} --tasks 3 --runs 1 --json {tmp_path}/plan.jsonl".split()]) == 0
+    assert all(row["success"] and row["gap"] == pytest.approx(0) for row in read_rows(tmp_path / "plan.jsonl"))
+    drive = f"evaluate {common} --policy {policy} follow --robots 3 --episodes 1 --seconds 20"
+    assert main(drive.split()) == 0
+    polite, follow = read_rows(tmp_path / "rows.jsonl")
+    assert polite["policy"] == policy
+    assert 0 < polite["robot_km"] < follow["robot_km"] * 1.5
+    assert main(["layouts"]) == 0
+    assert layout in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("line", sorted(set().union(*map(command_lines, PAGES.values()))))
+def test_every_command_is_understood(line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Parse, do not run: unknown commands, options and values end in SystemExit or an error."""
+    program, *words = shlex.split(line)
+    assert program in PROGRAMS
+    if program == "make":
+        targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+        assert words[0] in targets
+    elif program == "pip":
+        assert words[:2] == ["install", "-c"]
+        assert words[2].startswith("constraints")
+        extras = re.findall(r"[a-z]+", words[3])
+        known = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+        assert (ROOT / words[2]).is_file()
+        assert all(re.search(rf"^{extra} = \[", known, re.MULTILINE) for extra in extras)
+    elif program == "python":
+        assert words[0] == "-m"
+        assert find_spec(words[1]) is not None
+        assert "__main__" in Path(str(find_spec(words[1]).origin)).read_text(encoding="utf-8")  # type: ignore[union-attr]
+    elif words[0].startswith("--") or "--help" in words:
+        assert main(words) == 0
+    else:
+        name = next(name for name in COMMANDS if name.split() == words[: len(name.split())])
+        options = getattr(import_module(COMMANDS[name].module), COMMANDS[name].options)
+        parsed = tyro.cli(options, prog=f"warehouse {name}", args=with_values(options, words[len(name.split()) :]))
+        assert isinstance(parsed, options)
+
+
+def test_the_important_commands_are_named() -> None:
+    lines = set().union(*map(command_lines, PAGES.values()))
+    needed = {"make demo", "make test", "make docs", "warehouse plan", "python -m train.reinforce"}
+    assert needed <= lines
+    for start in ("warehouse layouts --check", "warehouse plan --map", "warehouse evaluate --map", "pip install -c"):
+        assert any(line.startswith(start) for line in lines), start
+
+
+def house() -> list[str]:
+    """Return the paths that the map of the house names, folders with a slash at their end."""
+    (block,) = fenced(PAGES["docs/architecture.md"], "text")
+    paths: list[str] = []
+    folders: dict[int, str] = {}
+    for line in block.splitlines():
+        depth, name = len(line) - len(line.lstrip()), line.split()[0]
+        path = "".join(folder for level, folder in sorted(folders.items()) if level < depth) + name
+        folders = {level: folder for level, folder in folders.items() if level < depth}
+        if name.endswith("/"):
+            folders[depth] = name
+        paths.append(path)
+    return paths
+
+
+@pytest.mark.parametrize("path", house())
+def test_the_map_of_the_house_names_what_exists(path: str) -> None:
+    assert (ROOT / path).is_dir() if path.endswith("/") else (ROOT / path).is_file()
+
+
+def test_the_map_of_the_house_names_every_folder_of_code() -> None:
+    code = {
+        f"{path.parent.relative_to(ROOT).as_posix()}/"
+        for package in ("warehouse_env", "agents", "train")
+        for path in (ROOT / package).rglob("*.py")
+    }
+    assert code <= set(house())
+
+
+def headings(page: str) -> set[str]:
+    """Return the anchors of a page's headings."""
+    titles = re.findall(r"^#+ (.*)", re.sub(r"^```.*?^```", "", PAGES[page], flags=re.M | re.S), re.M)
+    return {re.sub(r"[^\w -]", "", title).lower().replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_and_paths_lead_somewhere(page: str) -> None:
+    for link in re.findall(r"\]\(([^)\s]+)\)", PAGES[page]):
+        if "://" in link:
+            continue
+        file, _, anchor = link.partition("#")
+        path = ((ROOT / page).parent / file).resolve() if file else ROOT / page
+        assert path.is_file(), link
+        assert not anchor or anchor in headings(path.relative_to(ROOT).as_posix()), link
+    for path in re.findall(r"`((?:warehouse_env|agents|train|tests|docs|examples)/[\w/]*(?:\.\w+)?)`", PAGES[page]):
+        assert (ROOT / path).exists(), path
+
+
+def test_every_page_is_linked_from_the_first() -> None:
+    listed = {f"docs/{name}.md" for block in fenced(PAGES["docs/index.md"], "{toctree}") for name in block.split()}
+    assert {*PAGES} - {"README.md", "docs/index.md"} <= listed
+
+
+def test_the_observation_table_is_the_layout() -> None:
+    table = dict(re.findall(r"^\| `(\w+)` \| (\d+) \|", section("Observation"), re.MULTILINE))
+    slices = observation_layout(EnvConfig(sensor=SensorSpec(predictions=True), protective_field=True)).slices
+    assert {name: int(size) for name, size in table.items()} == {n: s.stop - s.start for n, s in slices.items()}
+
+
+def test_names_are_those_of_the_code() -> None:
+    reward = section("Reward")
+    assert tuple(re.findall(r"`(\w+)` \(", reward)) == REWARD_TERMS
+    metrics = Simulator(EnvConfig(layout="open", num_agents=1, planner="astar"))
+    metrics.reset(seed=0)
+    named = re.findall(r"`(\w+)`", "\n".join(re.findall(r"^\| (`.*?) \|", section("Metrics"), re.MULTILINE)))
+    assert len(named) > 8
+    assert set(named) <= set(metrics.episode_metrics())
+    fields = {field.name for field in dataclasses.fields(EnvConfig)}
+    (stepping,) = fenced(PAGES["README.md"], "python")
+    (training, *_) = fenced(PAGES["docs/how_to/train.md"], "python")
+    assert set(re.findall(r"\b(\w+)=", stepping + training)) & fields >= {"num_agents", "max_steps", "planner"}
