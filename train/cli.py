@@ -10,12 +10,13 @@ import itertools
 import os
 import sys
 from collections.abc import Sequence
-from typing import Annotated, Any, NamedTuple, get_type_hints
+from typing import Annotated, Any, NamedTuple, Union, get_type_hints
 
 from warehouse_env.errors import WarehouseError, unknown_name
 
 PROGRAM = "warehouse"
 STOPPED = 130  # exit code after Ctrl-C, as shells use it
+SHELLS = ("bash", "zsh", "fish")  # in which words can be completed
 
 
 class Command(NamedTuple):
@@ -71,8 +72,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
         return _run(arguments)
-    except SystemExit as stop:  # tyro's own: 0 after --help, 2 after a wrong option
-        return stop.code if isinstance(stop.code, int) else 2
+    except SystemExit as stop:  # tyro's own: 0 or None after --help and the like, 2 after a wrong option
+        return stop.code if isinstance(stop.code, int) else 2 * (stop.code is not None)
     except KeyboardInterrupt as stop:
         print(f"{PROGRAM}: stopped" + "".join(f"; {text}" for text in stop.args), file=sys.stderr)
         return STOPPED
@@ -94,16 +95,16 @@ def _run(arguments: list[str]) -> int:
 
         print(__version__)
         return 0
+    if arguments[:1] == ["--print-completion"]:
+        _print_completion(arguments[1:])
+        return 0
     if not arguments or arguments[0] in ("-h", "--help"):
         print(_help(""))
         return 0
     name = next((name for name in COMMANDS if name.split() == arguments[: len(name.split())]), None)
     if name is None:
         return _no_command(arguments)
-    command = COMMANDS[name]
-    rest = arguments[len(name.split()) :]
-    options = getattr(importlib.import_module(command.module), command.options)
-    _options(options, f"{PROGRAM} {name}", rest).run()
+    _options(_options_of(name), f"{PROGRAM} {name}", arguments[len(name.split()) :]).run()
     return 0
 
 
@@ -136,6 +137,38 @@ def with_values(options: Any, arguments: list[str]) -> list[str]:
     ]
 
 
+def _print_completion(shells: list[str]) -> None:
+    """Print a script that completes commands and options in a shell; every command is imported for it."""
+    from tyro.extras import subcommand_cli_from_dict
+
+    if len(shells) != 1 or shells[0] not in SHELLS:
+        raise WarehouseError(f"--print-completion needs the name of a shell: {', '.join(SHELLS)}")
+    tree: dict[str, Any] = {}
+    for name in dict.fromkeys(name.split()[0] for name in COMMANDS):
+        tree[name] = _options_of(name) if name in COMMANDS else _group(name)
+    subcommand_cli_from_dict(tree, prog=PROGRAM, args=["--tyro-print-completion", shells[0]])
+
+
+def _options_of(name: str) -> Any:
+    command = COMMANDS[name]
+    return getattr(importlib.import_module(command.module), command.options)
+
+
+def _group(name: str) -> Any:
+    """Return a function that stands for the commands that begin with a word: its argument is one of their options."""
+    from tyro.conf import arg, subcommand
+
+    def chosen(options: Any) -> None: ...
+
+    kinds = [
+        Annotated[_options_of(one), subcommand(one.split()[1], prefix_name=False)]
+        for one in COMMANDS
+        if one.split()[0] == name
+    ]
+    chosen.__annotations__["options"] = Annotated[Union[tuple(kinds)], arg(name="")]  # noqa: UP007
+    return chosen
+
+
 def _no_command(arguments: list[str]) -> int:
     """Help with the first word of a longer command (`warehouse train`), or say that there is no such command."""
     group = arguments[0]
@@ -159,7 +192,8 @@ def _help(prefix: str) -> str:
             "",
             *lines,
             "",
-            f"`{PROGRAM} COMMAND --help` lists a command's options; `{PROGRAM} --version` prints the version.",
+            f"`{PROGRAM} COMMAND --help` lists a command's options; `{PROGRAM} --version` prints the version;",
+            f"`source <({PROGRAM} --print-completion bash)` lets the shell complete both (zsh and fish alike).",
         ]
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 import time
@@ -60,9 +61,63 @@ def test_help_without_a_command_and_version(capsys: pytest.CaptureFixture[str]) 
     assert capsys.readouterr().out.strip() == __version__
 
 
+COMPLETE = """
+source {script}
+COMP_WORDS=({words})
+COMP_CWORD={last}
+COMPREPLY=()
+_tyro_warehouse
+printf '%s\\n' "${{COMPREPLY[@]}}"
+"""
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not installed")
+def test_bash_completes_commands_options_and_values(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--print-completion", "bash"]) == 0
+    script = tmp_path / "completion.bash"
+    script.write_text(capsys.readouterr().out, encoding="utf-8")
+
+    def complete(*words: str) -> set[str]:
+        text = COMPLETE.format(script=script, words=" ".join(f"'{word}'" for word in words), last=len(words) - 1)
+        run = subprocess.run(["bash", "-c", text], capture_output=True, text=True, check=True)
+        return set(run.stdout.split())
+
+    assert complete("warehouse", "eval") == {"evaluate"}
+    assert complete("warehouse", "") >= {name.split()[0] for name in COMMANDS}
+    assert complete("warehouse", "train", "") >= {"ppo", "reinforce", "threaded_ppo"}
+    assert complete("warehouse", "train", "ppo", "--lay") == {"--layouts"}
+    assert complete("warehouse", "evaluate", "--tasks", "") == {"lifelong", "one_shot"}
+    for shell, start in (("zsh", "#compdef warehouse"), ("fish", "# ")):
+        assert main(["--print-completion", shell]) == 0
+        shown = capsys.readouterr().out
+        assert shown.startswith(start)
+        assert "threaded_ppo" in shown
+
+
+@pytest.mark.parametrize(
+    ("command", "line"),
+    [
+        ("layouts --json {out}/rows.jsonl", "wrote the rows to {out}/rows.jsonl"),
+        ("layouts", "wrote no file; --json FILE keeps the rows"),
+        ("layouts --draw open --json {out}/rows.jsonl", "wrote {out}/rows.jsonl"),
+        ("layouts --check {map}", "wrote no file; --json FILE keeps the rows"),
+        (
+            "plan --layout open --planner astar --tasks 1 --runs 1 --no-pictures --out {out} --json {out}/rows.jsonl",
+            "wrote the rows to {out}/rows.jsonl, the table to {out}",
+        ),
+    ],
+)
+def test_the_last_line_says_what_was_written_and_where(
+    command: str, line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(command.format(out=tmp_path, map=EXAMPLE_MAP).split()) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == line.format(out=tmp_path)
+
+
 @pytest.mark.parametrize(
     ("arguments", "parts"),
     [
+        ("--print-completion tcsh", ["bash, zsh, fish"]),
         ("evaluat", ["unknown command 'evaluat'", "evaluate"]),
         ("train pppo", ["unknown train command 'pppo'", "ppo"]),
         ("evaluate --policy folow", ["unknown policy 'folow'", "follow"]),

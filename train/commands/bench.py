@@ -65,9 +65,11 @@ class Bench(Checked):
         )
         parts: dict[str, Callable[[Budget], Iterator[Row]]] = PARTS
         chosen = [what for what in get_args(What) if not self.only or what in self.only]
-        rows = measure(chosen, parts, budget, RowFile(self.json))
+        file = RowFile(self.json)
+        rows = measure(chosen, parts, budget, file)
         for table in tables(rows):
             table.print()
+        print(file.written())
 
 
 def measure(

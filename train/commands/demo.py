@@ -81,9 +81,8 @@ class Demo(Checked):
             out=self.out,
             processes=self.processes,
         ).run()
-        if self.video_seconds:
-            print(f"wrote the video to {self._film(self.out / 'video.mp4')}")
-        print(f"done in {time.perf_counter() - begin:.0f} s")
+        video = [f"the video to {self._film(self.out / 'video.mp4')}, "] if self.video_seconds else []
+        print(f"wrote {''.join(video)}all else to {self.out}, in {time.perf_counter() - begin:.0f} s")
 
     def _film(self, path: Path) -> Path:
         """Write the best policy before and after side by side: the same seed and robots, without and with AFTER."""

@@ -55,7 +55,8 @@ class Layouts(Checked):
 
     def _list(self) -> None:
         rows = [facts(self._floor(name)) for name in LAYOUTS]
-        RowFile(self.json).add(rows)
+        file = RowFile(self.json)
+        file.add(rows)
         cells = [
             (
                 name,
@@ -67,6 +68,7 @@ class Layouts(Checked):
         ]
         header = ("layout", "cells", "free", "picks", "stations", "narrowest aisle", "floor height [m]", "what it is")
         Table("Layouts", header, tuple(cells)).print()
+        print(file.written())
 
     def _draw(self, name: str) -> None:
         grid = self._floor(name)
@@ -77,22 +79,26 @@ class Layouts(Checked):
         print("\n".join(grid.text()))
         arrows = f"   {' '.join(ARROWS[1:])} one way" if grid.one_way.any() else ""
         print(f"# shelf   p pick   s station   ~ uneven floor   . floor{arrows}")
-        RowFile(self.json).add([facts(grid)])
+        file = RowFile(self.json)
+        file.add([facts(grid)])
         if self.png is not None:
             _picture(grid, self.png)
-            print(f"wrote {self.png}")
+        if self.png is not None or self.json is not None:
+            print("wrote " + " and ".join(str(path) for path in (self.json, self.png) if path is not None))
 
     def _check(self, path: Path) -> None:
         grid = read_map(path)
         check_connected(grid)
         row = facts(grid)
-        RowFile(self.json).add([row])
+        file = RowFile(self.json)
+        file.add([row])
         left_out = int((~grid.occupied).sum()) - row["free"]
         aside = f", {left_out} free cells are cut off and not used" if left_out else ""
         print(
             f"{path} is good: {row['rows']} x {row['columns']} cells, {row['free']} of them free and connected{aside}; "
             f"{row['picks']} picks, {row['stations']} stations, narrowest aisle {row['narrowest']} cells"
         )
+        print(file.written())
 
 
 def check_connected(grid: GridMap) -> None:

@@ -79,7 +79,8 @@ class PlanCommand(Checked):
         write_text(self.out / "table.md", table.markdown())
         if self.pictures:
             plan_pictures(grid, kept, self.out)
-        print(f"wrote the table{' and the pictures' if self.pictures else ''} to {self.out}")
+        rows_too = "" if self.json is None else f"the rows to {self.json}, "
+        print(f"wrote {rows_too}the table{' and the pictures' if self.pictures else ''} to {self.out}")
 
     def _grid(self) -> GridMap:
         if self.map is not None:

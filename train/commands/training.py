@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import tyro
 
-from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig
+from agents.weights_folder import read_record
+from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
 from train.reporting.rows import RowFile, read_rows
 
 _ROWS = "progress.jsonl"  # in a run's folder
+
+Config = TypeVar("Config", bound=TrainingConfig)
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class TrainReinforce:
         """Train; torch is imported here."""
         from train.reinforce import train
 
-        _train(lambda: train(self.config), self.json)
+        _train(self.config, train, self.json)
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class TrainPPO:
         """Train; torch and stable-baselines3 are imported here."""
         from train.ppo import train
 
-        _train(lambda: train(self.config), self.json)
+        _train(self.config, train, self.json)
 
 
 @dataclass(frozen=True)
@@ -57,9 +60,24 @@ class TrainThreadedPPO:
         """Train; torch is imported here."""
         from train.threaded_ppo import train
 
-        _train(lambda: train(self.config), self.json)
+        _train(self.config, train, self.json)
 
 
-def _train(train: Callable[[], Path], json: Path | None) -> None:
+def _train(config: Config, train: Callable[[Config], Path], json: Path | None) -> None:
+    """Train; the last line says what was written and where."""
     file = RowFile(json)
-    file.add(read_rows(train() / _ROWS))
+    directory = train(config)
+    file.add(read_rows(directory / _ROWS))
+    print(_end(directory, json))
+
+
+def _end(directory: Path, json: Path | None) -> str:
+    """Return the closing line: figures of the training, and what lies where."""
+    training = read_record(directory).training
+    command = read_record(directory).algorithm
+    rest = "" if training["spent"] >= 1 else f"; go on with `warehouse train {command} --resume {directory}`"
+    rows = "" if json is None else f", the rows to {json}"
+    return (
+        f"{training['steps']:,} agent-steps in {training['seconds']:.0f} s; wrote the policy, its card and its log to "
+        f"{directory}{rows}{rest}"
+    )

@@ -42,7 +42,7 @@ class TrainingConfig(Checked):
     steps: int | None = None
     """Budget of agent-steps (one decision of one robot); 20 million if MINUTES is not given either."""
     layouts: tuple[str, ...] = ("paper46", "narrow")
-    """Layouts to train on, by name; each is mixed with each robot count."""
+    """Layouts to train on, by name, or MovingAI .map files; each is mixed with each robot count."""
     robots: tuple[int, ...] = (12, 16, 24)
     """Robots in a world."""
     rows: int = 384
@@ -104,7 +104,7 @@ class TrainingConfig(Checked):
     threads: int = field(default_factory=_cores)
     """Threads of torch and of the simulator."""
     progress: bool = True
-    """Show the progress bar."""
+    """Show the progress bar; without it, and where there is no terminal, a line a minute tells how it goes."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -145,9 +145,10 @@ class TrainingConfig(Checked):
         return [(self.env(layout, robots), max(1, round(share / robots))) for layout, robots in mixes]
 
     def env(self, layout: str, robots: int) -> EnvConfig:
-        """Return the environment of one layout and robot count."""
+        """Return the environment of one layout or map file and robot count."""
+        floor: dict[str, Any] = {"map_file": layout} if Path(layout).suffix == ".map" else {"layout": layout}
         env = EnvConfig(
-            layout=layout, num_agents=robots, planner=self.planner, keep_right=self.keep_right,
+            **floor, num_agents=robots, planner=self.planner, keep_right=self.keep_right,
             action_repeat=self.action_repeat, sensor=SensorSpec(predictions=self.predictions),
             protective_field=self.protective_field, reroute=self.reroute,
         )  # fmt: skip

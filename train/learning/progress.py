@@ -1,4 +1,4 @@
-"""How a training shows itself: a progress bar, rows in progress.jsonl, and TensorBoard if it is installed."""
+"""How a training shows itself: a bar or a line a minute, rows in progress.jsonl, and TensorBoard if it is installed."""
 
 from __future__ import annotations
 
@@ -15,6 +15,12 @@ from train.reporting.rows import RowFile, read_rows
 
 ROWS = "progress.jsonl"
 LOG_SECONDS = 5.0  # between two rows
+LINE_SECONDS = 60.0  # between two lines where no bar is shown
+
+
+def tell(text: str, console: Console | None = None) -> None:
+    """Print one line on stderr, above the bar where the console has one."""
+    (console or Console(stderr=True)).print(text, markup=False, highlight=False, soft_wrap=True)
 
 
 class ProgressLog:
@@ -31,18 +37,20 @@ class ProgressLog:
         self._rows = RowFile(path)
         self._rows.add(before)
         self.last: dict[str, float] = {}
-        self._console = Console(stderr=True, quiet=not show)
+        self._console = Console(stderr=True)
+        self._bare = not (show and self._console.is_terminal)
         columns = (BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("{task.fields[text]}"))
-        self._bar = Progress(*columns, console=self._console, disable=not show)
+        self._bar = Progress(*columns, console=self._console, disable=self._bare)
         self._task = self._bar.add_task("training", total=1.0, text="first rollout")
         self._board = self._open_board(directory / "tensorboard")
         self._since, self._steps, self._losses = time.monotonic(), steps, []  # type: tuple[float, int, list[dict[str, float]]]
+        self._told = self._since
 
     def _open_board(self, directory: Path) -> Any:
         try:
             from torch.utils.tensorboard import SummaryWriter
         except ImportError:
-            self.say('no TensorBoard log: for one, pip install "warehouse-env[train]"')
+            tell('no TensorBoard log: for one, pip install "warehouse-env[train]"', self._console)
             return None
         return SummaryWriter(str(directory))
 
@@ -56,10 +64,6 @@ class ProgressLog:
         self._bar.stop()
         if self._board is not None:
             self._board.close()
-
-    def say(self, text: str) -> None:
-        """Print one line above the bar."""
-        self._console.print(text, markup=False, highlight=False)
 
     def update(
         self,
@@ -91,8 +95,11 @@ class ProgressLog:
             for key, value in self.last.items():
                 self._board.add_scalar(f"train/{key}", value, steps)
         self._since, self._steps, self._losses = now, steps, []
-        self._bar.update(
-            self._task,
-            text=f"{steps / 1e6:.2f} M, {rate:,.0f} steps/s, reward {self.last['reward']:.3f}, "
-            f"{self.last['goals_per_robot_hour']:.0f} goals/h, {self.last['collisions_per_km']:.1f} collisions/km",
+        text = (
+            f"{steps / 1e6:.2f} M, {rate:,.0f} steps/s, reward {self.last['reward']:.3f}, "
+            f"{self.last['goals_per_robot_hour']:.0f} goals/h, {self.last['collisions_per_km']:.1f} collisions/km"
         )
+        self._bar.update(self._task, text=text)
+        if self._bare and now - self._told >= LINE_SECONDS:
+            tell(f"{100 * spent:.0f}% after {seconds:.0f} s: {text}", self._console)
+            self._told = now

@@ -21,7 +21,7 @@ from agents.weights_folder import CONFIG, Network, PolicyRecord, save_policy
 from train.learning import checkpoint
 from train.learning.card import write_card
 from train.learning.config import TrainingConfig
-from train.learning.progress import ProgressLog
+from train.learning.progress import ProgressLog, tell
 from train.learning.timing import Split
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, WeightsError
@@ -109,6 +109,7 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
     with has no usable checkpoint or is of another algorithm.
     """
     config, saved = _begin(config, algorithm)
+    tell(_beginning(config))
     trainer = make(config)
     position = Position()
     if saved is not None:
@@ -121,7 +122,8 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
             _save(config, trainer, position, log.last)  # from here on --resume goes on, whenever it is killed
         _loop(config, trainer, position, log, stop)
         _save(config, trainer, position, log.last)
-        log.say(_summary(config, trainer, position, stop.is_set()))
+        if config.progress:
+            tell(_split(trainer))
     return config.directory
 
 
@@ -162,6 +164,18 @@ def _begin(config: ConfigT, algorithm: str) -> tuple[ConfigT, checkpoint.Checkpo
             raise ConfigError(f"--resume goes on with the schedule of {directory}: leave out {field.name}={given!r}")
     kept = {name: getattr(config, name) for name in _FREE_ON_RESUME}
     return dataclasses.replace(stored, **kept), saved
+
+
+def _beginning(config: TrainingConfig) -> str:
+    """Say what begins; compiling may keep it from showing itself for a minute."""
+    if config.resume is not None:
+        return f"goes on with {config.resume}; Ctrl-C stops and keeps what is learned"
+    budget = [f"{config.minutes:g} minutes"] if config.minutes is not None else []
+    budget += [f"{config.total_steps:,} agent-steps"] if config.total_steps is not None else []
+    return (
+        f"trains for {' or '.join(budget)} on {', '.join(config.layouts)} with {', '.join(map(str, config.robots))} "
+        f"robots, into {config.directory}; Ctrl-C stops and keeps what is learned"
+    )
 
 
 def _loop(
@@ -215,12 +229,12 @@ def _save(config: TrainingConfig, trainer: Trainer, position: Position, figures:
     write_card(directory)
 
 
-def _summary(config: TrainingConfig, trainer: Trainer, position: Position, stopped: bool) -> str:
+def _split(trainer: Trainer) -> str:
+    """Say where the time went."""
     parts = trainer.split.seconds
     total = max(sum(parts.values()), 1e-9)
     shares = ", ".join(f"{name.removesuffix('_s')} {100 * value / total:.0f}%" for name, value in parts.items())
-    state = f"stopped; go on with --resume {config.directory}" if stopped else f"policy in {config.directory}"
-    return f"{position.steps:,} agent-steps in {position.seconds:.0f} s ({shares}); {state}"
+    return f"the time went to: {shares}"
 
 
 @contextmanager

@@ -57,6 +57,10 @@ class RowFile:
                 file.write("".join(lines))
         self.count += len(lines)
 
+    def written(self) -> str:
+        """Say what the file holds, as the last line of a command that writes nothing else."""
+        return "wrote no file; --json FILE keeps the rows" if self.path is None else f"wrote the rows to {self.path}"
+
     def kept(self) -> str:
         """Say in a few words what an interrupted command leaves behind."""
         if self.path is None or not self.count:

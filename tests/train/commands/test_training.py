@@ -1,0 +1,75 @@
+"""`warehouse train`: what it says at the beginning, on the way and in the end, with and without a terminal."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from agents.weights_folder import read_record
+from train.cli import main
+from train.commands.training import TrainReinforce
+from train.learning import checkpoint, progress
+from train.learning.config import ReinforceConfig
+from warehouse_env.maps.movingai import EXAMPLE_MAP
+
+SMALL = (
+    "--robots 2 --rows 4 --planner astar --rollout 6 --minibatch 24 --hidden 24 --episode-seconds 3 "
+    "--threads 1 --no-progress"
+)
+
+
+def train(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[list[str], list[str]]:
+    """Run a short training; returns the lines of stdout and stderr."""
+    assert main(["train", "reinforce", *SMALL.split(), *words]) == 0
+    shown = capsys.readouterr()
+    return shown.out.splitlines(), shown.err.splitlines()
+
+
+def test_without_a_bar_it_says_what_it_begins_and_what_it_wrote(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, err = train(capsys, "--layouts", "open", "--steps", "48", "--out", str(tmp_path), "--name", "one")
+    assert err[0].startswith(f"trains for 48 agent-steps on open with 2 robots, into {tmp_path / 'one'}; Ctrl-C")
+    assert len(out) == 1
+    assert out[0].startswith("48 agent-steps in ")
+    assert out[0].endswith(f"wrote the policy, its card and its log to {tmp_path / 'one'}")
+
+
+def test_without_a_bar_a_line_now_and_then_tells_how_it_goes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "LOG_SECONDS", 0.0)
+    monkeypatch.setattr(progress, "LINE_SECONDS", 0.0)
+    _, err = train(capsys, "--layouts", "open", "--steps", "96", "--out", str(tmp_path))
+    told = [line for line in err if "% after" in line]
+    assert len(told) == 4  # one an update of 24 steps
+    assert told[0].startswith("25% after")
+    assert "collisions/km" in told[0]
+
+
+def test_a_stopped_one_says_how_to_go_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    train(capsys, "--layouts", "open", "--steps", "24", "--out", str(tmp_path), "--name", "short")
+    folder = tmp_path / "short"
+    saved = checkpoint.read(folder / "checkpoint")
+    longer = saved.data["config"] | {"steps": 48}
+    checkpoint.write(folder / "checkpoint", saved.arrays, saved.data | {"config": longer})
+    TrainReinforce(ReinforceConfig(resume=folder, progress=False), json=tmp_path / "rows.jsonl").run()
+    shown = capsys.readouterr()
+    assert shown.err.startswith(f"goes on with {folder}")
+    assert f"to {folder}, the rows to {tmp_path / 'rows.jsonl'}" in shown.out
+    assert "--resume" not in shown.out
+    half = (folder / "config.json").read_text().replace('"spent": 1.0', '"spent": 0.5')
+    (folder / "config.json").write_text(half)
+    from train.commands.training import _end
+
+    assert _end(folder, None).endswith(f"; go on with `warehouse train reinforce --resume {folder}`")
+
+
+def test_a_map_file_is_a_floor_to_train_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    floor = shutil.copy(EXAMPLE_MAP, tmp_path / "mine.map")
+    train(capsys, "--layouts", str(floor), "open", "--steps", "48", "--rows", "8", "--out", str(tmp_path))
+    record = read_record(tmp_path / "reinforce")
+    assert record.env.map_file == str(floor)
+    assert record.training["config"]["layouts"] == [str(floor), "open"]
