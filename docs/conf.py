@@ -33,5 +33,7 @@ html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = "warehouse_env"
 html_copy_source = False
+html_static_path = ["static"]
+html_css_files = ["wide.css"]
 html_show_sourcelink = False
 html_theme_options = {"navigation_with_keys": True}

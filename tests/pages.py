@@ -67,6 +67,6 @@ def command_lines(text: str) -> set[str]:
     """Return every command that a page names, in a block or within a line."""
     lines = [line.split(" #")[0].strip() for block in fenced(text, "sh") for line in block.splitlines()]
     prose = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
-    lines += re.findall(r"`(?:source <\()?((?:warehouse|make|pip|python) [^`)]+)\)?`", prose)
+    lines += re.findall(r"`(?:source <\()?((?:warehouse|make|pip|python) [^`]+?)\)?`", prose)
     lines += re.findall(r"python -m [\w.]+", text)
     return {" ".join(line.split()) for line in lines if line}

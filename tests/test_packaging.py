@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
 import zipfile
 from importlib.metadata import EntryPoint, requires
@@ -121,19 +122,39 @@ def test_every_data_glob_finds_something_and_every_file_is_found() -> None:
     assert found == data_files()
 
 
-def test_the_wheel_holds_the_packages_and_their_data_alone(tmp_path: Path) -> None:
+def build(what: str, source: Path, target: Path) -> Path:
+    """Build a wheel or sdist of a folder; returns its file."""
+    script = f"from setuptools import build_meta; print(build_meta.build_{what}({str(target)!r}))"
+    run = subprocess.run([sys.executable, "-c", script], cwd=source, check=True, capture_output=True, text=True)
+    return target / run.stdout.split()[-1]
+
+
+def test_wheel_and_sdist_hold_the_packages_and_their_data(tmp_path: Path) -> None:
     source = tmp_path / "source"
     source.mkdir()
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
     for name in (*PACKAGES, "tests"):
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
-    build = f"from setuptools.build_meta import build_wheel; build_wheel({str(tmp_path)!r})"
-    subprocess.run([sys.executable, "-c", build], cwd=source, check=True, capture_output=True)
-    (wheel,) = tmp_path.glob("*.whl")
-    names = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
     code = {path.relative_to(ROOT).as_posix() for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
-    assert names == code | data_files()
+    with tarfile.open(build("sdist", source, tmp_path)) as sdist:
+        sdist.extractall(tmp_path / "unpacked", filter="data")
+    (unpacked,) = (tmp_path / "unpacked").iterdir()
+    for folder in (source, unpacked):
+        (tmp_path / f"wheel of {folder.name}").mkdir()
+        wheel = build("wheel", folder, tmp_path / f"wheel of {folder.name}")
+        assert wheel.name.endswith("-py3-none-any.whl"), "nothing to compile"
+        names = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+        assert names == code | data_files()
+
+
+def test_the_version_is_semantic_and_stands_in_changelog_and_citation() -> None:
+    assert re.fullmatch(r"\d+\.\d+\.\d+", project["version"])
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    dated = re.findall(r"^## \[(\d+\.\d+\.\d+)\] - (\d{4}-\d\d-\d\d)$", changes, re.MULTILINE)
+    assert dated[0][0] == project["version"], "the newest version is this one"
+    cited = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {project['version']}\ndate-released: {dated[0][1]}\n" in cited
 
 
 def make(*words: str, path: Path | None = None) -> subprocess.CompletedProcess[str]:

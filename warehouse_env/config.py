@@ -61,10 +61,10 @@ class RobotSpec(Checked):
 class SensorSpec(Checked):
     """What a robot perceives: lidar, its nearest robots, and the route ahead."""
 
-    rays: int = 32
+    rays: int = 32  # of the lidar, evenly all round
     lidar_range: float = 6.0  # [m], from the body's centre
     neighbours: int = 6  # nearest robots within lidar_range
-    route_points: int = 5
+    route_points: int = 5  # of the route ahead
     route_spacing: float = 1.0  # [m] between route points ahead
     predictions: bool = False  # also the time to a predicted conflict of every (speed level, lateral offset)
 
@@ -109,8 +109,8 @@ class RerouteSpec(Checked):
     standing: float = 10.0  # [cells] for entering the cell of a robot that stands
     beside: float = 3.0  # [cells] for entering a cell beside it
     against: float = 1.0  # [cells] for a move against one of another's remaining route
-    crowd: float = 0.6  # [cells] for entering a cell of another's remaining route that it is as far from,
-    crowd_within: float = 10.0  # [m] less for every metre farther or nearer, and nothing from here on
+    crowd: float = 0.6  # [cells] for entering a cell of another's remaining route that both are equally far from
+    crowd_within: float = 10.0  # [m] difference of these distances at which that has faded to nothing
     saving: float = 3.0  # [cells] that a new route on the way must save, or the old one is kept
     turn: float = 1.0  # [cells] for beginning with a turn of 90 degrees, twice that for turning round
     boxed_turn: float = 30.0  # [cells] for beginning with a turn of more than 90 degrees in an aisle of one cell
@@ -132,10 +132,10 @@ class EnvConfig(Checked):
 
     layout: str = "paper46"  # a name of LAYOUTS, as "aisles:seed=7", unless map_file is given
     map_file: str | None = None  # a MovingAI .map
-    num_agents: int = 8
+    num_agents: int = 8  # robots
     planner: str = "pf_aco"  # a name of PLANNERS
-    tasks: TaskMode = "lifelong"
-    action_type: ActionType = "discrete"
+    tasks: TaskMode = "lifelong"  # a new goal after every arrival; or one goal each, then parked
+    action_type: ActionType = "discrete"  # what an action means (simulation/actions.py)
     max_steps: int = 1000  # env steps until truncation
     time_step: float = 0.1  # [s] of physics
     substeps: int = 2  # contact checks per physics step
@@ -143,7 +143,7 @@ class EnvConfig(Checked):
     arrival_radius: float = 0.5  # [m], front axle to the goal cell's centre
     near_miss_gap: float = 0.1  # [m]
     stuck_after: float = 60.0  # [s] without a metre of progress on the route
-    terminate_on_collision: bool = False
+    terminate_on_collision: bool = False  # end a robot's episode at its first contact
     speed_levels: tuple[float, ...] = (-0.4, 0.0, 0.5, 1.5)  # [m/s], of discrete actions
     lateral_offsets: tuple[float, ...] = (0.0, 0.6, -0.6, 1.2, -1.2)  # [m], left of the route is positive
     keep_right: float = 0.5  # [m] that routes move to the right of the planned path where there is room
@@ -154,10 +154,10 @@ class EnvConfig(Checked):
     right_of_way_after: float = 0.0  # [s] that a robot must have stood for it to step in, near it only; 0: always
     message_loss: float = 0.0  # share of env steps in which nobody hears of a robot (simulation/messages.py)
     reroute: bool = False  # route robots anew around others that stand, and against the stream of all others
-    reroute_spec: RerouteSpec = field(default_factory=RerouteSpec)
-    robot: RobotSpec = field(default_factory=RobotSpec)
-    sensor: SensorSpec = field(default_factory=SensorSpec)
-    reward: RewardWeights = field(default_factory=RewardWeights)
+    reroute_spec: RerouteSpec = field(default_factory=RerouteSpec)  # when, and at what prices
+    robot: RobotSpec = field(default_factory=RobotSpec)  # its body and limits
+    sensor: SensorSpec = field(default_factory=SensorSpec)  # what it perceives
+    reward: RewardWeights = field(default_factory=RewardWeights)  # weights of its terms
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -8,7 +8,7 @@ import importlib
 import inspect
 import io
 import os
-from typing import Any
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 from unittest import mock
 
 from docutils import nodes
@@ -35,9 +35,9 @@ def table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
 
 def options_table(options: type) -> str:
     """Return a table of a dataclass: each field with its type, its default, its unit and meaning."""
-    notes = field_notes(options)
+    notes, kinds = field_notes(options), get_type_hints(options)
     rows = [
-        (f"`{field.name}`", f"`{field.type}`", _code(default_of(field)), _plain(notes[field.name]))
+        (f"`{field.name}`", _kind(kinds[field.name], field.type), _code(default_of(field)), _plain(notes[field.name]))
         for field in dataclasses.fields(options)
     ]
     return table(("option", "type", "default", "unit and meaning"), rows)
@@ -51,6 +51,11 @@ def help_of(command: str) -> str:
         if main([*command.split(), "--help"]) != 0:
             raise ValueError(f"warehouse {command} --help failed")
     return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
+
+
+def _kind(kind: Any, written: object) -> str:
+    """Return a type as it is written, but the values of a choice themselves."""
+    return " or ".join(f"`{value!r}`" for value in get_args(kind)) if get_origin(kind) is Literal else f"`{written}`"
 
 
 def _code(text: str) -> str:
@@ -93,7 +98,7 @@ class Commands(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Return the list of commands, then a section for each."""
-        parts = ["```text", help_of(""), "```", ""]
+        parts = ["## warehouse", "", "```text", help_of(""), "```", ""]
         for name in COMMANDS:
             parts += [f"## warehouse {name}", "", "```text", help_of(name), "```", ""]
         return self.parse_text_to_nodes("\n".join(parts), allow_section_headings=True)
