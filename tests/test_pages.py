@@ -18,8 +18,9 @@ import tyro
 from agents import POLICIES
 from tests.pages import PAGES, ROOT, SHORTER, Block, command_lines, fenced, python_blocks
 from train.cli import COMMANDS, main, with_values
+from train.commands.layouts import check_connected
 from train.reporting.rows import read_rows
-from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, SensorSpec, Simulator, observation_layout
+from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, SensorSpec, Simulator, observation_layout, read_map
 from warehouse_env.simulation.rewards import REWARD_TERMS
 
 PROGRAMS = ("warehouse", "make", "pip", "python")
@@ -142,6 +143,12 @@ def test_the_map_of_the_house_names_every_folder_of_code() -> None:
         for path in (ROOT / package).rglob("*.py")
     }
     assert code <= set(house())
+
+
+def test_the_tutorials_map_is_a_good_one(tmp_path: Path) -> None:
+    (text,) = (block for block in fenced(PAGES["docs/tutorial.md"], "text") if block.startswith("type octile"))
+    (tmp_path / "hall.map").write_text(text, encoding="utf-8")
+    check_connected(read_map(tmp_path / "hall.map"))
 
 
 def headings(page: str) -> set[str]:
