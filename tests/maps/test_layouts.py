@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -75,6 +76,27 @@ def test_no_pick_is_next_to_a_station(name: str) -> None:
 
 def test_layouts_are_told_apart() -> None:
     assert len({make_layout(name).key for name in LAYOUTS}) == len(LAYOUTS)
+
+
+def test_a_name_may_carry_parameters() -> None:
+    assert make_layout("aisles:seed=7,rows=40").key == make_layout("aisles", seed=7, rows=40).key
+    assert make_layout("aisles:seed=7", seed=8).key == make_layout("aisles", seed=8).key  # given ones come first
+    assert make_layout("blocks:corridor_stations=false").key != make_layout("blocks").key
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("aisles:seed", "layout aisles: 'seed' must be PARAMETER=VALUE, as in aisles:seed=7,rows=40"),
+        ("aisles:sed=7", "did you mean seed"),
+        ("aisle:seed=7", "did you mean aisles"),
+        ("aisles:seed=x", "seed='x' must be a whole number"),
+        ("paper46:rows=3", "unknown parameter of layout 'paper46'"),
+    ],
+)
+def test_a_wrong_parameter_in_a_name_is_one_sentence(name: str, sentence: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(sentence)):
+        make_layout(name)
 
 
 # ---- named tasks

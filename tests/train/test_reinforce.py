@@ -18,7 +18,7 @@ from train.learning.config import HELD_OUT_SEED, ReinforceConfig
 from train.learning.experience import advantages
 from train.learning.threaded import joint_scale
 from train.learning.training_run import profile
-from train.learning.worlds import Tally, TrainingWorlds
+from train.learning.worlds import Tally, TrainingSimulator, TrainingWorlds
 from train.reinforce import Reinforce, policy_loss
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError
@@ -205,10 +205,42 @@ def test_training_worlds_end_spread_and_draw_seeds_below_the_held_out_ones(confi
     assert max(worlds._world_seed(world) for world in range(5)) < HELD_OUT_SEED
 
 
+def test_of_a_shared_reward_a_part_is_the_mean_of_those_near() -> None:
+    config = EnvConfig(layout="open", num_agents=3, planner="astar")
+    alone, sharing = (TrainingSimulator(config, 1, 60.0, shared, None) for shared in (0.0, 0.25))
+    for simulator in (alone, sharing):
+        simulator.reset(seed=4)
+        pose = [[[10.0, 10.0, 0.0], [14.0, 10.0, 1.0], [30.0, 30.0, 2.0]]]  # 4 m apart, and far from both
+        simulator.put(pose, [[0.0, 0.0, 0.0]])
+    commands = np.array([[int(alone.cruise_action), 5, int(alone.cruise_action)]])
+    for _ in range(5):
+        alone.step(commands)
+        sharing.step(commands)
+    own = alone.reward[0]
+    assert abs(own[0] - own[1]) > 0.01
+    pair = (own[0] + own[1]) / 2
+    assert sharing.reward[0] == pytest.approx([0.75 * own[0] + 0.25 * pair, 0.75 * own[1] + 0.25 * pair, own[2]])
+
+
+def test_the_policy_asks_for_right_of_way_that_its_training_goes_without(config: ReinforceConfig) -> None:
+    config = replace(config, protective_field=True, right_of_way_after=6.0, steps=8 * 6)
+    assert not config.env("open", 2).right_of_way
+    directory = reinforce.train(config)
+    driven = policy_config(directory, EnvConfig())
+    assert (driven.protective_field, driven.right_of_way, driven.right_of_way_after) == (True, True, 6.0)
+    assert "driven with right of way where a robot has stood for 6 s" in (directory / "CARD.md").read_text()
+    plain = reinforce.train(replace(config, name="plain", right_of_way_after=None))
+    assert not policy_config(plain, EnvConfig()).right_of_way
+    assert (plain / "weights.safetensors").read_bytes() == (directory / "weights.safetensors").read_bytes()
+
+
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
         ({"minutes": -1.0}, "minutes=-1.0"),
+        ({"right_of_way_after": 6.0}, "left out without --protective-field"),
+        ({"shared": 1.5}, "shared=1.5"),
+        ({"layouts": ("aisles:sed=3",)}, "did you mean seed"),
         ({"gamma": 1.5}, "gamma=1.5"),
         ({"learning_rate": float("nan")}, "learning_rate=nan"),
         ({"rows": 0}, "rows=0"),
