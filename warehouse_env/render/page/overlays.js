@@ -36,7 +36,7 @@ function drawRoutes(context, episode, place, style) {
     const own = i === style.robot;
     context.strokeStyle = style.colours[i];
     context.globalAlpha = own ? 1 : style.robot >= 0 ? 0.28 : 0.5;
-    context.lineWidth = Math.max((own ? 2 : 1.1) * style.ratio, (own ? 0.1 : 0.055) * place.scale);
+    context.lineWidth = Math.max((own ? 2 : 1) * style.ratio, (own ? 0.1 : 0.04) * place.scale);
     traceRoute(context, episode, i, place);
     context.stroke();
   }

@@ -1,6 +1,6 @@
 // Robots as they are: true rectangles about the front axle, steered wheels, load, nose, number.
 
-const WHEELS_FROM = 11; // [CSS px/m] from which wheels are drawn
+const WHEELS_FROM = 14; // [CSS px/m] from which wheels are drawn
 const NUMBERS_FROM = 26; // and numbers
 
 // Outlines of a body in its own frame [m]: x ahead of the fixed axle, y to the left.
