@@ -33,7 +33,7 @@ AFTER = {"protective_field": True, "right_of_way": True, "reroute": True}  # wha
 class Demo(Checked):
     """Compare the shipped policies with path following alone and with stopping for what is ahead, on one floor."""
 
-    policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo")
+    policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo", "threaded_ppo")
     """Policies to compare; the video shows the one with the most goals among all but the first."""
     layout: str = "paper46"
     """Layout to drive on."""

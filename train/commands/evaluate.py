@@ -26,7 +26,7 @@ GOES_ON = "the same command with --resume goes on"
 class Episodes(Drive):
     """Which episodes to drive, and where their rows go: what evaluate and robust share."""
 
-    policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo")
+    policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo", "threaded_ppo")
     """Policies to compare: names, or folders of trained ones; central_pibt is none, it knows all and plans for all."""
     layout: tuple[str, ...] = ()
     """Layouts to drive on (paper46 if neither layout nor map is given)."""

@@ -15,7 +15,7 @@ from warehouse_env.errors import unknown_name
 class Robust(Episodes):
     """Drive policies with other bodies, worse sensors, lost messages, a broken robot; print what holds and breaks."""
 
-    policy: tuple[str, ...] = ("greedy", "reinforce", "ppo")
+    policy: tuple[str, ...] = ("greedy", "reinforce", "ppo", "threaded_ppo")
     """Policies to compare: names, or folders of trained ones."""
     layout: tuple[str, ...] = ("paper46", "narrow")
     """Layouts to drive on."""
