@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from train.advice.capacity import FELL, STUCK, Load
 from train.advice.course import Advice, Effect
 from train.reporting.report import difference, number, with_interval
-from train.reporting.rows import Interval, is_told
+from train.reporting.rows import Interval, apart, is_told
 
 NAMED = 3  # bottlenecks named in words
 
@@ -48,7 +48,13 @@ def _capacity(advice: Advice) -> Iterator[str]:
 def _jam(advice: Advice, jams: Load) -> str:
     if jams.stuck.mean >= STUCK:
         return f"{with_interval(jams.stuck, 100)}% of the robots are stuck after {advice.plan.seconds / 60:g} minutes"
-    return f"all together reach {with_interval(jams.goals)} goals an hour, less than {100 * FELL:g}% of what fewer did"
+    most = max((load for load in advice.loads if load.robots < jams.robots), key=lambda load: load.goals.mean)
+    fall = apart(jams.goals, most.goals)
+    open_ = "" if is_told(fall) else "; so few episodes do *not tell* this *apart* from chance"
+    return (
+        f"all together reach {with_interval(jams.goals)} goals an hour, less than {100 * FELL:g}% of what "
+        f"{most.robots} did (difference {difference(fall)}{open_})"
+    )
 
 
 def worthwhile(loads: list[Load], alone: float) -> int | None:

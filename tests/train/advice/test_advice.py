@@ -221,6 +221,15 @@ def test_the_answer_in_words() -> None:
     assert "*not told apart* from nothing: +5.0 [-30.0, 40.0] goals an hour (+0.5%)" in rule
 
 
+def test_a_fall_that_may_be_chance_is_called_so() -> None:
+    drives, jams = advice().loads
+    fewer = jams._replace(stuck=Interval(0.0, 0.0, 0.0, 4), goals=Interval(800.0, 750.0, 850.0, 4))
+    (text, *_) = answer(advice(loads=[drives, fewer]))
+    assert "less than 90% of what 16 did (difference -200 [-312, -88])." in text  # half widths 50 and 100
+    (text, *_) = answer(advice(loads=[drives, fewer._replace(goals=Interval(800.0, 500.0, 1100.0, 4))]))
+    assert "(difference -200 [-516, 116]; so few episodes do *not tell* this *apart* from chance)" in text
+
+
 def test_the_answer_where_nothing_jams_or_all_does() -> None:
     first, second = advice().loads
     (text, *_) = answer(advice(loads=[first]))
