@@ -231,6 +231,7 @@ def test_the_policy_asks_for_right_of_way_that_its_training_goes_without(config:
     assert "driven with right of way where a robot has stood for 6 s" in (directory / "CARD.md").read_text()
     plain = reinforce.train(replace(config, name="plain", right_of_way_after=None))
     assert not policy_config(plain, EnvConfig()).right_of_way
+    assert (read_record(directory).mode, read_record(plain).mode) == ("greedy", "sample")
     assert (plain / "weights.safetensors").read_bytes() == (directory / "weights.safetensors").read_bytes()
 
 

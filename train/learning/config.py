@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
+from agents.weights_folder import Mode
 from warehouse_env.checked import Checked, from_plain
 from warehouse_env.config import ActionType, EnvConfig, RewardWeights, SensorSpec
 
@@ -161,6 +162,13 @@ class TrainingConfig(Checked):
         if self.right_of_way_after is None:
             return env
         return env.replace(right_of_way=True, right_of_way_after=self.right_of_way_after)
+
+    @property
+    def mode(self) -> Mode:
+        """How the policy's actions are chosen: drawn, so that two alike do not wait for each other, or where right of
+        way sees to that the best (1 to 3% more goals on trial seeds).
+        """
+        return "sample" if self.right_of_way_after is None else "greedy"
 
     def reward(self, spent: float) -> RewardWeights:
         """Return the reward weights when the share `spent` (0 to 1) of the budget is used."""

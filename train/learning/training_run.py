@@ -224,7 +224,7 @@ def _save(config: TrainingConfig, trainer: Trainer, position: Position, figures:
         "steps": position.steps, "updates": position.update, "seconds": round(position.seconds, 1),
         "spent": position.spent(config), "config": plain, "last_figures": figures, "versions": versions,
     }  # fmt: skip
-    record = PolicyRecord(trainer.algorithm, trainer.network, config.driven(trainer.env), "sample", training)
+    record = PolicyRecord(trainer.algorithm, trainer.network, config.driven(trainer.env), config.mode, training)
     save_policy(directory, record, trainer.policy_tensors())
     write_card(directory)
 
