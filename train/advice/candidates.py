@@ -119,13 +119,13 @@ def aisle_cells(grid: GridMap, along_row: bool) -> NDArray[np.int64]:
     An aisle is at most WIDEST cells across, its sides shelves or the map's edge, and at least SHORTEST long.
     """
     free = ~grid.occupied if along_row else ~grid.occupied.T
-    narrow = free & (_lengths(free.T).T <= WIDEST)
-    aisle = narrow & (_lengths(narrow) >= SHORTEST)
+    narrow = free & (run_lengths(free.T).T <= WIDEST)
+    aisle = narrow & (run_lengths(narrow) >= SHORTEST)
     label = label_regions(aisle)
     return np.ascontiguousarray(label if along_row else label.T).astype(np.int64)
 
 
-def _lengths(free: NDArray[np.bool_]) -> NDArray[np.int64]:
+def run_lengths(free: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return int64[H, W]: the length of the run of free cells in its row that a cell is in, 0 off them."""
     lengths = np.zeros(free.shape, dtype=np.int64)
     for row, line in enumerate(free):

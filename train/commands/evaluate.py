@@ -14,8 +14,8 @@ from train.evaluation.rollout import Experiment, Trace, make_experiment
 from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, check_writable, read_rows, write_text
 from warehouse_env.config import EnvConfig, TaskMode
-from warehouse_env.errors import ConfigError, unknown_name
-from warehouse_env.maps.layouts import LAYOUTS
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.layouts import make_layout
 from warehouse_env.maps.movingai import read_map
 from warehouse_env.planning import make_planner
 
@@ -85,8 +85,7 @@ class Episodes(Drive):
         make_planner(self.planner)
         floors: list[dict[str, Any]] = [{"layout": name} for name in self.layout]
         for name in self.layout:
-            if name not in LAYOUTS:
-                raise unknown_name("layout", name, LAYOUTS)
+            make_layout(name)  # a wrong name is said before anything drives
         for path in self.map:
             read_map(path)
             floors.append({"map_file": str(path)})

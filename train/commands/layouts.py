@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from train.advice.candidates import run_lengths
 from train.reporting.report import Table
 from train.reporting.rows import Row, RowFile
 from warehouse_env.checked import Checked
@@ -132,18 +132,8 @@ def narrowest_aisle(grid: GridMap) -> int:
     """Return the fewest free cells side by side, in a row or a column, at any cell of the connected floor."""
     free = np.zeros(grid.shape, dtype=np.bool_)
     free[tuple(grid.free_cells.T)] = True
-    across = np.minimum(_run_lengths(free), _run_lengths(free.T).T)
+    across = np.minimum(run_lengths(free), run_lengths(free.T).T)
     return int(across[free].min())
-
-
-def _run_lengths(free: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return int[H, W]: for every free cell the length of the run of free cells in its row, 0 elsewhere."""
-    lengths = np.zeros(free.shape, dtype=np.int64)
-    for row, line in enumerate(free):
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], line.astype(np.int64), [0]])))
-        for start, end in zip(edges[::2], edges[1::2], strict=True):
-            lengths[row, start:end] = end - start
-    return lengths
 
 
 def _picture(grid: GridMap, path: Path) -> None:

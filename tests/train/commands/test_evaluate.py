@@ -141,6 +141,15 @@ def test_several_robot_counts_and_floors_make_one_table(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
+def test_floors_may_be_drawn_by_a_seed_in_their_name(tmp_path: Path) -> None:
+    floors = ("aisles:seed=3", "aisles:seed=4")
+    options: dict[str, Any] = {"policy": ("follow",), "robots": (2,), "episodes": 1, "seconds": 4.0, "planner": "astar"}
+    Evaluate(**options, layout=floors, pictures=False, out=tmp_path).run()
+    assert [row["layout"] for row in read_rows(tmp_path / "rows.jsonl")] == list(floors)
+    with pytest.raises(ConfigError, match="did you mean seed"):
+        Evaluate(**options, layout=("aisles:sed=3",), out=tmp_path / "other").run()
+
+
 def test_resume_plays_only_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert main(command(tmp_path, "--policy", "brake", "--episodes", "1")) == 0
     played: list[tuple[str, tuple[int, ...]]] = []

@@ -15,8 +15,8 @@ from train.tables.learning.figures import SETTINGS, learning_tables
 from train.tables.learning.trainings import START, configs, train_missing
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError, unknown_name
-from warehouse_env.maps.layouts import LAYOUTS
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.layouts import make_layout
 from warehouse_env.render.learning_curves import learning_curves
 
 FLOORS = ("paper46", "narrow")
@@ -48,8 +48,7 @@ class Learning(Checked):
         if episodes < self.trainings or self.trainings < 2:
             raise ConfigError(f"--runs {episodes} must be at least --trainings {self.trainings}, and that at least 2")
         for name in self.maps:
-            if name not in LAYOUTS:
-                raise unknown_name("layout", name, LAYOUTS)
+            make_layout(name)  # a wrong name is said before anything is trained
         folder = self.out / "learning"
         check_writable(folder / "README.md")
         begin = time.perf_counter()
