@@ -17,7 +17,7 @@ from warehouse_env.observation import observation_layout
 
 _ALWAYS_NEEDED = ("action_type", "time_step", "action_repeat", "sensor")
 _NEEDED_IF_DISCRETE = ("speed_levels", "lateral_offsets")
-# options that a policy is given if it had them in its training
+# options that a policy is given if it was trained with them, or is meant to be driven with them
 _TRAINED_UNDER = ("protective_field", "right_of_way", "right_of_way_after", "reroute")
 
 
@@ -27,7 +27,7 @@ def needed_fields(record: PolicyRecord) -> tuple[str, ...]:
 
 
 def config_for(directory: Path | str, base: EnvConfig) -> EnvConfig:
-    """Return `base` with the action, the sensor and the options that the policy in `directory` was trained with."""
+    """Return `base` with the action, the sensor and the options that the policy in `directory` is made for."""
     record = read_record(directory)
     options = [name for name in _TRAINED_UNDER if getattr(record.env, name)]
     return base.replace(**{name: getattr(record.env, name) for name in (*needed_fields(record), *options)})

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from train.learning.config import HELD_OUT_SEED
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,15 @@ class Drive(Checked):
     """The first seed, the next ones count on; no training uses seeds from the default on."""
 
     def chosen(self) -> dict[str, bool | float]:
-        """Return the fields of EnvConfig that the options set, whatever the policy needs."""
+        """Return the fields of EnvConfig that the options set, whatever the policy needs.
+
+        ConfigError where right of way is to step in, and is not to be there.
+        """
         options = ("protective_field", "right_of_way", "right_of_way_after", "reroute")
         given = {name: getattr(self, name) for name in options}
+        if self.right_of_way_after is not None:
+            if self.right_of_way is False:
+                after = f"{self.right_of_way_after:g}"
+                raise ConfigError(f"--right-of-way-after {after} must be left out with --no-right-of-way")
+            given["right_of_way"] = True
         return {name: value for name, value in given.items() if value is not None}

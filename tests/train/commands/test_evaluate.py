@@ -125,6 +125,17 @@ def test_greedy_gets_what_it_needs_unless_told_otherwise(
     assert not follow.protective_field
 
 
+def test_a_time_after_which_right_of_way_steps_in_asks_for_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["--policy", "follow", "--episodes", "1", "--protective-field", "--right-of-way-after", "4"]
+    assert main(command(tmp_path, *options)) == 0
+    driven = EnvConfig.from_dict(read_rows(tmp_path / "rows.jsonl")[0]["config"])
+    assert (driven.right_of_way, driven.right_of_way_after) == (True, 4.0)
+    assert main(command(tmp_path, *options, "--no-right-of-way")) == 2
+    assert "--right-of-way-after 4 must be left out with --no-right-of-way" in capsys.readouterr().err
+
+
 def test_right_of_way_without_the_field_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(command(tmp_path, "--policy", "greedy", "--no-protective-field")) == 2
     assert "protective_field" in capsys.readouterr().err
