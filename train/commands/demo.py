@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 _FRAMES_PER_SECOND = 10.0
 _SIDE = 560  # [px], longest side of one of the two floors in the video
 _STANDING = 10.0  # [s] within a metre of one place after which a robot is counted as standing
-AFTER = {"protective_field": True, "right_of_way": True, "reroute": True}  # what the video's second floor has
 
 
 @dataclass(frozen=True)
@@ -34,7 +33,7 @@ class Demo(Checked):
     """Compare the shipped policies with path following alone and with stopping for what is ahead, on one floor."""
 
     policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo", "threaded_ppo")
-    """Policies to compare; the video shows the one with the most goals among all but the first."""
+    """Policies to compare; the video shows the first and, of the others, the one with the most goals."""
     layout: str = "paper46"
     """Layout to drive on."""
     robots: int = 16
@@ -44,7 +43,7 @@ class Demo(Checked):
     seconds: float = 600.0
     """Simulated time of an episode [s]."""
     video_robots: int = 64
-    """Number of robots in the video, which shows the same tasks before and after side by side."""
+    """Number of robots in the video, which shows two policies side by side, each with the same tasks."""
     video_from: float = 420.0
     """Simulated time after which the video begins, when jams have built up [s]."""
     video_seconds: float = 60.0
@@ -85,17 +84,16 @@ class Demo(Checked):
         print(f"wrote {''.join(video)}all else to {self.out}, in {time.perf_counter() - begin:.0f} s")
 
     def _film(self, path: Path) -> Path:
-        """Write the best policy before and after side by side: the same seed and robots, without and with AFTER."""
+        """Write the first policy and the best of the others side by side: the same floor, seed and robots."""
         from warehouse_env.render.floor import scale_for
         from warehouse_env.render.frame import draw
         from warehouse_env.render.video import VideoWriter
 
         base = EnvConfig(layout=self.layout, num_agents=self.video_robots, planner=self.planner)
-        policy, reels = self._best(), []
-        seconds = self.video_from + self.video_seconds
-        for name, chosen in (("before", {}), ("after", AFTER)):
-            reel = Reel(name, self.video_from)
-            run(make_experiment(policy, base, 1, seconds, self.seed, chosen), [reel])
+        reels = []
+        for policy in self._filmed():
+            reel = Reel(policy, self.video_from)
+            run(make_experiment(policy, base, 1, self.video_from + self.video_seconds, self.seed), [reel])
             reels.append(reel.scenes)
         scale = scale_for(reels[0][0].grid, _SIDE)
         with make_progress() as progress, VideoWriter(path, _FRAMES_PER_SECOND) as video:
@@ -105,11 +103,12 @@ class Demo(Checked):
                 progress.advance(bar)
         return path
 
-    def _best(self) -> str:
-        """Return the policy with the most goals in the rows just written, the first one left out if there are more."""
+    def _filmed(self) -> list[str]:
+        """Return the first policy and, of the others, the one with the most goals in the rows just written."""
         rows = read_rows(self.json or self.out / "rows.jsonl")
         goals = {name: sum(row["goals"] for row in rows if row["policy"] == name) for name in self.policy}
-        return max(self.policy[1:] or self.policy, key=goals.__getitem__)
+        first, *others = self.policy
+        return [first, max(others, key=goals.__getitem__)] if others else [first]
 
 
 class Reel:

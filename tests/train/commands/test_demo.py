@@ -7,12 +7,24 @@ from pathlib import Path
 import pytest
 
 from train.cli import main
+from train.commands.demo import Reel
 from train.reporting.rows import read_rows
+from warehouse_env.simulation.simulator import Simulator
 
 
-def test_demo_writes_rows_pictures_and_a_video(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_demo_writes_rows_pictures_and_a_video(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     for package in ("matplotlib", "pygame", "imageio_ffmpeg"):
         pytest.importorskip(package)
+    captions: set[str] = set()
+    keep = Reel.__call__
+
+    def watched(reel: Reel, simulator: Simulator, steps: int) -> None:
+        keep(reel, simulator, steps)
+        captions.update(scene.text.split()[0] for scene in reel.scenes)
+
+    monkeypatch.setattr(Reel, "__call__", watched)
     options = "--policy follow ppo --layout open --robots 2 --episodes 1 --planner astar"
     short = "--seconds 10 --video-seconds 1 --video-from 1 --video-robots 3 --processes 1"
     assert main(["demo", *options.split(), *short.split(), "--out", str(tmp_path)]) == 0
@@ -25,3 +37,4 @@ def test_demo_writes_rows_pictures_and_a_video(tmp_path: Path, capsys: pytest.Ca
     }  # fmt: skip
     assert len(read_rows(tmp_path / "rows.jsonl")) == 2
     assert (tmp_path / "video.mp4").read_bytes()[4:8] == b"ftyp"
+    assert captions == {"follow", "ppo"}  # side by side: two policies, not one twice
