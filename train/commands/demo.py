@@ -1,4 +1,4 @@
-"""`warehouse demo`: the main job in three minutes. The shipped policies against two rules: table, pictures, video."""
+"""`warehouse demo`: the main job in half a minute. The shipped policies against two rules: table, pictures, video."""
 
 from __future__ import annotations
 
