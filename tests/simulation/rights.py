@@ -52,13 +52,18 @@ class World:
         sim._actions.decode(told, sim._commands, sim._choices)
         p = sim._params[0]
         self.ways = meetings.scratch(sim._paths[0])
-        stepping_in.step_in(self.robots, sim._commands[0], p)
+        self.step_in()
         right_of_way.rank(self.robots, self.order)
         right_of_way.decide(
             self.robots, sim.routes[0], sim.arcs[0], sim._commands[0], sim._choices[0], self.order, self.ways, p,
             sim._floor.clearance,
         )  # fmt: skip
         return self
+
+    def step_in(self) -> bool:
+        """Say who is settled; whether anybody is."""
+        sim, scratch = self.simulator, np.empty((2, len(self.robots)), np.int64)
+        return bool(stepping_in.step_in(self.robots, sim.routes[0], sim._commands[0], scratch, sim._params[0]))
 
     def granted(self, robot: int) -> int:
         """Number of the last pose that a robot has been granted."""

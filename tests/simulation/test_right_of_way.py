@@ -234,11 +234,14 @@ MAP = ["..........", "..........", ".##..###..", "..........", ".###..##..", "..
 
 
 def history(worlds: int, robots: int, steps: int, kind: str = "liked") -> list[str]:
-    """A digest of each world under random preferences, actions, or real-valued actions."""
+    """A digest of each world under random preferences, actions, or real-valued actions.
+
+    "after": right of way steps in around rings, since all robots are said to have stood, and around the first.
+    """
     action_type: Any = "continuous" if kind == "continuous" else "discrete"
     config = EnvConfig(
         num_agents=robots, action_type=action_type, planner="astar", action_repeat=2, protective_field=True,
-        right_of_way=True, reroute=True,
+        right_of_way=True, right_of_way_after=2.0 if kind == "after" else 0.0, reroute=True,
     )  # fmt: skip
     sim = Simulator(config, worlds, grid=drawn(MAP))
     sim.reset(seed=4)
@@ -248,7 +251,10 @@ def history(worlds: int, robots: int, steps: int, kind: str = "liked") -> list[s
         liked = rng.normal(size=(8, robots, 20)).astype(np.float32)
         liked[..., 15:] += 2.0
         real = np.clip(liked[..., :2], -0.5, 1.0)
-        given = {"liked": liked, "told": liked.argmax(axis=-1), "continuous": real}[kind]
+        given = {"liked": liked, "after": liked, "told": liked.argmax(axis=-1), "continuous": real}[kind]
+        if kind == "after":
+            sim.robots["standing_time"] = sim.robots["waiting_time"] = 3.0
+            sim.robots["standing_time"][:, 0] = 11.0
         sim.step(given[:worlds])
         for world, digest in enumerate(digests):
             digest.update(sim.robots[world].tobytes() + sim.observation[world].tobytes())
@@ -257,7 +263,7 @@ def history(worlds: int, robots: int, steps: int, kind: str = "liked") -> list[s
     return [digest.hexdigest() for digest in digests]
 
 
-@pytest.mark.parametrize("kind", ["liked", "told", "continuous"])
+@pytest.mark.parametrize("kind", ["liked", "told", "continuous", "after"])
 def test_worlds_do_not_depend_on_the_batch_width(kind: str) -> None:
     many = history(8, 6, 100, kind)
     assert len(set(many)) == 8
@@ -280,13 +286,15 @@ def test_one_thread_equals_two(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_plain_python_gives_the_same_bits() -> None:
-    program = "from tests.simulation.test_right_of_way import history; print(*history(1, 2, 6))"
+    program = (
+        "from tests.simulation.test_right_of_way import history; print(*history(1, 2, 6), *history(1, 3, 3, 'after'))"
+    )
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", program],
         env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, cwd=ROOT, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == history(1, 2, 6)
+    assert done.stdout.split() == history(1, 2, 6) + history(1, 3, 3, "after")
 
 
 def test_a_recorded_episode_of_preferences_replays_to_the_bit(tmp_path: Path) -> None:

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 from tests.simulation.rights import World, simulator_with_right
+from tests.simulation.worlds import room
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import NOBODY
-from warehouse_env.simulation.stepping_in import AROUND, CALM, step_in
+from warehouse_env.simulation.stepping_in import AROUND, CALM, LONGER
 
 DECISION = 0.2  # [s]
 
 
 def said(world: World, after: float) -> bool:
     """Have right of way step in `after` so many seconds of standing; whether anybody is settled then."""
-    sim = world.simulator
-    sim._params["right_of_way_after"] = after
-    return bool(step_in(world.robots, sim._commands[0], sim._params[0]))
+    world.simulator._params["right_of_way_after"] = after
+    return world.step_in()
 
 
 def three(beside: float) -> World:
@@ -27,14 +27,49 @@ def three(beside: float) -> World:
     return World((4.0, 4.0, 0.0), (4.0, 4.0 + beside, 0.0), (20.0, 20.0, math.pi))
 
 
-def test_who_has_stood_and_who_is_near_are_settled() -> None:
-    for beside, near in ((AROUND - 0.1, True), (AROUND + 0.1, False)):
-        world = three(float(beside))
-        world.robots["standing_time"] = 2.9
-        assert not said(world, 3.0)
-        world.robots["standing_time"][0] = 3.0
-        assert said(world, 3.0)
+def test_who_has_stood_for_long_and_who_is_near_are_settled() -> None:
+    for beside, after, near in ((4.9, 1.0, True), (5.1, 1.0, False), (7.9, 3.0, True), (8.1, 3.0, False)):
+        assert min(LONGER * after, AROUND) in (5.0, 8.0)  # [m]: a metre a second, 8 m at most
+        world = three(beside)
+        world.robots["standing_time"] = LONGER * after - 0.1
+        assert not said(world, after)
+        world.robots["standing_time"][0] = LONGER * after
+        assert said(world, after)
         assert (world.robots["settled"] > 0).tolist() == [True, near, False]
+
+
+def held(holders: list[int]) -> World:
+    """Five that have stood for 3 s, 5 m apart, each held by the robot named, NOBODY or one that moves among them."""
+    world = World(*((4.0, 2.0 + 5.0 * k, 0.0) for k in range(5)), grid=room(8, 28))
+    world.robots["standing_time"] = world.robots["waiting_time"] = 3.0
+    world.robots["held_by"] = holders
+    return world
+
+
+def test_a_ring_is_settled_and_a_queue_is_not() -> None:
+    for holders, expected in (
+        ([1, 0, NOBODY, NOBODY, NOBODY], [True, True, False, False, False]),  # two wait for each other
+        ([2, 0, 1, 4, 2], [True, True, True, False, False]),  # a ring of three, and two that queue for it
+        ([1, 2, 3, 4, NOBODY], [False] * 5),
+        ([4, 0, 1, 2, 3], [True] * 5),
+    ):
+        world = held(holders)
+        assert not said(world, 3.1)
+        assert said(world, 3.0) == any(expected)
+        assert (world.robots["settled"] > 0).tolist() == expected, holders
+
+
+def test_who_moves_breaks_the_ring() -> None:
+    world = held([1, 2, 0, NOBODY, NOBODY])
+    world.robots["waiting_time"][1] = world.robots["standing_time"][1] = 0.0
+    assert not said(world, 3.0)
+
+
+def test_two_nose_to_nose_are_a_ring_though_nobody_holds_them() -> None:
+    world = World((8.0, 10.0, 0.0), (9.6, 10.0, math.pi), (20.0, 20.0, 0.0))
+    world.robots["standing_time"] = world.robots["waiting_time"] = 3.0
+    assert said(world, 3.0)
+    assert (world.robots["settled"] > 0).tolist() == [True, True, False]
 
 
 def test_all_are_settled_at_once_without_a_time_to_wait_for() -> None:
@@ -45,7 +80,7 @@ def test_all_are_settled_at_once_without_a_time_to_wait_for() -> None:
 
 def test_it_lasts_until_it_has_been_calm_for_a_while() -> None:
     world = three(2.0)
-    world.robots["standing_time"][0] = 3.0
+    world.robots["standing_time"][0] = LONGER * 3.0
     said(world, 3.0)
     world.robots["standing_time"] = 0.0
     decisions = 0

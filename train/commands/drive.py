@@ -21,7 +21,8 @@ class Drive(Checked):
     right_of_way: bool | None = None
     """Decide who goes first, and let who is in the way make room (as the policy needs it if left out)."""
     right_of_way_after: float | None = None
-    """Let right of way step in only where a robot has stood for so long [s], 0: always (as the policy needs it)."""
+    """Let right of way step in only around robots that have waited in a ring for so long [s], or have stood for five
+    times as long, 0: always (as the policy needs it)."""
     reroute: bool | None = None
     """Plan routes anew around robots that stand (as the policy needs it if left out)."""
     seed: int = HELD_OUT_SEED

@@ -18,9 +18,9 @@ def agree(  # type: ignore[no-untyped-def]
     from one decision to the next.
     """
     p = params[0]
-    order = np.empty(robots.shape[1], np.int64)
+    order, scratch = np.empty(robots.shape[1], np.int64), np.empty((2, robots.shape[1]), np.int64)
     for b in range(begin, end):
-        if not stepping_in.step_in(robots[b], commands[b], p):
+        if not stepping_in.step_in(robots[b], routes[b], commands[b], scratch, p):
             continue
         ways = meetings.scratch(paths[b])
         right_of_way.rank(robots[b], order)

@@ -6,7 +6,7 @@ line, the body along it, and what it stands off the line by, in place and headin
 Others are looked at where they are now. A chain of such robots is a queue; a cycle is a deadlock,
 since each of its robots waits for another of them (a wait-for graph, Coffman et al. 1971).
 
-Called when somebody asks (a picture, the log of jams), never by the step itself.
+Asked by pictures, the log of jams, and where right of way steps in only around such circles (stepping_in.py).
 """
 
 from __future__ import annotations
@@ -100,19 +100,26 @@ def _first_in_the_way(robots, i, route, p, near):  # type: ignore[no-untyped-def
     return NOBODY
 
 
+@part
+def waits_for(robots, i, route, p, near):  # type: ignore[no-untyped-def]
+    """Return whom robot i of ROBOT[N] waits for, or NOBODY; route float32[R, 2] is its own, near int32[N] scratch."""
+    r = robots[i]
+    if not _stands(r):
+        return NOBODY
+    if r["held_by"] != NOBODY:
+        return r["held_by"]
+    if r["yields_to"] != NOBODY:
+        return r["yields_to"]
+    return _first_in_the_way(robots, i, route, p, near)
+
+
 @kernel
 def _waits_for(robots, routes, params, out):  # type: ignore[no-untyped-def]
     """Write into out int32[B, N]; see jams_of."""
-    p = params[0]
     near = np.empty(robots.shape[1], np.int32)
     for b in range(robots.shape[0]):
         for i in range(robots.shape[1]):
-            r = robots[b, i]
-            out[b, i] = NOBODY
-            if _stands(r):
-                out[b, i] = r["held_by"] if r["held_by"] != NOBODY else r["yields_to"]
-                if out[b, i] == NOBODY:
-                    out[b, i] = _first_in_the_way(robots[b], i, routes[b, i], p, near)
+            out[b, i] = waits_for(robots[b], i, routes[b, i], params[0], near)
 
 
 @kernel
