@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from warehouse_env.render.frame import Scene
 
 _FRAMES_PER_SECOND = 10.0
+_BETWEEN = 2 / _FRAMES_PER_SECOND  # [s] from one frame to the next: twice as fast as in life
 _SIDE = 560  # [px], longest side of one of the two floors in the video
 _STANDING = 10.0  # [s] within a metre of one place after which a robot is counted as standing
 
@@ -112,7 +113,7 @@ class Demo(Checked):
 
 
 class Reel:
-    """A watcher that keeps a scene of the first world at every step from some time on, captioned with counters."""
+    """A watcher that keeps a scene of the first world at even times from one on, captioned with counters."""
 
     def __init__(self, name: str, begin: float) -> None:
         """Keep scenes from `begin` [s]; `name` stands first in the captions."""
@@ -120,10 +121,10 @@ class Reel:
         self._name, self._begin = name, begin
 
     def __call__(self, simulator: Simulator, steps: int) -> None:
-        """Keep the scene."""
+        """Keep the scene if its time has come."""
         from warehouse_env.render.frame import scene_of
 
-        if simulator.seconds(0) < self._begin:
+        if simulator.seconds(0) < self._begin + len(self.scenes) * _BETWEEN - simulator.config.time_step / 2:
             return
         metrics = simulator.episode_metrics(0)
         contacts = round(metrics["collisions_robot"] + metrics["collisions_shelf"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from train.cli import main
@@ -17,12 +18,13 @@ def test_demo_writes_rows_pictures_and_a_video(
 ) -> None:
     for package in ("matplotlib", "pygame", "imageio_ffmpeg"):
         pytest.importorskip(package)
-    captions: set[str] = set()
+    shown: dict[str, list[float]] = {}
     keep = Reel.__call__
 
     def watched(reel: Reel, simulator: Simulator, steps: int) -> None:
         keep(reel, simulator, steps)
-        captions.update(scene.text.split()[0] for scene in reel.scenes)
+        if reel.scenes:
+            shown[reel.scenes[-1].text.split()[0]] = [scene.time for scene in reel.scenes]
 
     monkeypatch.setattr(Reel, "__call__", watched)
     options = "--policy follow ppo --layout open --robots 2 --episodes 1 --planner astar"
@@ -37,4 +39,6 @@ def test_demo_writes_rows_pictures_and_a_video(
     }  # fmt: skip
     assert len(read_rows(tmp_path / "rows.jsonl")) == 2
     assert (tmp_path / "video.mp4").read_bytes()[4:8] == b"ftyp"
-    assert captions == {"follow", "ppo"}  # side by side: two policies, not one twice
+    assert list(shown) == ["follow", "ppo"]  # side by side: two policies, not one twice
+    assert shown["follow"] == pytest.approx(shown["ppo"])  # in step, though one decides twice as often
+    assert np.diff(shown["ppo"]) == pytest.approx(0.2)
