@@ -49,10 +49,10 @@ def aisles(grid: GridMap, cell: Cell) -> list[Candidate]:
     racks = shelves(grid.occupied)
     found = []
     for step in _STEPS:
-        face = _next_shelf(grid, racks, cell, step)
+        aside = (step[1], step[0])
+        face = _nearest_face(grid, racks, cell, step, aside)
         if face is None:
             continue
-        aside = (step[1], step[0])
         through = _run(racks, face, step)
         across = [*_run(racks, face, aside), *_run(racks, face, (-aside[0], -aside[1]))]
         if _is_free(grid, (through[-1][0] + step[0], through[-1][1] + step[1])):
@@ -61,6 +61,16 @@ def aisles(grid: GridMap, cell: Cell) -> list[Candidate]:
         found.append(_opened(grid, across, "the aisle wider by a row of shelves"))
         found.append(_opened(grid, _line(racks, face, aside), "the aisle wider over its whole length"))
     return [one for one in found if one.changed.sum() <= MOST_CELLS]
+
+
+def _nearest_face(grid: GridMap, racks: NDArray[np.bool_], cell: Cell, step: Cell, aside: Cell) -> Cell | None:
+    """Return the first cell of a rack that way from a cell or, as on a crossing, from the nearest beside it."""
+    for offset in sorted(range(-REACH, REACH + 1), key=abs):
+        start = (cell[0] + offset * aside[0], cell[1] + offset * aside[1])
+        face = _next_shelf(grid, racks, start, step) if _is_free(grid, start) else None
+        if face is not None:
+            return face
+    return None
 
 
 def _next_shelf(grid: GridMap, racks: NDArray[np.bool_], cell: Cell, step: Cell) -> Cell | None:

@@ -129,6 +129,13 @@ def test_aisles_open_gaps_faces_and_whole_lines() -> None:
         assert one.grid.endpoints == RACKS.endpoints
 
 
+def test_on_a_crossing_the_racks_beside_it_can_be_opened() -> None:
+    hall = floor_of(".......", ".##.##.", ".......", ".##.##.", ".......")
+    found = {tuple(map(tuple, np.argwhere(one.changed).tolist())) for one in aisles(hall, (2, 3))}
+    assert ((1, 1), (1, 2), (1, 4), (1, 5)) in found  # a line west-east through the racks north of it
+    assert ((1, 2), (3, 2)) in found  # one north-south through those west of it
+
+
 def test_walls_stay() -> None:
     walled = floor_of("########", "#......#", "#.####.#", "#......#", "########")
     opened = np.any([one.changed for one in aisles(walled, (1, 3))], axis=0)
