@@ -151,7 +151,7 @@ class EnvConfig(Checked):
     protective_field: bool = False  # robots brake, whatever they are told, where they could not stop clear of others
     field_margin: float = 0.02  # [m] that the field keeps between robots
     right_of_way: bool = False  # who goes first is settled early, and who is in the way makes room
-    right_of_way_after: float = 0.0  # [s] of waiting in a ring from which it steps in, near it only; 0: always
+    right_of_way_after: float = 0.0  # [s] of standing, now in a ring, from which it steps in near it; 0: always
     message_loss: float = 0.0  # share of env steps in which nobody hears of a robot (simulation/messages.py)
     reroute: bool = False  # route robots anew around others that stand, and against the stream of all others
     reroute_spec: RerouteSpec = field(default_factory=RerouteSpec)  # when, and at what prices

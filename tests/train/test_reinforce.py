@@ -228,7 +228,7 @@ def test_the_policy_asks_for_right_of_way_that_its_training_goes_without(config:
     directory = reinforce.train(config)
     driven = policy_config(directory, EnvConfig())
     assert (driven.protective_field, driven.right_of_way, driven.right_of_way_after) == (True, True, 6.0)
-    words = "driven with right of way around robots that have waited for each other in a ring for 6 s"
+    words = "driven with right of way around robots that wait for each other in a ring and have stood for 6 s"
     assert words in (directory / "CARD.md").read_text()
     plain = reinforce.train(replace(config, name="plain", right_of_way_after=None))
     assert not policy_config(plain, EnvConfig()).right_of_way

@@ -21,7 +21,7 @@ class Drive(Checked):
     right_of_way: bool | None = None
     """Decide who goes first, and let who is in the way make room (as the policy needs it if left out)."""
     right_of_way_after: float | None = None
-    """Let right of way step in only around robots that have waited in a ring for so long [s], or have stood for five
+    """Let right of way step in only around robots that have stood for so long [s] and wait in a ring, or for five
     times as long, 0: always (as the policy needs it)."""
     reroute: bool | None = None
     """Plan routes anew around robots that stand (as the policy needs it if left out)."""

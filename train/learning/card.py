@@ -54,7 +54,8 @@ def _under(record: PolicyRecord) -> str:
     field = "under the protective field" if record.env.protective_field else "without a protective field"
     trained = field + (" and with live routes" if record.env.reroute else "")
     after = record.env.right_of_way_after
-    where = f"around robots that have waited for each other in a ring for {after:g} s" if after else "everywhere"
+    ring = f"around robots that wait for each other in a ring and have stood for {after:g} s"
+    where = ring if after else "everywhere"
     return f"{trained}; driven with right of way {where}" if record.env.right_of_way else trained
 
 

@@ -91,8 +91,8 @@ class TrainingConfig(Checked):
     reroute: bool = False
     """Route robots anew around those that stand while they train."""
     right_of_way_after: float | None = None
-    """Have the policy driven with right of way that steps in around robots that have waited in a ring for so long [s],
-    or have stood for five times as long, 0: everywhere; None: without. The training goes without it in any case: that
+    """Have the policy driven with right of way that steps in around robots that have stood for so long [s] and wait
+    in a ring, or for five times as long, 0: everywhere; None: without. The training goes without it in any case: that
     is quicker, and what is learned could not be told apart."""
     cruise_bias: float = 1.5
     """Without predictions: how strongly the untrained policy prefers to cruise on its route (logits)."""

@@ -102,7 +102,7 @@ def _first_in_the_way(robots, i, route, p, near):  # type: ignore[no-untyped-def
 
 @part
 def waits_for(robots, i, route, p, near):  # type: ignore[no-untyped-def]
-    """Return whom robot i of ROBOT[N] waits for, or NOBODY; route float32[R, 2] is its own, near int32[N] scratch."""
+    """Return whom robot i of ROBOT[N] waits for, or NOBODY; route float32[R, 2] is its own, near int[N] scratch."""
     r = robots[i]
     if not _stands(r):
         return NOBODY

@@ -24,7 +24,7 @@ AISLES = (1, 2)  # [cells] of the MovingAI warehouses
 DRAWN = range(301, 321)  # seeds of `aisles`: nothing was trained or chosen on these floors
 ROBOTS = (16, 32, 64, 128)
 EPISODES = 4  # a floor; one on each that is drawn
-ALONE = 2  # episodes of a single robot for each of these
+ALONE = 25  # episodes of a single robot for each of these: the shares of all others rest on it
 SECONDS = 600.0
 SEED = 13_000_000  # of the first episode, beside --seed: no training and no choice has used seeds from here on
 

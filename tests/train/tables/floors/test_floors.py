@@ -73,6 +73,7 @@ def test_the_whole_study_small(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(command, "SECONDS", 8.0)
+    monkeypatch.setattr(command, "ALONE", 3)
     asked = [
         "tables", "--floors", "--maps", "open", "aisles:seed=3", "--policy", "follow", "--robots", "2", "--runs", "2",
         "--out", str(tmp_path), "--processes", "1",
@@ -80,7 +81,7 @@ def test_the_whole_study_small(
     assert main(asked) == 0
     assert main(asked) == 0  # plays nothing again
     rows = read_rows(tmp_path / "floors" / "rows.jsonl")
-    assert len(rows) == 2 * 2 + 2 * 2 + 2 + 2
+    assert len(rows) == (3 + 2) * 2 + (3 + 2)  # alone, and driven by both, on the one floor twice as often
     assert "drawn at random" in (tmp_path / "floors" / "README.md").read_text()
     assert main([*asked, "--maps", "aisle:seed=3"]) != 0
     assert "aisles" in capsys.readouterr().err
