@@ -50,7 +50,7 @@ def aisles(grid: GridMap, cell: Cell) -> list[Candidate]:
     found = []
     for step in _STEPS:
         aside = (step[1], step[0])
-        face = _nearest_face(grid, racks, cell, step, aside)
+        face = _nearest_face(grid, racks, cell, step)
         if face is None:
             continue
         through = _run(racks, face, step)
@@ -63,13 +63,21 @@ def aisles(grid: GridMap, cell: Cell) -> list[Candidate]:
     return [one for one in found if one.changed.sum() <= MOST_CELLS]
 
 
-def _nearest_face(grid: GridMap, racks: NDArray[np.bool_], cell: Cell, step: Cell, aside: Cell) -> Cell | None:
-    """Return the first cell of a rack that way from a cell or, as on a crossing, from the nearest beside it."""
-    for offset in sorted(range(-REACH, REACH + 1), key=abs):
-        start = (cell[0] + offset * aside[0], cell[1] + offset * aside[1])
-        face = _next_shelf(grid, racks, start, step) if _is_free(grid, start) else None
-        if face is not None:
-            return face
+def _nearest_face(grid: GridMap, racks: NDArray[np.bool_], cell: Cell, step: Cell) -> Cell | None:
+    """Return the first cell of a rack that way from a cell or, as on a crossing, from the nearest one beside it.
+
+    Beside it is what can be reached sideways over free cells, so that a rack behind another is none of its faces.
+    """
+    sides = {(step[1], step[0]), (-step[1], -step[0])}
+    for distance in range(REACH + 1):
+        for aside in sorted(sides):
+            start = (cell[0] + distance * aside[0], cell[1] + distance * aside[1])
+            if not _is_free(grid, start):
+                sides.remove(aside)
+                continue
+            face = _next_shelf(grid, racks, start, step)
+            if face is not None:
+                return face
     return None
 
 

@@ -136,6 +136,12 @@ def test_on_a_crossing_the_racks_beside_it_can_be_opened() -> None:
     assert ((1, 2), (3, 2)) in found  # one north-south through those west of it
 
 
+def test_a_rack_behind_another_is_not_beside_it() -> None:
+    hall = floor_of("......", "..##..", "......", ".#..#.", ".#..#.", "......")
+    opened = np.any([one.changed for one in aisles(hall, (4, 0))], axis=0)
+    assert np.argwhere(opened).tolist() == [[3, 1], [4, 1], [4, 4]]  # and nothing of the rack north of the next aisle
+
+
 def test_walls_stay() -> None:
     walled = floor_of("########", "#......#", "#.####.#", "#......#", "########")
     opened = np.any([one.changed for one in aisles(walled, (1, 3))], axis=0)
