@@ -152,6 +152,7 @@ class EnvConfig(Checked):
     field_margin: float = 0.02  # [m] that the field keeps between robots
     right_of_way: bool = False  # who goes first is settled early, and who is in the way makes room
     right_of_way_after: float = 0.0  # [s] of standing, now in a ring, from which it steps in near it; 0: always
+    people: int = 0  # on foot, among the robots (simulation/people.py)
     message_loss: float = 0.0  # share of env steps in which nobody hears of a robot (simulation/messages.py)
     reroute: bool = False  # route robots anew around others that stand, and against the stream of all others
     reroute_spec: RerouteSpec = field(default_factory=RerouteSpec)  # when, and at what prices
@@ -173,6 +174,7 @@ class EnvConfig(Checked):
         self._require(follows, "right_of_way", "False with raw actions, which follow no route")
         self._between(0.0, _MOST, "right_of_way_after")
         self._between(0.0, 10.0, "field_margin")
+        self._between(0, 1000, "people")
         self._between(0.0, 1.0, "message_loss")
         for name in ("speed_levels", "lateral_offsets"):
             self._between(-_MOST, _MOST, name)

@@ -21,7 +21,7 @@ from warehouse_env import EnvConfig, GridMap, MetricsCallback, aec_env, parallel
 Info = dict[str, Any]
 
 MODES: dict[str, dict[str, Any]] = {
-    "lifelong": {"max_steps": 150},
+    "lifelong": {"max_steps": 150, "people": 20},
     "one_shot": {"tasks": "one_shot", "max_steps": 400},
     "until_collision": {"terminate_on_collision": True, "layout": "narrow", "num_agents": 8, "max_steps": 120},
 }
@@ -95,7 +95,8 @@ def test_the_metrics_are_the_sums_of_the_infos(mode: EnvConfig) -> None:
     seen: dict[str, float] = {}
     for infos in zoo(mode, 2).values():
         metrics = infos[-1]["episode_metrics"]
-        for name in ("distance_m", "goals", "collisions_robot", "collisions_shelf", "near_misses"):
+        totals = ("distance_m", "goals", "collisions_robot", "collisions_shelf", "collisions_person", "near_misses")
+        for name in totals:
             assert metrics[name] == pytest.approx(sum(info[name] for info in infos), rel=1e-6)
             seen[name] = seen.get(name, 0.0) + metrics[name]
         assert metrics["seconds"] == pytest.approx(0.1 * len(infos))
@@ -112,6 +113,7 @@ def test_the_metrics_are_the_sums_of_the_infos(mode: EnvConfig) -> None:
     assert seen["distance_m"] > 0
     assert seen["goals"] > 0 or mode.terminate_on_collision
     assert seen["collisions_robot"] + seen["collisions_shelf"] > 0 or not mode.terminate_on_collision
+    assert (seen["collisions_person"] > 0) == (mode.people > 0)
 
 
 def test_arrivals_stand_in_the_rows_of_their_robots(tiny: EnvConfig) -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.render.colours import CONTACT, DEADLOCK, WAITING, name_colours, robot_colour
+from warehouse_env.render.colours import CONTACT, DEADLOCK, ORANGE, WAITING, name_colours, robot_colour
 from warehouse_env.render.floor import floor_image, scale_for
 from warehouse_env.render.frame import CAPTION_HEIGHT, Scene, draw, route_ahead, scene_of
 from warehouse_env.render.sprites import paint_robot
@@ -120,6 +120,21 @@ def test_waiting_robots_have_a_rim_and_an_arrow(make_scene: Callable[..., Scene]
         rows = slice(int(5.6 * SCALE), int(6.4 * SCALE))
         assert (frame[rows, between] != free[rows, between]).any(axis=(0, 2)).all()
     assert np.array_equal(waiting[:, int(8.6 * SCALE) :], free[:, int(8.6 * SCALE) :])
+
+
+def test_people_wear_a_vest_across_their_way(make_scene: Callable[..., Scene]) -> None:
+    scene = without_goals(make_scene((8.0, 4.0, 0.0)))
+    for heading in (0.0, math.pi / 2):
+        frame = draw(scene._replace(people=np.array([[4.0, 4.0, heading]], dtype=np.float32)), SCALE)
+        mask = changed(frame, scene)
+        east, north = math.cos(heading + math.pi / 2), math.sin(heading + math.pi / 2)
+        for side in (-0.18, 0.18):
+            assert np.abs(at(frame, 4.0 + side * east, 4.0 + side * north).astype(int) - ORANGE).max() < 40
+        assert at(frame, 4.0, 4.0).min() > 240  # the helmet
+        rows, columns = np.nonzero(mask[:, : 6 * SCALE])
+        across, along = np.ptp(columns), np.ptp(rows)
+        assert sorted((across, along)) == pytest.approx([0.38 * SCALE, 0.5 * SCALE], abs=2.5)
+        assert (across > along) == (heading > 1)
 
 
 def test_parked_robot_is_grey_and_has_no_goal(make_scene: Callable[..., Scene]) -> None:

@@ -58,6 +58,10 @@ def test_a_replay_has_what_the_simulator_had() -> None:
         np.testing.assert_array_equal(replay.waits_for[k], simulator.jams().waits_for[1])
         np.testing.assert_array_equal(flag(replay, "touching")[k], simulator.events.touching[1] > 0)
         np.testing.assert_array_equal(flag(replay, "hit_robot")[k], simulator.events.hit_robot[1] > 0)
+        np.testing.assert_array_equal(flag(replay, "hit_person")[k], simulator.events.hit_person[1] > 0)
+        persons = simulator.people.persons[1]
+        np.testing.assert_array_equal(replay.people[k, :, :2], np.stack([persons["x"], persons["y"]], axis=-1))
+        np.testing.assert_allclose(np.cos(replay.people[k, :, 2]), persons["cos"], atol=1e-6)
         assert replay.liked is not None
         np.testing.assert_allclose(replay.liked[k], shares(simulator.observation)[1], atol=1e-6)
         for i, goal in enumerate(simulator.state.goal[1].tolist()):
@@ -67,7 +71,8 @@ def test_a_replay_has_what_the_simulator_had() -> None:
             np.testing.assert_array_equal(route[-1], simulator.routes[1, i, simulator.state.route_points[1, i] - 1])
     metrics = simulator.episode_metrics(1)
     assert metrics["collisions_robot"] > 0
-    collisions = metrics["collisions_robot"] + metrics["collisions_shelf"]
+    assert metrics["collisions_person"] > 0
+    collisions = metrics["collisions_robot"] + metrics["collisions_shelf"] + metrics["collisions_person"]
     assert replay.totals[-1].tolist() == [metrics["goals"], collisions, metrics["near_misses"]]
 
 

@@ -13,7 +13,7 @@ from tests.render.browser import Opener, needs_chromium, until
 from tests.render.episodes import CONFIG, driven
 from tests.render.test_replay import shares
 from warehouse_env.errors import ConfigError
-from warehouse_env.render.replay import Replay, replay_of
+from warehouse_env.render.replay import FLAGS, Replay, replay_of
 from warehouse_env.render.replay_page import _PAGE, _SCRIPTS, write_replay_page
 
 
@@ -44,9 +44,10 @@ def shown(page: Any, panel: int = 0) -> np.ndarray:
 
 
 def assert_at(page: Any, replay: Replay, frame: int, panel: int = 0) -> None:
-    apart = shown(page, panel) - replay.pose[frame]
-    apart[:, 2] = (apart[:, 2] + np.pi) % (2 * np.pi) - np.pi
-    assert np.abs(apart).max() < 0.0012
+    walking = np.array([(o["x"], o["y"], o["heading"]) for o in page.evaluate(f"replay.people({panel})")])
+    for apart in (shown(page, panel) - replay.pose[frame], walking - replay.people[frame]):
+        apart[:, 2] = (apart[:, 2] + np.pi) % (2 * np.pi) - np.pi
+        assert np.abs(apart).max() < 0.0012
 
 
 def test_every_script_is_in_the_page() -> None:
@@ -163,7 +164,10 @@ def test_the_keyboard_works(one: Path, open_page: Opener) -> None:
 def test_events_are_those_of_the_arrays(one: Path, replay: Replay, open_page: Opener) -> None:
     page = open_page(one)
     events = page.evaluate("replay.events()")
-    hits = (replay.flags >> 5 & 1).any(axis=1) | (replay.flags >> 6 & 1).any(axis=1)
+    hits = np.any(
+        [replay.flags >> FLAGS.index(f"hit_{what}") & 1 for what in ("robot", "shelf", "person")], axis=(0, 2)
+    )
+    assert {"a person"} <= {event.get("what") for event in events}
     found = {event["frame"] for event in events if event["kind"] == "collision"}
     assert found == set(np.flatnonzero(hits).tolist())
     page.keyboard.press("]")

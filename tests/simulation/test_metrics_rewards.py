@@ -72,6 +72,7 @@ def test_a_robots_row_by_hand() -> None:
         distance=[500.0, 31.0],
         hits_robot=[2, 0],
         hits_shelf=[1, 0],
+        hits_person=[4, 0],
         near_misses=[3, 0],
         goals=[10, 0],
         planned=[400.0, 0.0],
@@ -88,6 +89,7 @@ def test_a_robots_row_by_hand() -> None:
     first, second = robot_rows(robots, np.array([600.0, 300.0]), config)
     assert first == {
         "seconds": 600.0, "distance_m": 500.0, "collisions_robot": 2.0, "collisions_shelf": 1.0, "near_misses": 3.0,
+        "collisions_person": 4.0,
         "min_clearance_m": 0.0, "goals": 10.0, "goals_per_robot_hour": 60.0, "success_rate": 1.0,
         "path_length_m": 48.0, "path_length_ratio": 1.2, "stuck": 0.0, "waiting_share": 0.25,
         "late_goals_per_robot_hour": 72.0, "longest_standing_s": 12.5, "reroutes": 2.0,
@@ -109,7 +111,8 @@ def test_late_goals_are_those_after_the_middle() -> None:
 
 
 def test_the_rows_of_the_robots_add_up_to_the_worlds() -> None:
-    simulator = Simulator(EnvConfig(num_agents=8, planner="astar", max_steps=10**6), grid=room(8, 8))
+    config = EnvConfig(num_agents=8, people=2, planner="astar", max_steps=10**6)
+    simulator = Simulator(config, grid=room(10, 10))
     simulator.reset(seed=2)
     rng = np.random.default_rng(0)
     for _ in range(600):
@@ -119,9 +122,10 @@ def test_the_rows_of_the_robots_add_up_to_the_worlds() -> None:
     total = {name: sum(row[name] for row in rows) for name in rows[0]}
     assert set(rows[0]) - {"distance_m"} <= set(world)
     assert total["distance_m"] / 1000 == pytest.approx(world["robot_km"])
-    for name, share in (("collisions_robot", 2), ("near_misses", 2), ("collisions_shelf", 1), ("goals", 1)):
+    shares = {"collisions_robot": 2, "near_misses": 2, "collisions_shelf": 1, "collisions_person": 1, "goals": 1}
+    for name, share in shares.items():
         assert total[name] == share * world[name]
-    assert min(total["collisions_robot"], total["near_misses"], total["goals"]) > 0
+    assert min(total["collisions_robot"], total["near_misses"], total["goals"], total["collisions_person"]) > 0
     for name in ("success_rate", "stuck", "waiting_share", "goals_per_robot_hour"):
         assert total[name] / 8 == pytest.approx(world[name])
     assert world["waiting_share"] > 0

@@ -25,6 +25,8 @@ class Drive(Checked):
     times as long, 0: always (as the policy needs it)."""
     reroute: bool | None = None
     """Plan routes anew around robots that stand (as the policy needs it if left out)."""
+    people: int | None = None
+    """People who walk among the robots; none if left out."""
     seed: int = HELD_OUT_SEED
     """The first seed, the next ones count on; no training uses seeds from the default on."""
 
@@ -33,7 +35,7 @@ class Drive(Checked):
 
         ConfigError where right of way is to step in, and is not to be there.
         """
-        options = ("protective_field", "right_of_way", "right_of_way_after", "reroute")
+        options = ("protective_field", "right_of_way", "right_of_way_after", "reroute", "people")
         given = {name: getattr(self, name) for name in options}
         if self.right_of_way_after is not None:
             if self.right_of_way is False:

@@ -1,8 +1,8 @@
-"""What is unlike the undisturbed world: other bodies, worse sensors, late and lost messages, a robot that breaks down.
+"""What is unlike the undisturbed world: other bodies, worse sensors, lost messages, a robot that breaks down, people.
 
-Bodies, speeds and lost messages are fields of EnvConfig. Lidar and delay spoil the observation that the policy sees,
-and nothing else: the path follower, the field and the right of way know a robot's own state exactly and at once. A new
-disturbance is a line in DISTURBANCES, and every table has its row.
+Bodies, speeds, lost messages and people are fields of EnvConfig. Lidar and delay spoil the observation that the policy
+sees, and nothing else: the path follower, the field and the right of way know a robot's own state exactly and at once.
+A new disturbance is a line in DISTURBANCES, and every table has its row.
 """
 
 from __future__ import annotations
@@ -77,6 +77,8 @@ DISTURBANCES: dict[str, Disturbance] = {
     "message_loss": Disturbance("messages lost, 10%", {"message_loss": 0.1}),
     "much_message_loss": Disturbance("messages lost, 50%", {"message_loss": 0.5}),
     "breakdown": Disturbance("one broken down", breakdown=60.0),
+    "people": Disturbance("4 people walk", {"people": 4}),
+    "many_people": Disturbance("12 people walk", {"people": 12}),
 }
 
 

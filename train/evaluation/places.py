@@ -54,10 +54,11 @@ class Places:
 
     def _note_contacts(self, simulator: Simulator) -> None:
         events = simulator.events
-        hit = {"shelf": events.hit_shelf > 0, "robot": events.hit_robot > 0}
-        for world in np.flatnonzero((hit["shelf"] | hit["robot"]).any(axis=1)).tolist():
+        hit = {"shelf": events.hit_shelf > 0, "person": events.hit_person > 0, "robot": events.hit_robot > 0}
+        for world in np.flatnonzero(np.any(list(hit.values()), axis=(0, 2))).tolist():
             centre = centres(simulator.state.pose[world], simulator.config)
-            found = {"shelf": centre[hit["shelf"][world]], "robot": pair_centres(centre[hit["robot"][world]])}
+            found = {kind: centre[of[world]] for kind, of in hit.items()}
+            found["robot"] = pair_centres(found["robot"])
             self._contacts[world] += [(*xy, kind) for kind, places in found.items() for xy in places.tolist()]
 
     def rows(self) -> list[Row]:

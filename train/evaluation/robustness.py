@@ -16,7 +16,7 @@ JAMMED = 60.0  # [s] that the longest standing is longer than undisturbed, from 
 _FLOOR = ("layout", "robots")
 _HEADER = (
     "disturbance", "policy", "goals/robot-h", "of undisturbed %", "worst floor %", "robot contacts/km",
-    "shelf contacts/km", "longest standing s", "verdict",
+    "shelf contacts/km", "with people/km", "longest standing s", "verdict",
 )  # fmt: skip
 NOTE = (
     "Goals: mean of the floors' and robot counts' means [95% interval by Student's t over episodes within them]; worst "
@@ -27,7 +27,8 @@ NOTE = (
     "Lidar and delay spoil what the policy sees, nothing else: the path follower, the field and right of way know each "
     "robot's own state exactly, and greedy looks at nothing. A robot whose message is lost is seen by lidar alone, and "
     "what it commits to or is granted the others learn a step later. The one that breaks down, after 60 s in an aisle, "
-    "still counts among the robots, and nobody takes over its goal or avoids goals that it stands on."
+    "still counts among the robots, and nobody takes over its goal or avoids goals that it stands on. People are seen "
+    "by lidar alone, and known to the field, which lets a robot drive only where it stands before anybody can be there."
 )
 
 
@@ -39,12 +40,13 @@ class Measured:
     by_floor: dict[tuple[object, ...], float]  # the same, by layout and robots
     robot_contacts: float  # per km
     shelf_contacts: float
+    person_contacts: float
     standing: float  # [s], the longest of any robot, mean over episodes
 
     @property
     def contacts(self) -> float:
-        """Contacts per kilometre, with robots and shelves."""
-        return self.robot_contacts + self.shelf_contacts
+        """Contacts per kilometre, with robots, shelves and people."""
+        return self.robot_contacts + self.shelf_contacts + self.person_contacts
 
     def share_of(self, usual: Measured) -> float:
         """Return the goals as a share of those of `usual`; NaN where that has none."""
@@ -65,6 +67,7 @@ def measure(rows: Sequence[Row]) -> Measured:
         {floor: mean_interval(goals).mean for floor, goals in floors.items()},
         _ratio(sum(row["collisions_robot"] for row in rows), km),
         _ratio(sum(row["collisions_shelf"] for row in rows), km),
+        _ratio(sum(row.get("collisions_person", 0.0) for row in rows), km),
         mean_interval(row["longest_standing_s"] for row in rows).mean,
     )
 
@@ -86,7 +89,8 @@ def robust_table(rows: Sequence[Row]) -> Table:
     for (name, policy), group in grouped(rows, ("disturbance", "policy")).items():
         found, base = measure(group), usual[str(policy)]
         share, (layout, robots) = found.worst_floor(base)
-        contacts = number(found.robot_contacts, 2), number(found.shelf_contacts, 2), number(found.standing, 2)
+        each = found.robot_contacts, found.shelf_contacts, found.person_contacts, found.standing
+        contacts = tuple(number(figure, 2) for figure in each)
         worst = f"{number(100 * share, 2)} ({short[str(layout)]}, {robots})"
         compared = number(100 * found.share_of(base), 2), worst
         known = name != UNDISTURBED

@@ -242,7 +242,8 @@ class Trace:
         self._poses.append(pose)
         if steps:
             centre = centres(pose, simulator.config)
-            self._contacts += [centre[events.hit_shelf[0] > 0], pair_centres(centre[events.hit_robot[0] > 0])]
+            self._contacts += [centre[(events.hit_shelf[0] > 0) | (events.hit_person[0] > 0)]]
+            self._contacts += [pair_centres(centre[events.hit_robot[0] > 0])]
 
     @property
     def poses(self) -> NDArray[np.float32]:

@@ -49,7 +49,7 @@ def _badness(row: Row) -> tuple[float, float, float]:
 
 
 def _why(row: Row) -> str:
-    hits = round(row["collisions_robot"] + row["collisions_shelf"])
+    hits = round(row["collisions_robot"] + row["collisions_shelf"] + row.get("collisions_person", 0))
     stuck = round(row["stuck"] * row["robots"])
     parts = [
         f"{hits or 'no'} collision{'s' * (hits != 1)}",

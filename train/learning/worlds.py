@@ -134,6 +134,7 @@ class Tally:
             counts.steps += events.arrived.size
             counts.goals += int(events.arrived.sum())
             counts.collisions += float(events.hit_robot.sum()) / 2 + float(events.hit_shelf.sum())
+            counts.collisions += float(events.hit_person.sum())
             counts.metres += float(events.driven.sum(dtype=np.float64))
             counts.reward += float(simulator.reward.sum())
             counts.driven += sum(arrival.driven for arrival in simulator.arrivals)

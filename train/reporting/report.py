@@ -128,13 +128,14 @@ def _field(name: str) -> Callable[[Row], float | None]:
 
 
 def _per_km(name: str) -> Callable[[Row], float | None]:
-    return lambda row: row[name] / row["robot_km"] if row.get("robot_km") else None
+    return lambda row: row[name] / row["robot_km"] if row.get("robot_km") and name in row else None
 
 
 MEASURES = (
     Measure("collisions_per_km", "collisions/km", _field("collisions_per_km")),
     Measure("robot_collisions_per_km", "robot-robot/km", _per_km("collisions_robot"), shown=False),
     Measure("shelf_collisions_per_km", "of it shelves", _per_km("collisions_shelf")),
+    Measure("person_collisions_per_km", "with people/km", _per_km("collisions_person"), shown=False),
     Measure("near_misses_per_km", "near misses/km", _per_km("near_misses"), shown=False),
     Measure("goals_per_robot_hour", "goals/robot-h", _field("goals_per_robot_hour")),
     Measure("late_goals_per_robot_hour", "late", _field("late_goals_per_robot_hour")),

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 EPISODE_METRICS = "episode_metrics"  # the key under which a robot's last info holds its row of metrics
 # what is read of a robot's record at every step, in the record's order
-_FIELDS = ("driven", "gap", "arrived", "hit_robot", "hit_shelf", "near_miss")
+_FIELDS = ("driven", "gap", "arrived", "hit_robot", "hit_shelf", "near_miss", "hit_person")
 
 
 class RobotInfos:
@@ -35,9 +35,9 @@ class RobotInfos:
         """Return one fresh dict per robot, of plain Python numbers about the last step.
 
         "reward_terms": the terms of REWARD_TERMS, weighed, whose sum is the reward; "distance_m": driven, in any
-        direction; "goals": goals reached; "collisions_robot", "collisions_shelf": contact episodes that began;
-        "near_misses"; "gap" [m] to the nearest robot, as far as gaps are measured. At an arrival also
-        "path_length_m" and "planned_length_m": driven and planned for the task that it finished.
+        direction; "goals": goals reached; "collisions_robot", "collisions_shelf", "collisions_person": contact
+        episodes that began; "near_misses"; "gap" [m] to the nearest robot, as far as gaps are measured. At an arrival
+        also "path_length_m" and "planned_length_m": driven and planned for the task that it finished.
         The names are spelled out, for a dict written so takes half the time of one zipped together.
         """
         infos: list[dict[str, Any]] = [
@@ -56,11 +56,12 @@ class RobotInfos:
                 "goals": arrived,
                 "collisions_robot": hit_robot,
                 "collisions_shelf": hit_shelf,
+                "collisions_person": hit_person,
                 "near_misses": near_miss,
                 "gap": gap,
             }
             for (progress, arrival, collision, contact, proximity, time, smoothness, path_length), (
-                driven, gap, arrived, hit_robot, hit_shelf, near_miss,
+                driven, gap, arrived, hit_robot, hit_shelf, near_miss, hit_person,
             ) in zip(  # noqa: B905 - of one length, and checking it costs time
                 self._terms.iter_unpack(self._term_bytes), self._events.iter_unpack(self._event_bytes)
             )

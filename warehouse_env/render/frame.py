@@ -17,7 +17,17 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.colours import CONTACT, DEADLOCK, RGB, WAITING, mix, robot_colour
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor import FLOOR, floor_image
-from warehouse_env.render.sprites import Tile, body_centre, paint_arrow, paint_robot, plate_centre, stamp_goal
+from warehouse_env.render.replay import places
+from warehouse_env.render.sprites import (
+    Tile,
+    body_centre,
+    paint_arrow,
+    paint_person,
+    paint_robot,
+    plate_centre,
+    stamp_goal,
+)
+from warehouse_env.simulation.state import PERSON_RADIUS
 
 CAPTION_HEIGHT = 28  # [px], the strip below the floor
 _CAPTION_GROUND: RGB = (38, 44, 52)
@@ -41,6 +51,7 @@ class Scene(NamedTuple):
     steer: NDArray[np.float32] | None = None  # [N], angle of the rear wheels [rad]
     waits_for: NDArray[np.int32] | None = None  # [N], the robot that a waiting one waits for, else -1
     deadlocked: NDArray[np.bool_] | None = None  # [N], those that wait for each other in a circle
+    people: NDArray[np.float32] | None = None  # [M, 3], x [m], y [m], the way that they walk [rad]
 
 
 def scene_of(simulator: Any, world: int = 0) -> Scene:
@@ -53,7 +64,7 @@ def scene_of(simulator: Any, world: int = 0) -> Scene:
     ]
     jams = simulator.jams()
     totals = simulator.episode_metrics(world)
-    collisions = totals["collisions_robot"] + totals["collisions_shelf"]
+    collisions = totals["collisions_robot"] + totals["collisions_shelf"] + totals["collisions_person"]
     parts = [simulator.grid.name, _count(len(counts), "robot")]
     parts += [_count(round(totals["goals"]), "goal"), _count(round(collisions), "collision")]
     return Scene(
@@ -69,6 +80,7 @@ def scene_of(simulator: Any, world: int = 0) -> Scene:
         steer=np.array(state.steer[world]),
         waits_for=jams.waits_for[world],
         deadlocked=jams.cycle[world] >= 0,
+        people=places(simulator.people.persons[world]),
     )
 
 
@@ -106,6 +118,7 @@ def draw(scene: Scene, pixels_per_metre: float = 16) -> NDArray[np.uint8]:
     _draw_routes(pygame, canvas, scene, top, scale)
     _draw_goals(pygame, canvas, scene, top, scale)
     _draw_robots(pygame, canvas, scene, top, scale)
+    _draw_people(pygame, canvas, scene, top, scale)
     _draw_waiting(pygame, canvas, scene, top, scale)
     canvas.set_clip(None)
     _draw_caption(pygame, canvas, scene, rows)
@@ -166,6 +179,13 @@ def _draw_robots(pygame: Any, canvas: Any, scene: Scene, top: float, scale: floa
             x, y = plate_centre(scene.pose[i], robot)
             number = _font(pygame, round(0.24 * scale)).render(str(i), True, (20, 24, 30))
             canvas.blit(number, number.get_rect(center=(x * scale, (top - y) * scale)))
+
+
+def _draw_people(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float) -> None:
+    for x, y, heading in [] if scene.people is None else scene.people.tolist():
+        tile = Tile(pygame, (x, y), 2 * PERSON_RADIUS, top, scale)
+        paint_person(tile, (x, y), heading)
+        tile.stamp(canvas)
 
 
 def _waiting_colour(scene: Scene, robot: int) -> RGB | None:

@@ -18,7 +18,7 @@ Shares = Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]
 """How much a policy likes each action: shares in [0, 1] float[1, N, A] from observations float32[1, N, D]."""
 
 REWARD_TERMS = tuple(field.name for field in dataclasses.fields(RewardWeights))
-FLAGS = ("alive", "loaded", "touching", "deadlocked", "arrived", "hit_robot", "hit_shelf", "near_miss")
+FLAGS = ("alive", "loaded", "touching", "deadlocked", "arrived", "hit_robot", "hit_shelf", "near_miss", "hit_person")
 _STRAIGHT = 0.006  # [rad] by which a route turns at the way-points that are kept, a third of a degree
 
 
@@ -62,7 +62,7 @@ class Replay:
     speed: NDArray[np.float32]  # [F, N] [m/s]
     steer: NDArray[np.float32]  # [F, N] [rad], of the steered wheels
     goal: NDArray[np.int32]  # [F, N], row * columns + column of the cell
-    flags: NDArray[np.uint8]  # [F, N], bit k is FLAGS[k]
+    flags: NDArray[np.uint16]  # [F, N], bit k is FLAGS[k]
     waits_for: NDArray[np.int32]  # [F, N], whom a standing robot waits for, else -1
     yields_to: NDArray[np.int32]  # [F, N], whom the right of way makes it give way to, else -1
     held_by: NDArray[np.int32]  # [F, N], before whom the protective field brakes it, else -1
@@ -70,6 +70,7 @@ class Replay:
     routes: tuple[NDArray[np.float32], ...]  # each [K, 2] [m], without way-points at which it goes straight on
     route: NDArray[np.int32]  # [F, N], which of the routes it is on
     along: NDArray[np.float32]  # [F, N] [m] reached on it
+    people: NDArray[np.float32]  # [F, M, 3] x [m], y [m], the way that they walk [rad]
     totals: NDArray[np.int32]  # [F, 3], goals, collisions and near misses so far; a pair's counts once
     liked: NDArray[np.float32] | None = None  # [F, N, A] in [0, 1], how much the policy likes each action
 
@@ -128,21 +129,27 @@ def _moment(simulator: Any, world: int, stations: NDArray[np.bool_]) -> dict[str
     goal = state.goal[world, :, 0] * simulator.grid.shape[1] + state.goal[world, :, 1]
     bits = (
         state.alive[world], stations[goal], events.touching[world], jams.cycle[world] >= 0, events.arrived[world],
-        events.hit_robot[world], events.hit_shelf[world], events.near_miss[world],
+        events.hit_robot[world], events.hit_shelf[world], events.near_miss[world], events.hit_person[world],
     )  # fmt: skip
-    flags = sum((np.asarray(bit) > 0).astype(np.uint8) << k for k, bit in enumerate(bits))
+    flags = sum((np.asarray(bit) > 0).astype(np.uint16) << k for k, bit in enumerate(bits))
     return {
         "pose": state.pose[world].copy(), "speed": state.speed[world].copy(), "steer": state.steer[world].copy(),
-        "goal": goal.astype(np.int32), "flags": np.asarray(flags, dtype=np.uint8),
+        "goal": goal.astype(np.int32), "flags": np.asarray(flags, dtype=np.uint16),
         "waits_for": jams.waits_for[world], "yields_to": robots["yields_to"].copy(),
         "held_by": robots["held_by"].copy(), "rewards": simulator.reward_terms[world].copy(),
-        "along": state.route_position[world].copy(), "totals": _totals(robots),
+        "along": state.route_position[world].copy(), "people": places(simulator.people.persons[world]),
+        "totals": _totals(robots),
     }  # fmt: skip
+
+
+def places(persons: NDArray[np.void]) -> NDArray[np.float32]:
+    """Return float32[M, 3] of people PERSON[M]: x [m], y [m], the way that they walk [rad]."""
+    return np.stack([persons["x"], persons["y"], np.arctan2(persons["sin"], persons["cos"])], axis=-1)
 
 
 def _totals(robots: NDArray[Any]) -> NDArray[np.int32]:
     """Return int32[3], the goals, collisions and near misses of an episode so far, as its metrics count them."""
-    hits = int(robots["hits_robot"].sum()) // 2 + int(robots["hits_shelf"].sum())
+    hits = int(robots["hits_robot"].sum()) // 2 + int(robots["hits_shelf"].sum()) + int(robots["hits_person"].sum())
     return np.array([robots["goals"].sum(), hits, int(robots["near_misses"].sum()) // 2], dtype=np.int32)
 
 

@@ -62,7 +62,11 @@ def columns_of(replay: Replay) -> Iterator[Column]:
     yield Column("along", _steps(replay.along, unit), 1, 4, unit)
     for name in ("goal", "route", "waits_for", "yields_to", "held_by"):
         yield _names(name, getattr(replay, name).T)
-    yield Column("flags", replay.flags.T.astype(np.int64), 0, 1)
+    yield from (
+        Column(f"person_{name}", _steps(replay.people[..., k], unit), 2, 2, unit) for k, name in enumerate("xy")
+    )
+    yield Column("person_heading", _steps(replay.people[..., 2], turn) % _TURN, 2, 2, turn)
+    yield _names("flags", replay.flags.T)
     yield Column("totals", replay.totals.T.astype(np.int64), 1, 4)
     for k, term in enumerate(REWARD_TERMS):
         yield _scaled(f"reward {term}", replay.rewards[..., k], 0)

@@ -19,12 +19,13 @@ from warehouse_env.render.chart_style import hexed
 from warehouse_env.render.colours import CONTACT, WAITING, robot_colour
 from warehouse_env.render.replay import FLAGS, REWARD_TERMS, Replay
 from warehouse_env.render.replay_codec import packed
+from warehouse_env.simulation.state import PERSON_RADIUS
 
 _PAGE = Path(__file__).parent / "page"
 # in the order in which the browser reads them
 _SCRIPTS = (
-    "data", "episode", "events", "sensors", "view", "floor", "robots", "overlays", "stage", "charts", "preferences",
-    "panel", "timeline", "controls", "app", "main",
+    "data", "episode", "events", "sensors", "view", "floor", "robots", "people", "overlays", "stage", "charts",
+    "preferences", "panel", "timeline", "controls", "app", "main",
 )  # fmt: skip
 MANY = 32  # robots from which names and goals are left out at first, so that the floor is seen
 
@@ -94,6 +95,8 @@ def _about_one(replay: Replay, columns: list[dict[str, Any]]) -> dict[str, Any]:
         "body": {
             "length": body.length, "width": body.width, "wheelbase": body.wheelbase, "front": body.front_overhang,
         },
+        "people": replay.people.shape[1],
+        "personRadius": PERSON_RADIUS,
         "lidar": {"rays": config.sensor.rays, "range": config.sensor.lidar_range},
         "levels": config.speed_levels if discrete else [],
         "offsets": config.lateral_offsets if discrete else [],

@@ -11,13 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import RobotSpec
-from warehouse_env.render.colours import GREY, RGB, mix
+from warehouse_env.render.colours import GREY, ORANGE, RGB, mix
+from warehouse_env.simulation.state import PERSON_RADIUS
 
 Points = NDArray[np.float64]
 
 _OVERSAMPLE = 4
 _WHITE: RGB = (255, 255, 255)
 _WHEEL: RGB = (28, 31, 36)
+_VEST_EDGE: RGB = (43, 32, 6)
 _WHEELS_FROM = 11.0  # [px/m]
 _NOSE, _PLATE_FRONT, _PLATE_GAP = 0.32, 0.41, 0.10  # [m] behind the front: of the nose, of the plate; off the tail
 _SHADOW = (0.05, -0.06)  # [m] to the south-east
@@ -166,6 +168,17 @@ def _rotation(angle: float) -> Points:
     """Matrix that turns row vectors by `angle` [rad], counter-clockwise."""
     cos, sin = math.cos(angle), math.sin(angle)
     return np.array([[cos, sin], [-sin, cos]])
+
+
+def paint_person(tile: Tile, place: tuple[float, float], heading: float) -> None:
+    """Paint a person from above: shoulders in a vest across the way that it walks [rad], and a helmet."""
+    x, y = place
+    angles = np.linspace(0.0, 2 * np.pi, 25)[:-1]
+    for ink, along, across in ((_VEST_EDGE, 0.19, PERSON_RADIUS), (ORANGE, 0.15, PERSON_RADIUS - 0.04)):
+        outline = np.stack([along * np.cos(angles), across * np.sin(angles)], axis=1)
+        tile.polygon(outline @ _rotation(heading) + (x, y), ink)
+    tile.circle((x, y), 0.12, _VEST_EDGE)
+    tile.circle((x, y), 0.09, _WHITE)
 
 
 def stamp_goal(pygame: Any, canvas: Any, centre: tuple[float, float], colour: RGB, scale: float) -> None:

@@ -17,10 +17,11 @@ from warehouse_env.kernel import kernel, part
 from warehouse_env.simulation.footprint import body_touches_shelf
 from warehouse_env.simulation.geometry import rectangles_touch
 from warehouse_env.simulation.kinematics import approach, drive
+from warehouse_env.simulation.people import PACE, RADIUS, distance_to_body
 from warehouse_env.simulation.trigonometry import ZERO, sin_cos
 
 STEP, FIRST, SECOND = 0, 1, 2  # of a fault: physics step since the reset, robot, the other robot or SHELF
-SHELF, NONE = -1, -2
+SHELF, NONE, PERSON = -1, -2, -3
 SWITCH = (
     "WAREHOUSE_CHECK_FIELD"  # environment variable: 1 checks every Simulator with a protective field made from then
 )
@@ -37,7 +38,7 @@ def raise_fault(faults: NDArray[Any]) -> None:
         return
     world = int(faults[:, STEP].argmax())
     step, first, second = faults[world].tolist()
-    what = "a shelf" if second == SHELF else f"robot {second}"
+    what = {SHELF: "a shelf", PERSON: "a person"}.get(second, f"robot {second}")
     raise UnsafeError(
         f"world {world}, physics step {step}: robot {first} cannot stop clear of {what}; "
         "the protective field should not have let it come to this"
@@ -61,8 +62,8 @@ def _stop(r, p, stop):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def find_fault(robots, clock, p, solid, clearance, fault):  # type: ignore[no-untyped-def]
-    """Write (clock, i, j or SHELF) into `fault` int32[3] for robots whose stops touch, unless it holds one already."""
+def find_fault(robots, persons, clock, p, solid, clearance, fault):  # type: ignore[no-untyped-def]
+    """Write (clock, i, j, SHELF or PERSON) into `fault` int32[3] for robots whose stops touch, unless one is there."""
     length, width = p["half_length"], p["half_width"]
     stops = np.empty((robots.shape[0], p["stop_samples"], 4), np.float32)
     for i in range(robots.shape[0]):
@@ -73,6 +74,10 @@ def find_fault(robots, clock, p, solid, clearance, fault):  # type: ignore[no-un
             other = NONE
             if body_touches_shelf(x, y, c, s, length, width, solid, clearance, p["cell"]):
                 other = SHELF
+            for o in persons:
+                moves = robots[i]["speed"] != ZERO and (n == 0 or (stops[i, n] != stops[i, n - 1]).any())
+                if moves and distance_to_body(o["x"], o["y"], x, y, c, s, p) <= RADIUS + PACE * np.float32(n) * p["dt"]:
+                    other = PERSON
             for j in range(i):
                 to_x, to_y, to_c, to_s = stops[j, n]
                 if rectangles_touch(to_x - x, to_y - y, c, s, length, width, to_c, to_s, length, width):

@@ -131,7 +131,7 @@ def try_motion(motion, flags, lanes, p):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _put_back(motion, flags, i):  # type: ignore[no-untyped-def]
+def put_back(motion, flags, i):  # type: ignore[no-untyped-def]
     """Make the present pose the one that robot i tries, and stop it."""
     motion[TRY_X, i], motion[TRY_Y, i], motion[TRY_HEADING, i] = motion[X, i], motion[Y, i], motion[HEADING, i]
     motion[TRY_COS, i], motion[TRY_SIN, i] = motion[COS, i], motion[SIN, i]
@@ -149,7 +149,7 @@ def keep_off_shelves(robots, motion, flags, p, solid, clearance):  # type: ignor
         c, s = motion[TRY_COS, i], motion[TRY_SIN, i]
         cx, cy = motion[TRY_X, i] - p["offset"] * c, motion[TRY_Y, i] - p["offset"] * s
         if body_touches_shelf(cx, cy, c, s, p["half_length"], p["half_width"], solid, clearance, p["cell"]):
-            _put_back(motion, flags, i)
+            put_back(motion, flags, i)
             r = robots[i]
             r["touching"] = 1
             if r["shelf_contact"] == 0:
@@ -205,7 +205,7 @@ def keep_off_robots(motion, flags, pairs, count, p):  # type: ignore[no-untyped-
         if again:
             for i in range(flags.shape[1]):
                 if flags[BLOCKED, i] != 0:
-                    _put_back(motion, flags, i)
+                    put_back(motion, flags, i)
 
 
 @inline

@@ -4,7 +4,8 @@ Every robot has a committed motion at all times: at first its safe stop, full br
 depends on its pose, speed and steering alone, never on a route or a goal. In each physics step the robots commit one
 after another: a new motion, one step as commanded and then the safe stop from there, is taken if at equal times it
 keeps `field_margin` from what all others have committed, and off the shelves; else the robot brakes within what it had
-committed, which the others kept off. So by induction a safe stop for all exists after every step.
+committed, which the others kept off. So by induction a safe stop for all exists after every step. Where people walk,
+its stop must also be over before anybody could be where it ends, wherever they go (people.py).
 
 Motions are sampled at every substep, by the same arithmetic with which contact.py moves the bodies; where two have
 come nearer than the margin already (put there by a user), a motion that brings them no nearer is taken.
@@ -16,6 +17,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.observation import FIELD
+from warehouse_env.simulation import people
 from warehouse_env.simulation.buckets import bucket_at
 from warehouse_env.simulation.contact import ACCELERATION, COS, HEADING, SIN, SPEED, STEER, STEER_RATE, X, Y
 from warehouse_env.simulation.kinematics import braking, curvature
@@ -48,7 +50,7 @@ from warehouse_env.simulation.stops import (
 from warehouse_env.simulation.trigonometry import ZERO
 
 LONG_HELD = np.float32(5.0)  # [s] from which on the observation says the same
-FREE, SHELF = -2, -1  # what refuses a motion: nothing, a shelf; else the index of a robot
+PERSON, FREE, SHELF = -3, -2, -1  # what refuses a motion: somebody, nothing, a shelf; else the index of a robot
 
 
 @kernel
@@ -138,10 +140,11 @@ def _publish(i, trial, paths, outlines, marks):  # type: ignore[no-untyped-def]
 
 
 @part
-def commit(i, acceleration, steer_rate, motion, field, places, p, solid, clearance):  # type: ignore[no-untyped-def]
+def commit(i, persons, acceleration, steer_rate, motion, field, places, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Have robot i commit to a command [m/s^2], [rad/s] for this physics step and the safe stop after it, if it may.
 
-    Returns FREE where it has; else SHELF, or the index of a robot that is in the way, and what i had committed stands.
+    Returns FREE where it has; else SHELF, PERSON, or the index of a robot that is in the way, and what i had committed
+    stands.
     May be called for any robot at any time between `begin` and the motion, also again with another command.
     """
     paths, outlines, marks, _ = field
@@ -153,6 +156,12 @@ def commit(i, acceleration, steer_rate, motion, field, places, p, solid, clearan
             sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)
             if meets_shelf(trial, paths, outlines, marks, p, solid, clearance):
                 return SHELF
+        x, y, reach = outlines[MIDDLE_X, trial], outlines[MIDDLE_Y, trial], outlines[REACH, trial]
+        if people.anybody_near(persons, x, y, reach, p):
+            if marks[SAMPLES, trial] == 0:
+                sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)
+            if people.could_meet(persons, paths[trial], marks[SAMPLES, trial], p):
+                return PERSON
         refuser = _who_refuses(i, acceleration, steer_rate, motion, field, places, p)
         if refuser != FREE:
             return refuser
@@ -174,12 +183,13 @@ def hold(i, motion, field, p):  # type: ignore[no-untyped-def]
 
 
 @inline
-def guard(robots, motion, field, places, p, solid, clearance):  # type: ignore[no-untyped-def]
+def guard(robots, persons, motion, field, places, p, solid, clearance):  # type: ignore[no-untyped-def]
     """Let the robots commit, in the order of priority, to the commands that `motion` holds; who may not, brakes."""
     begin(robots, motion, field, p)
     for i in field[3]:
         r = robots[i]
-        refuser = commit(i, motion[ACCELERATION, i], motion[STEER_RATE, i], motion, field, places, p, solid, clearance)
+        acceleration, steer_rate = motion[ACCELERATION, i], motion[STEER_RATE, i]
+        refuser = commit(i, persons, acceleration, steer_rate, motion, field, places, p, solid, clearance)
         if refuser == FREE:
             r["held_time"] = ZERO
             continue

@@ -15,8 +15,9 @@ from warehouse_env.simulation.state import GAP_HORIZON
 def episode_row(robots: NDArray[Any], seconds: float, config: EnvConfig) -> dict[str, float]:
     """Return the metrics of one world.
 
-    robots: ROBOT[N]; seconds since the reset. A pair's contact counts once; `collisions_per_km` adds pairs and
-    shelf contacts. `stuck`: share of robots that for `stuck_after` seconds have not advanced 1 m on their route.
+    robots: ROBOT[N]; seconds since the reset. A pair's contact counts once; `collisions_per_km` adds pairs, and
+    contacts with shelves and people. `stuck`: share of robots that for `stuck_after` seconds have not advanced 1 m on
+    their route.
     `path_length_m`: driven per goal reached; `path_length_ratio`: driven over planned, over reached goals.
     `waiting_share`: of the robots' time until they were parked, standing; `longest_standing_s`: that any robot stayed
     within a metre of one place, rocking there or not.
@@ -27,7 +28,7 @@ def episode_row(robots: NDArray[Any], seconds: float, config: EnvConfig) -> dict
     count = len(robots)
     kilometres = float(robots["distance"].sum()) / 1000.0
     pairs = float(robots["hits_robot"].sum()) / 2.0
-    shelves = float(robots["hits_shelf"].sum())
+    shelves, people = float(robots["hits_shelf"].sum()), float(robots["hits_person"].sum())
     goals = float(robots["goals"].sum())
     planned, driven = float(robots["planned"].sum()), float(robots["driven_to_goals"].sum())
     stuck = (robots["stalled_time"] > config.stuck_after) & (robots["alive"] != 0)
@@ -42,7 +43,8 @@ def episode_row(robots: NDArray[Any], seconds: float, config: EnvConfig) -> dict
         "robot_km": kilometres,
         "collisions_robot": pairs,
         "collisions_shelf": shelves,
-        "collisions_per_km": (pairs + shelves) / kilometres if kilometres > 0 else math.nan,
+        "collisions_person": people,
+        "collisions_per_km": (pairs + shelves + people) / kilometres if kilometres > 0 else math.nan,
         "near_misses": float(robots["near_misses"].sum()) / 2.0,
         "min_clearance_m": gap if gap < GAP_HORIZON else math.nan,
         "goals": goals,
@@ -80,6 +82,7 @@ def robot_rows(robots: NDArray[Any], seconds: NDArray[np.float64], config: EnvCo
         "distance_m": robots["distance"],
         "collisions_robot": robots["hits_robot"].astype(np.float64),
         "collisions_shelf": robots["hits_shelf"].astype(np.float64),
+        "collisions_person": robots["hits_person"].astype(np.float64),
         "near_misses": robots["near_misses"].astype(np.float64),
         "min_clearance_m": np.where(gap < GAP_HORIZON, gap, math.nan),
         "goals": goals,

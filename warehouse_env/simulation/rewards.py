@@ -33,7 +33,7 @@ def write_terms(r, p, weights, terms):  # type: ignore[no-untyped-def]
     near = np.float32(3.0) * p["near_miss_gap"]
     terms[0] = weights[0] * r["progress"]
     terms[1] = weights[1] * np.float32(r["arrived"])
-    terms[2] = weights[2] * np.float32(r["hit_robot"] + r["hit_shelf"])
+    terms[2] = weights[2] * np.float32(r["hit_robot"] + r["hit_shelf"] + r["hit_person"])
     terms[3] = weights[3] * np.float32(r["touching"])
     terms[4] = weights[4] * max(ZERO, ONE - r["gap"] / near)
     terms[5] = weights[5]

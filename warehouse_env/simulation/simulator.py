@@ -17,26 +17,18 @@ from warehouse_env.observation import observation_layout
 from warehouse_env.planning.plan import Planner
 from warehouse_env.portable import Portable
 from warehouse_env.routes.book import RouteBook
-from warehouse_env.simulation import agreement, metrics, state, step
+from warehouse_env.simulation import agreement, given, metrics, state, step
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.assignment import Assignment, check_assignments
 from warehouse_env.simulation.audit import is_wanted, raise_fault
 from warehouse_env.simulation.buckets import bucket_grid
 from warehouse_env.simulation.dispatch import ROUTE_BLOCK, Dispatcher
 from warehouse_env.simulation.floor import floor_of, load_grid
-from warehouse_env.simulation.given import (
-    check_count,
-    check_memory,
-    check_pace,
-    check_parts,
-    check_stop,
-    seeds_of,
-    whole_seed,
-)
 from warehouse_env.simulation.jams import Jams, jams_of
 from warehouse_env.simulation.manoeuvre import ARCS
 from warehouse_env.simulation.messages import Messages
 from warehouse_env.simulation.path_ahead import COLUMNS, POSES
+from warehouse_env.simulation.people import People
 from warehouse_env.simulation.placement import put_all
 from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.tasks import Arrival
@@ -72,8 +64,8 @@ class Simulator(Portable):
 
         grid, planner: instead of those that the config names; routes: a RouteBook shared with other simulators.
         """
-        check_parts(config, grid, planner, routes)
-        num_worlds = check_count("num_worlds", num_worlds)
+        given.check_parts(config, grid, planner, routes)
+        num_worlds = given.check_count("num_worlds", num_worlds)
         self.config, self.num_worlds, self.num_agents = config, num_worlds, config.num_agents
         self.grid = routes.grid if routes is not None else grid if grid is not None else load_grid(config)
         if routes is None:
@@ -82,10 +74,10 @@ class Simulator(Portable):
             planner = planner if planner is not None else make_planner(config.planner)
             smooth_for = config.robot if config.smooth_routes else None
             routes = RouteBook(self.grid, planner, keep_right=config.keep_right, smooth_for=smooth_for)
-        check_pace(config, self.grid.cell_size)
-        check_stop(config, state.stop_samples(config))
+        given.check_pace(config, self.grid.cell_size)
+        given.check_stop(config, state.stop_samples(config))
         self.layout = observation_layout(config)
-        check_memory(num_worlds, config.num_agents, self.layout.size, state.ROBOT.itemsize + 8 * ROUTE_BLOCK)
+        given.check_memory(num_worlds, config.num_agents, self.layout.size, state.ROBOT.itemsize + 8 * ROUTE_BLOCK)
         self._params = state.parameters_of(config, self.grid.cell_size)
         self._make_spaces()
         self._weights = weight_vector(config.reward)
@@ -93,6 +85,7 @@ class Simulator(Portable):
         self.robots = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
         self.dispatcher = Dispatcher(config, routes, self.robots, self._params)
         self._messages = Messages(config.message_loss)
+        self.people = People(config, self.grid, num_worlds)
         self._make_arrays()
 
     def _make_spaces(self) -> None:
@@ -148,12 +141,13 @@ class Simulator(Portable):
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
         floor = (self._floor.solid, self._floor.clearance, self._metric)
+        persons = self.people.persons
         self._advance_arguments = (
-            self.arcs, self._commands, self._stamps, self.steps, self.truncated,
+            persons, self.people.ways, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
             self.terminated, self._waiting, self._faults, self._params, *floor,
         )  # fmt: skip
         self._agree_arguments = (self.arcs, self._commands, self._paths, self._params, self._choices, *floor)
-        self._observe_arguments = (self._waiting, self._params, *seen)
+        self._observe_arguments = (persons, self._waiting, self._params, *seen)
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:
         """Write observations into this array [B, N, D] from now on; the last one stays as it is, its holder's own."""
@@ -203,7 +197,7 @@ class Simulator(Portable):
         seed: an int (world b draws from SeedSequence([seed, b])), one int a world (each then equals a single world
         reset with that int), or None (each world goes on with its own generator).
         """
-        for world, entropy in enumerate(seeds_of(seed, self.num_worlds)):
+        for world, entropy in enumerate(given.seeds_of(seed, self.num_worlds)):
             self._reset_world(world, entropy)
         self._observe()
         return self.observation
@@ -213,14 +207,14 @@ class Simulator(Portable):
     ) -> NDArray[np.float32]:
         """Start all worlds anew as `reset` does, robots and first goals of each as its assignment says."""
         check_assignments(assignments, self.num_worlds, self.num_agents, self.grid)
-        for world, entropy in enumerate(seeds_of(seed, self.num_worlds)):
+        for world, entropy in enumerate(given.seeds_of(seed, self.num_worlds)):
             self._reset_world(world, entropy, assignments[world])
         self._observe()
         return self.observation
 
     def reset_world(self, world: int, seed: int | None = None) -> None:
         """Start one world anew; its row of `observation` is updated. seed None: its generator goes on."""
-        self._reset_world(world, None if seed is None else [whole_seed(seed), 0])
+        self._reset_world(world, None if seed is None else [given.whole_seed(seed), 0])
         self._observe(world)
 
     def _reset_world(self, world: int, entropy: list[int] | None, assignment: Assignment | None = None) -> None:
@@ -234,6 +228,7 @@ class Simulator(Portable):
         robots["held_by"] = robots["yields_to"] = state.NOBODY
         self.dispatcher.begin(world, entropy, assignment, self._floor)
         self._messages.begin(world, entropy)
+        self.people.begin(world, entropy, robots)
         robots["anchor_x"], robots["anchor_y"] = robots["x"], robots["y"]
 
     def put(self, pose: ArrayLike, speed: ArrayLike) -> NDArray[np.bool_]:
@@ -260,6 +255,7 @@ class Simulator(Portable):
         arrivals = sum(side_by_side(self._advance, self._parts if self._many() else [(0, self.num_worlds)]))
         if self._params["checked"][0] != 0:
             raise_fault(self._faults)
+        self.people.send_on(self.robots)
         self.arrivals = self.dispatcher.arrive(self.steps) if arrivals else []
         rerouted = self.dispatcher.reroute(self.steps)
         if arrivals or rerouted:

@@ -1,4 +1,4 @@
-"""The state of all robots: one structured array, and the named views of it that others read.
+"""The state of all robots, and of people: one structured array each, and the named views of it that others read.
 
 One record a robot keeps a step's call cheap (one array instead of forty) and its data in one cache line or two.
 """
@@ -34,13 +34,14 @@ ROBOT = np.dtype(
         ("alive", B), ("acting", B),  # acting: was alive when the env step began
         # events of the last env step
         ("progress", F), ("driven", F), ("gap", F), ("arrived", B), ("touching", B),
-        ("hit_robot", I), ("hit_shelf", I), ("near_miss", I), ("shelf_contact", B),
+        ("hit_robot", I), ("hit_shelf", I), ("near_miss", I), ("hit_person", I),
+        ("shelf_contact", B), ("person_contact", B),  # in an episode of contact
         ("contact_time", F), ("waiting_time", F),  # [s] in touch, standing
         ("milestone", F), ("stalled_time", F),  # [m] on the route; [s] since it was reached
         # totals of the episode
         ("distance", np.float64), ("planned", np.float64), ("driven_to_goals", np.float64),
         ("distance_at_goal", np.float64), ("min_gap", F),
-        ("hits_robot", I), ("hits_shelf", I), ("near_misses", I), ("goals", I), ("finish_time", F),
+        ("hits_robot", I), ("hits_shelf", I), ("hits_person", I), ("near_misses", I), ("goals", I), ("finish_time", F),
         ("lived", I), ("waited", I),  # physics steps alive; of those, standing
         # protective field
         ("age", I),  # physics steps on the way to its goal
@@ -62,6 +63,18 @@ ROBOT = np.dtype(
     ],
     align=True,
 )  # fmt: skip
+
+PERSON = np.dtype(
+    [
+        ("x", F), ("y", F), ("cos", F), ("sin", F),  # [m], and which way it walks
+        ("goal_x", F), ("goal_y", F),  # [m]
+        ("rest", F), ("blocked", F),  # [s] to stand at its goal; [s] that it has not come on
+        ("left", F),  # [cells] to its goal, at the least
+        ("wants", B),  # another goal (simulation/people.py)
+    ],
+    align=True,
+)  # fmt: skip
+PERSON_RADIUS = 0.25  # [m]
 
 PARAMETERS = np.dtype(
     [
@@ -153,6 +166,7 @@ class Events(NamedTuple):
     touching: NDArray[np.int8]
     hit_robot: NDArray[np.int32]  # contact episodes with robots that began; one for each robot of a pair
     hit_shelf: NDArray[np.int32]
+    hit_person: NDArray[np.int32]
     near_miss: NDArray[np.int32]
 
 

@@ -15,6 +15,7 @@ from warehouse_env.simulation import (
     buckets,
     contact,
     field,
+    people,
     prediction,
     right_of_way,
     sensing,
@@ -43,6 +44,7 @@ def _begin(r):  # type: ignore[no-untyped-def]
     r["held_by"] = NOBODY
     r["hit_robot"] = 0
     r["hit_shelf"] = 0
+    r["hit_person"] = 0
     r["near_miss"] = 0
     r["previous_speed"] = r["target_speed"]
     r["previous_steer"] = r["target_steer"]
@@ -123,9 +125,10 @@ def _total(r, p):  # type: ignore[no-untyped-def]
     """Add the env step's events to the episode's totals; park a robot that a collision ends."""
     r["hits_robot"] += r["hit_robot"]
     r["hits_shelf"] += r["hit_shelf"]
+    r["hits_person"] += r["hit_person"]
     r["near_misses"] += r["near_miss"]
     r["min_gap"] = min(r["min_gap"], r["gap"])
-    if p["collision_ends"] != 0 and (r["hit_robot"] > 0 or r["hit_shelf"] > 0):
+    if p["collision_ends"] != 0 and r["hit_robot"] + r["hit_shelf"] + r["hit_person"] > 0:
         _park(r, p)
 
 
@@ -138,19 +141,22 @@ def _sights(p):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _move(robots, near, motions, p, solid, clearance):  # type: ignore[no-untyped-def]
-    """Carry out the motions of one physics step, but for those that would end in a shelf or another robot."""
+def _move(robots, persons, near, motions, p, solid, clearance):  # type: ignore[no-untyped-def]
+    """Carry out the motions of one physics step, but for those that would end in a shelf, a person or another robot."""
     pairs, motion, flags, lanes = motions
     for _ in range(p["substeps"]):
         contact.try_motion(motion, flags, lanes, p)
         contact.keep_off_shelves(robots, motion, flags, p, solid, clearance)
+        people.keep_off_people(robots, persons, motion, flags, p)
         contact.keep_off_robots(motion, flags, pairs, near, p)
         contact.accept_motion(robots, motion)
     contact.store(robots, motion)
 
 
 @inline
-def _drive(robots, routes, arcs, commands, places, motions, guards, near, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
+def _drive(  # type: ignore[no-untyped-def]
+    robots, persons, routes, arcs, commands, places, motions, guards, near, p, solid, clearance, metric
+):
     """Choose each robot's motion of one physics step and carry it out; near: the number of pairs that may meet."""
     _, motion, _, _ = motions
     for i in range(robots.shape[0]):
@@ -159,15 +165,15 @@ def _drive(robots, routes, arcs, commands, places, motions, guards, near, p, sol
         )
         contact.load(robots, i, first, second, p, clearance, motion)
     if p["field"] != 0:
-        field.guard(robots, motion, guards, places, p, solid, clearance)
-    _move(robots, near, motions, p, solid, clearance)
+        field.guard(robots, persons, motion, guards, places, p, solid, clearance)
+    _move(robots, persons, near, motions, p, solid, clearance)
     if p["field"] != 0:
         field.settle(robots)
 
 
 @inline
 def _observe_world(  # type: ignore[no-untyped-def]
-    robots, routes, places, sights, p, rays, table, weights, edges, seen, first, out, terms, reward
+    robots, persons, routes, places, sights, p, rays, table, weights, edges, seen, first, out, terms, reward
 ):
     """Write observations, reward terms and rewards of one world."""
     order, starts, bodies = places
@@ -183,6 +189,7 @@ def _observe_world(  # type: ignore[no-untyped-def]
         cx, cy = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n]
         sensing.scan_shelves(cx, cy, r["cos"], r["sin"], p, edges, seen, first, rays, turned, row)
         sensing.look_around(n, bodies, order, starts, p, rays, row, near)
+        people.scan_people(persons, cx, cy, r["cos"], r["sin"], rays, row)
         sensing.write_neighbours(n, bodies, p, row, near)
         for k in range(p["rays"]):
             row[k] = ONE / (ONE + row[k])
@@ -208,16 +215,16 @@ def _count_step(robots, steps, b, truncated, terminated, p):  # type: ignore[no-
 
 @kernel
 def advance(  # type: ignore[no-untyped-def]
-    begin, end, robots, routes, arcs, commands, stamps, steps, truncated, terminated, waiting, faults, params,
-    solid, clearance, metric,
+    begin, end, robots, routes, persons, ways, arcs, commands, stamps, steps, truncated, terminated, waiting, faults,
+    params, solid, clearance, metric,
 ):  # fmt: skip
     """Move the worlds from `begin` to before `end` on by one env step; return the number of arrivals.
 
-    robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; arcs float32[B, N, ARCS, 2]: their manoeuvres (manoeuvre.py);
-    commands float32[B, N, 2]: speed [m/s] and offset [m], or raw acceleration and steering rate; stamps int32[B, N, N];
-    steps int64[B] since the reset, truncated bool[B], terminated bool[B, N]; waiting int32[B]: the arrivals of each
-    world, whose observation waits until the Simulator has given out new tasks; faults int32[B, 3]: see
-    audit.find_fault; metric: see the Simulator.
+    robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; persons, ways: see people.People; arcs float32[B, N, ARCS, 2]:
+    their manoeuvres (manoeuvre.py); commands float32[B, N, 2]: speed [m/s] and offset [m], or raw acceleration and
+    steering rate; stamps int32[B, N, N]; steps int64[B] since the reset, truncated bool[B], terminated bool[B, N];
+    waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator has given out new tasks;
+    faults int32[B, 3]: see audit.find_fault; metric: see the Simulator.
     """
     p = params[0]
     arrivals, count = 0, robots.shape[1]
@@ -235,12 +242,15 @@ def advance(  # type: ignore[no-untyped-def]
             buckets.sort(robots[b], p, starts, order, bodies)
             near = contact.list_pairs(bodies, order, starts, p, pairs)
             _drive(
-                robots[b], routes[b], arcs[b], commands[b], places, motions, guards, near, p, solid, clearance, metric
-            )
+                robots[b], persons[b], routes[b], arcs[b], commands[b], places, motions, guards, near, p,
+                solid, clearance, metric,
+            )  # fmt: skip
+            people.walk(persons[b], ways[b], robots[b], p, solid, clearance)
             if p["checked"] != 0:
-                audit.find_fault(robots[b], clock, p, solid, clearance, faults[b])
+                audit.find_fault(robots[b], persons[b], clock, p, solid, clearance, faults[b])
             contact.judge_pairs(robots[b], motion, pairs, near, stamps[b], clock, p)
             contact.end_shelf_contacts(robots[b], p, solid, clearance)
+            people.end_contacts(robots[b], persons[b], p)
             for i in range(count):
                 waiting[b] += _end(robots[b, i], routes[b, i], p)
         for i in range(count):
@@ -252,7 +262,23 @@ def advance(  # type: ignore[no-untyped-def]
 
 @kernel
 def observe(  # type: ignore[no-untyped-def]
-    begin, end, late, robots, routes, waiting, params, rays, table, weights, edges, seen, first, out, terms, reward
+    begin,
+    end,
+    late,
+    robots,
+    routes,
+    persons,
+    waiting,
+    params,
+    rays,
+    table,
+    weights,
+    edges,
+    seen,
+    first,
+    out,
+    terms,
+    reward,
 ):
     """Write observations, rewards and their terms of the worlds from `begin` to before `end`: those that are `waiting`
     if `late`, which then are no more, else all others.
@@ -266,6 +292,6 @@ def observe(  # type: ignore[no-untyped-def]
         if (waiting[b] != 0) == late:
             waiting[b] = 0
             _observe_world(
-                robots[b], routes[b], places, sights, p, rays, table, weights, edges, seen, first,
+                robots[b], persons[b], routes[b], places, sights, p, rays, table, weights, edges, seen, first,
                 out[b], terms[b], reward[b],
             )  # fmt: skip

@@ -20,9 +20,9 @@ from warehouse_env.errors import ConfigError
 
 FIELDS = {
     "policy", "layout", "robots", "tasks", "planner", "episode", "seed", "robot_km", "collisions_robot",
-    "collisions_shelf", "collisions_per_km", "near_misses", "min_clearance_m", "goals", "goals_per_robot_hour",
-    "success_rate", "path_length_m", "path_length_ratio", "makespan_s", "sum_of_costs_s", "stuck", "ms_per_step",
-    "config", "version",
+    "collisions_shelf", "collisions_person", "collisions_per_km", "near_misses", "min_clearance_m", "goals",
+    "goals_per_robot_hour", "success_rate", "path_length_m", "path_length_ratio", "makespan_s", "sum_of_costs_s",
+    "stuck", "ms_per_step", "config", "version",
 }  # fmt: skip
 OPEN = EnvConfig(layout="open", num_agents=4, planner="astar")
 

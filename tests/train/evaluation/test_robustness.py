@@ -15,7 +15,8 @@ def rows(name: str, goals: tuple[float, ...], contacts: float = 1.0, standing: f
         {
             "disturbance": name, "policy": "ppo", "layout": layout, "robots": robots, "episode": episode,
             "seconds": 300.0, "goals_per_robot_hour": goal + change, "robot_km": 2.0, "collisions_robot": contacts,
-            "collisions_shelf": contacts / 2, "longest_standing_s": standing + change,
+            "collisions_shelf": contacts / 2, "collisions_person": contacts / 4,
+            "longest_standing_s": standing + change,
         }
         for (layout, robots), goal in zip((("open", 16), ("narrow", 32)), goals, strict=True)
         for episode, change in enumerate((-1.0, 1.0))
@@ -57,7 +58,7 @@ def test_a_line_for_each_disturbance() -> None:
     table = robust_table([*USUAL, *rows("delay", (90.0, 30.0))])
     assert "open with 16, narrow with 32 robots; 2 episodes of 300 s each" in table.title
     first, second = table.cells
-    assert first == ("undisturbed", "ppo", "80.0 [77.0, 83.0]", "", "", "0.50", "0.25", "20", "")
+    assert first == ("undisturbed", "ppo", "80.0 [77.0, 83.0]", "", "", "0.50", "0.25", "0.12", "20", "")
     assert second[0] == "seen 1 decision late"
     assert second[3:5] == ("75", "50 (narrow, 32)")
     assert second[-1] == "slower"

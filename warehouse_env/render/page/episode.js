@@ -17,6 +17,7 @@ class Episode {
     this.routes = this.readRoutes();
     // of the moment shown: x, y, heading, speed, steer of each robot
     this.now = new Float64Array(this.robots * 5);
+    this.walking = new Float64Array(this.people * 3); // x, y, heading of each person
     this.moment = 0; // whole number of the last moment before
   }
 
@@ -60,12 +61,18 @@ class Episode {
     const part = shown - k;
     this.moment = k;
     this.part = part;
-    for (let i = 0; i < this.robots; i++) {
-      const at = 5 * i;
-      for (const [n, name] of ["x", "y", "heading", "speed", "steer"].entries()) {
+    this.fill(this.now, this.robots, ["x", "y", "heading", "speed", "steer"], k, next, part);
+    this.fill(this.walking, this.people, ["person_x", "person_y", "person_heading"], k, next, part);
+  }
+
+  // Write columns, of which the third is an angle, at `part` of the way between two moments.
+  fill(now, count, names, k, next, part) {
+    for (let i = 0; i < count; i++) {
+      const at = names.length * i;
+      for (const [n, name] of names.entries()) {
         const a = this.get(name, i, k);
         const change = this.get(name, i, next) - a;
-        this.now[at + n] = a + part * (n === 2 ? wrapped(change) : change);
+        now[at + n] = a + part * (n === 2 ? wrapped(change) : change);
       }
     }
   }

@@ -8,6 +8,7 @@ function findEvents(episode) {
     const hit = [], near = [];
     for (let i = 0; i < episode.robots; i++) {
       if (episode.flag("hit_shelf", i, k)) events.push(eventOf(episode, "collision", k, [i], "a shelf"));
+      if (episode.flag("hit_person", i, k)) events.push(eventOf(episode, "collision", k, [i], "a person"));
       if (episode.flag("hit_robot", i, k)) hit.push(i);
       if (episode.flag("near_miss", i, k)) near.push(i);
     }

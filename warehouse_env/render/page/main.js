@@ -84,16 +84,27 @@ function run(app) {
 
 // What tests and other programs may use.
 function publish(app) {
-  const robots = (panel = 0) => {
+  const shown = (panel) => {
     const episode = app.replays[panel];
     episode.goTo((app.frame * app.seconds) / episode.seconds);
+    return episode;
+  };
+  const robots = (panel = 0) => {
+    const episode = shown(panel);
     return Array.from({ length: episode.robots }, (_, i) => {
       const [x, y, heading, speed, steer] = episode.now.subarray(5 * i, 5 * i + 5);
       return { x, y, heading, speed, steer };
     });
   };
+  const people = (panel = 0) => {
+    const episode = shown(panel);
+    return Array.from({ length: episode.people }, (_, i) => {
+      const [x, y, heading] = episode.walking.subarray(3 * i, 3 * i + 3);
+      return { x, y, heading };
+    });
+  };
   window.replay = {
-    app, robots,
+    app, robots, people,
     frame: () => app.frame,
     frames: () => app.last + 1,
     seek: (frame) => app.seek(frame),

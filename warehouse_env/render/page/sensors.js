@@ -10,6 +10,7 @@ function lidarOf(episode, robot) {
     const angle = heading + (TURN * ray) / distances.length;
     const ux = Math.cos(angle), uy = Math.sin(angle);
     let distance = rayToShelf(episode, x, y, ux, uy);
+    for (let i = 0; i < episode.people; i++) distance = Math.min(distance, rayToPerson(episode, x, y, ux, uy, i));
     for (const body of near) distance = Math.min(distance, rayToBody(episode, x, y, ux, uy, body));
     distances[ray] = distance;
   }
@@ -57,6 +58,13 @@ function rayToBody(episode, x, y, ux, uy, body) {
   const across = slab(dy * body.cos - dx * body.sin, uy * body.cos - ux * body.sin, episode.body.width / 2);
   const enter = Math.max(along[0], across[0]), leave = Math.min(along[1], across[1]);
   return enter <= leave && enter >= 0 ? enter : Infinity;
+}
+
+function rayToPerson(episode, x, y, ux, uy, person) {
+  const dx = episode.walking[3 * person] - x, dy = episode.walking[3 * person + 1] - y;
+  const along = dx * ux + dy * uy;
+  const inside = along * along - dx * dx - dy * dy + episode.personRadius ** 2;
+  return along > 0 && inside >= 0 ? Math.max(along - Math.sqrt(inside), 0) : Infinity;
 }
 
 function slab(from, per, half) {

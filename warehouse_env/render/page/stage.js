@@ -6,6 +6,7 @@ const LIGHT = {
   shade: "#2b303826", raised: [224, 150, 70], sunken: [80, 140, 205], oneWay: "#8796a6", parked: "#b4b9c0",
   nose: "#ffffff", wheel: "#15181c", load: "#d9b98a", strap: "#a9834f", number: "#14181e",
   lidar: "#0072b21c", ray: "#0072b24d", hit: "#0072b2", arrow: "#262c36", halo: "#ffffffd9", sign: "#ffffff",
+  vest: "#e69f00", vestEdge: "#2b2006", helmet: "#ffffff",
   chosen: "#14181e", near: "#c86400", deadlock: "#6a0096",
 };
 const DARK = {
@@ -14,6 +15,7 @@ const DARK = {
   shade: "#00000059", raised: [230, 150, 70], sunken: [80, 150, 230], oneWay: "#6d7b8a", parked: "#59616b",
   nose: "#f4f6f8", wheel: "#0a0c0f", load: "#d2b07e", strap: "#94703f", number: "#0b0e12",
   lidar: "#56b4e924", ray: "#56b4e95c", hit: "#7cc8f2", arrow: "#f1f4f7", halo: "#0b0e12d9", sign: "#ffffff",
+  vest: "#e69f00", vestEdge: "#2b2006", helmet: "#ffffff",
   chosen: "#ffffff", near: "#ff9a2e", deadlock: "#c77dff",
 };
 
@@ -42,6 +44,7 @@ function drawStage(canvas, episode, app) {
   if (app.layers.goals) drawGoals(context, episode, place, style);
   if (style.robot >= 0 && app.layers.lidar) drawLidar(context, episode, place, style);
   drawRobots(context, episode, place, style);
+  drawPeople(context, episode, place, style);
   if (app.layers.waiting) drawWaiting(context, episode, place, style);
   if (style.robot >= 0) drawChosen(context, episode, place, style);
   drawEvents(context, episode, place, style);
