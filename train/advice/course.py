@@ -20,6 +20,7 @@ from warehouse_env.maps.grid_map import GridMap
 
 AS_IS = "as it is"  # the floor without a change
 FEWEST = 3  # episodes of everything: with two an interval is three times as wide
+MOST = 100  # of one number of robots, where there is time and nothing else to find out
 ALONE = 4  # times as many of one robot alone, which are quick and vary much
 KINDS: tuple[Kind, ...] = ("aisle", "one-way")
 TRIED = 3  # changes of each kind that are driven at most, where there is time
@@ -73,23 +74,53 @@ def advise(plan: Plan, trials: Trials, clock: Clock) -> Advice:
     alone = trials.drive(plan.trials(AS_IS, plan.grid, 1, range(plan.seed, plan.seed + ALONE * _few(plan))), "1 robot")
     clock.restart()
     rows, took, stopped = _grow(plan, trials, clock)
-    found = loads(rows)
-    count = bears(found) or found[0].robots
-    floor = floor_of_notes(rows[count])
     trips = draw_trips(plan.grid, plan.seed)
     routes = plan_trips(plan.grid, trips)
     visits = passing(routes, plan.grid.shape)
-    worst = bottlenecks(plan.grid, floor.waiting, visits) if floor.waiting.any() else []
+    seen = _look(plan, rows, visits)
     flow = traffic(routes, plan.grid.shape)
     chosen = []
-    most = _affordable(clock.left, took[count] / len(rows[count]))
+    most = _affordable(clock.left, took[seen.robots] / len(rows[seen.robots]))
     for kind in KINDS:
-        options = [one for place in worst[:CHOSEN_AT] for one in _options(plan.grid, kind, place, flow)]
-        options += candidates.alternating(plan.grid) if kind == "one-way" and worst else []
-        chosen += candidates.choose(options, trips, count, most)
-    effects = _try(plan, chosen, count, trials, clock)
+        options = [one for place in seen.worst[:CHOSEN_AT] for one in _options(plan.grid, kind, place, flow)]
+        options += candidates.alternating(plan.grid) if kind == "one-way" and seen.worst else []
+        chosen += candidates.choose(options, trips, seen.robots, most)
+    if not chosen and plan.episodes is None:
+        _drive_more(plan, rows, took, trials, clock)
+        seen = _look(plan, rows, visits)
+    effects = _try(plan, chosen, seen.robots, trials, clock)
     each = loads({1: alone})[0].each
-    return Advice(plan, each, found, bears(found), stopped, floor, visits, worst, effects)
+    return Advice(plan, each, seen.loads, bears(seen.loads), stopped, seen.floor, visits, seen.worst, effects)
+
+
+class Seen(NamedTuple):
+    """What rows tell: the loads, how many robots the floor bears, and where those wait, the worst places first."""
+
+    loads: list[Load]
+    robots: int
+    floor: Floor
+    worst: list[Bottleneck]
+
+
+def _look(plan: Plan, rows: dict[int, list[Row]], visits: NDArray[np.float64]) -> Seen:
+    found = loads(rows)
+    count = bears(found) or found[0].robots
+    floor = floor_of_notes(rows[count])
+    worst = bottlenecks(plan.grid, floor.waiting, visits) if floor.waiting.any() else []
+    return Seen(found, count, floor, worst)
+
+
+def _drive_more(plan: Plan, rows: dict[int, list[Row]], took: dict[int, float], trials: Trials, clock: Clock) -> None:
+    """Spend the time that is left on more episodes of the number of robots that the floor bears, and of the next."""
+    while True:
+        found = loads(rows)
+        good = bears(found)
+        near = [good] * (good > 0) + [load.robots for load in found if load.robots > good][:1]
+        count = min(near, key=lambda robots: len(rows[robots]))
+        if len(rows[count]) >= MOST or not clock.allows(took[count] / _few(plan)):
+            return
+        seed = plan.seed + len(rows[count])
+        rows[count] += trials.drive(plan.trials(AS_IS, plan.grid, count, range(seed, seed + 1)), f"{count} robots")
 
 
 def _few(plan: Plan) -> int:

@@ -24,8 +24,8 @@ from train.advice.candidates import (
     one_ways,
 )
 from train.advice.capacity import Load, bears, loads, next_count
-from train.advice.course import Advice, Effect, Plan
-from train.advice.trials import Trial, Trials
+from train.advice.course import FEWEST, MOST, Advice, Effect, Plan
+from train.advice.trials import Clock, Trial, Trials
 from train.cli import main
 from train.evaluation.places import Floor
 from train.reporting.rows import Interval, RowFile, read_rows
@@ -250,6 +250,41 @@ def test_the_answer_where_nothing_jams_or_all_does() -> None:
     assert "(the time was over)" in answer(advice(loads=[first], stopped=True))[0]
     assert answer(advice(loads=[second], bears=0))[0].startswith("**hall jams with 32 robots already**")
     assert "No robot waited, so there is no bottleneck." in answer(advice(bottlenecks=[], effects=[]))
+
+
+class Driven:
+    """Stands for Trials: rows of robots that never wait, of whom a third are stuck from 16 robots on."""
+
+    def drive(self, trials: list[Trial], title: str) -> list[dict[str, Any]]:
+        return [
+            {
+                "robots": one.robots, "seed": one.seed, "seconds": one.seconds, "shape": list(one.grid.shape),
+                "late_goals_per_robot_hour": 100.0, "goals_per_robot_hour": 100.0, "waiting_share": 0.0,
+                "stuck": 0.3 * (one.robots >= 16), "waited": [], "contacts": [], "ratios": [1.0],
+            }
+            for one in trials
+        ]  # fmt: skip
+
+
+@pytest.mark.parametrize("rounds", [9, 1000])
+def test_where_nothing_can_be_changed_the_time_goes_to_the_numbers_beside_the_answer(rounds: int) -> None:
+    class Counting(Clock):
+        asked = 0
+
+        def allows(self, seconds: float, share: float = 1.0) -> bool:
+            Counting.asked += 1
+            return Counting.asked <= rounds
+
+    hall = floor_of(*["............"] * 10)
+    found = course.advise(Plan(hall, "astar", 60.0, 7, None, 24), Driven(), Counting(5.0))  # type: ignore[arg-type]
+    assert [load.robots for load in found.loads] == [8, 12, 14, 15, 16]
+    assert found.bears == 15
+    assert found.effects == []
+    episodes = [load.episodes for load in found.loads]
+    more = min(rounds - 4, 2 * (MOST - FEWEST))  # four numbers after the first one ask the clock, too
+    assert episodes[:3] == [FEWEST] * 3
+    assert sum(episodes[3:]) == 2 * FEWEST + more
+    assert abs(episodes[3] - episodes[4]) <= 1
 
 
 COMMON = ["advise", "--episodes", "2", "--seconds", "5", "--most", "9", "--processes", "1", "--seed", "700"]
