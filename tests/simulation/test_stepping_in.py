@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.simulation.rights import World, simulator_with_right
-from tests.simulation.worlds import room
+from tests.simulation.worlds import room, stage
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.stepping_in import AROUND, CALM, LONGER
@@ -99,6 +99,24 @@ def test_who_is_not_settled_keeps_its_command_and_its_offset() -> None:
     assert told[0, 1] != 0.0
     assert world.robots["side"].tolist() == told[:, 1].tolist()
     assert np.array_equal(world.simulator._commands[0], told)
+
+
+@pytest.mark.parametrize("command", [0, 5])  # back, stand: the offset is 0
+def test_who_is_settled_carries_out_its_manoeuvre_whatever_the_policy_says(command: int) -> None:
+    settings = {"right_of_way": True, "right_of_way_after": 3.0, "protective_field": True, "action_repeat": 2}
+    simulator = stage(room(10, 20), (10.0, 5.0, 0.0), action_type="discrete", **settings)
+    simulator.dispatcher.give_route(0, 0, np.array([[10.0 + k, 5.0] for k in range(6)], dtype=np.float32))
+    r = simulator.robots[0, 0]
+    simulator.arcs[0, 0, 0] = -1.5, 0.0
+    r["arcs"], r["arc_margin"], r["arc_left"] = 1, 0.01, -1.5
+    r["arc_x"], r["arc_y"], r["arc_heading"] = 10.0, 5.0, 0.0
+    r["settled"], r["aside"], r["pause"] = 10.0, 1, 5.0
+    for _ in range(30):
+        r["settled"] = 10.0
+        simulator.step(np.array([[command]]))
+        if r["arcs"] == 0:
+            break
+    assert r["x"] == pytest.approx(8.5, abs=0.05)
 
 
 def driven(simulator: Simulator, steps: int, seed: int = 5) -> tuple[bytes, bytes]:

@@ -61,6 +61,8 @@ def _command(r, route, arcs, bodies, first, second, p, solid, clearance, metric)
         r["target_steer"] = r["steer"] + second * dt
         return first, second
     if p["right_of_way"] != 0 and r["settled"] > ZERO:
+        if r["arcs"] > 0:  # the way out that rules have found: a policy that stands or backs would undo it
+            first = p["max_speed"]
         first, second = right_of_way.limit(r, first, p), r["side"]
     tracking.follow(r, route, arcs, bodies, first, second, p, solid, clearance, metric)
     next_speed = approach(r["speed"], r["target_speed"], p["max_acceleration"] * dt)
