@@ -60,6 +60,9 @@ POLICIES: dict[str, PolicyEntry] = {
         "our PPO, under the field, with live routes, and right of way where robots stand",
         weights=WEIGHTS_FOLDER / "threaded_ppo",
     ),
+    "unshielded": PolicyEntry(
+        "our PPO with live routes alone: no field, no right of way", weights=WEIGHTS_FOLDER / "unshielded"
+    ),
     "ppo": PolicyEntry("stable-baselines3 PPO, trained on this environment", weights=WEIGHTS_FOLDER / "ppo"),
 }
 
