@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +15,7 @@ from numpy.typing import NDArray
 from agents import make_policy, policy_config
 from tests.simulation.reference import bodies, separation
 from tests.simulation.test_no_overlap import MAZE, crowd
-from tests.simulation.worlds import drawn, put, raw, room, stage
+from tests.simulation.worlds import drawn, plain_python, put, raw, room, stage
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import ConfigError, UnsafeError
 from warehouse_env.simulation import contact, field, stops
@@ -27,7 +23,6 @@ from warehouse_env.simulation.audit import SWITCH
 from warehouse_env.simulation.kinematics import braking
 from warehouse_env.simulation.simulator import Simulator
 
-ROOT = Path(__file__).parents[2]
 FULL = (1.0, 0.0)  # raw: accelerate, steering held
 ROUNDING = 1e-5  # [m] that float32 at ten metres is allowed
 
@@ -376,11 +371,7 @@ PROGRAM = "from tests.simulation.test_field import digest; print(*(digest(1, kin
 def test_plain_python_and_other_batches_give_the_same_bits() -> None:
     here = [digest(4, kind)[0] for kind in ("discrete", "raw")]
     assert [digest(1, kind)[0] for kind in ("discrete", "raw")] == here
-    command = [sys.executable, "-W", "ignore", "-c", PROGRAM]
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == here
+    assert plain_python(PROGRAM) == here
 
 
 def test_a_robot_that_is_held_where_it_stands_may_steer() -> None:

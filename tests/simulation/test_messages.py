@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
 import pickle
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,12 +13,11 @@ from numpy.typing import NDArray
 
 from tests.simulation.rights import World
 from tests.simulation.test_determinism import MAP, actions_for, bits
-from tests.simulation.worlds import drawn, raw, room, stage
+from tests.simulation.worlds import drawn, plain_python, raw, room, stage
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.simulator import Simulator
 
-ROOT = Path(__file__).parents[2]
 STANDING = ((5.0, 5.0, 0.0), (7.0, 5.0, math.pi))
 
 
@@ -125,12 +120,7 @@ def digest() -> str:
 
 
 def test_plain_python_gives_the_same_bits() -> None:
-    program = "from tests.simulation.test_messages import digest; print(digest())"
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    command = [sys.executable, "-W", "ignore", "-c", program]
-    done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == digest()
+    assert plain_python("from tests.simulation.test_messages import digest; print(digest())") == [digest()]
 
 
 def test_as_many_are_lost_as_asked_for() -> None:

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
 import pickle
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.simulation.test_determinism import MAP, actions_for, bits
-from tests.simulation.worlds import coast, drawn, raw, room, stage
+from tests.simulation.worlds import coast, drawn, plain_python, raw, room, stage
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.envs.parallel import parallel_env
 from warehouse_env.errors import ConfigError, UnsafeError
@@ -26,7 +22,6 @@ from warehouse_env.simulation import audit
 from warehouse_env.simulation.people import AT_GOAL, GIVEN_UP, KEEP, PACE, PASS, PATIENCE, RADIUS, RESTS, START
 from warehouse_env.simulation.simulator import Simulator
 
-ROOT = Path(__file__).parents[2]
 STEP = 0.1 * float(PACE)  # [m]
 FAR = (18.0, 5.0, 0.0)
 
@@ -286,12 +281,7 @@ def digest() -> str:
 
 
 def test_plain_python_gives_the_same_bits() -> None:
-    program = "from tests.simulation.test_people import digest; print(digest())"
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    command = [sys.executable, "-W", "ignore", "-c", program]
-    done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == digest()
+    assert plain_python("from tests.simulation.test_people import digest; print(digest())") == [digest()]
 
 
 def test_people_begin_away_from_robots_and_where_they_can_walk() -> None:

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +14,7 @@ from hypothesis import strategies as st
 
 from tests.simulation.reference import separation
 from tests.simulation.rights import World, rectangles, simulator_with_right
-from tests.simulation.worlds import drawn
+from tests.simulation.worlds import drawn, plain_python
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation import simulator as simulator_module
@@ -28,7 +25,6 @@ from warehouse_env.simulation.right_of_way import AHEAD, NOBODY, limit, rank
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.threads import MOST_THREADS, get_num_threads, set_num_threads
 
-ROOT = Path(__file__).parents[2]
 ROUNDING = 1e-4  # [m]
 
 
@@ -289,12 +285,7 @@ def test_plain_python_gives_the_same_bits() -> None:
     program = (
         "from tests.simulation.test_right_of_way import history; print(*history(1, 2, 6), *history(1, 3, 3, 'after'))"
     )
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", program],
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, cwd=ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == history(1, 2, 6) + history(1, 3, 3, "after")
+    assert plain_python(program) == history(1, 2, 6) + history(1, 3, 3, "after")
 
 
 def test_a_recorded_episode_of_preferences_replays_to_the_bit(tmp_path: Path) -> None:

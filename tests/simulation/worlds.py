@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import math
+import os
+import subprocess
+import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +18,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import NOBODY
 
+ROOT = Path(__file__).parents[2]
 Pose = Sequence[float]  # x [m], y [m], heading [rad], then speed [m/s] and steering [rad] if not 0
 
 
@@ -64,3 +69,11 @@ def coast(simulator: Simulator, steps: int) -> None:
     still = np.zeros((simulator.num_worlds, simulator.num_agents, 2), dtype=np.float32)
     for _ in range(steps):
         simulator.step(still)
+
+
+def plain_python(program: str) -> list[str]:
+    """Run a program without the compiler, and return the words that it prints."""
+    command, environment = [sys.executable, "-W", "ignore", "-c", program], os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
