@@ -276,7 +276,12 @@ def decide(robots, routes, arcs, commands, choices, order, ways, p, clearance): 
 
 @inline
 def limit(r, speed, p):  # type: ignore[no-untyped-def]
-    """Return a commanded speed [m/s], or the fastest below it from which the robot stops within its authority."""
+    """Return a commanded speed [m/s], or the fastest below it from which the robot stops within its authority.
+
+    A manoeuvre is driven whatever the command: a policy that stands or backs would undo the way out of a jam.
+    """
+    if r["arcs"] > 0:
+        speed = p["max_speed"]
     if r["authority"] == np.float32(np.inf):
         return speed
     brake = p["max_acceleration"]

@@ -61,8 +61,6 @@ def _command(r, route, arcs, bodies, first, second, p, solid, clearance, metric)
         r["target_steer"] = r["steer"] + second * dt
         return first, second
     if p["right_of_way"] != 0 and r["settled"] > ZERO:
-        if r["arcs"] > 0:  # the way out that rules have found: a policy that stands or backs would undo it
-            first = p["max_speed"]
         first, second = right_of_way.limit(r, first, p), r["side"]
     tracking.follow(r, route, arcs, bodies, first, second, p, solid, clearance, metric)
     next_speed = approach(r["speed"], r["target_speed"], p["max_acceleration"] * dt)
@@ -264,24 +262,9 @@ def advance(  # type: ignore[no-untyped-def]
 
 @kernel
 def observe(  # type: ignore[no-untyped-def]
-    begin,
-    end,
-    late,
-    robots,
-    routes,
-    persons,
-    waiting,
-    params,
-    rays,
-    table,
-    weights,
-    edges,
-    seen,
-    first,
-    out,
-    terms,
+    begin, end, late, robots, routes, persons, waiting, params, rays, table, weights, edges, seen, first, out, terms,
     reward,
-):
+):  # fmt: skip
     """Write observations, rewards and their terms of the worlds from `begin` to before `end`: those that are `waiting`
     if `late`, which then are no more, else all others.
 
