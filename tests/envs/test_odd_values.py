@@ -127,6 +127,7 @@ def test_a_robot_that_could_leap_over_the_rim_is_refused() -> None:
     ("make", "sentence"),
     [
         (lambda: Simulator(EnvConfig(), 10**12), "num_worlds=1000000000000 of num_agents=8 .* GB"),
+        (lambda: Simulator(EnvConfig(people=1000), 10**5), "people=1000, need .* GB"),
         (lambda: Simulator(EnvConfig(), True), "num_worlds=True must be a whole number"),
         (lambda: Simulator(EnvConfig(), 1.0), r"num_worlds=1\.0"),  # type: ignore[arg-type]
         (lambda: Simulator(3), "config=3 must be of type EnvConfig"),  # type: ignore[arg-type]

@@ -33,14 +33,16 @@ def check_count(what: str, count: object) -> int:
     return int(count)
 
 
-def check_memory(worlds: int, robots: int, size: int, bytes_a_robot: int) -> None:
-    """Raise ConfigError for more than the machine's memory can hold; size: of an observation."""
+def check_memory(worlds: int, robots: int, size: int, bytes_a_robot: int, people: int, cells: int) -> None:
+    """Raise ConfigError for more than the machine's memory can hold; size: of an observation; cells: of the floor."""
     needed = worlds * robots * (bytes_a_robot + 4 * (size + robots))  # an observation, and a stamp for every other
+    needed += worlds * people * 4 * cells  # the ways to their goals
     there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if needed > there:
+        least = f"{min(needed // 10**9, 10**9):,} GB, but the machine has {there // 10**9:,}"
         raise ConfigError(
-            f"num_worlds={shown(worlds)} of num_agents={robots} with observations of {size} numbers need "
-            f"{min(needed // 10**9, 10**9):,} GB, but the machine has {there // 10**9:,}; ask for less"
+            f"num_worlds={shown(worlds)} of num_agents={robots} with observations of {size} numbers, and of "
+            f"people={people}, need {least}; ask for less"
         )
 
 

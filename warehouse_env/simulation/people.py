@@ -85,6 +85,8 @@ class People:
         """Give another goal to all who want one: who has arrived rests first, who has given up turns away from the
         robots ROBOT[B, N] that bar the way.
         """
+        if not self.persons.size:  # asked at every step: the search below takes longer than a small world needs for one
+            return
         for world, person in np.argwhere(self.persons["wants"] != NOTHING).tolist():
             o = self.persons[world, person]
             turns_away = o["wants"] == GIVEN_UP

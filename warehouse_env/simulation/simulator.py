@@ -77,7 +77,9 @@ class Simulator(Portable):
         given.check_pace(config, self.grid.cell_size)
         given.check_stop(config, state.stop_samples(config))
         self.layout = observation_layout(config)
-        given.check_memory(num_worlds, config.num_agents, self.layout.size, state.ROBOT.itemsize + 8 * ROUTE_BLOCK)
+        each = state.ROBOT.itemsize + 8 * ROUTE_BLOCK
+        cells = self.grid.occupied.size
+        given.check_memory(num_worlds, config.num_agents, self.layout.size, each, config.people, cells)
         self._params = state.parameters_of(config, self.grid.cell_size)
         self._make_spaces()
         self._weights = weight_vector(config.reward)
