@@ -49,6 +49,14 @@ def test_command_prints_the_share(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "head_on_two_cells" in capsys.readouterr().err
 
 
+def test_contacts_of_all_kinds_are_counted() -> None:
+    (row,) = play_scene("head_on_two_cells", "brake", BASE, 2.0, [3], lambda done: None)
+    contacts = {"collisions_robot": 1.0, "collisions_shelf": 2.0, "collisions_person": 4.0}
+    assert contacts.keys() <= row.keys()
+    ((_, _, _, _, _, _, collisions, _),) = scene_table([{"scene": "x", "policy": "brake", **row, **contacts}]).cells
+    assert collisions == "7"
+
+
 def test_wilson_interval_by_hand() -> None:
     # Newcombe (1998), table I: 81 of 263, 15 of 148, 0 of 20, 1 of 29.
     for successes, trials, low, high in ((81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611)):

@@ -94,6 +94,7 @@ def _row(simulator: Simulator, world: int, log: JamLog) -> Row:
         "makespan_s": metrics["makespan_s"],
         "collisions_robot": metrics["collisions_robot"],
         "collisions_shelf": metrics["collisions_shelf"],
+        "collisions_person": metrics["collisions_person"],
         "longest_standing_s": metrics["longest_standing_s"],
         **log.metrics(world),
     }
@@ -106,7 +107,8 @@ def scene_table(rows: Sequence[Row]) -> Table:
     for (name, robots, policy), group in grouped(rows, ("scene", "robots", "policy")).items():
         resolved = [row for row in group if row["resolved"]]
         share, low, high, _ = wilson_interval(len(resolved), len(group))
-        mean = [float(np.mean([row[key] for row in group])) for key in ("collisions_robot", "collisions_shelf")]
+        kinds = ("collisions_robot", "collisions_shelf", "collisions_person")
+        mean = [float(np.mean([row.get(kind, 0.0) for row in group])) for kind in kinds]
         seconds = float(np.mean([row["makespan_s"] for row in resolved])) if resolved else float("nan")
         deadlocks = float(np.mean([row["deadlocks"] for row in group]))
         cells.append((
