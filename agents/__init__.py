@@ -46,7 +46,7 @@ class PolicyEntry:
     needs: dict[str, Any] = field(default_factory=dict)
 
 
-_RIGHT_OF_WAY = {"protective_field": True, "right_of_way": True, "reroute": True, "action_repeat": 2}
+_RIGHT_OF_WAY = {"protective_field": True, "right_of_way": True, "reroute": True}
 
 POLICIES: dict[str, PolicyEntry] = {
     "follow": PolicyEntry("follows its route and nothing else", rule=Follow),

@@ -22,7 +22,7 @@ _TRAINED_UNDER = ("protective_field", "right_of_way", "right_of_way_after", "rer
 
 
 def needed_fields(record: PolicyRecord) -> tuple[str, ...]:
-    """Return the names of the EnvConfig fields that must be as in the training for the policy to make sense."""
+    """Return the names of the EnvConfig fields that must be as its record says for the policy to make sense."""
     return _ALWAYS_NEEDED + (_NEEDED_IF_DISCRETE if record.env.action_type == "discrete" else ())
 
 
@@ -53,7 +53,7 @@ class LearnedPolicy:
             trained, given = getattr(self.record.env, field), getattr(config, field)
             if trained != given:
                 raise WeightsError(
-                    f"{directory} was trained with {field}={trained}, not {given}; "
+                    f"{directory} is made for {field}={trained}, not {given}; "
                     "agents.policy_config puts in what it needs"
                 )
         if self.record.env.protective_field and not config.protective_field:

@@ -111,9 +111,9 @@ def test_a_policy_gets_the_options_that_it_was_trained_under(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"sensor": SensorSpec(rays=8)}, r"trained with sensor="),
-        ({"speed_levels": (0.0, 1.0)}, r"trained with speed_levels="),
-        ({"action_type": "continuous"}, r"trained with action_type=discrete, not continuous"),
+        ({"sensor": SensorSpec(rays=8)}, r"made for sensor="),
+        ({"speed_levels": (0.0, 1.0)}, r"made for speed_levels="),
+        ({"action_type": "continuous"}, r"made for action_type=discrete, not continuous"),
     ],
 )
 def test_another_observation_or_action_is_refused(folder: Path, changes: dict[str, Any], sentence: str) -> None:

@@ -236,6 +236,16 @@ def test_the_policy_asks_for_right_of_way_that_its_training_goes_without(config:
     assert (plain / "weights.safetensors").read_bytes() == (directory / "weights.safetensors").read_bytes()
 
 
+def test_the_policy_decides_twice_as_often_as_in_its_training(config: ReinforceConfig) -> None:
+    trained = config.env("open", 2)
+    driven = policy_config(reinforce.train(replace(config, steps=8 * 6)), trained)
+    assert (trained.action_repeat, driven.action_repeat) == (2, 1)
+    assert config.driven(trained).max_steps == 2 * trained.max_steps
+    card = (config.directory / "CARD.md").read_text()
+    assert "(speed x offset from the route) every 0.1 s" in card
+    assert "a decision every 0.2 s, episodes of" in card
+
+
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [

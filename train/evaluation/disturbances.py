@@ -35,7 +35,7 @@ class Disturbance:
     changes: Mapping[str, Any] = field(default_factory=dict)
     range_noise: float = 0.0  # [m], standard deviation of every range that lidar measures
     dropout: float = 0.0  # share of the rays that read "nothing there"
-    delay: int = 0  # decisions by which the whole observation is old
+    delay: float = 0.0  # [s] by which the whole observation is old
     breakdown: float | None = None  # [s] after which one robot of each world breaks down in an aisle
 
     def config(self, config: EnvConfig) -> EnvConfig:
@@ -72,8 +72,8 @@ DISTURBANCES: dict[str, Disturbance] = {
     "range_noise": Disturbance("lidar noise 3 cm", range_noise=0.03),
     "dropout": Disturbance("rays lost, 5%", dropout=0.05),
     "much_dropout": Disturbance("rays lost, 20%", dropout=0.2),
-    "delay": Disturbance("seen 1 decision late", delay=1),
-    "long_delay": Disturbance("seen 3 decisions late", delay=3),
+    "delay": Disturbance("seen 0.2 s late", delay=0.2),
+    "long_delay": Disturbance("seen 0.6 s late", delay=0.6),
     "message_loss": Disturbance("messages lost, 10%", {"message_loss": 0.1}),
     "much_message_loss": Disturbance("messages lost, 50%", {"message_loss": 0.5}),
     "breakdown": Disturbance("one broken down", breakdown=60.0),
@@ -90,7 +90,8 @@ class Senses:
         self._lidar = observation_layout(config).slices["lidar"]
         self._nothing = np.float32(1.0) / (np.float32(1.0) + np.float32(config.sensor.lidar_range))
         self._rng = np.random.default_rng([seed, _SENSES])
-        self._seen: deque[Observation] = deque(maxlen=disturbance.delay + 1)
+        late = round(disturbance.delay / (config.time_step * config.action_repeat))  # decisions
+        self._seen: deque[Observation] = deque(maxlen=late + 1)
 
     def see(self, observation: Observation) -> Observation:
         """Return what the robots see, float32[..., D]; called once a decision, with what there is to see.
@@ -98,7 +99,7 @@ class Senses:
         In the first decisions of a delay they see what was there at the start.
         """
         spoiled = self._spoil(observation)
-        if self._disturbance.delay == 0:
+        if self._seen.maxlen == 1:
             return spoiled
         self._seen.append(spoiled.copy())  # the simulator writes over its own
         return self._seen[0]

@@ -35,14 +35,15 @@ def _origin(record: PolicyRecord) -> str:
     training = record.training
     config = training.get("config", {})
     minutes, steps = training.get("seconds", 0.0) / 60.0, training.get("steps", 0)
+    decision = record.env.time_step * config.get("action_repeat", record.env.action_repeat)
     sentences = (
         f"A policy for one robot among many, from its own observation of {record.network.observation_size} numbers to "
         f"{_action(record)}.",
         f"Trained by `{record.algorithm}` for {minutes:.1f} minutes on {config.get('threads')} threads: {steps:,} "
         f"agent-steps in {training.get('updates', 0):,} updates, seed {config.get('seed')}, on the layouts "
         f"{_list(config.get('layouts'))} with {_list(config.get('robots'))} robots, routes by "
-        f"`{config.get('planner')}`, episodes of {config.get('episode_seconds')} s (worlds that jammed for "
-        f"{config.get('jam_seconds')} s ended early), {_under(record)}.",
+        f"`{config.get('planner')}`, a decision every {decision:g} s, episodes of {config.get('episode_seconds')} s "
+        f"(worlds that jammed for {config.get('jam_seconds')} s ended early), {_under(record)}.",
         _start(record),
         f"Training seeds lie below {HELD_OUT_SEED:,}, evaluation seeds from there on.",
         f"Actions are chosen by: {record.mode}.",

@@ -83,7 +83,7 @@ class TrainingConfig(Checked):
     hidden: tuple[int, ...] = (128, 128)
     """Widths of the hidden tanh layers, of the actor and of the critic."""
     action_repeat: int = 2
-    """Physics steps between two decisions."""
+    """Physics steps between two decisions of the training; driven, the policy decides at every one."""
     predictions: bool = True
     """Let the robot predict, for every action, the time to a conflict; the untrained policy then avoids conflicts."""
     protective_field: bool = False
@@ -158,7 +158,10 @@ class TrainingConfig(Checked):
         return env.replace(action_type=self.action_type, max_steps=steps, reward=self.reward(0.0))
 
     def driven(self, env: EnvConfig) -> EnvConfig:
-        """Return an environment of the training as the policy is to be driven in."""
+        """Return an environment of the training as the policy is to be driven in: deciding at every physics step, which
+        brought 1 to 6% more goals on trial seeds, or half of the contacts, and brought no more when trained so.
+        """
+        env = env.replace(action_repeat=1, max_steps=env.max_steps * env.action_repeat)
         if self.right_of_way_after is None:
             return env
         return env.replace(right_of_way=True, right_of_way_after=self.right_of_way_after)

@@ -18,7 +18,7 @@ def test_one_command_makes_one_table(tmp_path: Path, capsys: pytest.CaptureFixtu
     printed = capsys.readouterr().out
     lines = [line for line in (tmp_path / "table.md").read_text().splitlines() if line.startswith("| ")]
     named = [tuple(cell.strip() for cell in line.split("|")[1:3]) for line in lines[2:]]
-    summaries = ("undisturbed", "seen 1 decision late", "body 1.2 m long")
+    summaries = ("undisturbed", "seen 0.2 s late", "body 1.2 m long")
     assert named == [(summary, policy) for summary in summaries for policy in ("follow", "brake")]
     assert all(summary in printed for summary in summaries)
     rows = read_rows(tmp_path / "rows.jsonl")

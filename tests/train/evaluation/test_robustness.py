@@ -59,7 +59,7 @@ def test_a_line_for_each_disturbance() -> None:
     assert "open with 16, narrow with 32 robots; 2 episodes of 300 s each" in table.title
     first, second = table.cells
     assert first == ("undisturbed", "ppo", "80.0 [77.0, 83.0]", "", "", "0.50", "0.25", "0.12", "20", "")
-    assert second[0] == "seen 1 decision late"
+    assert second[0] == "seen 0.2 s late"
     assert second[3:5] == ("75", "50 (narrow, 32)")
     assert second[-1] == "slower"
     assert all(word in table.note for word in ("contacts", "jams", "slower", "holds"))
