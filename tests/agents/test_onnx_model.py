@@ -64,7 +64,7 @@ def test_a_model_says_what_its_numbers_mean() -> None:
     assert said["observation"] == {name: [part.start, part.stop] for name, part in layout.slices.items()}
     assert said["actions"][0] == [config.speed_levels[0], config.lateral_offsets[0]]
     assert len(said["actions"]) == 20
-    assert (said["action_type"], said["mode"], said["decision_seconds"]) == ("discrete", "sample", 0.2)
+    assert (said["action_type"], said["mode"], said["decision_seconds"]) == ("discrete", "sample", 0.1)
 
 
 def test_real_valued_actions_have_means_and_deviations(tmp_path: Path) -> None:

@@ -121,7 +121,7 @@ def test_greedy_gets_what_it_needs_unless_told_otherwise(
     assert main(command(tmp_path, "--policy", "follow", "greedy", "--episodes", "1", *options)) == 0
     follow, greedy = (EnvConfig.from_dict(row["config"]) for row in read_rows(tmp_path / "rows.jsonl"))
     assert (greedy.protective_field, greedy.right_of_way, greedy.reroute) == traffic
-    assert (greedy.action_repeat, follow.action_repeat) == (2, 1)
+    assert (greedy.action_repeat, follow.action_repeat) == (1, 1)
     assert not follow.protective_field
 
 

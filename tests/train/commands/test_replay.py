@@ -44,7 +44,7 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str | Path) -> str:
 
 def test_a_recorded_episode_is_told_of(files: tuple[Path, Path]) -> None:
     episode = Episode.load(files[0])
-    assert (episode.policy, episode.seeds, len(episode.actions)) == ("ppo", (4,), 30)
+    assert (episode.policy, episode.seeds, len(episode.actions)) == ("ppo", (4,), 60)
     (row,) = read_rows(files[1].with_suffix(".jsonl"))
     assert (row["policy"], row["seed"], row["steps"], row["robots"]) == ("brake", 4, 60, 3)
     assert row["out"] == str(files[1])
@@ -71,7 +71,7 @@ def test_two_episodes_make_a_page_and_rows(
     run(capsys, *files, "--html", page, "--json", rows, "--title", "Who is better?", "--robot", "1")
     assert "<title>Who is better?</title>" in page.read_text(encoding="utf-8")
     assert [(row["name"], row["steps"], row["html"]) for row in read_rows(rows)] == [
-        ("ppo", 30, str(page)),
+        ("ppo", 60, str(page)),
         ("brake", 60, str(page)),
     ]
 
@@ -86,8 +86,8 @@ def test_a_video_lasts_as_long_as_it_says(
     said = run(capsys, *files, "--video", path, "--speed", "3", "--pixels", "200")
     assert said == f"wrote the video to {path}: 2 s at 3 times the speed\n"
     count, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
-    assert count == 31
-    assert seconds == pytest.approx(31 / 15, abs=0.11)
+    assert count == 61
+    assert seconds == pytest.approx(61 / 30, abs=0.11)
 
 
 def test_frames_are_in_step(files: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -24,7 +24,7 @@ def played() -> Film:
 
 def test_every_step_is_kept() -> None:
     film = played()
-    assert [frame.seconds for frame in film.frames] == pytest.approx(0.2 * np.arange(16))
+    assert [frame.seconds for frame in film.frames] == pytest.approx(0.1 * np.arange(31))
     first, last = film.frames[0], film.frames[-1]
     assert first.pose[:, :2] == pytest.approx(SCENES["crossing"]().draw(np.random.default_rng([5, 2])).pose[:, :2])
     assert np.hypot(*(last.pose - first.pose)[:, :2].T).min() > 0.5
