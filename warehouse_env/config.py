@@ -109,6 +109,7 @@ class RerouteSpec(Checked):
     standing: float = 10.0  # [cells] for entering the cell of a robot that stands
     beside: float = 3.0  # [cells] for entering a cell beside it
     against: float = 1.0  # [cells] for a move against one of another's remaining route
+    boxed_against: float = 8.0  # [cells] so in an aisle of one cell, where two cannot pass
     crowd: float = 0.6  # [cells] for entering a cell of another's remaining route that both are equally far from
     crowd_within: float = 10.0  # [m] difference of these distances at which that has faded to nothing
     saving: float = 3.0  # [cells] that a new route on the way must save, or the old one is kept
@@ -119,7 +120,7 @@ class RerouteSpec(Checked):
         super().__post_init__()
         self._between(_LEAST, _MOST, "every", "crowd_within")
         self._between(0.0, _MOST, "look_ahead", "stood_for", "standing", "beside", "against", "crowd", "saving")
-        self._between(0.0, _MOST, "turn", "boxed_turn")
+        self._between(0.0, _MOST, "turn", "boxed_turn", "boxed_against")
 
     def _called(self, name: str) -> str:
         """Return what errors call a parameter; `every` alone could be anything."""

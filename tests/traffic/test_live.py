@@ -54,7 +54,7 @@ def barred(robots: Any, routes: Any, step: int = 0, every: int = 1, look_ahead: 
     return [bool(found) for found in out[0]]
 
 
-FREE = {"standing": 0.0, "beside": 0.0, "against": 0.0, "crowd": 0.0, "turn": 0.0, "boxed_turn": 0.0}
+FREE = dict.fromkeys(("standing", "beside", "against", "boxed_against", "crowd", "turn", "boxed_turn"), 0.0)
 
 
 def costs(robots: Any, routes: Any, me: int, legal: Any = None, **prices: float) -> Any:
@@ -128,6 +128,17 @@ def test_moves_against_what_is_left_of_a_route_cost() -> None:
     assert cost.sum() == 2 * west.sum()
     robots[0, 0]["alive"] = 0
     assert not costs(robots, eastwards(2, 2, range(9)), 1, against=2.0).any()
+
+
+def test_moves_against_a_route_cost_their_own_price_where_two_cannot_pass() -> None:
+    robots = record({"x": 0.5, "y": 2.5, "points": 9}, {"x": 8.5, "y": 4.5})
+    legal = np.ones((ROWS, COLUMNS, 8), np.bool_)
+    legal[2, 3:6, NORTH] = legal[2, 3:5, SOUTH] = False  # an aisle of one cell, columns 3 and 4, which 5 leads into
+    cost = costs(robots, eastwards(2, 2, range(9)), 1, legal, against=1.0, boxed_against=8.0)
+    west = cost[2, :, WEST]
+    assert west.tolist() == [0, 1, 1, 8, 8, 1, 1, 1, 1]
+    np.testing.assert_array_equal(cost[2, :, WEST - 1], 0.5 * west)
+    assert not cost[:, :, EAST].any()
 
 
 def test_cells_where_another_will_be_at_the_same_time_cost() -> None:

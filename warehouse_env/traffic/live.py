@@ -4,8 +4,9 @@ Every few seconds of its world's clock a robot looks down its route. If it leads
 another has not moved a metre for some seconds, it gets a new one from where it stands, planned on a cost map:
 
 - entering the cell of a robot that stands, or one beside it, costs, the more the longer one stands oneself;
-- a move against one of another's remaining route costs, so that streams part (traffic/conflicts.py prices expected
-  conflicts of whole routes; here the routes are on their way, and only the opposing moves of what is left count);
+- a move against one of another's remaining route costs, so that streams part, and the more in an aisle of one cell,
+  where the two could not pass (traffic/conflicts.py prices expected conflicts of whole routes; here the routes are on
+  their way, and only the opposing moves of what is left count);
 - entering a cell of another's remaining route costs if both will be there at about the same time, so that robots
   spread over the floor before they crowd: it costs the most where both are as far from that cell;
 - beginning with a turn costs, the more in an aisle of one cell, where a robot must back out to turn round; turning
@@ -53,6 +54,22 @@ And in an order that was not kept:
 | turn 2, but on narrow one stood for 123 s | 97.4 | 101.8 | 92.3 |
 | a look at a better route every 4 s, whether the way is barred or not | 92.5 | 94.6 | 93.9 |
 | stood_for 4 and every 2 | 89.8 | 95.0 | 89.2 |
+
+Last under `threaded_ppo`, 64 robots, four worlds of 600 s on each of six floors of `aisles` (241 to 246) and on
+`single_lane` and `narrow`; without one-cell aisles, as on `paper46` and `narrow`, `boxed_against` changes no bit:
+
+| what differs | six floors | single_lane | narrow |
+|---|--:|--:|--:|
+| against 1 everywhere | 109.9 | 97.2 | 104.1 |
+| against 2, 4, 8, 12, 16 everywhere | 110.4, 112.6, 113.9, 112.9, 114.3 | 8: 109.3 | 8: 100.0 |
+| boxed_against 8: as it is | 113.6 | 108.8 | 104.1 |
+| boxed_against 16 | 113.1 | 109.1 | 104.1 |
+| 8, look_ahead 20 | 113.4 | | |
+| 8, and a look at a better route before every aisle of one cell | 114.2 | | |
+| 8, and a look at a better route every 4 s, whether the way is barred or not | 115.2 | 109.9 | 106.9 |
+
+By the intervals, 2 wide either way, what the last row adds may be chance, and it costs a search every 4 s for each
+robot.
 
 Robots that stand cost a robot twice as much once it has stood for 20 s itself: on floor 102 of `aisles` one stood for
 328 s without, for 81 s with that (4 worlds of 64 robots); twice as much after 5 s costs 6 of 92 goals on `narrow`.
@@ -148,7 +165,8 @@ def watch(robots, routes, steps, every, stood_for, look_ahead, behind, cell, sta
 
 def prices_of(spec: RerouteSpec) -> tuple[float, ...]:
     """Return the prices of a RerouteSpec as `price` takes them."""
-    return (spec.standing, spec.beside, spec.against, spec.crowd, spec.crowd_within, spec.turn, spec.boxed_turn)
+    against = (spec.against, spec.boxed_against)
+    return (spec.standing, spec.beside, *against, spec.crowd, spec.crowd_within, spec.turn, spec.boxed_turn)
 
 
 class LiveRoutes:

@@ -61,12 +61,18 @@ def _way(rows, columns):  # type: ignore[no-untyped-def]
     return max(high, wide) + _DIAGONAL * min(high, wide)
 
 
+@inline
+def _is_boxed(legal, row, column, move):  # type: ignore[no-untyped-def]
+    """Whether one who makes this move from a cell, or the opposite one, could leave it to neither side."""
+    return not (legal[row, column, (move + 2) % 8] or legal[row, column, (move + 6) % 8])
+
+
 @kernel
-def _charge_route(cost, r, route, row, column, against, crowd, crowd_within, cell):  # type: ignore[no-untyped-def]
+def _charge_route(cost, r, route, row, column, legal, against, boxed_against, crowd, crowd_within, cell):  # type: ignore[no-untyped-def]
     """Add the prices of what is left of a robot's route, for one in the cell (row, column).
 
-    Each move against it costs, half as much the moves beside that. Entering a cell of it costs `crowd` if both are as
-    far from there, and nothing from `crowd_within` [m] more or less.
+    Each move against it costs, `boxed_against` where the two could not pass, half as much the moves beside that.
+    Entering a cell of it costs `crowd` if both are as far from there, and nothing from `crowd_within` [m] more or less.
     """
     rows, columns = cost.shape[0], cost.shape[1]
     first, spacing, size = ahead_of(r), np.float64(r["spacing"]), np.float64(cell)
@@ -76,9 +82,10 @@ def _charge_route(cost, r, route, row, column, against, crowd, crowd_within, cel
         if i == before_row and j == before_column:
             continue
         back = _eighth(before_row - i, before_column - j)
-        cost[i, j, back] += against
-        cost[i, j, (back + 1) % 8] += 0.5 * against
-        cost[i, j, (back + 7) % 8] += 0.5 * against
+        dear = boxed_against if _is_boxed(legal, i, j, back) else against
+        cost[i, j, back] += dear
+        cost[i, j, (back + 1) % 8] += 0.5 * dear
+        cost[i, j, (back + 7) % 8] += 0.5 * dear
         apart = abs(_way(i - row, j - column) * size - (k - first + 1) * spacing)
         if apart < crowd_within:
             _charge_entry(cost, i, j, crowd * (1.0 - apart / crowd_within))
@@ -95,7 +102,7 @@ def _eighth(d_row, d_column):  # type: ignore[no-untyped-def]
 def _charge_turns(cost, r, row, column, legal, turn, boxed_turn):  # type: ignore[no-untyped-def]
     """Add the prices of turning away from a robot's heading to the moves that leave its cell."""
     ahead = int(round(np.float64(r["heading"]) / (0.25 * math.pi))) % 8
-    boxed = not (legal[row, column, (ahead + 2) % 8] or legal[row, column, (ahead + 6) % 8])
+    boxed = _is_boxed(legal, row, column, ahead)
     for move in range(8):
         off = (move - ahead) % 8
         off = min(off, 8 - off)
@@ -111,7 +118,7 @@ def price(robots, routes, me, legal, stood_for, prices, behind, cell, cost):  # 
     robots: ROBOT[N]; routes: float32[N, R, 2] [m]; legal: bool[H, W, 8]; prices: `prices_of` a RerouteSpec; behind [m]:
     a body's centre, behind its front axle.
     """
-    standing, beside, against, crowd, crowd_within, turn, boxed_turn = prices
+    standing, beside, against, boxed_against, crowd, crowd_within, turn, boxed_turn = prices
     rows, columns = cost.shape[0], cost.shape[1]
     cost[:] = 0.0
     row, column = cell_of(robots[me]["x"], robots[me]["y"], cell, rows, columns)
@@ -126,7 +133,9 @@ def price(robots, routes, me, legal, stood_for, prices, behind, cell, cost):  # 
                 for j in range(at_column - 1, at_column + 2):
                     _charge_entry(cost, i, j, dearer * (standing if i == at_row and j == at_column else beside))
         if r["alive"] != 0:
-            _charge_route(cost, r, routes[other], row, column, against, crowd, crowd_within, cell)
+            _charge_route(
+                cost, r, routes[other], row, column, legal, against, boxed_against, crowd, crowd_within, cell
+            )
     _charge_turns(cost, robots[me], row, column, legal, turn, boxed_turn)
 
 
