@@ -72,7 +72,8 @@ def test_nobody_is_asked_in_a_shelf_or_in_another_robot() -> None:
 
 def test_it_passes_on_the_right() -> None:
     """Before another in the middle of the aisle; to the right of one that heads east lies the south."""
-    bold = map_of(MOMENTS["head_on"](), "unshielded", CONFIG)  # who passes where `ppo` rather stops
+    shielded = policy_config("threaded_ppo", CONFIG)
+    bold = map_of(MOMENTS["head_on"](), "threaded_ppo", shielded)  # under the field, where the others rather stop
     assert np.nanmean(bold.chances["pass on the right"][:, (bold.x > 12.0) & (bold.x < 13.2)]) > 0.5
     one = map_of(MOMENTS["head_on"](), "ppo", CONFIG)
     right, left = one.chances["pass on the right"], one.chances["pass on the left"]

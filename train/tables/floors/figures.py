@@ -55,6 +55,7 @@ def _percent(part: float, whole: float, form: str) -> str:
 
 def _line(rows: Sequence[Row], rule: Sequence[Row], free: float) -> tuple[str, ...]:
     late = mean_interval(map(_late, rows))
+    late = late._replace(low=max(late.low, 0.0))  # nobody reaches fewer than no goals; NaN stays NaN
     above, share = "", ""
     if rows and rows[0]["policy"] != RULE:
         found = paired(rows, rule, _late, ("layout", "seed"))
