@@ -133,9 +133,7 @@ def price(robots, routes, me, legal, stood_for, prices, behind, cell, cost):  # 
                 for j in range(at_column - 1, at_column + 2):
                     _charge_entry(cost, i, j, dearer * (standing if i == at_row and j == at_column else beside))
         if r["alive"] != 0:
-            _charge_route(
-                cost, r, routes[other], row, column, legal, against, boxed_against, crowd, crowd_within, cell
-            )
+            _charge_route(cost, r, routes[other], row, column, legal, against, boxed_against, crowd, crowd_within, cell)
     _charge_turns(cost, robots[me], row, column, legal, turn, boxed_turn)
 
 
