@@ -384,15 +384,16 @@ def in_the_child(book: RouteBook, of_parent: Any, answers: Any) -> None:
     found = book._store.get("of the parent")
     book._store.put("of the child", np.array([[3, 4]]))
     book._store.flush()
-    answers.put((found.tolist() if found is not None else None, book._store._database.connection() is of_parent))
+    with book._store._database.connection() as connection:
+        answers.put((found.tolist() if found is not None else None, connection is of_parent))
 
 
 def test_a_connection_is_opened_again_after_a_fork(slow_plans: GridMap) -> None:
     book = RouteBook(slow_plans, make_planner("astar"))
     book._store.put("of the parent", np.array([[1, 2]]))
     book._store.flush()
-    of_parent = book._store._database.connection()
-    assert of_parent is not None
+    with book._store._database.connection() as of_parent:
+        assert of_parent is not None
     context = multiprocessing.get_context("fork")
     answers = context.Queue()
     child = context.Process(target=in_the_child, args=(book, of_parent, answers))
@@ -403,4 +404,5 @@ def test_a_connection_is_opened_again_after_a_fork(slow_plans: GridMap) -> None:
     assert found == [[1, 2]]
     assert not inherited
     assert book._store.get("of the child").tolist() == [[3, 4]]  # type: ignore[union-attr]
-    assert book._store._database.connection() is of_parent
+    with book._store._database.connection() as connection:
+        assert connection is of_parent

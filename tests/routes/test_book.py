@@ -266,6 +266,17 @@ def test_a_book_that_goes_away_writes_what_is_pending() -> None:
     assert planner.plans == 1
 
 
+def test_a_book_that_goes_away_closes_its_connection() -> None:
+    known = RouteBook(LOOP, Counting())
+    known.route(*TASKS[0])
+    with known._store._database.connection() as connection:
+        assert connection is not None
+        assert connection.execute("SELECT count(*) FROM plan").fetchone() is not None
+    del known
+    with pytest.raises(sqlite3.ProgrammingError, match="closed"):
+        connection.execute("SELECT count(*) FROM plan")
+
+
 def database(folder: Path) -> Path:
     return next(folder.glob("*.sqlite"))
 

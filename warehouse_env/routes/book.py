@@ -11,7 +11,7 @@ import math
 import os
 import sqlite3
 import weakref
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Lock
@@ -41,29 +41,54 @@ def cache_directory() -> Path:
     return Path(os.environ.get("WAREHOUSE_CACHE_DIR") or user_cache_dir("warehouse_env"))
 
 
+class _Access:
+    """One process's connection to the file, None where it cannot be opened, and the lock of who uses it."""
+
+    def __init__(self) -> None:
+        self.lock = Lock()
+        self.opened = False
+        self.connection: sqlite3.Connection | None = None
+
+
 class _Database:
     """The file, and a connection of each process's own to it: one that came along through a fork may not be used."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._connections: dict[int, sqlite3.Connection | None] = {}
+        self._accesses: dict[int, _Access] = {}
 
-    def connection(self) -> sqlite3.Connection | None:
-        """Return this process's connection, opened when it is first asked for; None where it cannot be opened."""
-        process = os.getpid()
-        if process not in self._connections:
-            self._connections[process] = self._open()
-        return self._connections[process]
+    @contextlib.contextmanager
+    def connection(self) -> Iterator[sqlite3.Connection | None]:
+        """Lend this process's connection to one thread at a time, opened when it is first asked for.
+
+        Two that read at once would share a statement, and one could get the other's row.
+        """
+        access = self._accesses.setdefault(os.getpid(), _Access())
+        with access.lock:
+            if not access.opened:
+                access.connection, access.opened = self._open(), True
+            yield access.connection
+
+    def close(self) -> None:
+        """Close this process's connection, if there is one."""
+        access = self._accesses.pop(os.getpid(), None)
+        if access is not None and access.connection is not None:
+            access.connection.close()
 
     def _open(self) -> sqlite3.Connection | None:
-        with contextlib.suppress(OSError, ValueError, sqlite3.Error):  # ValueError: an error that is no UTF-8
+        try:
             self._folder.mkdir(parents=True, exist_ok=True)
             file = self._folder / f"plans-{CACHE_FORMAT}.sqlite"
             connection = sqlite3.connect(file, timeout=5.0, check_same_thread=False)
+        except (OSError, ValueError, sqlite3.Error):  # ValueError: an error that is no UTF-8
+            return None
+        try:
             connection.execute("PRAGMA synchronous=OFF")
             connection.execute("CREATE TABLE IF NOT EXISTS plan (key TEXT PRIMARY KEY, cells BLOB) WITHOUT ROWID")
-            return connection
-        return None
+        except (ValueError, sqlite3.Error):
+            connection.close()
+            return None
+        return connection
 
 
 class PlanStore:
@@ -72,18 +97,18 @@ class PlanStore:
     def __init__(self, folder: Path) -> None:
         self._pending: list[tuple[str, bytes]] = []
         self._database = _Database(folder)
-        weakref.finalize(self, _write, self._database, self._pending)  # also at the interpreter's exit
+        weakref.finalize(self, _finish, self._database, self._pending)  # also at the interpreter's exit
 
     def get(self, key: str) -> NDArray[np.int64] | None:
         """Return the cells int64[L, 2] kept under a key, or None."""
-        connection = self._database.connection()
-        if connection is None:
-            return None
-        try:
-            row = connection.execute("SELECT cells FROM plan WHERE key = ?", (key,)).fetchone()
-            return None if row is None else np.frombuffer(row[0], dtype="<i4").reshape(-1, 2).astype(np.int64)
-        except (sqlite3.Error, ValueError, TypeError):
-            return None
+        with self._database.connection() as connection:
+            if connection is None:
+                return None
+            try:
+                row = connection.execute("SELECT cells FROM plan WHERE key = ?", (key,)).fetchone()
+                return None if row is None else np.frombuffer(row[0], dtype="<i4").reshape(-1, 2).astype(np.int64)
+            except (sqlite3.Error, ValueError, TypeError):
+                return None
 
     def put(self, key: str, cells: NDArray[np.int64]) -> None:
         """Keep cells under a key."""
@@ -97,11 +122,19 @@ class PlanStore:
 
 
 def _write(database: _Database, pending: list[tuple[str, bytes]]) -> None:
-    connection = database.connection() if pending else None
-    if connection is not None:
-        with contextlib.suppress(ValueError, sqlite3.Error), connection:
-            connection.executemany("INSERT OR REPLACE INTO plan VALUES (?, ?)", pending)
-    pending.clear()
+    plans = pending[:]
+    del pending[: len(plans)]  # what another thread adds meanwhile stays
+    if not plans:
+        return
+    with database.connection() as connection:
+        if connection is not None:
+            with contextlib.suppress(ValueError, sqlite3.Error), connection:
+                connection.executemany("INSERT OR REPLACE INTO plan VALUES (?, ?)", plans)
+
+
+def _finish(database: _Database, pending: list[tuple[str, bytes]]) -> None:
+    _write(database, pending)
+    database.close()
 
 
 class RouteBook(Portable):
