@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sqlite3
 import sys
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -275,6 +275,18 @@ def test_a_book_that_goes_away_closes_its_connection() -> None:
     del known
     with pytest.raises(sqlite3.ProgrammingError, match="closed"):
         connection.execute("SELECT count(*) FROM plan")
+
+
+def test_one_thread_at_a_time_has_the_connection() -> None:
+    known = RouteBook(LOOP, Counting())
+    key = known._key(*TASKS[0], None)
+    known._store.put(key, np.array([[3, 4]]))
+    known._store.flush()
+    with ThreadPoolExecutor(1) as pool:
+        with known._store._database.connection():
+            found = pool.submit(known._store.get, key)
+            assert not wait([found], timeout=0.2).done  # a read takes a hundredth of that
+        assert found.result(timeout=60).tolist() == [[3, 4]]  # type: ignore[union-attr]
 
 
 def database(folder: Path) -> Path:
