@@ -56,7 +56,7 @@ And in an order that was not kept:
 | stood_for 4 and every 2 | 89.8 | 95.0 | 89.2 |
 
 Last under `threaded_ppo`, 64 robots, four worlds of 600 s on each of six floors of `aisles` (241 to 246) and on
-`single_lane` and `narrow`; without one-cell aisles, as on `paper46` and `narrow`, `boxed_against` changes no bit:
+`single_lane` and `narrow`; where there is no aisle of one cell, as on `narrow`, `boxed_against` changed no episode:
 
 | what differs | six floors | single_lane | narrow |
 |---|--:|--:|--:|
