@@ -9,13 +9,14 @@ from pathlib import Path
 
 from agents.weights_folder import CONFIG
 from train.learning import checkpoint
-from train.learning.config import ReinforceConfig, ThreadedPPOConfig, TrainingConfig
+from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
 from train.learning.training_run import CHECKPOINT
 from warehouse_env.errors import ConfigError
 
 START = "start"
 ALGORITHMS: dict[str, tuple[str, type[TrainingConfig]]] = {  # name -> module with `train`, options
     "reinforce": ("train.reinforce", ReinforceConfig),
+    "ppo": ("train.ppo", PPOConfig),  # stable-baselines3's
     "threaded_ppo": ("train.threaded_ppo", ThreadedPPOConfig),
 }
 
@@ -23,13 +24,14 @@ ALGORITHMS: dict[str, tuple[str, type[TrainingConfig]]] = {  # name -> module wi
 def configs(folder: Path, seeds: range, steps: int) -> dict[str, list[TrainingConfig]]:
     """Return the trainings by algorithm, and as START the one that ends before it has learned anything.
 
-    steps: agent-steps of each training.
+    steps: agent-steps of each training. Each has one thread, for what is learned depends on how many there are: so the
+    table is the same whatever the machine's cores.
     """
     made: dict[str, list[TrainingConfig]] = {
-        name: [config(name=f"{name}-{seed}", out=folder, seed=seed, steps=steps) for seed in seeds]
+        name: [config(name=f"{name}-{seed}", out=folder, seed=seed, steps=steps, threads=1) for seed in seeds]
         for name, (_, config) in ALGORITHMS.items()
     }
-    return {START: [ReinforceConfig(name=START, out=folder, steps=1, learning_rate=1e-12)], **made}
+    return {START: [ReinforceConfig(name=START, out=folder, steps=1, learning_rate=1e-12, threads=1)], **made}
 
 
 def train_missing(trainings: dict[str, list[TrainingConfig]]) -> Iterator[str]:
