@@ -103,8 +103,9 @@ class RerouteSpec(Checked):
     """When a robot is routed anew on its way, and what the others' places and routes cost it (traffic/live.py)."""
 
     planner: str = "astar_turns:hairpin=10"  # of all routes while robots drive; one that takes a cost map
-    every: float = 4.0  # [s] between two looks at a robot's way ahead
-    look_ahead: float = 10.0  # [m] of it
+    every: float = 4.0  # [s] between two looks of a robot for a better way
+    only_barred: bool = False  # only of robots whose way is barred, which takes half as long (trainings do so)
+    look_ahead: float = 10.0  # [m] of the way ahead that may be barred
     stood_for: float = 6.0  # [s] without having moved a metre from which a robot counts as standing
     standing: float = 10.0  # [cells] for entering the cell of a robot that stands
     beside: float = 3.0  # [cells] for entering a cell beside it

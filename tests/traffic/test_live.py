@@ -45,13 +45,19 @@ def eastwards(count: int, row: int, columns: range) -> Any:
     return routes
 
 
-def barred(robots: Any, routes: Any, step: int = 0, every: int = 1, look_ahead: float = 25.0) -> list[bool]:
+def looks(
+    robots: Any, routes: Any, step: int = 0, every: int = 1, look_ahead: float = 25.0, only_barred: bool = False
+) -> list[bool]:
     out = np.empty(robots.shape, np.bool_)
     stands = np.zeros((ROWS, COLUMNS), np.int32)
     size = (np.float32(0.0), np.float32(1.0))
-    watch(robots, routes, np.array([step]), every, 6.0, look_ahead, *size, stands, out)
+    watch(robots, routes, np.array([step]), every, only_barred, 6.0, look_ahead, *size, stands, out)
     assert not stands.any()
     return [bool(found) for found in out[0]]
+
+
+def barred(robots: Any, routes: Any, **more: Any) -> list[bool]:
+    return looks(robots, routes, only_barred=True, **more)
 
 
 FREE = dict.fromkeys(("standing", "beside", "against", "boxed_against", "crowd", "turn", "boxed_turn"), 0.0)
@@ -101,9 +107,20 @@ def test_nobody_bars_his_own_way_and_what_is_behind_bars_none() -> None:
 def test_robots_look_one_after_another() -> None:
     robots = record(*({"x": 0.5, "y": 2.5, "points": 9} for _ in range(4)), {"x": 6.5, "y": 2.5, "standing_time": 90.0})
     routes = np.repeat(eastwards(1, 2, range(9)), 5, axis=1)
-    looked = [barred(robots, routes, step, every=10) for step in range(10)]
+    looked = [barred(robots, routes, step=step, every=10) for step in range(10)]
     assert np.sum(looked, axis=0).tolist() == [1, 1, 1, 1, 0]
     assert max(sum(row) for row in looked) == 1
+
+
+def test_all_robots_look_but_those_who_have_arrived_or_are_parked_unless_only_the_barred_are_to() -> None:
+    robots = record(*({"x": 0.5, "y": 2.5, "points": 9} for _ in range(5)))  # nobody stands
+    robots["arrived"][0, 3], robots["alive"][0, 4] = 1, 0
+    robots["x"][0, 4] = 8.5
+    routes = np.repeat(eastwards(1, 0, range(9)), 5, axis=1)  # far from where the parked one is
+    looked = [looks(robots, routes, step, every=10) for step in range(20)]
+    assert np.sum(looked, axis=0).tolist() == [2, 2, 2, 0, 0]
+    assert max(sum(row) for row in looked) == 1
+    assert not any(found for step in range(20) for found in barred(robots, routes, step=step, every=10))
 
 
 def test_a_robot_that_stands_makes_its_cell_dear_and_those_around_it() -> None:

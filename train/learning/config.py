@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 from agents.weights_folder import Mode
 from warehouse_env.checked import Checked, from_plain
-from warehouse_env.config import ActionType, EnvConfig, RewardWeights, SensorSpec
+from warehouse_env.config import ActionType, EnvConfig, RerouteSpec, RewardWeights, SensorSpec
 
 HELD_OUT_SEED = 1_000_000
 _MOST_SAMPLES = 100_000_000  # decisions of all rows between two updates; with 112 numbers each they fill 45 GB
@@ -89,7 +89,7 @@ class TrainingConfig(Checked):
     protective_field: bool = False
     """Train under the protective field: contacts are refused, what is learned is not to stand in each other's way."""
     reroute: bool = False
-    """Route robots anew around those that stand while they train."""
+    """Route robots anew around those that stand while they train; driven, all robots look for better routes."""
     right_of_way_after: float | None = None
     """Have the policy driven with right of way that steps in around robots that have stood for so long [s] and wait
     in a ring, or for five times as long, 0: everywhere; None: without. The training goes without it in any case: that
@@ -152,6 +152,7 @@ class TrainingConfig(Checked):
             **floor, num_agents=robots, planner=self.planner, keep_right=self.keep_right,
             action_repeat=self.action_repeat, sensor=SensorSpec(predictions=self.predictions),
             protective_field=self.protective_field, reroute=self.reroute,
+            reroute_spec=RerouteSpec(only_barred=True),
         )  # fmt: skip
         decision = env.time_step * env.action_repeat
         steps = max(1, round(self.episode_seconds / decision))
@@ -159,9 +160,10 @@ class TrainingConfig(Checked):
 
     def driven(self, env: EnvConfig) -> EnvConfig:
         """Return an environment of the training as the policy is to be driven in: deciding at every physics step, which
-        brought 1 to 6% more goals on trial seeds, or half of the contacts, and brought no more when trained so.
+        brought 1 to 6% more goals on trial seeds, or half of the contacts, and brought no more when trained so; and
+        with live routes that all robots look for, which would make the training take twice as long.
         """
-        env = env.replace(action_repeat=1, max_steps=env.max_steps * env.action_repeat)
+        env = env.replace(action_repeat=1, max_steps=env.max_steps * env.action_repeat, reroute_spec=RerouteSpec())
         if self.right_of_way_after is None:
             return env
         return env.replace(right_of_way=True, right_of_way_after=self.right_of_way_after)

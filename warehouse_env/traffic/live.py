@@ -1,7 +1,8 @@
-"""Live routes: robots are routed anew around others that stand, and all new routes heed where the others are going.
+"""Live routes: robots are routed anew on their way, around others that stand and away from where others are going.
 
-Every few seconds of its world's clock a robot looks down its route. If it leads through a cell in or beside which
-another has not moved a metre for some seconds, it gets a new one from where it stands, planned on a cost map:
+Every few seconds of its world's clock a robot looks for a better route from where it is (with `only_barred`, as in
+trainings, only if its own leads through a cell in or beside which another has not moved a metre for some seconds),
+planned on a cost map:
 
 - entering the cell of a robot that stands, or one beside it, costs, the more the longer one stands oneself;
 - a move against one of another's remaining route costs, so that streams part, and the more in an aisle of one cell,
@@ -12,8 +13,8 @@ another has not moved a metre for some seconds, it gets a new one from where it 
 - beginning with a turn costs, the more in an aisle of one cell, where a robot must back out to turn round; turning
   back sharply later on costs as well (`hairpin` of the planner), or one would go a cell ahead to turn for nothing.
 
-A new route on the way must save some cells at these prices, or the old one is kept: of the new ones at 128 robots, one
-every 14 s for each robot, 23% were followed by a manoeuvre, in everybody's way.
+A new route on the way must save some cells at these prices, or the old one is kept: where only the barred look, of the
+new ones at 128 robots, one every 14 s for each robot, 23% were followed by a manoeuvre, in everybody's way.
 
 What was tried, late goals per robot-hour by right of way on trial seeds; intervals are 2 to 4 wide either way, so many
 differences may be chance. First 64 robots for 600 s, of which the last 300 count:
@@ -66,10 +67,22 @@ Last under `threaded_ppo`, 64 robots, four worlds of 600 s on each of six floors
 | boxed_against 16 | 113.1 | 109.1 | 104.1 |
 | 8, look_ahead 20 | 113.4 | | |
 | 8, and a look at a better route before every aisle of one cell | 114.2 | | |
-| 8, and a look at a better route every 4 s, whether the way is barred or not | 115.2 | 109.9 | 106.9 |
+| 8, and a look every 4 s of every robot, whether its way is barred or not: as it is | 115.2 | 109.9 | 106.9 |
 
-On other trial seeds (four worlds each) the last row came to 115.8 where 113.3 were, and 106.7 on `narrow` where 102.1
-were; it costs a search every 4 s for each robot, in training as well, and is not in the tables, so it is not shipped.
+That last, again on other trial seeds (four worlds each):
+
+| who looks | six floors, 64 | 32 | narrow, 64 | paper46, 128 |
+|---|--:|--:|--:|--:|
+| seeds from 1,501,000: whose way is barred | 113.3 | | 102.1 | 120.1 |
+| all | 115.8 | | 106.7 | 122.1 |
+| seeds from 1,502,000: whose way is barred | 112.4 | 133.9 | | |
+| all | 116.2 | 135.8 | 106.6 | |
+| all every 8 s; every 2 s, where one stood for 514 s | 114.7; 112.3 | | 105.0; 105.8 | |
+| all, a route's line (not its cells) must save 0, 3 | 115.0, 114.9 | | | |
+
+Lines are laid into lanes, so a line costs 7 cells more at these prices than its cells did (median of 2,156 with 64
+robots on floor 241), and a robot changes its route in every second look. Where the lines were compared instead it did
+so less often, and nothing was gained.
 
 Robots that stand cost a robot twice as much once it has stood for 20 s itself: on floor 102 of `aisles` one stood for
 328 s without, for 81 s with that (4 worlds of 64 robots); twice as much after 5 s costs 6 of 92 goals on `narrow`.
@@ -126,12 +139,12 @@ def _is_barred(r, route, look_ahead, stands, cell):  # type: ignore[no-untyped-d
 
 
 @kernel
-def watch(robots, routes, steps, every, stood_for, look_ahead, behind, cell, stands, barred):  # type: ignore[no-untyped-def]
-    """Write which robots are to be routed anew; return how many.
+def watch(robots, routes, steps, every, only_barred, stood_for, look_ahead, behind, cell, stands, looks):  # type: ignore[no-untyped-def]
+    """Write which robots look for a better way now; return how many.
 
-    robots: ROBOT[B, N]; routes: float32[B, N, R, 2] [m]; steps: int64[B]; every: the steps
-    between two looks of a robot; behind [m]: a body's centre, behind its front axle; stands: int32[H, W], zeros;
-    barred: bool[B, N].
+    robots: ROBOT[B, N]; routes: float32[B, N, R, 2] [m]; steps: int64[B]; every: the steps between two looks of a
+    robot; only_barred: only of those whose way is barred; behind [m]: a body's centre, behind its front axle; stands:
+    int32[H, W], zeros; looks: bool[B, N].
     """
     found, count = 0, robots.shape[1]
     rows, columns = stands.shape
@@ -139,23 +152,23 @@ def watch(robots, routes, steps, every, stood_for, look_ahead, behind, cell, sta
         standing = 0
         for i in range(count):
             r = robots[b, i]
-            barred[b, i] = False
-            if stands_still(r, stood_for):
+            looks[b, i] = False
+            if only_barred and stands_still(r, stood_for):
                 row, column = body_cell(r, behind, cell, rows, columns)
                 _mark(stands, row, column, 1)
                 standing += 1
-        if standing == 0:
+        if only_barred and standing == 0:
             continue
         for i in range(count):
             r = robots[b, i]
             if r["alive"] == 0 or r["arrived"] != 0 or (steps[b] + i * every // count) % every != 0:
                 continue
             row, column = body_cell(r, behind, cell, rows, columns)
-            own = stands_still(r, stood_for)
+            own = only_barred and stands_still(r, stood_for)
             if own:
                 _mark(stands, row, column, -1)
-            if _is_barred(r, routes[b, i], look_ahead, stands, cell):
-                barred[b, i] = True
+            if not only_barred or _is_barred(r, routes[b, i], look_ahead, stands, cell):
+                looks[b, i] = True
                 found += 1
             if own:
                 _mark(stands, row, column, 1)
@@ -170,7 +183,7 @@ def prices_of(spec: RerouteSpec) -> tuple[float, ...]:
 
 
 class LiveRoutes:
-    """Makes routes while robots drive: `watch` says whose way is barred, `route` makes a new one from its pose."""
+    """Makes routes while robots drive: `watch` says who looks for a better one, `route` makes it from its pose."""
 
     def __init__(self, config: EnvConfig, book: RouteBook) -> None:
         """Take the configuration's `reroute_spec`; ConfigError for a planner that takes no cost map."""
@@ -188,18 +201,18 @@ class LiveRoutes:
         every = max(1, round(spec.every / seconds))
         behind = np.float32(config.robot.rear_reach - 0.5 * config.robot.length)
         size = np.float32(grid.cell_size)
-        self._watch = (every, spec.stood_for, spec.look_ahead, behind, size)
+        self._watch = (every, spec.only_barred, spec.stood_for, spec.look_ahead, behind, size)
         self._price = (grid.legal_moves, spec.stood_for, prices_of(spec), behind, size)
         self._size, self._saving = size, spec.saving
         self._stands = np.zeros(grid.shape, np.int32)
         self._cost = np.zeros((*grid.shape, 8))
 
     def watch(self, robots: NDArray[Any], routes: NDArray[np.float32], steps: NDArray[np.int64]) -> list[list[int]]:
-        """Return [world, robot] of those who are to be routed anew after this step. robots: ROBOT[B, N]."""
-        barred = np.empty(robots.shape, np.bool_)
-        if not watch(robots, routes, steps, *self._watch, self._stands, barred):
+        """Return [world, robot] of those who look for a better route after this step. robots: ROBOT[B, N]."""
+        looks = np.empty(robots.shape, np.bool_)
+        if not watch(robots, routes, steps, *self._watch, self._stands, looks):
             return []
-        found: list[list[int]] = np.argwhere(barred).tolist()
+        found: list[list[int]] = np.argwhere(looks).tolist()
         return found
 
     def route(

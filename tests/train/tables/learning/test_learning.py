@@ -119,7 +119,7 @@ def test_the_study_from_the_command_line(
     assert "open, 3 robots" in out
     assert "all: right of way" in out
     rows = read_rows(tmp_path / "learning" / "rows.jsonl")
-    assert len(rows) == 8 + 2 + len(SETTINGS) * (2 + 2 * 2)
+    assert len(rows) == 8 + 2 + len(SETTINGS) * (2 + 3 * 2)
     assert main(line) == 0  # nothing is trained or driven again
     assert "agent-steps" not in capsys.readouterr().out
     assert read_rows(tmp_path / "learning" / "rows.jsonl") == rows
