@@ -132,7 +132,7 @@ class Dispatcher:
         return arrivals
 
     def reroute(self, steps: NDArray[np.int64]) -> list[int]:
-        """Route those anew who are astray or whose way is barred; return the worlds of those who got another route."""
+        """Route those anew who are astray or find a better way; return the worlds of those who got another route."""
         worlds = []
         if find_astray(self.robots, self.routes, self._far, self._astray):
             for world, robot in np.argwhere(self._astray).tolist():

@@ -102,6 +102,7 @@ and no step does the work of all. Nothing is drawn by chance: a world's routes d
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -113,7 +114,7 @@ from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import Cell
 from warehouse_env.planning.plan import DEAREST
 from warehouse_env.routes.book import RouteBook
-from warehouse_env.traffic.prices import ahead_of, body_cell, cell_of, cells_ahead, path_cost, price, stands_still
+from warehouse_env.traffic.prices import ahead_of, body_cell, cell_of, cells_ahead, path_cost, price, stands_still, way
 
 
 @kernel
@@ -227,12 +228,14 @@ class LiveRoutes:
         np.minimum(self._cost, DEAREST, out=self._cost)
         pose = np.array([robots[me]["x"], robots[me]["y"]])
         row, column = self._book.grid.cell(pose).tolist()
-        rng = np.random.default_rng([row, column, *goal])
-        plan = self._planner.plan(self._book.grid, (row, column), goal, rng, self._cost)
-        if not plan.found or len(plan.cells) < 2:
-            return None
+        now = math.inf
         if on_its_way:
             left = cells_ahead(robots[me], routes[me], self._size, *self._book.grid.shape)
-            if path_cost(plan.cells, self._cost) + self._saving > path_cost(left, self._cost):
-                return None
+            now = path_cost(left, self._cost)
+            if way(row - goal[0], column - goal[1]) + self._saving > now:
+                return None  # no path could save enough, so none is searched for
+        rng = np.random.default_rng([row, column, *goal])
+        plan = self._planner.plan(self._book.grid, (row, column), goal, rng, self._cost)
+        if not plan.found or len(plan.cells) < 2 or path_cost(plan.cells, self._cost) + self._saving > now:
+            return None
         return self._book.lay(plan.cells, pose)

@@ -55,7 +55,7 @@ def ahead_of(r):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _way(rows, columns):  # type: ignore[no-untyped-def]
+def way(rows, columns):  # type: ignore[no-untyped-def]
     """Return the length [cells] of the shortest way over so many rows and columns without shelves."""
     high, wide = abs(rows), abs(columns)
     return max(high, wide) + _DIAGONAL * min(high, wide)
@@ -86,7 +86,7 @@ def _charge_route(cost, r, route, row, column, legal, against, boxed_against, cr
         cost[i, j, back] += dear
         cost[i, j, (back + 1) % 8] += 0.5 * dear
         cost[i, j, (back + 7) % 8] += 0.5 * dear
-        apart = abs(_way(i - row, j - column) * size - (k - first + 1) * spacing)
+        apart = abs(way(i - row, j - column) * size - (k - first + 1) * spacing)
         if apart < crowd_within:
             _charge_entry(cost, i, j, crowd * (1.0 - apart / crowd_within))
         before_row, before_column = i, j
@@ -157,5 +157,5 @@ def path_cost(cells, cost):  # type: ignore[no-untyped-def]
     total = 0.0
     for k in range(len(cells) - 1):
         d_row, d_column = cells[k + 1, 0] - cells[k, 0], cells[k + 1, 1] - cells[k, 1]
-        total += _way(d_row, d_column) + cost[cells[k, 0], cells[k, 1], _eighth(d_row, d_column)]
+        total += way(d_row, d_column) + cost[cells[k, 0], cells[k, 1], _eighth(d_row, d_column)]
     return total
