@@ -241,6 +241,7 @@ def test_the_policy_decides_twice_as_often_as_in_its_training(config: ReinforceC
     driven = policy_config(reinforce.train(replace(config, steps=8 * 6)), trained)
     assert (trained.action_repeat, driven.action_repeat) == (2, 1)
     assert config.driven(trained).max_steps == 2 * trained.max_steps
+    assert [env.reroute_spec.only_barred for env in (trained, config.driven(trained))] == [True, False]
     card = (config.directory / "CARD.md").read_text()
     assert "(speed x offset from the route) every 0.1 s" in card
     assert "a decision every 0.2 s, episodes of" in card

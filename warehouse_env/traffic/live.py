@@ -79,6 +79,7 @@ That last, again on other trial seeds (four worlds each):
 | all | 116.2 | 135.8 | 106.6 | |
 | all every 8 s; every 2 s, where one stood for 514 s | 114.7; 112.3 | | 105.0; 105.8 | |
 | all, a route's line (not its cells) must save 0, 3 | 115.0, 114.9 | | | |
+| all but robots in a manoeuvre: first three floors 112.1, where all come to 118.8 | | | | |
 
 Lines are laid into lanes, so a line costs 7 cells more at these prices than its cells did (median of 2,156 with 64
 robots on floor 241), and a robot changes its route in every second look. Where the lines were compared instead it did
