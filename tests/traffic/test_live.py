@@ -15,10 +15,11 @@ import pytest
 from warehouse_env.config import EnvConfig, RerouteSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.planning import make_planner
 from warehouse_env.simulation.recording import Recorder
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import ROBOT
-from warehouse_env.traffic.live import LiveRoutes, prices_of, watch
+from warehouse_env.traffic.live import LiveRoutes, find_due, keep_barred, prices_of
 from warehouse_env.traffic.prices import cells_ahead, path_cost, price
 
 ROOT = Path(__file__).parents[2]
@@ -45,19 +46,19 @@ def eastwards(count: int, row: int, columns: range) -> Any:
     return routes
 
 
-def looks(
-    robots: Any, routes: Any, step: int = 0, every: int = 1, look_ahead: float = 25.0, only_barred: bool = False
-) -> list[bool]:
+def looks(robots: Any, step: int = 0, every: int = 1) -> Any:
     out = np.empty(robots.shape, np.bool_)
+    assert find_due(robots, np.array([step]), every, out) == out.sum()
+    return out
+
+
+def barred(robots: Any, routes: Any, look_ahead: float = 25.0, **when: int) -> list[bool]:
+    out = looks(robots, **when)
     stands = np.zeros((ROWS, COLUMNS), np.int32)
-    size = (np.float32(0.0), np.float32(1.0))
-    watch(robots, routes, np.array([step]), every, only_barred, 6.0, look_ahead, *size, stands, out)
+    count = keep_barred(robots, routes, 6.0, look_ahead, np.float32(0.0), np.float32(1.0), stands, out)
+    assert count == out.sum()
     assert not stands.any()
     return [bool(found) for found in out[0]]
-
-
-def barred(robots: Any, routes: Any, **more: Any) -> list[bool]:
-    return looks(robots, routes, only_barred=True, **more)
 
 
 FREE = dict.fromkeys(("standing", "beside", "against", "boxed_against", "crowd", "turn", "boxed_turn"), 0.0)
@@ -112,15 +113,23 @@ def test_robots_look_one_after_another() -> None:
     assert max(sum(row) for row in looked) == 1
 
 
-def test_all_robots_look_but_those_who_have_arrived_or_are_parked_unless_only_the_barred_are_to() -> None:
+def test_all_robots_look_but_those_who_have_arrived_or_are_parked_and_one_after_another() -> None:
     robots = record(*({"x": 0.5, "y": 2.5, "points": 9} for _ in range(5)))  # nobody stands
     robots["arrived"][0, 3], robots["alive"][0, 4] = 1, 0
-    robots["x"][0, 4] = 8.5
-    routes = np.repeat(eastwards(1, 0, range(9)), 5, axis=1)  # far from where the parked one is
-    looked = [looks(robots, routes, step, every=10) for step in range(20)]
+    looked = [looks(robots, step, every=10)[0] for step in range(20)]
     assert np.sum(looked, axis=0).tolist() == [2, 2, 2, 0, 0]
     assert max(sum(row) for row in looked) == 1
-    assert not any(found for step in range(20) for found in barred(robots, routes, step=step, every=10))
+
+
+def test_robots_find_better_routes_where_nobody_stands_unless_only_the_barred_look() -> None:
+    found = {}
+    for only_barred in (False, True):
+        spec = RerouteSpec(every=1.0, stood_for=1e4, only_barred=only_barred)
+        simulator = Simulator(CONFIG.replace(reroute_spec=spec))
+        simulator.reset([5])
+        drive(simulator, 50)
+        found[only_barred] = int(simulator.robots["reroutes"].sum())
+    assert found[True] == 0 < found[False]
 
 
 def test_a_robot_that_stands_makes_its_cell_dear_and_those_around_it() -> None:
@@ -200,6 +209,27 @@ def test_on_its_way_a_robot_keeps_its_route_unless_a_new_one_saves_enough() -> N
     robots[1]["x"], robots[1]["y"] = routes[0, middle]  # in its way, and stands
     robots[1]["standing_time"] = 60.0
     assert live.route(robots, routes, 0, goal, on_its_way=True) is not None
+
+
+def test_a_route_is_kept_exactly_if_no_other_saves_enough_also_where_none_is_searched_for() -> None:
+    simulator = Simulator(CONFIG)
+    simulator.reset([4])
+    drive(simulator, 100)
+    robots, routes, grid = simulator.robots[0], simulator.routes[0], simulator.grid
+    spec, size = CONFIG.reroute_spec, np.float32(grid.cell_size)
+    live, planner = LiveRoutes(CONFIG, simulator.route_book), make_planner(CONFIG.reroute_spec.planner)
+    behind = np.float32(CONFIG.robot.rear_reach - 0.5 * CONFIG.robot.length)
+    cost, kept = np.empty((*grid.shape, 8)), []
+    for me, r in enumerate(robots):
+        price(robots, routes, me, grid.legal_moves, spec.stood_for, prices_of(spec), behind, size, cost)
+        begin, goal = tuple(grid.cell(np.array([r["x"], r["y"]])).tolist()), (int(r["goal_row"]), int(r["goal_col"]))
+        if begin == goal:
+            continue
+        cells = planner.plan(grid, begin, goal, np.random.default_rng(0), cost).cells
+        now = path_cost(cells_ahead(r, routes[me], size, *grid.shape), cost)
+        kept.append(path_cost(cells, cost) + spec.saving > now)
+        assert (live.route(robots, routes, me, goal, on_its_way=True) is None) == kept[-1]
+    assert 3 < sum(kept) < len(kept) - 3
 
 
 def test_turning_away_from_the_heading_costs_and_more_where_there_is_no_room() -> None:

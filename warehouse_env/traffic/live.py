@@ -141,37 +141,44 @@ def _is_barred(r, route, look_ahead, stands, cell):  # type: ignore[no-untyped-d
 
 
 @kernel
-def watch(robots, routes, steps, every, only_barred, stood_for, look_ahead, behind, cell, stands, looks):  # type: ignore[no-untyped-def]
-    """Write which robots look for a better way now; return how many.
+def find_due(robots, steps, every, looks):  # type: ignore[no-untyped-def]
+    """Write which robots look for a better way now, each once in `every` steps; return how many.
 
-    robots: ROBOT[B, N]; routes: float32[B, N, R, 2] [m]; steps: int64[B]; every: the steps between two looks of a
-    robot; only_barred: only of those whose way is barred; behind [m]: a body's centre, behind its front axle; stands:
-    int32[H, W], zeros; looks: bool[B, N].
+    robots: ROBOT[B, N]; steps: int64[B]; looks: bool[B, N].
     """
     found, count = 0, robots.shape[1]
-    rows, columns = stands.shape
     for b in range(robots.shape[0]):
-        standing = 0
         for i in range(count):
             r = robots[b, i]
-            looks[b, i] = False
-            if only_barred and stands_still(r, stood_for):
+            due = r["alive"] != 0 and r["arrived"] == 0 and (steps[b] + i * every // count) % every == 0
+            looks[b, i] = due
+            found += due
+    return found
+
+
+@kernel
+def keep_barred(robots, routes, stood_for, look_ahead, behind, cell, stands, looks):  # type: ignore[no-untyped-def]
+    """Let only those look whose way is barred; return how many.
+
+    robots: ROBOT[B, N]; routes: float32[B, N, R, 2] [m]; behind [m]: a body's centre, behind its front axle; stands:
+    int32[H, W], zeros; looks: bool[B, N].
+    """
+    found, (rows, columns) = 0, stands.shape
+    for b in range(robots.shape[0]):
+        for r in robots[b]:
+            if stands_still(r, stood_for):
                 row, column = body_cell(r, behind, cell, rows, columns)
                 _mark(stands, row, column, 1)
-                standing += 1
-        if only_barred and standing == 0:
-            continue
-        for i in range(count):
-            r = robots[b, i]
-            if r["alive"] == 0 or r["arrived"] != 0 or (steps[b] + i * every // count) % every != 0:
+        for i in range(robots.shape[1]):
+            if not looks[b, i]:
                 continue
+            r = robots[b, i]
+            own = stands_still(r, stood_for)  # nobody bars his own way
             row, column = body_cell(r, behind, cell, rows, columns)
-            own = only_barred and stands_still(r, stood_for)
             if own:
                 _mark(stands, row, column, -1)
-            if not only_barred or _is_barred(r, routes[b, i], look_ahead, stands, cell):
-                looks[b, i] = True
-                found += 1
+            looks[b, i] = _is_barred(r, routes[b, i], look_ahead, stands, cell)
+            found += looks[b, i]
             if own:
                 _mark(stands, row, column, 1)
         stands[:] = 0
@@ -203,7 +210,8 @@ class LiveRoutes:
         every = max(1, round(spec.every / seconds))
         behind = np.float32(config.robot.rear_reach - 0.5 * config.robot.length)
         size = np.float32(grid.cell_size)
-        self._watch = (every, spec.only_barred, spec.stood_for, spec.look_ahead, behind, size)
+        self._every, self._only_barred = every, spec.only_barred
+        self._barred = (spec.stood_for, spec.look_ahead, behind, size)
         self._price = (grid.legal_moves, spec.stood_for, prices_of(spec), behind, size)
         self._size, self._saving = size, spec.saving
         self._stands = np.zeros(grid.shape, np.int32)
@@ -212,7 +220,9 @@ class LiveRoutes:
     def watch(self, robots: NDArray[Any], routes: NDArray[np.float32], steps: NDArray[np.int64]) -> list[list[int]]:
         """Return [world, robot] of those who look for a better route after this step. robots: ROBOT[B, N]."""
         looks = np.empty(robots.shape, np.bool_)
-        if not watch(robots, routes, steps, *self._watch, self._stands, looks):
+        if not find_due(robots, steps, self._every, looks):
+            return []
+        if self._only_barred and not keep_barred(robots, routes, *self._barred, self._stands, looks):
             return []
         found: list[list[int]] = np.argwhere(looks).tolist()
         return found
