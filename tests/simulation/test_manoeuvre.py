@@ -215,6 +215,17 @@ def test_beside_a_body_no_arc_comes_nearer_than_the_field_allows() -> None:
     assert planned > 20
 
 
+@pytest.mark.parametrize("heading", [0.0, 0.4, 0.9, 2.56, -2.0])
+def test_along_a_parallel_body_that_is_as_near_as_the_field_allows_it_drives_straight(heading: float) -> None:
+    parameters = parameters_of(EnvConfig(protective_field=True), 1.0)
+    pose, beside = (6.0, 6.0, heading), ROBOT.width + float(parameters["field_margin"][0]) + 7e-4
+    other = (6.0 - beside * math.sin(heading), 6.0 + beside * math.cos(heading), heading)
+    goal = (6.0 + 1.2 * math.cos(heading), 6.0 + 1.2 * math.sin(heading), heading)
+    arcs = plan(room(12, 12), pose, goals_at(goal), bodies=rectangles(other), parameters=parameters)
+    assert arcs is not None
+    assert arcs[:, 1].tolist() == [0.0]
+
+
 def test_it_makes_room_for_the_path_of_another() -> None:
     path = rectangles(*((0.5 + 0.25 * k, 2.0, 0.0) for k in range(40)))
     pose = (6.0, 2.0, 0.0)

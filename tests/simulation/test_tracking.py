@@ -238,6 +238,15 @@ def test_it_leaves_a_blind_aisle_of_one_cell(heading: float) -> None:
     assert simulator.robots["hits_shelf"].sum() == 0
 
 
+def test_in_a_gap_between_shelves_it_does_not_wedge_itself() -> None:
+    """As it happened: it came down into the gap, and the next goal lay behind it."""
+    lines = ["#" * 9 + "...####", "." * 16, "#######.#####..#", "." * 16]
+    pose = (7.41993, 1.95737, -1.87666, 0.54109, -0.87258)
+    simulator = on_route(drawn(lines), pose, (7.42, 1.96), (7.28, 2.41), (6.8, 2.51), (1.5, 2.5))
+    r = drive(simulator, int(simulator.cruise_action), 600)
+    assert r["goals"] >= 1
+
+
 @cache
 def alone(name: str) -> Row:
     """One robot a world that follows its routes, 16 worlds of 300 s."""

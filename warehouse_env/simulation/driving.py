@@ -37,7 +37,7 @@ def give_up(r):  # type: ignore[no-untyped-def]
 @inline
 def begin(r, count, arcs, margin):  # type: ignore[no-untyped-def]
     """Start a manoeuvre of `count` arcs, planned with `margin` [m], from where the robot stands."""
-    r["arc_margin"] = margin * KEPT
+    r["arc_margin"] = r["arc_planned"] = margin * KEPT
     r["arcs"], r["arc"] = count, 0
     r["claim"], r["poses"] = 0.0, 0  # what was granted was of another path
     r["arc_x"], r["arc_y"], r["arc_heading"] = r["x"], r["y"], r["heading"]

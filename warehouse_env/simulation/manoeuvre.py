@@ -53,7 +53,8 @@ _ALIGNED = np.float32(0.2)  # [rad]
 _OFF = np.float32(0.2)  # [m] around a body that makes room: more than right of way asks for (meetings.WIDE, of both)
 _BERTH = np.float32(4.0)  # times as far off bodies as off shelves, which stay where they are
 _GIVEN = np.float32(0.002)  # [m] nearer than at the start that another body may come, as arcs are not driven exactly,
-_SPARE = np.float32(0.001)  # [m] but not so near that the field stops it
+_SPARE = np.float32(0.001)  # [m] but not so near that the field stops it, where there is so much room,
+_ROUNDING = np.float32(2e-5)  # [m] or as at the start: beside a body it may drive along it
 _STEP, _STEP_NEAR = np.float32(0.12), np.float32(0.003)  # [m] off a body from which on its distance is coarse; between
 # poses near it: the gap that the widest axis shows can shrink and grow again within centimetres
 X, Y, HEADING, COSINE, SINE, COST, MARGIN = range(7)  # columns of `poses`; MARGIN: of arcs from there [m]
@@ -83,7 +84,7 @@ def _write_rooms(x, y, c, s, margin, bodies, p, rooms):  # type: ignore[no-untyp
         apart = separation(
             bodies[k, 0] - cx, bodies[k, 1] - cy, c, s, bodies[k, 2], bodies[k, 3], p["half_length"], p["half_width"]
         )
-        rooms[k] = min(field + _BERTH * margin, max(apart - _GIVEN, min(apart, field + _SPARE)))
+        rooms[k] = min(field + _BERTH * margin, max(apart - _GIVEN, min(apart - _ROUNDING, field + _SPARE)))
 
 
 @inline

@@ -49,7 +49,8 @@ ROBOT = np.dtype(
         ("silent", B),  # its messages of this env step are lost (messages.py)
         # manoeuvre (simulation/driving.py): in one of `arcs` arcs if that is not 0, on number `arc`
         ("arcs", B), ("arc", B), ("arc_x", F), ("arc_y", F), ("arc_heading", F),  # the reference pose on that arc,
-        ("arc_left", F), ("arc_margin", F),  # [m] of it to go, negative backwards; [m] kept from shelves
+        ("arc_left", F),  # [m] of it to go, negative backwards
+        ("arc_margin", F), ("arc_planned", F),  # [m] kept from shelves; where there is room for it
         ("search_wait", F),  # [s] until the next search
         # right of way (simulation/right_of_way.py): granted up to this odometer, how far that is, and with which offset
         ("claim", np.float64), ("authority", F), ("side", F), ("at_end", B),  # [m], [m], [m]; the goal is granted, too
