@@ -98,6 +98,25 @@ def test_a_parked_robot_stands_for_good() -> None:
     assert world.robots["pause"][0] == making_room.PAUSE
 
 
+BAY = drawn(["#" * 16, "#####....#######", "." * 16, "#" * 16])
+
+
+def test_who_can_leave_no_path_goes_its_own_way_between_the_others() -> None:
+    """As it happened: the ways of both lead east, one stands crosswise in the bay and cannot turn beside the other."""
+    poses = [(5.7783, 1.6361, 0.094), (5.7913, 2.1665, -1.7879), (4.6337, 1.5128, 0.0599)]
+    world = World(*poses, ages=[5, 9, 2], grid=BAY)
+    for robot in range(3):
+        ahead = np.array([world.robots["x"][robot], 1.7]) + np.arange(0.0, 6.0, 0.25)[:, None] * [1.0, 0.0]
+        world.simulator.dispatcher.give_route(0, robot, ahead.astype(np.float32))
+    world.decide()
+    world.robots["yields_to"] = [1, 0, 0]
+    world.robots["waiting_time"] = 5.0
+    assert resolve(world) == [0]
+    assert world.robots["aside"].tolist() == [0, 0, 0]
+    world.decide()
+    assert rectangles(world.path(0))[-1, :, 0].max() > poses[0][0] + 0.5
+
+
 AISLE = drawn(["#" * 16, "." * 16, "#" * 16])
 
 

@@ -1,8 +1,9 @@
 """Making room: where robots wait for each other in a ring, one of them leaves the others' paths by a manoeuvre.
 
-The one with the least right does it; if it finds no way, the next one. Who waits for a robot that stands for good, and
-not in a ring, looks for a way round it. Both searches go round all bodies near, as they stand. Whoever finds no way may
-be shut in from behind: then those that wait for it leave the floor behind it, the last of them first if they must.
+The one with the least right does it; if it finds no way, one along its own route between the others, else the next one.
+Who waits for a robot that stands for good, and not in a ring, looks for a way round it. All searches go round all
+bodies near, as they stand. Whoever finds no way may be shut in from behind: then those that wait for it leave the floor
+behind it, the last of them first if they must.
 """
 
 from __future__ import annotations
@@ -92,6 +93,13 @@ def _make_room(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metr
     return found > 0
 
 
+@part
+def _go_round(i, robots, routes, arcs, ways, bodies, most, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
+    """Search a way for robot i to its own route, in `most` nodes, round those near; return whether there is one."""
+    near = _bodies_near(i, ways[0], bodies)
+    return plan_to_route(robots[i], routes[i], arcs[i], bodies[:near], most, p, solid, clearance, metric) >= 0
+
+
 @inline
 def _write_way_back(r, p, avoid):  # type: ignore[no-untyped-def]
     """Write the robot's body as it would be on its way straight back into avoid[:BACK]."""
@@ -145,11 +153,12 @@ def resolve(robots, routes, arcs, ways, p, solid, clearance, metric):  # type: i
             continue
         if _in_ring(i, robots):
             low = _least(i, robots)
-            if not _make_room(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric):
+            if _make_room(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric):
+                continue
+            if not _go_round(low, robots, routes, arcs, ways, bodies, AMONG_OTHERS, p, solid, clearance, metric):
                 _clear_behind(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric)
         elif r["waiting_time"] > PATIENCE + PATIENCE and _stands(robots[barrier]):
-            near = _bodies_near(i, ways[0], bodies)
             most = MOST if robots[barrier]["alive"] == 0 else AMONG_OTHERS  # it may yet go
             r["pause"] = PAUSE
-            if plan_to_route(r, routes[i], arcs[i], bodies[:near], most, p, solid, clearance, metric) < 0:
+            if not _go_round(i, robots, routes, arcs, ways, bodies, most, p, solid, clearance, metric):
                 _clear_behind(i, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric)
