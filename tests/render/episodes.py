@@ -11,7 +11,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
 
-CONFIG = EnvConfig(num_agents=7, planner="astar", action_repeat=2, people=2)
+CONFIG = EnvConfig(num_agents=7, planner="astar", action_repeat=2, people=4)
 
 
 def hall() -> GridMap:
