@@ -21,12 +21,12 @@ from warehouse_env.maps.movingai import write_map
 
 LAYOUTS = ("paper46", "narrow", "single_lane")
 AISLES = (1, 2)  # [cells] of the MovingAI warehouses
-DRAWN = range(421, 441)  # seeds of `aisles`: nothing was trained or chosen on these floors
+DRAWN = range(541, 561)  # seeds of `aisles`: nothing was trained or chosen on these floors
 ROBOTS = (16, 32, 64, 128)
 EPISODES = 4  # a floor; one on each that is drawn
 ALONE = 25  # episodes of a single robot for each of these: the shares of all others rest on it
 SECONDS = 600.0
-SEED = 19_000_000  # of the first episode, beside --seed: no training and no choice has used seeds from here on
+SEED = 22_000_000  # of the first episode, beside --seed: no training and no choice has used seeds from here on
 
 
 @dataclass(frozen=True)
