@@ -26,7 +26,7 @@ _ONE = np.float32(1.0)
 
 
 @inline
-def _tanh(x):  # type: ignore[no-untyped-def]
+def _tanh(x):
     """Return tanh x within 4e-7, and never beyond 1."""
     x = min(max(x, -_LIMIT), _LIMIT)
     s = x * x
@@ -36,7 +36,7 @@ def _tanh(x):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _layer(x, weight, bias, squash):  # type: ignore[no-untyped-def]
+def _layer(x, weight, bias, squash):
     """Return bias + x @ weight, float32[M, outputs] from float32[M, inputs], through tanh if `squash`.
 
     Each sum begins with the bias and runs over the inputs in their order, four at a time: fewer sums are rounded, and

@@ -30,6 +30,12 @@ PLANNING = (*BASE, "warehouse_env.maps", "warehouse_env.planning")
 ROUTES = (*PLANNING, "warehouse_env.routes")
 TRAFFIC = (*ROUTES, "warehouse_env.traffic")
 SIMULATION = (*TRAFFIC, "warehouse_env.observation", "warehouse_env.simulation")
+# The rooms of the simulation, from the ground up: each sees those below it, and the records of `state`.
+PHYSICS = (*BASE, "warehouse_env.maps", "warehouse_env.simulation.state", "warehouse_env.simulation.physics")
+DRIVER = (*PHYSICS, "warehouse_env.simulation.driver")
+SENSES = (*DRIVER, "warehouse_env.observation", "warehouse_env.simulation.senses")
+RULES = (*TRAFFIC, *SENSES, "warehouse_env.simulation.rules")
+TASKS = (*RULES, "warehouse_env.simulation.tasks")
 BELOW_TRAIN = ("warehouse_env", "agents")
 
 # The first prefix that fits a module says which of our own modules it may import.
@@ -47,6 +53,12 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.planning": PLANNING,
     "warehouse_env.routes": ROUTES,
     "warehouse_env.traffic": TRAFFIC,
+    "warehouse_env.simulation.state": BASE,
+    "warehouse_env.simulation.physics": PHYSICS,
+    "warehouse_env.simulation.driver": DRIVER,
+    "warehouse_env.simulation.senses": SENSES,
+    "warehouse_env.simulation.rules": RULES,
+    "warehouse_env.simulation.tasks": TASKS,
     "warehouse_env.simulation": SIMULATION,
     "warehouse_env.render": (*BASE, "warehouse_env.maps", "warehouse_env.simulation.state", "warehouse_env.render"),
     "warehouse_env.envs": (*SIMULATION, "warehouse_env.envs", "warehouse_env.render"),
@@ -183,6 +195,10 @@ def test_every_import_is_allowed() -> None:
         ("warehouse_env.routes.book", "from warehouse_env.traffic.conflicts import congestion"),
         ("warehouse_env.traffic.together", "from warehouse_env.simulation.simulator import Simulator"),
         ("warehouse_env.planning.ants.aco", "from warehouse_env import Simulator"),
+        ("warehouse_env.simulation.physics.contact", "from warehouse_env.simulation.driver.tracking import follow"),
+        ("warehouse_env.simulation.driver.tracking", "from warehouse_env.simulation.rules import field"),
+        ("warehouse_env.simulation.rules.field", "from warehouse_env.simulation.tasks.dispatch import Dispatcher"),
+        ("warehouse_env.simulation.tasks.dispatch", "from warehouse_env.simulation.simulator import Simulator"),
         ("warehouse_env.simulation.step", "from warehouse_env.envs.parallel import parallel_env"),
         ("warehouse_env.simulation.step", "def f():\n    import torch"),
         ("warehouse_env.envs.parallel", "from warehouse_env.render.frame import draw"),

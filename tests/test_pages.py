@@ -21,7 +21,7 @@ from train.cli import COMMANDS, main, with_values
 from train.commands.layouts import check_connected
 from train.reporting.rows import read_rows
 from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, SensorSpec, Simulator, observation_layout, read_map
-from warehouse_env.simulation.rewards import REWARD_TERMS
+from warehouse_env.simulation.senses.rewards import REWARD_TERMS
 
 PROGRAMS = ("warehouse", "make", "pip", "python")
 PYTHON = python_blocks()

@@ -76,7 +76,7 @@ class SensorSpec(Checked):
 
 @dataclass(frozen=True)
 class RewardWeights(Checked):
-    """Weights of the named reward terms (see simulation/rewards.py); a term is per robot and step."""
+    """Weights of the named reward terms (see simulation/senses/rewards.py); a term is per robot and step."""
 
     progress: float = 1.0  # per metre along the route
     arrival: float = 1.0  # per goal reached
@@ -100,7 +100,7 @@ class RewardWeights(Checked):
 
 @dataclass(frozen=True)
 class RerouteSpec(Checked):
-    """When a robot is routed anew on its way, and what the others' places and routes cost it (traffic/live.py)."""
+    """When a robot is routed anew on its way, and what the others cost it (simulation/rules/live.py)."""
 
     planner: str = "astar_turns:hairpin=10"  # of all routes while robots drive; one that takes a cost map
     every: float = 4.0  # [s] between two looks of a robot for a better way
@@ -154,8 +154,8 @@ class EnvConfig(Checked):
     field_margin: float = 0.02  # [m] that the field keeps between robots
     right_of_way: bool = False  # who goes first is settled early, and who is in the way makes room
     right_of_way_after: float = 0.0  # [s] of standing, now in a ring, from which it steps in near it; 0: always
-    people: int = 0  # on foot, among the robots (simulation/people.py)
-    message_loss: float = 0.0  # share of env steps in which nobody hears of a robot (simulation/messages.py)
+    people: int = 0  # on foot, among the robots (simulation/physics/people.py)
+    message_loss: float = 0.0  # share of env steps in which nobody hears of a robot (simulation/senses/messages.py)
     reroute: bool = False  # route robots anew around others that stand, and against the stream of all others
     reroute_spec: RerouteSpec = field(default_factory=RerouteSpec)  # when, and at what prices
     robot: RobotSpec = field(default_factory=RobotSpec)  # its body and limits

@@ -31,7 +31,7 @@ def observation_layout(config: EnvConfig) -> ObservationLayout:
         cos and sin of the relative heading, relative velocity (x, y) / max_speed, 1; all 0 where nobody is, or is heard
         of (message_loss).
     predictions[speed_levels x lateral_offsets], if the sensor has them: share of the next seconds until the command
-        would lead to a conflict, 1 where it would not (simulation/prediction.py).
+        would lead to a conflict, 1 where it would not (simulation/senses/prediction.py).
     field[2], if there is a protective field: share of the last env step in which it held the robot back,
         min(seconds for which it has done so without a break, 5) / 5.
     """

@@ -18,7 +18,7 @@ from warehouse_env.envs.single import single_env
 from warehouse_env.envs.vector import vec_env
 from warehouse_env.errors import ActionError, ConfigError
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.simulation.recording import Recorder
+from warehouse_env.simulation.record.recording import Recorder
 from warehouse_env.simulation.simulator import Simulator
 
 BASE: dict[str, Any] = {"num_agents": 2, "planner": "astar", "layout": "open", "max_steps": 6}

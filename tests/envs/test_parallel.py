@@ -13,7 +13,7 @@ from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, ren
 
 from warehouse_env import EnvConfig, Simulator, WarehouseParallelEnv, aec_env, parallel_env
 from warehouse_env.errors import ActionError, ConfigError
-from warehouse_env.simulation.rewards import REWARD_TERMS
+from warehouse_env.simulation.senses.rewards import REWARD_TERMS
 
 
 def strict(test: Callable[..., None]) -> Callable[..., None]:

@@ -14,7 +14,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.movingai import read_map, write_map
 from warehouse_env.maps.one_way import against, parse, text
 from warehouse_env.routes.lanes import drivable_line
-from warehouse_env.simulation.recording import Episode
+from warehouse_env.simulation.record.recording import Episode
 
 AISLE = [".........", ".>>>>>>>.", ".>>>>>>>.", "........."]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.simulation.recording import Episode, Recorder
+from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
 
 CONFIG = EnvConfig(num_agents=7, planner="astar", action_repeat=2, people=4)

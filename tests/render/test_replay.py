@@ -13,7 +13,7 @@ from tests.render.episodes import driven
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.render.replay import FLAGS, REWARD_TERMS, Replay, replay_of, straightened
 from warehouse_env.render.replay_codec import packed, position_unit
-from warehouse_env.simulation import rewards
+from warehouse_env.simulation.senses import rewards
 
 
 def shares(observation: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from warehouse_env.planning import make_planner
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.routes.lanes import drivable_line
 from warehouse_env.routes.steerable import most_curvature, narrowest, rounded, sharpest, without_knees
-from warehouse_env.simulation.kinematics import drive
+from warehouse_env.simulation.physics.kinematics import drive
 from warehouse_env.simulation.simulator import Simulator
 
 ROBOT = RobotSpec()

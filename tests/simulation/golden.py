@@ -14,9 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agents import make_policy, policy_config
+from agents.preferences import Preferring, ranked
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.maps.layouts import LAYOUTS
-from warehouse_env.simulation.recording import Recorder
+from warehouse_env.simulation.record.recording import Recorder
 from warehouse_env.simulation.simulator import Simulator
 
 DATA = Path(__file__).parent / "data"
@@ -41,6 +43,26 @@ OTHERS: dict[str, dict[str, Any]] = {
 CASES: dict[str, dict[str, Any]] = {
     f"{layout}, {kind}": {"layout": layout, "action_type": kind} for layout in LAYOUTS for kind in ACTION_TYPES
 } | OTHERS
+
+# What README's figures are driven with: policies under field, right of way and live routes. Env steps, then what the
+# config differs in. Long enough that robots wait in rings, make room, are settled and take better routes.
+STACKS: dict[str, tuple[str, int, dict[str, Any]]] = {
+    "greedy, 32": ("greedy", 600, {"num_agents": 32}),
+    "greedy, 128 on narrow": ("greedy", 500, {"num_agents": 128, "layout": "narrow"}),
+    "greedy, 32, one shot": ("greedy", 900, {"num_agents": 32, "tasks": "one_shot"}),
+    "greedy, 64 on a drawn floor, people": ("greedy", 500, {"num_agents": 64, "layout": "aisles:seed=77", "people": 6}),
+    "threaded_ppo, 32": ("threaded_ppo", 600, {"num_agents": 32}),
+    "threaded_ppo, 128 on narrow": ("threaded_ppo", 700, {"num_agents": 128, "layout": "narrow"}),
+    "threaded_ppo, 64, messages lost": ("threaded_ppo", 500, {"num_agents": 64, "message_loss": 0.2}),
+    "threaded_ppo, 32 on single_lane, people": (
+        "threaded_ppo", 600, {"num_agents": 32, "layout": "single_lane", "people": 6}
+    ),
+    "threaded_ppo, 64 on a drawn floor, one shot": (
+        "threaded_ppo", 900, {"num_agents": 64, "layout": "aisles:seed=78", "tasks": "one_shot"}
+    ),
+    "unshielded, 32": ("unshielded", 400, {"num_agents": 32, "layout": "narrow"}),
+}  # fmt: skip
+EVENTS = ("reroutes", "near_misses", "goals", "waited")
 
 
 def actions_for(kind: str, worlds: int, robots: int, seed: int = 4) -> Iterator[NDArray[Any]]:
@@ -68,6 +90,28 @@ def digest(case: dict[str, Any]) -> str:
     return content.hexdigest()
 
 
+def drive_stack(name: str) -> tuple[str, Simulator, dict[str, int]]:
+    """Return a digest of all that a world gave step by step, its simulator, and how often its mechanisms stepped in."""
+    policy_name, steps, changes = STACKS[name]
+    config = policy_config(policy_name, EnvConfig(**{"planner": "astar_turns", "max_steps": steps, **changes}))
+    policy, rng = make_policy(policy_name, config), np.random.default_rng(8)
+    simulator = Simulator(config)
+    simulator.reset(seed=5)
+    content, seen = hashlib.blake2b(digest_size=16), {"aside": 0, "arcs": 0, "yields_to": 0}
+    for _ in range(steps):
+        preferring = config.right_of_way and isinstance(policy, Preferring)
+        look = simulator.observation
+        simulator.step(ranked(policy, look, rng) if preferring else policy.act(look, rng))
+        robots = simulator.robots
+        for values in (simulator.state.pose, simulator.state.speed, simulator.state.steer, simulator.observation):
+            content.update(values.astype("<f4").tobytes())
+        content.update(simulator.reward.astype("<f4").tobytes())
+        for counter in (*COUNTERS, *EVENTS):
+            content.update(robots[counter].astype("<i4").tobytes())
+        seen = {field: seen[field] + int((robots[field] > 0).sum()) for field in seen}
+    return content.hexdigest(), simulator, seen | {event: int(simulator.robots[event].sum()) for event in EVENTS}
+
+
 def record() -> None:
     """Write the episodes and the digests."""
     for name, (changes, seed) in EPISODES.items():
@@ -79,6 +123,9 @@ def record() -> None:
         print(name, {counter: int(robots[counter].sum()) for counter in COUNTERS[:4]})
         recorder.episode.save(DATA / f"{name}.npz")
     found = {name: digest(case) for name, case in CASES.items()}
+    for name in STACKS:
+        found[name], _, counts = drive_stack(name)
+        print(name, counts)
     DIGESTS.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 
 

@@ -10,7 +10,7 @@ import pytest
 from agents import policy_config
 from tests.simulation.worlds import raw, room, stage
 from warehouse_env.config import EnvConfig
-from warehouse_env.simulation.audit import SWITCH
+from warehouse_env.simulation.rules.audit import SWITCH
 from warehouse_env.simulation.simulator import Simulator
 
 

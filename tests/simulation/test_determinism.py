@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from tests.simulation.worlds import drawn, room
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.simulation import buckets, simulator
+from warehouse_env.simulation import simulator
+from warehouse_env.simulation.physics import buckets
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.threads import MOST_THREADS, get_num_threads, set_num_threads
 

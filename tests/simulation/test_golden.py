@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from tests.simulation.golden import CASES, COUNTERS, DATA, DIGESTS, EPISODES, digest
-from warehouse_env.simulation.recording import Episode
+from tests.simulation.golden import CASES, COUNTERS, DATA, DIGESTS, EPISODES, STACKS, digest, drive_stack
+from warehouse_env.simulation.record.recording import Episode
 
 RECORDED = json.loads(DIGESTS.read_text(encoding="utf-8"))
 
@@ -27,8 +27,16 @@ def test_the_digest_is_the_recorded_one(name: str) -> None:
     assert digest(CASES[name]) == RECORDED[name]
 
 
+@pytest.mark.parametrize("name", STACKS)
+def test_a_stack_gives_the_recorded_digest(name: str) -> None:
+    found, _, counts = drive_stack(name)
+    assert counts["goals"] > 10  # or it would say little
+    assert counts["reroutes"] > 10
+    assert found == RECORDED[name]
+
+
 def test_digests_tell_one_case_from_another() -> None:
-    assert set(RECORDED) == set(CASES)
+    assert set(RECORDED) == set(CASES) | set(STACKS)
     same = RECORDED["paper46, raw"], RECORDED["paper46_rough, raw"]  # heights matter to routes, raw actions take none
     assert same[0] == same[1]
-    assert len(set(RECORDED.values())) == len(CASES) - 1
+    assert len(set(RECORDED.values())) == len(RECORDED) - 1

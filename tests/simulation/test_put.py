@@ -8,8 +8,8 @@ import pytest
 from tests.simulation.worlds import drawn
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.maps.layouts import make_layout
-from warehouse_env.simulation.assignment import Assignment
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.assignment import Assignment
 
 CONFIG = EnvConfig(planner="astar", num_agents=8, action_repeat=1, sensor=SensorSpec(predictions=True))
 

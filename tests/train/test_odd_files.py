@@ -22,7 +22,7 @@ from train.reporting.rows import read_rows, whole_rows
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WarehouseError
 from warehouse_env.routes.book import PlanStore
-from warehouse_env.simulation.recording import Episode, Recorder
+from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
 
 CONFIG = EnvConfig(num_agents=2, planner="astar", layout="open", max_steps=5)

@@ -13,7 +13,7 @@ from train.evaluation.scenes import SCENES
 from train.reporting.rows import read_rows, wilson_interval
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.well_formed import cut_off, disc_of
+from warehouse_env.simulation.tasks.well_formed import cut_off, disc_of
 
 BASE = EnvConfig(planner="astar", tasks="one_shot")
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
-from warehouse_env.simulation.footprint import body_touches_shelf
-from warehouse_env.simulation.geometry import rectangles_touch
+from warehouse_env.simulation.physics.footprint import body_touches_shelf
+from warehouse_env.simulation.physics.geometry import rectangles_touch
+from warehouse_env.simulation.physics.trigonometry import sin_cos, wrap
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.trigonometry import sin_cos, wrap
 
 
 class Noise(NamedTuple):
@@ -23,7 +23,7 @@ class Noise(NamedTuple):
 
 
 @kernel
-def _touches(robots, i, x, y, heading, p, solid, clearance):  # type: ignore[no-untyped-def]
+def _touches(robots, i, x, y, heading, p, solid, clearance):
     """Whether robot i would touch a shelf or another robot at a pose."""
     s, c = sin_cos(heading)
     cx, cy, length, width = x - p["offset"] * c, y - p["offset"] * s, p["half_length"], p["half_width"]
@@ -38,7 +38,7 @@ def _touches(robots, i, x, y, heading, p, solid, clearance):  # type: ignore[no-
 
 
 @kernel
-def _move(robots, moves, p, solid, clearance):  # type: ignore[no-untyped-def]
+def _move(robots, moves, p, solid, clearance):
     """Move robots ROBOT[N] by float32[N, 3] (x [m], y [m], heading [rad]), who would touch not; return how many."""
     touches = 0
     for i in range(robots.shape[0]):

@@ -22,7 +22,7 @@ _STEPS = np.array([(0, 1), (-1, 0), (0, -1), (1, 0)], dtype=np.int64)  # (d_row,
 
 
 @kernel
-def neighbour(cell, heading, blocked):  # type: ignore[no-untyped-def]
+def neighbour(cell, heading, blocked):
     """Return the cell next to `cell` in a direction, or -1 where there is none; blocked: bool[H, W]."""
     columns = blocked.shape[1]
     row, column = cell // columns + _STEPS[heading, 0], cell % columns + _STEPS[heading, 1]
@@ -70,7 +70,7 @@ def cost_to_go(blocked: NDArray[np.bool_], goal: int) -> NDArray[np.int32]:
 
 
 @kernel
-def _choices(i, cell, heading, cost, noise, blocked, targets, moves):  # type: ignore[no-untyped-def]
+def _choices(i, cell, heading, cost, noise, blocked, targets, moves):
     """Write the robot's possible next cells and moves, best first; return how many there are."""
     keys = np.empty(5, np.float64)
     count = 0
@@ -97,7 +97,7 @@ def _choices(i, cell, heading, cost, noise, blocked, targets, moves):  # type: i
 
 
 @kernel
-def _closes_a_ring(i, target, cell, chosen, occupant):  # type: ignore[no-untyped-def]
+def _closes_a_ring(i, target, cell, chosen, occupant):
     """Whether robot i, driving into `target`, would follow a chain of movers that leads into its own cell."""
     at = target
     while True:
@@ -110,7 +110,7 @@ def _closes_a_ring(i, target, cell, chosen, occupant):  # type: ignore[no-untype
 
 
 @kernel
-def _decide(i, cell, heading, costs, noise, blocked, occupant, taken, chosen, moves):  # type: ignore[no-untyped-def]
+def _decide(i, cell, heading, costs, noise, blocked, occupant, taken, chosen, moves):
     """Choose robot i's next cell; whoever stands there undecided chooses first. False: it must stay where it is."""
     own_targets, own_moves = np.empty(5, np.int64), np.empty(5, np.int64)
     count = _choices(i, cell, heading, costs[i], noise, blocked, own_targets, own_moves)
@@ -132,7 +132,7 @@ def _decide(i, cell, heading, costs, noise, blocked, occupant, taken, chosen, mo
 
 
 @kernel
-def pibt_step(cell, heading, costs, order, held, tail, noise, blocked):  # type: ignore[no-untyped-def]
+def pibt_step(cell, heading, costs, order, held, tail, noise, blocked):
     """Return each robot's next cell int64[N] and move int64[N]: its next heading, + BACKWARDS in reverse.
 
     cell int64[N], distinct; heading int64[N]; costs int32[N, 4, H * W], each robot's cost_to_go; order int64[N]: first

@@ -44,7 +44,7 @@ class Orders(NamedTuple):
 
 
 @kernel
-def append(orders, cell, move, moves):  # type: ignore[no-untyped-def]
+def append(orders, cell, move, moves):
     """Add a visit of `cell` int64[N] by `move` int64[N] for the robots that move, bool[N]."""
     for i in range(cell.size):
         if moves[i]:
@@ -56,7 +56,7 @@ def append(orders, cell, move, moves):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _may_enter(orders, i, visit):  # type: ignore[no-untyped-def]
+def _may_enter(orders, i, visit):
     """Whether all visits ranked before are over, or the robot's own."""
     k = visit % LENGTH
     waiting = orders.rank[i, k] - orders.done[orders.cell[i, k]]
@@ -67,13 +67,13 @@ def _may_enter(orders, i, visit):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def goes_straight_on(orders, i, visit):  # type: ignore[no-untyped-def]
+def goes_straight_on(orders, i, visit):
     """Whether the plan holds what follows a visit, and that goes on in its direction and gear."""
     return visit + 1 < orders.end[i] and orders.move[i, visit % LENGTH] == orders.move[i, (visit + 1) % LENGTH]
 
 
 @kernel
-def _end_of_turn(orders, i, visit):  # type: ignore[no-untyped-def]
+def _end_of_turn(orders, i, visit):
     """Return the first visit from this one on in which a body can wait: not where it must turn to go on."""
     while visit + 1 < orders.end[i] and not goes_straight_on(orders, i, visit):
         visit += 1
@@ -81,7 +81,7 @@ def _end_of_turn(orders, i, visit):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _reaches_into(x, y, c, s, half_length, half_width, qx, qy, half):  # type: ignore[no-untyped-def]
+def _reaches_into(x, y, c, s, half_length, half_width, qx, qy, half):
     """Whether a rectangle about (x, y) with heading (c, s) overlaps the square about (qx, qy): separating axes."""
     dx, dy = qx - x, qy - y
     spread = half * (abs(c) + abs(s))
@@ -93,7 +93,7 @@ def _reaches_into(x, y, c, s, half_length, half_width, qx, qy, half):  # type: i
 
 
 @kernel
-def advance(orders, axle, heading, centre, body, look):  # type: ignore[no-untyped-def]
+def advance(orders, axle, heading, centre, body, look):
     """Note which visits have begun and which are over, and grant the next ones, `look` ahead of the axle at most.
 
     axle float64[N, 2] [m]; heading float64[N] [rad]; centre float64[H * W, 2] [m], of the cells; body: half length,
@@ -138,7 +138,7 @@ def advance(orders, axle, heading, centre, body, look):  # type: ignore[no-untyp
 
 
 @kernel
-def forget_future(orders):  # type: ignore[no-untyped-def]
+def forget_future(orders):
     """Drop all visits that are not yet granted, so that the plan begins anew from where the bodies stand."""
     orders.planned[:] = 0
     orders.done[:] = 0

@@ -22,11 +22,11 @@ UNDECIDED, CHOOSING, CHOSEN = 0, 1, 2  # of a robot
 
 
 @kernel
-def drive(pose, speed, steer, goal_speed, goal_steer, decision, limits, motion):  # type: ignore[no-untyped-def]
+def drive(pose, speed, steer, goal_speed, goal_steer, decision, limits, motion):
     """Write the motion float64[POSES, 4]: a decision of so many steps of DT, or of none at all, then the stop.
 
-    Just as simulation/kinematics.py drives it; a stop's last command is weaker, so that it ends at rest. (Predicted to
-    6 mm and looked at every 0.1 s, motions that were to stay LEAST apart touched.)
+    Just as simulation/physics/kinematics.py drives it; a stop's last command is weaker, so that it ends at rest.
+    (Predicted to 6 mm and looked at every 0.1 s, motions that were to stay LEAST apart touched.)
     pose: x, y, heading of the front axle; limits: acceleration, steering rate, wheelbase, axle to centre.
     """
     x, y, heading = pose[0], pose[1], pose[2]
@@ -50,7 +50,7 @@ def drive(pose, speed, steer, goal_speed, goal_steer, decision, limits, motion):
 
 
 @kernel
-def _apart(dx, dy, c, s, half_length, half_width, other_c, other_s, other_length, other_width):  # type: ignore[no-untyped-def]
+def _apart(dx, dy, c, s, half_length, half_width, other_c, other_s, other_length, other_width):
     """Whether two rectangles are apart along an axis of the first, (c, s), or at right angles to it."""
     along, across = abs(other_c * c + other_s * s), abs(other_s * c - other_c * s)
     if abs(dx * c + dy * s) >= half_length + other_length * along + other_width * across:
@@ -59,7 +59,7 @@ def _apart(dx, dy, c, s, half_length, half_width, other_c, other_s, other_length
 
 
 @kernel
-def meet(one, two, half_length, half_width, margin):  # type: ignore[no-untyped-def]
+def meet(one, two, half_length, half_width, margin):
     """Whether two motions float64[POSES, 4] come nearer than `margin` [m] at any time, by separating axes."""
     for k in range(POSES):
         dx, dy = two[k, X] - one[k, X], two[k, Y] - one[k, Y]
@@ -76,7 +76,7 @@ def meet(one, two, half_length, half_width, margin):  # type: ignore[no-untyped-
 
 
 @kernel
-def meets_shelf(motion, solid, cell, half_length, half_width, margin):  # type: ignore[no-untyped-def]
+def meets_shelf(motion, solid, cell, half_length, half_width, margin):
     """Whether a motion comes nearer than `margin` [m] to a shelf; solid uint8[H + 2, W + 2], see maps/clearance.py."""
     for k in range(POSES):
         x, y, c, s = motion[k, X], motion[k, Y], motion[k, COS], motion[k, SIN]
@@ -93,7 +93,7 @@ def meets_shelf(motion, solid, cell, half_length, half_width, margin):  # type: 
 
 
 @kernel
-def _too_near(motion, stop, other, other_stop, body):  # type: ignore[no-untyped-def]
+def _too_near(motion, stop, other, other_stop, body):
     """Whether two motions come nearer than MARGIN, or than LEAST if the robots' stops do."""
     if not meet(motion, other, body[0], body[1], MARGIN):
         return False
@@ -101,7 +101,7 @@ def _too_near(motion, stop, other, other_stop, body):  # type: ignore[no-untyped
 
 
 @kernel
-def _is_free(i, motion, poses, state, motions, stops, body):  # type: ignore[no-untyped-def]
+def _is_free(i, motion, poses, state, motions, stops, body):
     """Whether a motion of robot i keeps clear of those who are choosing or have chosen."""
     for j in range(poses.shape[0]):
         if j == i or state[j] == UNDECIDED or np.hypot(poses[i, 0] - poses[j, 0], poses[i, 1] - poses[j, 1]) > NEAR:
@@ -112,7 +112,7 @@ def _is_free(i, motion, poses, state, motions, stops, body):  # type: ignore[no-
 
 
 @kernel
-def _fall_back(i, state, choice, motions, stops, body):  # type: ignore[no-untyped-def]
+def _fall_back(i, state, choice, motions, stops, body):
     """Let robot i stop, and those as well that have chosen a motion which counts on its moving away."""
     state[i] = CHOSEN
     choice[i] = -1
@@ -123,7 +123,7 @@ def _fall_back(i, state, choice, motions, stops, body):  # type: ignore[no-untyp
 
 
 @kernel
-def decide(  # type: ignore[no-untyped-def]
+def decide(
     i, poses, speeds, steers, commands, keys, state, choice, motions, stops, solid, cell, body, limits, decision
 ):
     """Choose robot i's primitive, the best that meets nobody who has decided; who bars it is asked to decide first.
@@ -160,7 +160,7 @@ def decide(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def decide_all(poses, speeds, steers, commands, keys, order, solid, cell, body, limits, decision):  # type: ignore[no-untyped-def]
+def decide_all(poses, speeds, steers, commands, keys, order, solid, cell, body, limits, decision):
     """Return each robot's primitive int64[N], -1: stop.
 
     poses float64[N, 3], speeds, steers float64[N]; commands float64[K, 2]: speed and steering of each primitive; keys

@@ -11,7 +11,7 @@ from train.evaluation.rollout import Experiment, identity, make_experiment
 from train.reporting.report import make_progress
 from train.reporting.rows import RowFile, check_writable
 from warehouse_env.config import EnvConfig, TaskMode
-from warehouse_env.simulation.recording import Episode
+from warehouse_env.simulation.record.recording import Episode
 
 
 @dataclass(frozen=True)

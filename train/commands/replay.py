@@ -20,7 +20,7 @@ from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.render.extras import check_frames
 from warehouse_env.render.replay import Replay, replay_of
 from warehouse_env.render.replay_page import write_replay_page
-from warehouse_env.simulation.recording import Episode
+from warehouse_env.simulation.record.recording import Episode
 
 if TYPE_CHECKING:
     from warehouse_env.render.frame import Scene

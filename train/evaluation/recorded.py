@@ -15,7 +15,7 @@ from train.evaluation.rollout import Experiment, Routes, decider, generator_of
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.render.replay import Shares
-from warehouse_env.simulation.recording import Episode, Recorder
+from warehouse_env.simulation.record.recording import Episode, Recorder
 
 
 def record(experiment: Experiment, moved: Callable[[], object] = lambda: None) -> Episode:

@@ -15,7 +15,7 @@ from train.reporting.rows import Row, mean_interval, select, write_rows
 from warehouse_env.render.charts import Bar
 from warehouse_env.render.heat_maps import Panel, heat_maps
 from warehouse_env.render.report_charts import detours, over_robots
-from warehouse_env.simulation.floor import load_grid
+from warehouse_env.simulation.physics.floor import load_grid
 
 ROWS = "rows.jsonl"
 WORST = 5  # episodes shown as replays

@@ -23,7 +23,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.routes.book import RouteBook
-from warehouse_env.simulation.jam_log import JamLog
+from warehouse_env.simulation.record.jam_log import JamLog
 from warehouse_env.simulation.simulator import Simulator
 
 Watcher = Callable[[Simulator, int], None]

@@ -14,7 +14,7 @@ from train.reporting.rows import Row, plain, wilson_interval
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
 from warehouse_env.routes.book import RouteBook
-from warehouse_env.simulation.jam_log import JamLog
+from warehouse_env.simulation.record.jam_log import JamLog
 from warehouse_env.simulation.simulator import Simulator
 
 WORLDS = 200  # side by side

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.simulation.assignment import Assignment
+from warehouse_env.simulation.tasks.assignment import Assignment
 
 ACROSS, TURN = 0.05, 0.05  # [m] that a start may be off across its way, [rad] in heading
 

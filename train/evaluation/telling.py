@@ -23,8 +23,8 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.render.probability_maps import ProbabilityMap, View
-from warehouse_env.simulation.assignment import Assignment
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.assignment import Assignment
 
 CRUISE = EnvConfig().robot.max_speed  # [m/s]
 ALONG, ACROSS = 0.2, 0.1  # [m] between two points of the lattice

@@ -16,7 +16,7 @@ from train.reporting.report import grouped, number
 from train.reporting.rows import Row
 from warehouse_env.render.replay import replay_of
 from warehouse_env.render.replay_page import write_replay_page
-from warehouse_env.simulation.recording import Episode
+from warehouse_env.simulation.record.recording import Episode
 
 FOLDER = "replays"  # beside the page
 

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from train.learning.config import HELD_OUT_SEED
 from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.routes.book import RouteBook
-from warehouse_env.simulation.rewards import REWARD_TERMS
+from warehouse_env.simulation.senses.rewards import REWARD_TERMS
 from warehouse_env.simulation.simulator import Simulator
 
 _COLLISION, _CONTACT = REWARD_TERMS.index("collision"), REWARD_TERMS.index("contact")

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warehouse_env.simulation.metrics import robot_rows
+from warehouse_env.simulation.record.metrics import robot_rows
 
 if TYPE_CHECKING:
     from warehouse_env.simulation.simulator import Simulator
-    from warehouse_env.simulation.tasks import Arrival
+    from warehouse_env.simulation.tasks.tasks import Arrival
 
 EPISODE_METRICS = "episode_metrics"  # the key under which a robot's last info holds its row of metrics
 # what is read of a robot's record at every step, in the record's order

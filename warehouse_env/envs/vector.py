@@ -231,7 +231,7 @@ class WarehouseVecEnv(VecEnv):
 
 
 @kernel
-def _write_rows(reward, terminated, truncated, rewards, dones, returns):  # type: ignore[no-untyped-def]
+def _write_rows(reward, terminated, truncated, rewards, dones, returns):
     """Write a block's rewards [B, N] and ends [B, N], [B] into its rows, and add to their returns; is any row done?
 
     One kernel, for after a step of the Simulator has filled the caches each call of NumPy takes 10 us.

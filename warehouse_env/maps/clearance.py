@@ -12,13 +12,13 @@ import numba
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def distance(ax, ay, bx, by):  # type: ignore[no-untyped-def]
+def distance(ax, ay, bx, by):
     """Return the distance of two points, the same to the bit in compiled and in plain Python."""
     return math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def nearest_shelf(solid, x, y, cell, reach):  # type: ignore[no-untyped-def]
+def nearest_shelf(solid, x, y, cell, reach):
     """Return (distance, unit vector away from it) of the nearest shelf within `reach` of a point, at most a cell.
 
     A shelf farther away may be found as well; where there is none the distance is 1e9.
@@ -42,13 +42,13 @@ def nearest_shelf(solid, x, y, cell, reach):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _to_square(x, y, low_x, low_y, side):  # type: ignore[no-untyped-def]
+def _to_square(x, y, low_x, low_y, side):
     """Return the vector from a point to the nearest one of a closed square, (0, 0) inside."""
     return min(max(x, low_x), low_x + side) - x, min(max(y, low_y), low_y + side) - y
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _crosses(ax, ay, bx, by, low_x, low_y, side):  # type: ignore[no-untyped-def]
+def _crosses(ax, ay, bx, by, low_x, low_y, side):
     """Return whether the segment a-b has a point in the closed square (clipping by its four sides)."""
     first, last = 0.0, 1.0
     for start, step, low in ((ax, bx - ax, low_x), (ay, by - ay, low_y)):
@@ -62,7 +62,7 @@ def _crosses(ax, ay, bx, by, low_x, low_y, side):  # type: ignore[no-untyped-def
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _segment_to_square(ax, ay, bx, by, low_x, low_y, side):  # type: ignore[no-untyped-def]
+def _segment_to_square(ax, ay, bx, by, low_x, low_y, side):
     """Return the distance between the segment a-b and a closed square: of an end or of a corner, or 0."""
     if _crosses(ax, ay, bx, by, low_x, low_y, side):
         return 0.0
@@ -81,7 +81,7 @@ def _segment_to_square(ax, ay, bx, by, low_x, low_y, side):  # type: ignore[no-u
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def segment_gap(solid, ax, ay, bx, by, cell, reach):  # type: ignore[no-untyped-def]
+def segment_gap(solid, ax, ay, bx, by, cell, reach):
     """Return the distance from the segment a-b to the nearest shelf or rim, at most `reach`.
 
     solid: uint8[H + 2, W + 2], shelves with a rim; its square [i, j] lies from ((j - 1) cell, (i - 1) cell) on.

@@ -127,7 +127,7 @@ def tolls(grid: GridMap, gentleness: float = 0.0, cost: NDArray[np.float64] | No
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _add_cost(toll, legal, cost, scale):  # type: ignore[no-untyped-def]
+def _add_cost(toll, legal, cost, scale):
     """Add a cost map to the tolls of the legal moves, in whole parts of 1 / scale. All [H, W, 8]."""
     for row in range(legal.shape[0]):
         for column in range(legal.shape[1]):

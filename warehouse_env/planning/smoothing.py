@@ -27,7 +27,7 @@ SLACK = 1e-9  # [cells] of rounding in comparisons of clearances
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _wanted(line, k, x, y, deviation, length, power):  # type: ignore[no-untyped-def]
+def _wanted(line, k, x, y, deviation, length, power):
     """Return where node k makes eq. 13 least while its neighbours stand still; for power 1, a step on the way there."""
     if power == 2:
         scale = deviation + 2.0 * length
@@ -53,7 +53,7 @@ def _wanted(line, k, x, y, deviation, length, power):  # type: ignore[no-untyped
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _cost(line, k, px, py, x, y, deviation, length, power):  # type: ignore[no-untyped-def]
+def _cost(line, k, px, py, x, y, deviation, length, power):
     """Return what node k at p adds to eq. 13."""
     away = distance(px, py, x, y)
     before = distance(px, py, line[k - 1, 0], line[k - 1, 1])
@@ -64,7 +64,7 @@ def _cost(line, k, px, py, x, y, deviation, length, power):  # type: ignore[no-u
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _fits(line, k, x, y, need, solid):  # type: ignore[no-untyped-def]
+def _fits(line, k, x, y, need, solid):
     """Return whether both segments at node k keep their clearance with the node at (x, y)."""
     for other, wanted in ((k - 1, need[k - 1]), (k + 1, need[k])):
         if segment_gap(solid, line[other, 0], line[other, 1], x, y, 1.0, wanted) < wanted - SLACK:
@@ -73,7 +73,7 @@ def _fits(line, k, x, y, need, solid):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _move(line, k, x, y, need, solid, deviation, length, power):  # type: ignore[no-untyped-def]
+def _move(line, k, x, y, need, solid, deviation, length, power):
     """Move node k of x(k) = (x, y) as far towards its best place as the shelves let it; return the distance."""
     fromx, fromy = line[k, 0], line[k, 1]
     wantx, wanty = _wanted(line, k, x, y, deviation, length, power)
@@ -95,7 +95,7 @@ def _move(line, k, x, y, need, solid, deviation, length, power):  # type: ignore
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _descend(line, nodes, need, solid, deviation, length, power):  # type: ignore[no-untyped-def]
+def _descend(line, nodes, need, solid, deviation, length, power):
     """Lower eq. 13 node by node, in place; the clearances `need` hold before and after each move."""
     for _ in range(SWEEPS):
         most = 0.0

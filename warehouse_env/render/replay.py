@@ -23,7 +23,7 @@ _STRAIGHT = 0.006  # [rad] by which a route turns at the way-points that are kep
 
 
 class Recorded(Protocol):
-    """An Episode of simulation/recording.py: what was driven, and can be run again."""
+    """An Episode of simulation/record/recording.py: what was driven, and can be run again."""
 
     @property
     def config(self) -> EnvConfig:

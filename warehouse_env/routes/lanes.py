@@ -28,7 +28,7 @@ PULL, SMOOTH, PUSH = 0.12, 0.45, 0.5  # shares of the way to lane, neighbours an
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def _free_to(solid, one_way, mine, x, y, ux, uy, cell):  # type: ignore[no-untyped-def]
+def _free_to(solid, one_way, mine, x, y, ux, uy, cell):
     """Distance [m] along (ux, uy) to the first shelf, at most SIGHT, in steps of 5 cm.
 
     mine > 0: to the first cell of another direction.
@@ -46,7 +46,7 @@ def _free_to(solid, one_way, mine, x, y, ux, uy, cell):  # type: ignore[no-untyp
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _lane_shift(left, right, keep_right):  # type: ignore[no-untyped-def]
+def _lane_shift(left, right, keep_right):
     """Metres to the right of the path where the lane is, from the free widths to both sides; nan beside a crossing."""
     width = left + right
     if width < TWO_WAY:
@@ -61,7 +61,7 @@ def _lane_shift(left, right, keep_right):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _fill_gaps(shift, keep_right):  # type: ignore[no-untyped-def]
+def _fill_gaps(shift, keep_right):
     """Replace runs of nan: between two lanes by the way from one to the other, on open floor by keep_right."""
     n = shift.shape[0]
     k = 0
@@ -80,7 +80,7 @@ def _fill_gaps(shift, keep_right):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _ease_into_single_lanes(shift, room):  # type: ignore[no-untyped-def]
+def _ease_into_single_lanes(shift, room):
     """Let the lane leave and enter single lanes (fixed) with no more than EASE metres sideways per metre."""
     n = shift.shape[0]
     for fixed in range(n):
@@ -95,7 +95,7 @@ def _ease_into_single_lanes(shift, room):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _along_one_way(one_way, x, y, ux, uy, cell):  # type: ignore[no-untyped-def]
+def _along_one_way(one_way, x, y, ux, uy, cell):
     """Direction (an index into ARROWS) of the one-way cell at a point, 0 for none or if (ux, uy) leads across it."""
     row, column = int(math.floor(y / cell)) + 1, int(math.floor(x / cell)) + 1
     if row < 0 or column < 0 or row >= one_way.shape[0] or column >= one_way.shape[1]:
@@ -106,7 +106,7 @@ def _along_one_way(one_way, x, y, ux, uy, cell):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _lane_targets(points, solid, one_way, cell, keep_right, shift, room, out):  # type: ignore[no-untyped-def]
+def _lane_targets(points, solid, one_way, cell, keep_right, shift, room, out):
     """Write where each point should be (right of the middle where there are two lanes), and its possible clearance."""
     n = points.shape[0]
     for k in range(n):
@@ -127,7 +127,7 @@ def _lane_targets(points, solid, one_way, cell, keep_right, shift, room, out):  
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def _direction(points, k):  # type: ignore[no-untyped-def]
+def _direction(points, k):
     """Unit vector along the line at point k, over a metre to either side."""
     a, b = max(k - 2, 0), min(k + 2, points.shape[0] - 1)
     dx, dy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
@@ -136,7 +136,7 @@ def _direction(points, k):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _relax(points, targets, room, solid, cell):  # type: ignore[no-untyped-def]
+def _relax(points, targets, room, solid, cell):
     """Move the inner points in place until lane, smoothness and clearance balance."""
     n = points.shape[0]
     for _ in range(ITERATIONS):
@@ -154,7 +154,7 @@ def _relax(points, targets, room, solid, cell):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def resample(points, spacing):  # type: ignore[no-untyped-def]
+def resample(points, spacing):
     """Return the polyline float64[L, 2] [m] as evenly spaced points, nearest to `spacing` [m]; both ends are kept."""
     n = points.shape[0]
     arc = np.zeros(n)
@@ -180,7 +180,7 @@ def resample(points, spacing):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def drivable_line(points, solid, one_way, cell, keep_right):  # type: ignore[no-untyped-def]
+def drivable_line(points, solid, one_way, cell, keep_right):
     """Return way-points float32[R, 2] [m], evenly spaced about SPACING apart, from the first to the last point.
 
     points: float64[L, 2] [m], the planned path's cell centres; solid: uint8[H + 2, W + 2], padded shelves, y up;

@@ -41,7 +41,7 @@ def most_curvature(robot: RobotSpec) -> float:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _bend(line, k):  # type: ignore[no-untyped-def]
+def _bend(line, k):
     """Return the curvature at way-point k: of the circle through it and its neighbours."""
     ax, ay = line[k, 0] - line[k - 1, 0], line[k, 1] - line[k - 1, 1]
     bx, by = line[k + 1, 0] - line[k, 0], line[k + 1, 1] - line[k, 1]
@@ -51,7 +51,7 @@ def _bend(line, k):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def sharpest(line):  # type: ignore[no-untyped-def]
+def sharpest(line):
     """Return the largest curvature [1/m] of a line float64[K, 2] [m], by circles through three way-points each."""
     most = 0.0
     for k in range(1, line.shape[0] - 1):
@@ -60,7 +60,7 @@ def sharpest(line):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def narrowest(line, solid, cell, reach):  # type: ignore[no-untyped-def]
+def narrowest(line, solid, cell, reach):
     """Return the least distance [m] of a line's segments from shelves and rim, at most `reach`."""
     least = reach
     for k in range(line.shape[0] - 1):
@@ -69,7 +69,7 @@ def narrowest(line, solid, cell, reach):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _best_place(line, target, k):  # type: ignore[no-untyped-def]
+def _best_place(line, target, k):
     """Return where way-point k makes the objective least while the others stand still."""
     x = DEVIATION * target[k, 0] + LENGTH * (line[k - 1, 0] + line[k + 1, 0])
     y = DEVIATION * target[k, 1] + LENGTH * (line[k - 1, 1] + line[k + 1, 1])
@@ -82,7 +82,7 @@ def _best_place(line, target, k):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _relax(line, target, solid, cell, room, bend):  # type: ignore[no-untyped-def]
+def _relax(line, target, solid, cell, room, bend):
     """Move the inner way-points in place: to the objective's least, within the curvature, and off the shelves."""
     n = line.shape[0]
     length = 0.0

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ActionError
 from warehouse_env.kernel import kernel
-from warehouse_env.simulation import preferences
+from warehouse_env.simulation.senses import preferences
 
 
 @kernel
-def _look_up(table, actions, commands):  # type: ignore[no-untyped-def]
+def _look_up(table, actions, commands):
     """Write commands float32[B, N, 2] from actions int[B, N] by table float32[K, 2]; False if one is not in 0..K-1."""
     for b in range(actions.shape[0]):
         for i in range(actions.shape[1]):

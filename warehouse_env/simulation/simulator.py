@@ -17,22 +17,24 @@ from warehouse_env.observation import observation_layout
 from warehouse_env.planning.plan import Planner
 from warehouse_env.portable import Portable
 from warehouse_env.routes.book import RouteBook
-from warehouse_env.simulation import agreement, given, metrics, state, step
+from warehouse_env.simulation import given, state, step
 from warehouse_env.simulation.actions import ActionDecoder
-from warehouse_env.simulation.assignment import Assignment, check_assignments
-from warehouse_env.simulation.audit import is_wanted, raise_fault
-from warehouse_env.simulation.buckets import bucket_grid
-from warehouse_env.simulation.dispatch import ROUTE_BLOCK, Dispatcher
-from warehouse_env.simulation.floor import floor_of, load_grid
-from warehouse_env.simulation.jams import Jams, jams_of
-from warehouse_env.simulation.manoeuvre import ARCS
-from warehouse_env.simulation.messages import Messages
-from warehouse_env.simulation.path_ahead import COLUMNS, POSES
-from warehouse_env.simulation.people import People
-from warehouse_env.simulation.placement import put_all
-from warehouse_env.simulation.rewards import REWARD_TERMS, weight_vector
-from warehouse_env.simulation.tasks import Arrival
-from warehouse_env.simulation.turning import turning_metric
+from warehouse_env.simulation.driver.manoeuvre import ARCS
+from warehouse_env.simulation.driver.turning import turning_metric
+from warehouse_env.simulation.physics.buckets import bucket_grid
+from warehouse_env.simulation.physics.floor import floor_of, load_grid
+from warehouse_env.simulation.physics.people import People
+from warehouse_env.simulation.record import metrics
+from warehouse_env.simulation.rules import agreement
+from warehouse_env.simulation.rules.audit import is_wanted, raise_fault
+from warehouse_env.simulation.rules.jams import Jams, jams_of
+from warehouse_env.simulation.rules.path_ahead import COLUMNS, POSES
+from warehouse_env.simulation.senses.messages import Messages
+from warehouse_env.simulation.senses.rewards import REWARD_TERMS, weight_vector
+from warehouse_env.simulation.tasks.assignment import Assignment, check_assignments
+from warehouse_env.simulation.tasks.dispatch import ROUTE_BLOCK, Dispatcher
+from warehouse_env.simulation.tasks.placement import put_all
+from warehouse_env.simulation.tasks.tasks import Arrival
 from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
 
 PARALLEL_FROM = 256  # robots in all from which waking other threads pays

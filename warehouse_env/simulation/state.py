@@ -47,12 +47,12 @@ ROBOT = np.dtype(
         ("age", I),  # physics steps on the way to its goal
         ("held", I), ("held_by", I), ("held_time", F),  # refused in the last env step; by whom; [s] without a break
         ("silent", B),  # its messages of this env step are lost (messages.py)
-        # manoeuvre (simulation/driving.py): in one of `arcs` arcs if that is not 0, on number `arc`
+        # manoeuvre (simulation/driver/driving.py): in one of `arcs` arcs if that is not 0, on number `arc`
         ("arcs", B), ("arc", B), ("arc_x", F), ("arc_y", F), ("arc_heading", F),  # the reference pose on that arc,
         ("arc_left", F),  # [m] of it to go, negative backwards
         ("arc_margin", F), ("arc_planned", F),  # [m] kept from shelves; where there is room for it
         ("search_wait", F),  # [s] until the next search
-        # right of way (simulation/right_of_way.py): granted up to this odometer, how far that is, and with which offset
+        # right of way (rules/right_of_way.py): granted up to this odometer, how far that is, and with which offset
         ("claim", np.float64), ("authority", F), ("side", F), ("at_end", B),  # [m], [m], [m]; the goal is granted, too
         ("poses", I), ("path_from", np.float64), ("path_at", np.float64),  # of its path; odometer [m] when made, kept
         ("yields_to", I), ("right", I), ("aside", B), ("pause", F),  # waits for whom; steps; makes room; [s] no search
@@ -71,7 +71,7 @@ PERSON = np.dtype(
         ("goal_x", F), ("goal_y", F),  # [m]
         ("rest", F), ("blocked", F),  # [s] to stand at its goal; [s] that it has not come on
         ("left", F),  # [cells] to its goal, at the least
-        ("wants", B),  # another goal (simulation/people.py)
+        ("wants", B),  # another goal (simulation/physics/people.py)
     ],
     align=True,
 )  # fmt: skip

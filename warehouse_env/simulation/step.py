@@ -10,21 +10,14 @@ import numpy as np
 
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.observation import EGO, NEIGHBOUR
-from warehouse_env.simulation import (
-    audit,
-    buckets,
-    contact,
-    field,
-    people,
-    prediction,
-    right_of_way,
-    sensing,
-    tracking,
-)  # fmt: skip
-from warehouse_env.simulation.kinematics import approach, braking
-from warehouse_env.simulation.rewards import write_terms
+from warehouse_env.simulation.driver import tracking
+from warehouse_env.simulation.physics import buckets, contact, people
+from warehouse_env.simulation.physics.kinematics import approach, braking
+from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
+from warehouse_env.simulation.rules import audit, field, right_of_way
+from warehouse_env.simulation.senses import prediction, sensing
+from warehouse_env.simulation.senses.rewards import write_terms
 from warehouse_env.simulation.state import GAP_HORIZON, NOBODY
-from warehouse_env.simulation.trigonometry import ONE, ZERO
 
 _RAW = 2
 _HORIZON = np.float32(GAP_HORIZON)
@@ -32,7 +25,7 @@ _SLOW = np.float32(0.1)  # [m/s] under which a robot counts as waiting
 
 
 @inline
-def _begin(r):  # type: ignore[no-untyped-def]
+def _begin(r):
     """Clear the events of the last env step."""
     r["acting"] = r["alive"]
     r["progress"] = ZERO
@@ -51,7 +44,7 @@ def _begin(r):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _command(r, route, arcs, bodies, first, second, p, solid, clearance, metric):  # type: ignore[no-untyped-def]
+def _command(r, route, arcs, bodies, first, second, p, solid, clearance, metric):
     """Turn the action into (acceleration [m/s^2], steering rate [rad/s]) for one physics step."""
     if r["alive"] == 0:
         return braking(r["speed"], p), ZERO
@@ -69,7 +62,7 @@ def _command(r, route, arcs, bodies, first, second, p, solid, clearance, metric)
 
 
 @inline
-def _park(r, p):  # type: ignore[no-untyped-def]
+def _park(r, p):
     """Take a robot out of service: at once, but under the field it brakes first, as the others count on."""
     r["alive"] = 0
     if p["field"] == 0:
@@ -77,7 +70,7 @@ def _park(r, p):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _stand(r, dt):  # type: ignore[no-untyped-def]
+def _stand(r, dt):
     """Count how long a robot has been within a metre of one place: it may rock there, or be given new routes."""
     dx, dy = r["x"] - r["anchor_x"], r["y"] - r["anchor_y"]
     if dx * dx + dy * dy > ONE:
@@ -89,7 +82,7 @@ def _stand(r, dt):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _end(r, route, p):  # type: ignore[no-untyped-def]
+def _end(r, route, p):
     """Advance along the route after a physics step; return 1 on arrival."""
     if r["alive"] == 0:
         return 0
@@ -121,7 +114,7 @@ def _end(r, route, p):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _total(r, p):  # type: ignore[no-untyped-def]
+def _total(r, p):
     """Add the env step's events to the episode's totals; park a robot that a collision ends."""
     r["hits_robot"] += r["hit_robot"]
     r["hits_shelf"] += r["hit_shelf"]
@@ -133,7 +126,7 @@ def _total(r, p):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _sights(p):  # type: ignore[no-untyped-def]
+def _sights(p):
     """Return scratch of sensing.py and prediction.py: turned float32[TURNED, R], legs and path."""
     turned = np.empty((sensing.TURNED, p["rays"]), np.float32)
     legs = np.empty((prediction.LEGS, p["route_points"]), np.float32)
@@ -141,7 +134,7 @@ def _sights(p):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _move(robots, persons, near, motions, p, solid, clearance):  # type: ignore[no-untyped-def]
+def _move(robots, persons, near, motions, p, solid, clearance):
     """Carry out the motions of one physics step, but for those that would end in a shelf, a person or another robot."""
     pairs, motion, flags, lanes = motions
     for _ in range(p["substeps"]):
@@ -154,9 +147,7 @@ def _move(robots, persons, near, motions, p, solid, clearance):  # type: ignore[
 
 
 @inline
-def _drive(  # type: ignore[no-untyped-def]
-    robots, persons, routes, arcs, commands, places, motions, guards, near, p, solid, clearance, metric
-):
+def _drive(robots, persons, routes, arcs, commands, places, motions, guards, near, p, solid, clearance, metric):
     """Choose each robot's motion of one physics step and carry it out; near: the number of pairs that may meet."""
     _, motion, _, _ = motions
     for i in range(robots.shape[0]):
@@ -172,7 +163,7 @@ def _drive(  # type: ignore[no-untyped-def]
 
 
 @inline
-def _observe_world(  # type: ignore[no-untyped-def]
+def _observe_world(
     robots, persons, routes, places, sights, p, rays, table, weights, edges, seen, first, out, terms, reward
 ):
     """Write observations, reward terms and rewards of one world."""
@@ -204,7 +195,7 @@ def _observe_world(  # type: ignore[no-untyped-def]
 
 
 @inline
-def _count_step(robots, steps, b, truncated, terminated, p):  # type: ignore[no-untyped-def]
+def _count_step(robots, steps, b, truncated, terminated, p):
     """Count the env step of world b, and say which of its robots it ended."""
     steps[b] += 1
     truncated[b] = steps[b] >= p["max_steps"]
@@ -214,7 +205,7 @@ def _count_step(robots, steps, b, truncated, terminated, p):  # type: ignore[no-
 
 
 @kernel
-def advance(  # type: ignore[no-untyped-def]
+def advance(
     begin, end, robots, routes, persons, ways, arcs, commands, stamps, steps, truncated, terminated, waiting, faults,
     params, solid, clearance, metric,
 ):  # fmt: skip
@@ -261,7 +252,7 @@ def advance(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def observe(  # type: ignore[no-untyped-def]
+def observe(
     begin, end, late, robots, routes, persons, waiting, params, rays, table, weights, edges, seen, first, out, terms,
     reward,
 ):  # fmt: skip

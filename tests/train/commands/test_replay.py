@@ -13,7 +13,7 @@ import pytest
 from train.cli import main
 from train.commands.replay import frames, pace
 from train.reporting.rows import read_rows
-from warehouse_env.simulation.recording import Episode
+from warehouse_env.simulation.record.recording import Episode
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from train.evaluation.words import half_of, paragraph
 from train.evaluation.worst import worst_episodes
 from train.reporting.rows import read_rows
 from warehouse_env.render.replay import replay_of
-from warehouse_env.simulation.recording import Episode
+from warehouse_env.simulation.record.recording import Episode
 
 
 def row(policy: str, seed: int, goals: float, hits: float = 0.0, **more: Any) -> dict[str, Any]:

@@ -14,8 +14,8 @@ from train.evaluation.telling import CRUISE, MOMENTS, Asked, headings_along, map
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.render.probability_maps import View
-from warehouse_env.simulation.assignment import Assignment
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.assignment import Assignment
 
 CONFIG = policy_config("ppo", EnvConfig(planner="astar", tasks="one_shot"))
 

@@ -20,11 +20,11 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Planner, min_turns, turns
 from warehouse_env.routes.book import RouteBook
-from warehouse_env.simulation.assignment import Assignment
-from warehouse_env.simulation.floor import floor_of
-from warehouse_env.simulation.placement import place
+from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import ROBOT, parameters_of
+from warehouse_env.simulation.tasks.assignment import Assignment
+from warehouse_env.simulation.tasks.placement import place
 from warehouse_env.traffic.conflicts import Route
 
 Task = tuple[Cell, Cell]

@@ -1,0 +1,117 @@
+"""The body against shelf cells, the clearance field, and swept arcs, all by brute force in float64."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from tests.simulation.reference import OFFSET, WHEELBASE, rectangle, separation, shelves
+from tests.simulation.worlds import drawn, stage
+from warehouse_env.simulation.physics.floor import floor_of
+from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, sweep_is_free
+
+F = np.float32
+MAP = drawn(["........", ".##...#.", "......#.", ".#......", ".....##.", "..#....."])
+ROWS, COLUMNS = MAP.shape
+WALLS = shelves(MAP.occupied)
+FLOOR = floor_of(MAP)
+inside = st.tuples(st.floats(0.0, COLUMNS), st.floats(0.0, ROWS))
+
+
+def touches(cx: float, cy: float, heading: float, half_length: float = 0.45, half_width: float = 0.3) -> bool:
+    values = (F(v) for v in (cx, cy, math.cos(heading), math.sin(heading), half_length, half_width))
+    return bool(body_touches_shelf(*values, FLOOR.solid, FLOOR.clearance, FLOOR.cell))
+
+
+@given(inside, st.floats(-math.pi, math.pi))
+def test_body_against_shelves_agrees_with_polygons(centre: tuple[float, float], heading: float) -> None:
+    apart = float(separation(rectangle(*centre, heading, 0.45, 0.3), WALLS).min())
+    assume(abs(apart) > 5e-6)
+    assert touches(*centre, heading) == (apart < 0)
+
+
+@pytest.mark.parametrize("gap", [-1e-5, 1e-5])
+def test_just_touching_a_shelf_and_the_rim(gap: float) -> None:
+    # The shelf in columns 1-2 of row 1 spans x 1..3, y 4..5; the map x 0..8, y 0..6.
+    assert touches(3.0 + 0.45 + gap, 4.5, 0.0) == (gap < 0)
+    assert touches(2.0, 4.0 - 0.3 - gap, 0.0) == (gap < 0)
+    assert touches(2.0, 4.0 - 0.45 - gap, math.pi / 2) == (gap < 0)
+    # on its corner: the half diagonal of 0.9 x 0.6 points straight at the shelf
+    assert touches(2.6, 4.0 - math.hypot(0.45, 0.3) - gap, math.pi / 2 - math.atan2(0.3, 0.45)) == (gap < 0)
+    # flank at 45 degrees against the shelf's corner (3, 4)
+    away = (0.3 + gap) * math.sqrt(0.5)
+    assert touches(3.0 + away, 4.0 - away, math.pi / 4) == (gap < 0)
+    assert touches(0.45 + gap, 2.9, math.pi) == (gap < 0)
+    assert touches(4.5, 6.0 - 0.3 - gap, 0.0) == (gap < 0)
+
+
+@given(inside)
+def test_clearance_is_a_lower_bound_and_not_far_below(point: tuple[float, float]) -> None:
+    x, y = (float(F(v)) for v in point)
+    if not (x < COLUMNS and y < ROWS):
+        return
+    # distance of a point to axis-aligned boxes
+    low, high = WALLS.min(axis=1), WALLS.max(axis=1)
+    outside = np.maximum(np.maximum(low - (x, y), (x, y) - high), 0.0)
+    distance = float(np.hypot(outside[:, 0], outside[:, 1]).min())
+    known = float(clearance_at(F(x), F(y), FLOOR.clearance, FLOOR.cell))
+    assert known <= distance + 1e-6
+    # at most a sample's diagonal (1 m / 8), and a count of 1 cm, too low
+    assert known >= min(distance, 2.55) - 0.125 * math.sqrt(2) - 0.01 - 1e-6
+
+
+def test_there_is_no_clearance_outside_the_map() -> None:
+    for x, y in ((-0.1, 1.0), (1.0, -0.1), (8.01, 1.0), (1.0, 6.01), (1e3, 1e3)):
+        assert clearance_at(F(x), F(y), FLOOR.clearance, FLOOR.cell) == 0.0
+
+
+def is_free(
+    axle: tuple[float, float], heading: float, steering: float, distance: float, clearance: NDArray[np.uint8]
+) -> bool:
+    """Whether the body keeps 3 cm from shelves as it drives `distance` with that steering."""
+    p = stage(MAP, (4.5, 3.5, 0.0))._params[0]
+    bend = -math.tan(steering) / WHEELBASE
+    values = (F(v) for v in (*axle, math.cos(heading), math.sin(heading), bend, distance, 0.03))
+    return bool(sweep_is_free(*values, p, FLOOR.solid, clearance))
+
+
+@given(inside, st.floats(-math.pi, math.pi), st.floats(-1.04, 1.04), st.floats(-1.5, 1.5))
+def test_a_free_sweep_touches_nothing_on_its_way(
+    axle: tuple[float, float], heading: float, steering: float, distance: float
+) -> None:
+    free = is_free(axle, heading, steering, distance, FLOOR.clearance)
+    bend = -math.tan(steering) / WHEELBASE
+    x, y = axle
+    along = np.linspace(0.0, distance, 60)[1:]
+    turned = heading + along * bend
+    chord = along * np.sinc(along * bend / 2 / math.pi)
+    xs, ys = x + chord * np.cos(heading + along * bend / 2), y + chord * np.sin(heading + along * bend / 2)
+    poses = np.array(
+        [
+            rectangle(a - OFFSET * math.cos(t), b - OFFSET * math.sin(t), t, 0.45, 0.3)
+            for a, b, t in zip(xs, ys, turned, strict=True)
+        ]
+    )
+    # the start itself is not judged, so look from the first checked pose on (12 cm or 0.06 rad on at most)
+    apart = separation(poses[:, None], WALLS[None]).min(axis=1)
+    first = np.abs(along) >= min(0.12, 0.06 / max(abs(bend), 1e-9))
+    if free and first.any():
+        assert apart[first].min() > 0.0
+    if not free:  # some pose on the way comes within the margin, and its corners' growth
+        assert apart.min() < 0.03 * math.sqrt(2) + 0.03
+
+
+@given(inside, st.floats(-math.pi, math.pi), st.floats(-1.04, 1.04), st.floats(-1.5, 1.5))
+def test_poses_passed_over_would_have_been_free(
+    axle: tuple[float, float], heading: float, steering: float, distance: float
+) -> None:
+    """A sweep that knows of no room, and so looks at every pose, gives the same answer."""
+    known, every = (
+        is_free(axle, heading, steering, distance, field) for field in (FLOOR.clearance, np.zeros_like(FLOOR.clearance))
+    )
+    assert known == every

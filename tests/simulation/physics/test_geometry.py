@@ -1,0 +1,205 @@
+"""Rectangles that touch, nearly touch and do not, in any rotation; tolerances are float32's at a few metres."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from tests.simulation.reference import polygon_distance, ray_to_polygon, rectangle, separation
+from warehouse_env.simulation.physics.geometry import ray_to_rectangle, rectangle_gap, rectangles_touch
+
+F = np.float32
+EDGE = 2e-6  # [m] nearer than this to touching, float32 may judge either way
+TURNS = [k * math.pi / 12 for k in range(24)]
+
+
+class Pair(NamedTuple):
+    """Two rectangles: centre of the second from the first [m], headings, half lengths and half widths."""
+
+    dx: float
+    dy: float
+    a1: float
+    l1: float
+    w1: float
+    a2: float
+    l2: float
+    w2: float
+
+    def arguments(self) -> tuple[np.float32, ...]:
+        c1, s1, c2, s2 = math.cos(self.a1), math.sin(self.a1), math.cos(self.a2), math.sin(self.a2)
+        return tuple(F(v) for v in (self.dx, self.dy, c1, s1, self.l1, self.w1, c2, s2, self.l2, self.w2))
+
+    def touch(self) -> bool:
+        return bool(rectangles_touch(*self.arguments()))
+
+    def gap(self) -> float:
+        return float(rectangle_gap(*self.arguments()))
+
+    def polygons(self):  # type: ignore[no-untyped-def]
+        return (
+            rectangle(0, 0, self.a1, self.l1, self.w1),
+            rectangle(self.dx, self.dy, self.a2, self.l2, self.w2),
+        )
+
+    def apart(self) -> float:
+        """Widest gap over all axes [m]; negative: overlap."""
+        return float(separation(*self.polygons()))
+
+    def turned(self, angle: float) -> Pair:
+        c, s = math.cos(angle), math.sin(angle)
+        dx, dy = c * self.dx - s * self.dy, s * self.dx + c * self.dy
+        return self._replace(dx=dx, dy=dy, a1=self.a1 + angle, a2=self.a2 + angle)
+
+    def swapped(self) -> Pair:
+        return Pair(-self.dx, -self.dy, self.a2, self.l2, self.w2, self.a1, self.l1, self.w1)
+
+
+sizes = st.floats(0.05, 1.0)
+angles = st.floats(-math.pi, math.pi)
+pairs = st.builds(Pair, st.floats(-2, 2), st.floats(-2, 2), angles, sizes, sizes, angles, sizes, sizes)
+
+DIAGONAL = math.hypot(0.45, 0.3)
+# Default bodies 0.9 x 0.6 that just touch, by hand: (where, pair, direction that parts them)
+TOUCHING = {
+    "nose to tail": (Pair(0.9, 0.0, 0, 0.45, 0.3, 0, 0.45, 0.3), (1, 0)),
+    "side by side": (Pair(0.0, 0.6, 0, 0.45, 0.3, 0, 0.45, 0.3), (0, 1)),
+    "side by side, shifted": (Pair(0.8, -0.6, 0, 0.45, 0.3, 0, 0.45, 0.3), (0, -1)),
+    "head on": (Pair(0.9, 0.2, 0, 0.45, 0.3, math.pi, 0.45, 0.3), (1, 0)),
+    "nose into flank": (Pair(0.75, 0.0, 0, 0.45, 0.3, math.pi / 2, 0.45, 0.3), (1, 0)),
+    "corner to corner": (Pair(0.9, 0.6, 0, 0.45, 0.3, 0, 0.45, 0.3), (1, 1)),
+    "corner into flank": (
+        Pair(0.0, 0.3 + 0.75 * math.sqrt(0.5), 0, 0.45, 0.3, math.pi / 4, 0.45, 0.3),
+        (0, 1),
+    ),
+    "standing on its corner": (
+        Pair(0.45 + DIAGONAL, 0.0, 0, 0.45, 0.3, math.pi - math.atan2(0.3, 0.45), 0.45, 0.3),
+        (1, 0),
+    ),
+    "shelf cell": (Pair(0.95, 0.1, 0, 0.45, 0.3, 0, 0.5, 0.5), (1, 0)),
+}
+
+
+@pytest.mark.parametrize("angle", TURNS)
+@pytest.mark.parametrize("case", TOUCHING)
+def test_just_before_and_just_after_touching(case: str, angle: float) -> None:
+    pair, (ux, uy) = TOUCHING[case]
+    size = math.hypot(ux, uy)
+    for shift in (-1e-2, -1e-4, -5e-6, 5e-6, 1e-4, 1e-2):
+        moved = pair._replace(dx=pair.dx + shift * ux / size, dy=pair.dy + shift * uy / size).turned(angle)
+        assert moved.touch() == (shift < 0), shift
+        assert moved.swapped().touch() == (shift < 0), shift
+        # parted along the shared axis, or corner from corner
+        assert moved.gap() == pytest.approx(max(shift, 0.0), abs=2e-6)
+
+
+def test_closed_rectangles_touch_where_they_share_a_point_only() -> None:
+    # Halves and quarters are exact in float32, so that "at" is meant to the bit.
+    beside = Pair(1.0, 0.0, 0, 0.5, 0.25, 0, 0.5, 0.25)
+    corner = Pair(1.0, 0.5, 0, 0.5, 0.25, 0, 0.5, 0.25)
+    for pair in (beside, corner):
+        assert pair.touch()
+        assert pair.gap() == 0.0
+        assert pair.swapped().touch()
+    above = np.nextafter(F(1.0), F(2.0))
+    assert not beside._replace(dx=float(above)).touch()
+    assert beside._replace(dx=float(above)).gap() == pytest.approx(1.2e-7, rel=0.1)
+
+
+def test_one_inside_the_other_touches() -> None:
+    assert Pair(0.1, 0.05, 0.3, 1.0, 0.8, 1.2, 0.2, 0.1).touch()
+    assert Pair(0.1, 0.05, 0.3, 0.2, 0.1, 1.2, 1.0, 0.8).gap() == 0.0
+
+
+def test_a_cross_touches_though_no_corner_is_inside() -> None:
+    assert Pair(0.0, 0.0, 0.0, 1.0, 0.1, math.pi / 2, 1.0, 0.1).touch()
+
+
+@given(pairs)
+def test_contact_and_gap_agree_with_polygons(pair: Pair) -> None:
+    apart = pair.apart()
+    assume(abs(apart) > EDGE)
+    assert pair.touch() == (apart < 0)
+    assert pair.gap() == pytest.approx(polygon_distance(*pair.polygons()), abs=5e-6)
+
+
+@given(pairs, st.floats(1e-5, 1e-3))
+def test_contact_begins_where_the_polygons_meet(pair: Pair, step: float) -> None:
+    # Slide the second rectangle out along its direction until float64 says that they part, by bisection.
+    norm = math.hypot(pair.dx, pair.dy)
+    assume(norm > 0.1)
+    ux, uy = pair.dx / norm, pair.dy / norm
+    inside, outside = 0.0, 5.0
+    for _ in range(60):
+        middle = 0.5 * (inside + outside)
+        if pair._replace(dx=middle * ux, dy=middle * uy).apart() < 0:
+            inside = middle
+        else:
+            outside = middle
+    for distance, touching in ((inside - step, True), (outside + step, False)):
+        moved = pair._replace(dx=distance * ux, dy=distance * uy)
+        if abs(moved.apart()) > EDGE:
+            assert moved.touch() == touching
+
+
+@given(pairs)
+def test_contact_and_gap_are_symmetric(pair: Pair) -> None:
+    assume(abs(pair.apart()) > EDGE)
+    assert pair.touch() == pair.swapped().touch()
+    assert pair.gap() == pytest.approx(pair.swapped().gap(), abs=2e-6)
+
+
+@given(pairs, angles)
+def test_contact_and_gap_are_invariant_under_rotation(pair: Pair, angle: float) -> None:
+    # Both take differences of positions only, so translations cannot matter.
+    assume(abs(pair.apart()) > EDGE)
+    assert pair.touch() == pair.turned(angle).touch()
+    assert pair.gap() == pytest.approx(pair.turned(angle).gap(), abs=5e-6)
+
+
+def ray(ox: float, oy: float, angle: float, half_length: float, half_width: float) -> float:
+    values = (ox, oy, math.cos(angle), math.sin(angle), half_length, half_width)
+    return float(ray_to_rectangle(*(F(v) for v in values)))
+
+
+@pytest.mark.parametrize(
+    ("origin", "angle", "expected"),
+    [
+        ((-2.0, 0.0), 0.0, 1.5),  # onto the short side
+        ((2.0, 0.2), math.pi, 1.5),
+        ((0.0, 3.0), -math.pi / 2, 2.75),  # onto the long side
+        ((-2.0, 0.0), math.pi, math.inf),  # behind
+        ((-2.0, 0.3), 0.0, math.inf),  # past it, parallel
+        ((-1.5, -1.25), math.pi / 4, math.sqrt(2.0)),  # at 45 degrees onto the long side, 1 m off
+        ((0.1, 0.1), 1.0, 0.0),  # from inside
+        ((-1.5, 1.0), math.atan2(-1.0, 1.25), math.hypot(1.25, 1.0) * 0.8),  # crosses x = -0.5 at y = 0.2
+    ],
+)
+def test_ray_by_formula(origin: tuple[float, float], angle: float, expected: float) -> None:
+    assert ray(*origin, angle, 0.5, 0.25) == pytest.approx(expected, abs=1e-6)
+
+
+def test_rays_along_an_axis_without_rounding() -> None:
+    zero, one = F(0.0), F(1.0)
+    hit = ray_to_rectangle(F(-2.0), F(0.1), one, zero, F(0.5), F(0.25))
+    miss = ray_to_rectangle(F(-2.0), F(0.3), one, zero, F(0.5), F(0.25))
+    assert float(hit) == 1.5
+    assert float(miss) == math.inf
+    for border in (-0.5, 0.5):  # along a side: 0/0 within, and may count as a hit or a miss, but as nothing else
+        along = ray_to_rectangle(F(border), F(2.0), zero, -one, F(0.5), F(0.25))
+        assert float(along) in (1.75, math.inf)
+
+
+@given(st.floats(-3, 3), st.floats(-3, 3), angles, sizes, sizes)
+def test_rays_agree_with_polygons(ox: float, oy: float, angle: float, half_length: float, half_width: float) -> None:
+    # A ray that grazes a corner may go either way: between the answers for a slightly smaller and larger rectangle.
+    origin = np.array([ox, oy])
+    eps = 2e-5
+    largest = ray_to_polygon(origin, angle, rectangle(0, 0, 0, half_length + eps, half_width + eps))
+    smallest = ray_to_polygon(origin, angle, rectangle(0, 0, 0, half_length - eps, half_width - eps))
+    got = ray(ox, oy, angle, half_length, half_width)
+    assert largest - 1e-5 <= got <= smallest + 1e-5

@@ -1,0 +1,214 @@
+"""Motion against circles, stopping distances and tail swings worked out by hand; L = 0.6 m throughout."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.simulation.reference import REAR, WHEELBASE, WIDTH, bodies
+from tests.simulation.worlds import coast, raw, room, stage
+from warehouse_env.config import RobotSpec
+from warehouse_env.simulation.physics.kinematics import approach, curvature, drive
+from warehouse_env.simulation.simulator import Simulator
+
+F = np.float32
+ANGLES = [math.radians(a) for a in (-60, -30, -10, 10, 30, 60)]
+
+
+def moved(x, y, heading, speed, next_speed, steering, next_steering, dt=0.05):  # type: ignore[no-untyped-def]
+    """`drive` with float32 arguments, as the step calls it."""
+    values = (x, y, heading, speed, next_speed, steering, next_steering, WHEELBASE, dt)
+    return tuple(float(v) for v in drive(*(F(v) for v in values)))
+
+
+def pose(simulator: Simulator, robot: int = 0) -> tuple[float, float, float]:
+    x, y, heading = simulator.state.pose[0, robot].tolist()
+    return x, y, heading
+
+
+@pytest.mark.parametrize("steering", ANGLES)
+@pytest.mark.parametrize("speed", [1.5, 0.7, -0.5])
+def test_constant_steering_drives_a_circle(steering: float, speed: float) -> None:
+    # Rear wheels to the left (positive) turn the nose right: the centre lies R = L / tan(d) to the right.
+    radius = WHEELBASE / math.tan(steering)  # signed, positive to the right
+    x, y, heading = 3.0, -2.0, 0.4
+    centre = (x + radius * math.sin(heading), y - radius * math.cos(heading))
+    for step in range(1, 201):
+        x, y, heading = moved(x, y, heading, speed, speed, steering, steering)
+        assert math.hypot(x - centre[0], y - centre[1]) == pytest.approx(abs(radius), abs=2e-4)
+        turned = 0.4 - step * 0.05 * speed / radius
+        assert math.remainder(heading - turned, 2 * math.pi) == pytest.approx(0.0, abs=1e-4)
+        # the robot is tangent to the circle, its centre abeam of the front axle
+        assert centre[0] == pytest.approx(x + radius * math.sin(heading), abs=4e-4)
+
+
+@pytest.mark.parametrize("steering", ANGLES)
+def test_a_robot_told_to_steer_and_drive_keeps_to_the_circle(steering: float) -> None:
+    radius = WHEELBASE / math.tan(steering)
+    simulator = stage(room(14, 14), (7.0, 7.0, 0.0))
+    whole, rest = divmod(abs(steering), 0.15)  # 1.5 rad/s for 0.1 s a step
+    rates = [1.5] * int(whole) + [rest / 0.1]
+    for rate in rates:
+        simulator.step(raw(simulator, (0.0, math.copysign(rate, steering))))
+    assert pose(simulator) == (7.0, 7.0, 0.0)  # standing wheels turn, the robot does not move
+    assert simulator.state.steer[0, 0] == pytest.approx(steering, abs=1e-6)
+    speeds = []
+    for _ in range(60):
+        simulator.step(raw(simulator, (1.0 if len(speeds) < 8 else 0.0, 0.0)))
+        speeds.append(float(simulator.state.speed[0, 0]))
+        x, y, _ = pose(simulator)
+        assert math.hypot(x - 7.0, y - (7.0 - radius)) == pytest.approx(abs(radius), abs=2e-4)
+    assert speeds[7:] == [pytest.approx(0.8, abs=1e-6)] * 53
+    # 0.8 s of acceleration to 0.8 m/s and 5.2 s at it
+    driven = 0.5 * 0.8 * 0.8 + 5.2 * 0.8
+    assert math.remainder(pose(simulator)[2] + driven / radius, 2 * math.pi) == pytest.approx(0.0, abs=1e-4)
+    # metres driven are chords of 5 cm at most: a little under the arc
+    assert simulator.state.distance[0, 0] == pytest.approx(driven, rel=1e-3)
+
+
+def test_turning_right_and_left_from_a_heading_of_north() -> None:
+    simulator = stage(
+        room(14, 14), (3.5, 7.0, math.pi / 2, 0.5, 0.3), (10.5, 7.0, math.pi / 2, 0.5, -0.3), (7, 7, 0, 0, 0)
+    )
+    coast(simulator, 10)
+    assert pose(simulator, 0)[0] > 3.52  # steered left, goes right (east)
+    assert pose(simulator, 1)[0] < 10.48
+    assert pose(simulator, 0)[2] < math.pi / 2 < pose(simulator, 1)[2]
+    assert pose(simulator, 2) == (7.0, 7.0, 0.0)
+
+
+@pytest.mark.parametrize("speed", [1.5, 1.0, 0.6, 0.1])
+@pytest.mark.parametrize(("repeat", "substeps"), [(1, 1), (1, 2), (2, 2), (1, 5)])
+def test_stopping_distance_is_half_v_squared_over_a(speed: float, repeat: int, substeps: int) -> None:
+    simulator = stage(room(9, 9), (2.0, 4.0, 0.0, speed), action_repeat=repeat, substeps=substeps)
+    braking = math.ceil(round(speed / 0.1) / repeat) * repeat  # physics steps at 1 m/s^2, or a little less
+    deceleration = speed / (0.1 * braking)
+    for _ in range(braking // repeat):
+        simulator.step(raw(simulator, (-deceleration, 0.0)))
+    assert simulator.state.speed[0, 0] == pytest.approx(0.0, abs=1e-6)
+    assert pose(simulator)[0] - 2.0 == pytest.approx(speed**2 / (2 * deceleration), abs=1e-5)
+
+
+def test_speed_keeps_its_limits_and_grows_at_the_limit_of_acceleration() -> None:
+    simulator = stage(room(6, 30), (2.0, 3.0, 0.0))
+    seen = [0.0]
+    for _ in range(30):
+        simulator.step(raw(simulator, (1.0, 0.0)))
+        seen.append(float(simulator.state.speed[0, 0]))
+    assert seen == [pytest.approx(min(0.1 * k, 1.5), abs=1e-6) for k in range(31)]
+    assert max(seen) == 1.5
+    for _ in range(40):
+        simulator.step(raw(simulator, (-1.0, 0.0)))
+    assert simulator.state.speed[0, 0] == -0.5
+    assert simulator.robots["hits_shelf"].sum() == 0
+
+
+def test_commands_beyond_the_limits_are_clipped() -> None:
+    simulator = stage(room(9, 9), (4.0, 4.0, 0.0))
+    simulator.step(np.array([[[50.0, -50.0]]]))
+    assert simulator.state.speed[0, 0] == pytest.approx(0.1, abs=1e-6)
+    assert simulator.state.steer[0, 0] == pytest.approx(-0.15, abs=1e-6)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_steering_keeps_its_limit_and_its_rate(side: float) -> None:
+    simulator = stage(room(9, 9), (4.0, 4.0, 0.0))
+    seen = [0.0]
+    for _ in range(12):
+        simulator.step(raw(simulator, (0.0, 1.5 * side)))
+        seen.append(float(simulator.state.steer[0, 0]) * side)
+    assert seen == [pytest.approx(min(0.15 * k, math.radians(60)), abs=1e-6) for k in range(13)]
+
+
+@pytest.mark.parametrize("degrees", [20, 45, 60])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_tail_swings_out_by_the_formula(degrees: int, side: float) -> None:
+    # Standing along the flank y = 0.3 with the wheels turned, the rear outer corner runs on a circle of radius
+    # hypot(R + w/2, 0.75) about the turning centre, which lies R from the middle line, on the inner side.
+    radius = WHEELBASE / math.tan(math.radians(degrees))
+    swing = math.hypot(radius + WIDTH / 2, REAR) - (radius + WIDTH / 2)
+    simulator = stage(room(14, 14), (6.0, 7.0, 0.0, 0.4, side * math.radians(degrees)))
+    flank = 7.0 + side * WIDTH / 2
+    furthest = -math.inf
+    for _ in range(120):
+        coast(simulator, 1)
+        corners = bodies(*(np.array(v) for v in pose(simulator)))
+        furthest = max(furthest, float((side * (corners[:, 1] - flank)).max()))
+        if abs(pose(simulator)[2]) > math.atan2(REAR, radius + WIDTH / 2) + 0.2:
+            break
+    # the best of samples 4 cm apart: at most the sagitta under the top of the circle
+    assert furthest <= swing + 1e-4
+    assert furthest >= swing - 0.04**2 / (2 * radius) - 1e-4
+    assert swing > 0.05
+
+
+def test_a_turn_to_the_right_swings_the_tail_to_the_left() -> None:
+    simulator = stage(room(14, 14), (6.0, 7.0, 0.0, 0.4, math.radians(45)))
+    coast(simulator, 5)
+    corners = bodies(*(np.array(v) for v in pose(simulator)))
+    assert corners[0, 1] < 7.3 < corners[1, 1]  # front left came in, rear left went out
+
+
+@given(
+    heading=st.floats(-3.14, 3.14),
+    speed=st.floats(-0.5, 1.5),
+    acceleration=st.floats(-1, 1),
+    steering=st.floats(-1.04, 1.04),
+    rate=st.floats(-1.5, 1.5),
+)
+def test_a_substep_agrees_with_a_fine_integration(
+    heading: float, speed: float, acceleration: float, steering: float, rate: float
+) -> None:
+    # Midpoint steering errs by the third power of the substep: under 1 mrad and 0.2 mm at the very limits.
+    dt = 0.05
+    got = moved(5.0, 6.0, heading, speed, speed + acceleration * dt, steering, steering + rate * dt)
+    n = 400
+    x, y, b = 5.0, 6.0, heading
+    for k in range(n):
+        t = (k + 0.5) * dt / n
+        v, w = speed + acceleration * t, -(speed + acceleration * t) * math.tan(steering + rate * t) / WHEELBASE
+        middle = b + 0.5 * w * dt / n
+        x, y, b = x + v * math.cos(middle) * dt / n, y + v * math.sin(middle) * dt / n, b + w * dt / n
+    assert got[0] == pytest.approx(x, abs=2e-4)
+    assert got[1] == pytest.approx(y, abs=2e-4)
+    assert math.remainder(got[2] - b, 2 * math.pi) == pytest.approx(0.0, abs=1.5e-3)
+
+
+def test_heading_stays_within_half_a_turn_either_way() -> None:
+    x, y, heading = 0.0, 0.0, 3.0
+    headings = []
+    for _ in range(400):
+        x, y, heading = moved(x, y, heading, 1.0, 1.0, -0.8, -0.8)
+        headings.append(heading)
+    assert max(abs(h) for h in headings) <= math.pi + 1e-6
+    assert any(b - a < -6 for a, b in pairwise(headings))  # it went round
+
+
+def test_curvature_and_approach_by_hand() -> None:
+    assert float(curvature(F(math.pi / 4), F(0.6))) == pytest.approx(-1 / 0.6, rel=1e-6)
+    assert float(curvature(F(-math.atan(0.5)), F(0.5))) == pytest.approx(1.0, rel=1e-6)
+    cases = [(0.0, 1.0, 0.25, 0.25), (0.0, -1.0, 0.25, -0.25), (0.9, 1.0, 0.25, 1.0), (1.0, 1.0, 0.25, 1.0)]
+    for value, target, most, expected in cases:
+        assert float(approach(F(value), F(target), F(most))) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("steering", ANGLES)
+def test_the_steered_wheels_of_a_front_steered_vehicle_roll_where_they_point(steering: float) -> None:
+    """Ahead of the fixed axle they are turned by minus the angle: no wheel may slide sideways."""
+    robot = RobotSpec(front_overhang=0.75)
+    assert robot.front_steered
+    assert not RobotSpec().front_steered
+    simulator = stage(room(14, 14), (7.0, 7.0, 0.3, 1.0, steering), robot=robot)
+    places = []
+    for _ in range(2):
+        x, y, heading = pose(simulator)
+        places.append((x + robot.wheelbase * math.cos(heading), y + robot.wheelbase * math.sin(heading), heading))
+        coast(simulator, 1)
+    (x, y, heading), (to_x, to_y, to_heading) = places
+    way = math.atan2(to_y - y, to_x - x)  # of the steered axle: a chord, so along the mean heading
+    assert math.remainder(way - (heading + to_heading) / 2 + steering, 2 * math.pi) == pytest.approx(0.0, abs=1e-3)

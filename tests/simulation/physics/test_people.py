@@ -1,0 +1,306 @@
+"""People on foot: how they walk, what robots see of them, contacts with them, and that the field knows none."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.simulation.test_determinism import MAP, actions_for, bits
+from tests.simulation.worlds import coast, drawn, plain_python, raw, room, stage
+from warehouse_env.config import EnvConfig, RobotSpec
+from warehouse_env.envs.parallel import parallel_env
+from warehouse_env.errors import ConfigError, UnsafeError
+from warehouse_env.maps.grid_map import Cell
+from warehouse_env.simulation.physics.people import AT_GOAL, GIVEN_UP, KEEP, PACE, PASS, PATIENCE, RADIUS, RESTS, START
+from warehouse_env.simulation.rules import audit
+from warehouse_env.simulation.simulator import Simulator
+
+STEP = 0.1 * float(PACE)  # [m]
+FAR = (18.0, 5.0, 0.0)
+
+
+def with_people(*where: Any, people: int = 1, **changes: Any) -> Simulator:
+    """A stage with people, whose next goals are drawn from a seed."""
+    simulator = stage(*where, people=people, **changes)
+    simulator.people.begin(0, [3, 0], simulator.robots[0])
+    return simulator
+
+
+def send(simulator: Simulator, x: float, y: float, goal: Cell, person: int = 0) -> Any:
+    """Stand a person of the first world at (x, y) [m], on the way to a cell; return its record."""
+    people, grid = simulator.people, simulator.grid
+    people.ways[0, person] = grid.distance_to(goal)[::-1]
+    o = people.persons[0, person]
+    o["x"], o["y"], o["cos"], o["left"] = x, y, 1.0, np.inf
+    o["goal_x"], o["goal_y"] = grid.centre(np.array(goal))
+    return o
+
+
+def still(simulator: Simulator, x: float, y: float, person: int = 0) -> Any:
+    """Stand a person at (x, y) [m] that rests."""
+    o = simulator.people.persons[0, person]
+    o["x"], o["y"], o["rest"] = x, y, 1e6
+    return o
+
+
+def gap_to(simulator: Simulator, person: int = 0, robot: int = 0) -> float:
+    """The gap [m] between a person and a robot, worked out in double precision."""
+    o, r, body = simulator.people.persons[0, person], simulator.robots[0, robot], RobotSpec()
+    dx, dy = float(o["x"]) - float(r["x"]), float(o["y"]) - float(r["y"])
+    c, s = math.cos(float(r["heading"])), math.sin(float(r["heading"]))
+    ahead, left = dx * c + dy * s + body.rear_reach - body.length / 2, dy * c - dx * s
+    outside = max(abs(ahead) - body.length / 2, 0.0), max(abs(left) - body.width / 2, 0.0)
+    return math.hypot(*outside) - float(RADIUS)
+
+
+def test_a_person_walks_straight_to_its_goal_rests_and_wants_another() -> None:
+    simulator = with_people(room(10, 20), FAR)
+    o = send(simulator, 2.5, 2.5, (7, 9))  # the cell around (9.5, 2.5)
+    for k in range(1, 20):
+        coast(simulator, 1)
+        assert o["x"] == pytest.approx(2.5 + k * STEP, abs=1e-4)
+        assert o["y"] == pytest.approx(2.5, abs=1e-5)
+    coast(simulator, math.ceil((7.0 - AT_GOAL) / STEP) + 1 - 19)
+    assert RESTS[0] - 0.1 <= o["rest"] <= RESTS[1]
+    here = float(o["x"])
+    assert abs(here - 9.5) < AT_GOAL
+    coast(simulator, math.floor(RESTS[0] / 0.1) - 2)
+    assert o["x"] == here
+    coast(simulator, math.ceil((RESTS[1] - RESTS[0]) / 0.1) + 20)
+    assert math.hypot(o["x"] - here, o["y"] - 2.5) > 0.5
+
+
+def test_nobody_walks_through_shelves() -> None:
+    simulator = with_people(drawn(["......", ".####.", ".####.", "......"]), (0.75, 0.5, 0.0))
+    o = send(simulator, 0.5, 2.5, (1, 5))
+    seen = []
+    for _ in range(75):
+        coast(simulator, 1)
+        seen.append((float(o["x"]), float(o["y"])))
+    inside = [1 - RADIUS < x < 5 + RADIUS and 1 - RADIUS < y < 3 + RADIUS for x, y in seen]
+    assert not any(inside)
+    assert max(x for x, _ in seen) > 5.3
+
+
+def test_a_person_passes_a_robot_at_a_distance() -> None:
+    simulator = with_people(room(10, 20), (6.8, 5.5, 0.0))
+    simulator.robots["speed"] = 0.0
+    o = send(simulator, 2.5, 5.5, (4, 12))
+    least = math.inf
+    for _ in range(120):
+        coast(simulator, 1)
+        least = min(least, gap_to(simulator))
+    assert o["rest"] > 0 or abs(o["x"] - 12.5) < 1.0
+    assert PASS - 1e-4 <= least <= KEEP + STEP
+
+
+def test_where_there_is_no_way_past_a_person_turns_away() -> None:
+    lane = drawn(["##########", "..........", "##########"])
+    simulator = with_people(lane, (5.75, 1.5, 0.0))
+    o = send(simulator, 1.5, 1.5, (1, 9))
+    wanted = []
+    for _ in range(200):
+        coast(simulator, 1)
+        wanted.append(float(o["goal_x"]))
+        assert gap_to(simulator) > 0
+    first = next(k for k, x in enumerate(wanted) if x != 9.5)
+    assert first * 0.1 > PATIENCE
+    assert wanted[first] < 5.0  # on its own side
+
+
+def test_who_has_turned_away_does_not_rest() -> None:
+    simulator = with_people(room(10, 20), FAR)
+    o = send(simulator, 2.5, 2.5, (7, 9))
+    o["wants"] = GIVEN_UP
+    coast(simulator, 1)
+    assert o["rest"] == 0
+    assert o["wants"] == 0
+
+
+def test_a_robot_that_runs_into_a_person_is_put_back_and_counted_once() -> None:
+    simulator = with_people(room(10, 20), (5.0, 5.0, 0.0, 1.0))
+    still(simulator, 6.0, 5.0)
+    for _ in range(15):
+        simulator.step(raw(simulator, (1.0, 0.0)))
+    r = simulator.robots[0, 0]
+    assert 0 < gap_to(simulator) < 0.08
+    assert r["hits_person"] == 1
+    assert r["touching"] == 1
+    assert simulator.episode_metrics()["collisions_person"] == 1
+    assert simulator.episode_metrics()["collisions_per_km"] == pytest.approx(1000 / float(r["distance"]), rel=1e-6)
+    for _ in range(10):  # back off by more than near_miss_gap, and run into it again
+        simulator.step(raw(simulator, (-0.5, 0.0)))
+    assert gap_to(simulator) > 0.1
+    assert r["hits_person"] == 1
+    for _ in range(25):
+        simulator.step(raw(simulator, (1.0, 0.0)))
+    assert r["hits_person"] == 2
+
+
+def test_a_contact_with_a_person_costs_what_a_collision_costs_and_may_end_the_episode() -> None:
+    simulator = with_people(room(10, 20), (5.0, 5.0, 0.0, 1.0), terminate_on_collision=True)
+    still(simulator, 5.43, 5.0)
+    simulator.step(raw(simulator, (1.0, 0.0)))
+    assert simulator.reward_terms[0, 0, 2] == -5.0
+    assert simulator.terminated[0, 0]
+
+
+def test_infos_say_so() -> None:
+    env = parallel_env(num_agents=2, people=1, layout="open", planner="astar")
+    env.reset(seed=1)
+    r = env.simulator.robots[0, 0]
+    o = env.simulator.people.persons[0, 0]
+    o["rest"] = 1e6
+    reach = 0.15 + float(RADIUS) + 0.01
+    o["x"], o["y"] = r["x"] + reach * r["cos"], r["y"] + reach * r["sin"]
+    hits = 0
+    for _ in range(4):
+        *_, infos = env.step(dict.fromkeys(env.agents, env.simulator.cruise_action))
+        hits += infos["robot_0"]["collisions_person"]
+    assert hits == 1
+
+
+def test_lidar_sees_people_from_the_bodys_centre() -> None:
+    simulator = with_people(room(20, 20), (5.3, 10.0, 0.0), people=2)
+    still(simulator, 8.0, 10.0)  # straight ahead of the centre at (5.0, 10.0)
+    still(simulator, 5.0, 12.0, person=1)  # abeam
+    coast(simulator, 1)
+    rays = simulator.observation[0, 0, simulator.layout.slices["lidar"]].astype(np.float64)
+    ranges = 1 / rays - 1
+    assert ranges[0] == pytest.approx(3.0 - RADIUS, abs=1e-4)
+    assert ranges[8] == pytest.approx(2.0 - RADIUS, abs=1e-4)  # a quarter of 32 rays
+    assert ranges[16] == pytest.approx(5.0, abs=1e-4)  # the rim
+    angle = 2 * math.pi / 32  # the next ray passes the one ahead, but not the one abeam
+    assert ranges[1] == pytest.approx(6.0, abs=1e-4)
+    across = 2.0 * math.sin(angle)
+    expected = 2.0 * math.cos(angle) - math.sqrt(RADIUS**2 - across**2) if across < RADIUS else 6.0
+    assert ranges[7] == pytest.approx(expected, abs=1e-4)
+
+
+@pytest.mark.parametrize("away", [0.4, 1.0, 2.5])
+def test_under_the_field_a_robot_stops_before_a_person(away: float) -> None:
+    simulator = with_people(room(10, 20), (5.0, 5.0, 0.0), protective_field=True)
+    still(simulator, 5.15 + float(RADIUS) + away, 5.0)
+    for _ in range(60):
+        simulator.step(raw(simulator, (1.0, 0.0)))
+        assert gap_to(simulator) > 0.02
+    assert simulator.robots["speed"][0, 0] == 0
+    # one step of .1 m/s and a stop take .2 s and .01 m: nearer than that nobody may be
+    assert 0.2 * PACE < gap_to(simulator) < 0.2 * PACE + 0.1 + 0.02
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**31 - 1))
+def test_whatever_people_and_robots_do_the_field_lets_nobody_be_hit(seed: int) -> None:
+    """People who dart about at PACE, through each other and into robots, which get random commands."""
+    rng = np.random.default_rng(seed)
+    poses = [(x, y, float(rng.uniform(-3, 3))) for x in (3.0, 9.0) for y in (3.0, 9.0)]
+    simulator = with_people(drawn(["............"] * 5 + ["....####...."] * 2 + ["............"] * 5), *poses, people=3,
+                      protective_field=True)  # fmt: skip
+    persons = simulator.people.persons[0]
+    persons["x"], persons["y"], persons["rest"] = 6.0, [1.0, 6.0, 11.0], 1e6
+    toward = rng.integers(0, 4, 3)
+    for _ in range(150):
+        simulator.step(rng.uniform(-1, 1, (1, 4, 2)).astype(np.float32) + np.float32([0.4, 0.0]))
+        at = simulator.state.pose[0, toward, :2] - np.stack([persons["x"], persons["y"]], axis=-1)
+        way = at / np.hypot(*at.T)[:, None].clip(0.1) * STEP
+        persons["x"] += way[:, 0]
+        persons["y"] += way[:, 1]
+        if rng.random() < 0.03:
+            toward = rng.integers(0, 4, 3)
+    assert simulator.robots["hits_person"].sum() == 0
+    assert simulator.robots["distance"].sum() > 1.0
+
+
+def test_the_checked_mode_finds_a_robot_that_cannot_stop(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(audit.SWITCH, "1")
+    simulator = with_people(room(10, 20), (5.0, 5.0, 0.0, 1.5), protective_field=True)
+    still(simulator, 6.2, 5.0)  # put there, where no robot would have been so fast
+    with pytest.raises(UnsafeError, match="a person"):
+        simulator.step(raw(simulator, (1.0, 0.0)))
+
+
+def peopled(people: int, worlds: int, **changes: Any) -> Simulator:
+    config = {"num_agents": 5, "planner": "astar", "action_repeat": 2, "people": people} | changes
+    return Simulator(EnvConfig(**config), worlds, grid=drawn(MAP * 2))
+
+
+def driven(simulator: Simulator, steps: int = 80) -> list[bytes]:
+    for actions in actions_for("discrete", steps, simulator.num_worlds, simulator.num_agents):
+        simulator.step(actions)
+    persons = simulator.people.persons
+    fields = [np.ascontiguousarray(persons[name]) for name in persons.dtype.names]
+    return [
+        world + b"".join(field[b].tobytes() for field in fields) for b, world in enumerate(bits(simulator))
+    ]  # fmt: skip
+
+
+def test_worlds_do_not_depend_on_those_beside() -> None:
+    three, alone = peopled(4, 3), peopled(4, 1)
+    three.reset([7, 8, 9])
+    alone.reset([7])
+    assert driven(three)[0] == driven(alone)[0]
+    three.reset([7, 8, 9])
+    alone.reset([7])
+    assert driven(three, 20)[0] == driven(alone, 20)[0]
+
+
+def test_a_copy_goes_on_alike() -> None:
+    simulator = peopled(4, 2)
+    simulator.reset(1)
+    driven(simulator, 10)
+    copy = pickle.loads(pickle.dumps(simulator))
+    assert driven(copy, 200) == driven(simulator, 200)
+    assert not np.shares_memory(copy.people.persons, simulator.people.persons)
+
+
+def test_tasks_are_those_of_the_seed_whoever_walks() -> None:
+    starts = []
+    for people in (0, 4):
+        simulator = peopled(people, 1)
+        simulator.reset(3)
+        starts.append((simulator.state.pose.tolist(), simulator.state.goal.tolist()))
+    assert starts[0] == starts[1]
+
+
+def digest() -> str:
+    """A digest of a short history with people under the field."""
+    simulator = peopled(4, 1, protective_field=True, right_of_way=True)
+    simulator.reset(4)
+    content = hashlib.blake2b()
+    for _ in range(6):
+        content.update(driven(simulator, 2)[0])
+    return content.hexdigest()
+
+
+def test_plain_python_gives_the_same_bits() -> None:
+    assert plain_python("from tests.simulation.test_people import digest; print(digest())") == [digest()]
+
+
+def test_people_begin_away_from_robots_and_where_they_can_walk() -> None:
+    simulator = Simulator(EnvConfig(layout="narrow", num_agents=16, people=20, planner="astar"), 2)
+    simulator.reset(5)
+    persons, robots = simulator.people.persons, simulator.robots
+    apart = np.hypot(persons["x"][:, :, None] - robots["x"][:, None], persons["y"][:, :, None] - robots["y"][:, None])
+    assert apart.min() >= START
+    cells = simulator.grid.cell(np.stack([persons["x"], persons["y"]], axis=-1))
+    assert not simulator.grid.occupied[cells[..., 0], cells[..., 1]].any()
+
+
+def test_no_room_for_people() -> None:
+    simulator = Simulator(EnvConfig(num_agents=2, people=1, planner="astar"), grid=room(2, 4))
+    with pytest.raises(ConfigError, match="people=1"):
+        simulator.reset(0)
+
+
+@pytest.mark.parametrize("people", [-1, 1001, 0.5])
+def test_numbers_of_people_that_cannot_be(people: Any) -> None:
+    with pytest.raises(ConfigError, match="people"):
+        EnvConfig(people=people)

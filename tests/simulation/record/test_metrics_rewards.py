@@ -1,0 +1,375 @@
+"""The episode's row of numbers and the reward terms, by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.simulation.reference import FRONT, REAR
+from tests.simulation.worlds import coast, drawn, raw, room, stage
+from warehouse_env.config import EnvConfig, RewardWeights
+from warehouse_env.simulation.record.metrics import episode_row, robot_rows
+from warehouse_env.simulation.senses.rewards import REWARD_TERMS
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import ROBOT
+
+TERMS = ("progress", "arrival", "collision", "contact", "proximity", "time", "smoothness", "path_length")
+HARD = RewardWeights(
+    progress=2.0, arrival=3.0, collision=-7.0, contact=-0.25, proximity=-0.5, time=-0.125, smoothness=-4,
+    path_length=-0.375,
+)  # fmt: skip
+
+
+def record(**totals: list[Any]) -> NDArray[Any]:
+    count = len(next(iter(totals.values())))
+    robots = np.zeros(count, dtype=ROBOT)
+    robots["alive"], robots["min_gap"] = 1, 0.5
+    for name, values in totals.items():
+        robots[name] = values
+    return robots
+
+
+def test_a_row_by_hand() -> None:
+    robots = record(
+        distance=[500.0, 700.0, 300.0, 0.0],
+        hits_robot=[2, 1, 1, 0],  # pairs 0-1 and 0-2
+        hits_shelf=[0, 1, 0, 0],
+        near_misses=[3, 3, 0, 0],
+        goals=[10, 14, 6, 0],
+        planned=[450.0, 600.0, 280.0, 0.0],
+        driven_to_goals=[480.0, 690.0, 293.0, 0.0],
+        stalled_time=[0.0, 60.0, 60.5, 600.0],
+        min_gap=[0.0, 0.0, 0.02, 0.5],
+        lived=[6000, 6000, 6000, 2000],
+        waited=[0, 500, 1500, 2000],
+    )
+    row = episode_row(robots, 600.0, EnvConfig(num_agents=4))
+    assert row["seconds"] == 600.0
+    assert row["robot_km"] == pytest.approx(1.5)
+    assert row["collisions_robot"] == 2.0
+    assert row["collisions_shelf"] == 1.0
+    assert row["collisions_per_km"] == pytest.approx(2.0)
+    assert row["near_misses"] == 3.0
+    assert row["min_clearance_m"] == 0.0
+    assert row["goals"] == 30.0
+    assert row["goals_per_robot_hour"] == pytest.approx(30 / 4 * 6)
+    assert row["success_rate"] == 0.75
+    assert row["path_length_m"] == pytest.approx(1463 / 30)
+    assert row["path_length_ratio"] == pytest.approx(1463 / 1330)
+    assert row["stuck"] == 0.5
+    assert row["waiting_share"] == 0.2
+    assert math.isnan(row["makespan_s"])
+    assert math.isnan(row["sum_of_costs_s"])
+
+
+def test_a_robots_row_by_hand() -> None:
+    robots = record(
+        distance=[500.0, 31.0],
+        hits_robot=[2, 0],
+        hits_shelf=[1, 0],
+        hits_person=[4, 0],
+        near_misses=[3, 0],
+        goals=[10, 0],
+        planned=[400.0, 0.0],
+        driven_to_goals=[480.0, 0.0],
+        stalled_time=[0.0, 60.5],
+        min_gap=[0.0, 0.5],
+        lived=[6000, 0],
+        waited=[1500, 0],
+        late_goals=[6, 0],
+        longest_standing=[12.5, 0.0],
+        reroutes=[2, 0],
+    )
+    config = EnvConfig(num_agents=2, max_steps=6000)
+    first, second = robot_rows(robots, np.array([600.0, 300.0]), config)
+    assert first == {
+        "seconds": 600.0, "distance_m": 500.0, "collisions_robot": 2.0, "collisions_shelf": 1.0, "near_misses": 3.0,
+        "collisions_person": 4.0,
+        "min_clearance_m": 0.0, "goals": 10.0, "goals_per_robot_hour": 60.0, "success_rate": 1.0,
+        "path_length_m": 48.0, "path_length_ratio": 1.2, "stuck": 0.0, "waiting_share": 0.25,
+        "late_goals_per_robot_hour": 72.0, "longest_standing_s": 12.5, "reroutes": 2.0,
+    }  # fmt: skip
+    without = ("min_clearance_m", "path_length_m", "path_length_ratio", "waiting_share", "late_goals_per_robot_hour")
+    nothing = dict.fromkeys(without, math.nan)
+    np.testing.assert_equal(
+        second,
+        {**dict.fromkeys(first, 0.0), "seconds": 300.0, "distance_m": 31.0, "stuck": 1.0, **nothing},
+    )
+
+
+def test_late_goals_are_those_after_the_middle() -> None:
+    config = EnvConfig(num_agents=2, max_steps=300)
+    robots = record(late_goals=[3, 0])
+    assert episode_row(robots, 30.0, config)["late_goals_per_robot_hour"] == pytest.approx(3 / 2 / 15 * 3600)
+    assert episode_row(robots, 22.5, config)["late_goals_per_robot_hour"] == pytest.approx(3 / 2 / 7.5 * 3600)
+    assert math.isnan(episode_row(robots, 15.0, config)["late_goals_per_robot_hour"])
+
+
+def test_the_rows_of_the_robots_add_up_to_the_worlds() -> None:
+    config = EnvConfig(num_agents=8, people=2, planner="astar", max_steps=10**6)
+    simulator = Simulator(config, grid=room(10, 10))
+    simulator.reset(seed=2)
+    rng = np.random.default_rng(0)
+    for _ in range(600):
+        simulator.step(rng.choice([0, 5, 10, 15, 16, 17], (1, 8), p=[0.05, 0.1, 0.15, 0.5, 0.1, 0.1]))
+    world = simulator.episode_metrics()
+    rows = robot_rows(simulator.robots[0], np.full(8, simulator.seconds(0)), simulator.config)
+    total = {name: sum(row[name] for row in rows) for name in rows[0]}
+    assert set(rows[0]) - {"distance_m"} <= set(world)
+    assert total["distance_m"] / 1000 == pytest.approx(world["robot_km"])
+    shares = {"collisions_robot": 2, "near_misses": 2, "collisions_shelf": 1, "collisions_person": 1, "goals": 1}
+    for name, share in shares.items():
+        assert total[name] == share * world[name]
+    assert min(total["collisions_robot"], total["near_misses"], total["goals"], total["collisions_person"]) > 0
+    for name in ("success_rate", "stuck", "waiting_share", "goals_per_robot_hour"):
+        assert total[name] / 8 == pytest.approx(world[name])
+    assert world["waiting_share"] > 0
+    assert np.nanmin([row["min_clearance_m"] for row in rows]) == world["min_clearance_m"]
+
+
+def test_one_shot_times() -> None:
+    config = EnvConfig(num_agents=3, tasks="one_shot")
+    robots = record(goals=[1, 1, 1], finish_time=[12.0, 40.0, 25.0], alive=[0, 0, 0], stalled_time=[99.0] * 3)
+    row = episode_row(robots, 60.0, config)
+    assert (row["makespan_s"], row["sum_of_costs_s"], row["success_rate"]) == (40.0, 77.0, 1.0)
+    assert row["stuck"] == 0.0  # parked, not stuck
+    robots["goals"][1], robots["finish_time"][1], robots["alive"][1] = 0, 0.0, 1
+    row = episode_row(robots, 60.0, config)
+    assert math.isnan(row["makespan_s"])
+    assert row["sum_of_costs_s"] == 12 + 60 + 25
+    assert row["success_rate"] == pytest.approx(2 / 3)
+    assert row["stuck"] == pytest.approx(1 / 3)
+
+
+def test_figures_without_data_are_nan() -> None:
+    row = episode_row(record(goals=[0, 0]), 0.0, EnvConfig(num_agents=2))
+    for name in (
+        "collisions_per_km",
+        "goals_per_robot_hour",
+        "path_length_m",
+        "path_length_ratio",
+        "min_clearance_m",
+        "waiting_share",
+    ):
+        assert math.isnan(row[name])
+
+
+def straight(**changes: Any) -> Simulator:
+    """One robot at (1.5, 1.5) heading east at up to 1.3 m/s, its goal 12 m on along a one-way aisle."""
+    levels = (-0.4, 0.0, 0.5, 1.3)
+    grid = drawn(["#" * 15, "." * 15, "#" * 15])
+    simulator = stage(grid, (1.5, 1.5, 0.0), action_type="discrete", action_repeat=2, speed_levels=levels, **changes)
+    simulator.routes[0, 0, :25] = np.column_stack([np.linspace(1.5, 13.5, 25), np.full(25, 1.5)])
+    r = simulator.robots[0, 0]
+    r["points"], r["spacing"], r["goal_x"], r["goal_y"], r["goal_row"], r["goal_col"] = 25, 0.5, 13.5, 1.5, 1, 13
+    r["task_length"] = 12.0
+    return simulator
+
+
+def test_a_straight_drive_by_hand() -> None:
+    # To 1.3 m/s in 1.3 s over 0.845 m, then on; 11.5 m (0.5 m short of the goal) after 1.3 + 10.655 / 1.3 = 9.50 s:
+    # in the 0.2 s that end at 9.6 s.
+    simulator = straight(tasks="one_shot")
+    cruise = np.full((1, 1), simulator.cruise_action)
+    while not simulator.terminated[0, 0] and simulator.steps[0] < 100:
+        simulator.step(cruise)
+    assert simulator.steps[0] == 48
+    row = simulator.episode_metrics()
+    assert row["makespan_s"] == pytest.approx(9.6)
+    assert row["goals"] == 1.0
+    driven = row["robot_km"] * 1000
+    assert 11.5 <= driven <= 11.5 + 1.3 * 0.1 + 1e-4
+    assert row["path_length_m"] == pytest.approx(driven)
+    assert row["path_length_ratio"] == pytest.approx(driven / 12.0)
+    assert row["goals_per_robot_hour"] == pytest.approx(3600 / 9.6)
+    assert row["success_rate"] == 1.0
+    assert math.isnan(row["min_clearance_m"])
+
+
+def test_standing_is_counted_until_the_robot_is_parked() -> None:
+    # 6 physics steps under a command to stand; the first that drives ends at 0.1 m/s, where standing ends.
+    simulator = straight(tasks="one_shot")
+    stop, cruise = np.full((1, 1), 5), np.full((1, 1), simulator.cruise_action)
+    for action in (stop, stop, stop, cruise, cruise, cruise, cruise, cruise, cruise, cruise):
+        simulator.step(action)
+    still = int(simulator.robots["waited"][0, 0])
+    assert still in (6, 7)  # 0.1 m/s in float32 may fall on either side
+    assert simulator.robots["lived"][0, 0] == 20
+    assert simulator.episode_metrics()["waiting_share"] == still / 20
+    while not simulator.terminated[0, 0]:
+        simulator.step(cruise)
+    lived = int(simulator.robots["lived"][0, 0])
+    for _ in range(5):
+        simulator.step(stop)
+    assert (simulator.robots["lived"][0, 0], simulator.robots["waited"][0, 0]) == (lived, still)
+
+
+def test_an_arrival_tells_the_finished_task() -> None:
+    simulator = straight(tasks="one_shot")
+    cruise = np.full((1, 1), simulator.cruise_action)
+    while not simulator.arrivals:
+        assert simulator.steps[0] < 48
+        simulator.step(cruise)
+    (arrival,) = simulator.arrivals
+    assert (arrival.world, arrival.robot, arrival.planned) == (0, 0, 12.0)
+    assert 11.5 <= arrival.driven <= 11.5 + 1.3 * 0.1 + 1e-4
+    simulator.step(cruise)
+    assert simulator.arrivals == []
+
+
+def test_progress_adds_up_to_the_way() -> None:
+    simulator = straight()
+    cruise = np.full((1, 1), simulator.cruise_action)
+    total = 0.0
+    for _ in range(40):
+        simulator.step(cruise)
+        total += float(simulator.events.progress[0, 0])
+    assert total == pytest.approx(float(simulator.robots[0, 0]["x"]) - 1.5, abs=1e-4)
+    assert total == pytest.approx(0.845 + 6.7 * 1.3, abs=1e-3)
+
+
+def test_a_robot_without_a_metre_of_progress_is_stuck() -> None:
+    simulator = straight(stuck_after=2.05)
+    stop = np.full((1, 1), 5)  # level 0 m/s, no offset
+    for _ in range(10):
+        simulator.step(stop)
+    assert simulator.episode_metrics()["stuck"] == 0.0
+    simulator.step(stop)
+    assert simulator.episode_metrics()["stuck"] == 1.0
+    cruise = np.full((1, 1), simulator.cruise_action)
+    for _ in range(9):  # 1.8 s: 0.845 + 0.65 m
+        simulator.step(cruise)
+    assert simulator.episode_metrics()["stuck"] == 0.0
+    assert simulator.robots["waiting_time"][0, 0] == 0.0
+
+
+def test_the_order_of_the_terms() -> None:
+    assert REWARD_TERMS == TERMS == tuple(f.name for f in dataclasses.fields(RewardWeights))
+
+
+def test_terms_of_a_quiet_step() -> None:
+    simulator = straight(reward=HARD)
+    simulator.robots["speed"] = 1.3
+    cruise = np.full((1, 1), simulator.cruise_action)
+    simulator.step(cruise)
+    simulator.step(cruise)
+    terms = dict(zip(TERMS, simulator.reward_terms[0, 0].tolist(), strict=True))
+    assert terms["progress"] == pytest.approx(2.0 * 0.26, abs=1e-4)
+    assert terms["path_length"] == pytest.approx(-0.375 * 0.26, abs=1e-4)
+    assert terms["time"] == -0.125
+    assert terms["smoothness"] == pytest.approx(0.0, abs=1e-4)
+    for name in ("arrival", "collision", "contact", "proximity"):
+        assert terms[name] == 0.0
+    assert simulator.reward[0, 0] == pytest.approx(sum(terms.values()), abs=1e-6)
+
+
+def test_metres_count_backwards_too() -> None:
+    simulator = straight(reward=HARD)
+    simulator.robots["x"], simulator.robots["speed"], simulator.robots["position"] = 5.5, -0.4, 4.0
+    back = np.zeros((1, 1), dtype=int)  # level -0.4 m/s
+    simulator.step(back)
+    simulator.step(back)
+    terms = dict(zip(TERMS, simulator.reward_terms[0, 0].tolist(), strict=True))
+    assert terms["path_length"] == pytest.approx(-0.375 * 0.08, abs=1e-4)
+    assert terms["progress"] == pytest.approx(-2.0 * 0.08, abs=1e-4)
+
+
+def test_the_path_length_costs_nothing_by_default() -> None:
+    """So that what is known of the shipped policies stays true: the sum is that of the other terms, to the bit."""
+    simulator = straight()
+    cruise = np.full((1, 1), simulator.cruise_action)
+    for _ in range(10):
+        simulator.step(cruise)
+        total = np.float32(0.0)
+        for term in simulator.reward_terms[0, 0, :7]:
+            total += term
+        assert simulator.events.driven[0, 0] > 0
+        assert simulator.reward[0, 0] == total
+
+
+def test_terms_of_a_collision() -> None:
+    # The first robot runs into the second's tail, 2 cm ahead, and into nothing else.
+    simulator = stage(room(5, 12), (4.0, 2.5, 0.0, 1.0), (4.0 + FRONT + REAR + 0.02, 2.5, 0.0), reward=HARD)
+    simulator.step(raw(simulator, (0.5, 0.75), (0.0, 0.0)))
+    hitter, hit = (dict(zip(TERMS, terms, strict=True)) for terms in simulator.reward_terms[0].tolist())
+    for terms in (hitter, hit):
+        assert terms["collision"] == -7.0
+        assert terms["contact"] == -0.25
+        assert terms["proximity"] == -0.5  # they touched: no gap, though put back to 2 cm
+    # raw commands: 1.0 + 0.05 m/s and 0.075 rad, after 0 and 0
+    assert hitter["smoothness"] == pytest.approx(-4 * (1.05 / 1.5 + 0.075 / math.radians(60)), abs=1e-5)
+    assert hit["smoothness"] == 0.0
+    for robot, terms in enumerate((hitter, hit)):
+        assert simulator.reward[0, robot] == pytest.approx(sum(terms.values()), abs=1e-5)
+
+
+@pytest.mark.parametrize(("gap", "share"), [(0.03, 0.9), (0.15, 0.5), (0.29, 1 / 30), (0.31, 0.0), (0.45, 0.0)])
+def test_proximity_fades_out_at_three_near_miss_gaps(gap: float, share: float) -> None:
+    simulator = stage(room(5, 12), (4.0, 2.5, 0.0), (4.0 + FRONT + REAR + gap, 2.5, 0.0), reward=HARD)
+    coast(simulator, 1)
+    assert simulator.reward_terms[0, :, 4].tolist() == [pytest.approx(-0.5 * share, abs=2e-5)] * 2
+
+
+def test_arrival_pays_once_and_a_parked_robot_gets_nothing() -> None:
+    simulator = straight(tasks="one_shot", reward=HARD)
+    cruise = np.full((1, 1), simulator.cruise_action)
+    paid = []
+    for _ in range(60):
+        simulator.step(cruise)
+        paid.append(float(simulator.reward_terms[0, 0, 1]))
+        if len(paid) > 48:
+            assert not simulator.reward_terms[0, 0].any()
+            assert simulator.reward[0, 0] == 0.0
+    assert paid[47] == 3.0
+    assert sum(paid) == 3.0
+
+
+def test_terms_by_an_independent_sum_over_a_busy_episode() -> None:
+    config = EnvConfig(num_agents=8, planner="astar", reward=HARD, max_steps=10**6)
+    simulator = Simulator(config, 2, grid=room(8, 8))
+    simulator.reset(seed=2)
+    rng = np.random.default_rng(0)
+    seen = np.zeros(8, dtype=bool)
+    for _ in range(150):
+        r = simulator.robots
+        before = (r["target_speed"].copy(), r["target_steer"].copy())
+        distance = simulator.state.distance.copy()
+        simulator.step(rng.choice([0, 5, 10, 15, 16, 17], (2, 8), p=[0.05, 0.1, 0.15, 0.5, 0.1, 0.1]))
+        e = simulator.events
+        expected = np.stack(
+            [
+                2.0 * e.progress,
+                3.0 * e.arrived,
+                -7.0 * (e.hit_robot + e.hit_shelf),
+                -0.25 * e.touching,
+                -0.5 * np.maximum(0.0, 1 - e.gap / 0.3),
+                np.full((2, 8), -0.125),
+                -4.0
+                * (
+                    np.abs(r["target_speed"] - before[0]) / 1.5
+                    + np.abs(r["target_steer"] - before[1]) / math.radians(60)
+                ),
+                -0.375 * (simulator.state.distance - distance),
+            ],
+            axis=-1,
+        )
+        np.testing.assert_allclose(simulator.reward_terms, expected, atol=1e-5)
+        np.testing.assert_allclose(simulator.reward, expected.sum(-1), atol=2e-5)
+        seen |= (expected != 0).any((0, 1))
+    assert seen.all()
+
+
+def test_weights_may_change_between_steps() -> None:
+    simulator = straight()
+    cruise = np.full((1, 1), simulator.cruise_action)
+    simulator.step(cruise)
+    assert simulator.reward_terms[0, 0, 5] == pytest.approx(-0.01)
+    simulator.reward_weights = HARD
+    simulator.step(cruise)
+    assert simulator.reward_terms[0, 0, 5] == -0.125
+    assert simulator.reward_weights == HARD

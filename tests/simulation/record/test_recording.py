@@ -1,0 +1,107 @@
+"""Episode files: the same bits again, from the file alone; a damaged file is one sentence."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import WarehouseError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.record.recording import Episode, Recorder
+from warehouse_env.simulation.simulator import Simulator
+
+
+def _recorded(action_type: str, steps: int, grid: GridMap | None = None) -> tuple[Episode, list[bytes]]:
+    """An episode of two worlds under random actions, and the bits of all robots after each step."""
+    config = EnvConfig(num_agents=3, planner="astar", action_type=action_type)  # type: ignore[arg-type]
+    simulator = Simulator(config, 2, grid=grid)
+    recorder = Recorder(simulator, (3, 8))
+    rng = np.random.default_rng(1)
+    bits = [simulator.robots.tobytes()]
+    for _ in range(steps):
+        actions = rng.integers(0, 20, (2, 3)) if action_type == "discrete" else rng.uniform(-1, 1, (2, 3, 2))
+        recorder.step(actions)
+        bits.append(simulator.robots.tobytes())
+    return recorder.episode, bits
+
+
+@pytest.mark.parametrize("action_type", ["discrete", "continuous", "raw"])
+def test_a_loaded_episode_replays_to_the_bit(action_type: str, tmp_path: Path) -> None:
+    episode, bits = _recorded(action_type, 1000 if action_type == "discrete" else 100)
+    episode.save(tmp_path / "episode.npz")
+    loaded = Episode.load(tmp_path / "episode.npz")
+    assert loaded.config == episode.config
+    assert loaded.seeds == (3, 8)
+    replayed = [(sim.robots.tobytes(), sim.state.pose.copy()) for sim in loaded.replay()]
+    assert [b for b, _ in replayed] == bits
+    np.testing.assert_array_equal(np.array([pose for _, pose in replayed]), episode.pose)
+
+
+def test_the_file_says_whose_actions_they_are(tmp_path: Path) -> None:
+    simulator = Simulator(EnvConfig(num_agents=3, planner="astar"))
+    recorder = Recorder(simulator, (3,), "runs/mine")
+    recorder.step(np.zeros((1, 3), int))
+    recorder.episode.save(tmp_path / "episode.npz")
+    assert Episode.load(tmp_path / "episode.npz").policy == "runs/mine"
+    with np.load(tmp_path / "episode.npz") as data:
+        arrays = dict(data)
+    about = json.loads(arrays["about"].tobytes())
+    del about["policy"]  # as in files of versions that did not tell
+    arrays["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
+    np.savez(tmp_path / "old.npz", **arrays)
+    assert Episode.load(tmp_path / "old.npz").policy == ""
+
+
+def test_the_file_holds_its_map(tmp_path: Path) -> None:
+    occupied = np.zeros((9, 12), dtype=bool)
+    occupied[3:5, 3:9] = True
+    episode, bits = _recorded("discrete", 20, GridMap(occupied, name="my hall"))
+    episode.save(tmp_path / "episode.npz")
+    loaded = Episode.load(tmp_path / "episode.npz")
+    assert loaded.grid.name == "my hall"
+    assert [sim.robots.tobytes() for sim in loaded.replay()] == bits
+
+
+def test_an_episode_from_before_a_reward_term_replays(tmp_path: Path) -> None:
+    """The file of a version that had no `path_length`: the term is worth nothing then."""
+    episode, bits = _recorded("discrete", 20)
+    episode.save(tmp_path / "episode.npz")
+    with np.load(tmp_path / "episode.npz") as data:
+        arrays = dict(data)
+    about = json.loads(arrays["about"].tobytes())
+    assert about["config"]["reward"].pop("path_length") == 0.0
+    arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+    np.savez_compressed(tmp_path / "old.npz", **arrays)
+    loaded = Episode.load(tmp_path / "old.npz")
+    assert loaded.config == episode.config
+    assert [sim.robots.tobytes() for sim in loaded.replay()] == bits
+
+
+def test_a_changed_action_is_another_episode(tmp_path: Path) -> None:
+    episode, bits = _recorded("discrete", 50)
+    episode.actions[10] = (episode.actions[10] + 7) % 20
+    assert [sim.robots.tobytes() for sim in episode.replay()] != bits
+
+
+@pytest.mark.parametrize("content", [b"", b"no zip", "half"])
+def test_a_damaged_file_is_one_sentence(content: bytes | str, tmp_path: Path) -> None:
+    path = tmp_path / "episode.npz"
+    if content == "half":
+        _recorded("discrete", 20)[0].save(path)
+        content = path.read_bytes()[: path.stat().st_size // 2]
+    assert isinstance(content, bytes)
+    path.write_bytes(content)
+    with pytest.raises(WarehouseError, match="no complete episode file"):
+        Episode.load(path)
+
+
+def test_a_missing_file_and_a_pickle_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(WarehouseError, match="does not exist"):
+        Episode.load(tmp_path / "none.npz")
+    np.savez(tmp_path / "pickle.npz", about=np.array([{"format": 1}], dtype=object))
+    with pytest.raises(WarehouseError, match="no complete episode file"):
+        Episode.load(tmp_path / "pickle.npz")

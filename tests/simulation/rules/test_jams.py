@@ -1,0 +1,187 @@
+"""Who waits for whom, against answers found by hand; cycles against a plain walk; the log of deadlocks."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.simulation.worlds import Pose, put, raw, room, stage
+from warehouse_env.simulation.record.jam_log import JamLog
+from warehouse_env.simulation.rules.jams import cycles
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import NOBODY
+
+EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
+
+
+def standing(*poses: Pose, goals: list[tuple[int, int]], seconds: float = 1.0) -> Simulator:
+    """Robots that have stood for some time on a room of 12 x 12, each with a straight route from its cell to a goal."""
+    simulator = stage(room(12, 12), *poses, keep_right=0.0)
+    for robot, (pose, goal) in enumerate(zip(poses, goals, strict=True)):
+        start = tuple(simulator.grid.cell(np.array(pose[:2])).tolist())
+        simulator.dispatcher.give_task(0, robot, goal, simulator.route_book.route(start, goal))
+    simulator.robots["waiting_time"] = seconds
+    return simulator
+
+
+def waits(simulator: Simulator) -> list[int]:
+    return simulator.jams().waits_for[0].tolist()
+
+
+# Front axles in the middle of row 5 from the south (y = 5.5); cell (6, c) of 12 rows is that row.
+QUEUE = [(2.5, 5.5, EAST), (4.5, 5.5, EAST), (8.5, 5.5, EAST)]
+
+
+def test_a_queue_waits_for_the_one_ahead() -> None:
+    # Robot 0's nose is 0.85 + 0.25 m... behind 1's tail: 2 - 0.15 - 0.75 = 1.1 m; from 1 to 2 it is 3.1 m, too far.
+    simulator = standing(*QUEUE, goals=[(6, 10), (6, 11), (6, 9)])
+    assert waits(simulator) == [1, NOBODY, NOBODY]
+    assert (simulator.jams().cycle == NOBODY).all()
+
+
+def test_only_who_stands_waits() -> None:
+    assert waits(standing(*QUEUE, goals=[(6, 10), (6, 11), (6, 9)], seconds=0.8)) == [NOBODY] * 3
+    simulator = standing(*QUEUE, goals=[(6, 10), (6, 11), (6, 9)], seconds=0.0)
+    simulator.robots["standing_time"] = 5.0  # rocks where it is
+    assert waits(simulator)[0] == 1
+    simulator.robots[0, 0]["alive"] = 0
+    assert waits(simulator)[0] == NOBODY
+
+
+@pytest.mark.parametrize(("refused_by", "yields_to", "answer"), [(2, NOBODY, 2), (NOBODY, 2, 2), (2, 1, 2)])
+def test_who_has_refused_it_or_goes_first_is_waited_for(refused_by: int, yields_to: int, answer: int) -> None:
+    simulator = standing(*QUEUE, goals=[(6, 10), (6, 11), (6, 9)])
+    simulator.robots["held_by"][0, 0], simulator.robots["yields_to"][0, 0] = refused_by, yields_to
+    assert waits(simulator) == [answer, NOBODY, NOBODY]
+    simulator.robots["waiting_time"] = 0.0  # yet who drives waits for nobody
+    assert waits(simulator) == [NOBODY] * 3
+
+
+def test_under_the_field_it_names_who_stands_in_the_way() -> None:
+    simulator = stage(room(12, 12), (4.5, 5.5, EAST), (5.5, 5.5, NORTH), protective_field=True)  # 0.1 m of gap
+    simulator.robots["points"] = 0  # no route to look along
+    for _ in range(30):
+        simulator.step(raw(simulator, (1.0, 0.0), (0.0, 0.0)))
+    assert waits(simulator) == [1, NOBODY]
+
+
+def test_a_goal_before_the_other_body_is_reached() -> None:
+    assert waits(standing(*QUEUE[:2], goals=[(6, 3), (6, 10)])) == [NOBODY, NOBODY]  # 1 m ahead, and 0.1 m are left
+
+
+def test_a_body_beside_the_way_is_not_in_it() -> None:
+    beside = [(2.5, 5.5, EAST), (4.5, 6.11, EAST)]  # 1 cm of gap between the sides
+    assert waits(standing(*beside, goals=[(6, 10), (5, 10)])) == [NOBODY, NOBODY]
+    touching = [(2.5, 5.5, EAST), (4.5, 6.09, EAST)]
+    assert waits(standing(*touching, goals=[(6, 10), (5, 10)]))[0] == 1
+
+
+def test_the_first_of_two_counts() -> None:
+    three = [(2.5, 5.5, EAST), (5.2, 5.5, NORTH), (4.2, 5.5, SOUTH)]
+    assert waits(standing(*three, goals=[(6, 10), (0, 5), (11, 4)]))[0] == 2
+
+
+def test_four_that_turn_about_a_point_are_a_deadlock() -> None:
+    # Each drives a lane of a crossing, with the next one's flank across it.
+    poses = [(5.2, 5.5, EAST), (6.5, 5.2, NORTH), (6.8, 6.5, WEST), (5.5, 6.8, SOUTH)]
+    simulator = standing(*poses, goals=[(6, 11), (0, 6), (5, 0), (11, 5)])
+    assert waits(simulator) == [1, 2, 3, 0]
+    assert simulator.jams().cycle[0].tolist() == [0, 0, 0, 0]
+
+
+def test_nose_to_nose_is_a_deadlock() -> None:
+    simulator = standing((4.5, 5.5, EAST), (5.5, 5.5, WEST), goals=[(6, 10), (6, 0)])
+    assert waits(simulator) == [1, 0]
+
+
+def plain_cycles(waits_for: list[int]) -> list[int]:
+    """For each robot: walk on; whoever comes back to itself is on a cycle, named by its lowest member."""
+    result = []
+    for robot in range(len(waits_for)):
+        walk, at = [], waits_for[robot]
+        while at != NOBODY and at != robot and at not in walk:
+            walk.append(at)
+            at = waits_for[at]
+        result.append(min([robot, *walk]) if at == robot else NOBODY)
+    return result
+
+
+@given(st.integers(1, 9).flatmap(lambda n: st.lists(st.integers(NOBODY, n - 1), min_size=n, max_size=n)))
+def test_cycles_are_those_of_a_plain_walk(waits_for: list[int]) -> None:
+    both = np.array([waits_for, waits_for[::-1]], dtype=np.int32)
+    both[1][both[1] >= 0] = len(waits_for) - 1 - both[1][both[1] >= 0]
+    found = cycles(both)
+    assert found[0].tolist() == plain_cycles(waits_for)
+    assert found[1].tolist() == plain_cycles(both[1].tolist())
+
+
+def logged(end: Any) -> tuple[JamLog, Simulator]:
+    """Two that stand nose to nose from 2 s on; `end(simulator)` is done at 6 s, and the episode is over at 9 s."""
+    simulator = standing((4.5, 5.5, EAST), (5.5, 5.5, WEST), goals=[(6, 10), (6, 0)])
+    log = JamLog(simulator)
+    for step in range(1, 91):
+        simulator.steps[0] = step
+        simulator.robots["waiting_time"] = 0.0 if step < 20 else 1.0
+        if step == 60:
+            end(simulator)
+        log(simulator, step)
+    log.close(simulator, 0)
+    return log, simulator
+
+
+def away(simulator: Simulator) -> None:
+    put(simulator, 1, (5.5, 8.5, WEST))
+
+
+def on(simulator: Simulator) -> None:
+    put(simulator, 1, (2.5, 5.5, WEST))
+    simulator.robots[0, 1]["position"] += 3.0
+
+
+def anew(simulator: Simulator) -> None:
+    away(simulator)
+    simulator.robots[0, 1]["reroutes"] += 1
+
+
+@pytest.mark.parametrize(
+    ("end", "ended_by", "seconds"),
+    [(away, "manoeuvre", 4.0), (on, "moved on", 4.0), (anew, "new route", 4.0), (lambda _: None, "episode end", 7.0)],
+)
+def test_a_deadlock_is_logged_once_with_what_ended_it(end: Any, ended_by: str, seconds: float) -> None:
+    log, _ = logged(end)
+    (jam,) = log.deadlocks(0)
+    assert jam.members == (0, 1)
+    assert (jam.x, jam.y) == (5.0, 5.5)
+    assert (jam.begin, jam.seconds, jam.ended_by) == (2.0, seconds, ended_by)
+    metrics = log.metrics(0)
+    assert (metrics["deadlocks"], metrics["longest_deadlock_s"]) == (1.0, seconds)
+    assert metrics["deadlock_log"][0]["members"] == (0, 1)
+
+
+def test_a_cycle_of_one_look_is_no_deadlock() -> None:
+    simulator = standing((4.5, 5.5, EAST), (5.5, 5.5, WEST), goals=[(6, 10), (6, 0)])
+    log = JamLog(simulator)
+    for step in range(1, 41):
+        simulator.steps[0] = step
+        simulator.robots["waiting_time"] = 1.0 if step == 20 else 0.0
+        log(simulator, step)
+    log.close(simulator, 0)
+    assert log.deadlocks(0) == []
+
+
+def test_standing_counts_rocking_within_a_metre() -> None:
+    simulator = stage(room(12, 12), (4.5, 5.5, EAST))
+    r = simulator.robots[0, 0]
+    r["anchor_x"], r["anchor_y"] = 4.5, 5.5
+    for step in range(60):  # to and fro, 0.5 m/s at most
+        simulator.step(np.array([[[1.0 if step // 10 % 4 in (0, 3) else -1.0, 0.0]]], dtype=np.float32) * 0.4)
+    assert r["longest_standing"] == pytest.approx(6.0, abs=0.01)
+    for _ in range(40):
+        simulator.step(np.array([[[1.0, 0.0]]], dtype=np.float32))
+    assert r["standing_time"] < 2.0
+    assert r["longest_standing"] < 8.5

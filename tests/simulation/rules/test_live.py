@@ -1,0 +1,380 @@
+"""Live routes: who is routed anew and when, what others cost, and that nothing depends on the batch."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.simulation.worlds import room, stage
+from warehouse_env.config import EnvConfig, RerouteSpec
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.record.recording import Recorder
+from warehouse_env.simulation.rules.live import LiveRoutes, find_due, keep_barred, prices_of
+from warehouse_env.simulation.rules.prices import cells_ahead, path_cost, price
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import ROBOT
+
+ROOT = Path(__file__).parents[3]
+EAST, NORTH, WEST, SOUTH = 0, 2, 4, 6
+ROWS, COLUMNS = 5, 9
+
+
+def record(*robots: dict[str, Any]) -> Any:
+    """ROBOT[1, N], alive and facing east but for what is given."""
+    found = np.zeros((1, len(robots)), ROBOT)
+    found["alive"] = 1
+    found["cos"] = 1.0
+    found["spacing"] = 1.0
+    for i, fields in enumerate(robots):
+        for name, value in fields.items():
+            found[0, i][name] = value
+    return found
+
+
+def eastwards(count: int, row: int, columns: range) -> Any:
+    """Routes float32[1, N, R, 2] of which the first runs through these cells of a row."""
+    routes = np.zeros((1, count, len(columns), 2), np.float32)
+    routes[0, 0] = [(column + 0.5, ROWS - 0.5 - row) for column in columns]
+    return routes
+
+
+def looks(robots: Any, step: int = 0, every: int = 1) -> Any:
+    out = np.empty(robots.shape, np.bool_)
+    assert find_due(robots, np.array([step]), every, out) == out.sum()
+    return out
+
+
+def barred(robots: Any, routes: Any, look_ahead: float = 25.0, **when: int) -> list[bool]:
+    out = looks(robots, **when)
+    stands = np.zeros((ROWS, COLUMNS), np.int32)
+    count = keep_barred(robots, routes, 6.0, look_ahead, np.float32(0.0), np.float32(1.0), stands, out)
+    assert count == out.sum()
+    assert not stands.any()
+    return [bool(found) for found in out[0]]
+
+
+FREE = dict.fromkeys(("standing", "beside", "against", "boxed_against", "crowd", "turn", "boxed_turn"), 0.0)
+
+
+def costs(robots: Any, routes: Any, me: int, legal: Any = None, **prices: float) -> Any:
+    cost = np.empty((ROWS, COLUMNS, 8))
+    spec = RerouteSpec(**(FREE | prices))
+    legal = np.ones(cost.shape, np.bool_) if legal is None else legal
+    price(robots[0], routes[0], me, legal, 6.0, prices_of(spec), np.float32(0.0), np.float32(1.0), cost)
+    return cost
+
+
+def test_a_robot_counts_as_standing_once_it_has_not_moved_a_metre_for_so_long_or_is_parked() -> None:
+    robots = record({"x": 0.5, "y": 2.5, "points": 9}, {"x": 6.5, "y": 2.5, "standing_time": 5.9})
+    routes = eastwards(2, 2, range(9))
+    assert barred(robots, routes) == [False, False]
+    robots[0, 1]["standing_time"] = 6.0
+    assert barred(robots, routes) == [True, False]
+    robots[0, 1]["standing_time"], robots[0, 1]["alive"] = 0.0, 0
+    assert barred(robots, routes) == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "ahead", "found"),
+    [
+        (6.5, 2.5, 25.0, True),  # on the way
+        (6.5, 3.5, 25.0, True),  # beside it
+        (6.5, 4.4, 25.0, False),  # two cells off
+        (6.5, 2.5, 4.0, True),  # the cell before it, column 5, is the fifth from here
+        (6.5, 2.5, 3.0, False),
+        (0.5, 1.5, 25.0, True),  # beside the robot, and beside the next cell
+    ],
+)
+def test_the_way_ahead_is_barred_by_one_in_or_beside_it(x: float, y: float, ahead: float, found: bool) -> None:
+    robots = record({"x": 0.5, "y": 2.5, "points": 9}, {"x": x, "y": y, "standing_time": 9.0})
+    assert barred(robots, eastwards(2, 2, range(9)), look_ahead=ahead) == [found, False]
+
+
+def test_nobody_bars_his_own_way_and_what_is_behind_bars_none() -> None:
+    robots = record({"x": 4.5, "y": 2.5, "points": 9, "position": 4.0, "standing_time": 9.0})
+    assert barred(robots, eastwards(1, 2, range(9))) == [False]
+    robots = record({"x": 4.5, "y": 2.5, "points": 9, "position": 4.0}, {"x": 2.5, "y": 2.5, "standing_time": 9.0})
+    assert barred(robots, eastwards(2, 2, range(9))) == [False, False]
+
+
+def test_robots_look_one_after_another() -> None:
+    robots = record(*({"x": 0.5, "y": 2.5, "points": 9} for _ in range(4)), {"x": 6.5, "y": 2.5, "standing_time": 90.0})
+    routes = np.repeat(eastwards(1, 2, range(9)), 5, axis=1)
+    looked = [barred(robots, routes, step=step, every=10) for step in range(10)]
+    assert np.sum(looked, axis=0).tolist() == [1, 1, 1, 1, 0]
+    assert max(sum(row) for row in looked) == 1
+
+
+def test_all_robots_look_but_those_who_have_arrived_or_are_parked_and_one_after_another() -> None:
+    robots = record(*({"x": 0.5, "y": 2.5, "points": 9} for _ in range(5)))  # nobody stands
+    robots["arrived"][0, 3], robots["alive"][0, 4] = 1, 0
+    looked = [looks(robots, step, every=10)[0] for step in range(20)]
+    assert np.sum(looked, axis=0).tolist() == [2, 2, 2, 0, 0]
+    assert max(sum(row) for row in looked) == 1
+
+
+def test_robots_find_better_routes_where_nobody_stands_unless_only_the_barred_look() -> None:
+    found = {}
+    for only_barred in (False, True):
+        spec = RerouteSpec(every=1.0, stood_for=1e4, only_barred=only_barred)
+        simulator = Simulator(CONFIG.replace(reroute_spec=spec))
+        simulator.reset([5])
+        drive(simulator, 50)
+        found[only_barred] = int(simulator.robots["reroutes"].sum())
+    assert found[True] == 0 < found[False]
+
+
+def test_a_robot_that_stands_makes_its_cell_dear_and_those_around_it() -> None:
+    robots = record({"x": 0.5, "y": 2.5}, {"x": 6.5, "y": 2.5, "standing_time": 9.0}, {"x": 8.5, "y": 4.5})
+    cost = costs(robots, eastwards(3, 2, range(9)), 0, standing=10.0, beside=3.0)
+    assert cost[2, 5, EAST] == 10.0
+    assert cost[2, 4, EAST] == cost[3, 7, WEST] == cost[0, 6, SOUTH] == 3.0
+    assert cost[2, 6, EAST] == 3.0  # leaving it for the cell beside
+    assert cost[2, 3, EAST] == 0.0
+    assert not costs(robots, eastwards(3, 2, range(9)), 1, standing=10.0, beside=3.0).any()  # nobody is in his own way
+    robots[0, 0]["standing_time"] = 40.0  # who has stood long himself goes a longer way round
+    assert costs(robots, eastwards(3, 2, range(9)), 0, standing=10.0, beside=3.0)[2, 5, EAST] == 30.0
+
+
+def test_moves_against_what_is_left_of_a_route_cost() -> None:
+    robots = record({"x": 2.5, "y": 2.5, "points": 9, "position": 2.0}, {"x": 8.5, "y": 4.5})
+    cost = costs(robots, eastwards(2, 2, range(9)), 1, against=2.0)
+    west = cost[2, :, WEST]
+    assert west.tolist() == [0, 0, 0, 2, 2, 2, 2, 2, 2]
+    np.testing.assert_array_equal(cost[2, :, WEST - 1], 0.5 * west)
+    np.testing.assert_array_equal(cost[2, :, WEST + 1], 0.5 * west)
+    assert cost.sum() == 2 * west.sum()
+    robots[0, 0]["alive"] = 0
+    assert not costs(robots, eastwards(2, 2, range(9)), 1, against=2.0).any()
+
+
+def test_moves_against_a_route_cost_their_own_price_where_two_cannot_pass() -> None:
+    robots = record({"x": 0.5, "y": 2.5, "points": 9}, {"x": 8.5, "y": 4.5})
+    legal = np.ones((ROWS, COLUMNS, 8), np.bool_)
+    legal[2, 3:6, NORTH] = legal[2, 3:5, SOUTH] = False  # an aisle of one cell, columns 3 and 4, which 5 leads into
+    cost = costs(robots, eastwards(2, 2, range(9)), 1, legal, against=1.0, boxed_against=8.0)
+    west = cost[2, :, WEST]
+    assert west.tolist() == [0, 1, 1, 8, 8, 1, 1, 1, 1]
+    np.testing.assert_array_equal(cost[2, :, WEST - 1], 0.5 * west)
+    assert not cost[:, :, EAST].any()
+
+
+def test_cells_where_another_will_be_at_the_same_time_cost() -> None:
+    robots = record({"x": 0.5, "y": 2.5, "points": 9}, {"x": 4.5, "y": 4.5})  # one goes east in row 2, one is off it
+    cost = costs(robots, eastwards(2, 2, range(9)), 1, crowd=2.0, crowd_within=4.0)
+    # To (2, 3) one has 3 m to go and the other 2.41 from (0, 4): 2 - 2 * 0.59 / 4. To (2, 4) they have 4 and 2.
+    wanted = [0.0, 0.586, 1.586, 1.707, 1.0, 0.707, 0.414, 0.414, 0.414]
+    assert cost[1, :, SOUTH].tolist() == pytest.approx(wanted, abs=1e-3)
+    assert cost[2, :8, EAST].tolist() == pytest.approx(wanted[1:], abs=1e-3)
+    assert not costs(robots, eastwards(2, 2, range(9)), 0, crowd=2.0).any()  # nobody is in his own way
+
+
+def test_what_is_left_of_a_route_costs_its_length_and_its_prices() -> None:
+    robots = record({"x": 2.5, "y": 2.5, "points": 9, "position": 2.0})
+    cells = cells_ahead(robots[0, 0], eastwards(1, 2, range(9))[0, 0], np.float32(1.0), ROWS, COLUMNS)
+    assert cells.tolist() == [[2, column] for column in range(2, 9)]
+    cost = np.zeros((ROWS, COLUMNS, 8))
+    cost[2, 4, EAST], cost[2, 4, WEST], cost[2, 8] = 1.5, 7.0, 7.0
+    assert path_cost(cells, cost) == 6 + 1.5
+    assert path_cost(np.array([[0, 0], [1, 1], [1, 3]]), cost) == pytest.approx(2**0.5 + 2)
+
+
+def test_prices_beyond_what_a_planner_takes_are_cut_off_there() -> None:
+    simulator = Simulator(CONFIG.replace(reroute_spec=RerouteSpec(standing=1e4, beside=1e4)))
+    simulator.reset([1])
+    robots = simulator.robots[0]
+    robots["standing_time"] = 1e6
+    live = LiveRoutes(simulator.config, simulator.route_book)
+    goal = (int(robots[0]["goal_row"]), int(robots[0]["goal_col"]))
+    assert live.route(robots, simulator.routes[0], 0, goal) is not None
+
+
+def test_on_its_way_a_robot_keeps_its_route_unless_a_new_one_saves_enough() -> None:
+    simulator = Simulator(CONFIG.replace(num_agents=2))
+    simulator.reset([1])
+    robots, routes = simulator.robots[0], simulator.routes[0]
+    goal = (int(robots[0]["goal_row"]), int(robots[0]["goal_col"]))
+    live = LiveRoutes(simulator.config, simulator.route_book)
+    assert live.route(robots, routes, 0, goal, on_its_way=True) is None
+    assert live.route(robots, routes, 0, goal) is not None
+    middle = int(robots[0]["points"]) // 2
+    robots[1]["x"], robots[1]["y"] = routes[0, middle]  # in its way, and stands
+    robots[1]["standing_time"] = 60.0
+    assert live.route(robots, routes, 0, goal, on_its_way=True) is not None
+
+
+@pytest.mark.parametrize(("up", "better"), [(1, False), (2, True), (3, True)])
+def test_a_route_is_kept_to_the_cell_unless_a_new_one_saves_enough(up: int, better: bool) -> None:
+    """On an open floor the route goes `up` cells aside and back, so straight on saves twice that; four are asked."""
+    spec = RerouteSpec(saving=4.0)
+    simulator = stage(room(12, 16), (2.5, 2.5, 0.0), planner="astar_turns", reroute=True, reroute_spec=spec)
+    bend = [(x, 2.5) for x in (2.5, 3.5, 4.5)] + [(5.5, 2.5 + k) for k in range(up + 1)]
+    back = [(6.5, 2.5 + k) for k in range(up, -1, -1)] + [(x, 2.5) for x in (7.5, 8.5, 9.5, 10.5)]
+    simulator.dispatcher.give_route(0, 0, np.array(bend + back, np.float32))
+    live, goal = LiveRoutes(simulator.config, simulator.route_book), tuple(simulator.grid.cell([10.5, 2.5]).tolist())
+    found = live.route(simulator.robots[0], simulator.routes[0], 0, goal, on_its_way=True)
+    assert (found is not None) == better
+
+
+def test_turning_away_from_the_heading_costs_and_more_where_there_is_no_room() -> None:
+    robots = record({"x": 2.5, "y": 2.5})
+    cost = costs(robots, eastwards(1, 2, range(9)), 0, turn=3.0, boxed_turn=30.0)
+    assert cost[2, 2].tolist() == pytest.approx([0.0, 0.6, 3.0, 6.0, 6.0, 6.0, 3.0, 0.6])
+    legal = np.ones((ROWS, COLUMNS, 8), np.bool_)
+    legal[2, 2, [NORTH, SOUTH]] = False
+    cost = costs(robots, eastwards(1, 2, range(9)), 0, legal, turn=3.0, boxed_turn=30.0)
+    assert cost[2, 2, [EAST, WEST]].tolist() == [0.0, 36.0]
+
+
+CONFIG = EnvConfig(
+    layout="narrow", num_agents=24, planner="astar_turns", max_steps=10_000, action_repeat=2,
+    reroute=True, reroute_spec=RerouteSpec(every=2.0, stood_for=2.0),
+)  # fmt: skip
+STEPS = 250
+
+
+def drive(simulator: Simulator, steps: int = STEPS) -> None:
+    for _ in range(steps):
+        simulator.step(np.broadcast_to(simulator.cruise_action, (simulator.num_worlds, simulator.num_agents)))
+
+
+def test_worlds_of_a_batch_are_those_of_single_worlds_to_the_bit() -> None:
+    batch = Simulator(CONFIG, 3)
+    batch.reset([5, 6, 7])
+    drive(batch)
+    assert (batch.robots["reroutes"].sum(axis=1) > 0).all()
+    for world, seed in enumerate((5, 6, 7)):
+        single = Simulator(CONFIG)
+        single.reset([seed])
+        drive(single)
+        assert single.robots[0].tobytes() == batch.robots[world].tobytes()
+        np.testing.assert_array_equal(single.observation[0], batch.observation[world])
+
+
+def test_an_episode_replays_to_the_bit(tmp_path: Any) -> None:
+    from warehouse_env.simulation.record.recording import Episode
+
+    recorder = Recorder(Simulator(CONFIG), (3,))
+    for _ in range(STEPS):
+        recorder.step(np.broadcast_to(recorder.simulator.cruise_action, (1, CONFIG.num_agents)))
+    assert recorder.simulator.robots["reroutes"].sum() > 0
+    recorder.episode.save(tmp_path / "live.npz")
+    episode = Episode.load(tmp_path / "live.npz")
+    assert episode.config == CONFIG
+    for pose, simulator in zip(episode.pose, episode.replay(), strict=True):
+        np.testing.assert_array_equal(simulator.state.pose, pose)
+
+
+def test_a_new_route_begins_at_the_robot_and_ends_at_the_same_goal_and_the_task_keeps_its_length() -> None:
+    simulator = Simulator(CONFIG)
+    simulator.reset([5])
+    seen = 0
+    for _ in range(STEPS):
+        before = simulator.robots[0].copy()
+        drive(simulator, 1)
+        r = simulator.robots[0]
+        for i in np.flatnonzero(r["reroutes"] > before["reroutes"]):
+            seen += 1
+            route = simulator.routes[0, i, : r[i]["points"]]
+            np.testing.assert_allclose(route[0], [r[i]["x"], r[i]["y"]], atol=1e-5)
+            np.testing.assert_array_equal(route[-1], [r[i]["goal_x"], r[i]["goal_y"]])
+            assert r[i]["position"] == 0.0
+            if r[i]["goals"] == before[i]["goals"]:
+                assert r[i]["task_length"] == before[i]["task_length"]
+                # a new route is no progress; a metre driven in this very step is
+                assert r[i]["stalled_time"] >= before[i]["stalled_time"] or r[i]["stalled_time"] < 0.2
+    assert seen > 0
+
+
+def test_planners_without_a_cost_map_are_refused_and_specs_checked() -> None:
+    with pytest.raises(ConfigError, match="takes no cost map"):
+        Simulator(CONFIG.replace(reroute_spec=RerouteSpec(planner="theta_star")))
+    with pytest.raises(ConfigError, match=r"RerouteSpec\.every"):
+        RerouteSpec(every=0.0)
+    assert EnvConfig.from_dict(CONFIG.to_dict()) == CONFIG
+
+
+def test_live_routes_keep_one_way_cells() -> None:
+    one_way = np.zeros((4, 12), np.uint8)
+    one_way[1], one_way[2] = 1, 3
+    ends = np.array([(row, column) for row in (0, 3) for column in range(0, 12, 2)])
+    grid = GridMap(np.zeros((4, 12), bool), picks=ends[:6], stations=ends[6:], one_way=one_way)
+    simulator = Simulator(CONFIG.replace(num_agents=6), grid=grid)
+    simulator.reset([1])
+    drive(simulator)
+    assert simulator.robots["goals"].sum() > 0
+
+
+def test_who_is_in_the_cell_of_its_goal_keeps_its_route_to_the_middle() -> None:
+    simulator = Simulator(CONFIG)
+    simulator.reset([1])
+    r = simulator.robots[0, 0]
+    goal = (int(r["goal_row"]), int(r["goal_col"]))
+    live = LiveRoutes(CONFIG, simulator.route_book)
+    assert live.route(simulator.robots[0], simulator.routes[0], 0, goal) is not None
+    r["x"], r["y"] = r["goal_x"] - 0.4, r["goal_y"] - 0.4  # farther off than the radius in which it has arrived
+    assert live.route(simulator.robots[0], simulator.routes[0], 0, goal) is None
+
+
+def price_bits() -> list[str]:
+    """Digests of the cost maps of six robots on their way, of whom two stand, and of what their routes cost there."""
+    simulator = Simulator(CONFIG.replace(num_agents=6))
+    simulator.reset([3])
+    robots, routes, grid = simulator.robots[0], simulator.routes[0], simulator.grid
+    robots["standing_time"][:2] = 7.7
+    robots["position"] = np.linspace(0.3, 3.1, 6)
+    cost, size = np.empty((*grid.shape, 8)), np.float32(grid.cell_size)
+    found = []
+    for me in range(6):
+        price(robots, routes, me, grid.legal_moves, 6.0, prices_of(RerouteSpec()), np.float32(0.3), size, cost)
+        cells = cells_ahead(robots[me], routes[me], size, *grid.shape)
+        found.append(hashlib.sha256(cost.tobytes() + np.float64(path_cost(cells, cost)).tobytes()).hexdigest())
+    return found
+
+
+def test_plain_python_gives_the_same_prices_to_the_bit() -> None:
+    program = "from tests.traffic.test_live import price_bits; print(*price_bits())"
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", program],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == price_bits()
+
+
+def sharpest_turn(route: Any) -> float:
+    """Sharpest turn [rad] between two segments of a route."""
+    steps = np.diff(route.astype(np.float64), axis=0)
+    steps = steps[np.hypot(*steps.T) > 1e-6]
+    turns = np.angle(np.exp(1j * np.diff(np.arctan2(steps[:, 1], steps[:, 0]))))
+    return float(np.abs(turns).max(initial=0.0))
+
+
+def folded(planner: str) -> int:
+    """Count routes that fold back on themselves in their first 7 m, of 1,500 among robots that stand on `narrow`."""
+    spec = RerouteSpec(planner=planner)
+    config = EnvConfig(layout="narrow", num_agents=64, planner="astar_turns", reroute=True, reroute_spec=spec)
+    simulator, rng, count = Simulator(config), np.random.default_rng(0), 0
+    simulator.reset([0])
+    live, robots = LiveRoutes(config, simulator.route_book), simulator.robots[0]
+    robots["standing_time"] = spec.stood_for
+    cells = simulator.grid.free_cells
+    for _ in range(1500):
+        me, goal = rng.integers(64), tuple(cells[rng.integers(len(cells))].tolist())
+        robots[me]["heading"] = rng.uniform(-np.pi, np.pi)
+        route = live.route(robots, simulator.routes[0], me, goal)
+        count += route is not None and sharpest_turn(route[:15]) > 2.0
+    return count
+
+
+def test_the_price_of_hairpins_keeps_live_routes_from_folding() -> None:
+    """One that folds passes a place twice, and a robot there may take itself to be where it will be later."""
+    assert 5 * folded(RerouteSpec.planner) < folded("astar_turns")

@@ -1,0 +1,139 @@
+"""A ring of waiting robots is dissolved by the one with the least right."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from tests.simulation.reference import separation
+from tests.simulation.rights import World, rectangles
+from tests.simulation.worlds import drawn
+from warehouse_env.simulation.rules import making_room
+from warehouse_env.simulation.rules.right_of_way import NOBODY
+
+
+def ring(waited: Sequence[float] = (3.0, 3.0, 3.0), ages: Sequence[int] = (5, 2, 9)) -> World:
+    """Three robots, each of whose ways the next one bars."""
+    world = World((10.0, 10.0, 0.0), (11.6, 10.2, math.pi / 2), (10.6, 11.6, -2.4), ages=ages).decide()
+    world.robots["yields_to"] = [1, 2, 0]
+    world.robots["waiting_time"] = waited
+    return world
+
+
+def resolve(world: World) -> list[int]:
+    """Let them make room; return who has a manoeuvre."""
+    sim = world.simulator
+    making_room.resolve(
+        world.robots, sim.routes[0], sim.arcs[0], world.ways, sim._params[0], sim._floor.solid, sim._floor.clearance,
+        sim._metric,
+    )  # fmt: skip
+    return [int(k) for k in np.flatnonzero(world.robots["arcs"])]
+
+
+def test_the_one_with_the_least_right_leaves_the_others_paths() -> None:
+    world = ring()
+    assert resolve(world) == [1]
+    assert world.robots["aside"].tolist() == [0, 1, 0]
+    assert world.robots["pause"][1] == making_room.SETTLE
+    world.decide()
+    end = rectangles(world.path(1))[-1:]
+    for other in (0, 2):
+        assert float(separation(end, rectangles(world.path(other))).min()) > 0.0
+
+
+def test_who_found_no_way_pauses_and_another_makes_room() -> None:
+    world = ring()
+    world.robots["pause"][1] = 2.0
+    found = resolve(world)
+    assert len(found) == 1
+    assert found != [1]
+
+
+def test_of_equals_it_is_always_the_last() -> None:
+    assert resolve(ring(ages=(5, 5, 5))) == [2]
+
+
+def test_while_one_leaves_the_others_stay() -> None:
+    world = ring()
+    resolve(world)
+    for _ in range(10):
+        assert resolve(world) == [1]
+
+
+@pytest.mark.parametrize("waited", [(1.9, 1.9, 1.9), (3.0, 3.0, 0.5)])
+def test_nobody_makes_room_before_all_have_waited(waited: Sequence[float]) -> None:
+    assert resolve(ring(waited)) == []
+
+
+def test_who_waits_for_nobody_makes_no_room() -> None:
+    world = ring()
+    world.robots["yields_to"] = NOBODY
+    assert resolve(world) == []
+
+
+def test_who_waits_for_one_that_stands_for_good_looks_for_a_way_round_it() -> None:
+    world = World((10.0, 10.0, 0.0), (11.5, 10.0, 0.0), ages=[5, 0]).decide()
+    world.robots["yields_to"] = [1, NOBODY]
+    world.robots["waiting_time"] = 3.9
+    resolve(world)
+    assert world.robots["pause"].tolist() == [0.0, 0.0]
+    world.robots["waiting_time"] = 4.1
+    resolve(world)  # it searches, and whether or not it finds a way, not again for a while
+    assert world.robots["pause"].tolist() == [making_room.PAUSE, 0.0]
+    assert world.robots["aside"].tolist() == [0, 0]
+
+
+def test_a_parked_robot_stands_for_good() -> None:
+    """It counts no time any more."""
+    world = World((10.0, 10.0, 0.0), (11.5, 10.0, 0.0), ages=[5, 0]).decide()
+    world.robots["yields_to"] = [1, NOBODY]
+    world.robots["waiting_time"] = [4.1, 0.0]
+    resolve(world)
+    assert world.robots["pause"][0] == 0.0  # it has only just come to a halt
+    world.robots["alive"][1] = 0
+    resolve(world)
+    assert world.robots["pause"][0] == making_room.PAUSE
+
+
+BAY = drawn(["#" * 16, "#####....#######", "." * 16, "#" * 16])
+
+
+def test_who_can_leave_no_path_goes_its_own_way_between_the_others() -> None:
+    """As it happened: the ways of both lead east, one stands crosswise in the bay and cannot turn beside the other."""
+    poses = [(5.7783, 1.6361, 0.094), (5.7913, 2.1665, -1.7879), (4.6337, 1.5128, 0.0599)]
+    world = World(*poses, ages=[5, 9, 2], grid=BAY)
+    for robot in range(3):
+        ahead = np.array([world.robots["x"][robot], 1.7]) + np.arange(0.0, 6.0, 0.25)[:, None] * [1.0, 0.0]
+        world.simulator.dispatcher.give_route(0, robot, ahead.astype(np.float32))
+    world.decide()
+    world.robots["yields_to"] = [1, 0, 0]
+    world.robots["waiting_time"] = 5.0
+    assert resolve(world) == [0]
+    assert world.robots["aside"].tolist() == [0, 0, 0]
+    world.decide()
+    assert rectangles(world.path(0))[-1, :, 0].max() > poses[0][0] + 0.5
+
+
+AISLE = drawn(["#" * 16, "." * 16, "#" * 16])
+
+
+def shut_in() -> World:
+    """In an aisle of one cell one faces a parked robot, and two more wait right behind it, nose to tail."""
+    poses = [(10.1, 1.5, math.pi), (9.6, 1.5, 0.0), (8.6, 1.5, 0.0), (7.6, 1.5, 0.0)]
+    world = World(*poses, ages=[0, 9, 8, 7], grid=AISLE).decide()
+    world.robots["yields_to"] = [NOBODY, 0, 1, 2]
+    world.robots["waiting_time"] = 5.0
+    world.robots["alive"][0] = 0
+    return world
+
+
+def test_behind_one_that_is_shut_in_the_last_backs_off_first() -> None:
+    world = shut_in()
+    assert resolve(world) == [3]
+    assert world.robots["aside"].tolist() == [0, 0, 0, 1]
+    world.decide()
+    assert rectangles(world.path(3))[-1, :, 0].max() < 7.6 - 1.0  # off the floor behind the one before it
+    assert resolve(world) == [3]  # which now waits for that

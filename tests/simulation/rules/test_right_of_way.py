@@ -1,0 +1,311 @@
+"""Right of way: who is granted which stretch of its path, and that nobody then touches anybody."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.simulation.reference import separation
+from tests.simulation.rights import World, rectangles, simulator_with_right
+from tests.simulation.worlds import drawn, plain_python
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
+from warehouse_env.simulation import simulator as simulator_module
+from warehouse_env.simulation.record.recording import Episode, Recorder
+from warehouse_env.simulation.rules.meetings import TIGHT, WIDE
+from warehouse_env.simulation.rules.right_of_way import AHEAD, NOBODY, limit, rank
+from warehouse_env.simulation.senses.preferences import GOING, SIDE, SPEED, speed_of
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.threads import MOST_THREADS, get_num_threads, set_num_threads
+
+ROUNDING = 1e-4  # [m]
+
+
+def gap(world: World, robot: int, other: int, last: int | None = None, others_last: int | None = None) -> float:
+    """Least distance [m] of two robots' paths as far as the given poses; below 0: they touch."""
+    one, two = rectangles(world.path(robot, last)), rectangles(world.path(other, others_last))
+    return float(separation(one[:, None], two[None]).min())
+
+
+def crossing(first: int, **more: Any) -> World:
+    """Two that drive at 1 m/s towards the same place, 2 m before it; robot `first` is longer on its way."""
+    ages = [0, 0]
+    ages[first] = 100
+    return World((8.0, 10.0, 0.0, 1.0), (10.0, 8.0, math.pi / 2, 1.0), ages=ages, **more)
+
+
+def test_alone_a_robot_is_granted_what_it_asks_for() -> None:
+    world = World((5.0, 10.0, 0.0)).decide()
+    assert world.granted(0) == AHEAD
+    r = world.robots[0]
+    assert (r["yields_to"], r["authority"], r["claim"]) == (NOBODY, 1.0, 1.0)
+    r["speed"], r["distance"] = 1.0, 0.1  # it stops in 0.5 m, after 0.2 s at 1 m/s: the second pose, at 0.9 m
+    assert world.decide().granted(0) == 2 + AHEAD
+    assert r["authority"] == pytest.approx(1.9, abs=ROUNDING)
+
+
+def test_near_its_goal_a_robot_need_not_stop() -> None:
+    world = World((5.0, 10.0, 0.0), length=1.0).decide()
+    assert world.robots["at_end"][0] == 1
+    assert world.robots["authority"][0] == math.inf
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_of_two_that_cross_one_waits_off_the_others_path(first: int) -> None:
+    world, other = crossing(first).decide(), 1 - first
+    assert world.order.tolist() == [first, other]
+    assert world.robots["yields_to"].tolist() == [NOBODY if k == first else first for k in range(2)]
+    # 2 m to the crossing, and the body, half a width and its own rear beyond it
+    assert world.robots["authority"][first] > 2.0 + 0.3 + 0.75
+    assert 0.0 < world.robots["authority"][other] < 2.0
+    assert gap(world, other, first, last=world.granted(other)) > 0.0  # off all of the other's path
+
+
+def test_nobody_waits_on_a_crossing() -> None:
+    # A metre of path ends on the other's line, so that more is asked for, or less is taken.
+    for distance in np.arange(0.75, 3.0, 0.125):
+        world = World((10.0 - distance, 10.0, 0.0), (10.0, 7.0, math.pi / 2), ages=[9, 0]).decide()
+        end = rectangles(world.path(0))[world.granted(0)][None, None]
+        line = rectangles(world.path(1))[None, 1:7]
+        assert float(separation(end, line).min()) > 0.0, distance
+
+
+def test_who_has_been_granted_a_crossing_keeps_it() -> None:
+    world = crossing(1)
+    world.robots["alive"][0] = 0  # not there yet
+    world.robots["x"][0] = 1.0
+    world.decide()
+    claim = float(world.robots["claim"][1])
+    world.robots["alive"][0], world.robots["x"][0] = 1, 8.0
+    world.robots["age"][0] = 1000  # it goes first, but what is granted stays
+    world.decide()
+    assert world.order.tolist() == [0, 1]
+    assert world.robots["claim"][1] >= claim
+    assert world.robots["yields_to"].tolist() == [1, NOBODY]
+
+
+def test_what_is_granted_is_lost_to_one_that_cannot_stop() -> None:
+    world = World((9.0, 10.0, 0.0), (10.0, 9.0, math.pi / 2), ages=[0, 100])
+    world.robots["alive"][0] = 0
+    world.robots["x"][0] = 1.0
+    world.decide()
+    before = world.robots["authority"][1]
+    assert before >= 1.0
+    world.robots["alive"][0], world.robots["x"][0], world.robots["speed"][0] = 1, 9.0, 1.5
+    world.robots["age"][0] = 1000
+    world.decide()
+    assert world.robots["authority"][0] >= 1.5**2 / 2 + 0.2 * 1.5
+    assert world.robots["authority"][1] < before
+    assert world.robots["yields_to"][1] == 0
+
+
+def test_of_two_head_on_the_later_one_takes_another_side() -> None:
+    world = World((5.0, 10.0, 0.0, 1.0), (11.6, 10.0, math.pi, 1.0), ages=[9, 0]).decide()
+    assert world.robots["side"].tolist() == [0.0, np.float32(-1.2)]  # 0.6 m are too few for two bodies
+    assert world.robots["yields_to"].tolist() == [NOBODY, NOBODY]
+    assert gap(world, 1, 0, world.granted(1), world.granted(0)) > 2 * WIDE - ROUNDING
+
+
+@pytest.mark.parametrize("liked", [1.2, -1.2])
+def test_sides_are_tried_in_the_order_of_preference(liked: float) -> None:
+    table = World((5.0, 10.0, 0.0)).simulator._actions.table
+    preferences = np.zeros((1, 2, len(table)), np.float32)
+    preferences[0, :, np.flatnonzero((table == (1.5, 0.0)).all(axis=1))] = 3.0
+    preferences[0, :, np.flatnonzero((table == np.array((0.5, liked), np.float32)).all(axis=1))] = 2.0
+    world = World((5.0, 10.0, 0.0, 1.0), (11.6, 10.0, math.pi, 1.0), ages=[9, 0]).decide(preferences)
+    assert world.robots["side"][1] == np.float32(liked)
+    assert world.simulator._commands[0, :, 0].tolist() == [1.5, 0.5]  # the speed that it likes there
+
+
+def test_the_liked_side_is_taken_back_when_it_is_free() -> None:
+    world = World((5.0, 10.0, 0.0, 1.0), (11.6, 10.0, math.pi, 1.0), ages=[9, 0]).decide()
+    world.robots["x"][0], world.robots["points"][0] = 20.0, 1
+    assert world.decide().robots["side"][1] == 0.0
+
+
+def test_behind_one_that_drives_the_same_way_nobody_changes_sides() -> None:
+    world = World((5.0, 10.0, 0.0, 1.0), (7.0, 10.0, 0.0, 1.0), ages=[0, 9]).decide()
+    assert world.robots["side"].tolist() == [0.0, 0.0]
+    assert gap(world, 0, 1, world.granted(0), 0) > 0
+
+
+def test_who_bars_the_way_inherits_the_right() -> None:
+    world = World(*((2.0 + 4 * k, 10.0, 0.0) for k in range(5)), ages=[9, 3, 1, 7, 5])
+    world.robots["yields_to"] = [1, 2, NOBODY, NOBODY, 3]
+    rank(world.robots, world.order)
+    assert world.robots["right"].tolist() == [9, 9, 9, 7, 5]
+    assert world.order.tolist() == [0, 1, 2, 3, 4]
+    world.robots["yields_to"] = [1, 2, 0, NOBODY, NOBODY]  # a ring, and nobody turns in it for ever
+    rank(world.robots, world.order)
+    assert world.robots["right"].tolist() == [9, 9, 9, 7, 5]
+
+
+def test_a_robot_that_the_field_holds_waits_for_who_holds_it() -> None:
+    world = World((5.0, 10.0, 0.0), (5.0, 18.0, 0.0))
+    world.robots["held_by"][0], world.robots["held_time"][0] = 1, 1.0
+    assert world.decide().robots["yields_to"].tolist() == [1, NOBODY]
+    # ... and the step asks before it forgets who held whom
+    sim = world.simulator
+    sim.step(np.zeros((1, 2, 20), np.float32))
+    assert sim.robots["yields_to"][0, 0] == 1
+
+
+places = st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), min_size=2, max_size=8, unique=True)
+
+
+@settings(max_examples=40)
+@given(places=places, data=st.data())
+def test_no_two_are_granted_poses_that_touch(places: list[tuple[int, int]], data: st.DataObject) -> None:
+    turns = [data.draw(st.integers(0, 15)) for _ in places]
+    speeds = [data.draw(st.sampled_from([0.0, 0.0, 0.5, 1.5])) for _ in places]
+    poses = [(8 + 1.6 * x, 8 + 1.6 * y, k * math.pi / 8, v) for (x, y), k, v in zip(places, turns, speeds, strict=True)]
+    world = World(*poses, ages=[data.draw(st.integers(0, 50)) for _ in places])
+    for _ in range(4):
+        world.decide()
+        for i in range(len(places)):
+            for j in range(len(places)):
+                mine, theirs = rectangles(world.path(i, world.granted(i)), TIGHT)[1:], world.path(j, world.granted(j))
+                if i != j and len(mine):
+                    assert float(separation(mine[:, None], rectangles(theirs, TIGHT)[None]).min()) > -ROUNDING
+        for i in range(len(places)):
+            world.drive(i, data.draw(st.integers(0, min(world.granted(i), 2))))
+
+
+@settings(max_examples=50)
+@given(speed=st.floats(0.0, 1.5), more=st.floats(0.0, 2.0), wanted=st.floats(0.0, 1.5))
+def test_within_its_limit_a_robot_stops_before_its_authority_ends(speed: float, more: float, wanted: float) -> None:
+    world = World((5.0, 10.0, 0.0))
+    r, p = world.robots[0], world.simulator._params[0]
+    left = speed * speed / 2 + 0.2 * speed + more  # whatever it is granted, it could stop before that
+    for _ in range(40):  # decisions of two physics steps, nothing more being granted
+        r["authority"] = left
+        for _ in range(2):
+            target = float(limit(r, np.float32(wanted), p))
+            speed = max(min(target, speed + 0.1), speed - 0.1)
+            left -= 0.1 * speed
+    assert left > -0.005  # the last decision is rounded to physics steps; WIDE is sixteen times that
+
+
+def test_who_has_stood_for_long_is_urged_to_go() -> None:
+    r = World((5.0, 10.0, 0.0)).robots[0]
+    choices = np.array([(0.6, 0.0, 0.5), (0.0, -0.4, 1.5)], np.float32)
+    assert [SIDE, SPEED, GOING] == [0, 1, 2]
+    r["side"], r["authority"] = 0.0, 1.0
+    assert speed_of(r, choices, np.float32(0.0)) == np.float32(-0.4)
+    r["standing_time"] = 2.0
+    assert speed_of(r, choices, np.float32(0.0)) == 1.5
+    r["authority"] = 0.0
+    assert speed_of(r, choices, np.float32(0.0)) == np.float32(-0.4)
+    r["side"] = -1.2  # from a decision before; not among what is offered now
+    assert speed_of(r, choices, np.float32(0.7)) == np.float32(0.7)
+
+
+@pytest.mark.parametrize("layout", ["paper46", "narrow"])
+def test_nobody_touches_anything(layout: str) -> None:
+    sim = simulator_with_right(16, layout)
+    sim.reset(seed=5)
+    for _ in range(300):
+        sim.step(np.full((1, 16), int(sim.cruise_action)))
+    row = sim.episode_metrics()
+    assert (row["collisions_robot"], row["collisions_shelf"]) == (0, 0)
+    assert row["robot_km"] > 0.3
+    assert row["goals"] >= 8
+
+
+def test_right_of_way_needs_the_field_and_a_route_to_follow() -> None:
+    with pytest.raises(ConfigError, match="protective_field"):
+        EnvConfig(right_of_way=True)
+    with pytest.raises(ConfigError, match="raw"):
+        EnvConfig(right_of_way=True, protective_field=True, action_type="raw")
+
+
+MAP = ["..........", "..........", ".##..###..", "..........", ".###..##..", "..........", ".##.##.#..", ".........."]
+
+
+def history(worlds: int, robots: int, steps: int, kind: str = "liked") -> list[str]:
+    """A digest of each world under random preferences, actions, or real-valued actions.
+
+    "after": right of way steps in around rings, since all robots are said to have stood, and around the first.
+    """
+    action_type: Any = "continuous" if kind == "continuous" else "discrete"
+    config = EnvConfig(
+        num_agents=robots, action_type=action_type, planner="astar", action_repeat=2, protective_field=True,
+        right_of_way=True, right_of_way_after=2.0 if kind == "after" else 0.0, reroute=True,
+    )  # fmt: skip
+    sim = Simulator(config, worlds, grid=drawn(MAP))
+    sim.reset(seed=4)
+    digests = [hashlib.blake2b() for _ in range(worlds)]
+    rng = np.random.default_rng(7)
+    for _ in range(steps):
+        liked = rng.normal(size=(8, robots, 20)).astype(np.float32)
+        liked[..., 15:] += 2.0
+        real = np.clip(liked[..., :2], -0.5, 1.0)
+        given = {"liked": liked, "after": liked, "told": liked.argmax(axis=-1), "continuous": real}[kind]
+        if kind == "after":
+            sim.robots["standing_time"] = sim.robots["waiting_time"] = 3.0
+            sim.robots["standing_time"][:, 0] = 11.0
+        sim.step(given[:worlds])
+        for world, digest in enumerate(digests):
+            digest.update(sim.robots[world].tobytes() + sim.observation[world].tobytes())
+    assert sim.robots["claim"].any()
+    assert not sim.robots["hits_robot"].any()
+    return [digest.hexdigest() for digest in digests]
+
+
+@pytest.mark.parametrize("kind", ["liked", "told", "continuous", "after"])
+def test_worlds_do_not_depend_on_the_batch_width(kind: str) -> None:
+    many = history(8, 6, 100, kind)
+    assert len(set(many)) == 8
+    assert history(1, 6, 100, kind) == many[:1]
+    assert history(3, 6, 100, kind) == many[:3]
+
+
+def test_one_thread_equals_two(monkeypatch: pytest.MonkeyPatch) -> None:
+    if MOST_THREADS < 2:
+        pytest.skip("one thread only")
+    before, results = get_num_threads(), []
+    monkeypatch.setattr(simulator_module, "PARALLEL_FROM", 1)
+    try:
+        for threads in (1, 2):
+            set_num_threads(threads)
+            results.append(history(8, 6, 60))
+    finally:
+        set_num_threads(before)
+    assert results[0] == results[1]
+
+
+def test_plain_python_gives_the_same_bits() -> None:
+    program = (
+        "from tests.simulation.test_right_of_way import history; print(*history(1, 2, 6), *history(1, 3, 3, 'after'))"
+    )
+    assert plain_python(program) == history(1, 2, 6) + history(1, 3, 3, "after")
+
+
+def test_a_recorded_episode_of_preferences_replays_to_the_bit(tmp_path: Path) -> None:
+    config = EnvConfig(
+        num_agents=6, planner="astar", action_repeat=2, protective_field=True, right_of_way=True, reroute=True
+    )
+    sim = Simulator(config, 2, grid=drawn(MAP))
+    recorder, rng = Recorder(sim, (3, 8)), np.random.default_rng(1)
+    bits = [sim.robots.tobytes()]
+    for _ in range(150):
+        recorder.step(rng.normal(size=(2, 6, 20)).astype(np.float32) + np.repeat([0, 0, 1, 3], 5).astype(np.float32))
+        bits.append(sim.robots.tobytes())
+    recorder.episode.save(tmp_path / "episode.npz")
+    loaded = Episode.load(tmp_path / "episode.npz")
+    assert loaded.actions.shape == (150, 2, 6, 20)
+    assert [replayed.robots.tobytes() for replayed in loaded.replay()] == bits
+
+
+def test_of_two_whose_paths_end_on_each_others_the_first_goes_to_its_goal() -> None:
+    """Nobody need not wait at its goal: it goes on from there."""
+    world = World((9.25, 10.0, 0.0), (10.0, 9.25, math.pi / 2), ages=[9, 0], length=1.0).decide()
+    assert world.robots["yields_to"].tolist() == [NOBODY, 0]
+    assert (world.robots["authority"][0], world.robots["side"][0]) == (math.inf, 0.0)  # straight there, not beside it

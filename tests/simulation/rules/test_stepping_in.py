@@ -1,0 +1,155 @@
+"""Right of way that steps in only where a robot has stood: `right_of_way_after`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.simulation.rights import World, simulator_with_right
+from tests.simulation.worlds import room, stage
+from warehouse_env.simulation.rules.stepping_in import AROUND, CALM, LONGER
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import NOBODY
+
+DECISION = 0.2  # [s]
+
+
+def said(world: World, after: float) -> bool:
+    """Have right of way step in `after` so many seconds of standing; whether anybody is settled then."""
+    world.simulator._params["right_of_way_after"] = after
+    return world.step_in()
+
+
+def three(beside: float) -> World:
+    """Three that stand in a row: the second `beside` [m] from the first, the third far from both."""
+    return World((4.0, 4.0, 0.0), (4.0, 4.0 + beside, 0.0), (20.0, 20.0, math.pi))
+
+
+def test_who_has_stood_for_long_and_who_is_near_are_settled() -> None:
+    for beside, after, near in ((4.9, 1.0, True), (5.1, 1.0, False), (7.9, 3.0, True), (8.1, 3.0, False)):
+        assert min(LONGER * after, AROUND) in (5.0, 8.0)  # [m]: a metre a second, 8 m at most
+        world = three(beside)
+        world.robots["standing_time"] = LONGER * after - 0.1
+        assert not said(world, after)
+        world.robots["standing_time"][0] = LONGER * after
+        assert said(world, after)
+        assert (world.robots["settled"] > 0).tolist() == [True, near, False]
+
+
+def held(holders: list[int]) -> World:
+    """Five that have stood for 3 s, 5 m apart, each held by the robot named, NOBODY or one that moves among them."""
+    world = World(*((4.0, 2.0 + 5.0 * k, 0.0) for k in range(5)), grid=room(8, 28))
+    world.robots["standing_time"] = world.robots["waiting_time"] = 3.0
+    world.robots["held_by"] = holders
+    return world
+
+
+def test_a_ring_is_settled_and_a_queue_is_not() -> None:
+    for holders, expected in (
+        ([1, 0, NOBODY, NOBODY, NOBODY], [True, True, False, False, False]),  # two wait for each other
+        ([2, 0, 1, 4, 2], [True, True, True, False, False]),  # a ring of three, and two that queue for it
+        ([1, 2, 3, 4, NOBODY], [False] * 5),
+        ([4, 0, 1, 2, 3], [True] * 5),
+    ):
+        world = held(holders)
+        assert not said(world, 3.1)
+        assert said(world, 3.0) == any(expected)
+        assert (world.robots["settled"] > 0).tolist() == expected, holders
+
+
+def test_who_moves_breaks_the_ring() -> None:
+    world = held([1, 2, 0, NOBODY, NOBODY])
+    world.robots["waiting_time"][1] = world.robots["standing_time"][1] = 0.0
+    assert not said(world, 3.0)
+
+
+def test_two_nose_to_nose_are_a_ring_though_nobody_holds_them() -> None:
+    world = World((8.0, 10.0, 0.0), (9.6, 10.0, math.pi), (20.0, 20.0, 0.0))
+    world.robots["standing_time"] = world.robots["waiting_time"] = 3.0
+    assert said(world, 3.0)
+    assert (world.robots["settled"] > 0).tolist() == [True, True, False]
+
+
+def test_all_are_settled_at_once_without_a_time_to_wait_for() -> None:
+    world = three(2.0)
+    assert said(world, 0.0)
+    assert (world.robots["settled"] > 0).all()
+
+
+def test_it_lasts_until_it_has_been_calm_for_a_while() -> None:
+    world = three(2.0)
+    world.robots["standing_time"][0] = LONGER * 3.0
+    said(world, 3.0)
+    world.robots["standing_time"] = 0.0
+    decisions = 0
+    while said(world, 3.0):
+        decisions += 1
+    assert decisions == pytest.approx(float(CALM) / DECISION, abs=1)
+    assert (world.robots["yields_to"] == NOBODY).all()
+
+
+def test_who_is_not_settled_keeps_its_command_and_its_offset() -> None:
+    world = World((8.0, 10.0, 0.0, 1.0), (10.0, 8.0, math.pi / 2, 1.0), ages=[100, 0])
+    world.simulator._params["right_of_way_after"] = 3.0
+    aside = np.array([[int(world.simulator.cruise_action) + 1] * 2])
+    world.decide(aside)
+    told = world.simulator._commands[0].copy()
+    assert told[0, 1] != 0.0
+    assert world.robots["side"].tolist() == told[:, 1].tolist()
+    assert np.array_equal(world.simulator._commands[0], told)
+
+
+@pytest.mark.parametrize("command", [0, 5])  # back, stand: the offset is 0
+def test_who_is_settled_carries_out_its_manoeuvre_whatever_the_policy_says(command: int) -> None:
+    settings = {"right_of_way": True, "right_of_way_after": 3.0, "protective_field": True, "action_repeat": 2}
+    simulator = stage(room(10, 20), (10.0, 5.0, 0.0), action_type="discrete", **settings)
+    simulator.dispatcher.give_route(0, 0, np.array([[10.0 + k, 5.0] for k in range(6)], dtype=np.float32))
+    r = simulator.robots[0, 0]
+    simulator.arcs[0, 0, 0] = -1.5, 0.0
+    r["arcs"], r["arc_margin"], r["arc_left"] = 1, 0.01, -1.5
+    r["arc_x"], r["arc_y"], r["arc_heading"] = 10.0, 5.0, 0.0
+    r["settled"], r["aside"], r["pause"] = 10.0, 1, 5.0
+    for _ in range(30):
+        r["settled"] = 10.0
+        simulator.step(np.array([[command]]))
+        if r["arcs"] == 0:
+            break
+    assert r["x"] == pytest.approx(8.5, abs=0.05)
+
+
+def driven(simulator: Simulator, steps: int, seed: int = 5) -> tuple[bytes, bytes]:
+    """All poses and observations of an episode of random commands, as bytes."""
+    simulator.reset(seed=seed)
+    rng, poses, seen = np.random.default_rng(seed), [], []
+    for _ in range(steps):
+        commands = rng.integers(0, simulator.action_space.n, (1, simulator.num_agents))
+        simulator.step(np.where(rng.random(commands.shape) < 0.7, int(simulator.cruise_action), commands))
+        poses.append(simulator.state.pose.tobytes())
+        seen.append(simulator.observation.tobytes())
+    return b"".join(poses), b"".join(seen)
+
+
+def test_if_nobody_stands_for_long_it_is_as_if_it_were_not_there() -> None:
+    without = driven(simulator_with_right(24, "narrow", right_of_way=False), 300)
+    assert driven(simulator_with_right(24, "narrow", right_of_way_after=1e4), 300) == without
+    assert driven(simulator_with_right(24, "narrow", right_of_way_after=2.0), 300) != without
+
+
+def test_a_jam_that_the_field_leaves_is_dissolved() -> None:
+    """Robots that only drive on block each other for good; with right of way after 5 s they come through."""
+    standing = []
+    for changes in ({"right_of_way": False}, {"right_of_way_after": 5.0}):
+        simulator = simulator_with_right(32, "narrow", reroute=False, max_steps=1500, **changes)
+        simulator.reset(seed=3)
+        cruise = np.full((1, 32), int(simulator.cruise_action))
+        for _ in range(1500):
+            simulator.step(cruise)
+        row = simulator.episode_metrics()
+        assert row["collisions_robot"] == row["collisions_shelf"] == 0
+        standing.append((row["stuck"], row["goals"]))
+    (stuck_without, goals_without), (stuck, goals) = standing
+    assert stuck_without > 0.5
+    assert stuck < 0.1
+    assert goals > 3 * goals_without

@@ -1,0 +1,153 @@
+"""The seconds that each command has until a predicted conflict, against polygons and by hand."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from tests.simulation.reference import OFFSET, rectangle, separation
+from tests.simulation.worlds import room, stage
+from warehouse_env.config import RobotSpec, SensorSpec
+from warehouse_env.simulation.senses.prediction import travel
+from warehouse_env.simulation.simulator import Simulator
+
+F = np.float32
+REAR_STEERED = RobotSpec()
+SPEEDS, SIDES = (-0.4, 0.0, 0.5, 1.3), (0.0, 0.6, -0.6, 1.2, -1.2)  # the commands
+TIMES = 2.4 * np.arange(1, 9) / 8  # [s] looked at
+
+
+def metres(speed: float, target: float, t: float) -> float:
+    """Metres driven in t seconds at 1 m/s^2 towards a speed, by summing up."""
+    n = 20000
+    at = (np.arange(n) + 0.5) * t / n
+    return float(
+        np.sum(np.where(target > speed, np.minimum(speed + at, target), np.maximum(speed - at, target))) * t / n
+    )
+
+
+@pytest.mark.parametrize("speed", [0.0, 1.3, -0.4, 0.5])
+@pytest.mark.parametrize("target", SPEEDS)
+@pytest.mark.parametrize("t", [0.1, 0.6, 2.4])
+def test_travel_by_summing_up(speed: float, target: float, t: float) -> None:
+    assert float(travel(F(speed), F(target), F(1.0), F(t))) == pytest.approx(metres(speed, target, t), abs=1e-4)
+
+
+def scene(
+    own: tuple[float, ...], *others: tuple[float, ...], robot: RobotSpec = REAR_STEERED, **sensor: Any
+) -> Simulator:
+    """The own robot with a straight route due east along y = 20 from x = 10; others anywhere."""
+    settings = {"speed_levels": SPEEDS, "sensor": SensorSpec(predictions=True, **sensor), "robot": robot}
+    simulator = stage(room(40, 40), own, *others, action_type="discrete", **settings)
+    simulator.routes[0, 0, :40] = np.column_stack([np.linspace(10.0, 29.5, 40), np.full(40, 20.0)])
+    r = simulator.robots[0, 0]
+    r["points"], r["spacing"], r["goal_x"], r["goal_y"] = 40, 0.5, 29.5, 20.0
+    r["position"], r["lateral"], r["bearing"] = own[0] - 10.0, own[1] - 20.0, -own[2]
+    simulator._observe()
+    return simulator
+
+
+def predictions(simulator: Simulator) -> NDArray[np.float64]:
+    """[speed level, lateral offset], shares of 2.4 s."""
+    return simulator.observation[0, 0, simulator.layout.slices["predictions"]].astype(np.float64).reshape(4, 5)
+
+
+def test_alone_every_command_is_free() -> None:
+    simulator = scene((12.0, 20.0, 0.0, 1.0), (12.0, 28.0, 0.0))  # the other is out of range
+    assert (predictions(simulator) == 1.0).all()
+
+
+def test_without_the_option_there_is_no_such_slice() -> None:
+    simulator = stage(room(9, 9), (4.0, 4.0, 0.0))
+    assert "predictions" not in simulator.layout.slices
+
+
+def test_a_robot_standing_ahead_by_hand() -> None:
+    # Nose to tail 1.5 m, own speed 1 m/s. At 1.3 m/s: 0.045 + 1.3 (t - 0.3) + 0.3 m have been driven at t > 0.3,
+    # which with the margin 0.03 + 0.05 t is 1.5 m at t = 1.14: free at 0.9 s (3 of 8), not at 1.2 s.
+    simulator = scene((12.0, 20.0, 0.0, 1.0), (12.0 + 0.15 + 1.5 + 0.75, 20.0, 0.0))
+    got = predictions(simulator)
+    assert got[3, 0] == 3 / 8
+    # at 0.5 m/s: 0.375 m in 0.5 s, then 0.5 m/s; with the margin it is 1.5 m at t = 2.63 s: after the horizon
+    assert got[2, 0] == 1.0
+    # braking takes half a metre, backing leads away
+    assert got[1].tolist() == [1.0] * 5
+    assert got[0].tolist() == [1.0] * 5
+    # the widest offsets pass it
+    assert got[3, 1:].tolist() == pytest.approx([3 / 8, 3 / 8, 1.0, 1.0])
+
+
+def test_a_robot_that_comes_head_on_by_hand() -> None:
+    # 4 m between the noses, 1 m/s each: if we stop (0.5 m in 1 s) it comes on 3.5 m less the margin's 0.15 m and
+    # is never there; at 1.3 m/s both close 0.345 + 2.3 (t - 0.3) + 0.3 by t, less the margin 0.03 + 0.05 t.
+    simulator = scene((12.0, 20.0, 0.0, 1.0), (12.0 + 0.15 + 4.0 + 0.15, 20.0, math.pi, 1.0))
+    got = predictions(simulator)
+    t = (4.0 - 0.03 - 0.045 - 0.3 * 1.0 + 1.3 * 0.3) / (1.0 + 1.3 + 0.05)
+    assert 1.5 < t < 1.8
+    assert got[3, 0] == 5 / 8
+    assert got[1, 0] == 1.0
+
+
+def own_body(own: tuple[float, ...], speed: float, side: float, t: float, back: float) -> NDArray[np.float64]:
+    """The own body after t seconds of a command, grown by its margin, its centre `back` [m] behind the axle."""
+    x, y, heading, now = own
+    s = metres(now, speed, t)
+    margin = 0.03 + 0.05 * t
+    if s <= 0:
+        x, y = x + s * math.cos(heading), y + s * math.sin(heading)
+    else:
+        lateral, left = y - 20.0, max(0.0, 1.0 - s / 1.5)
+        y = 20.0 + side + (lateral - side) * left
+        heading = math.atan((side - lateral) / 1.5) if left > 0 else 0.0
+        x += s
+    return rectangle(x - back * math.cos(heading), y - back * math.sin(heading), heading, 0.45 + margin, 0.3 + margin)
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**6), st.sampled_from([OFFSET, -OFFSET]))
+def test_predictions_agree_with_polygons(seed: int, back: float) -> None:
+    rng = np.random.default_rng(seed)
+    own = (12.0, 20.0 + rng.uniform(-1, 1), rng.uniform(-0.8, 0.8), rng.choice([0.0, 0.7, 1.3]))
+    others = [(12.0 + rng.uniform(-2, 5), 20.0 + rng.uniform(-3, 3), rng.uniform(-3.1, 3.1), rng.uniform(-0.5, 1.5))
+              for _ in range(4)]  # fmt: skip
+    got = predictions(scene(own, *others, robot=RobotSpec(front_overhang=0.45 - back)))
+    for a, speed in enumerate(SPEEDS):
+        for b, side in enumerate(SIDES):
+            apart = []
+            for t in TIMES.tolist():
+                body = own_body(own, speed, side if speed > 0 else 0.0, t, back)
+                there = [
+                    rectangle(x + (v * t - back) * math.cos(h), y + (v * t - back) * math.sin(h), h, 0.45, 0.3)
+                    for x, y, h, v in others
+                ]
+                apart.append(float(separation(body, np.array(there)).min()))
+            surely = next((k for k, gap in enumerate(apart) if gap < -2e-3), 8)
+            perhaps = next((k for k, gap in enumerate(apart) if gap < 2e-3), 8)
+            assert perhaps / 8 <= got[a, b] <= surely / 8
+
+
+def turning(at: tuple[float, float], heading: float) -> float:
+    """Share of the horizon that is free to a robot at (0, 0), facing away from its route, with one that stands by."""
+    simulator = scene(
+        (12.0 - OFFSET, 20.0, math.pi),
+        (12.0 + at[0] + OFFSET * math.cos(heading), 20.0 + at[1] + OFFSET * math.sin(heading), heading),
+    )
+    return float(predictions(simulator)[3, 0])
+
+
+def test_a_turn_on_the_spot_sweeps_a_square() -> None:
+    assert turning((1.19, 0.0), 0.0) == 0.0  # tail at 0.74
+    assert turning((1.21, 0.0), 0.0) == 1.0
+    assert turning((0.0, -1.04), 0.0) == 0.0
+    assert turning((0.0, -1.06), 0.0) == 1.0
+
+
+def test_the_square_has_corners() -> None:
+    # A robot points at the corner (0.75, 0.75) from 0.43 m off, its half length being 0.45 m.
+    assert turning((1.10, 1.00), math.atan2(-0.25, -0.35)) == 0.0

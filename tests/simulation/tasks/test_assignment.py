@@ -1,0 +1,88 @@
+"""Robots stand where they are told to, and go where they are told to."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.simulation.worlds import room
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError, MapError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.assignment import Assignment
+
+POSE = [(2.3, 5.4, 0.3), (8.5, 2.5, math.pi / 2)]
+GOAL = [(2, 9), (0, 0)]
+
+
+def simulator(worlds: int = 1, grid: GridMap | None = None, **changes: object) -> Simulator:
+    config = EnvConfig(num_agents=2, planner="astar", action_repeat=2).replace(**changes)
+    return Simulator(config, worlds, grid=room(12, 12) if grid is None else grid)
+
+
+def test_robots_stand_and_go_as_told() -> None:
+    sim = simulator(2)
+    swapped = Assignment(POSE[::-1], GOAL[::-1])
+    sim.reset_to([Assignment(POSE, GOAL), swapped], seed=1)
+    np.testing.assert_allclose(sim.state.pose[0], POSE, atol=1e-6)
+    np.testing.assert_allclose(sim.state.pose[1], POSE[::-1], atol=1e-6)
+    assert sim.state.goal[0].tolist() == [list(goal) for goal in GOAL]
+    first = sim.routes[0, 0]
+    np.testing.assert_allclose(first[0], sim.grid.centre((6, 2)), atol=0.3)
+    last = int(sim.state.route_points[0, 0]) - 1
+    np.testing.assert_allclose(first[last], sim.grid.centre(GOAL[0]), atol=1e-3)
+
+
+def test_the_first_goal_is_reached_and_another_follows() -> None:
+    sim = simulator(max_steps=400)
+    sim.reset_to([Assignment(POSE, GOAL)], seed=1)
+    for _ in range(150):
+        sim.step(np.full((1, 2), sim.cruise_action))
+        if (sim.state.goals[0] > 0).all():
+            break
+    assert (sim.state.goals[0] > 0).all()
+    assert sim.state.goal[0].tolist() != [list(goal) for goal in GOAL]
+    assert len({tuple(goal) for goal in sim.state.goal[0].tolist()}) == 2
+
+
+def test_worlds_do_not_depend_on_each_other() -> None:
+    one, two = simulator(1), simulator(2)
+    told = Assignment(POSE, GOAL)
+    one.reset_to([told], seed=[7])
+    two.reset_to([Assignment(POSE[::-1], GOAL[::-1]), told], seed=[5, 7])
+    for _ in range(60):
+        one.step(np.full((1, 2), one.cruise_action))
+        two.step(np.full((2, 2), two.cruise_action))
+    np.testing.assert_array_equal(one.state.pose[0], two.state.pose[1])
+    np.testing.assert_array_equal(one.observation[0], two.observation[1])
+
+
+@pytest.mark.parametrize(
+    ("pose", "goal", "says"),
+    [
+        (POSE, [(2, 9), (2, 9)], "same goal"),
+        (POSE, GOAL[:1], "2 poses and 1 goals"),
+        ([(1.0, math.nan, 0.0)], GOAL[:1], "pose=.* 3 numbers a robot"),
+        (POSE, [(0.5, 1.0), (2.0, 3.0)], "goal=.* 2 numbers a robot"),
+        ([(2.3, 5.4, 0.0), (2.5, 5.4, 0.0)], GOAL, "robot 1 touches"),
+        ([(0.2, 5.4, 0.0), (8.5, 2.5, 0.0)], GOAL, "robot 0 touches"),
+    ],
+)
+def test_what_cannot_be_is_an_error(pose: object, goal: object, says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
+        simulator().reset_to([Assignment(pose, goal)])  # type: ignore[arg-type]
+
+
+def test_an_assignment_must_fit_worlds_robots_and_floor() -> None:
+    told = Assignment(POSE, GOAL)
+    with pytest.raises(ConfigError, match="2 of type Assignment"):
+        simulator(2).reset_to([told])
+    with pytest.raises(ConfigError, match="2 robots does not fit num_agents=3"):
+        simulator(num_agents=3).reset_to([told])
+    with pytest.raises(MapError, match=r"goal of robot 0 .* outside"):
+        simulator().reset_to([Assignment(POSE, [(50, 1), (0, 0)])])
+    with pytest.raises(MapError, match=r"start of robot 1 .* outside"):
+        simulator().reset_to([Assignment([POSE[0], (50.0, 2.0, 0.0)], GOAL)])

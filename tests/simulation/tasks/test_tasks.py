@@ -1,0 +1,193 @@
+"""Goals: distinct at any moment, alternating, and never more robots than places."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.simulation.reference import bodies, separation, shelves
+from tests.simulation.worlds import drawn, room
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.maps.layouts import LAYOUTS, make_layout
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.tasks import Tasks
+
+PICKS, STATIONS = [(0, 0), (0, 1), (0, 2), (0, 3), (0, 4)], [(4, 0), (4, 2), (4, 4)]
+
+
+def floor(picks: list[Cell], stations: list[Cell]) -> GridMap:
+    return GridMap(np.zeros((5, 5), dtype=bool), picks=np.array(picks), stations=np.array(stations), name="five")
+
+
+def tasks_for(robots: int, picks: list[Cell] = PICKS, stations: list[Cell] = STATIONS) -> Tasks:
+    return Tasks(floor(picks, stations), EnvConfig(num_agents=robots))
+
+
+@settings(max_examples=40)
+@given(st.integers(1, 7), st.integers(0, 10**6))
+def test_goals_are_distinct_and_never_where_the_robot_is(robots: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    tasks = tasks_for(robots)
+    tasks.reset(rng)
+    starts = [tasks.places[k] for k in rng.permutation(8)[:robots]]
+    goals = [tasks.next_goal(robot, starts[robot], rng) for robot in range(robots)]
+    for _ in range(60):
+        assert len(set(goals)) == robots
+        robot = int(rng.integers(robots))
+        before = goals[robot]
+        goals[robot] = tasks.next_goal(robot, before, rng)
+        assert goals[robot] != before
+        assert goals[robot] in PICKS + STATIONS
+
+
+def test_a_robot_alternates_between_picks_and_stations() -> None:
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        tasks = tasks_for(2)
+        tasks.reset(rng)
+        goal, kinds = (2, 2), []
+        for _ in range(20):
+            goal = tasks.next_goal(1, goal, rng)
+            kinds.append(goal in PICKS)
+        assert all(a != b for a, b in zip(kinds[1:], kinds, strict=False))
+
+
+def test_the_first_goal_is_a_pick_or_a_station_by_chance() -> None:
+    first = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        tasks = tasks_for(1)
+        tasks.reset(rng)
+        first.append(tasks.next_goal(0, (2, 2), rng) in PICKS)
+    assert 8 < sum(first) < 32
+
+
+def test_with_all_of_a_kind_taken_the_other_kind_serves() -> None:
+    rng = np.random.default_rng(0)
+    tasks = tasks_for(5, PICKS, [(4, 4)])
+    tasks.reset(rng)
+    goals = [tasks.next_goal(robot, (2, 2), rng) for robot in range(5)]
+    for robot in range(5):
+        for _ in range(4):
+            goals[robot] = tasks.next_goal(robot, goals[robot], rng)
+            assert len(set(goals)) == 5
+
+
+@pytest.mark.parametrize(("robots", "fits"), [(7, True), (8, False), (9, False)])
+def test_more_robots_than_places_is_an_error(robots: int, fits: bool) -> None:
+    if fits:
+        tasks_for(robots)
+        return
+    with pytest.raises(ConfigError, match=rf"num_agents={robots} .*'five'.* 8 endpoints"):
+        tasks_for(robots)
+
+
+def test_a_cell_that_is_a_pick_and_a_station_is_one_place() -> None:
+    with pytest.raises(ConfigError, match="2 endpoints"):
+        tasks_for(2, [(0, 0), (1, 1)], [(0, 0)])
+
+
+def test_one_robot_on_one_place_stays_there() -> None:
+    tasks = tasks_for(1, [(0, 0)], [(0, 0)])
+    tasks.reset(np.random.default_rng(0))
+    assert tasks.next_goal(0, (0, 0), np.random.default_rng(0)) == (0, 0)
+
+
+def test_robots_that_find_no_room_to_stand_are_an_error() -> None:
+    # Nine places in a one-cell aisle would need 0.9 m and 0.15 m of gap each.
+    grid = drawn(["#########", ".........", "#########"])
+    with pytest.raises(ConfigError, match="num_agents=8 do not fit on map 'drawn'"):
+        Simulator(EnvConfig(num_agents=8, planner="astar"), grid=grid).reset(seed=0)
+
+
+@pytest.mark.parametrize("name", sorted(LAYOUTS))
+def test_starts_touch_nothing_and_goals_stay_distinct(name: str) -> None:
+    grid = make_layout(name)
+    simulator = Simulator(EnvConfig(num_agents=24, planner="astar", action_repeat=2), 2, grid=grid)
+    simulator.reset(seed=5)
+    walls = shelves(grid.occupied)
+    first, second = np.triu_indices(24, 1)
+    for world in range(2):
+        body = bodies(*simulator.state.pose[world].astype(np.float64).T)
+        # 0.15 m to robots, half of it to shelves
+        assert separation(body[first], body[second]).min() > 0.0
+        assert separation(body[:, None], walls[None]).min() > 0.07
+    cruise = np.full((2, 24), simulator.cruise_action)
+    for _ in range(150):
+        simulator.step(cruise)
+        for world in range(2):
+            assert len({tuple(goal) for goal in simulator.state.goal[world].tolist()}) == 24
+    assert simulator.state.goals.sum() > 0
+    endpoints = {tuple(cell) for cell in np.concatenate([grid.picks, grid.stations]).tolist()}
+    assert {tuple(goal) for goal in simulator.state.goal.reshape(-1, 2).tolist()} <= endpoints
+
+
+def test_lifelong_robots_go_on_and_never_terminate() -> None:
+    inner = np.argwhere(np.ones((8, 8))) + 3  # not in the corners, where turning round takes its time
+    grid = GridMap(np.zeros((14, 14), dtype=bool), picks=inner[::2], stations=inner[1::2])
+    simulator = Simulator(EnvConfig(num_agents=1, planner="astar", action_repeat=2, max_steps=400), 2, grid=grid)
+    simulator.reset(seed=1)
+    cruise = np.full((2, 1), simulator.cruise_action)
+    kinds: list[list[bool]] = [[], []]
+    stations = {tuple(cell) for cell in simulator.grid.stations.tolist()}
+    for step in range(400):
+        before = [tuple(goal) for goal in simulator.state.goal[:, 0].tolist()]
+        simulator.step(cruise)
+        assert not simulator.terminated.any()
+        assert simulator.truncated.tolist() == [step == 399] * 2
+        for world in np.flatnonzero(simulator.events.arrived[:, 0]).tolist():
+            kinds[world].append(before[world] in stations)
+            goal = tuple(simulator.state.goal[world, 0].tolist())
+            assert goal != before[world]
+            # the route begins at the goal just reached and ends at the next one
+            ends = simulator.routes[world, 0, [0, int(simulator.state.route_points[world, 0]) - 1]]
+            np.testing.assert_allclose(ends, simulator.grid.centre([before[world], goal]), atol=1e-5)
+    for kind in kinds:
+        assert len(kind) > 4
+        assert all(a != b for a, b in zip(kind[1:], kind, strict=False))
+
+
+def test_one_shot_robots_terminate_where_they_arrived_and_stay() -> None:
+    config = EnvConfig(num_agents=3, tasks="one_shot", planner="astar", action_repeat=2)
+    simulator = Simulator(config, grid=room(12, 12))
+    simulator.reset(seed=3)
+    cruise = np.full((1, 3), simulator.cruise_action)
+    goal = simulator.state.goal.copy()
+    where: dict[int, list[float]] = {}
+    for _ in range(200):
+        simulator.step(cruise)
+        for robot in range(3):
+            if simulator.events.arrived[0, robot]:
+                assert robot not in where  # once only
+                assert simulator.terminated[0, robot]
+                where[robot] = simulator.state.pose[0, robot].tolist()
+                reached = np.hypot(*(where[robot][:2] - simulator.grid.centre(goal[0, robot])))
+                assert reached <= 0.5
+            if robot in where:
+                assert simulator.state.pose[0, robot].tolist() == where[robot]
+                assert simulator.state.speed[0, robot] == 0.0
+            assert bool(simulator.terminated[0, robot]) == (robot in where)
+    assert len(where) == 3
+    assert simulator.state.goals[0].tolist() == [1, 1, 1]
+    np.testing.assert_array_equal(simulator.state.goal, goal)
+
+
+@pytest.mark.parametrize("tasks", ["lifelong", "one_shot"])
+def test_a_collision_may_terminate(tasks: str) -> None:
+    config = EnvConfig(num_agents=10, planner="astar", action_repeat=2, terminate_on_collision=True, tasks=tasks)  # type: ignore[arg-type]
+    simulator = Simulator(config, grid=room(7, 7))
+    simulator.reset(seed=0)
+    cruise = np.full((1, 10), simulator.cruise_action)
+    hit = np.zeros(10, dtype=bool)
+    for _ in range(60):
+        simulator.step(cruise)
+        hit |= (simulator.events.hit_robot[0] > 0) | (simulator.events.hit_shelf[0] > 0)
+        assert simulator.terminated[0][hit].all()
+        assert (simulator.state.speed[0][hit] == 0).all()
+        if tasks == "lifelong":
+            np.testing.assert_array_equal(simulator.terminated[0], hit)
+    assert hit.any()

@@ -1,0 +1,135 @@
+"""Driving the arcs of a manoeuvre: a reference pose slides along them, and the robot is steered back to it.
+
+API: `begin(r, count, arcs, margin)` starts the manoeuvre that stands in arcs float32[ARCS, 2] (see manoeuvre.py);
+`give_up(r)` ends it; r["arcs"] > 0 says that a robot is in one. `drive_arcs` returns the next step's (speed, steering)
+until it is done, or 0 arcs are left because the robot was pushed off it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline, part
+from warehouse_env.simulation.physics.kinematics import curvature
+from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, sin_cos, wrap
+
+FASTEST, FASTEST_BACK = np.float32(0.8), np.float32(0.5)  # [m/s] on arcs
+BRAKING = np.float32(0.9)  # share of the full deceleration that stops are planned with
+STEER_SLACK = np.float32(0.2)  # [rad m/s]: how fast times how far off the wanted steering angle
+READY = np.float32(0.02)  # [m] before the end of an arc that count as its end
+NARROW = np.float32(1e-3)  # [m] of margin under which it drives exactly: it stands while it steers, and ends arcs at
+EXACT, EXACT_STEER = np.float32(0.001), np.float32(0.001)  # [m] before their end, with so little [rad] off
+STANDS = np.float32(0.06)  # [m/s] under which the other direction may be taken
+BACK_TO_ARC = np.float32(9.0)  # [1/m^2] of curvature per metre beside the arc, and
+ALONG_ARC = np.float32(6.0)  # [1/m] per radian off its direction: critically damped after a third of a metre
+LOST, LOST_TURN = np.float32(0.15), np.float32(0.35)  # [m], [rad] off the reference at which it is given up
+KEPT = np.float32(1.0 / 3.0)  # of the margin that it was planned with is kept when it is driven
+_STRAIGHT = np.float32(1e-3)  # [1/m]
+_TWO = np.float32(2.0)
+
+
+@inline
+def give_up(r):
+    """End the robot's manoeuvre where it is."""
+    r["arcs"] = r["poses"] = 0  # its path ahead is another
+
+
+@inline
+def begin(r, count, arcs, margin):
+    """Start a manoeuvre of `count` arcs, planned with `margin` [m], from where the robot stands."""
+    r["arc_margin"] = r["arc_planned"] = margin * KEPT
+    r["arcs"], r["arc"] = count, 0
+    r["claim"], r["poses"] = 0.0, 0  # what was granted was of another path
+    r["arc_x"], r["arc_y"], r["arc_heading"] = r["x"], r["y"], r["heading"]
+    r["arc_left"] = arcs[0, 0] if count > 0 else ZERO
+
+
+@inline
+def leads_ahead(r, arcs):
+    """Whether the robot is in a manoeuvre all of whose arcs to come lead forwards."""
+    for k in range(r["arc"], r["arcs"]):
+        if arcs[k, 0] < ZERO:
+            return False
+    return r["arcs"] > 0
+
+
+@inline
+def _slide(r, arcs, p):
+    """Move the reference pose to where the robot is along its arc; return (metres left of it, radians left of it)."""
+    bend = curvature(arcs[r["arc"], 1], p["wheelbase"])
+    s, c = sin_cos(r["arc_heading"])
+    dx, dy = r["x"] - r["arc_x"], r["y"] - r["arc_y"]
+    along = dx * c + dy * s
+    if abs(bend) > _STRAIGHT:
+        along = arc_tan2(bend * along, ONE - bend * (dy * c - dx * s)) / bend
+    left = r["arc_left"]
+    along = min(max(along, ZERO), left) if left > ZERO else max(min(along, ZERO), left)
+    half = HALF * along * bend
+    chord = along if abs(bend) <= _STRAIGHT else _TWO * sin_cos(half)[0] / bend
+    s, c = sin_cos(r["arc_heading"] + half)
+    r["arc_x"] += chord * c
+    r["arc_y"] += chord * s
+    r["arc_heading"] = wrap(r["arc_heading"] + half + half)
+    r["arc_left"] = left - along
+    s, c = sin_cos(r["arc_heading"])
+    dx, dy = r["x"] - r["arc_x"], r["y"] - r["arc_y"]
+    return dy * c - dx * s, wrap(r["heading"] - r["arc_heading"])
+
+
+@inline
+def _next_arc(r, arcs):
+    """Go on to the next arc at the end of one; where it leads the other way, once the robot stands."""
+    ready = EXACT if r["arc_margin"] < NARROW else READY
+    while r["arcs"] > 0 and abs(r["arc_left"]) < ready:
+        following = r["arc"] + 1
+        if following == r["arcs"]:
+            r["arcs"] = 0
+        elif arcs[following, 0] * arcs[r["arc"], 0] < ZERO and abs(r["speed"]) > STANDS:
+            return
+        else:
+            r["arc"] = following
+            r["arc_left"] = arcs[following, 0]
+
+
+@inline
+def _speed_limit(r, arcs, p):
+    """Return the speed [m/s] from which the robot can still stop or steer where the arcs ahead ask for it."""
+    k, count = int(r["arc"]), int(r["arcs"])
+    forward = arcs[k, 0] > ZERO
+    limit = FASTEST if forward else FASTEST_BACK
+    run, slowing = abs(r["arc_left"]), _TWO * BRAKING * p["max_acceleration"]
+    if r["arc_margin"] < NARROW:
+        return min(limit, np.sqrt(slowing * run), run / p["time_step"])
+    while k + 1 < count:
+        at_end = ZERO
+        if arcs[k, 0] * arcs[k + 1, 0] > ZERO:
+            at_end = STEER_SLACK / max(abs(arcs[k + 1, 1] - arcs[k, 1]), STEER_SLACK)
+        limit = min(limit, np.sqrt(at_end * at_end + slowing * max(run - HALF * READY, ZERO)))
+        if at_end == ZERO:
+            return limit
+        k += 1
+        run += abs(arcs[k, 0])
+    return limit if forward else min(limit, np.sqrt(slowing * run))
+
+
+@part
+def drive_arcs(r, arcs, wanted, p):
+    """Return the (speed [m/s], steering [rad]) that follow the arcs at `wanted` [m/s] >= 0 at most.
+
+    r["arcs"] is 0 afterwards if the manoeuvre is over; what is returned then is not to be used.
+    """
+    lateral, turned = _slide(r, arcs, p)
+    if abs(lateral) > LOST or abs(turned) > LOST_TURN:
+        give_up(r)
+    _next_arc(r, arcs)
+    if r["arcs"] == 0:
+        return ZERO, ZERO
+    k = r["arc"]
+    direction = ONE if arcs[k, 0] > ZERO else -ONE
+    bend = curvature(arcs[k, 1], p["wheelbase"]) - BACK_TO_ARC * lateral - direction * ALONG_ARC * turned
+    steer = min(max(-arc_tan(p["wheelbase"] * bend), -p["max_steer"]), p["max_steer"])
+    off = abs(steer - r["steer"])
+    speed = min(_speed_limit(r, arcs, p), STEER_SLACK / max(off, np.float32(0.01)))
+    if r["arc_margin"] < NARROW and off > EXACT_STEER and abs(r["speed"]) < STANDS:
+        speed = ZERO
+    return direction * min(speed, wanted), steer

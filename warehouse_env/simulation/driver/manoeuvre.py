@@ -1,0 +1,285 @@
+"""Manoeuvres: a search over (x, y, heading) for arcs, forwards and backwards, that the exact body can drive.
+
+Hybrid-state A* (Dolgov et al. 2010): a node is a real pose, and of the nodes in a cell of (x, y, heading) the soonest
+counts. The cost is the time that driving, steering and stopping take; the heuristic is the turning metric (turning.py).
+
+API, for any kernel of the simulation (nothing is drawn at random, nothing kept between calls):
+
+    count, margin = search(x, y, heading, steer, goals, avoid, bodies, most, p, solid, clearance, metric, arcs)
+
+x, y, heading, steer: the robot's pose [m], [rad] and its present steering angle [rad]; it may stand too near to
+    something: what touches at the start does not count, what touches after it does.
+goals float32[G, 4]: poses x, y, heading to be reached, and the seconds that it takes from there on; the search ends at
+    whatever is soonest in all. G = 0: make room, i.e. end where the body keeps off all rectangles of `avoid`.
+avoid float32[K, 4]: rectangles like the robot's body (centre x, y [m], cos, sin) to be off in the end; not read if
+    there are goals.
+bodies float32[K, 4]: rectangles that stand still, to be kept off all the way, by the field's margin as well.
+most: nodes of each of TRIES, each nearer to shelves and bodies and with shorter arcs than the one before; some 1.5 us a
+    node. After one that was cut off there is no other, unless `most` is MOST.
+p, solid, clearance: PARAMETERS record and the floor; metric: turning_metric(PARAMETERS[1]), made once a Simulator.
+arcs float32[ARCS, 2]: is filled with (signed length [m], steering [rad]) of one arc after the other.
+search_once(..., bodies, trial, most, ...): a single try.
+Returns the number of arcs, 0 if the start is a goal already, NONE if there is none (search_once: CUT_OFF if there may
+be, but not within `most` nodes), and search also the margin [m] that it keeps. A manoeuvre of more than ARCS arcs is
+cut off there; it is all free, and the next search begins at its end.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.simulation.driver import turning
+from warehouse_env.simulation.driver.heap import pop, push
+from warehouse_env.simulation.physics.footprint import body_touches_shelf, sweep_is_free
+from warehouse_env.simulation.physics.geometry import rectangles_touch, separation
+from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos, wrap
+
+NONE, CUT_OFF = -1, -2  # found: see above
+ARCS = 16  # of a manoeuvre at most
+MOST = 6000  # nodes of a search
+TRIES = 6  # the first is coarse: it finds a way round another body, or to turn round, within a tenth of the nodes
+# [m] to shelves and bodies, of each try. A robot drives with a third of that (driving.py): where deviation stops it,
+# the next try can begin.
+MARGINS = tuple(np.float32(m) for m in (0.03, 0.03, 0.008, 0.002, 0.0005, 0.0005))
+STRIDES = (np.float32(0.4), turning.STRIDE, *(np.float32(m) for m in (0.2, 0.15, 0.15, 0.06)))  # [m] of an arc
+CELLS = tuple(np.float32(m) for m in (0.4, 0.1, 0.067, 0.05, 0.05, 0.02))  # [m], of (x, y)
+TOO_NEAR = np.float32(5e-5)  # [m] of arcs that begin nearer: more than the follower keeps where it is exact
+GREED = np.float32(1.1)  # how much the heuristic weighs: soon found before best
+_HEADINGS = 36  # cells of 10 degrees
+_SLOTS = 1 << 14  # of the table of cells, more than twice MOST
+_REACHED, _ALONG = np.float32(0.1), np.float32(0.15)  # [m] beside and along a goal pose that count as there
+_ALIGNED = np.float32(0.2)  # [rad]
+_OFF = np.float32(0.2)  # [m] around a body that makes room: more than right of way asks for (meetings.WIDE, of both)
+_BERTH = np.float32(4.0)  # times as far off bodies as off shelves, which stay where they are
+_GIVEN = np.float32(0.002)  # [m] nearer than at the start that another body may come, as arcs are not driven exactly,
+_SPARE = np.float32(0.001)  # [m] but not so near that the field stops it, where there is so much room,
+_ROUNDING = np.float32(2e-5)  # [m] or as at the start: beside a body it may drive along it
+_STEP, _STEP_NEAR = np.float32(0.12), np.float32(0.003)  # [m] off a body from which on its distance is coarse; between
+# poses near it: the gap that the widest axis shows can shrink and grow again within centimetres
+X, Y, HEADING, COSINE, SINE, COST, MARGIN = range(7)  # columns of `poses`; MARGIN: of arcs from there [m]
+
+
+@inline
+def _bars(x, y, c, s, avoid, p):
+    """Whether the body at an axle pose, with _OFF around it, touches one of the bodies `avoid` float32[K, 4]."""
+    cx, cy = x - p["offset"] * c, y - p["offset"] * s
+    reach = p["radius"] + p["radius"] + _OFF + _OFF
+    for k in range(avoid.shape[0]):
+        dx, dy = avoid[k, 0] - cx, avoid[k, 1] - cy
+        if dx * dx + dy * dy < reach * reach and rectangles_touch(
+            dx, dy, c, s, p["half_length"] + _OFF, p["half_width"] + _OFF,
+            avoid[k, 2], avoid[k, 3], p["half_length"], p["half_width"],
+        ):  # fmt: skip
+            return True
+    return False
+
+
+@inline
+def _write_rooms(x, y, c, s, margin, bodies, p, rooms):
+    """Write how far [m] to keep off each body: as the field will ask for and `margin`, or what it is at the start."""
+    cx, cy = x - p["offset"] * c, y - p["offset"] * s
+    field = p["field_margin"] if p["field"] != 0 else ZERO
+    for k in range(bodies.shape[0]):
+        apart = separation(
+            bodies[k, 0] - cx, bodies[k, 1] - cy, c, s, bodies[k, 2], bodies[k, 3], p["half_length"], p["half_width"]
+        )
+        rooms[k] = min(field + _BERTH * margin, max(apart - _GIVEN, min(apart - _ROUNDING, field + _SPARE)))
+
+
+@inline
+def _margin_at(x, y, c, s, margin, p, solid, clearance):
+    """Return the margin [m] to shelves of arcs from a pose: TOO_NEAR where the body there is nearer than that."""
+    cx, cy = x - p["offset"] * c, y - p["offset"] * s
+    half_length, half_width = p["half_length"] + margin, p["half_width"] + margin
+    touches = body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, p["cell"])
+    return TOO_NEAR if touches else margin
+
+
+@inline
+def _spare(x, y, c, s, bodies, rooms, p):
+    """Return how much further [m] the body at an axle pose is off each of the bodies, at least, than its room."""
+    cx, cy = x - p["offset"] * c, y - p["offset"] * s
+    least = np.float32(np.inf)
+    for k in range(bodies.shape[0]):
+        dx, dy = bodies[k, 0] - cx, bodies[k, 1] - cy
+        apart = np.sqrt(dx * dx + dy * dy) - p["radius"] - p["radius"]
+        if apart < rooms[k] + _STEP:
+            apart = separation(dx, dy, c, s, bodies[k, 2], bodies[k, 3], p["half_length"], p["half_width"])
+        least = min(least, apart - rooms[k])
+    return least
+
+
+@inline
+def clear_of_bodies(x, y, c, s, bend, length, bodies, rooms, p):
+    """Whether the body keeps `rooms` [m] off standing bodies along an arc; the pose at its start is not checked.
+
+    It goes on by what no point of the body can come nearer in; where that is too little, by _STEP_NEAR.
+    """
+    if bodies.shape[0] == 0:
+        return True
+    left, sign = abs(length), ONE if length > ZERO else -ONE
+    spare = _spare(x, y, c, s, bodies, rooms, p)
+    while left > ZERO:
+        step = min(max(spare / (ONE + p["far"] * abs(bend)), _STEP_NEAR), left)
+        left -= step
+        half_s, half_c = sin_cos(HALF * sign * step * bend)
+        x += sign * step * (c * half_c - s * half_s)
+        y += sign * step * (s * half_c + c * half_s)
+        turn_s, turn_c = half_s * half_c + half_s * half_c, half_c * half_c - half_s * half_s
+        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+        spare = _spare(x, y, c, s, bodies, rooms, p)
+        if spare < ZERO:
+            return False
+    return True
+
+
+@inline
+def _to_go(x, y, heading, goals, metric):
+    """Return (whether a goal is reached, seconds from there on; or estimated seconds to the best goal)."""
+    least, arrived = np.float32(np.inf), False
+    for k in range(goals.shape[0]):
+        s, c = sin_cos(goals[k, 2])
+        dx, dy, turn = x - goals[k, 0], y - goals[k, 1], wrap(heading - goals[k, 2])
+        ahead, left = dx * c + dy * s, dy * c - dx * s
+        if abs(ahead) <= _ALONG and abs(left) <= _REACHED and abs(turn) <= _ALIGNED:
+            least, arrived = (min(least, goals[k, 3]) if arrived else goals[k, 3]), True
+        elif not arrived:
+            least = min(least, goals[k, 3] + GREED * turning.seconds_between(ahead, left, turn, metric))
+    return arrived, least
+
+
+@inline
+def _slot_of(x, y, heading, cell, taken):
+    """Return (slot, key) of the pose's cell in the table `taken` int32[_SLOTS]: where its key stands, or may stand."""
+    column, row = int(np.floor(x / cell)) & 0x3FF, int(np.floor(y / cell)) & 0x3FF
+    key = ((column << 10) | row) * 64 + turning.heading_cell(heading, _HEADINGS) + 1
+    slot = ((key * 0x9E3779B1) >> 18) & (_SLOTS - 1)  # Fibonacci hashing, Knuth, vol. 3, 6.4
+    while taken[slot] != 0 and taken[slot] != key:
+        slot = (slot + 1) & (_SLOTS - 1)
+    return slot, key
+
+
+@inline
+def _write_arcs(node, parents, by, moves, arcs):
+    """Write the arcs that lead to a node, equal ones as one, from the start on; return their number."""
+    count, last, at = 0, -1, node
+    while parents[at] >= 0:  # how many there are
+        count += by[at] != last
+        last = by[at]
+        at = parents[at]
+    place, last, at = count, -1, node
+    while parents[at] >= 0:
+        if by[at] != last:
+            place -= 1
+            last = by[at]
+            if place < arcs.shape[0]:
+                arcs[place, 0], arcs[place, 1] = ZERO, moves[last, turning.STEER]
+        if place < arcs.shape[0]:
+            arcs[place, 0] += moves[last, turning.LENGTH]
+        at = parents[at]
+    return min(count, arcs.shape[0])
+
+
+@part
+def _search(
+    x, y, heading, steer, goals, avoid, bodies, rooms, margin, stride, cell, tree, table, queue,
+    p, solid, clearance, metric, arcs,
+):  # fmt: skip
+    """Search as search_once does, with its arrays."""
+    moves, poses, parents, by, done = tree
+    taken, best = table
+    keys, items = queue
+    most = parents.size
+    turning.write_moves(stride, p, moves)
+    aside = goals.shape[0] == 0
+    s, c = sin_cos(heading)
+    _write_rooms(x, y, c, s, margin, bodies, p, rooms)
+    poses[0, X], poses[0, Y], poses[0, HEADING], poses[0, COSINE], poses[0, SINE], poses[0, COST] = (
+        x, y, heading, c, s, ZERO
+    )  # fmt: skip
+    poses[0, MARGIN] = _margin_at(x, y, c, s, margin, p, solid, clearance)
+    parents[0], by[0] = -1, -1
+    size, used = push(keys, items, 0, ZERO, 0), 1
+    done[0] = not _bars(x, y, c, s, avoid, p) if aside else _to_go(x, y, heading, goals, metric)[0]
+    while size > 0:
+        _, node, size = pop(keys, items, size)
+        if done[node]:
+            return _write_arcs(node, parents, by, moves, arcs)
+        x, y, heading = poses[node, X], poses[node, Y], poses[node, HEADING]
+        c, s, cost = poses[node, COSINE], poses[node, SINE], poses[node, COST]
+        if node > 0 and cost > best[_slot_of(x, y, heading, cell, taken)[0]]:
+            continue  # the cell was reached sooner since
+        before = by[node]
+        kept = poses[node, MARGIN]
+        for k in range(turning.MOVES):
+            move = moves[k]
+            nx, ny = (
+                x + move[turning.AHEAD] * c - move[turning.LEFT] * s,
+                y + move[turning.AHEAD] * s + move[turning.LEFT] * c,
+            )
+            turned = wrap(heading + move[turning.TURN])
+            length, last = (
+                (moves[before, turning.LENGTH], moves[before, turning.STEER]) if before >= 0 else (ZERO, steer)
+            )
+            total = (
+                cost
+                + move[turning.SECONDS]
+                + turning.change_time(length, last, move[turning.LENGTH], move[turning.STEER], p)
+            )
+            slot, key = _slot_of(nx, ny, turned, cell, taken)
+            if taken[slot] == key and best[slot] <= total:
+                continue
+            if not sweep_is_free(x, y, c, s, move[turning.BEND], move[turning.LENGTH], kept, p, solid, clearance):
+                continue
+            if not clear_of_bodies(x, y, c, s, move[turning.BEND], move[turning.LENGTH], bodies, rooms, p):
+                continue
+            if used == most:
+                return CUT_OFF
+            taken[slot], best[slot] = key, total
+            nc, ns = c * move[turning.COS] - s * move[turning.SIN], s * move[turning.COS] + c * move[turning.SIN]
+            poses[used, X], poses[used, Y], poses[used, HEADING] = nx, ny, turned
+            poses[used, COSINE], poses[used, SINE], poses[used, COST] = nc, ns, total
+            poses[used, MARGIN] = margin if kept == margin else _margin_at(nx, ny, nc, ns, margin, p, solid, clearance)
+            parents[used], by[used] = node, k
+            rest = ZERO
+            if aside:
+                done[used] = not _bars(nx, ny, nc, ns, avoid, p)
+            else:
+                done[used], rest = _to_go(nx, ny, turned, goals, metric)
+            size = push(keys, items, size, total + rest, used)
+            used += 1
+    return NONE
+
+
+@kernel
+def search_once(x, y, heading, steer, goals, avoid, bodies, trial, most, p, solid, clearance, metric, arcs):
+    """Search as in try `trial` of TRIES, for at most `most` <= MOST nodes; return as `search` does."""
+    moves, poses = np.empty((turning.MOVES, 9), np.float32), np.empty((most, 7), np.float32)
+    tree = moves, poses, np.empty(most, np.int32), np.empty(most, np.int8), np.zeros(most, np.bool_)
+    table = np.zeros(_SLOTS, np.int32), np.empty(_SLOTS, np.float32)
+    queue = np.empty(most, np.float32), np.empty(most, np.int32)
+    rooms = np.empty(bodies.shape[0], np.float32)
+    return _search(
+        x, y, heading, steer, goals, avoid, bodies, rooms, MARGINS[trial], STRIDES[trial], CELLS[trial],
+        tree, table, queue, p, solid, clearance, metric, arcs,
+    )  # fmt: skip
+
+
+@inline
+def trial_of(k, bodies):
+    """Return which of TRIES is the k-th: alone, where short ways are the rule, the coarse one is the second."""
+    return 1 - k if k < 2 and bodies.shape[0] == 0 else k
+
+
+@kernel
+def search(x, y, heading, steer, goals, avoid, bodies, most, p, solid, clearance, metric, arcs):
+    """Find a manoeuvre and write it into `arcs`; return the number of its arcs and its margin (see above)."""
+    for k in range(TRIES):
+        trial = trial_of(k, bodies)
+        count = search_once(x, y, heading, steer, goals, avoid, bodies, trial, most, p, solid, clearance, metric, arcs)
+        if count >= 0:
+            return count, MARGINS[trial]
+        if count == CUT_OFF and most < MOST:  # among narrower ways there are more
+            break
+    return NONE, ZERO

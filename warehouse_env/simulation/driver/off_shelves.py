@@ -1,0 +1,75 @@
+"""May a robot carry out a command and then stop, off all shelves? What the path follower asks before it drives on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline, part
+from warehouse_env.simulation.driver.driving import NARROW
+from warehouse_env.simulation.physics.footprint import body_touches_shelf, sweep_is_free
+from warehouse_env.simulation.physics.kinematics import approach, braking, curvature, drive
+from warehouse_env.simulation.physics.stops import REST
+from warehouse_env.simulation.physics.trigonometry import HALF, ZERO, sin_cos
+
+GRAZE = np.float32(3e-5)  # [m] that the body then keeps off shelves
+
+
+@inline
+def _keeps_margin(r, next_speed, next_steer, margin, p, solid, clearance):
+    """Whether the body keeps `margin` [m] in a step to a speed and a steering angle, and in the stop after it.
+
+    The step's arc is that of the mean steering (kinematics.drive), the braking path's that of the steering at its end.
+    """
+    x, y, c, s = r["x"], r["y"], r["cos"], r["sin"]
+    way = HALF * (r["speed"] + next_speed) * p["time_step"]
+    if next_steer != r["steer"]:
+        bend = curvature(HALF * (r["steer"] + next_steer), p["wheelbase"])
+        if not sweep_is_free(x, y, c, s, bend, way, margin, p, solid, clearance):
+            return False
+        half_s, half_c = sin_cos(HALF * way * bend)
+        turn_s, turn_c = sin_cos(way * bend)
+        x, y = x + way * (c * half_c - s * half_s), y + way * (s * half_c + c * half_s)
+        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+        way = ZERO
+    way += HALF * next_speed * abs(next_speed) / p["max_acceleration"]
+    return sweep_is_free(x, y, c, s, curvature(next_steer, p["wheelbase"]), way, margin, p, solid, clearance)
+
+
+@inline
+def _stops_clear(r, next_speed, next_steer, p, solid, clearance):
+    """Whether the body keeps GRAZE in a step to a speed and a steering angle, and in the stop after it.
+
+    Substep by substep, by the arithmetic with which contact.py moves it: nothing is left to a prediction.
+    """
+    dt, wheelbase, offset, lock = p["dt"], p["wheelbase"], p["offset"], p["max_steer"]
+    x, y, heading, speed, steer = r["x"], r["y"], r["heading"], r["speed"], r["steer"]
+    acceleration, rate = (next_speed - speed) / p["time_step"], (next_steer - steer) / p["time_step"]
+    half_length, half_width = p["half_length"] + GRAZE, p["half_width"] + GRAZE
+    while True:
+        for _ in range(p["substeps"]):
+            to_speed = min(max(speed + acceleration * dt, p["min_speed"]), p["max_speed"])
+            to_steer = min(max(steer + rate * dt, -lock), lock)
+            if speed != ZERO or to_speed != ZERO:
+                x, y, heading = drive(x, y, heading, speed, to_speed, steer, to_steer, wheelbase, dt)
+                s, c = sin_cos(heading)
+                cx, cy = x - offset * c, y - offset * s
+                if body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, p["cell"]):
+                    return False
+            speed, steer = to_speed, to_steer
+        if abs(speed) < REST:
+            return True
+        acceleration, rate = braking(speed, p), ZERO
+
+
+@part
+def may_drive(r, speed, steer, margin, p, solid, clearance):
+    """Whether a robot of ROBOT may go for a speed [m/s] and a steering angle [rad] in the next physics step.
+
+    It must then be able to brake with the steering that it has at the end of the step, and all the way keep `margin`
+    [m] from shelves; where that is NARROW, GRAZE, and exactly.
+    """
+    next_speed = approach(r["speed"], speed, p["max_acceleration"] * p["time_step"])
+    next_steer = approach(r["steer"], steer, p["max_steer_rate"] * p["time_step"])
+    if margin < NARROW:
+        return _stops_clear(r, next_speed, next_steer, p, solid, clearance)
+    return _keeps_margin(r, next_speed, next_steer, margin, p, solid, clearance)

@@ -1,0 +1,111 @@
+"""Where a manoeuvre leads: back to the robot's own route, or out of somebody's way.
+
+API: bodies_near(r, bodies, p) -> standing bodies for
+     plan_to_route(r, route, arcs, bodies, most, p, solid, clearance, metric) and
+     plan_aside(r, arcs, avoid, bodies, p, solid, clearance, metric)
+The two search from where the robot stands, begin the manoeuvre if there is one, and return the number of its arcs: 0
+if it needs none, -1 if there is none. For bodies, most, avoid and metric see manoeuvre.py, and driving.py for how it
+is driven. With `most` below manoeuvre.MOST the first search that is cut off is the last.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline, kernel
+from warehouse_env.simulation.driver import manoeuvre
+from warehouse_env.simulation.driver.driving import begin
+from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, COS, SIN
+from warehouse_env.simulation.physics.trigonometry import HALF_PI, ZERO, arc_tan2, wrap
+
+FIRST, APART, MANY = np.float32(0.75), np.float32(0.4), 8  # [m] ahead, [m] between, and number of poses on the route
+FAR_APART, FAR_MANY = np.float32(1.2), 20  # where none of these can be reached: a lane that must be left backwards
+CRUISE = np.float32(1.3)  # [m/s] at which the rest of the way is priced
+NEAR, MOST_NEAR = np.float32(3.0), 64  # [m] within which others are gone round; more bodies than fit into that
+AMONG_OTHERS, ASIDE = 300, 2000  # nodes of a search round others who may go, and of one for room
+
+
+@inline
+def _route_pose(r, route, ahead):
+    """Return the route's point `ahead` [m] of the robot and its heading [rad]."""
+    at = (r["position"] + ahead) / r["spacing"]
+    k = min(int(at), r["points"] - 2)
+    part = at - np.float32(k)
+    dx, dy = route[k + 1, 0] - route[k, 0], route[k + 1, 1] - route[k, 1]
+    return route[k, 0] + part * dx, route[k, 1] + part * dy, arc_tan2(dy, dx)
+
+
+@inline
+def _write_goals(r, route, apart, many, goals):
+    """Write poses along the route into goals float32[many + 3, 4]; at its end the heading is free. Return how many."""
+    to_go = np.float32(r["points"] - 1) * r["spacing"] - r["position"]
+    last = min(FIRST + apart * np.float32(many - 1), to_go)
+    count = 0
+    for k in range(many):
+        ahead = min(FIRST + apart * np.float32(k), to_go)
+        x, y, heading = _route_pose(r, route, ahead)
+        goals[count, 0], goals[count, 1], goals[count, 2] = x, y, heading
+        goals[count, 3] = (last - ahead) / CRUISE
+        count += 1
+        if ahead == to_go:
+            for quarter in range(1, 4):
+                goals[count, 0], goals[count, 1] = x, y
+                goals[count, 2] = wrap(heading + np.float32(quarter) * HALF_PI)
+                goals[count, 3] = ZERO
+                count += 1
+            break
+    return count
+
+
+@kernel
+def bodies_near(r, bodies, p):
+    """Return float32[K, 4] (centre x, y, cos, sin) of the others near the robot, of bodies [BODY, N] (buckets.py)."""
+    cx, cy = r["x"] - p["offset"] * r["cos"], r["y"] - p["offset"] * r["sin"]
+    near = np.empty((MOST_NEAR, 4), np.float32)
+    count = 0
+    for n in range(bodies.shape[1]):
+        dx, dy = bodies[CENTRE_X, n] - cx, bodies[CENTRE_Y, n] - cy
+        square = dx * dx + dy * dy
+        if ZERO < square < NEAR * NEAR and count < MOST_NEAR:  # its own centre is no way off
+            near[count, 0], near[count, 1] = bodies[CENTRE_X, n], bodies[CENTRE_Y, n]
+            near[count, 2], near[count, 3] = bodies[COS, n], bodies[SIN, n]
+            count += 1
+    return near[:count]
+
+
+@kernel
+def plan_to_route(r, route, arcs, bodies, most, p, solid, clearance, metric):
+    """Begin the soonest manoeuvre to a pose on the robot's own route (see above)."""
+    if r["points"] < 2:
+        return manoeuvre.NONE
+    nothing = np.empty((0, 4), np.float32)
+    near, far = np.empty((MANY + 3, 4), np.float32), np.empty((FAR_MANY + 3, 4), np.float32)
+    near = near[: _write_goals(r, route, APART, MANY, near)]
+    far = far[: _write_goals(r, route, FAR_APART, FAR_MANY, far)]
+    for k in range(2 * manoeuvre.TRIES):
+        trial = manoeuvre.trial_of(k // 2, bodies)
+        goals = near if k % 2 == 0 else far
+        found = manoeuvre.search_once(
+            r["x"], r["y"], r["heading"], r["steer"], goals, nothing, bodies, trial, most,
+            p, solid, clearance, metric, arcs,
+        )  # fmt: skip
+        if found > 0:
+            begin(r, found, arcs, manoeuvre.MARGINS[trial])
+        if found >= 0:
+            return found
+        if found == manoeuvre.CUT_OFF and most < manoeuvre.MOST:
+            break
+    return manoeuvre.NONE
+
+
+@kernel
+def plan_aside(r, arcs, avoid, bodies, p, solid, clearance, metric):
+    """Begin the soonest manoeuvre to a pose whose body is off all rectangles of `avoid` (see above)."""
+    goals = np.empty((0, 4), np.float32)
+    x, y, heading, steer = r["x"], r["y"], r["heading"], r["steer"]
+    found, margin = manoeuvre.search(
+        x, y, heading, steer, goals, avoid, bodies, ASIDE, p, solid, clearance, metric, arcs
+    )
+    if found > 0:
+        begin(r, found, arcs, margin)
+    return found

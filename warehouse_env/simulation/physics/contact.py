@@ -1,0 +1,278 @@
+"""Who touches whom: trial motion, exact contact, put-back, and the episodes that are counted.
+
+All robots move at once; whoever runs into something is put back to the substep's start with zero speed, and this
+is repeated until nothing overlaps: at worst all stand where they stood. So no body ever overlaps another.
+A contact episode begins with a touch and ends when the gap is wider than `near_miss_gap`: a robot that keeps
+pushing another is counted once, however often it is put back. A near miss is a gap under `near_miss_gap` that
+opened again untouched.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline, kernel
+from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, bucket_at
+from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at
+from warehouse_env.simulation.physics.geometry import rectangle_gap, rectangles_touch
+from warehouse_env.simulation.physics.kinematics import drive
+from warehouse_env.simulation.physics.trigonometry import ONE, ZERO, sin_cos
+from warehouse_env.simulation.state import GAP_HORIZON
+
+_HORIZON = np.float32(GAP_HORIZON)
+NEAR, CONTACT = 1, 2  # status of a pair: near and untouched, in a contact episode; 0 = apart
+
+# Rows of `motion` float32[MOTION, N], the robots' motion within one physics step, field by field side by side: the
+# present pose, what changes it, the pose that is tried, and the room [m] that a robot has to the nearest shelf.
+X, Y, HEADING, COS, SIN, SPEED, STEER, ACCELERATION, STEER_RATE = range(9)
+TRY_X, TRY_Y, TRY_HEADING, TRY_COS, TRY_SIN, ROOM = range(9, 15)
+MOTION = 15
+# `lanes` float32[MOTION x LANES] holds LANES robots of `motion` at constant distances, so that the compiler sees that
+# the rows do not overlap; whether a robot moves stands in place of its room.
+LANES, MOVES = 8, ROOM
+# Rows of `flags` int32[FLAGS, N]: does the tried pose differ from the present one, is it to be put back?
+MOVING, BLOCKED = 0, 1
+FLAGS = 2
+
+
+@kernel
+def scratch(count, p):
+    """Return a world's arrays: pairs int32[P, 3], motion float32[MOTION, N], flags int32[FLAGS, N] and lanes."""
+    pairs, lanes = np.empty((p["most_pairs"], 3), np.int32), np.zeros(MOTION * LANES, np.float32)
+    return pairs, np.empty((MOTION, count), np.float32), np.empty((FLAGS, count), np.int32), lanes
+
+
+@inline
+def list_pairs(bodies, order, starts, p, pairs):
+    """Write the pairs (i, j, touched = 0), j < i, that could come near within a physics step; return their number.
+
+    bodies, order, starts: see buckets.sort.
+    """
+    count = 0
+    reach, columns = p["pair_range"], p["bucket_columns"]
+    for n in range(bodies.shape[1]):
+        cx, cy = bodies[CENTRE_X, n], bodies[CENTRE_Y, n]
+        row, column = bucket_at(cx, cy, p)
+        left, right = max(column - 1, 0), min(column + 2, columns)
+        for by in range(max(row - 1, 0), row + 1):
+            # each pair once: of the own row and the one below, those that come before in the order
+            for m in range(starts[by * columns + left], min(starts[by * columns + right], n)):
+                dx, dy = bodies[CENTRE_X, m] - cx, bodies[CENTRE_Y, m] - cy
+                if dx * dx + dy * dy < reach * reach and count < pairs.shape[0]:
+                    pairs[count, 0] = max(order[n], order[m])
+                    pairs[count, 1] = min(order[n], order[m])
+                    pairs[count, 2] = 0
+                    count += 1
+    return count
+
+
+@inline
+def load(robots, i, acceleration, steer_rate, p, clearance, motion):
+    """Take robot i's state at the start of a physics step, and its command [m/s^2], [rad/s], into `motion`."""
+    r = robots[i]
+    c, s = r["cos"], r["sin"]
+    motion[X, i], motion[Y, i], motion[HEADING, i] = r["x"], r["y"], r["heading"]
+    motion[COS, i], motion[SIN, i] = c, s
+    motion[SPEED, i], motion[STEER, i] = r["speed"], r["steer"]
+    motion[ACCELERATION, i], motion[STEER_RATE, i] = acceleration, steer_rate
+    centre_x, centre_y = r["x"] - p["offset"] * c, r["y"] - p["offset"] * s
+    motion[ROOM, i] = clearance_at(centre_x, centre_y, clearance, p["cell"]) - p["radius"]
+
+
+@inline
+def store(robots, motion):
+    """Write the motion of a physics step back into the robots."""
+    for i in range(robots.shape[0]):
+        r = robots[i]
+        r["x"], r["y"], r["heading"] = motion[X, i], motion[Y, i], motion[HEADING, i]
+        r["cos"], r["sin"] = motion[COS, i], motion[SIN, i]
+        r["speed"], r["steer"] = motion[SPEED, i], motion[STEER, i]
+
+
+@inline
+def _drive_lanes(lanes, p):
+    """Move the robots in `lanes` for a substep, on trial; without branches and calls, so in vector instructions."""
+    dt, wheelbase = p["dt"], p["wheelbase"]
+    slowest, fastest, lock = p["min_speed"], p["max_speed"], p["max_steer"]
+    for k in range(LANES):
+        speed, steer = lanes[SPEED * LANES + k], lanes[STEER * LANES + k]
+        next_speed = min(max(speed + lanes[ACCELERATION * LANES + k] * dt, slowest), fastest)
+        next_steer = min(max(steer + lanes[STEER_RATE * LANES + k] * dt, -lock), lock)
+        x, y, heading = lanes[X * LANES + k], lanes[Y * LANES + k], lanes[HEADING * LANES + k]
+        c, s = lanes[COS * LANES + k], lanes[SIN * LANES + k]
+        to_x, to_y, to_heading = drive(x, y, heading, speed, next_speed, steer, next_steer, wheelbase, dt)
+        to_s, to_c = sin_cos(to_heading)
+        stands = (speed == ZERO) & (next_speed == ZERO)
+        lanes[SPEED * LANES + k] = next_speed
+        lanes[STEER * LANES + k] = next_steer
+        lanes[TRY_X * LANES + k] = x if stands else to_x
+        lanes[TRY_Y * LANES + k] = y if stands else to_y
+        lanes[TRY_HEADING * LANES + k] = heading if stands else to_heading
+        lanes[TRY_COS * LANES + k] = c if stands else to_c
+        lanes[TRY_SIN * LANES + k] = s if stands else to_s
+        lanes[MOVES * LANES + k] = ZERO if stands else ONE
+
+
+@inline
+def try_motion(motion, flags, lanes, p):
+    """Move all robots for a substep, on trial: the TRY_ rows; speed and steering change for good."""
+    for begin in range(0, motion.shape[1], LANES):
+        count = min(LANES, motion.shape[1] - begin)
+        for row in range(TRY_X):
+            for k in range(count):
+                lanes[row * LANES + k] = motion[row, begin + k]
+        _drive_lanes(lanes, p)
+        for k in range(count):
+            for row in range(SPEED, STEER + 1):
+                motion[row, begin + k] = lanes[row * LANES + k]
+            for row in range(TRY_X, TRY_SIN + 1):
+                motion[row, begin + k] = lanes[row * LANES + k]
+            flags[MOVING, begin + k] = lanes[MOVES * LANES + k] != ZERO
+
+
+@inline
+def put_back(motion, flags, i):
+    """Make the present pose the one that robot i tries, and stop it."""
+    motion[TRY_X, i], motion[TRY_Y, i], motion[TRY_HEADING, i] = motion[X, i], motion[Y, i], motion[HEADING, i]
+    motion[TRY_COS, i], motion[TRY_SIN, i] = motion[COS, i], motion[SIN, i]
+    motion[SPEED, i] = ZERO
+    flags[MOVING, i] = 0
+    flags[BLOCKED, i] = 0
+
+
+@inline
+def keep_off_shelves(robots, motion, flags, p, solid, clearance):
+    """Put back the robots whose trial pose touches a shelf."""
+    for i in range(robots.shape[0]):
+        if flags[MOVING, i] == 0 or motion[ROOM, i] > p["stride"]:  # too far off for this physics step
+            continue
+        c, s = motion[TRY_COS, i], motion[TRY_SIN, i]
+        cx, cy = motion[TRY_X, i] - p["offset"] * c, motion[TRY_Y, i] - p["offset"] * s
+        if body_touches_shelf(cx, cy, c, s, p["half_length"], p["half_width"], solid, clearance, p["cell"]):
+            put_back(motion, flags, i)
+            r = robots[i]
+            r["touching"] = 1
+            if r["shelf_contact"] == 0:
+                r["hit_shelf"] += 1
+            r["shelf_contact"] = 1
+
+
+@inline
+def _tried_bodies_touch(motion, i, j, p):
+    """Whether the trial poses of robots i and j touch."""
+    offset, half_length, half_width = p["offset"], p["half_length"], p["half_width"]
+    c, s, other_c, other_s = motion[TRY_COS, i], motion[TRY_SIN, i], motion[TRY_COS, j], motion[TRY_SIN, j]
+    dx = (motion[TRY_X, j] - offset * other_c) - (motion[TRY_X, i] - offset * c)
+    dy = (motion[TRY_Y, j] - offset * other_s) - (motion[TRY_Y, i] - offset * s)
+    reach = p["radius"] + p["radius"]
+    return dx * dx + dy * dy <= reach * reach and rectangles_touch(
+        dx, dy, c, s, half_length, half_width, other_c, other_s, half_length, half_width
+    )
+
+
+@inline
+def _runs_into(motion, i, j, p):
+    """Whether robot i's trial pose touches robot j where that stood: then i is at fault, whatever j does."""
+    offset, half_length, half_width = p["offset"], p["half_length"], p["half_width"]
+    c, s, other_c, other_s = motion[TRY_COS, i], motion[TRY_SIN, i], motion[COS, j], motion[SIN, j]
+    dx = (motion[X, j] - offset * other_c) - (motion[TRY_X, i] - offset * c)
+    dy = (motion[Y, j] - offset * other_s) - (motion[TRY_Y, i] - offset * s)
+    return rectangles_touch(dx, dy, c, s, half_length, half_width, other_c, other_s, half_length, half_width)
+
+
+@inline
+def keep_off_robots(motion, flags, pairs, count, p):
+    """Put back the robots whose trial poses touch, at once, again and again until none do.
+
+    Of two that touch, the one that ran into where the other stood is put back, so that nobody is held by a robot
+    that pushes it; both are if both did, or if they met half-way.
+    """
+    again = count > 0
+    flags[BLOCKED, :] = 0
+    while again:
+        again = False
+        for k in range(count):
+            i, j = pairs[k, 0], pairs[k, 1]
+            if (flags[MOVING, i] == 0 and flags[MOVING, j] == 0) or not _tried_bodies_touch(motion, i, j, p):
+                continue
+            first, second = _runs_into(motion, i, j, p), _runs_into(motion, j, i, p)
+            if first or not second:
+                flags[BLOCKED, i] = flags[MOVING, i]
+            if second or not first:
+                flags[BLOCKED, j] = flags[MOVING, j]
+            pairs[k, 2] = 1
+            again = True
+        if again:
+            for i in range(flags.shape[1]):
+                if flags[BLOCKED, i] != 0:
+                    put_back(motion, flags, i)
+
+
+@inline
+def accept_motion(robots, motion):
+    """Make the trial poses the real ones, and add up the distance driven."""
+    for i in range(robots.shape[0]):
+        dx, dy = motion[TRY_X, i] - motion[X, i], motion[TRY_Y, i] - motion[Y, i]
+        way = np.sqrt(dx * dx + dy * dy)
+        r = robots[i]
+        r["driven"] += way
+        r["distance"] += np.float64(way)
+        for k in range(5):
+            motion[X + k, i] = motion[TRY_X + k, i]
+
+
+@inline
+def judge_pairs(robots, motion, pairs, count, stamps, clock, p):
+    """Measure the gaps, and begin and end contact episodes and near misses.
+
+    stamps int32[N, N]: 4 x clock + status of a pair when it was last near, so that nothing must be cleared.
+    """
+    offset, half_length, half_width = p["offset"], p["half_length"], p["half_width"]
+    reach = p["radius"] + p["radius"] + _HORIZON
+    for k in range(count):
+        i, j = pairs[k, 0], pairs[k, 1]
+        c, s, other_c, other_s = motion[COS, i], motion[SIN, i], motion[COS, j], motion[SIN, j]
+        dx = (motion[X, j] - offset * other_c) - (motion[X, i] - offset * c)
+        dy = (motion[Y, j] - offset * other_s) - (motion[Y, i] - offset * s)
+        if dx * dx + dy * dy > reach * reach:
+            continue
+        gap = rectangle_gap(dx, dy, c, s, half_length, half_width, other_c, other_s, half_length, half_width)
+        r, o = robots[i], robots[j]
+        if pairs[k, 2] != 0:
+            gap = ZERO
+        r["gap"] = min(r["gap"], gap)
+        o["gap"] = min(o["gap"], gap)
+        stamp = stamps[i, j]
+        before = stamp & 3 if stamp >> 2 == clock - 1 else 0
+        now = before
+        if pairs[k, 2] != 0:
+            r["touching"] = 1
+            o["touching"] = 1
+            now = CONTACT
+            if before != CONTACT:
+                r["hit_robot"] += 1
+                o["hit_robot"] += 1
+        elif gap >= p["near_miss_gap"]:
+            now = 0
+            if before == NEAR:
+                r["near_miss"] += 1
+                o["near_miss"] += 1
+        elif before == 0:
+            now = NEAR
+        if now != 0:
+            stamps[i, j] = 4 * clock + now
+
+
+@inline
+def end_shelf_contacts(robots, p, solid, clearance):
+    """A shelf episode ends when the body, widened by near_miss_gap, is free again."""
+    wide = p["near_miss_gap"]
+    for i in range(robots.shape[0]):
+        r = robots[i]
+        if r["shelf_contact"] != 0:
+            c, s = r["cos"], r["sin"]
+            cx, cy = r["x"] - p["offset"] * c, r["y"] - p["offset"] * s
+            if not body_touches_shelf(
+                cx, cy, c, s, p["half_length"] + wide, p["half_width"] + wide, solid, clearance, p["cell"]
+            ):
+                r["shelf_contact"] = 0

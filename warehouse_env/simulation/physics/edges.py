@@ -1,0 +1,188 @@
+"""The shelves' edges as the lidar sees them: for every cell, the few that face it, lie in range and are not hidden.
+
+Made once per map and range. A ray then meets no cells but a handful of edges, of which a run of shelves has only one.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.kernel import inline, kernel
+
+_EXACT = 1e-9  # [cells] rounding of the crossings below
+WEST, EAST, SOUTH, NORTH = 0, 1, 2, 3  # where an edge faces: to its free side
+_FACES = 4
+
+
+class Edges(NamedTuple):
+    """Static arrays of one map and lidar range. An edge runs along x = line or y = line, from `low` to `high`."""
+
+    edges: NDArray[np.float32]  # [K, 3]: line, low, high [m]
+    seen: NDArray[np.int32]  # edges by cell, one list after another; of each, those along x = line come first
+    first: NDArray[np.int32]  # [H + 2, W + 2, 3]: where a cell's list begins, where those along y begin, its end
+
+
+@kernel
+def _merged(solid, cell_edges):
+    """Number the longest straight edges; cell_edges int32[4, H + 2, W + 2]: that of each free cell's side, or -1.
+
+    Returns the edges as float64[K, 4]: face, line, low, high, in cells of the padded floor `solid` (y up).
+    """
+    rows, columns = solid.shape
+    found: list[tuple[float, float, float, float]] = []
+    for face in range(_FACES):
+        across_x = face in (WEST, EAST)
+        step = 1 if face in (WEST, SOUTH) else -1  # from the free cell to the shelf it looks at
+        outer, inner = (columns, rows) if across_x else (rows, columns)
+        for a in range(outer):
+            b = 0
+            while b < inner:
+                row, column = (b, a) if across_x else (a, b)
+                other_row, other_column = (row, column + step) if across_x else (row + step, column)
+                inside = 0 <= other_row < rows and 0 <= other_column < columns
+                if not inside or solid[row, column] != 0 or solid[other_row, other_column] == 0:
+                    b += 1
+                    continue
+                low = b
+                while b < inner:
+                    row, column = (b, a) if across_x else (a, b)
+                    other_row, other_column = (row, column + step) if across_x else (row + step, column)
+                    if solid[row, column] != 0 or solid[other_row, other_column] == 0:
+                        break
+                    cell_edges[face, row, column] = len(found)
+                    b += 1
+                found.append((float(face), float(a + 1 if step > 0 else a), float(low), float(b)))
+    edges = np.empty((len(found), 4))
+    for k in range(len(found)):
+        edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3] = found[k]
+    return edges
+
+
+@inline
+def _all_cross(row, column, across_x, line, low, high, wall_across_x, sign, wall, wall_low, wall_high):
+    """Whether every line of sight from the cell to an edge crosses another one, the wall: it is hidden.
+
+    across_x: does it run along x = line? sign: on which side of the wall's line its shelf is.
+    """
+    for end in range(2):
+        far = low if end == 0 else high
+        far_x, far_y = (line, far) if across_x else (far, line)
+        across, beside = (far_x, far_y) if wall_across_x else (far_y, far_x)
+        if sign * (across - wall) < 0.0:
+            return False
+        for corner in range(4):
+            near_x, near_y = float(column + corner % 2), float(row + corner // 2)
+            from_across, from_beside = (near_x, near_y) if wall_across_x else (near_y, near_x)
+            if across == from_across:
+                return False
+            at = from_beside + (wall - from_across) / (across - from_across) * (beside - from_beside)
+            if at < wall_low - _EXACT or at > wall_high + _EXACT:
+                return False
+    return True
+
+
+@kernel
+def _squared_way(row, column, edge):
+    """Return the squared distance from the cell to an edge [cells^2], infinite if it does not face the cell."""
+    face, line, low, high = int(edge[0]), edge[1], edge[2], edge[3]
+    across, beside = (column, row) if face in (WEST, EAST) else (row, column)
+    away = line - (across + 1) if face in (WEST, SOUTH) else across - line
+    aside = max(max(low - (beside + 1), beside - high), 0.0)
+    return away * away + aside * aside if away >= 0.0 else np.inf
+
+
+@kernel
+def _candidates(row, column, solid, cell_edges, edges, reach, marks, out, ways):
+    """Write the edges that face a cell within `reach` [cells], each once, and their squared ways; return their number.
+
+    marks int32[K]: the last cell that has looked at an edge.
+    """
+    rows, columns = solid.shape
+    mark = row * columns + column + 1
+    span = int(math.ceil(min(reach, rows + columns))) + 1
+    count = 0
+    for r in range(max(row - span, 0), min(row + span + 1, rows)):
+        for c in range(max(column - span, 0), min(column + span + 1, columns)):
+            for face in range(_FACES):
+                k = cell_edges[face, r, c]
+                if k >= 0 and marks[k] != mark:
+                    marks[k] = mark
+                    ways[count] = _squared_way(row, column, edges[k])
+                    if ways[count] <= reach * reach:
+                        out[count] = k
+                        count += 1
+    return count
+
+
+@kernel
+def _hide(row, column, edges, near, ways, hidden):
+    """Say which of the edges `near` int32[M] are hidden from the cell by another of them; ways: of each, squared.
+
+    Lines of sight meet what hides before what is hidden, so it is no farther; and behind what is hidden itself, all is
+    hidden by the same edge. So each is held against those before it that are seen, and those as far away: else a long
+    range takes minutes.
+    """
+    order = np.argsort(ways)
+    front = np.empty(len(near), np.int32)
+    seen = 0
+    for n in range(len(near)):
+        e = near[order[n]]
+        across_x, line, low, high = int(edges[e, 0]) < SOUTH, edges[e, 1], edges[e, 2], edges[e, 3]
+        as_far = n + 1
+        while as_far < len(near) and ways[order[as_far]] == ways[order[n]]:
+            as_far += 1
+        hidden[order[n]] = False
+        for k in range(seen + as_far - n - 1):
+            w = front[k] if k < seen else near[order[n + 1 + k - seen]]
+            face = int(edges[w, 0])
+            sign = 1.0 if face in (WEST, SOUTH) else -1.0
+            if _all_cross(
+                row, column, across_x, line, low, high, face < SOUTH, sign, edges[w, 1], edges[w, 2], edges[w, 3]
+            ):
+                hidden[order[n]] = True
+                break
+        if not hidden[order[n]]:
+            front[seen] = e
+            seen += 1
+
+
+@kernel
+def _lists(solid, cell_edges, edges, reach):
+    """Return (seen, first) of Edges; nothing is seen from a shelf's cell."""
+    rows, columns = solid.shape
+    first = np.zeros((rows, columns, 3), np.int32)
+    marks = np.zeros(len(edges), np.int32)
+    near, ways, hidden = np.empty(len(edges), np.int32), np.empty(len(edges) + 1), np.empty(len(edges), np.bool_)
+    seen = [np.int32(0) for _ in range(0)]
+    for row in range(rows):
+        for column in range(columns):
+            count = 0
+            if solid[row, column] == 0:
+                count = _candidates(row, column, solid, cell_edges, edges, reach, marks, near, ways)
+                _hide(row, column, edges, near[:count], ways[:count], hidden)
+            first[row, column, 0] = len(seen)
+            for along_y in range(2):
+                for k in range(count):
+                    if hidden[k] or (edges[near[k], 0] in (SOUTH, NORTH)) != (along_y == 1):
+                        continue
+                    seen.append(near[k])
+                first[row, column, 1 + along_y] = len(seen)
+    return np.array(seen, dtype=np.int32), first
+
+
+def edges_of(solid: NDArray[np.uint8], cell: float, lidar_range: float) -> Edges:
+    """Return the edges of a floor.
+
+    solid: uint8[H + 2, W + 2], padded shelves, y up; cell [m]; lidar_range [m].
+    """
+    cell_edges = np.full((_FACES, *solid.shape), -1, dtype=np.int32)
+    edges = _merged(solid, cell_edges)
+    seen, first = _lists(solid, cell_edges, edges, lidar_range / cell)
+    metres = ((edges[:, 1:] - 1.0) * cell).astype(np.float32)  # without the padding
+    for array in (metres, seen, first):
+        array.flags.writeable = False
+    return Edges(metres, seen, first)

@@ -1,0 +1,78 @@
+"""The floor as the kernels see it: padded shelves, y up, and a fine field of guaranteed clearance."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import EnvConfig, SensorSpec
+from warehouse_env.kernel import kernel
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.layouts import make_layout
+from warehouse_env.maps.movingai import read_map
+from warehouse_env.simulation.physics.edges import Edges, edges_of
+
+FINE = 8  # samples of the clearance field per cell side
+UNIT = 0.01  # [m] per count of the clearance field, which saturates at 2.55 m
+
+
+def load_grid(config: EnvConfig) -> GridMap:
+    """Return the map that a config names: its map_file, or else its layout."""
+    return make_layout(config.layout) if config.map_file is None else read_map(config.map_file)
+
+
+class Floor(NamedTuple):
+    """Static arrays of one map."""
+
+    solid: NDArray[np.uint8]  # [H + 2, W + 2], 1 = shelf or outside; row 0 is the rim south of the map
+    clearance: NDArray[np.uint8]  # [H * FINE, W * FINE], y up: lower bound of the distance to the nearest shelf
+    cell: np.float32  # [m]
+    edges: Edges  # what the lidar sees of the shelves
+
+
+@kernel
+def _clearance(solid, cell, fine, unit, out):
+    """Fill `out` with floor((distance from the sample's centre - half its diagonal) / unit), within 0..255."""
+    rows, columns = out.shape
+    step = cell / fine
+    reach = int(math.ceil(255.0 * unit / cell)) + 1
+    for i in range(rows):
+        for j in range(columns):
+            y = (i + 0.5) * step
+            x = (j + 0.5) * step
+            row = i // fine + 1
+            column = j // fine + 1
+            best = 1e9
+            for r in range(max(0, row - reach), min(solid.shape[0], row + reach + 1)):
+                dy = max(max((r - 1) * cell - y, y - r * cell), 0.0)
+                if dy * dy >= best:
+                    continue
+                for c in range(max(0, column - reach), min(solid.shape[1], column + reach + 1)):
+                    if solid[r, c]:
+                        dx = max(max((c - 1) * cell - x, x - c * cell), 0.0)
+                        best = min(best, dx * dx + dy * dy)
+            distance = math.sqrt(best) - step * math.sqrt(0.5)
+            out[i, j] = int(min(max(distance / unit, 0.0), 255.0))
+
+
+@lru_cache(maxsize=16)
+def _floor(key: str, grid_text: bytes, rows: int, columns: int, cell: float, lidar_range: float) -> Floor:
+    occupied = np.frombuffer(grid_text, dtype=np.uint8).reshape(rows, columns)
+    solid = np.ones((rows + 2, columns + 2), dtype=np.uint8)
+    solid[1:-1, 1:-1] = occupied[::-1]
+    clearance = np.empty((rows * FINE, columns * FINE), dtype=np.uint8)
+    _clearance(solid, float(cell), FINE, UNIT, clearance)
+    solid.flags.writeable = False
+    clearance.flags.writeable = False
+    return Floor(solid, clearance, np.float32(cell), edges_of(solid, cell, lidar_range))
+
+
+def floor_of(grid: GridMap, lidar_range: float = SensorSpec.lidar_range) -> Floor:
+    """Return the kernels' view of a map, with its edges within `lidar_range` [m]; cached by the map's content."""
+    rows, columns = grid.shape
+    text = grid.occupied.astype(np.uint8).tobytes()
+    return _floor(grid.key, text, rows, columns, grid.cell_size, lidar_range)

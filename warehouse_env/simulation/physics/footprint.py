@@ -1,0 +1,118 @@
+"""The robot's body on the floor: does it, or its sweep along an arc, touch a shelf?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline
+from warehouse_env.simulation.physics.floor import FINE, UNIT
+from warehouse_env.simulation.physics.geometry import rectangles_touch
+from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
+
+_FINE = np.float32(FINE)
+_UNIT = np.float32(UNIT)
+_THIRD = np.float32(1.0 / 3.0)
+_TWO_THIRDS = np.float32(2.0 / 3.0)
+_SWEEP_STEP = np.float32(0.12)  # [m] of the front axle between two checked poses, on a gentle arc
+_SWEEP_TURN = np.float32(0.06)  # [rad] between two checked poses, on a sharp one; less where the margin is narrow, so
+_TURN_PER_MARGIN = np.float32(1.25)  # [rad/m] that no corner slips past another deeper than half the margin,
+_LEAST_TURN = np.float32(0.001)  # [rad] but not without end
+
+
+@inline
+def clearance_at(x, y, clearance, cell):
+    """Return a lower bound of the distance [m] from a point to the nearest shelf, 0 outside the map."""
+    if x < ZERO or y < ZERO:
+        return ZERO
+    scale = _FINE / cell
+    row = int(y * scale)
+    column = int(x * scale)
+    if row >= clearance.shape[0] or column >= clearance.shape[1]:
+        return ZERO
+    return np.float32(clearance[row, column]) * _UNIT
+
+
+@inline
+def body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, cell):
+    """Return whether the closed rectangle at (cx, cy) [m] with heading (c, s) touches a shelf or the rim.
+
+    Three discs that cover the body settle most cases by the clearance field; the rest is exact.
+    """
+    third = half_length * _THIRD
+    radius = np.sqrt(third * third + half_width * half_width)
+    shift = half_length * _TWO_THIRDS
+    if (
+        clearance_at(cx, cy, clearance, cell) > radius
+        and clearance_at(cx + shift * c, cy + shift * s, clearance, cell) > radius
+        and clearance_at(cx - shift * c, cy - shift * s, clearance, cell) > radius
+    ):
+        return False
+    ex = half_length * abs(c) + half_width * abs(s)
+    ey = half_length * abs(s) + half_width * abs(c)
+    half = HALF * cell
+    rows, columns = solid.shape
+    first_row = max(int(np.ceil((cy - ey) / cell)), 0)
+    last_row = min(int(np.floor((cy + ey) / cell)) + 1, rows - 1)
+    first_column = max(int(np.ceil((cx - ex) / cell)), 0)
+    last_column = min(int(np.floor((cx + ex) / cell)) + 1, columns - 1)
+    for row in range(first_row, last_row + 1):
+        for column in range(first_column, last_column + 1):
+            if solid[row, column] != 0:
+                dx = (np.float32(column) - HALF) * cell - cx
+                dy = (np.float32(row) - HALF) * cell - cy
+                if rectangles_touch(dx, dy, c, s, half_length, half_width, ONE, ZERO, half, half):
+                    return True
+    return False
+
+
+@inline
+def body_room(cx, cy, c, s, half_length, half_width, clearance, cell):
+    """Return metres that no point of the body at (cx, cy) can be moved into a shelf; none or negative: not known."""
+    room = clearance_at(cx, cy, clearance, cell) - np.sqrt(half_length * half_length + half_width * half_width)
+    if room > ZERO:
+        return room
+    third = half_length * _THIRD
+    shift = half_length * _TWO_THIRDS
+    nearest = min(
+        clearance_at(cx, cy, clearance, cell),
+        clearance_at(cx + shift * c, cy + shift * s, clearance, cell),
+        clearance_at(cx - shift * c, cy - shift * s, clearance, cell),
+    )
+    return nearest - np.sqrt(third * third + half_width * half_width)
+
+
+@inline
+def sweep_is_free(x, y, c, s, bend, distance, margin, p, solid, clearance):
+    """Return whether the body keeps `margin` [m] from shelves along an arc of curvature `bend` [1/m].
+
+    (x, y) is the front axle, (c, s) its heading, `distance` [m] signed (negative: backwards).
+    The pose at the start is not checked: a robot that stands too close must be able to leave.
+    Poses that are nearer to a checked one than its room allows are free as well, and passed over.
+    """
+    cell = p["cell"]
+    half_length = p["half_length"] + margin
+    half_width = p["half_width"] + margin
+    step = _SWEEP_STEP
+    turn = min(max(_TURN_PER_MARGIN * margin, _LEAST_TURN), _SWEEP_TURN)
+    if abs(bend) * step > turn:
+        step = turn / abs(bend)
+    count = int(abs(distance) / step) + 1
+    step = distance / np.float32(count)
+    turn_s, turn_c = sin_cos(step * bend)
+    half_s, half_c = sin_cos(HALF * step * bend)
+    most = abs(step) * (ONE + (abs(p["offset"]) + half_length) * abs(bend))  # that any point moves from pose to pose
+    room = ZERO
+    for k in range(count):
+        x += step * (c * half_c - s * half_s)
+        y += step * (s * half_c + c * half_s)
+        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+        room -= most
+        if room > ZERO:
+            continue
+        cx, cy = x - p["offset"] * c, y - p["offset"] * s
+        room = body_room(cx, cy, c, s, half_length, half_width, clearance, cell)
+        if room > most * np.float32(count - 1 - k):
+            return True
+        if room <= ZERO and body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, cell):
+            return False
+    return True

@@ -1,0 +1,62 @@
+"""Motion of a four-wheel, rear-steer, rear-drive robot; the pose is the centre of its fixed front axle.
+
+Paper 000, eq. (2): dx = v cos b, dy = v sin b, db = w. At the fixed axle it holds exactly, with
+w = -v tan(d) / L: the rear wheels turned left swing the tail right and the nose right.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline
+from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos, wrap
+
+_SIXTH = np.float32(1.0 / 6.0)
+_OVER_120 = np.float32(1.0 / 120.0)
+
+
+@inline
+def approach(value, target, most):
+    """Return `value` moved towards `target` by at most `most`."""
+    if target > value + most:
+        return value + most
+    if target < value - most:
+        return value - most
+    return target
+
+
+@inline
+def curvature(steering, wheelbase):
+    """Return the path's curvature [1/m], positive to the left, for a rear-wheel angle [rad]."""
+    s, c = sin_cos(steering)
+    return -s / (c * wheelbase)
+
+
+@inline
+def braking(speed, p):
+    """Return the acceleration [m/s^2] of a physics step of full braking, which ends at rest at the latest."""
+    return (approach(speed, ZERO, p["max_acceleration"] * p["time_step"]) - speed) / p["time_step"]
+
+
+@inline
+def roll(x, y, heading, distance, bend):
+    """Return the pose (x, y, heading) after `distance` [m] on an arc of curvature `bend` [1/m].
+
+    The front axle moves on the exact circle: the chord of the arc, not its tangent.
+    """
+    turn = distance * bend
+    half = HALF * turn
+    q = half * half
+    chord = distance * (ONE - q * (_SIXTH - q * _OVER_120))  # sin(half) / half
+    s, c = sin_cos(heading + half)
+    return x + chord * c, y + chord * s, wrap(heading + turn)
+
+
+@inline
+def drive(x, y, heading, speed, next_speed, steering, next_steering, wheelbase, dt):
+    """Return the pose (x, y, heading) after `dt` [s] in which speed and steering change linearly.
+
+    The mean speed makes distances exact under constant acceleration.
+    """
+    distance = HALF * (speed + next_speed) * dt
+    return roll(x, y, heading, distance, curvature(HALF * (steering + next_steering), wheelbase))

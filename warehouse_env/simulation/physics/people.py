@@ -1,0 +1,277 @@
+"""People on foot among the robots: discs on errands of their own, whom no command, route or right of way knows of.
+
+They walk from one endpoint to the next by the shortest way, rest there, keep their distance from robots and pass to the
+right of those in their way. Where there is no way past they stand, or step back from who has come too near, and after a
+few seconds turn away. Nobody walks into a robot, so each contact is a robot's doing; people do not heed each other.
+
+Robots have them in their lidar and nowhere else. The protective field knows where they are, but not where they will go:
+it lets a robot drive only if, wherever they walk, it stands before anybody can be where its body will be (passive
+motion safety: Bouraine, Fraichard and Salhi 2012). Of right of way and live routes they are unknown.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
+from warehouse_env.kernel import inline, part
+from warehouse_env.maps.distance import label_regions
+from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.simulation.physics.contact import MOVING, TRY_COS, TRY_SIN, TRY_X, TRY_Y, put_back
+from warehouse_env.simulation.physics.footprint import body_touches_shelf
+from warehouse_env.simulation.physics.stops import BODY_COS, BODY_SIN, CENTRE_X, CENTRE_Y
+from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
+from warehouse_env.simulation.state import PERSON, PERSON_RADIUS
+
+NOTHING, ARRIVED, GIVEN_UP = 0, 1, 2
+
+RADIUS = np.float32(PERSON_RADIUS)  # [m]
+PACE = np.float32(1.2)  # [m/s]
+KEEP = np.float32(0.4)  # [m] that they keep from robots
+PASS = np.float32(0.1)  # [m] that they keep from robots that stand, once they have not come on for ...
+HURRY = np.float32(1.0)  # [s]
+AT_GOAL = np.float32(0.2)  # [m] from the goal's centre
+PATIENCE = np.float32(3.0)  # [s] without coming on until they want to be elsewhere
+RESTS = (5.0, 15.0)  # [s] at a goal, evenly drawn
+START = 2.0  # [m] from the centre of any robot, at the beginning
+_DIAGONAL = np.float32(np.sqrt(0.5))
+# ways tried around what is in the way, as (cosine, sine): straight on, half right, half left, right, left; then back
+_TURNS = np.array([
+    (1, 0), (_DIAGONAL, -_DIAGONAL), (_DIAGONAL, _DIAGONAL), (0, -1), (0, 1),
+    (-1, 0), (-_DIAGONAL, -_DIAGONAL), (-_DIAGONAL, _DIAGONAL),
+], dtype=np.float32)  # fmt: skip
+_ONWARD = 5  # of them
+_STREAM = 2  # behind the world's own entropy; 1 is that of messages.py
+
+
+class People:
+    """The people of all worlds: persons PERSON[B, M], and ways float32[B, M, H, W], the cells that each has to its
+    goal, inf where there is no way; rows count from the south, as in the kernels.
+    """
+
+    def __init__(self, config: EnvConfig, grid: GridMap, worlds: int) -> None:
+        self.persons = np.zeros((worlds, config.people), dtype=PERSON)
+        self.ways = np.zeros((worlds, config.people, *grid.shape), dtype=np.float32)
+        self._grid, self._reach = grid, config.robot.rear_reach
+        # made when first used, as the Dispatcher's
+        self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
+
+    def begin(self, world: int, entropy: list[int] | None, robots: NDArray[np.void]) -> None:
+        """Stand people on the floor, away from robots ROBOT[N]; entropy: what their generator is seeded with, if any.
+
+        Raises ConfigError where there is no room.
+        """
+        if entropy is not None:
+            self._rngs[world] = np.random.default_rng(np.random.SeedSequence([*entropy, _STREAM]))
+        self.persons[world] = np.zeros((), dtype=PERSON)
+        for person in range(self.persons.shape[1]):
+            goal = self._send(world, person)
+            cells = self._rngs[world].permutation(np.argwhere(np.isfinite(self._grid.distance_to(goal))))
+            points = self._grid.centre(cells)
+            gaps = np.hypot(points[:, :1] - robots["x"], points[:, 1:] - robots["y"])
+            free = np.flatnonzero((gaps >= START).all(axis=1))
+            if not len(free):
+                many = self.persons.shape[1]
+                raise ConfigError(f"people={many} find no place {START:g} m from all robots; ask for fewer of either")
+            o = self.persons[world, person]
+            o["x"], o["y"] = points[free[0]]
+            o["cos"] = ONE
+
+    def send_on(self, robots: NDArray[np.void]) -> None:
+        """Give another goal to all who want one: who has arrived rests first, who has given up turns away from the
+        robots ROBOT[B, N] that bar the way.
+        """
+        if not self.persons.size:  # asked at every step: the search below takes longer than a small world needs for one
+            return
+        for world, person in np.argwhere(self.persons["wants"] != NOTHING).tolist():
+            o = self.persons[world, person]
+            turns_away = o["wants"] == GIVEN_UP
+            if not turns_away:
+                o["rest"] = self._rngs[world].uniform(*RESTS)
+            o["wants"] = NOTHING
+            self._send(world, person, self._this_side(o, robots[world]) if turns_away else None)
+
+    def _this_side(self, o: np.void, robots: NDArray[np.void]) -> list[Cell] | None:
+        """Return the cells to which a person can go past no robot, None where it has no cell to itself."""
+        free = ~self._grid.occupied
+        for back in (0.0, self._reach / 2, self._reach):
+            points = np.stack([robots["x"] - back * robots["cos"], robots["y"] - back * robots["sin"]], axis=-1)
+            free[tuple(self._grid.cell(points).T)] = False
+        region = label_regions(free)
+        row, column = self._grid.cell(np.array([o["x"], o["y"]])).tolist()
+        if region[row, column] == 0:
+            return None
+        return [(int(r), int(c)) for r, c in np.argwhere(region == region[row, column])]
+
+    def _send(self, world: int, person: int, cells: list[Cell] | None = None) -> Cell:
+        """Give a person one of these cells as its goal by chance, of all endpoints if None, and return it."""
+        if cells is None:
+            _, _, cells = self._grid.endpoints
+        goal = cells[int(self._rngs[world].integers(len(cells)))]
+        self.ways[world, person] = self._grid.distance_to(goal)[::-1]
+        o = self.persons[world, person]
+        o["goal_x"], o["goal_y"] = self._grid.centre(np.array(goal))
+        o["left"], o["blocked"] = np.inf, 0.0
+        return goal
+
+
+@inline
+def distance_to_body(x, y, cx, cy, c, s, p):
+    """Return the distance [m] of a point from the body at (cx, cy) [m], heading (c, s); 0 inside it."""
+    dx, dy = x - cx, y - cy
+    along = max(abs(dx * c + dy * s) - p["half_length"], ZERO)
+    aside = max(abs(dy * c - dx * s) - p["half_width"], ZERO)
+    return np.sqrt(along * along + aside * aside)
+
+
+@inline
+def _gap(x, y, r, p):
+    """Return the gap [m] between a person at (x, y) and robot r; negative where they touch."""
+    cx, cy = r["x"] - p["offset"] * r["cos"], r["y"] - p["offset"] * r["sin"]
+    return distance_to_body(x, y, cx, cy, r["cos"], r["sin"], p) - RADIUS
+
+
+@inline
+def _may_step(o, x, y, robots, p, solid, clearance):
+    """Whether a person may step to (x, y) [m]: off the shelves, and off robots, or farther off than it is."""
+    if body_touches_shelf(x, y, ONE, ZERO, RADIUS, RADIUS, solid, clearance, p["cell"]):
+        return False
+    for r in robots:
+        gap = _gap(x, y, r, p)
+        keep = PASS if r["speed"] == ZERO and o["blocked"] > HURRY else KEEP
+        if gap < keep and gap < _gap(o["x"], o["y"], r, p):
+            return False
+    return True
+
+
+@inline
+def _is_near(o, robots, p):
+    """Whether a robot has come so near to a person that it may not drive on."""
+    near = False
+    for r in robots:
+        near = near or _gap(o["x"], o["y"], r, p) < KEEP
+    return near
+
+
+@inline
+def _next_place(o, way, p):
+    """Return the point [m] to walk to: the centre of the cell beside a person from which the goal is nearest."""
+    cell = p["cell"]
+    row, column = int(o["y"] / cell), int(o["x"] / cell)
+    best, to_row, to_column = way[row, column], row, column
+    for r in range(max(row - 1, 0), min(row + 2, way.shape[0])):
+        for c in range(max(column - 1, 0), min(column + 2, way.shape[1])):
+            if way[r, c] < best and way[row, c] < np.inf and way[r, column] < np.inf:
+                best, to_row, to_column = way[r, c], r, c
+    return (np.float32(to_column) + HALF) * cell, (np.float32(to_row) + HALF) * cell
+
+
+@inline
+def _step(o, way, robots, p, solid, clearance):
+    """Take a person one step of its way, around what is in it, or else away from a robot that is near."""
+    x, y = _next_place(o, way, p)
+    dx, dy = x - o["x"], y - o["y"]
+    left = np.sqrt(dx * dx + dy * dy)
+    if left == ZERO:
+        return
+    step = min(PACE * p["time_step"], left)
+    c, s = dx / left, dy / left
+    for k in range(_TURNS.shape[0] if _is_near(o, robots, p) else _ONWARD):
+        to_c, to_s = c * _TURNS[k, 0] - s * _TURNS[k, 1], s * _TURNS[k, 0] + c * _TURNS[k, 1]
+        to_x, to_y = o["x"] + step * to_c, o["y"] + step * to_s
+        if _may_step(o, to_x, to_y, robots, p, solid, clearance):
+            o["x"], o["y"], o["cos"], o["sin"] = to_x, to_y, to_c, to_s
+            return
+
+
+@part
+def walk(persons, ways, robots, p, solid, clearance):
+    """Move the people PERSON[M] of a world on by a physics step; ways float32[M, H, W]: see People."""
+    for m in range(persons.shape[0]):
+        o = persons[m]
+        if o["wants"] != NOTHING or o["rest"] > ZERO:
+            o["rest"] = max(o["rest"] - p["time_step"], ZERO)
+            continue
+        dx, dy = o["goal_x"] - o["x"], o["goal_y"] - o["y"]
+        if dx * dx + dy * dy < AT_GOAL * AT_GOAL:
+            o["wants"] = ARRIVED
+            continue
+        _step(o, ways[m], robots, p, solid, clearance)
+        left = ways[m, int(o["y"] / p["cell"]), int(o["x"] / p["cell"])]
+        if left < o["left"]:
+            o["left"], o["blocked"] = left, ZERO
+        else:
+            o["blocked"] += p["time_step"]
+            if o["blocked"] > PATIENCE:
+                o["wants"] = GIVEN_UP
+
+
+@inline
+def keep_off_people(robots, persons, motion, flags, p):
+    """Put back the robots whose trial pose touches a person."""
+    for m in range(persons.shape[0]):
+        o = persons[m]
+        for i in range(robots.shape[0]):
+            c, s = motion[TRY_COS, i], motion[TRY_SIN, i]
+            cx, cy = motion[TRY_X, i] - p["offset"] * c, motion[TRY_Y, i] - p["offset"] * s
+            if flags[MOVING, i] != 0 and distance_to_body(o["x"], o["y"], cx, cy, c, s, p) <= RADIUS:
+                put_back(motion, flags, i)
+                r = robots[i]
+                r["touching"] = 1
+                if r["person_contact"] == 0:
+                    r["hit_person"] += 1
+                r["person_contact"] = 1
+
+
+@inline
+def end_contacts(robots, persons, p):
+    """An episode of contact with people ends when all are farther than near_miss_gap again."""
+    for i in range(robots.shape[0]):
+        r = robots[i]
+        if r["person_contact"] != 0:
+            r["person_contact"] = 0
+            for o in persons:
+                if _gap(o["x"], o["y"], r, p) <= p["near_miss_gap"]:
+                    r["person_contact"] = 1
+
+
+@inline
+def anybody_near(persons, x, y, sweep, p):
+    """Whether anybody could come within `sweep` [m] of a point while a robot drives on for a step and stops."""
+    reach = sweep + RADIUS + p["field_margin"] + PACE * np.float32(p["stop_samples"]) * p["dt"]
+    for o in persons:
+        dx, dy = o["x"] - x, o["y"] - y
+        if dx * dx + dy * dy <= reach * reach:
+            return True
+    return False
+
+
+@inline
+def could_meet(persons, path, samples, p):
+    """Whether anybody could be where the body will be, at a substep of a motion float32[T, PLACE] (see stops.py)."""
+    for o in persons:
+        for n in range(samples):
+            gap = distance_to_body(
+                o["x"], o["y"], path[n, CENTRE_X], path[n, CENTRE_Y], path[n, BODY_COS], path[n, BODY_SIN], p
+            )
+            if gap <= RADIUS + p["field_margin"] + PACE * np.float32(n + 1) * p["dt"]:
+                return True
+    return False
+
+
+@inline
+def scan_people(persons, cx, cy, c, s, rays, out):
+    """Shorten the rays float32[2, R] from (cx, cy) [m], heading (c, s), that meet a person."""
+    for o in persons:
+        dx, dy = o["x"] - cx, o["y"] - cy
+        x, y = dx * c + dy * s, dy * c - dx * s
+        beyond = x * x + y * y - RADIUS * RADIUS
+        for k in range(rays.shape[1]):
+            along = x * rays[0, k] + y * rays[1, k]
+            inside = along * along - beyond
+            if along > ZERO and inside >= ZERO:
+                out[k] = min(out[k], max(along - np.sqrt(inside), ZERO))

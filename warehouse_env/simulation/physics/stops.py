@@ -1,0 +1,191 @@
+"""Motions of the protective field: a step as commanded and then a full stop; outlined, sampled, compared.
+
+Most motions are far from everything, which their outlines tell. Those that are not are sampled at every substep, by the
+same arithmetic with which contact.py moves the bodies.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline, part
+from warehouse_env.simulation.physics.contact import COS, HEADING, SIN, SPEED, STEER, X, Y
+from warehouse_env.simulation.physics.footprint import body_room, body_touches_shelf
+from warehouse_env.simulation.physics.geometry import rectangles_touch, separation
+from warehouse_env.simulation.physics.kinematics import braking, curvature, roll
+from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
+
+REST = np.float32(1e-6)  # [m/s] under which a stop is over: what rounding leaves of a speed
+_EIGHTH = np.float32(0.125)
+_SIXTH = np.float32(1.0 / 6.0)
+_OVER_120 = np.float32(1.0 / 120.0)
+_SHORT = np.float32(0.2)  # [rad] up to which a series gives the chord of an arc
+_ROOT_2 = np.float32(1.4142137)
+SLACK = np.float32(1e-3)  # [m] for what rounding adds up to where poses are not the samples themselves
+# The field's arrays (see field.scratch). paths float32[N + 1, T, PLACE]: the body's centre and heading at each substep
+# of the committed motions; the last row is that of the motion on trial.
+CENTRE_X, CENTRE_Y, BODY_COS, BODY_SIN = range(4)
+PLACE = 4
+# outlines float32[OUTLINE, N + 1]: a rectangle around all that a motion sweeps [m], half its diagonal; if the motion
+# has been sampled, how far any point of the body moves at most in one of its substeps [m].
+MIDDLE_X, MIDDLE_Y, AXIS_COS, AXIS_SIN, LONG, WIDE, REACH, PACE = range(8)
+OUTLINE = 8
+# marks int32[MARK, N + 1]: samples of a path, 0 where it has not been needed yet; do the others know what the robot has
+# committed in this step; does nobody hear of it?
+SAMPLES, COMMITTED, SILENT = 0, 1, 2
+MARK = 3
+
+
+@inline
+def stopping_distance(speed, p):
+    """Return the way [m] of a full stop, negative backwards; a little more, since the last step may brake gently."""
+    hardest, step = p["max_acceleration"], p["time_step"]
+    way = HALF * speed * speed / hardest + _EIGHTH * hardest * step * step
+    return ZERO if speed == ZERO else way if speed > ZERO else -way
+
+
+@inline
+def _along(x, y, heading, distance, bend):
+    """Return the pose after any distance [m] on an arc, as kinematics.roll does for short ones."""
+    half = HALF * distance * bend
+    s, c = sin_cos(heading + half)
+    if abs(half) > _SHORT:
+        chord = distance * sin_cos(half)[0] / half
+    else:
+        chord = distance * (ONE - half * half * (_SIXTH - half * half * _OVER_120))
+    return x + chord * c, y + chord * s, heading + half + half
+
+
+@inline
+def draw_outline(row, x, y, heading, c, s, way, bend, driven, turned, outlines, p):
+    """Write the rectangle that holds all of a stop of `way` [m] from a pose, and of how the body came there.
+
+    Its axis is the heading half-way. From there the front axle drives way / 2 at most along it and bend way^2 / 8 to
+    its side, and the body turns by bend way / 2. Before, it had driven and turned by so much at most [m], [rad].
+    """
+    if way != ZERO:
+        x, y, heading = _along(x, y, heading, HALF * way, bend)
+        s, c = sin_cos(heading)
+    half_way = HALF * abs(way)
+    half_turn = half_way * abs(bend)
+    swing = p["far"] * (half_turn + turned)
+    long = p["half_length"] + half_way + driven + swing
+    wide = p["half_width"] + HALF * half_way * half_turn + driven * (half_turn + turned) + swing
+    outlines[MIDDLE_X, row], outlines[MIDDLE_Y, row] = x - p["offset"] * c, y - p["offset"] * s
+    outlines[AXIS_COS, row], outlines[AXIS_SIN, row] = c, s
+    outlines[LONG, row], outlines[WIDE, row] = long, wide
+    outlines[REACH, row] = np.sqrt(long * long + wide * wide)
+
+
+@part
+def sample(row, i, acceleration, steer_rate, commanded, motion, paths, outlines, marks, p):
+    """Sample robot i's motion into a row of `paths`: `commanded` substeps at a command, then full braking."""
+    x, y, heading, c, s = motion[X, i], motion[Y, i], motion[HEADING, i], motion[COS, i], motion[SIN, i]
+    speed, steer, lock, dt = motion[SPEED, i], motion[STEER, i], p["max_steer"], p["dt"]
+    slowest, fastest, offset, far = p["min_speed"], p["max_speed"], p["offset"], p["far"]
+    substeps, wheelbase = p["substeps"], p["wheelbase"]
+    mean, bend = steer, curvature(steer, wheelbase)
+    pace, n = ZERO, 0
+    paths[row, 0, CENTRE_X], paths[row, 0, CENTRE_Y] = x - offset * c, y - offset * s
+    paths[row, 0, BODY_COS], paths[row, 0, BODY_SIN] = c, s
+    while n + substeps <= paths.shape[1]:
+        if n >= commanded:
+            if abs(speed) < REST:
+                break
+            acceleration, steer_rate = braking(speed, p), ZERO
+        for _ in range(substeps):
+            next_speed = min(max(speed + acceleration * dt, slowest), fastest)
+            next_steer = min(max(steer + steer_rate * dt, -lock), lock)
+            if HALF * (steer + next_steer) != mean:  # also in the substep after the one that reached the lock
+                mean = HALF * (steer + next_steer)
+                bend = curvature(mean, wheelbase)
+            if speed != ZERO or next_speed != ZERO:
+                distance = HALF * (speed + next_speed) * dt
+                x, y, heading = roll(x, y, heading, distance, bend)
+                s, c = sin_cos(heading)
+                pace = max(pace, abs(distance) * (ONE + far * abs(bend)))
+            speed, steer = next_speed, next_steer
+            paths[row, n, CENTRE_X], paths[row, n, CENTRE_Y] = x - offset * c, y - offset * s
+            paths[row, n, BODY_COS], paths[row, n, BODY_SIN] = c, s
+            n += 1
+    outlines[PACE, row] = pace
+    marks[SAMPLES, row] = max(n, 1)
+
+
+@inline
+def outlines_meet(dx, dy, c1, s1, l1, w1, r1, c2, s2, l2, w2, r2, gap):
+    """Whether two outlines come within `gap` [m]; (dx, dy): from middle to middle [m], r: half the diagonals [m]."""
+    reach = r1 + r2 + gap
+    return dx * dx + dy * dy <= reach * reach and rectangles_touch(dx, dy, c1, s1, l1 + gap, w1 + gap, c2, s2, l2, w2)
+
+
+@part
+def least_separation(a, b, paths, outlines, marks, p):
+    """Return the least separation [m] of two motions at equal times; one over the margin may not be the least.
+
+    Substeps in which they cannot come within the margin are passed over: a separation is at least 0.7 of the distance.
+    """
+    half_length, half_width = p["half_length"], p["half_width"]
+    most = outlines[PACE, a] + outlines[PACE, b]
+    last_a, last_b = marks[SAMPLES, a] - 1, marks[SAMPLES, b] - 1
+    last, n, least = max(last_a, last_b), 0, np.float32(np.inf)
+    while n <= last:
+        k, m = min(n, last_a), min(n, last_b)
+        dx = paths[b, m, CENTRE_X] - paths[a, k, CENTRE_X]
+        dy = paths[b, m, CENTRE_Y] - paths[a, k, CENTRE_Y]
+        gap = separation(
+            dx, dy, paths[a, k, BODY_COS], paths[a, k, BODY_SIN], paths[b, m, BODY_COS], paths[b, m, BODY_SIN],
+            half_length, half_width,
+        )  # fmt: skip
+        least = min(least, gap)
+        n += 1
+        spare = gap - _ROOT_2 * p["field_margin"] - SLACK
+        if spare > most:
+            n += last if most == ZERO else int(min(spare / most, np.float32(last)))
+    return least
+
+
+@part
+def meets_shelf(row, paths, outlines, marks, p, solid, clearance):
+    """Whether the body touches a shelf anywhere along a sampled motion."""
+    half_length, half_width, cell, pace = p["half_length"], p["half_width"], p["cell"], outlines[PACE, row]
+    n, count = 0, marks[SAMPLES, row]
+    while n < count:
+        cx, cy = paths[row, n, CENTRE_X], paths[row, n, CENTRE_Y]
+        c, s = paths[row, n, BODY_COS], paths[row, n, BODY_SIN]
+        room = body_room(cx, cy, c, s, half_length, half_width, clearance, cell) - SLACK
+        if room <= ZERO and body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, cell):
+            return True
+        n += 1
+        if room > pace:
+            n += count if pace == ZERO else int(min(room / pace, np.float32(count)))
+    return False
+
+
+@inline
+def outline_trial(i, acceleration, steer_rate, motion, outlines, p):
+    """Outline robot i's motion at a command, in the last row."""
+    x, y, heading, c, s = motion[X, i], motion[Y, i], motion[HEADING, i], motion[COS, i], motion[SIN, i]
+    speed, steer, lock, dt = motion[SPEED, i], motion[STEER, i], p["max_steer"], p["dt"]
+    driven, turned = ZERO, ZERO
+    for _ in range(p["substeps"]):
+        next_speed = min(max(speed + acceleration * dt, p["min_speed"]), p["max_speed"])
+        next_steer = min(max(steer + steer_rate * dt, -lock), lock)
+        distance = HALF * (speed + next_speed) * dt
+        bend = curvature(HALF * (steer + next_steer), p["wheelbase"])
+        x, y, heading = roll(x, y, heading, distance, bend)
+        driven += abs(distance)
+        turned += abs(distance * bend)
+        speed, steer = next_speed, next_steer
+    s, c = sin_cos(heading)
+    way, bend = stopping_distance(speed, p), curvature(steer, p["wheelbase"])
+    draw_outline(motion.shape[1], x, y, heading, c, s, way, bend, driven, turned, outlines, p)
+
+
+@inline
+def is_far_from_shelves(row, outlines, p, solid, clearance):
+    """Whether a motion's outline touches no shelf."""
+    return not body_touches_shelf(
+        outlines[MIDDLE_X, row], outlines[MIDDLE_Y, row], outlines[AXIS_COS, row], outlines[AXIS_SIN, row],
+        outlines[LONG, row] + SLACK, outlines[WIDE, row] + SLACK, solid, clearance, p["cell"],
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""What is kept of an episode: metrics, recordings, the log of jams."""

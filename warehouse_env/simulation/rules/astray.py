@@ -1,0 +1,40 @@
+"""Robots astray: whoever has come to a halt far from its route needs another one, from where it is.
+
+Making room can take a robot metres off, into another aisle or out of its own; from there no short search leads back.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.kernel import kernel
+
+BESIDE = 0.3  # [m] past the widest lateral offset that count as off the route
+HALT = np.float32(1.0)  # [s] without having moved a metre
+
+
+def far_off(config: EnvConfig, cell_size: float) -> np.float32:
+    """Return metres off its route from which a robot is astray: past any offset, and past where a new one may begin."""
+    return np.float32(max(max(map(abs, config.lateral_offsets)) + BESIDE, cell_size))
+
+
+@kernel
+def find_astray(robots, routes, far, astray):
+    """Write into astray bool[B, N] who of robots ROBOT[B, N] is; return how many.
+
+    routes: float32[B, N, R, 2] [m]; far [m]: see far_off.
+    """
+    found = 0
+    for b in range(robots.shape[0]):
+        for i in range(robots.shape[1]):
+            r = robots[b, i]
+            astray[b, i] = False
+            if r["alive"] == 0 or r["arcs"] != 0 or r["speed"] != 0 or r["standing_time"] < HALT or r["points"] < 2:
+                continue
+            k = min(int(r["position"] / r["spacing"] + np.float32(0.5)), r["points"] - 1)
+            dx, dy = routes[b, i, k, 0] - r["x"], routes[b, i, k, 1] - r["y"]
+            if dx * dx + dy * dy > far * far:
+                astray[b, i] = True
+                found += 1
+    return found

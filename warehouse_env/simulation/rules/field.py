@@ -1,0 +1,215 @@
+"""The protective field: a robot moves only where it could still stop without touching anything (ISO 3691-4).
+
+Every robot has a committed motion at all times: at first its safe stop, full braking with the steering held, which
+depends on its pose, speed and steering alone, never on a route or a goal. In each physics step the robots commit one
+after another: a new motion, one step as commanded and then the safe stop from there, is taken if at equal times it
+keeps `field_margin` from what all others have committed, and off the shelves; else the robot brakes within what it had
+committed, which the others kept off. So by induction a safe stop for all exists after every step. Where people walk,
+its stop must also be over before anybody could be where it ends, wherever they go (people.py).
+
+Motions are sampled at every substep, by the same arithmetic with which contact.py moves the bodies; where two have
+come nearer than the margin already (put there by a user), a motion that brings them no nearer is taken.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.observation import FIELD
+from warehouse_env.simulation.physics import people
+from warehouse_env.simulation.physics.buckets import bucket_at
+from warehouse_env.simulation.physics.contact import ACCELERATION, COS, HEADING, SIN, SPEED, STEER, STEER_RATE, X, Y
+from warehouse_env.simulation.physics.kinematics import braking, curvature
+from warehouse_env.simulation.physics.stops import (
+    AXIS_COS,
+    AXIS_SIN,
+    COMMITTED,
+    LONG,
+    MARK,
+    MIDDLE_X,
+    MIDDLE_Y,
+    OUTLINE,
+    PLACE,
+    REACH,
+    REST,
+    SAMPLES,
+    SILENT,
+    SLACK,
+    WIDE,
+    draw_outline,
+    is_far_from_shelves,
+    least_separation,
+    meets_shelf,
+    outline_trial,
+    outlines_meet,
+    sample,
+    stopping_distance,
+)
+from warehouse_env.simulation.physics.trigonometry import ZERO
+from warehouse_env.simulation.state import NOBODY
+
+LONG_HELD = np.float32(5.0)  # [s] from which on the observation says the same
+PERSON, FREE, SHELF = -3, -2, -1  # what refuses a motion: somebody, nothing, a shelf; else the index of a robot
+
+
+@kernel
+def scratch(count, p):
+    """Return the arrays of a world's field: paths, outlines, marks, and the order int32[N] in which robots commit."""
+    if p["field"] == 0:
+        count = 0
+    paths = np.empty((count + 1, p["stop_samples"], PLACE), np.float32)
+    return (
+        paths,
+        np.empty((OUTLINE, count + 1), np.float32),
+        np.empty((MARK, count + 1), np.int32),
+        np.empty(count, np.int32),
+    )
+
+
+@inline
+def begin(robots, motion, field, p):
+    """Begin a physics step: nobody has committed to more than its stop, of which only an outline is known."""
+    _, outlines, marks, _ = field
+    for i in range(motion.shape[1]):
+        x, y, heading, c, s = motion[X, i], motion[Y, i], motion[HEADING, i], motion[COS, i], motion[SIN, i]
+        speed, bend = motion[SPEED, i], ZERO
+        if speed != ZERO:
+            bend = curvature(motion[STEER, i], p["wheelbase"])
+        draw_outline(i, x, y, heading, c, s, stopping_distance(speed, p), bend, ZERO, ZERO, outlines, p)
+        marks[SAMPLES, i] = 0
+        marks[COMMITTED, i] = 0
+        marks[SILENT, i] = max(robots[i]["silent"], p["late"])
+
+
+@inline
+def _know(i, motion, paths, outlines, marks, p):
+    """Sample what robot i has committed, unless that has been done."""
+    if marks[SAMPLES, i] == 0:
+        commanded = p["substeps"] if marks[COMMITTED, i] != 0 else 0
+        acceleration, steer_rate = motion[ACCELERATION, i], motion[STEER_RATE, i]
+        sample(i, i, acceleration, steer_rate, commanded, motion, paths, outlines, marks, p)
+
+
+@inline
+def _who_refuses(i, acceleration, steer_rate, motion, field, places, p):
+    """Return a robot whose committed motion the one on trial would come too near, FREE if there is none.
+
+    Of several, one that has committed in this step already: those cannot be asked to make room.
+    """
+    paths, outlines, marks, _ = field
+    order, starts, _ = places
+    trial, columns, found, gap = motion.shape[1], p["bucket_columns"], FREE, p["field_margin"] + SLACK
+    mx, my, reach = outlines[MIDDLE_X, trial], outlines[MIDDLE_Y, trial], outlines[REACH, trial]
+    c, s = outlines[AXIS_COS, trial], outlines[AXIS_SIN, trial]
+    long, wide = outlines[LONG, trial], outlines[WIDE, trial]
+    row, column = bucket_at(motion[X, i] - p["offset"] * motion[COS, i], motion[Y, i] - p["offset"] * motion[SIN, i], p)
+    left, right = max(column - 1, 0), min(column + 2, columns)
+    for by in range(max(row - 1, 0), min(row + 2, p["bucket_rows"])):
+        for n in range(starts[by * columns + left], starts[by * columns + right]):
+            j = order[n]
+            if j == i or not outlines_meet(
+                outlines[MIDDLE_X, j] - mx, outlines[MIDDLE_Y, j] - my, c, s, long, wide, reach,
+                outlines[AXIS_COS, j], outlines[AXIS_SIN, j], outlines[LONG, j], outlines[WIDE, j], outlines[REACH, j],
+                gap,
+            ):  # fmt: skip
+                continue
+            if marks[SAMPLES, trial] == 0:
+                sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)
+            _know(j, motion, paths, outlines, marks, p)
+            least = least_separation(trial, j, paths, outlines, marks, p)
+            if least > p["field_margin"]:
+                continue
+            _know(i, motion, paths, outlines, marks, p)
+            if least < least_separation(i, j, paths, outlines, marks, p):
+                if marks[COMMITTED, j] != 0:
+                    return j
+                found = j
+    return found
+
+
+@inline
+def _publish(i, trial, paths, outlines, marks):
+    """Make the motion on trial the one that others see of robot i."""
+    for n in range(marks[SAMPLES, trial]):
+        for k in range(PLACE):
+            paths[i, n, k] = paths[trial, n, k]
+    for k in range(OUTLINE):
+        outlines[k, i] = outlines[k, trial]
+    marks[SAMPLES, i] = marks[SAMPLES, trial]
+
+
+@part
+def commit(i, persons, acceleration, steer_rate, motion, field, places, p, solid, clearance):
+    """Have robot i commit to a command [m/s^2], [rad/s] for this physics step and the safe stop after it, if it may.
+
+    Returns FREE where it has; else SHELF, PERSON, or the index of a robot that is in the way, and what i had committed
+    stands.
+    May be called for any robot at any time between `begin` and the motion, also again with another command.
+    """
+    paths, outlines, marks, _ = field
+    trial, speed = motion.shape[1], motion[SPEED, i]
+    if speed != ZERO or min(max(acceleration * p["dt"], p["min_speed"]), p["max_speed"]) != ZERO:
+        marks[SAMPLES, trial] = 0
+        outline_trial(i, acceleration, steer_rate, motion, outlines, p)
+        if not is_far_from_shelves(trial, outlines, p, solid, clearance):
+            sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)
+            if meets_shelf(trial, paths, outlines, marks, p, solid, clearance):
+                return SHELF
+        x, y, reach = outlines[MIDDLE_X, trial], outlines[MIDDLE_Y, trial], outlines[REACH, trial]
+        if people.anybody_near(persons, x, y, reach, p):
+            if marks[SAMPLES, trial] == 0:
+                sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)
+            if people.could_meet(persons, paths[trial], marks[SAMPLES, trial], p):
+                return PERSON
+        refuser = _who_refuses(i, acceleration, steer_rate, motion, field, places, p)
+        if refuser != FREE:
+            return refuser
+        if marks[SILENT, i] == 0:
+            _publish(i, trial, paths, outlines, marks)
+    marks[COMMITTED, i] = 1 - marks[SILENT, i]
+    motion[ACCELERATION, i], motion[STEER_RATE, i] = acceleration, steer_rate
+    return FREE
+
+
+@inline
+def hold(i, motion, field, p):
+    """Have robot i stay with its stop. Where it stands it may steer, which moves nothing and its stop not at all."""
+    marks = field[2]
+    marks[COMMITTED, i] = 1
+    motion[ACCELERATION, i] = braking(motion[SPEED, i], p)
+    if motion[SPEED, i] != ZERO:
+        motion[STEER_RATE, i] = ZERO
+
+
+@inline
+def guard(robots, persons, motion, field, places, p, solid, clearance):
+    """Let the robots commit, in the order of priority, to the commands that `motion` holds; who may not, brakes."""
+    begin(robots, motion, field, p)
+    for i in field[3]:
+        r = robots[i]
+        acceleration, steer_rate = motion[ACCELERATION, i], motion[STEER_RATE, i]
+        refuser = commit(i, persons, acceleration, steer_rate, motion, field, places, p, solid, clearance)
+        if refuser == FREE:
+            r["held_time"] = ZERO
+            continue
+        hold(i, motion, field, p)
+        r["held"] += 1
+        r["held_time"] += p["time_step"]
+        r["held_by"] = max(refuser, NOBODY)
+
+
+@inline
+def settle(robots):
+    """End the stops: no speed that is nothing but rounding is left after a physics step."""
+    for i in range(robots.shape[0]):
+        if abs(robots[i]["speed"]) < REST:
+            robots[i]["speed"] = ZERO
+
+
+@inline
+def observe(r, p, row):
+    """Write the slice `field`, the last of a row: how often and for how long the field has held the robot."""
+    at = row.shape[0] - FIELD
+    row[at] = np.float32(r["held"]) / np.float32(p["repeat"])
+    row[at + 1] = min(r["held_time"], LONG_HELD) / LONG_HELD

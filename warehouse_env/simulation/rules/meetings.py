@@ -1,0 +1,119 @@
+"""Where the paths ahead of robots meet: which pose of one touches which poses of another, as bits.
+
+All poses stand in lists, one for each square of the floor, so that a pose is held against those near it alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.simulation.physics.geometry import rectangles_touch
+from warehouse_env.simulation.rules.path_ahead import CENTRE_X, CENTRE_Y, COS, POSES, SIN
+
+WIDE = np.float32(0.04)  # [m] of room around bodies in what is granted anew: paths are predictions
+TIGHT = np.float32(0.008)  # [m] around bodies that are near, and in what has been granted before: less than the field
+NEARBY = 2  # poses from where it is that are predicted well
+ACROSS = np.float32(0.5)  # cosine of the angle from which one crosses another's path, rather than going along with it
+SQUARES = 64  # on a side, then from the first again: a power of two
+PLACES = 5  # of bits that number the poses of a path
+BIT = np.uint32(1)
+TOUCH_WIDE, TOUCH_TIGHT, CROSS = range(3)  # of masks uint32[3, N, POSES]
+COUNT, WHO, NUMBER, GRANT, MUST, ASKED = range(6)  # rows of numbers int32[6, N + 1]
+
+
+@kernel
+def scratch(paths):
+    """Return the arrays of a world's decision, which the other functions call `ways`.
+
+    paths float32[N + 1, POSES, COLUMNS]: the bodies ahead, the last row on trial; first int32[SQUARES, SQUARES]: a pose
+    in each square, and following int32[N * POSES]: of each pose the next one, -1: none; masks uint32[3, N, POSES]: of
+    the n-th robot that a path meets, and for each pose of that path, a bit for each pose of the other that it touches
+    with WIDE room, with TIGHT room, and across; numbers int32[6, N + 1]: poses of a path, the n-th robot met, as which
+    number a robot was met, poses granted, poses in which a robot can stop, and whether it has been asked.
+    """
+    count = paths.shape[0] - 1
+    first, following = np.empty((SQUARES, SQUARES), np.int32), np.empty(count * POSES, np.int32)
+    masks = np.empty((3, count, POSES), np.uint32)
+    numbers = np.zeros((6, count + 1), np.int32)
+    return paths, first, following, masks, numbers
+
+
+@inline
+def _reach(p):
+    """Return the distance [m] of two bodies' centres from which they do not touch, with WIDE room; side of a square."""
+    return p["radius"] + p["radius"] + WIDE + WIDE + WIDE
+
+
+@inline
+def _square(x, reach):
+    """Return the row or column of the square of a coordinate [m]."""
+    return int(np.floor(x / reach)) & (SQUARES - 1)
+
+
+@part
+def enlist(ways, p):
+    """Put all poses of all paths into the lists; to be done again when a path has changed."""
+    paths, first, following, _, numbers = ways
+    first[:] = -1
+    reach = _reach(p)
+    for j in range(paths.shape[0] - 1):
+        for m in range(numbers[COUNT, j]):
+            row, column = _square(paths[j, m, CENTRE_Y], reach), _square(paths[j, m, CENTRE_X], reach)
+            pose = j * POSES + m
+            following[pose] = first[row, column]
+            first[row, column] = pose
+
+
+@inline
+def _number_of(j, count, masks, numbers):
+    """Return as which number robot j is met, who is met as the next one, of `count`, if it has not been."""
+    n = numbers[NUMBER, j]
+    if n < count and numbers[WHO, n] == j:
+        return n
+    numbers[NUMBER, j], numbers[WHO, count] = count, j
+    for k in range(masks.shape[2]):
+        masks[TOUCH_WIDE, count, k] = masks[TOUCH_TIGHT, count, k] = masks[CROSS, count, k] = 0
+    return count
+
+
+@inline
+def _touch(paths, masks, numbers, row, k, j, m, count, p):
+    """Write whether pose k of a path touches pose m of robot j's; return how many are met then."""
+    length, width, reach = p["half_length"], p["half_width"], _reach(p)
+    dx, dy = paths[j, m, CENTRE_X] - paths[row, k, CENTRE_X], paths[j, m, CENTRE_Y] - paths[row, k, CENTRE_Y]
+    if dx * dx + dy * dy > reach * reach:
+        return count
+    c, s, other_c, other_s = paths[row, k, COS], paths[row, k, SIN], paths[j, m, COS], paths[j, m, SIN]
+    near = m == 0 or k == 0 or (k <= NEARBY and m <= NEARBY)
+    room = TIGHT if near else WIDE
+    if not rectangles_touch(dx, dy, c, s, length + room, width + room, other_c, other_s, length + room, width + room):
+        return count
+    n, bit = _number_of(j, count, masks, numbers), BIT << np.uint32(m)
+    masks[TOUCH_WIDE, n, k] |= bit
+    if near or rectangles_touch(
+        dx, dy, c, s, length + TIGHT, width + TIGHT, other_c, other_s, length + TIGHT, width + TIGHT
+    ):
+        masks[TOUCH_TIGHT, n, k] |= bit
+    if c * other_c + s * other_s < ACROSS:
+        masks[CROSS, n, k] |= bit
+    return max(count, n + 1)
+
+
+@part
+def meet(i, row, last, ways, p):
+    """Find all robots whose paths touch a path of robot i's up to its pose number `last`; return how many."""
+    paths, first, following, masks, numbers = ways
+    reach, count = _reach(p), 0
+    for k in range(last + 1):
+        middle_row, middle_column = _square(paths[row, k, CENTRE_Y], reach), _square(paths[row, k, CENTRE_X], reach)
+        for square in range(9):
+            pose = first[
+                (middle_row + square // 3 - 1) & (SQUARES - 1), (middle_column + square % 3 - 1) & (SQUARES - 1)
+            ]
+            while pose >= 0:
+                j, m = pose >> PLACES, pose & (POSES - 1)
+                if j != i:
+                    count = _touch(paths, masks, numbers, row, k, j, m, count, p)
+                pose = following[pose]
+    return count

@@ -1,0 +1,197 @@
+"""The path ahead of a robot: poses of its body along its manoeuvre and then its route, as the follower will drive them.
+
+The poses stand at whole multiples of APART on the robot's odometer (`distance` of its record), so that they stay where
+they are while it drives: what it has been granted of its path once is the same piece of floor in the next decision.
+So a path is kept from one decision to the next, and written anew after two metres, or where the robot leaves it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline, part
+from warehouse_env.simulation.driver.tracking import (
+    LANE_CLEARANCE,
+    LOOK_AHEAD,
+    LOOK_AHEAD_TIME,
+    OFFSET_FADE,
+    to_steering,
+)
+from warehouse_env.simulation.physics.footprint import clearance_at
+from warehouse_env.simulation.physics.kinematics import curvature
+from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
+
+POSES = 32  # of a path at most: 15.5 m; as many as there are bits
+APART = np.float32(0.5)  # [m] of driving between two of them
+CENTRE_X, CENTRE_Y, COS, SIN, DRIVEN = range(5)  # columns of a path; DRIVEN [m]: from here to there
+COLUMNS = 5
+_STRIDE = np.float32(0.125)  # [m] of driving in one step of the prediction
+_FARTHEST = np.float32(16.0)  # [m] of driving looked at
+_STEERED = np.float32(0.19)  # [rad] that the steering changes in a stride at 1 m/s
+_SLOWEST, _FASTEST = np.float32(0.4), np.float32(1.2)  # [m/s] at which the follower's look-ahead is taken
+_THERE = np.float32(0.3)  # [m] before its end at which a route is over
+KEPT = 2.0  # [m] of driving after which a path is written anew,
+OFF, TURNED = np.float32(0.05), np.float32(0.15)  # [m] beside a pose just passed, or sine of the angle to it: too
+_JOIN = 40  # way-points in which the route is searched for the end of a manoeuvre
+_TWO = np.float32(2.0)
+
+
+@inline
+def _put(path, k, x, y, heading, driven, p):
+    """Write the body at a pose of its front axle, `driven` [m] ahead."""
+    s, c = sin_cos(heading)
+    path[k, CENTRE_X], path[k, CENTRE_Y] = x - p["offset"] * c, y - p["offset"] * s
+    path[k, COS], path[k, SIN], path[k, DRIVEN] = c, s, driven
+
+
+@inline
+def _point(route, points, spacing, along):
+    """Return a route's point (x, y) [m] and its direction there (ux, uy)."""
+    at = along / spacing
+    k = min(int(at), points - 2)
+    part = min(at - np.float32(k), ONE)
+    dx, dy = route[k + 1, 0] - route[k, 0], route[k + 1, 1] - route[k, 1]
+    return route[k, 0] + part * dx, route[k, 1] + part * dy, dx / spacing, dy / spacing
+
+
+@part
+def _along_arcs(r, arcs, to_next, path, p):
+    """Write the poses along the rest of a manoeuvre; return (poses, to_next, driven [m], x, y, heading, steering) then.
+
+    to_next [m]: to the next whole multiple of APART. The end of an arc is a pose of its own, whatever the odometer.
+    """
+    x, y, heading, left = r["arc_x"], r["arc_y"], r["arc_heading"], r["arc_left"]
+    driven, k, steer = ZERO, 1, r["steer"]
+    for n in range(r["arc"], r["arcs"]):
+        left = left if n == r["arc"] else arcs[n, 0]
+        steer = arcs[n, 1]
+        bend = curvature(steer, p["wheelbase"])
+        while left != ZERO and k < POSES:
+            stride = min(_STRIDE, to_next)
+            way = min(max(left, -stride), stride)
+            left -= way
+            s, c = sin_cos(heading + HALF * way * bend)
+            x, y, heading = x + way * c, y + way * s, heading + way * bend
+            driven += abs(way)
+            to_next -= abs(way)
+            if to_next <= ZERO:
+                _put(path, k, x, y, heading, driven, p)
+                k, to_next = k + 1, APART
+        if k < POSES and to_next < APART:
+            _put(path, k, x, y, heading, driven, p)
+            k += 1
+    return k, to_next, driven, x, y, heading, steer
+
+
+@inline
+def _joins(r, route, x, y):
+    """Return where on its route [m] the robot will be that comes to a point at the end of its manoeuvre."""
+    best, at, first = np.float32(np.inf), r["position"], int(r["position"] / r["spacing"])
+    for k in range(max(first - 1, 0), min(first + _JOIN, r["points"])):
+        dx, dy = route[k, 0] - x, route[k, 1] - y
+        if dx * dx + dy * dy < best:
+            best, at = dx * dx + dy * dy, np.float32(k) * r["spacing"]
+    return at
+
+
+@inline
+def _pursue(route, points, spacing, along, end, side, look, x, y, c, s, p, clearance):
+    """Return the steering [rad] of the follower's pure pursuit with an offset `side` [m] (tracking.follow)."""
+    tx, ty, ux, uy = _point(route, points, spacing, min(along + look, end))
+    side *= min(ONE, (end - along) / OFFSET_FADE)
+    if side != ZERO:
+        for _ in range(2):
+            if clearance_at(tx - side * uy, ty + side * ux, clearance, p["cell"]) < LANE_CLEARANCE:
+                side = side * HALF if _ == 0 else ZERO
+    dx, dy = tx - side * uy - x, ty + side * ux - y
+    ahead, left = dx * c + dy * s, dy * c - dx * s
+    if ahead <= ZERO:
+        return -p["max_steer"] if left >= ZERO else p["max_steer"]
+    bend = _TWO * left / max(ahead * ahead + left * left, np.float32(0.01))
+    return to_steering(bend, p["wheelbase"], p["max_steer"])
+
+
+@inline
+def _has_left(r, path, passed, gone, p):
+    """Whether the robot is off its path: beside the pose passed last (if passed > 0), or farther than it has driven."""
+    cx, cy = r["x"] - p["offset"] * r["cos"], r["y"] - p["offset"] * r["sin"]
+    dx, dy = cx - path[0, CENTRE_X], cy - path[0, CENTRE_Y]
+    most = gone * p["swing"] + OFF
+    if dx * dx + dy * dy > most * most:
+        return True
+    if passed == 0:
+        return False
+    c, s = path[passed, COS], path[passed, SIN]
+    aside = (cy - path[passed, CENTRE_Y]) * c - (cx - path[passed, CENTRE_X]) * s
+    return abs(aside) > OFF or abs(r["sin"] * c - r["cos"] * s) > TURNED or r["cos"] * c + r["sin"] * s < ZERO
+
+
+@part
+def keep_path(r, path, p):
+    """Drop the poses of a path that the robot has passed since the last decision; False if it must be written anew."""
+    if r["alive"] == 0 or r["poses"] == 0 or r["distance"] - r["path_from"] > KEPT:
+        return False
+    gone = np.float32(r["distance"] - r["path_at"])
+    poses, passed = r["poses"], 0
+    while passed + 1 < poses and path[passed + 1, DRIVEN] <= gone:
+        passed += 1
+    if poses - passed < 2 or _has_left(r, path, passed, gone, p):
+        return False
+    for k in range(1, poses - passed):
+        for column in range(COLUMNS):
+            path[k, column] = path[k + passed, column]
+        path[k, DRIVEN] -= gone
+    _put(path, 0, r["x"], r["y"], r["heading"], ZERO, p)
+    r["poses"], r["path_at"] = poses - passed, r["distance"]
+    return True
+
+
+@inline
+def begin_path(r, poses, at_end):
+    """Note that a robot's path has been written anew."""
+    r["poses"], r["at_end"] = poses, at_end
+    r["path_from"] = r["path_at"] = r["distance"]
+
+
+@part
+def write_path(r, route, arcs, side, many, p, clearance, path):
+    """Write the bodies at the robot's pose and ahead of it into a path; return (poses, at the end?).
+
+    path float32[POSES, COLUMNS], of which at most `many` poses are written; side [m]: the lateral offset from the
+    route. A manoeuvre that makes room (`aside`) is the whole path.
+    """
+    _put(path, 0, r["x"], r["y"], r["heading"], ZERO, p)
+    if r["alive"] == 0 or r["points"] < 2:
+        return 1, False
+    apart = np.float64(APART)
+    to_next = np.float32((np.floor(r["distance"] / apart) + 1.0) * apart - r["distance"])
+    x, y, heading, steer, driven, k = r["x"], r["y"], r["heading"], r["steer"], ZERO, 1
+    points, spacing, along = r["points"], r["spacing"], r["position"]
+    if r["arcs"] > 0:
+        k, to_next, driven, x, y, heading, steer = _along_arcs(r, arcs, to_next, path, p)
+        if r["aside"] != 0 or k >= many:
+            return k, False
+        along = _joins(r, route, x, y)
+    end = np.float32(points - 1) * spacing
+    look = LOOK_AHEAD + LOOK_AHEAD_TIME * min(max(r["speed"], _SLOWEST), _FASTEST)
+    while k < many and driven < _FARTHEST:
+        if along >= end - _THERE:
+            return k, True
+        s, c = sin_cos(heading)
+        wanted = _pursue(route, points, spacing, along, end, side, look, x, y, c, s, p, clearance)
+        stride = min(_STRIDE, to_next)
+        most = _STEERED * stride / _STRIDE
+        steer = min(max(wanted, steer - most), steer + most)
+        turn = stride * curvature(steer, p["wheelbase"])
+        s, c = sin_cos(heading + HALF * turn)
+        x, y, heading = x + stride * c, y + stride * s, heading + turn
+        driven += stride
+        to_next -= stride
+        q = min(int(along / spacing), points - 2)
+        ux, uy = (route[q + 1, 0] - route[q, 0]) / spacing, (route[q + 1, 1] - route[q, 1]) / spacing
+        reached = np.float32(q) * spacing + (x - route[q, 0]) * ux + (y - route[q, 1]) * uy
+        along = min(max(reached, along), along + _TWO * stride)
+        if to_next <= ZERO:
+            _put(path, k, x, y, heading, driven, p)
+            k, to_next = k + 1, APART
+    return k, False

@@ -1,0 +1,289 @@
+"""Right of way: once a decision, each robot is granted a stretch of the path ahead of it, and drives no farther.
+
+Robots are asked one after another, who has been longest on its way first; who bars the way of another has that one's
+right (priority inheritance, as in PIBT, Okumura et al. 2022). A robot is granted its path up to the first pose that
+touches what another has been granted, as AGVs reserve zones ahead of them. The end of a grant is a place to wait at, so
+
+- it is never where one would soon cross the robot (do not stop on a crossing, nor in a lane that others come along);
+- who waits for another does so off all of that one's path, so no two wait for each other;
+- what has been granted is kept, unless another could not stop before it any more.
+
+If what bars the way stands or comes the other way, the robot's other lateral offsets are tried, in the order of its
+preferences. What robots would have to tell each other for it, within 16 m: the poses ahead (path_ahead.py), how far
+they have been granted them, how long they have been on their way, whom they wait for, and whether they make room.
+
+Where all wait in a ring none the less, one of them makes room: making_room.py. All this may step in only where a robot
+has stood for a while: stepping_in.py. Under it all lies the field (field.py): paths are predictions, and whatever is
+granted, no robot moves where it could not stop clear of all others.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline, part
+from warehouse_env.simulation.physics.trigonometry import HALF, ZERO
+from warehouse_env.simulation.rules.meetings import (
+    ASKED,
+    BIT,
+    COUNT,
+    CROSS,
+    GRANT,
+    MUST,
+    TOUCH_TIGHT,
+    TOUCH_WIDE,
+    WHO,
+    enlist,
+    meet,
+)  # fmt: skip
+from warehouse_env.simulation.rules.path_ahead import COS, DRIVEN, POSES, SIN, begin_path, keep_path, write_path
+from warehouse_env.simulation.senses.preferences import SIDE, speed_of
+from warehouse_env.simulation.state import NOBODY
+
+AHEAD = 2  # poses asked for beyond those in which it can stop: 1 m; more bars the way of others for longer
+BESIDE = 6  # poses that must be free beyond these at another offset
+MORE = 6  # poses beyond these that it takes if it may not wait there
+SOON = 6  # poses beyond its grant within which one counts as soon to come
+AGAINST = np.float32(-0.5)  # ... and from which it comes the other way
+BACK = 4  # poses more that must be free to go back to the commanded offset
+REFUSED = np.float32(0.8)  # [s] that the field has held a robot from which it waits for who held it
+SLOW = np.float32(0.1)  # [m/s]
+TRIED = 5  # decisions after which a robot tries other offsets again while the same one bars its way
+NOWHERE = -1  # no pose
+_ROUNDING = np.float32(1e-3)  # [m] of an odometer
+
+
+@inline
+def _first(k):
+    """Return the bits of poses 0 to k."""
+    return np.uint32(0xFFFFFFFF) if k >= 31 else np.uint32((BIT << np.uint32(k + 1)) - BIT)
+
+
+@inline
+def _reach_of_grants(count, have, end, ways):
+    """Return (the last pose up to `end` before what others have been granted, who bars the way there or NOBODY)."""
+    _, _, _, masks, numbers = ways
+    last, barrier = end, NOBODY
+    for n in range(count):
+        j = numbers[WHO, n]
+        granted = _first(numbers[GRANT, j])
+        firm = granted if numbers[ASKED, j] != 0 else _first(numbers[MUST, j])
+        for k in range(1, last + 1):
+            if masks[TOUCH_WIDE, n, k] & granted and (k > have or masks[TOUCH_TIGHT, n, k] & firm):
+                last, barrier = k - 1, j
+                break
+    return last, barrier
+
+
+@inline
+def _may_wait(k, count, barrier, ways):
+    """Return whose path a robot that waits at pose k would bar, NOBODY if it may wait there."""
+    _, _, _, masks, numbers = ways
+    for n in range(count):
+        j = numbers[WHO, n]
+        bars = masks[CROSS, n, k] & _first(numbers[GRANT, j] + SOON)
+        if j == barrier:
+            bars = masks[TOUCH_WIDE, n, k]
+        if bars & ~_first(numbers[GRANT, j]):
+            return j
+    return NOBODY
+
+
+@part
+def _grant(count, have, must, want, end, goal, yields, ways):
+    """Return (poses granted of a path, who bars the way to `want` or NOBODY); yields: it may wait anywhere.
+
+    It is granted more than it wants, up to pose `end`, if it may not wait sooner; at pose `goal` it does not wait.
+    """
+    last, barrier = _reach_of_grants(count, have, end, ways)
+    k = min(max(min(have, last), must), last)
+    best, barred_by = NOBODY, NOBODY
+    least = k
+    while k <= last:
+        bars = NOBODY if yields or k == goal else _may_wait(k, count, barrier if last < want else NOBODY, ways)
+        if bars == NOBODY:
+            best = k
+            if k >= want:
+                break
+        else:
+            barred_by = bars
+        k += 1
+    granted = best if best != NOBODY else least
+    if granted >= want:
+        return granted, NOBODY
+    return granted, barrier if barrier != NOBODY else barred_by
+
+
+@inline
+def _comes_against(row, granted, end, count, barrier, ways):
+    """Whether who bars the way comes the other way where the paths first touch beyond the grant."""
+    paths, _, _, masks, numbers = ways
+    for n in range(count):
+        if numbers[WHO, n] != barrier:
+            continue
+        for k in range(granted, end + 1):
+            for m in range(numbers[COUNT, barrier]):
+                if masks[TOUCH_WIDE, n, k] >> np.uint32(m) & BIT:
+                    return (
+                        paths[row, k, COS] * paths[barrier, m, COS] + paths[row, k, SIN] * paths[barrier, m, SIN]
+                        < AGAINST
+                    )
+    return False
+
+
+@inline
+def _write(i, r, route, arcs, ways, p, clearance):
+    """Write a robot's path anew."""
+    paths, _, _, _, numbers = ways
+    poses, at_end = write_path(r, route, arcs, r["side"], POSES, p, clearance, paths[i])
+    begin_path(r, poses, at_end)
+    numbers[COUNT, i] = poses
+
+
+@part
+def _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, clearance):
+    """Try the robot's other offsets, the best-liked one first, for one whose path is free as far as it asks.
+
+    Takes the first that is, and returns the new (poses granted, who bars the way).
+    """
+    paths, _, _, _, numbers = ways
+    trial, wanted = paths.shape[0] - 1, choices[0, SIDE]
+    for n in range(choices.shape[0]):
+        side = choices[n, SIDE]
+        if side == r["side"]:
+            if barrier == NOBODY:
+                break  # the best that is free is the one it has
+            continue
+        if n > 0 and side == wanted:
+            continue
+        want = numbers[MUST, i] + BESIDE + (BACK if side == wanted else 0)
+        many, at_end = write_path(r, route, arcs, side, min(want + 1, POSES), p, clearance, paths[trial])
+        numbers[COUNT, trial], want = many, min(want, many - 1)
+        if want < 2:
+            continue
+        count = meet(i, trial, want, ways, p)
+        goal = many - 1 if at_end else NOWHERE
+        free, _ = _grant(count, 0, numbers[MUST, i], want, want, goal, False, ways)
+        if free >= want:
+            r["side"] = side
+            _write(i, r, route, arcs, ways, p, clearance)
+            enlist(ways, p)
+            return free, NOBODY
+    return granted, barrier
+
+
+@inline
+def _within(path, count, way):
+    """Return the last pose of a path that is at most `way` [m] of driving ahead."""
+    k = 0
+    while k + 1 < count and path[k + 1, DRIVEN] <= way:
+        k += 1
+    return k
+
+
+@inline
+def _begin(i, r, route, arcs, ways, p, clearance):
+    """Bring the robot's path up to date, and what it has been granted of it before."""
+    paths, _, _, _, numbers = ways
+    if r["arcs"] == 0 and r["aside"] != 0:
+        r["aside"] = r["poses"] = 0
+    if keep_path(r, paths[i], p):
+        numbers[COUNT, i] = r["poses"]
+    else:
+        _write(i, r, route, arcs, ways, p, clearance)
+    speed, last = abs(r["speed"]), numbers[COUNT, i] - 1
+    have = _within(paths[i], last + 1, np.float32(r["claim"] - r["distance"]) + _ROUNDING)
+    stop = speed * speed * HALF / p["max_acceleration"] + speed * p["time_step"] * np.float32(p["repeat"])
+    must = 0 if speed < SLOW else _within(paths[i], last + 1, stop - _ROUNDING) + 1
+    must = min(must, have) if r["claim"] > 0.0 else must
+    numbers[MUST, i], numbers[GRANT, i], numbers[ASKED, i] = min(must, last), min(max(must, have), last), 0
+
+
+@inline
+def _ask(i, robots, route, arcs, choices, ways, p, clearance):
+    """Grant robot i what it may have of its path."""
+    paths, _, _, _, numbers = ways
+    r = robots[i]
+    numbers[ASKED, i] = 1 - r["silent"]
+    before, r["yields_to"] = r["yields_to"], NOBODY
+    if r["alive"] == 0:
+        return
+    must = numbers[MUST, i]
+    want = min(must + AHEAD, numbers[COUNT, i] - 1)
+    end = min(want + MORE, numbers[COUNT, i] - 1)
+    count = meet(i, i, end, ways, p)
+    goal = numbers[COUNT, i] - 1 if r["at_end"] != 0 else NOWHERE
+    granted, barrier = _grant(count, numbers[GRANT, i], must, want, end, goal, r["aside"] != 0, ways)
+    if r["arcs"] == 0 and r["settled"] > ZERO:
+        stuck = barrier != NOBODY and (
+            abs(robots[barrier]["speed"]) < SLOW or _comes_against(i, granted, end, count, barrier, ways)
+        )
+        again = barrier != before or (r["age"] // p["repeat"] + i) % TRIED == 0
+        if (stuck and again) or (barrier == NOBODY and r["side"] != choices[0, SIDE]):
+            granted, barrier = _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, clearance)
+    if r["silent"] == 0:
+        numbers[GRANT, i] = granted
+    r["authority"] = paths[i, granted, DRIVEN]
+    r["claim"] = r["distance"] + np.float64(r["authority"])
+    if barrier == NOBODY and r["held_by"] >= 0 and r["held_time"] > REFUSED and abs(r["speed"]) < SLOW:
+        barrier = r["held_by"]
+    r["yields_to"] = barrier
+    if r["at_end"] != 0 and granted == numbers[COUNT, i] - 1:
+        r["authority"] = np.float32(np.inf)  # the goal: it need not stop there
+
+
+@inline
+def rank(robots, order):
+    """Write the robots in the order of their right: longest on the way to its goal first, and with it who bars it.
+
+    order int[N]: their indices; of equals the lower first.
+    """
+    count = robots.shape[0]
+    for i in range(count):
+        robots[i]["right"] = robots[i]["age"]
+    for i in range(count):
+        j, steps = robots[i]["yields_to"], 0
+        while j != NOBODY and steps < count and robots[j]["right"] < robots[i]["age"]:
+            robots[j]["right"] = robots[i]["age"]
+            j = robots[j]["yields_to"]
+            steps += 1
+    for i in range(count):
+        k = i
+        while k > 0 and robots[order[k - 1]]["right"] < robots[i]["right"]:
+            order[k] = order[k - 1]
+            k -= 1
+        order[k] = i
+
+
+@part
+def decide(robots, routes, arcs, commands, choices, order, ways, p, clearance):
+    """Grant all robots of a world a stretch of their paths: `authority` [m], `side` [m] and `yields_to` of the records.
+
+    commands float32[N, 2]: speed [m/s] and lateral offset [m] of each, of which the speed becomes the one liked with
+    the offset taken; choices float32[N, K, 3]: see preferences.py; order int[N]: robots as `rank` has sorted them;
+    ways: see meetings.scratch.
+    """
+    count = robots.shape[0]
+    for i in range(count):
+        _begin(i, robots[i], routes[i], arcs[i], ways, p, clearance)
+    enlist(ways, p)
+    for n in range(count):
+        i = order[n]
+        _ask(i, robots, routes[i], arcs[i], choices[i], ways, p, clearance)
+        if robots[i]["settled"] > ZERO:
+            commands[i, 0] = speed_of(robots[i], choices[i], commands[i, 0])
+
+
+@inline
+def limit(r, speed, p):
+    """Return a commanded speed [m/s], or the fastest below it from which the robot stops within its authority.
+
+    A manoeuvre is driven whatever the command: a policy that stands or backs would undo the way out of a jam.
+    """
+    if r["arcs"] > 0:
+        speed = p["max_speed"]
+    if r["authority"] == np.float32(np.inf):
+        return speed
+    brake = p["max_acceleration"]
+    lag = brake * p["time_step"] * np.float32(p["repeat"])
+    return min(speed, max(np.sqrt(lag * lag + np.float32(2.0) * brake * r["authority"]) - lag, ZERO))

@@ -1,0 +1,1 @@
+"""What a robot perceives, predicts, prefers, is told and is rewarded."""

@@ -1,0 +1,205 @@
+"""What would happen: for every (speed level, lateral offset), how long until the body would touch a predicted robot.
+
+An optional slice of the observation, made of the rest of it alone (route ahead, own motion, neighbours): the own body
+is carried along the route, from its present lateral offset to the commanded one, while the speed changes at the
+vehicle's acceleration; the others drive straight on. Both are wrong in part: what to make of it is left to the policy.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline
+from warehouse_env.observation import NEIGHBOUR
+from warehouse_env.simulation.physics.geometry import rectangles_touch
+from warehouse_env.simulation.physics.trigonometry import HALF, ONE, PI, ZERO, sin_cos
+
+HORIZON = np.float32(2.4)  # [s]
+SAMPLES = 8  # times looked at within the horizon
+SETTLE = np.float32(1.5)  # [m] of driving in which a lateral offset is reached
+MARGIN = np.float32(0.03)  # [m] kept now
+MARGIN_RATE = np.float32(0.05)  # [m/s] more of it, the further ahead
+TURNING = np.float32(1.2)  # [rad] of bearing from which the robot turns on the spot
+TURN_SIDE = np.float32(0.75)  # [m] half the side of the square that a turn on the spot may sweep
+_FIVE = np.float32(5.0)
+_SHORT = np.float32(1e-3)
+_DIAGONAL = np.float32(1.4143)  # of a unit square, rounded up
+
+
+# Rows of `legs` float32[LEGS, route_points], the route between its points: begin (x, y), the way to its end (x, y) [m],
+# its direction (x, y).
+FROM_X, FROM_Y, LEG_X, LEG_Y, ALONG_X, ALONG_Y = range(6)
+LEGS = 6
+# Where in `path` float32[PATH] the SAMPLES values begin that say where one speed leads: the time [s], metres driven,
+# and the same in legs, the front axle without an offset (x, y), the route's direction there (x, y), how much of the
+# present lateral offset is left, and whether the neighbour in question is near. Constants: the compiler sees that none
+# overlap.
+TIME, ALONG, LEGS_PASSED, PATH_X, PATH_Y, UNIT_X, UNIT_Y, LEFT, CLOSE = range(0, 9 * SAMPLES, SAMPLES)
+PATH = 9 * SAMPLES
+
+
+@inline
+def travel(speed, target, acceleration, t):
+    """Return the metres driven in t [s] while the speed changes to `target` at the given rate."""
+    rise = abs(target - speed) / acceleration
+    sign = ONE if target > speed else -ONE
+    rising = speed * t + HALF * sign * acceleration * t * t
+    risen = HALF * (speed + target) * rise + target * (t - rise)
+    return rising if t <= rise else risen
+
+
+@inline
+def _lay_out_route(row, ego, route, p, legs):
+    """Fill `legs`, from the route's foot point beside the robot to its last route point."""
+    sine, cosine = sin_cos(row[ego + 3] * PI)
+    x, y = row[ego + 4] * sine, -row[ego + 4] * cosine
+    for k in range(p["route_points"]):
+        to_x, to_y = _FIVE * row[route + 2 * k], _FIVE * row[route + 2 * k + 1]
+        dx, dy = to_x - x, to_y - y
+        norm = np.sqrt(dx * dx + dy * dy)
+        known = norm >= _SHORT
+        legs[FROM_X, k], legs[FROM_Y, k] = x, y
+        legs[LEG_X, k], legs[LEG_Y, k] = dx if known else ZERO, dy if known else ZERO
+        legs[ALONG_X, k], legs[ALONG_Y, k] = dx / norm if known else ONE, dy / norm if known else ZERO
+        x, y = to_x, to_y
+
+
+@inline
+def _lay_out_path(v0, speed, p, legs, path):
+    """Fill `path` for a speed: along the route where it leads ahead, along the heading where it leads back."""
+    acceleration, spacing, last = p["max_acceleration"], p["route_spacing"], p["route_points"] - 1
+    for k in range(SAMPLES):
+        t = HORIZON * np.float32(k + 1) / np.float32(SAMPLES)
+        along = travel(v0, speed, acceleration, t)
+        path[TIME + k], path[ALONG + k] = t, along
+        path[LEGS_PASSED + k] = max(along, ZERO) / spacing
+        path[LEFT + k] = max(ZERO, ONE - along / SETTLE)
+    for k in range(SAMPLES):  # apart from the above, which the compiler makes vector instructions of
+        along, legs_passed = path[ALONG + k], path[LEGS_PASSED + k]
+        at = min(int(legs_passed), last)
+        part = min(legs_passed - np.float32(at), ONE)
+        x, y = legs[FROM_X, at] + part * legs[LEG_X, at], legs[FROM_Y, at] + part * legs[LEG_Y, at]
+        path[PATH_X + k] = x if along > ZERO else along
+        path[PATH_Y + k] = y if along > ZERO else ZERO
+        path[UNIT_X + k], path[UNIT_Y + k] = legs[ALONG_X, at], legs[ALONG_Y, at]
+
+
+@inline
+def _touches(x, y, c, s, margin, ox, oy, oc, os, p):
+    """Whether the body with its front axle at (x, y), grown by `margin` [m], touches the other, centred at (ox, oy)."""
+    half_length, half_width = p["half_length"] + margin, p["half_width"] + margin
+    far = p["radius"] + p["radius"] + _DIAGONAL * margin
+    dx = ox - (x - p["offset"] * c + p["offset"])  # the frame's origin is the own body's centre now
+    dy = oy - (y - p["offset"] * s)
+    return dx * dx + dy * dy < far * far and rectangles_touch(
+        dx, dy, c, s, half_length, half_width, oc, os, p["half_length"], p["half_width"]
+    )
+
+
+@inline
+def _turns_into(ox, oy, oc, os, p):
+    """Whether the square that a turn on the spot may sweep touches the other body."""
+    far = p["radius"] + _DIAGONAL * TURN_SIDE
+    return ox * ox + oy * oy < far * far and rectangles_touch(
+        ox, oy, ONE, ZERO, TURN_SIDE, TURN_SIDE, oc, os, p["half_length"], p["half_width"]
+    )
+
+
+@inline
+def _offset_touches(path, k, lateral, offset, margin, ox, oy, oc, os, p):
+    """Whether the body, on its way from `lateral` to `offset` [m] beside the route, touches the other."""
+    ux, uy, left = path[UNIT_X + k], path[UNIT_Y + k], path[LEFT + k]
+    side = offset + (lateral - offset) * left
+    x, y = path[PATH_X + k] - side * uy, path[PATH_Y + k] + side * ux
+    far = p["radius"] + p["radius"] + _DIAGONAL * margin + abs(p["offset"])  # however the body stands about its axle
+    gap_x, gap_y = ox - x - p["offset"], oy - y
+    if gap_x * gap_x + gap_y * gap_y > far * far:
+        return False
+    slope = (offset - lateral) / SETTLE if left > ZERO else ZERO
+    norm = np.sqrt(ONE + slope * slope)
+    c, s = (ux - slope * uy) / norm, (uy + slope * ux) / norm
+    return _touches(x, y, c, s, margin, ox, oy, oc, os, p)
+
+
+@inline
+def _conflicts(row, start, table, at, count, path, k, lateral, turning, ox, oy, oc, os, p):
+    """Enter the conflicts at time k of `count` commands from table[at] on, all of one speed, with one neighbour."""
+    share = np.float32(k) / np.float32(SAMPLES)
+    margin = MARGIN + MARGIN_RATE * path[TIME + k]
+    for a in range(at, at + count):
+        if row[start + a] <= share:  # an earlier one
+            continue
+        if turning:
+            touches = _turns_into(ox, oy, oc, os, p)
+        elif path[ALONG + k] <= ZERO:
+            touches = _touches(path[PATH_X + k], ZERO, ONE, ZERO, margin, ox, oy, oc, os, p)
+        else:
+            offset = table[a, 1] if table[a, 0] > ZERO else ZERO
+            touches = _offset_touches(path, k, lateral, offset, margin, ox, oy, oc, os, p)
+        if touches:
+            row[start + a] = share
+
+
+@inline
+def _mark_close(x, y, vx, vy, bodies, offset, path):
+    """Mark in `path` when a body, now at (x, y), is within `bodies` [m] and the margin of it; return how often."""
+    count = np.int32(0)
+    for k in range(SAMPLES):
+        reach = bodies + _DIAGONAL * MARGIN_RATE * path[TIME + k]
+        gap_x, gap_y = x + vx * path[TIME + k] - path[PATH_X + k] - offset, y + vy * path[TIME + k] - path[PATH_Y + k]
+        near = gap_x * gap_x + gap_y * gap_y < reach * reach
+        path[CLOSE + k] = ONE if near else ZERO
+        count += np.int32(1) if near else np.int32(0)
+    return count
+
+
+@inline
+def _look(row, start, near, others, table, at, count, path, v0, lateral, turning, p):
+    """Enter all conflicts of `count` commands from table[at] on; bodies far from the path are passed over."""
+    widest = abs(lateral)
+    if table[at, 0] > ZERO:
+        for a in range(at, at + count):
+            widest = max(widest, abs(table[a, 1]))
+    bodies = p["radius"] + p["radius"] + abs(p["offset"]) + widest + _DIAGONAL * MARGIN
+    for j in range(others):
+        entry = near + j * NEIGHBOUR
+        x, vx = row[entry] * p["lidar_range"], row[entry + 4] * p["max_speed"] + v0
+        y, vy = row[entry + 1] * p["lidar_range"], row[entry + 5] * p["max_speed"]
+        if not turning and _mark_close(x, y, vx, vy, bodies, p["offset"], path) == 0:
+            continue
+        for k in range(SAMPLES):
+            if turning or path[CLOSE + k] != ZERO:
+                ox, oy = x + vx * path[TIME + k], y + vy * path[TIME + k]
+                oc, os = row[entry + 2], row[entry + 3]
+                _conflicts(row, start, table, at, count, path, k, lateral, turning, ox, oy, oc, os, p)
+
+
+@inline
+def write_predictions(row, ego, route, near, table, p, start, legs, path):
+    """Write the slice `predictions` from row[start] on: of each command the share of HORIZON until the body would
+    touch a neighbour, 1 if it would not.
+
+    row: the observation float32[D], written but for this; ego, route, near: where its slices start; table float32[K,
+    2]: the commands (speed, offset), those of one speed together; legs, path: scratch. Braking, backing and turning on
+    the spot do not depend on the offset, so they are looked at once.
+    """
+    others = 0
+    while others < p["neighbours"] and row[near + others * NEIGHBOUR + 6] != ZERO:
+        others += 1
+    for a in range(table.shape[0]):
+        row[start + a] = ONE
+    if others > 0:
+        _lay_out_route(row, ego, route, p, legs)
+    at = 0
+    while others > 0 and at < table.shape[0]:
+        speed = table[at, 0]
+        end = at + 1
+        while end < table.shape[0] and table[end, 0] == speed:
+            end += 1
+        turning = abs(row[ego + 3] * PI) > TURNING and speed > ZERO
+        count = end - at if speed > ZERO and not turning else 1
+        _lay_out_path(row[ego] * p["max_speed"], speed, p, legs, path)
+        _look(row, start, near, others, table, at, count, path, row[ego] * p["max_speed"], row[ego + 4], turning, p)
+        for a in range(at + count, end):
+            row[start + a] = row[start + at]
+        at = end

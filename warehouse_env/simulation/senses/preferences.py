@@ -1,0 +1,72 @@
+"""What a robot would like to do, best first: its lateral offsets in order, each with the speed it likes best there.
+
+A policy gives one action, or a number for every action (logits, say). Right of way tries the offsets in this order.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.kernel import inline, kernel
+from warehouse_env.simulation.physics.trigonometry import ZERO
+
+SIDE, SPEED, GOING = range(3)  # columns of choices: offset [m], the speed liked best with it, and the one above 0 [m/s]
+URGED = np.float32(2.0)  # [s] within a metre of one place from which who has right of way goes, though it would stand
+
+
+def obey(commands: NDArray[np.float32], sides: NDArray[np.float32], choices: NDArray[np.float32]) -> None:
+    """Write choices float32[B, N, 1 + O, 3] of commands: as told, else at that speed with `sides` float32[O]."""
+    choices[:, :, 0, SIDE] = commands[:, :, 1]
+    choices[:, :, 1:, SIDE] = sides
+    choices[:, :, :, SPEED] = choices[:, :, :, GOING] = commands[:, :, :1]
+
+
+@inline
+def _best(table, liked, side, least):
+    """Return the best-liked action with an offset and a speed above `least` [m/s], the first of equals; -1: none."""
+    best = -1
+    for k in range(table.shape[0]):
+        if table[k, 1] == side and table[k, 0] > least and (best < 0 or liked[k] > liked[best]):
+            best = k
+    return best
+
+
+@kernel
+def rank(table, sides, preferences, commands, choices):
+    """Write choices float32[B, N, 1 + O, 3], and the first as commands float32[B, N, 2], by preferences [B, N, A].
+
+    table float32[A, 2]: (speed, offset) of each action; sides float32[O]: the offsets, in the order of equals.
+    False if a preference is no number.
+    """
+    order = np.empty(sides.size, np.int64)  # the best action of each offset, best first
+    for b in range(preferences.shape[0]):
+        for i in range(preferences.shape[1]):
+            liked = preferences[b, i]
+            if np.isnan(liked).any():
+                return False
+            for n in range(sides.size):
+                best, k = _best(table, liked, sides[n], -np.inf), n
+                while k > 0 and liked[order[k - 1]] < liked[best]:
+                    order[k] = order[k - 1]
+                    k -= 1
+                order[k] = best
+            commands[b, i] = table[order[0]]
+            for n in range(choices.shape[2]):
+                best = order[max(n - 1, 0)]
+                going = _best(table, liked, table[best, 1], ZERO)
+                choices[b, i, n, SIDE], choices[b, i, n, SPEED] = table[best, 1], table[best, 0]
+                choices[b, i, n, GOING] = table[going if going >= 0 else best, 0]
+    return True
+
+
+@inline
+def speed_of(r, choices, speed):
+    """Return the speed [m/s] that a robot likes with the offset that it has, else `speed`; it may be urged to go."""
+    for n in range(choices.shape[0]):
+        if choices[n, SIDE] == r["side"]:
+            speed = choices[n, SPEED]
+            if speed <= ZERO and r["authority"] > ZERO and r["standing_time"] >= URGED:
+                speed = choices[n, GOING]
+            break
+    return speed

@@ -1,0 +1,167 @@
+"""What a robot perceives: lidar against shelves and robots, and its nearest robots. One call a robot.
+
+The lidar asks of each edge and each robot where all rays meet it, at once: loops over rays without a branch, which
+the compiler turns into vector instructions.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline
+from warehouse_env.observation import EGO, NEIGHBOUR
+from warehouse_env.simulation.driver.tracking import way_point
+from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, COS, SEARCH, SILENT, SIN, SPEED, bucket_at
+from warehouse_env.simulation.physics.geometry import ray_to_rectangle
+from warehouse_env.simulation.physics.trigonometry import ONE, PI, ZERO
+
+_TWENTY = np.float32(20.0)
+_FIVE = np.float32(5.0)
+_SEAM = np.float32(2e-6)  # of the range, by which edges are longer at both ends: no ray slips through where two meet
+RAY_X, RAY_Y, PER_X, PER_Y = 0, 1, 2, 3  # rows of `turned`
+TURNED = 4
+
+
+@inline
+def scan_shelves(cx, cy, c, s, p, edges, seen, first, rays, turned, out):
+    """Write the distance [m] of each ray from (cx, cy) to the nearest shelf, at most lidar_range.
+
+    rays: float32[2, R], unit vectors in the robot's frame; (c, s) its heading; edges, seen, first: see Edges;
+    turned: float32[TURNED, R], scratch. A ray of direction (ux, uy) meets the line x = a at a distance (a - cx) / ux,
+    at y = cy + distance x uy; rounding moves that by less than half of a seam.
+    """
+    cell = p["cell"]
+    for k in range(rays.shape[1]):
+        ux = c * rays[0, k] - s * rays[1, k]
+        uy = s * rays[0, k] + c * rays[1, k]
+        turned[RAY_X, k] = ux
+        turned[RAY_Y, k] = uy
+        turned[PER_X, k] = ONE / ux
+        turned[PER_Y, k] = ONE / uy
+        out[k] = p["lidar_range"]
+    row, column = int(cy / cell) + 1, int(cx / cell) + 1
+    seam = _SEAM * p["lidar_range"]
+    for n in range(first[row, column, 0], first[row, column, 1]):
+        e = seen[n]
+        _meet(edges[e, 0] - cx, edges[e, 1] - cy - seam, edges[e, 2] - cy + seam, turned[PER_X], turned[RAY_Y], out)
+    for n in range(first[row, column, 1], first[row, column, 2]):
+        e = seen[n]
+        _meet(edges[e, 0] - cy, edges[e, 1] - cx - seam, edges[e, 2] - cx + seam, turned[PER_Y], turned[RAY_X], out)
+
+
+@inline
+def _meet(line, low, high, per_across, beside, out):
+    """Shorten the rays that meet an edge, all relative to their start. 0 x inf is nan: no comparison takes it."""
+    for k in range(per_across.shape[0]):
+        distance = line * per_across[k]
+        at = distance * beside[k]
+        meets = (distance >= ZERO) & (distance < out[k]) & (at >= low) & (at <= high)
+        out[k] = distance if meets else out[k]
+
+
+@inline
+def scan_robot(x, y, c, s, p, rays, out):
+    """Shorten the rays that meet a robot whose centre is at (x, y) in the own frame, with relative heading (c, s)."""
+    ox, oy = -(x * c + y * s), -(y * c - x * s)
+    half_length, half_width = p["half_length"], p["half_width"]
+    for k in range(rays.shape[1]):
+        ux = rays[0, k] * c + rays[1, k] * s
+        uy = rays[1, k] * c - rays[0, k] * s
+        distance = ray_to_rectangle(ox, oy, ux, uy, half_length, half_width)
+        out[k] = distance if distance < out[k] else out[k]
+
+
+@inline
+def _comes_before(squared, dx, dy, out, at):
+    """Is a robot nearer than the one remembered at `at`? Equally near ones go by where they are, not by index."""
+    if squared != out[at] or squared == np.float32(np.inf):
+        return squared < out[at]
+    return dx > out[at + 2] or (dx == out[at + 2] and dy > out[at + 3])
+
+
+@inline
+def _remember(squared, dx, dy, j, out, start, count):
+    """Keep the nearest robots sorted in `out` itself: (squared distance, index, dx, dy) at the head of each entry."""
+    k = count - 1
+    if not _comes_before(squared, dx, dy, out, start + k * NEIGHBOUR):
+        return
+    while k > 0 and _comes_before(squared, dx, dy, out, start + (k - 1) * NEIGHBOUR):
+        for m in range(4):
+            out[start + k * NEIGHBOUR + m] = out[start + (k - 1) * NEIGHBOUR + m]
+        k -= 1
+    out[start + k * NEIGHBOUR] = squared
+    out[start + k * NEIGHBOUR + 1] = np.float32(j)
+    out[start + k * NEIGHBOUR + 2] = dx
+    out[start + k * NEIGHBOUR + 3] = dy
+
+
+@inline
+def look_around(n, bodies, order, starts, p, rays, out, start):
+    """Scan all robots in range of the n-th of `bodies` into the lidar, and remember the nearest from out[start] on.
+
+    Of those that are silent the lidar alone tells. bodies, order, starts: see buckets.sort.
+    """
+    c, s = bodies[COS, n], bodies[SIN, n]
+    cx, cy = bodies[CENTRE_X, n], bodies[CENTRE_Y, n]
+    count = p["neighbours"]
+    for k in range(count):
+        out[start + k * NEIGHBOUR] = np.float32(np.inf)
+    lidar_range = p["lidar_range"]
+    reach = lidar_range + p["radius"]
+    columns = p["bucket_columns"]
+    row, column = bucket_at(cx, cy, p)
+    left, right = max(column - SEARCH, 0), min(column + SEARCH + 1, columns)
+    for by in range(max(row - SEARCH, 0), min(row + SEARCH + 1, p["bucket_rows"])):
+        for m in range(starts[by * columns + left], starts[by * columns + right]):
+            dx, dy = bodies[CENTRE_X, m] - cx, bodies[CENTRE_Y, m] - cy
+            squared = dx * dx + dy * dy
+            if squared < reach * reach and m != n:
+                other_c, other_s = bodies[COS, m], bodies[SIN, m]
+                x, y = dx * c + dy * s, dy * c - dx * s
+                scan_robot(x, y, other_c * c + other_s * s, other_s * c - other_c * s, p, rays, out)
+                if squared < lidar_range * lidar_range and bodies[SILENT, m] == ZERO:
+                    _remember(squared, dx, dy, m, out, start, count)
+
+
+@inline
+def write_neighbours(n, bodies, p, out, start):
+    """Replace the remembered places in `bodies` by the neighbours' features (see observation_layout)."""
+    c, s, v = bodies[COS, n], bodies[SIN, n], bodies[SPEED, n]
+    scale, fast = ONE / p["lidar_range"], ONE / p["max_speed"]
+    for k in range(p["neighbours"]):
+        at = start + k * NEIGHBOUR
+        if out[at] == np.float32(np.inf):
+            for other in range(at, start + p["neighbours"] * NEIGHBOUR):
+                out[other] = ZERO
+            break
+        m, dx, dy = int(out[at + 1]), out[at + 2], out[at + 3]
+        turn_c = bodies[COS, m] * c + bodies[SIN, m] * s
+        turn_s = bodies[SIN, m] * c - bodies[COS, m] * s
+        out[at] = (dx * c + dy * s) * scale
+        out[at + 1] = (dy * c - dx * s) * scale
+        out[at + 2] = turn_c
+        out[at + 3] = turn_s
+        out[at + 4] = (bodies[SPEED, m] * turn_c - v) * fast
+        out[at + 5] = bodies[SPEED, m] * turn_s * fast
+        out[at + 6] = ONE
+
+
+@inline
+def write_ego_and_route(r, route, p, out, start):
+    """Write the slices `ego` and `route` (see observation_layout) from out[start] on."""
+    to_go = np.float32(r["points"] - 1) * r["spacing"] - r["position"]
+    out[start] = r["speed"] / p["max_speed"]
+    out[start + 1] = r["steer"] / p["max_steer"]
+    out[start + 2] = r["follow_steer"] / p["max_steer"]
+    out[start + 3] = r["bearing"] / PI
+    out[start + 4] = min(max(r["lateral"], -_FIVE), _FIVE)
+    out[start + 5] = min(to_go, _TWENTY) / _TWENTY
+    out[start + 6] = min(r["contact_time"], _FIVE) / _FIVE
+    out[start + 7] = min(r["waiting_time"], _TWENTY) / _TWENTY
+    at = start + EGO
+    for k in range(p["route_points"]):
+        x, y, _, _ = way_point(r, route, np.float32(k + 1) * p["route_spacing"])
+        dx, dy = x - r["x"], y - r["y"]
+        out[at] = (dx * r["cos"] + dy * r["sin"]) / _FIVE
+        out[at + 1] = (dy * r["cos"] - dx * r["sin"]) / _FIVE
+        at += 2

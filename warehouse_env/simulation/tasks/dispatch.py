@@ -1,0 +1,174 @@
+"""Dispatching: robots are given tasks and routes at the reset, on arrival, and where another bars their way."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+
+import numpy as np
+from numpy.typing import NDArray
+
+import warehouse_env.simulation.state as state
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.grid_map import Cell
+from warehouse_env.routes.book import RouteBook
+from warehouse_env.simulation.physics.floor import Floor
+from warehouse_env.simulation.rules.astray import far_off, find_astray
+from warehouse_env.simulation.rules.live import LiveRoutes
+from warehouse_env.simulation.tasks.assignment import Assignment
+from warehouse_env.simulation.tasks.one_shot import OneShotTasks
+from warehouse_env.simulation.tasks.placement import place, stand
+from warehouse_env.simulation.tasks.tasks import Arrival, Tasks, book_arrival
+
+ROUTE_BLOCK = 64  # way-points by which the routes' array grows
+
+
+class Dispatcher:
+    """Gives the robots of all worlds their tasks and routes.
+
+    `robots` ROBOT[B, N] and `params` PARAMETERS[1] are the Simulator's. Of `routes` float32[B, N, R, 2] [m] the first
+    state.route_points of each robot are valid; a longer route puts a larger array in its place. `book` may be replaced
+    by another of the same floor.
+    """
+
+    def __init__(self, config: EnvConfig, book: RouteBook, robots: NDArray[np.void], params: NDArray[np.void]) -> None:
+        """Make each world's tasks; ConfigError where they, or live routes, cannot be had."""
+        self.book, self.robots = book, robots
+        self.routes = np.zeros((*robots.shape, ROUTE_BLOCK, 2), dtype=np.float32)
+        self._config, self._params = config, params
+        self._astray, self._far = np.empty(robots.shape, dtype=np.bool_), far_off(config, book.grid.cell_size)
+        self._live = LiveRoutes(config, book) if config.reroute else None
+        tasks = OneShotTasks if config.tasks == "one_shot" else Tasks
+        self.tasks = [tasks(book.grid, config) for _ in range(len(robots))]
+        # made when first used: never seeded copies of a Simulator that has not begun go their own ways
+        self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
+
+    def begin(self, world: int, entropy: list[int] | None, assignment: Assignment | None, floor: Floor) -> None:
+        """Stand the robots of a world on the floor with their first tasks, by chance or as the assignment says.
+
+        entropy: what the world's generator is seeded with; None: it goes on.
+        """
+        if entropy is not None:
+            self._rngs[world] = np.random.default_rng(np.random.SeedSequence(entropy))
+        self.tasks[world].reset(self._rngs[world])
+        if assignment is None:
+            self._place_all(world, floor)
+        else:
+            self._assign(world, assignment, floor)
+
+    def _assign(self, world: int, assignment: Assignment, floor: Floor) -> None:
+        """Stand the robots of a world where they are told to, with the goals that they are given."""
+        starts = self.book.grid.cell(assignment.pose[:, :2])
+        tasks = [((int(r), int(c)), (int(u), int(v))) for (r, c), (u, v) in zip(starts, assignment.goal, strict=True)]
+        self.tasks[world].assign(*zip(*tasks, strict=True))
+        for robot, (start, goal) in enumerate(tasks):
+            self.give_task(world, robot, goal, self.book.route(start, goal, float(assignment.pose[robot, 2])))
+            stand(self.robots[world], robot, assignment.pose[robot], self._params, floor)
+
+    def _place_all(self, world: int, floor: Floor) -> None:
+        """Give every robot of a world a start, a goal and a route."""
+        rng, tasks, robots = self._rngs[world], self.tasks[world], self.robots.shape[1]
+        places = tasks.starts(rng)
+        cells, spare = places[:robots], places[robots:]
+        goals = tasks.first_goals(cells, rng)
+        self.book.prepare(list(zip(cells, goals, strict=True)))
+        for robot in range(robots):
+            placed = robot < len(cells) and self._place(world, robot, cells[robot], goals[robot], floor)
+            while not placed:
+                if not spare:
+                    raise ConfigError(
+                        f"num_agents={robots} do not fit on map {self.book.grid.name!r}: only {robot} found a "
+                        "start that touches nothing; use fewer robots or a larger map"
+                    )
+                cell = spare.pop(0)
+                placed = self._place(world, robot, cell, tasks.next_goal(robot, cell, rng), floor)
+
+    def _place(self, world: int, robot: int, cell: Cell, goal: Cell, floor: Floor) -> bool:
+        """Put a robot on a cell, facing along its route; False if it touches something there."""
+        self.give_task(world, robot, goal, self.book.route(cell, goal))
+        route = self.routes[world, robot]
+        direction = route[min(2, max(int(self.robots[world, robot]["points"]) - 1, 0))] - route[0]
+        return place(self.robots[world], robot, self.book.grid.centre(cell), direction, self._params, floor)
+
+    def give_task(self, world: int, robot: int, goal: Cell, points: NDArray[np.float32]) -> None:
+        """Give a robot a goal and its first route there, way-points float32[R, 2] [m]."""
+        self.give_route(world, robot, points)
+        r = self.robots[world, robot]
+        r["milestone"] = r["stalled_time"] = 0.0
+        r["task_length"] = float(r["points"] - 1) * float(r["spacing"])
+        r["goal_x"], r["goal_y"] = points[-1]
+        r["goal_row"], r["goal_col"] = goal
+
+    def give_route(self, world: int, robot: int, points: NDArray[np.float32]) -> None:
+        """Give a robot another route to its goal, way-points float32[R, 2] [m], evenly spaced along it.
+
+        Where a line bends sharply, as at a pose beside the lane, its points are nearer to each other: not its spacing.
+        """
+        if len(points) > self.routes.shape[2]:
+            longer = math.ceil(len(points) / ROUTE_BLOCK) * ROUTE_BLOCK
+            grown = np.zeros((*self.robots.shape, longer, 2), dtype=np.float32)
+            grown[:, :, : self.routes.shape[2]] = self.routes
+            self.routes = grown
+        self.routes[world, robot, : len(points)] = points
+        r = self.robots[world, robot]
+        r["points"] = len(points)
+        r["spacing"] = np.hypot(*np.diff(points, axis=0).T).max() if len(points) > 1 else 0.0
+        r["position"] = r["lateral"] = r["bearing"] = 0.0
+        r["arcs"] = r["search_wait"] = 0  # of a manoeuvre to the route before
+        r["claim"] = r["side"] = r["poses"] = 0  # no path yet
+
+    def arrive(self, steps: NDArray[np.int64]) -> list[Arrival]:
+        """Book the arrivals and return them, and give lifelong robots their next task. steps [B]: since the resets."""
+        config, arrivals = self._config, []
+        for world, robot in np.argwhere(self.robots["arrived"] != 0).tolist():
+            r, step = self.robots[world, robot], int(steps[world])
+            seconds = step * config.action_repeat * config.time_step
+            arrivals.append(book_arrival(r, world, robot, seconds, late=2 * step > config.max_steps))
+            if config.tasks == "lifelong" and r["alive"]:
+                start = state.goal_of(r)
+                goal = self.tasks[world].next_goal(robot, start, self._rngs[world])
+                self.give_task(world, robot, goal, self._route(world, robot, start, goal))
+        return arrivals
+
+    def reroute(self, steps: NDArray[np.int64]) -> list[int]:
+        """Route those anew who are astray or find a better way; return the worlds of those who got another route."""
+        worlds = []
+        if find_astray(self.robots, self.routes, self._far, self._astray):
+            for world, robot in np.argwhere(self._astray).tolist():
+                self._give_another(world, robot, self._route_from_here(world, robot))
+                worlds.append(world)
+        if self._live is not None:
+            for world, robot in self._live.watch(self.robots, self.routes, steps):
+                live = self._live_route(world, robot, state.goal_of(self.robots[world, robot]), on_its_way=True)
+                if live is not None:
+                    self._give_another(world, robot, live)
+                    worlds.append(world)
+        return worlds
+
+    def _route_from_here(self, world: int, robot: int) -> NDArray[np.float32]:
+        """Return a route to a robot's goal from the cell in which it is, around others if they count."""
+        r = self.robots[world, robot]
+        goal, pose = state.goal_of(r), np.array([r["x"], r["y"]])
+        row, column = self.book.grid.cell(pose).tolist()
+        if (row, column) == goal:
+            return np.array([pose, self.book.grid.centre(np.array(goal))], dtype=np.float32)
+        return self._route(world, robot, (row, column), goal)
+
+    def _give_another(self, world: int, robot: int, points: NDArray[np.float32]) -> None:
+        """Give a robot another route on its way; the time without a metre of progress goes on."""
+        self.give_route(world, robot, points)
+        r = self.robots[world, robot]
+        r["milestone"] = 0.0
+        r["reroutes"] += 1
+
+    def _route(self, world: int, robot: int, start: Cell, goal: Cell) -> NDArray[np.float32]:
+        """Return a live route if there is one, else that from the cell in which a robot is."""
+        live = self._live_route(world, robot, goal)
+        return live if live is not None else self.book.route(start, goal, float(self.robots[world, robot]["heading"]))
+
+    def _live_route(self, world: int, robot: int, goal: Cell, on_its_way: bool = False) -> NDArray[np.float32] | None:
+        """Return a route from where a robot is, around all others; None if live routes are off or find none."""
+        if self._live is None:
+            return None
+        return self._live.route(self.robots[world], self.routes[world], robot, goal, on_its_way)

@@ -1,0 +1,120 @@
+"""One goal for each robot, drawn so that all can get there whoever arrives first (well_formed.py)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.simulation.tasks.placement import GAP
+from warehouse_env.simulation.tasks.tasks import Tasks
+from warehouse_env.simulation.tasks.well_formed import body_reach, cut_off, disc_of
+
+TRIALS = 400  # to draw goals anew for one that is cut off; none to some tens are the rule
+NEAR = 8  # goals about a start or goal of which one is looked for that bars it
+
+
+class OneShotTasks(Tasks):
+    """Goals that are distinct, and well-formed wherever that can be had.
+
+    Starts are endpoints far enough apart for bodies of any heading. Then robot after robot draws a goal whose disc of
+    parking poses covers nobody else's start or goal; whoever is cut off all the same draws anew, and so does one that
+    may bar it. On a floor too small for its robots some stay cut off after TRIALS of that: see `cut_off`.
+    """
+
+    def __init__(self, grid: GridMap, config: EnvConfig) -> None:
+        super().__init__(grid, config)
+        self._disc = disc_of(config, grid.cell_size)
+        self._reach = math.sqrt(int((self._disc**2).sum(axis=1).max()))  # [cells]
+        self._apart = (2 * body_reach(config) + float(GAP)) / grid.cell_size  # [cells] between starts
+        self._starts: list[Cell] = []
+
+    def starts(self, rng: np.random.Generator) -> list[Cell]:
+        """Return all places, those first that are far enough from each other."""
+        first: list[Cell] = []
+        rest: list[Cell] = []
+        for cell in super().starts(rng):
+            roomy = all(math.dist(cell, other) >= self._apart for other in first)
+            (first if roomy else rest).append(cell)
+        return first + rest
+
+    def first_goals(self, starts: Sequence[Cell], rng: np.random.Generator) -> list[Cell]:
+        """Draw goals, then anew for one that is cut off and one that may bar it, as long as no more are cut off."""
+        self._starts = list(starts)
+        for robot in range(len(starts)):
+            self._redraw(robot, self._kinds[self._next_kind[robot]], rng)
+        lost = np.flatnonzero(self._cut_off())
+        for _ in range(TRIALS):
+            if not len(lost):
+                break
+            robot, before = int(rng.choice(lost)), list(self._goals)
+            for one in sorted({robot, self._neighbour(robot, rng)}):
+                self._redraw(one, self.places, rng)
+            cut_off = np.flatnonzero(self._cut_off())
+            if len(cut_off) <= len(lost):
+                lost = cut_off
+            else:
+                self._goals = before
+                self._taken = {goal for goal in before if goal is not None}
+        return [goal for goal in self._goals if goal is not None]
+
+    def assign(self, starts: Sequence[Cell], goals: Sequence[Cell]) -> None:
+        """Take these as the robots' starts and goals."""
+        super().assign(starts, goals)
+        self._starts = list(starts)
+
+    def next_goal(self, robot: int, at: Cell, rng: np.random.Generator) -> Cell:
+        """Give a goal to a robot whose start has become another."""
+        self._starts[robot] = at
+        return self._redraw(robot, self._kinds[self._next_kind[robot]], rng)
+
+    def cut_off(self) -> float:
+        """Return how many robots others parked at their goals could cut off from theirs; nan before the first reset."""
+        return math.nan if None in self._goals else float(self._cut_off().sum())
+
+    def _redraw(self, robot: int, wanted: list[Cell], rng: np.random.Generator) -> Cell:
+        """Give a robot another goal, a wanted one if its disc can cover no other start or goal, else any free one."""
+        old, self._goals[robot] = self._goals[robot], None
+        if old is not None:
+            self._taken.discard(old)
+        start, others = self._starts[robot], self._others(robot)
+        for cells in (wanted, self.places):
+            roomy = [cell for cell in _apart_from(cells, others, self._reach) if cell != start]
+            if roomy:
+                goal = roomy[int(rng.integers(len(roomy)))]
+                break
+        else:
+            goal = self._draw(self.places, start, rng) or start
+        self._taken.add(goal)
+        self._goals[robot] = goal
+        return goal
+
+    def _neighbour(self, robot: int, rng: np.random.Generator) -> int:
+        """Return by chance one of the robots whose goals lie nearest to a robot's start or goal: they may bar it."""
+        own = np.array([self._starts[robot], self._goals[robot]], dtype=np.int64)
+        goals = np.array(self._goals, dtype=np.int64)
+        squared = ((goals[:, None] - own[None]) ** 2).sum(axis=2).min(axis=1)
+        squared[robot] = squared.max() + 1
+        near = np.argsort(squared, kind="stable")[:NEAR]
+        return int(near[int(rng.integers(len(near)))])
+
+    def _others(self, robot: int) -> NDArray[np.int64]:
+        """Return int64[K, 2], the starts and goals of all other robots."""
+        starts = [cell for k, cell in enumerate(self._starts) if k != robot]
+        return np.array([*starts, *(goal for goal in self._goals if goal is not None)], dtype=np.int64).reshape(-1, 2)
+
+    def _cut_off(self) -> NDArray[np.bool_]:
+        starts = np.array(self._starts, dtype=np.int64)
+        return cut_off(self._grid, starts, np.array(self._goals, dtype=np.int64), self._disc)
+
+
+def _apart_from(cells: Sequence[Cell], others: NDArray[np.int64], reach: float) -> list[Cell]:
+    """Return those of `cells` that are further than `reach` [cells] from all of `others` int64[K, 2]."""
+    if not len(others):
+        return list(cells)
+    squared = ((np.array(cells)[:, None] - others[None]) ** 2).sum(axis=2).min(axis=1)
+    return [cell for cell, distance in zip(cells, squared.tolist(), strict=True) if distance > reach * reach]

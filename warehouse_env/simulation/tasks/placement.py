@@ -1,0 +1,124 @@
+"""Where robots stand at the start: on distinct endpoints, facing along their first route, touching nothing."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warehouse_env.errors import ConfigError
+from warehouse_env.kernel import kernel, part
+from warehouse_env.simulation.driver import tracking
+from warehouse_env.simulation.physics.floor import Floor
+from warehouse_env.simulation.physics.footprint import body_touches_shelf
+from warehouse_env.simulation.physics.geometry import rectangle_gap
+from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos, wrap
+
+GAP = np.float32(0.15)  # [m] to robots at the start, half of it to shelves
+TOUCH = np.float32(1e-6)  # [m] of gap under which bodies touch
+TURNS = (0, 1, -1, 2, -2, 3, -3, 4)  # eighths of a circle tried off the route's direction
+
+
+@part
+def _fits(robots, count, x, y, heading, p, solid, clearance, gap):
+    """Whether a body at (x, y, heading) keeps `gap` from the first `count` robots and half of it from shelves."""
+    s, c = sin_cos(heading)
+    cx, cy = x - p["offset"] * c, y - p["offset"] * s
+    wide = np.float32(0.5) * gap
+    hl, hw = p["half_length"], p["half_width"]
+    if body_touches_shelf(cx, cy, c, s, hl + wide, hw + wide, solid, clearance, p["cell"]):
+        return False
+    for j in range(count):
+        o = robots[j]
+        dx = o["x"] - p["offset"] * o["cos"] - cx
+        dy = o["y"] - p["offset"] * o["sin"] - cy
+        reach = p["radius"] + p["radius"] + gap
+        near = dx * dx + dy * dy < reach * reach
+        if near and rectangle_gap(dx, dy, c, s, hl, hw, o["cos"], o["sin"], hl, hw) < gap:
+            return False
+    return True
+
+
+@part
+def _put(robots, index, x, y, heading):
+    """Put robot `index` at a pose."""
+    r = robots[index]
+    r["x"], r["y"], r["heading"] = x, y, heading
+    r["sin"], r["cos"] = sin_cos(heading)
+
+
+@part
+def _nearest(route, points, x, y):
+    """Return the number of the way-point that is nearest to (x, y), among the first `points`."""
+    best, nearest = np.float32(np.inf), 0
+    for k in range(points):
+        dx, dy = route[k, 0] - x, route[k, 1] - y
+        if dx * dx + dy * dy < best:
+            best, nearest = dx * dx + dy * dy, k
+    return nearest
+
+
+@kernel
+def _put_all(robots, routes, pose, speed, params, solid, clearance):
+    """Put robots ROBOT[B, N] at pose float32[B, N, 3], driving at speed float32[B, N] [m/s], wheels straight, beside
+    the nearest points of their routes float32[B, N, R, 2] [m]; return bool[B]: whether nothing of a world touches.
+    """
+    p = params[0]
+    free = np.ones(robots.shape[0], np.bool_)
+    for b in range(robots.shape[0]):
+        for i in range(robots.shape[1]):
+            r, x, y, heading = robots[b, i], pose[b, i, 0], pose[b, i, 1], wrap(pose[b, i, 2])
+            free[b] = free[b] and _fits(robots[b], i, x, y, heading, p, solid, clearance, TOUCH)
+            _put(robots[b], i, x, y, heading)
+            r["anchor_x"], r["anchor_y"], r["speed"], r["steer"] = x, y, speed[b, i], ZERO
+            r["position"] = np.float32(_nearest(routes[b, i], r["points"], x, y)) * r["spacing"]
+            tracking.locate(r, routes[b, i])
+            tracking.aim(r, routes[b, i], p)
+    return free
+
+
+def put_all(
+    robots: NDArray[Any], routes: NDArray[np.float32], pose: ArrayLike, speed: ArrayLike, p: NDArray[Any], floor: Floor
+) -> NDArray[np.bool_]:
+    """Put robots ROBOT[B, N] at poses [B, N, 3] with speeds [B, N] or one for all; see `_put_all`."""
+    poses, speeds = np.empty((*robots.shape, 3), np.float32), np.empty(robots.shape, np.float32)
+    poses[:], speeds[:] = pose, speed
+    free: NDArray[np.bool_] = _put_all(robots, routes, poses, speeds, p, floor.solid, floor.clearance)
+    return free
+
+
+def place(
+    robots: NDArray[Any],
+    index: int,
+    point: NDArray[np.float64],
+    direction: NDArray[np.float32],
+    p: NDArray[Any],
+    floor: Floor,
+) -> bool:
+    """Put robot `index` of ROBOT[N] at `point` [m], facing `direction` as nearly as fits; False if nothing fits.
+
+    Robots 0..index-1 stand already.
+    """
+    x, y = np.float32(point[0]), np.float32(point[1])
+    along = math.atan2(float(direction[1]), float(direction[0]))
+    eighth = math.pi / 4
+    first = round(along / eighth) * eighth
+    for turn in TURNS:
+        heading = np.float32(math.remainder(first + turn * eighth, 2 * math.pi))
+        if _fits(robots, index, x, y, heading, p[0], floor.solid, floor.clearance, GAP):
+            _put(robots, index, x, y, heading)
+            return True
+    return False
+
+
+def stand(robots: NDArray[Any], index: int, pose: NDArray[np.float64], p: NDArray[Any], floor: Floor) -> None:
+    """Stand robot `index` of ROBOT[N] at a pose (x [m], y [m], heading [rad]); ConfigError if it touches something."""
+    x, y = np.float32(pose[0]), np.float32(pose[1])
+    heading = np.float32(math.remainder(float(pose[2]), 2 * math.pi))
+    if not _fits(robots, index, x, y, heading, p[0], floor.solid, floor.clearance, TOUCH):
+        raise ConfigError(
+            f"robot {index} touches a shelf or another robot at ({x:.3f}, {y:.3f}), heading {heading:.3f}"
+        )
+    _put(robots, index, x, y, heading)
