@@ -19,6 +19,7 @@ from warehouse_env.portable import Portable
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation import given, state, step
 from warehouse_env.simulation.actions import ActionDecoder
+from warehouse_env.simulation.driver import rejoin
 from warehouse_env.simulation.driver.manoeuvre import ARCS
 from warehouse_env.simulation.driver.turning import turning_metric
 from warehouse_env.simulation.physics.buckets import bucket_grid
@@ -51,7 +52,7 @@ class Simulator(Portable):
     `arrivals`, the tasks finished with the last step.
     """
 
-    bound = ("state", "events", "_floor", "_metric", "_advance_arguments", "_agree_arguments", "_observe_arguments")
+    bound = ("state", "events", "_floor", "_advance_arguments", "_agree_arguments", "_observe_arguments")
 
     def __init__(
         self,
@@ -134,21 +135,25 @@ class Simulator(Portable):
     def _bind(self) -> None:
         """Make the views and the floor, and keep the kernels' arguments ready."""
         self.state, self.events = state.state_of(self.robots), state.events_of(self.robots)
-        self._metric = turning_metric(self._params)
         self._floor = floor_of(self.grid, self.config.sensor.lidar_range)
         self._collect()
 
     def _collect(self) -> None:
         """Keep the kernels' arguments ready: collecting them takes longer than a small world's step."""
+        config = self.config
+        table = self._actions.table if config.sensor.predictions else None
         seen = (
-            self._rays, self._actions.table, self._weights, *self._floor.edges,
+            self._rays, table, self._weights, *self._floor.edges,
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
-        floor = (self._floor.solid, self._floor.clearance, self._metric)
-        persons = self.people.persons
+        floor = (self._floor.solid, self._floor.clearance)
+        persons, ways = (self.people.persons, self.people.ways) if config.people else (None, None)
+        arcs = None if config.action_type == "raw" else self.arcs
+        shield = True if config.protective_field else None
+        faults = self._faults if self._params["checked"][0] else None
         self._advance_arguments = (
-            persons, self.people.ways, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
-            self.terminated, self._waiting, self._faults, self._params, *floor,
+            persons, ways, arcs, self._commands, self._stamps, self.steps, self.truncated, self.terminated,
+            self._waiting, shield, faults, self._params, *floor,
         )  # fmt: skip
         self._agree_arguments = (self.arcs, self._commands, self._paths, self._params, self._choices, *floor)
         self._observe_arguments = (persons, self._waiting, self._params, *seen)
@@ -270,10 +275,18 @@ class Simulator(Portable):
         """Advance the worlds from `begin` to before `end`, and observe those without arrivals; return how many."""
         where = (begin, end, self.robots, self.routes)
         if self.config.right_of_way:
-            agreement.agree(*where, *self._agree_arguments)
-        arrivals: int = step.advance(*where, *self._advance_arguments)
+            agreement.agree(*where, *self._agree_arguments, self._metric)
+        arrivals: int
+        arrivals, seeking = step.advance(*where, *self._advance_arguments)
+        if seeking:
+            floor = (self._floor.solid, self._floor.clearance, self._metric)
+            rejoin.seek(*where, self.arcs, self._params, *floor)
         step.observe(begin, end, False, self.robots, self.routes, *self._observe_arguments)
         return arrivals
+
+    @property
+    def _metric(self) -> NDArray[np.float32]:
+        return turning_metric(self._params)
 
     def _many(self) -> bool:
         return self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and get_num_threads() > 1

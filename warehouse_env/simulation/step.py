@@ -1,7 +1,8 @@
 """The batched step: `advance` commands, moves, judges contacts and goes on along the routes; `observe` looks.
 
-With right of way, `agree` (agreement.py) goes before. They are three, not one, since a kernel is compiled again in
-whatever calls it. Each does one world after another; for all threads, the Simulator hands out parts of the worlds.
+With right of way, `agree` (agreement.py) goes before; `seek` (rejoin.py) follows where robots seek a manoeuvre. They
+are four, not one, since a kernel is compiled again in whatever calls it. Each does one world after another; for all
+threads, the Simulator hands out parts of the worlds. What is off is handed over as None and not compiled at all.
 """
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ from warehouse_env.simulation.senses import prediction, sensing
 from warehouse_env.simulation.senses.rewards import write_terms
 from warehouse_env.simulation.state import GAP_HORIZON, NOBODY
 
-_RAW = 2
 _HORIZON = np.float32(GAP_HORIZON)
 _SLOW = np.float32(0.1)  # [m/s] under which a robot counts as waiting
 
@@ -44,18 +44,24 @@ def _begin(r):
 
 
 @inline
-def _command(r, route, arcs, bodies, first, second, p, solid, clearance, metric):
-    """Turn the action into (acceleration [m/s^2], steering rate [rad/s]) for one physics step."""
+def _raw_command(r, acceleration, steer_rate, p):
+    """Return a raw command [m/s^2], [rad/s] as it is, of a robot that is not parked."""
+    if r["alive"] == 0:
+        return braking(r["speed"], p), ZERO
+    r["target_speed"] = r["speed"] + acceleration * p["time_step"]
+    r["target_steer"] = r["steer"] + steer_rate * p["time_step"]
+    return acceleration, steer_rate
+
+
+@inline
+def _command(r, route, arcs, first, second, p, solid, clearance):
+    """Turn a speed [m/s] and an offset [m] into (acceleration [m/s^2], steering rate [rad/s]) for a physics step."""
     if r["alive"] == 0:
         return braking(r["speed"], p), ZERO
     dt = p["time_step"]
-    if p["action_type"] == _RAW:
-        r["target_speed"] = r["speed"] + first * dt
-        r["target_steer"] = r["steer"] + second * dt
-        return first, second
     if p["right_of_way"] != 0 and r["settled"] > ZERO:
         first, second = right_of_way.limit(r, first, p), r["side"]
-    tracking.follow(r, route, arcs, bodies, first, second, p, solid, clearance, metric)
+    tracking.follow(r, route, arcs, first, second, p, solid, clearance)
     next_speed = approach(r["speed"], r["target_speed"], p["max_acceleration"] * dt)
     next_steer = approach(r["steer"], r["target_steer"], p["max_steer_rate"] * dt)
     return (next_speed - r["speed"]) / dt, (next_steer - r["steer"]) / dt
@@ -140,25 +146,27 @@ def _move(robots, persons, near, motions, p, solid, clearance):
     for _ in range(p["substeps"]):
         contact.try_motion(motion, flags, lanes, p)
         contact.keep_off_shelves(robots, motion, flags, p, solid, clearance)
-        people.keep_off_people(robots, persons, motion, flags, p)
+        if persons is not None:
+            people.keep_off_people(robots, persons, motion, flags, p)
         contact.keep_off_robots(motion, flags, pairs, near, p)
         contact.accept_motion(robots, motion)
     contact.store(robots, motion)
 
 
 @inline
-def _drive(robots, persons, routes, arcs, commands, places, motions, guards, near, p, solid, clearance, metric):
+def _drive(robots, persons, routes, arcs, commands, places, motions, guards, near, p, solid, clearance):
     """Choose each robot's motion of one physics step and carry it out; near: the number of pairs that may meet."""
     _, motion, _, _ = motions
     for i in range(robots.shape[0]):
-        first, second = _command(
-            robots[i], routes[i], arcs[i], places[2], commands[i, 0], commands[i, 1], p, solid, clearance, metric
-        )
+        if arcs is None:
+            first, second = _raw_command(robots[i], commands[i, 0], commands[i, 1], p)
+        else:
+            first, second = _command(robots[i], routes[i], arcs[i], commands[i, 0], commands[i, 1], p, solid, clearance)
         contact.load(robots, i, first, second, p, clearance, motion)
-    if p["field"] != 0:
+    if guards is not None:
         field.guard(robots, persons, motion, guards, places, p, solid, clearance)
     _move(robots, persons, near, motions, p, solid, clearance)
-    if p["field"] != 0:
+    if guards is not None:
         field.settle(robots)
 
 
@@ -180,12 +188,13 @@ def _observe_world(
         cx, cy = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n]
         sensing.scan_shelves(cx, cy, r["cos"], r["sin"], p, edges, seen, first, rays, turned, row)
         sensing.look_around(n, bodies, order, starts, p, rays, row, near)
-        people.scan_people(persons, cx, cy, r["cos"], r["sin"], rays, row)
+        if persons is not None:
+            people.scan_people(persons, cx, cy, r["cos"], r["sin"], rays, row)
         sensing.write_neighbours(n, bodies, p, row, near)
         for k in range(p["rays"]):
             row[k] = ONE / (ONE + row[k])
         sensing.write_ego_and_route(r, routes[i], p, row, ego)
-        if p["predictions"] != 0:
+        if table is not None:
             prediction.write_predictions(
                 row, ego, route, near, table, p, near + NEIGHBOUR * p["neighbours"], legs, path
             )
@@ -206,25 +215,28 @@ def _count_step(robots, steps, b, truncated, terminated, p):
 
 @kernel
 def advance(
-    begin, end, robots, routes, persons, ways, arcs, commands, stamps, steps, truncated, terminated, waiting, faults,
-    params, solid, clearance, metric,
+    begin, end, robots, routes, persons, ways, arcs, commands, stamps, steps, truncated, terminated, waiting, shield,
+    faults, params, solid, clearance,
 ):  # fmt: skip
-    """Move the worlds from `begin` to before `end` on by one env step; return the number of arrivals.
+    """Move the worlds from `begin` to before `end` on by one env step; return (arrivals, robots that seek a manoeuvre).
 
-    robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; persons, ways: see people.People; arcs float32[B, N, ARCS, 2]:
-    their manoeuvres (manoeuvre.py); commands float32[B, N, 2]: speed [m/s] and offset [m], or raw acceleration and
-    steering rate; stamps int32[B, N, N]; steps int64[B] since the reset, truncated bool[B], terminated bool[B, N];
+    robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; persons, ways: see people.People, or None; arcs float32[B, N,
+    ARCS, 2]: their manoeuvres (manoeuvre.py), None if actions are raw; commands float32[B, N, 2]: speed [m/s] and
+    offset [m], or raw acceleration and steering rate; stamps int32[B, N, N]; steps int64[B] since the reset, truncated bool[B], terminated bool[B, N];
     waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator has given out new tasks;
-    faults int32[B, 3]: see audit.find_fault; metric: see the Simulator.
+    shield: True under the protective field, else None; faults int32[B, 3]: see audit.find_fault, or None.
     """
     p = params[0]
-    arrivals, count = 0, robots.shape[1]
-    places, motions, guards = buckets.scratch(count, p), contact.scratch(count, p), field.scratch(count, p)
+    arrivals, seeking, count = 0, 0, robots.shape[1]
+    places, motions = buckets.scratch(count, p), contact.scratch(count, p)
+    guards = None if shield is None else field.scratch(count, p)
     order, starts, bodies = places
     pairs, motion, _, _ = motions
     for b in range(begin, end):
         waiting[b] = 0
-        if p["field"] != 0:
+        persons_here = None if persons is None else persons[b]
+        arcs_here = None if arcs is None else arcs[b]
+        if guards is not None:
             right_of_way.rank(robots[b], guards[3])
         for i in range(count):
             _begin(robots[b, i])
@@ -233,22 +245,25 @@ def advance(
             buckets.sort(robots[b], p, starts, order, bodies)
             near = contact.list_pairs(bodies, order, starts, p, pairs)
             _drive(
-                robots[b], persons[b], routes[b], arcs[b], commands[b], places, motions, guards, near, p,
-                solid, clearance, metric,
+                robots[b], persons_here, routes[b], arcs_here, commands[b], places, motions, guards, near, p,
+                solid, clearance,
             )  # fmt: skip
-            people.walk(persons[b], ways[b], robots[b], p, solid, clearance)
-            if p["checked"] != 0:
-                audit.find_fault(robots[b], persons[b], clock, p, solid, clearance, faults[b])
+            if persons is not None:
+                people.walk(persons_here, ways[b], robots[b], p, solid, clearance)
+            if faults is not None:
+                audit.find_fault(robots[b], persons_here, clock, p, solid, clearance, faults[b])
             contact.judge_pairs(robots[b], motion, pairs, near, stamps[b], clock, p)
             contact.end_shelf_contacts(robots[b], p, solid, clearance)
-            people.end_contacts(robots[b], persons[b], p)
+            if persons is not None:
+                people.end_contacts(robots[b], persons_here, p)
             for i in range(count):
                 waiting[b] += _end(robots[b, i], routes[b, i], p)
         for i in range(count):
             _total(robots[b, i], p)
+            seeking += robots[b, i]["seeks"] != 0
         _count_step(robots[b], steps, b, truncated, terminated, p)
         arrivals += waiting[b]
-    return arrivals
+    return arrivals, seeking
 
 
 @kernel
@@ -259,7 +274,8 @@ def observe(
     """Write observations, rewards and their terms of the worlds from `begin` to before `end`: those that are `waiting`
     if `late`, which then are no more, else all others.
 
-    table, rays, weights, edges, seen, first: see the Simulator; out: observations float32[B, N, D]; terms float32[B, N,
+    table: of discrete actions, for predictions, or None; rays, weights, edges, seen, first: see the Simulator; out:
+    observations float32[B, N, D]; terms float32[B, N,
     T]; reward float32[B, N].
     """
     p = params[0]
@@ -267,7 +283,8 @@ def observe(
     for b in range(begin, end):
         if (waiting[b] != 0) == late:
             waiting[b] = 0
+            persons_here = None if persons is None else persons[b]
             _observe_world(
-                robots[b], persons[b], routes[b], places, sights, p, rays, table, weights, edges, seen, first,
+                robots[b], persons_here, routes[b], places, sights, p, rays, table, weights, edges, seen, first,
                 out[b], terms[b], reward[b],
             )  # fmt: skip

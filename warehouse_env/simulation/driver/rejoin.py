@@ -1,6 +1,7 @@
 """Where a manoeuvre leads: back to the robot's own route, or out of somebody's way.
 
-API: bodies_near(r, bodies, p) -> standing bodies for
+API: seek(begin, end, robots, routes, arcs, params, solid, clearance, metric) for all robots that seek their route;
+     bodies_near(r, robots, p) -> standing bodies for
      plan_to_route(r, route, arcs, bodies, most, p, solid, clearance, metric) and
      plan_aside(r, arcs, avoid, bodies, p, solid, clearance, metric)
 The two search from where the robot stands, begin the manoeuvre if there is one, and return the number of its arcs: 0
@@ -14,9 +15,9 @@ import numpy as np
 
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.driver import manoeuvre
-from warehouse_env.simulation.driver.driving import begin
-from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, COS, SIN
+from warehouse_env.simulation.driver.driving import begin as begin_manoeuvre
 from warehouse_env.simulation.physics.trigonometry import HALF_PI, ZERO, arc_tan2, wrap
+from warehouse_env.simulation.state import AROUND_OTHERS
 
 FIRST, APART, MANY = np.float32(0.75), np.float32(0.4), 8  # [m] ahead, [m] between, and number of poses on the route
 FAR_APART, FAR_MANY = np.float32(1.2), 20  # where none of these can be reached: a lane that must be left backwards
@@ -58,17 +59,17 @@ def _write_goals(r, route, apart, many, goals):
 
 
 @kernel
-def bodies_near(r, bodies, p):
-    """Return float32[K, 4] (centre x, y, cos, sin) of the others near the robot, of bodies [BODY, N] (buckets.py)."""
+def bodies_near(r, robots, p):
+    """Return float32[K, 4] (centre x, y, cos, sin) of the others of robots ROBOT[N] near one of them."""
     cx, cy = r["x"] - p["offset"] * r["cos"], r["y"] - p["offset"] * r["sin"]
     near = np.empty((MOST_NEAR, 4), np.float32)
     count = 0
-    for n in range(bodies.shape[1]):
-        dx, dy = bodies[CENTRE_X, n] - cx, bodies[CENTRE_Y, n] - cy
+    for o in robots:
+        x, y = o["x"] - p["offset"] * o["cos"], o["y"] - p["offset"] * o["sin"]
+        dx, dy = x - cx, y - cy
         square = dx * dx + dy * dy
         if ZERO < square < NEAR * NEAR and count < MOST_NEAR:  # its own centre is no way off
-            near[count, 0], near[count, 1] = bodies[CENTRE_X, n], bodies[CENTRE_Y, n]
-            near[count, 2], near[count, 3] = bodies[COS, n], bodies[SIN, n]
+            near[count, 0], near[count, 1], near[count, 2], near[count, 3] = x, y, o["cos"], o["sin"]
             count += 1
     return near[:count]
 
@@ -90,7 +91,7 @@ def plan_to_route(r, route, arcs, bodies, most, p, solid, clearance, metric):
             p, solid, clearance, metric, arcs,
         )  # fmt: skip
         if found > 0:
-            begin(r, found, arcs, manoeuvre.MARGINS[trial])
+            begin_manoeuvre(r, found, arcs, manoeuvre.MARGINS[trial])
         if found >= 0:
             return found
         if found == manoeuvre.CUT_OFF and most < manoeuvre.MOST:
@@ -107,5 +108,21 @@ def plan_aside(r, arcs, avoid, bodies, p, solid, clearance, metric):
         x, y, heading, steer, goals, avoid, bodies, ASIDE, p, solid, clearance, metric, arcs
     )
     if found > 0:
-        begin(r, found, arcs, margin)
+        begin_manoeuvre(r, found, arcs, margin)
     return found
+
+
+@kernel
+def seek(begin, end, robots, routes, arcs, params, solid, clearance, metric):
+    """Search for all who seek their route in the worlds from `begin` to before `end`. Arguments: see step.advance."""
+    p = params[0]
+    nobody = np.empty((0, 4), np.float32)
+    for b in range(begin, end):
+        for i in range(robots.shape[1]):
+            r = robots[b, i]
+            if r["seeks"] == 0:
+                continue
+            others = bodies_near(r, robots[b], p) if r["seeks"] == AROUND_OTHERS else nobody
+            r["seeks"] = 0
+            most = manoeuvre.MOST if others.shape[0] == 0 else AMONG_OTHERS
+            plan_to_route(r, routes[b, i], arcs[b, i], others, most, p, solid, clearance, metric)

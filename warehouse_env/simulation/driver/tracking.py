@@ -3,22 +3,21 @@
 An action asks for a speed and a lateral offset from the route. The follower steers towards a point ahead
 (pure pursuit about the fixed front axle), slows down where it must steer, and takes a command only if the
 body, driven on and then braked, stays off the shelves: the map is known, so this needs no learning. Where the line
-cannot be followed so (it begins behind the robot, a corner is too sharp, a lane ends) it searches for a manoeuvre that
-leads to the route (rejoin.py) and drives that. Other robots are not its
-business, but that it searches a way round their bodies once one has held it for a second.
+cannot be followed so (it begins behind the robot, a corner is too sharp, a lane ends) it asks for a manoeuvre that
+leads to the route (`seeks`), which is searched for after the env step (rejoin.py), and drives that. Other robots are
+not its business, but that it asks for a way round their bodies once one has held it for a second.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.kernel import inline
 from warehouse_env.simulation.driver.driving import KEPT, STANDS, drive_arcs, give_up, leads_ahead
-from warehouse_env.simulation.driver.manoeuvre import MOST
 from warehouse_env.simulation.driver.off_shelves import may_drive
-from warehouse_env.simulation.driver.rejoin import AMONG_OTHERS, bodies_near, plan_to_route
 from warehouse_env.simulation.physics.footprint import clearance_at
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, wrap
+from warehouse_env.simulation.state import ALONE, AROUND_OTHERS
 
 TWO = np.float32(2.0)
 LOOK_AHEAD = np.float32(0.55)  # [m] standing
@@ -35,8 +34,8 @@ OFFSET_FADE = np.float32(2.0)  # [m] before the goal in which offsets fade out
 BACK_ON = np.float32(0.5)  # [rad] off the nose up to which target and line end a manoeuvre that only leads on ahead
 PATIENCE = np.float32(4.0)  # [s] without a metre of progress from which manoeuvres are driven to their end
 ASIDE = np.float32(1.0)  # [rad] off the nose from which a target takes a manoeuvre
-AGAIN = np.float32(2.0)  # [s] until another search where nothing was found,
-AGAIN_HELD, AGAIN_HELD_BACK = np.float32(15.0), np.float32(5.0)  # [s] and, found or not, where another is in the way
+AGAIN = np.float32(2.0)  # [s] from one search to the next, whatever came of it,
+AGAIN_HELD, AGAIN_HELD_BACK = np.float32(15.0), np.float32(5.0)  # [s] and where another is in the way
 HELD = np.float32(1.0)  # [s] in touch with a robot after which a way round the others' bodies is searched,
 HELD_BACK = np.float32(2.5)  # [s] and held by the field after which it is, too: it may have to steer first
 
@@ -152,24 +151,14 @@ def _manoeuvre(r, arcs, wanted, p, solid, clearance):
     return ZERO, _brake_steer(r, steer, r["arc_margin"], p, solid, clearance)
 
 
-@kernel
-def _plan(r, route, arcs, bodies, alone, p, solid, clearance, metric):
-    """Begin a manoeuvre to the route, around the others' bodies unless `alone`; return the number of its arcs."""
-    others = np.empty((0, 4), np.float32) if alone else bodies_near(r, bodies, p)
-    most = MOST if others.shape[0] == 0 else AMONG_OTHERS
-    return plan_to_route(r, route, arcs, others, most, p, solid, clearance, metric)
-
-
 @inline
-def _forward(r, route, arcs, bodies, alone, speed, steer, angle, p, solid, clearance, metric):
-    """Return the wanted (speed, steering) if its sweep is free, else those of stopping, or of a new manoeuvre."""
+def _forward(r, alone, speed, steer, angle, p, solid, clearance):
+    """Return the wanted (speed, steering) if its sweep is free, else those of stopping; seek a manoeuvre if need be."""
     slow = abs(r["speed"]) < SLOW
     may = not (slow and abs(angle) > ASIDE) and may_drive(r, speed, steer, MARGIN, p, solid, clearance)
     if slow and not (may and alone) and r["search_wait"] <= ZERO:
-        found = _plan(r, route, arcs, bodies, alone, p, solid, clearance, metric)
-        r["search_wait"] = (AGAIN if found <= 0 else ZERO) if alone else AGAIN_HELD_BACK if p["field"] else AGAIN_HELD
-        if found > 0:
-            return _manoeuvre(r, arcs, speed, p, solid, clearance)
+        r["seeks"] = ALONE if alone else AROUND_OTHERS
+        r["search_wait"] = AGAIN if alone else AGAIN_HELD_BACK if p["field"] else AGAIN_HELD
     if may:
         return speed, steer
     return ZERO, _brake_steer(r, steer, MARGIN, p, solid, clearance)
@@ -185,7 +174,7 @@ def _backwards(r, speed, p, solid, clearance):
 
 
 @inline
-def follow(r, route, arcs, bodies, wanted_speed, offset, p, solid, clearance, metric):
+def follow(r, route, arcs, wanted_speed, offset, p, solid, clearance):
     """Set target_speed, target_steer and follow_steer from a wanted speed [m/s] and lateral offset [m]."""
     tx, ty, ux, uy, angle = aim(r, route, p)
     r["search_wait"] = max(r["search_wait"] - p["time_step"], ZERO)
@@ -198,10 +187,7 @@ def follow(r, route, arcs, bodies, wanted_speed, offset, p, solid, clearance, me
             if clearance_at(tx - offset * uy, ty + offset * ux, clearance, p["cell"]) < LANE_CLEARANCE:
                 offset = ZERO
         steer, angle = pursue(r, tx - offset * uy, ty + offset * ux, p)
-    speed = wanted_speed
-    if speed < ZERO:
-        give_up(r)
-    on_line = speed
+    speed = on_line = wanted_speed
     alone = r["contact_time"] <= HELD and r["held_time"] <= HELD_BACK
     if speed > ZERO:
         if not alone and r["search_wait"] <= ZERO:
@@ -211,10 +197,10 @@ def follow(r, route, arcs, bodies, wanted_speed, offset, p, solid, clearance, me
         aligned = max(abs(angle), abs(r["bearing"])) < BACK_ON and r["stalled_time"] < PATIENCE
         if aligned and leads_ahead(r, arcs) and may_drive(r, on_line, steer, MARGIN, p, solid, clearance):
             give_up(r)
-    if r["arcs"] > 0:
+    if r["arcs"] > 0 and speed >= ZERO:  # one that backs has its manoeuvre left for when it drives on
         speed, steer = _manoeuvre(r, arcs, speed, p, solid, clearance)
     elif speed > ZERO:
-        speed, steer = _forward(r, route, arcs, bodies, alone, on_line, steer, angle, p, solid, clearance, metric)
+        speed, steer = _forward(r, alone, on_line, steer, angle, p, solid, clearance)
     elif r["speed"] > ZERO or speed == ZERO:
         speed, steer = ZERO, _brake_steer(r, steer, MARGIN, p, solid, clearance)
     else:

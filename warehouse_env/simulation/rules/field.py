@@ -56,8 +56,6 @@ PERSON, FREE, SHELF = -3, -2, -1  # what refuses a motion: somebody, nothing, a 
 @kernel
 def scratch(count, p):
     """Return the arrays of a world's field: paths, outlines, marks, and the order int32[N] in which robots commit."""
-    if p["field"] == 0:
-        count = 0
     paths = np.empty((count + 1, p["stop_samples"], PLACE), np.float32)
     return (
         paths,
@@ -157,7 +155,7 @@ def commit(i, persons, acceleration, steer_rate, motion, field, places, p, solid
             if meets_shelf(trial, paths, outlines, marks, p, solid, clearance):
                 return SHELF
         x, y, reach = outlines[MIDDLE_X, trial], outlines[MIDDLE_Y, trial], outlines[REACH, trial]
-        if people.anybody_near(persons, x, y, reach, p):
+        if persons is not None and people.anybody_near(persons, x, y, reach, p):
             if marks[SAMPLES, trial] == 0:
                 sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)
             if people.could_meet(persons, paths[trial], marks[SAMPLES, trial], p):

@@ -115,7 +115,7 @@ class Dispatcher:
         r["points"] = len(points)
         r["spacing"] = np.hypot(*np.diff(points, axis=0).T).max() if len(points) > 1 else 0.0
         r["position"] = r["lateral"] = r["bearing"] = 0.0
-        r["arcs"] = r["search_wait"] = 0  # of a manoeuvre to the route before
+        r["arcs"] = r["search_wait"] = r["seeks"] = 0  # of a manoeuvre to the route before
         r["claim"] = r["side"] = r["poses"] = 0  # no path yet
 
     def arrive(self, steps: NDArray[np.int64]) -> list[Arrival]:
