@@ -27,7 +27,7 @@ from warehouse_env.simulation.physics.floor import floor_of, load_grid
 from warehouse_env.simulation.physics.people import People
 from warehouse_env.simulation.record import metrics
 from warehouse_env.simulation.rules import agreement
-from warehouse_env.simulation.rules.audit import is_wanted, raise_fault
+from warehouse_env.simulation.rules.audit import raise_fault
 from warehouse_env.simulation.rules.jams import Jams, jams_of
 from warehouse_env.simulation.rules.path_ahead import COLUMNS, POSES
 from warehouse_env.simulation.senses.messages import Messages
@@ -127,7 +127,7 @@ class Simulator(Portable):
         p["bucket_rows"], p["bucket_columns"], p["bucket"] = bucket_rows, bucket_columns, side
         self._waiting = np.zeros(b, dtype=np.int32)
         self._faults = np.zeros((b, 3), dtype=np.int32)
-        p["checked"] = self.config.protective_field and is_wanted()
+        self._parts_on = step.Parts.of(self.config)
         share = max(math.ceil(b / (_PARTS * MOST_THREADS)), math.ceil(_PART / n))
         self._parts = [(first, min(first + share, b)) for first in range(0, b, share)]
         self._bind()
@@ -147,16 +147,13 @@ class Simulator(Portable):
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
         floor = (self._floor.solid, self._floor.clearance)
-        persons, ways = (self.people.persons, self.people.ways) if config.people else (None, None)
-        arcs = None if config.action_type == "raw" else self.arcs
-        shield = True if config.protective_field else None
-        faults = self._faults if self._params["checked"][0] else None
+        persons, parts = self.people.persons, self._parts_on
         self._advance_arguments = (
-            persons, ways, arcs, self._commands, self._stamps, self.steps, self.truncated, self.terminated,
-            self._waiting, shield, faults, self._params, *floor,
+            persons, self.people.ways, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
+            self.terminated, self._waiting, self._faults, *parts, self._params, *floor,
         )  # fmt: skip
         self._agree_arguments = (self.arcs, self._commands, self._paths, self._params, self._choices, *floor)
-        self._observe_arguments = (persons, self._waiting, self._params, *seen)
+        self._observe_arguments = (persons, self._waiting, parts.walking, self._params, *seen)
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:
         """Write observations into this array [B, N, D] from now on; the last one stays as it is, its holder's own."""
@@ -262,7 +259,7 @@ class Simulator(Portable):
         self._actions.decode(actions, self._commands, self._choices)
         self._messages.lose(self.robots)
         arrivals = sum(side_by_side(self._advance, self._parts if self._many() else [(0, self.num_worlds)]))
-        if self._params["checked"][0] != 0:
+        if self._parts_on.checked:
             raise_fault(self._faults)
         self.people.send_on(self.robots)
         self.arrivals = self.dispatcher.arrive(self.steps) if arrivals else []

@@ -2,13 +2,19 @@
 
 With right of way, `agree` (agreement.py) goes before; `seek` (rejoin.py) follows where robots seek a manoeuvre. They
 are four, not one, since a kernel is compiled again in whatever calls it. Each does one world after another; for all
-threads, the Simulator hands out parts of the worlds. What is off is handed over as None and not compiled at all.
+threads, the Simulator hands out parts of the worlds.
+
+What a config has not is not compiled: `Parts` are True or None, and Numba leaves out what is done `if part is not None`
+where it is None.
 """
 
 from __future__ import annotations
 
+from typing import Literal, NamedTuple
+
 import numpy as np
 
+from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.observation import EGO, NEIGHBOUR
 from warehouse_env.simulation.driver import tracking
@@ -22,6 +28,22 @@ from warehouse_env.simulation.state import GAP_HORIZON, NOBODY
 
 _HORIZON = np.float32(GAP_HORIZON)
 _SLOW = np.float32(0.1)  # [m/s] under which a robot counts as waiting
+
+
+class Parts(NamedTuple):
+    """What a config has: True, or None where it has not."""
+
+    followed: Literal[True] | None  # actions are commands to the path follower, not raw
+    walking: Literal[True] | None  # people
+    guarded: Literal[True] | None  # the protective field
+    checked: Literal[True] | None  # and looked for faults (audit.py)
+
+    @classmethod
+    def of(cls, config: EnvConfig) -> Parts:
+        """Return the parts of a config."""
+        field = config.protective_field
+        has = (config.action_type != "raw", config.people > 0, field, field and audit.is_wanted())
+        return cls(*(True if one else None for one in has))
 
 
 @inline
@@ -44,7 +66,7 @@ def _begin(r):
 
 
 @inline
-def _raw_command(r, acceleration, steer_rate, p):
+def _take_raw(r, acceleration, steer_rate, p):
     """Return a raw command [m/s^2], [rad/s] as it is, of a robot that is not parked."""
     if r["alive"] == 0:
         return braking(r["speed"], p), ZERO
@@ -54,7 +76,7 @@ def _raw_command(r, acceleration, steer_rate, p):
 
 
 @inline
-def _command(r, route, arcs, first, second, p, solid, clearance):
+def _follow(r, route, arcs, first, second, p, solid, clearance):
     """Turn a speed [m/s] and an offset [m] into (acceleration [m/s^2], steering rate [rad/s]) for a physics step."""
     if r["alive"] == 0:
         return braking(r["speed"], p), ZERO
@@ -140,13 +162,13 @@ def _sights(p):
 
 
 @inline
-def _move(robots, persons, near, motions, p, solid, clearance):
+def _move(robots, persons, near, motions, walking, p, solid, clearance):
     """Carry out the motions of one physics step, but for those that would end in a shelf, a person or another robot."""
     pairs, motion, flags, lanes = motions
     for _ in range(p["substeps"]):
         contact.try_motion(motion, flags, lanes, p)
         contact.keep_off_shelves(robots, motion, flags, p, solid, clearance)
-        if persons is not None:
+        if walking is not None:
             people.keep_off_people(robots, persons, motion, flags, p)
         contact.keep_off_robots(motion, flags, pairs, near, p)
         contact.accept_motion(robots, motion)
@@ -154,25 +176,29 @@ def _move(robots, persons, near, motions, p, solid, clearance):
 
 
 @inline
-def _drive(robots, persons, routes, arcs, commands, places, motions, guards, near, p, solid, clearance):
+def _drive(
+    robots, persons, routes, arcs, commands, places, motions, guards, near, followed, walking, guarded, p,
+    solid, clearance,
+):  # fmt: skip
     """Choose each robot's motion of one physics step and carry it out; near: the number of pairs that may meet."""
     _, motion, _, _ = motions
     for i in range(robots.shape[0]):
-        if arcs is None:
-            first, second = _raw_command(robots[i], commands[i, 0], commands[i, 1], p)
+        first, second = commands[i, 0], commands[i, 1]
+        if followed is not None:
+            first, second = _follow(robots[i], routes[i], arcs[i], first, second, p, solid, clearance)
         else:
-            first, second = _command(robots[i], routes[i], arcs[i], commands[i, 0], commands[i, 1], p, solid, clearance)
+            first, second = _take_raw(robots[i], first, second, p)
         contact.load(robots, i, first, second, p, clearance, motion)
-    if guards is not None:
-        field.guard(robots, persons, motion, guards, places, p, solid, clearance)
-    _move(robots, persons, near, motions, p, solid, clearance)
-    if guards is not None:
+    if guarded is not None:
+        field.guard(robots, persons, motion, guards, places, walking, p, solid, clearance)
+    _move(robots, persons, near, motions, walking, p, solid, clearance)
+    if guarded is not None:
         field.settle(robots)
 
 
 @inline
 def _observe_world(
-    robots, persons, routes, places, sights, p, rays, table, weights, edges, seen, first, out, terms, reward
+    robots, persons, routes, places, sights, walking, p, rays, table, weights, edges, seen, first, out, terms, reward
 ):
     """Write observations, reward terms and rewards of one world."""
     order, starts, bodies = places
@@ -188,7 +214,7 @@ def _observe_world(
         cx, cy = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n]
         sensing.scan_shelves(cx, cy, r["cos"], r["sin"], p, edges, seen, first, rays, turned, row)
         sensing.look_around(n, bodies, order, starts, p, rays, row, near)
-        if persons is not None:
+        if walking is not None:
             people.scan_people(persons, cx, cy, r["cos"], r["sin"], rays, row)
         sensing.write_neighbours(n, bodies, p, row, near)
         for k in range(p["rays"]):
@@ -215,28 +241,25 @@ def _count_step(robots, steps, b, truncated, terminated, p):
 
 @kernel
 def advance(
-    begin, end, robots, routes, persons, ways, arcs, commands, stamps, steps, truncated, terminated, waiting, shield,
-    faults, params, solid, clearance,
+    begin, end, robots, routes, persons, ways, arcs, commands, stamps, steps, truncated, terminated, waiting, faults,
+    followed, walking, guarded, checked, params, solid, clearance,
 ):  # fmt: skip
     """Move the worlds from `begin` to before `end` on by one env step; return (arrivals, robots that seek a manoeuvre).
 
-    robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; persons, ways: see people.People, or None; arcs float32[B, N,
-    ARCS, 2]: their manoeuvres (manoeuvre.py), None if actions are raw; commands float32[B, N, 2]: speed [m/s] and
+    robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; persons, ways: see people.People; arcs float32[B, N,
+    ARCS, 2]: their manoeuvres (manoeuvre.py); commands float32[B, N, 2]: speed [m/s] and
     offset [m], or raw acceleration and steering rate; stamps int32[B, N, N]; steps int64[B] since the reset, truncated bool[B], terminated bool[B, N];
     waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator has given out new tasks;
-    shield: True under the protective field, else None; faults int32[B, 3]: see audit.find_fault, or None.
+    faults int32[B, 3]: see audit.find_fault; followed, walking, guarded, checked: see Parts.
     """
     p = params[0]
     arrivals, seeking, count = 0, 0, robots.shape[1]
-    places, motions = buckets.scratch(count, p), contact.scratch(count, p)
-    guards = None if shield is None else field.scratch(count, p)
+    places, motions, guards = buckets.scratch(count, p), contact.scratch(count, p), field.scratch(count, p)
     order, starts, bodies = places
     pairs, motion, _, _ = motions
     for b in range(begin, end):
         waiting[b] = 0
-        persons_here = None if persons is None else persons[b]
-        arcs_here = None if arcs is None else arcs[b]
-        if guards is not None:
+        if guarded is not None:
             right_of_way.rank(robots[b], guards[3])
         for i in range(count):
             _begin(robots[b, i])
@@ -245,17 +268,17 @@ def advance(
             buckets.sort(robots[b], p, starts, order, bodies)
             near = contact.list_pairs(bodies, order, starts, p, pairs)
             _drive(
-                robots[b], persons_here, routes[b], arcs_here, commands[b], places, motions, guards, near, p,
-                solid, clearance,
+                robots[b], persons[b], routes[b], arcs[b], commands[b], places, motions, guards, near,
+                followed, walking, guarded, p, solid, clearance,
             )  # fmt: skip
-            if persons is not None:
-                people.walk(persons_here, ways[b], robots[b], p, solid, clearance)
-            if faults is not None:
-                audit.find_fault(robots[b], persons_here, clock, p, solid, clearance, faults[b])
+            if walking is not None:
+                people.walk(persons[b], ways[b], robots[b], p, solid, clearance)
+            if checked is not None:
+                audit.find_fault(robots[b], persons[b], clock, p, solid, clearance, faults[b])
             contact.judge_pairs(robots[b], motion, pairs, near, stamps[b], clock, p)
             contact.end_shelf_contacts(robots[b], p, solid, clearance)
-            if persons is not None:
-                people.end_contacts(robots[b], persons_here, p)
+            if walking is not None:
+                people.end_contacts(robots[b], persons[b], p)
             for i in range(count):
                 waiting[b] += _end(robots[b, i], routes[b, i], p)
         for i in range(count):
@@ -268,7 +291,7 @@ def advance(
 
 @kernel
 def observe(
-    begin, end, late, robots, routes, persons, waiting, params, rays, table, weights, edges, seen, first, out, terms,
+    begin, end, late, robots, routes, persons, waiting, walking, params, rays, table, weights, edges, seen, first, out, terms,
     reward,
 ):  # fmt: skip
     """Write observations, rewards and their terms of the worlds from `begin` to before `end`: those that are `waiting`
@@ -283,8 +306,7 @@ def observe(
     for b in range(begin, end):
         if (waiting[b] != 0) == late:
             waiting[b] = 0
-            persons_here = None if persons is None else persons[b]
             _observe_world(
-                robots[b], persons_here, routes[b], places, sights, p, rays, table, weights, edges, seen, first,
+                robots[b], persons[b], routes[b], places, sights, walking, p, rays, table, weights, edges, seen, first,
                 out[b], terms[b], reward[b],
             )  # fmt: skip

@@ -74,12 +74,10 @@ def find_fault(robots, persons, clock, p, solid, clearance, fault):
             other = NONE
             if body_touches_shelf(x, y, c, s, length, width, solid, clearance, p["cell"]):
                 other = SHELF
-            if persons is not None:
+            for o in persons:
                 moves = robots[i]["speed"] != ZERO and (n == 0 or (stops[i, n] != stops[i, n - 1]).any())
-                near = RADIUS + PACE * np.float32(n) * p["dt"]
-                for o in persons:
-                    if moves and distance_to_body(o["x"], o["y"], x, y, c, s, p) <= near:
-                        other = PERSON
+                if moves and distance_to_body(o["x"], o["y"], x, y, c, s, p) <= RADIUS + PACE * np.float32(n) * p["dt"]:
+                    other = PERSON
             for j in range(i):
                 to_x, to_y, to_c, to_s = stops[j, n]
                 if rectangles_touch(to_x - x, to_y - y, c, s, length, width, to_c, to_s, length, width):
