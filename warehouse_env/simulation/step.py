@@ -247,8 +247,9 @@ def advance(
     """Move the worlds from `begin` to before `end` on by one env step; return (arrivals, robots that seek a manoeuvre).
 
     robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; persons, ways: see people.People; arcs float32[B, N,
-    ARCS, 2]: their manoeuvres (manoeuvre.py); commands float32[B, N, 2]: speed [m/s] and
-    offset [m], or raw acceleration and steering rate; stamps int32[B, N, N]; steps int64[B] since the reset, truncated bool[B], terminated bool[B, N];
+    ARCS, 2]: their manoeuvres (manoeuvre.py); commands float32[B, N, 2]: speed [m/s] and offset [m], or raw
+    acceleration and steering rate; stamps int32[B, N, N]; steps int64[B] since the reset, truncated bool[B], terminated
+    bool[B, N];
     waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator has given out new tasks;
     faults int32[B, 3]: see audit.find_fault; followed, walking, guarded, checked: see Parts.
     """
@@ -291,15 +292,14 @@ def advance(
 
 @kernel
 def observe(
-    begin, end, late, robots, routes, persons, waiting, walking, params, rays, table, weights, edges, seen, first, out, terms,
-    reward,
+    begin, end, late, robots, routes, persons, waiting, walking, params, rays, table, weights, edges, seen, first, out,
+    terms, reward,
 ):  # fmt: skip
     """Write observations, rewards and their terms of the worlds from `begin` to before `end`: those that are `waiting`
     if `late`, which then are no more, else all others.
 
     table: of discrete actions, for predictions, or None; rays, weights, edges, seen, first: see the Simulator; out:
-    observations float32[B, N, D]; terms float32[B, N,
-    T]; reward float32[B, N].
+    observations float32[B, N, D]; terms float32[B, N, T]; reward float32[B, N].
     """
     p = params[0]
     places, sights = buckets.scratch(robots.shape[1], p), _sights(p)

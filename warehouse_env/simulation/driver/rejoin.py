@@ -23,7 +23,8 @@ FIRST, APART, MANY = np.float32(0.75), np.float32(0.4), 8  # [m] ahead, [m] betw
 FAR_APART, FAR_MANY = np.float32(1.2), 20  # where none of these can be reached: a lane that must be left backwards
 CRUISE = np.float32(1.3)  # [m/s] at which the rest of the way is priced
 NEAR, MOST_NEAR = np.float32(3.0), 64  # [m] within which others are gone round; more bodies than fit into that
-AMONG_OTHERS, ASIDE = 300, 2000  # nodes of a search round others who may go, and of one for room
+FEW = 2  # tries round others who may go: what these bar, finer arcs do not open
+AMONG_OTHERS, ASIDE = 200, 2000  # nodes of a search round others who may go, and of one for room
 
 
 @inline
@@ -83,7 +84,8 @@ def plan_to_route(r, route, arcs, bodies, most, p, solid, clearance, metric):
     near, far = np.empty((MANY + 3, 4), np.float32), np.empty((FAR_MANY + 3, 4), np.float32)
     near = near[: _write_goals(r, route, APART, MANY, near)]
     far = far[: _write_goals(r, route, FAR_APART, FAR_MANY, far)]
-    for k in range(2 * manoeuvre.TRIES):
+    tries = manoeuvre.TRIES if bodies.shape[0] == 0 or most == manoeuvre.MOST else FEW
+    for k in range(2 * tries):
         trial = manoeuvre.trial_of(k // 2, bodies)
         goals = near if k % 2 == 0 else far
         found = manoeuvre.search_once(

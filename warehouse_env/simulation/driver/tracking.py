@@ -35,7 +35,8 @@ BACK_ON = np.float32(0.5)  # [rad] off the nose up to which target and line end 
 PATIENCE = np.float32(4.0)  # [s] without a metre of progress from which manoeuvres are driven to their end
 ASIDE = np.float32(1.0)  # [rad] off the nose from which a target takes a manoeuvre
 AGAIN = np.float32(2.0)  # [s] from one search to the next, whatever came of it,
-AGAIN_HELD, AGAIN_HELD_BACK = np.float32(15.0), np.float32(5.0)  # [s] and where another is in the way
+AGAIN_HELD, AGAIN_HELD_BACK = np.float32(15.0), np.float32(5.0)  # [s] and where another is in the way, longer by the
+# time that it has got nowhere: what has not helped so far is tried more and more rarely
 HELD = np.float32(1.0)  # [s] in touch with a robot after which a way round the others' bodies is searched,
 HELD_BACK = np.float32(2.5)  # [s] and held by the field after which it is, too: it may have to steer first
 
@@ -158,7 +159,8 @@ def _forward(r, alone, speed, steer, angle, p, solid, clearance):
     may = not (slow and abs(angle) > ASIDE) and may_drive(r, speed, steer, MARGIN, p, solid, clearance)
     if slow and not (may and alone) and r["search_wait"] <= ZERO:
         r["seeks"] = ALONE if alone else AROUND_OTHERS
-        r["search_wait"] = AGAIN if alone else AGAIN_HELD_BACK if p["field"] else AGAIN_HELD
+        again_held = AGAIN_HELD_BACK if p["field"] else AGAIN_HELD
+        r["search_wait"] = AGAIN if alone else again_held + r["stalled_time"]
     if may:
         return speed, steer
     return ZERO, _brake_steer(r, steer, MARGIN, p, solid, clearance)
