@@ -1,7 +1,8 @@
 """The batched step: `advance` commands, moves, judges contacts and goes on along the routes; `observe` looks.
 
-With right of way, `agree` (agreement.py) goes before. They are three, not one, since a kernel is compiled again in
-whatever calls it. Each does one world after another; for all threads, the Simulator hands out parts of the worlds.
+With right of way, `agree` (agreement.py) goes before, and where rings are to be dissolved `make_room` (making_room.py).
+They are four, not one, since a kernel is compiled again in whatever calls it. Each does one world after another; for
+all threads, the Simulator hands out parts of the worlds.
 """
 
 from __future__ import annotations

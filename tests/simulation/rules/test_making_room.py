@@ -26,10 +26,8 @@ def ring(waited: Sequence[float] = (3.0, 3.0, 3.0), ages: Sequence[int] = (5, 2,
 def resolve(world: World) -> list[int]:
     """Let them make room; return who has a manoeuvre."""
     sim = world.simulator
-    making_room.resolve(
-        world.robots, sim.routes[0], sim.arcs[0], world.ways, sim._params[0], sim._floor.solid, sim._floor.clearance,
-        sim._metric,
-    )  # fmt: skip
+    if making_room.count_seeking(world.robots, sim._params[0]):
+        making_room.make_room(0, 1, sim.robots, sim.routes, *sim._room_arguments)
     return [int(k) for k in np.flatnonzero(world.robots["arcs"])]
 
 

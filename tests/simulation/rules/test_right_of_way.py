@@ -282,9 +282,8 @@ def test_one_thread_equals_two(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_plain_python_gives_the_same_bits() -> None:
-    program = (
-        "from tests.simulation.test_right_of_way import history; print(*history(1, 2, 6), *history(1, 3, 3, 'after'))"
-    )
+    called = "print(*history(1, 2, 6), *history(1, 3, 3, 'after'))"
+    program = f"from tests.simulation.rules.test_right_of_way import history; {called}"
     assert plain_python(program) == history(1, 2, 6) + history(1, 3, 3, "after")
 
 

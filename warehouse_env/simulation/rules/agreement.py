@@ -1,4 +1,8 @@
-"""Right of way in a batch of worlds: all are ranked, granted their stretches, and rings dissolved; before each step."""
+"""Right of way in a batch of worlds: all are ranked and granted their stretches before each step.
+
+Rings are dissolved after it, by a kernel of its own: making_room.py pulls in the search for manoeuvres, which takes
+long to compile, and few runs come to need it.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +13,13 @@ from warehouse_env.simulation.rules import making_room, meetings, right_of_way, 
 
 
 @kernel
-def agree(begin, end, robots, routes, arcs, commands, paths, params, choices, solid, clearance, metric):
-    """Decide on the right of way in the worlds from `begin` to before `end`. Arguments: see step.advance.
+def agree(begin, end, robots, routes, arcs, commands, paths, params, choices, clearance):
+    """Decide on the right of way in the worlds from `begin` to before `end`; return how many robots seek room then.
 
-    choices float32[B, N, K, 3]: see preferences.py; paths float32[B, N + 1, POSES, COLUMNS]: see path_ahead.py, kept
-    from one decision to the next.
+    Arguments: see step.advance; choices float32[B, N, K, 3]: see preferences.py; paths float32[B, N + 1, POSES,
+    COLUMNS]: see path_ahead.py, kept from one decision to the next.
     """
-    p = params[0]
+    p, seeking = params[0], 0
     order, scratch = np.empty(robots.shape[1], np.int64), np.empty((2, robots.shape[1]), np.int64)
     for b in range(begin, end):
         if not stepping_in.step_in(robots[b], routes[b], commands[b], scratch, p):
@@ -23,4 +27,5 @@ def agree(begin, end, robots, routes, arcs, commands, paths, params, choices, so
         ways = meetings.scratch(paths[b])
         right_of_way.rank(robots[b], order)
         right_of_way.decide(robots[b], routes[b], arcs[b], commands[b], choices[b], order, ways, p, clearance)
-        making_room.resolve(robots[b], routes[b], arcs[b], ways, p, solid, clearance, metric)
+        seeking += making_room.count_seeking(robots[b], p)
+    return seeking

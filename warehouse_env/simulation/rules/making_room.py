@@ -14,7 +14,6 @@ from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.driver.manoeuvre import MOST
 from warehouse_env.simulation.driver.rejoin import AMONG_OTHERS, plan_aside, plan_to_route
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO
-from warehouse_env.simulation.rules.meetings import COUNT
 from warehouse_env.simulation.rules.path_ahead import CENTRE_X, CENTRE_Y, DRIVEN, POSES
 from warehouse_env.simulation.state import NOBODY
 
@@ -75,12 +74,12 @@ def _stands(r):
 
 
 @part
-def _make_room(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric):
+def _leave_ring(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric):
     """Search a way off the paths of all others in the ring for robot `low`; return whether there is one."""
-    paths, _, _, _, numbers = ways
+    paths, poses = ways
     count, j = 0, robots[low]["yields_to"]
     while j != low:
-        for k in range(numbers[COUNT, j]):
+        for k in range(poses[j]):
             for column in range(DRIVEN):
                 avoid[count, column] = paths[j, k, column]
             count += 1
@@ -133,32 +132,57 @@ def _clear_behind(i, robots, arcs, ways, bodies, avoid, p, solid, clearance, met
         asks = blocked
 
 
-@kernel
-def resolve(robots, routes, arcs, ways, p, solid, clearance, metric):
-    """Let those search that have stood long enough; ways: see meetings.scratch."""
-    seconds, count = p["time_step"] * np.float32(p["repeat"]), robots.shape[0]
-    longest = ZERO
-    for i in range(count):
-        r = robots[i]
+@inline
+def _seeks(i, robots):
+    """Whether robot i has waited long enough to look for a way, and may."""
+    r = robots[i]
+    barrier = r["yields_to"]
+    if r["alive"] == 0 or r["settled"] <= 0 or r["waiting_time"] < PATIENCE or r["pause"] > 0 or barrier == NOBODY:
+        return False
+    return _in_ring(i, robots) or (r["waiting_time"] > PATIENCE + PATIENCE and _stands(robots[barrier]))
+
+
+@part
+def count_seeking(robots, p):
+    """Return how many robots of a world look for a way now; a decision's time of their pauses passes."""
+    seconds, count = p["time_step"] * np.float32(p["repeat"]), 0
+    for r in robots:
         r["pause"] = max(r["pause"] - seconds, ZERO)
-        longest = max(longest, r["waiting_time"] if r["alive"] != 0 else ZERO)
-    if longest < PATIENCE:
-        return
-    bodies = np.empty((count, 4), np.float32)
-    avoid = np.empty((count * POSES, 4), np.float32)
-    for i in range(count):
-        r = robots[i]
-        barrier = r["yields_to"]
-        if r["alive"] == 0 or r["settled"] <= 0 or r["waiting_time"] < PATIENCE or r["pause"] > 0 or barrier == NOBODY:
+    for i in range(robots.shape[0]):
+        count += _seeks(i, robots)
+    return count
+
+
+@part
+def _resolve(robots, routes, arcs, ways, bodies, avoid, p, solid, clearance, metric):
+    """Let those of a world search that seek, one after another; who still does is asked anew for each."""
+    for i in range(robots.shape[0]):
+        if not _seeks(i, robots):
             continue
         if _in_ring(i, robots):
             low = _least(i, robots)
-            if _make_room(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric):
+            if _leave_ring(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric):
                 continue
             if not _go_round(low, robots, routes, arcs, ways, bodies, AMONG_OTHERS, p, solid, clearance, metric):
                 _clear_behind(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric)
-        elif r["waiting_time"] > PATIENCE + PATIENCE and _stands(robots[barrier]):
-            most = MOST if robots[barrier]["alive"] == 0 else AMONG_OTHERS  # it may yet go
+        else:
+            r = robots[i]
+            most = MOST if robots[r["yields_to"]]["alive"] == 0 else AMONG_OTHERS  # it may yet go
             r["pause"] = PAUSE
             if not _go_round(i, robots, routes, arcs, ways, bodies, most, p, solid, clearance, metric):
                 _clear_behind(i, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric)
+
+
+@kernel
+def make_room(begin, end, robots, routes, arcs, paths, params, solid, clearance, metric):
+    """Let those search that seek in the worlds from `begin` to before `end`; right after agreement.agree has said that
+    somebody does. Arguments: see there and step.advance.
+    """
+    count = robots.shape[1]
+    bodies, avoid = np.empty((count, 4), np.float32), np.empty((count * POSES, 4), np.float32)
+    poses = np.empty(count, np.int32)  # of the paths, which a manoeuvre that begins makes void
+    for b in range(begin, end):
+        for i in range(count):
+            poses[i] = robots[b, i]["poses"]
+        ways = paths[b], poses
+        _resolve(robots[b], routes[b], arcs[b], ways, bodies, avoid, params[0], solid, clearance, metric)
