@@ -15,6 +15,7 @@ import numpy as np
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.driver import manoeuvre
 from warehouse_env.simulation.driver.driving import begin
+from warehouse_env.simulation.driver.line import way_point
 from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, COS, SIN
 from warehouse_env.simulation.physics.trigonometry import HALF_PI, ZERO, arc_tan2, wrap
 
@@ -26,16 +27,6 @@ AMONG_OTHERS, ASIDE = 300, 2000  # nodes of a search round others who may go, an
 
 
 @inline
-def _route_pose(r, route, ahead):
-    """Return the route's point `ahead` [m] of the robot and its heading [rad]."""
-    at = (r["position"] + ahead) / r["spacing"]
-    k = min(int(at), r["points"] - 2)
-    part = at - np.float32(k)
-    dx, dy = route[k + 1, 0] - route[k, 0], route[k + 1, 1] - route[k, 1]
-    return route[k, 0] + part * dx, route[k, 1] + part * dy, arc_tan2(dy, dx)
-
-
-@inline
 def _write_goals(r, route, apart, many, goals):
     """Write poses along the route into goals float32[many + 3, 4]; at its end the heading is free. Return how many."""
     to_go = np.float32(r["points"] - 1) * r["spacing"] - r["position"]
@@ -43,7 +34,8 @@ def _write_goals(r, route, apart, many, goals):
     count = 0
     for k in range(many):
         ahead = min(FIRST + apart * np.float32(k), to_go)
-        x, y, heading = _route_pose(r, route, ahead)
+        x, y, ux, uy = way_point(r, route, ahead)
+        heading = arc_tan2(uy, ux)
         goals[count, 0], goals[count, 1], goals[count, 2] = x, y, heading
         goals[count, 3] = (last - ahead) / CRUISE
         count += 1
@@ -54,6 +46,23 @@ def _write_goals(r, route, apart, many, goals):
                 goals[count, 3] = ZERO
                 count += 1
             break
+    return count
+
+
+@inline
+def write_bodies_near(r, robots, within, p, near):
+    """Write centre x, y [m], cosine and sine of the others within [m] of a robot of ROBOT[N] into near float32[M, 4].
+
+    Returns how many, M at most.
+    """
+    cx, cy = r["x"] - p["offset"] * r["cos"], r["y"] - p["offset"] * r["sin"]
+    count = 0
+    for o in robots:
+        x, y = o["x"] - p["offset"] * o["cos"], o["y"] - p["offset"] * o["sin"]
+        square = (x - cx) * (x - cx) + (y - cy) * (y - cy)
+        if ZERO < square < within * within and count < near.shape[0]:  # its own centre is no way off
+            near[count, 0], near[count, 1], near[count, 2], near[count, 3] = x, y, o["cos"], o["sin"]
+            count += 1
     return count
 
 

@@ -9,23 +9,27 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import kernel
-from warehouse_env.simulation.rules import making_room, meetings, right_of_way, stepping_in
+from warehouse_env.simulation.physics.trigonometry import ZERO
+from warehouse_env.simulation.rules import meetings, right_of_way, stepping_in, waits
 
 
 @kernel
 def agree(begin, end, robots, routes, arcs, commands, paths, params, choices, clearance):
-    """Decide on the right of way in the worlds from `begin` to before `end`; return how many robots seek room then.
+    """Decide on the right of way in the worlds from `begin` to before `end`; return how many robots search a way then.
 
     Arguments: see step.advance; choices float32[B, N, K, 3]: see preferences.py; paths float32[B, N + 1, POSES,
     COLUMNS]: see path_ahead.py, kept from one decision to the next.
     """
-    p, seeking = params[0], 0
-    order, scratch = np.empty(robots.shape[1], np.int64), np.empty((2, robots.shape[1]), np.int64)
+    p, searching = params[0], 0
+    seconds = p["time_step"] * np.float32(p["repeat"])
+    order, found = np.empty(robots.shape[1], np.int64), waits.scratch(robots.shape[1])
     for b in range(begin, end):
-        if not stepping_in.step_in(robots[b], routes[b], commands[b], scratch, p):
+        if not stepping_in.step_in(robots[b], routes[b], commands[b], found, p):
             continue
         ways = meetings.scratch(paths[b])
         right_of_way.rank(robots[b], order)
         right_of_way.decide(robots[b], routes[b], arcs[b], commands[b], choices[b], order, ways, p, clearance)
-        seeking += making_room.count_seeking(robots[b], p)
-    return seeking
+        for r in robots[b]:
+            r["pause"] = max(r["pause"] - seconds, ZERO)
+        searching += waits.look(robots[b], found)
+    return searching
