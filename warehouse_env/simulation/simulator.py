@@ -26,7 +26,7 @@ from warehouse_env.simulation.physics.buckets import bucket_grid
 from warehouse_env.simulation.physics.floor import floor_of, load_grid
 from warehouse_env.simulation.physics.people import People
 from warehouse_env.simulation.record import metrics
-from warehouse_env.simulation.rules import agreement
+from warehouse_env.simulation.rules import agreement, making_room
 from warehouse_env.simulation.rules.audit import raise_fault
 from warehouse_env.simulation.rules.jams import Jams, jams_of
 from warehouse_env.simulation.rules.path_ahead import COLUMNS, POSES
@@ -52,7 +52,10 @@ class Simulator(Portable):
     `arrivals`, the tasks finished with the last step.
     """
 
-    bound = ("state", "events", "_floor", "_advance_arguments", "_agree_arguments", "_observe_arguments")
+    bound = (
+        "state", "events", "_floor",
+        "_advance_arguments", "_agree_arguments", "_room_arguments", "_observe_arguments",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -152,7 +155,10 @@ class Simulator(Portable):
             persons, self.people.ways, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
             self.terminated, self._waiting, self._faults, *parts, self._params, *floor,
         )  # fmt: skip
-        self._agree_arguments = (self.arcs, self._commands, self._paths, self._params, self._choices, *floor)
+        self._agree_arguments = (
+            self.arcs, self._commands, self._paths, self._params, self._choices, self._floor.clearance,
+        )  # fmt: skip
+        self._room_arguments = (self.arcs, self._paths, self._params, *floor)
         self._observe_arguments = (persons, self._waiting, parts.walking, self._params, *seen)
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:
@@ -271,8 +277,8 @@ class Simulator(Portable):
     def _advance(self, begin: int, end: int) -> int:
         """Advance the worlds from `begin` to before `end`, and observe those without arrivals; return how many."""
         where = (begin, end, self.robots, self.routes)
-        if self.config.right_of_way:
-            agreement.agree(*where, *self._agree_arguments, self._metric)
+        if self.config.right_of_way and agreement.agree(*where, *self._agree_arguments):
+            making_room.make_room(*where, *self._room_arguments, self._metric)
         arrivals: int
         arrivals, seeking = step.advance(*where, *self._advance_arguments)
         if seeking:

@@ -1,8 +1,8 @@
 """The batched step: `advance` commands, moves, judges contacts and goes on along the routes; `observe` looks.
 
-With right of way, `agree` (agreement.py) goes before; `seek` (rejoin.py) follows where robots seek a manoeuvre. They
-are four, not one, since a kernel is compiled again in whatever calls it. Each does one world after another; for all
-threads, the Simulator hands out parts of the worlds.
+With right of way, `agree` (agreement.py) goes before, and `make_room` (making_room.py) where rings are to be dissolved;
+`seek` (rejoin.py) follows where robots seek a manoeuvre. They are five, not one, since a kernel is compiled again in
+whatever calls it. Each does one world after another; for all threads, the Simulator hands out parts of the worlds.
 
 What a config has not is not compiled: `Parts` are True or None, and Numba leaves out what is done `if part is not None`
 where it is None.
@@ -17,17 +17,16 @@ import numpy as np
 from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.observation import EGO, NEIGHBOUR
-from warehouse_env.simulation.driver import tracking
+from warehouse_env.simulation.driver import line, tracking
 from warehouse_env.simulation.physics import buckets, contact, people
 from warehouse_env.simulation.physics.kinematics import approach, braking
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
-from warehouse_env.simulation.rules import audit, field, right_of_way
+from warehouse_env.simulation.rules import audit, field, right_of_way, waits
 from warehouse_env.simulation.senses import prediction, sensing
 from warehouse_env.simulation.senses.rewards import write_terms
 from warehouse_env.simulation.state import GAP_HORIZON, NOBODY
 
 _HORIZON = np.float32(GAP_HORIZON)
-_SLOW = np.float32(0.1)  # [m/s] under which a robot counts as waiting
 
 
 class Parts(NamedTuple):
@@ -98,38 +97,14 @@ def _park(r, p):
 
 
 @inline
-def _stand(r, dt):
-    """Count how long a robot has been within a metre of one place: it may rock there, or be given new routes."""
-    dx, dy = r["x"] - r["anchor_x"], r["y"] - r["anchor_y"]
-    if dx * dx + dy * dy > ONE:
-        r["anchor_x"], r["anchor_y"] = r["x"], r["y"]
-        r["standing_time"] = ZERO
-    else:
-        r["standing_time"] += dt
-        r["longest_standing"] = max(r["longest_standing"], r["standing_time"])
-
-
-@inline
 def _end(r, route, p):
     """Advance along the route after a physics step; return 1 on arrival."""
     if r["alive"] == 0:
         return 0
-    dt = p["time_step"]
-    r["progress"] += tracking.locate(r, route)
-    if r["position"] > r["milestone"] + ONE:
-        r["milestone"] = r["position"]
-        r["stalled_time"] = ZERO
-    else:
-        r["stalled_time"] += dt
-    _stand(r, dt)
+    r["progress"] += line.locate(r, route)
+    waits.count_time(r, p["time_step"])
     r["lived"] += 1
     r["age"] += 1
-    if abs(r["speed"]) < _SLOW:
-        r["waited"] += 1
-        r["waiting_time"] += dt
-    else:
-        r["waiting_time"] = ZERO
-    r["contact_time"] = r["contact_time"] + dt if r["touching"] != 0 else ZERO
     if r["arrived"] != 0:
         return 0
     dx, dy = r["goal_x"] - r["x"], r["goal_y"] - r["y"]

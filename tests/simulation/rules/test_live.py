@@ -341,7 +341,7 @@ def price_bits() -> list[str]:
 
 
 def test_plain_python_gives_the_same_prices_to_the_bit() -> None:
-    program = "from tests.traffic.test_live import price_bits; print(*price_bits())"
+    program = "from tests.simulation.rules.test_live import price_bits; print(*price_bits())"
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", program],
         env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, cwd=ROOT, capture_output=True, text=True, check=False,

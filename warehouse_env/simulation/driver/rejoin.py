@@ -1,7 +1,7 @@
 """Where a manoeuvre leads: back to the robot's own route, or out of somebody's way.
 
 API: seek(begin, end, robots, routes, arcs, params, solid, clearance, metric) for all robots that seek their route;
-     bodies_near(r, robots, p) -> standing bodies for
+     write_bodies_near(r, robots, within, p, near) -> number of bodies for
      plan_to_route(r, route, arcs, bodies, most, p, solid, clearance, metric) and
      plan_aside(r, arcs, avoid, bodies, p, solid, clearance, metric)
 The two search from where the robot stands, begin the manoeuvre if there is one, and return the number of its arcs: 0
@@ -16,6 +16,7 @@ import numpy as np
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.driver import manoeuvre
 from warehouse_env.simulation.driver.driving import begin as begin_manoeuvre
+from warehouse_env.simulation.driver.line import way_point
 from warehouse_env.simulation.physics.trigonometry import HALF_PI, ZERO, arc_tan2, wrap
 from warehouse_env.simulation.state import AROUND_OTHERS
 
@@ -28,16 +29,6 @@ AMONG_OTHERS, ASIDE = 200, 2000  # nodes of a search round others who may go, an
 
 
 @inline
-def _route_pose(r, route, ahead):
-    """Return the route's point `ahead` [m] of the robot and its heading [rad]."""
-    at = (r["position"] + ahead) / r["spacing"]
-    k = min(int(at), r["points"] - 2)
-    part = at - np.float32(k)
-    dx, dy = route[k + 1, 0] - route[k, 0], route[k + 1, 1] - route[k, 1]
-    return route[k, 0] + part * dx, route[k, 1] + part * dy, arc_tan2(dy, dx)
-
-
-@inline
 def _write_goals(r, route, apart, many, goals):
     """Write poses along the route into goals float32[many + 3, 4]; at its end the heading is free. Return how many."""
     to_go = np.float32(r["points"] - 1) * r["spacing"] - r["position"]
@@ -45,7 +36,8 @@ def _write_goals(r, route, apart, many, goals):
     count = 0
     for k in range(many):
         ahead = min(FIRST + apart * np.float32(k), to_go)
-        x, y, heading = _route_pose(r, route, ahead)
+        x, y, ux, uy = way_point(r, route, ahead)
+        heading = arc_tan2(uy, ux)
         goals[count, 0], goals[count, 1], goals[count, 2] = x, y, heading
         goals[count, 3] = (last - ahead) / CRUISE
         count += 1
@@ -59,20 +51,21 @@ def _write_goals(r, route, apart, many, goals):
     return count
 
 
-@kernel
-def bodies_near(r, robots, p):
-    """Return float32[K, 4] (centre x, y, cos, sin) of the others of robots ROBOT[N] near one of them."""
+@inline
+def write_bodies_near(r, robots, within, p, near):
+    """Write centre x, y [m], cosine and sine of the others within [m] of a robot of ROBOT[N] into near float32[M, 4].
+
+    Returns how many, M at most.
+    """
     cx, cy = r["x"] - p["offset"] * r["cos"], r["y"] - p["offset"] * r["sin"]
-    near = np.empty((MOST_NEAR, 4), np.float32)
     count = 0
     for o in robots:
         x, y = o["x"] - p["offset"] * o["cos"], o["y"] - p["offset"] * o["sin"]
-        dx, dy = x - cx, y - cy
-        square = dx * dx + dy * dy
-        if ZERO < square < NEAR * NEAR and count < MOST_NEAR:  # its own centre is no way off
+        square = (x - cx) * (x - cx) + (y - cy) * (y - cy)
+        if ZERO < square < within * within and count < near.shape[0]:  # its own centre is no way off
             near[count, 0], near[count, 1], near[count, 2], near[count, 3] = x, y, o["cos"], o["sin"]
             count += 1
-    return near[:count]
+    return count
 
 
 @kernel
@@ -118,13 +111,13 @@ def plan_aside(r, arcs, avoid, bodies, p, solid, clearance, metric):
 def seek(begin, end, robots, routes, arcs, params, solid, clearance, metric):
     """Search for all who seek their route in the worlds from `begin` to before `end`. Arguments: see step.advance."""
     p = params[0]
-    nobody = np.empty((0, 4), np.float32)
+    near = np.empty((MOST_NEAR, 4), np.float32)
     for b in range(begin, end):
         for i in range(robots.shape[1]):
             r = robots[b, i]
             if r["seeks"] == 0:
                 continue
-            others = bodies_near(r, robots[b], p) if r["seeks"] == AROUND_OTHERS else nobody
+            others = write_bodies_near(r, robots[b], NEAR, p, near) if r["seeks"] == AROUND_OTHERS else 0
             r["seeks"] = 0
-            most = manoeuvre.MOST if others.shape[0] == 0 else AMONG_OTHERS
-            plan_to_route(r, routes[b, i], arcs[b, i], others, most, p, solid, clearance, metric)
+            most = manoeuvre.MOST if others == 0 else AMONG_OTHERS
+            plan_to_route(r, routes[b, i], arcs[b, i], near[:others], most, p, solid, clearance, metric)

@@ -12,9 +12,9 @@ import numpy as np
 
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.grid_map import MOVES
+from warehouse_env.simulation.rules.waits import DEARER, bars_routes
 
 _DIAGONAL = math.sqrt(2.0) - 1.0
-_DEARER = 20.0  # [s] within a metre of one place after which those that stand cost a robot twice as much, and so on
 
 
 @inline
@@ -28,12 +28,6 @@ def cell_of(x, y, cell, rows, columns):
 def body_cell(r, behind, cell, rows, columns):
     """Return (row, column) of the cell that holds the centre of a body, `behind` [m] the front axle."""
     return cell_of(r["x"] - behind * r["cos"], r["y"] - behind * r["sin"], cell, rows, columns)
-
-
-@inline
-def stands_still(r, stood_for):
-    """Whether a robot has not left its place by a metre for so long [s], or is parked for good."""
-    return r["alive"] == 0 or r["standing_time"] >= stood_for
 
 
 @kernel
@@ -122,12 +116,12 @@ def price(robots, routes, me, legal, stood_for, prices, behind, cell, cost):
     rows, columns = cost.shape[0], cost.shape[1]
     cost[:] = 0.0
     row, column = cell_of(robots[me]["x"], robots[me]["y"], cell, rows, columns)
-    dearer = 1.0 + np.float64(robots[me]["standing_time"]) / _DEARER
+    dearer = 1.0 + np.float64(robots[me]["standing_time"]) / DEARER
     for other in range(robots.shape[0]):
         r = robots[other]
         if other == me:
             continue
-        if stands_still(r, stood_for):
+        if bars_routes(r, stood_for):
             at_row, at_column = body_cell(r, behind, cell, rows, columns)
             for i in range(at_row - 1, at_row + 2):
                 for j in range(at_column - 1, at_column + 2):
