@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import gymnasium
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.errors import ConfigError, shown
+from warehouse_env.kernel import compiled_for
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.observation import observation_layout
 from warehouse_env.planning.plan import Planner
@@ -51,7 +52,10 @@ class Simulator(Portable):
     `arrivals`, the tasks finished with the last step.
     """
 
-    bound = ("state", "events", "_floor", "_metric", "_advance_arguments", "_agree_arguments", "_observe_arguments")
+    bound = (
+        "state", "events", "_floor", "_metric", "_advance_arguments", "_agree_arguments", "_observe_arguments",
+        "_compiled",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -126,7 +130,7 @@ class Simulator(Portable):
         p["bucket_rows"], p["bucket_columns"], p["bucket"] = bucket_rows, bucket_columns, side
         self._waiting = np.zeros(b, dtype=np.int32)
         self._faults = np.zeros((b, 3), dtype=np.int32)
-        p["checked"] = self.config.protective_field and is_wanted()
+        p["checked"] = self._checked = self.config.protective_field and is_wanted()
         share = max(math.ceil(b / (_PARTS * MOST_THREADS)), math.ceil(_PART / n))
         self._parts = [(first, min(first + share, b)) for first in range(0, b, share)]
         self._bind()
@@ -136,6 +140,7 @@ class Simulator(Portable):
         self.state, self.events = state.state_of(self.robots), state.events_of(self.robots)
         self._metric = turning_metric(self._params)
         self._floor = floor_of(self.grid, self.config.sensor.lidar_range)
+        self._compiled: tuple[Callable[..., int], Callable[..., None]] | None = None  # once the first step asks for it
         self._collect()
 
     def _collect(self) -> None:
@@ -155,8 +160,9 @@ class Simulator(Portable):
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:
         """Write observations into this array [B, N, D] from now on; the last one stays as it is, its holder's own."""
-        if observation.shape != self.observation.shape or observation.dtype != np.float32:
-            raise ConfigError(f"an array float32{list(self.observation.shape)} is needed to observe into")
+        wanted = observation.shape == self.observation.shape and observation.dtype == np.float32
+        if not (wanted and observation.flags.carray):
+            raise ConfigError(f"a whole array float32{list(self.observation.shape)} is needed to observe into")
         self.observation = observation
         self._collect()
 
@@ -256,8 +262,8 @@ class Simulator(Portable):
         """
         self._actions.decode(actions, self._commands, self._choices)
         self._messages.lose(self.robots)
-        arrivals = sum(side_by_side(self._advance, self._parts if self._many() else [(0, self.num_worlds)]))
-        if self._params["checked"][0] != 0:
+        arrivals = sum(side_by_side(self._advance, self._parts)) if self._many() else self._advance(0, self.num_worlds)
+        if self._checked:
             raise_fault(self._faults)
         self.people.send_on(self.robots)
         self.arrivals = self.dispatcher.arrive(self.steps) if arrivals else []
@@ -266,13 +272,24 @@ class Simulator(Portable):
             self._observe(rerouted)
         return self.observation
 
+    def _compile(self) -> tuple[Callable[..., int], Callable[..., None]]:
+        """Return the code of `advance` and of `observe` for the arguments at hand, whose types never change."""
+        arrays = (self.robots, self.routes)
+        return (
+            compiled_for(step.advance, 0, 0, *arrays, *self._advance_arguments),
+            compiled_for(step.observe, 0, 0, False, *arrays, *self._observe_arguments),
+        )
+
     def _advance(self, begin: int, end: int) -> int:
         """Advance the worlds from `begin` to before `end`, and observe those without arrivals; return how many."""
-        where = (begin, end, self.robots, self.routes)
+        if self._compiled is None:
+            self._compiled = self._compile()
+        advance, observe = self._compiled
+        robots, routes = self.robots, self.dispatcher.routes
         if self.config.right_of_way:
-            agreement.agree(*where, *self._agree_arguments)
-        arrivals: int = step.advance(*where, *self._advance_arguments)
-        step.observe(begin, end, False, self.robots, self.routes, *self._observe_arguments)
+            agreement.agree(begin, end, robots, routes, *self._agree_arguments)
+        arrivals = advance(begin, end, robots, routes, *self._advance_arguments)
+        observe(begin, end, False, robots, routes, *self._observe_arguments)
         return arrivals
 
     def _many(self) -> bool:
