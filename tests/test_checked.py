@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -19,6 +19,7 @@ from train.commands.demo import Demo
 from train.commands.evaluate import Evaluate
 from train.commands.plan import PlanCommand
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig
+from warehouse_env.checked import Checked, from_plain
 from warehouse_env.config import EnvConfig, RewardWeights, RobotSpec, SensorSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.planning import PLANNERS, make_planner
@@ -145,3 +146,21 @@ def test_errors_of_from_dict_name_what_is_wrong() -> None:
     ):
         with pytest.raises(ConfigError, match=sentence):
             EnvConfig.from_dict(data)  # type: ignore[arg-type]
+
+
+@dataclasses.dataclass(frozen=True)
+class Wheel(Checked):
+    size: float = 1.0
+    retired: ClassVar[dict[str, Any]] = {"spokes": 8}
+
+
+@dataclasses.dataclass(frozen=True)
+class Cart(Checked):
+    wheel: Wheel = dataclasses.field(default_factory=Wheel)
+
+
+def test_a_field_that_is_gone_is_passed_over_where_it_asks_for_nothing() -> None:
+    """Files that were written when there was such a field stay readable."""
+    assert from_plain(Cart, {"wheel": {"size": 2, "spokes": 8}}) == Cart(Wheel(2.0))
+    with pytest.raises(ConfigError, match="spokes=9 of Wheel is gone: only 8, as all is now, may be given"):
+        from_plain(Cart, {"wheel": {"spokes": 9}})

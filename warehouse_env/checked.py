@@ -13,7 +13,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -35,6 +35,8 @@ class Checked:
     and float take NumPy's numbers too, float any finite one, neither a bool; a tuple takes lists and arrays. So
     instances stay hashable, and JSON-able where their annotations are.
     """
+
+    retired: ClassVar[dict[str, Any]] = {}  # fields that are gone, which files still name -> what alone they may say
 
     def __post_init__(self) -> None:
         """Check all fields; a subclass calls this first, and then checks ranges."""
@@ -70,10 +72,11 @@ def within(low: float, high: float, each: bool = False) -> str:
 
 
 def from_plain(cls: type[T], data: Any) -> T:
-    """Build a dataclass from JSON types, inner dataclasses too.
+    """Build a dataclass from JSON types, inner dataclasses too; fields that are `retired` are passed over.
 
     ConfigError for what is no object, for an unknown or a missing name, and for a wrong value.
     """
+    data = _without_retired(cls, data)
     check_names(f"{cls.__name__} parameter", data, cls)
     kinds = _kinds_of(cls)
     inner: dict[str, Any] = {name: kind for name, kind in kinds.items() if dataclasses.is_dataclass(kind)}
@@ -86,6 +89,19 @@ def from_plain(cls: type[T], data: Any) -> T:
         for name, value in data.items()
     }
     return cls(**given)
+
+
+def _without_retired(cls: type, data: Any) -> Any:
+    """Return JSON types without a dataclass's retired fields; ConfigError where one asks for what is gone."""
+    retired: dict[str, Any] = getattr(cls, "retired", {})
+    if not isinstance(data, dict) or not retired:
+        return data
+    for name, only in retired.items():
+        if name in data and data[name] != only:
+            raise ConfigError(
+                f"{name}={shown(data[name])} of {cls.__name__} is gone: only {shown(only)}, as all is now, may be given"
+            )
+    return {name: value for name, value in data.items() if name not in retired}
 
 
 def check_names(what: str, given: Any, owner: Any) -> None:

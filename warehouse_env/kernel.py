@@ -19,3 +19,14 @@ _EACH = {"cache": True, "error_model": "numpy", "nogil": True}
 kernel: _Decorator = _compiled(**_EACH, _nrt=True)  # said, or it would take over its caller's
 part: _Decorator = _compiled(**_EACH, _nrt=False)
 inline: _Decorator = _compiled(**_EACH, forceinline=True, _nrt=False)
+
+
+def compiled_for(kernel: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
+    """Return the compiled code of a kernel for arguments of the types of these, which it takes for granted.
+
+    To find out the types of 18 arguments takes a kernel 3 us at each call, a quarter of what eight robots' step takes.
+    """
+    if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT
+        return kernel
+    code: Callable[..., Any] = kernel.compile(tuple(map(kernel.typeof_pyval, arguments)))  # type: ignore[attr-defined]
+    return code

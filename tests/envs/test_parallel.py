@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import copy
+import json
 import math
+import operator
+import pickle
 import warnings
 from collections.abc import Callable
 from typing import Any
@@ -81,6 +85,50 @@ def test_what_is_given_away_stays_as_it_was(tiny: EnvConfig) -> None:
     for agent in kept:
         np.testing.assert_array_equal(kept[agent], copies[agent])
         assert str(first_infos[agent]) == texts[agent]
+
+
+READINGS: dict[str, Callable[[Any], Any]] = {
+    "[]": lambda infos: infos["robot_1"],
+    "missing": lambda infos: infos.get("robot_9"),
+    "iter": list,
+    "reversed": lambda infos: list(reversed(infos)),
+    "len": len,
+    "in": lambda infos: "robot_1" in infos,
+    "keys": lambda infos: list(infos.keys()),
+    "values": lambda infos: list(infos.values()),
+    "items": lambda infos: list(infos.items()),
+    "repr": repr,
+    "dict": dict,
+    "**": lambda infos: {**infos},
+    "update": lambda infos: {}.update(infos),
+    "|": lambda infos: infos | {"all": 1},
+    "| from the right": lambda infos: {"all": 1} | infos,
+    "|=": lambda infos: operator.ior(infos, {"all": 1}),
+    "pop": lambda infos: (infos.pop("robot_1"), dict(infos)),
+    "popitem": lambda infos: (infos.popitem(), dict(infos)),
+    "set": lambda infos: (operator.setitem(infos, "robot_1", {}), dict(infos)),
+    "del": lambda infos: (operator.delitem(infos, "robot_1"), dict(infos)),
+    "setdefault": lambda infos: (infos.setdefault("robot_1", {}), dict(infos)),
+    "clear": lambda infos: (infos.clear(), dict(infos)),
+    "copy": lambda infos: infos.copy(),
+    "copy.copy": copy.copy,
+    "deepcopy": copy.deepcopy,
+    "pickle": lambda infos: pickle.loads(pickle.dumps(infos)),
+    "json": json.dumps,
+}
+
+
+@pytest.mark.parametrize("name", READINGS)
+def test_infos_that_nobody_has_read_yet_are_a_dict(tiny: EnvConfig, name: str) -> None:
+    env, read = parallel_env(tiny), READINGS[name]
+    env.reset(seed=1)
+    infos, kept = (env.step(samples(env))[4] for _ in range(2))
+    env.step(samples(env))
+    expected = [dict(info) for info in env._infos.read(infos.unread[1])]  # type: ignore[attr-defined]
+    plain = dict(zip(env.possible_agents, expected, strict=True))
+    assert read(infos) == read(plain)
+    assert infos == plain
+    assert kept != plain
 
 
 def test_spaces_are_one_instance_a_robot(tiny: EnvConfig) -> None:

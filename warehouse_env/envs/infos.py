@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from struct import Struct
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +21,9 @@ EPISODE_METRICS = "episode_metrics"  # the key under which a robot's last info h
 _FIELDS = ("driven", "gap", "arrived", "hit_robot", "hit_shelf", "near_miss", "hit_person")
 
 
+Moment = tuple[bytes, bytes, "list[Arrival]"]  # reward terms and records of robots, and who arrived
+
+
 class RobotInfos:
     """Builds the infos of the first robots of a Simulator's first world, from memory that is bound once."""
 
@@ -28,11 +33,21 @@ class RobotInfos:
         records = simulator.robots[0, :robots]
         terms = simulator.reward_terms[0, :robots]
         # struct turns the records into tuples of Python numbers in half the time of one .tolist() for each field
-        self._events, self._event_bytes = _struct_of(records.dtype, _FIELDS), _bytes_of(records)
-        self._terms, self._term_bytes = Struct(f"{terms.shape[1]}f"), _bytes_of(terms)
+        self._events, self._events_memory = _struct_of(records.dtype, _FIELDS), _bytes_of(records)
+        self._terms, self._terms_memory = Struct(f"{terms.shape[1]}f"), _bytes_of(terms)
 
-    def read(self) -> list[dict[str, Any]]:
-        """Return one fresh dict per robot, of plain Python numbers about the last step.
+    def unread(self, names: dict[str, Any]) -> StepInfos:
+        """Return the infos of the last step by robot, the keys of `names`, which are made when they are read."""
+        infos = StepInfos(names)
+        infos.unread = self, self.keep()
+        return infos
+
+    def keep(self) -> Moment:
+        """Return what `read` needs of the last step, for later."""
+        return self._terms_memory.tobytes(), self._events_memory.tobytes(), self._simulator.arrivals
+
+    def read(self, moment: Moment) -> list[dict[str, Any]]:
+        """Return one fresh dict per robot, of plain Python numbers about a step that was kept.
 
         "reward_terms": the terms of REWARD_TERMS, weighed, whose sum is the reward; "distance_m": driven, in any
         direction; "goals": goals reached; "collisions_robot", "collisions_shelf", "collisions_person": contact
@@ -40,6 +55,7 @@ class RobotInfos:
         also "path_length_m" and "planned_length_m": driven and planned for the task that it finished.
         The names are spelled out, for a dict written so takes half the time of one zipped together.
         """
+        terms, events, arrivals = moment
         infos: list[dict[str, Any]] = [
             {
                 "reward_terms": {
@@ -63,13 +79,52 @@ class RobotInfos:
             for (progress, arrival, collision, contact, proximity, time, smoothness, path_length), (
                 driven, gap, arrived, hit_robot, hit_shelf, near_miss, hit_person,
             ) in zip(  # noqa: B905 - of one length, and checking it costs time
-                self._terms.iter_unpack(self._term_bytes), self._events.iter_unpack(self._event_bytes)
+                self._terms.iter_unpack(terms), self._events.iter_unpack(events)
             )
         ]  # fmt: skip
-        for arrival in self._simulator.arrivals:
+        for arrival in arrivals:
             if arrival.world == 0 and arrival.robot < self._count:
                 infos[arrival.robot] |= finished_task(arrival)
         return infos
+
+
+class StepInfos(dict[str, dict[str, Any]]):
+    """The infos of all robots after a step, a dict which is filled when it is first asked for one.
+
+    Few who train read any, and to build them takes as long as the physics. Copies and pickles are plain dicts.
+    """
+
+    __slots__ = ("unread",)
+    unread: tuple[RobotInfos, Moment] | None  # what they are made of; None once they are
+
+    def fill(self) -> None:
+        """Make the infos, unless they are made."""
+        if self.unread is not None:
+            (robot_infos, moment), self.unread = self.unread, None
+            self.update(zip(self, robot_infos.read(moment), strict=True))
+
+    def __reduce__(self) -> tuple[type, tuple[dict[str, dict[str, Any]]]]:
+        """Be a plain dict elsewhere."""
+        return dict, (dict(self),)
+
+
+def _filled_first(name: str) -> Callable[..., Any]:
+    """Return a method of dict that fills the infos before it does anything."""
+    method = getattr(dict, name)
+
+    def call(self: StepInfos, *arguments: Any, **options: Any) -> Any:
+        self.fill()
+        return method(self, *arguments, **options)
+
+    return functools.wraps(method)(call)
+
+
+# all that reads or changes values; __iter__, for else `dict(infos)` and `{**infos}` take the values past these
+for _name in (
+    "__getitem__", "__setitem__", "__delitem__", "__iter__", "__reversed__", "__eq__", "__ne__", "__or__", "__ror__",
+    "__ior__", "__repr__", "clear", "copy", "get", "items", "pop", "popitem", "setdefault", "update", "values",
+):  # fmt: skip
+    setattr(StepInfos, _name, _filled_first(_name))
 
 
 def finished_task(arrival: Arrival) -> dict[str, float]:

@@ -94,7 +94,7 @@ class WarehouseSingleEnv(Portable, gymnasium.Env[NDArray[np.float32], Any]):
         if self.render_mode == "human":
             self.render()
         terminated, truncated = bool(simulator.terminated[0, 0]), bool(simulator.truncated[0])
-        info = self._infos.read()[0]
+        info = self._infos.read(self._infos.keep())[0]
         if terminated or truncated:
             info[EPISODE_METRICS] = final_metrics(simulator, [0])[0]
         return simulator.observation[0, 0].copy(), float(simulator.reward[0, 0]), terminated, truncated, info

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import gymnasium
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.errors import ConfigError, shown
+from warehouse_env.kernel import compiled_for
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.observation import observation_layout
 from warehouse_env.planning.plan import Planner
@@ -53,7 +54,7 @@ class Simulator(Portable):
     """
 
     bound = (
-        "state", "events", "_floor",
+        "state", "events", "_floor", "_compiled",
         "_advance_arguments", "_agree_arguments", "_room_arguments", "_observe_arguments",
     )  # fmt: skip
 
@@ -139,6 +140,9 @@ class Simulator(Portable):
         """Make the views and the floor, and keep the kernels' arguments ready."""
         self.state, self.events = state.state_of(self.robots), state.events_of(self.robots)
         self._floor = floor_of(self.grid, self.config.sensor.lidar_range)
+        self._compiled: tuple[Callable[..., tuple[int, int]], Callable[..., None]] | None = (
+            None  # once the first step asks for it
+        )
         self._collect()
 
     def _collect(self) -> None:
@@ -163,8 +167,9 @@ class Simulator(Portable):
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:
         """Write observations into this array [B, N, D] from now on; the last one stays as it is, its holder's own."""
-        if observation.shape != self.observation.shape or observation.dtype != np.float32:
-            raise ConfigError(f"an array float32{list(self.observation.shape)} is needed to observe into")
+        wanted = observation.shape == self.observation.shape and observation.dtype == np.float32
+        if not (wanted and observation.flags.carray):
+            raise ConfigError(f"a whole array float32{list(self.observation.shape)} is needed to observe into")
         self.observation = observation
         self._collect()
 
@@ -264,7 +269,7 @@ class Simulator(Portable):
         """
         self._actions.decode(actions, self._commands, self._choices)
         self._messages.lose(self.robots)
-        arrivals = sum(side_by_side(self._advance, self._parts if self._many() else [(0, self.num_worlds)]))
+        arrivals = sum(side_by_side(self._advance, self._parts)) if self._many() else self._advance(0, self.num_worlds)
         if self._parts_on.checked:
             raise_fault(self._faults)
         self.people.send_on(self.robots)
@@ -274,17 +279,26 @@ class Simulator(Portable):
             self._observe(rerouted)
         return self.observation
 
+    def _compile(self) -> tuple[Callable[..., tuple[int, int]], Callable[..., None]]:
+        """Return the code of `advance` and of `observe` for the arguments at hand, whose types never change."""
+        arrays = (self.robots, self.routes)
+        return (
+            compiled_for(step.advance, 0, 0, *arrays, *self._advance_arguments),
+            compiled_for(step.observe, 0, 0, False, *arrays, *self._observe_arguments),
+        )
+
     def _advance(self, begin: int, end: int) -> int:
         """Advance the worlds from `begin` to before `end`, and observe those without arrivals; return how many."""
-        where = (begin, end, self.robots, self.routes)
+        if self._compiled is None:
+            self._compiled = self._compile()
+        advance, observe = self._compiled
+        where = (begin, end, self.robots, self.dispatcher.routes)
         if self.config.right_of_way and agreement.agree(*where, *self._agree_arguments):
             making_room.make_room(*where, *self._room_arguments, self._metric)
-        arrivals: int
-        arrivals, seeking = step.advance(*where, *self._advance_arguments)
+        arrivals, seeking = advance(*where, *self._advance_arguments)
         if seeking:
-            floor = (self._floor.solid, self._floor.clearance, self._metric)
-            rejoin.seek(*where, self.arcs, self._params, *floor)
-        step.observe(begin, end, False, self.robots, self.routes, *self._observe_arguments)
+            rejoin.seek(*where, self.arcs, self._params, self._floor.solid, self._floor.clearance, self._metric)
+        observe(begin, end, False, self.robots, self.dispatcher.routes, *self._observe_arguments)
         return arrivals
 
     @property
