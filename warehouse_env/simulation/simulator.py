@@ -43,6 +43,8 @@ PARALLEL_FROM = 256  # robots in all from which waking other threads pays
 _PARTS = 2  # of the worlds for each thread: who is done early, or has a core for itself, does more of them
 _PART = 32  # robots in a part at least
 
+_Code = tuple[Callable[..., tuple[int, int]], Callable[..., None]]  # of advance and observe
+
 
 class Simulator(Portable):
     """B independent worlds of N robots in lock-step.
@@ -279,7 +281,7 @@ class Simulator(Portable):
             self._observe(rerouted)
         return self.observation
 
-    def _compile(self) -> tuple[Callable[..., tuple[int, int]], Callable[..., None]]:
+    def _compile(self) -> _Code:
         """Return the code of `advance` and of `observe` for the arguments at hand, whose types never change."""
         arrays = (self.robots, self.routes)
         return (
