@@ -72,8 +72,10 @@ def within(low: float, high: float, each: bool = False) -> str:
 def from_plain(cls: type[T], data: Any) -> T:
     """Build a dataclass from JSON types, inner dataclasses too.
 
-    ConfigError for what is no object, for an unknown or a missing name, and for a wrong value.
+    ConfigError for what is no object, for an unknown or a missing name, and for a wrong value. Names that were
+    parameters once may be there, at the values that its class `retired` them with.
     """
+    data = _without_retired(cls, data)
     check_names(f"{cls.__name__} parameter", data, cls)
     kinds = _kinds_of(cls)
     inner: dict[str, Any] = {name: kind for name, kind in kinds.items() if dataclasses.is_dataclass(kind)}
@@ -86,6 +88,20 @@ def from_plain(cls: type[T], data: Any) -> T:
         for name, value in data.items()
     }
     return cls(**given)
+
+
+def _without_retired(cls: type, data: Any) -> Any:
+    """Return JSON types without what is no parameter any more; ConfigError where that has another value than now."""
+    retired: dict[str, Any] = getattr(cls, "retired", {})
+    if not isinstance(data, dict) or retired.keys().isdisjoint(data):
+        return data
+    for name, value in retired.items():
+        if data.get(name, value) != value:
+            raise ConfigError(
+                f"{cls.__name__} parameter {name!r} is no option any more: it is {shown(value)} for all, and what was "
+                f"made with {shown(data[name])} cannot be run as it was"
+            )
+    return {name: value for name, value in data.items() if name not in retired}
 
 
 def check_names(what: str, given: Any, owner: Any) -> None:
