@@ -321,7 +321,7 @@ class Simulator(Portable):
         return row | {"cut_off": self.dispatcher.tasks[world].cut_off()}
 
     def jams(self) -> Jams:
-        """Return whom each standing robot waits for, and which of them wait in a circle (see jams.jams_of)."""
+        """Return whom each standing robot waits for, who of them wait in a circle, and their stages (jams.jams_of)."""
         return jams_of(self.robots, self.routes, self._params)
 
     def global_state(self, world: int = 0) -> NDArray[np.float32]:

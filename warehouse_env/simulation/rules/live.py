@@ -28,13 +28,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.config import EnvConfig, RerouteSpec
+from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import Cell
 from warehouse_env.planning.plan import DEAREST
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.rules.prices import (
+    PRICES,
     ahead_of,
     body_cell,
     cell_of,
@@ -113,12 +114,6 @@ def keep_barred(robots, routes, stood_for, look_ahead, behind, cell, stands, loo
     return found
 
 
-def prices_of(spec: RerouteSpec) -> tuple[float, ...]:
-    """Return the prices of a RerouteSpec as `price` takes them."""
-    against = (spec.against, spec.boxed_against)
-    return (spec.standing, spec.beside, *against, spec.crowd, spec.crowd_within, spec.turn, spec.boxed_turn)
-
-
 class LiveRoutes:
     """Makes routes while robots drive: `watch` says who looks for a better one, `route` makes it from its pose."""
 
@@ -140,7 +135,7 @@ class LiveRoutes:
         size = np.float32(grid.cell_size)
         self._every, self._only_barred = every, spec.only_barred
         self._barred = (spec.stood_for, spec.look_ahead, behind, size)
-        self._price = (grid.legal_moves, spec.stood_for, prices_of(spec), behind, size)
+        self._price = (grid.legal_moves, spec.stood_for, PRICES, behind, size)
         self._size, self._saving = size, spec.saving
         self._stands = np.zeros(grid.shape, np.int32)
         self._cost = np.zeros((*grid.shape, 8))

@@ -7,6 +7,7 @@ plain Python would not.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,21 @@ from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.simulation.rules.waits import DEARER, bars_routes
 
+
+class Prices(NamedTuple):
+    """What others cost, in cells of way, but for `crowd_within`. They were chosen together: docs/measured/trials.md."""
+
+    standing: float = 10.0  # for entering the cell of a robot that stands
+    beside: float = 3.0  # for entering a cell beside it
+    against: float = 1.0  # for a move against one of another's remaining route
+    boxed_against: float = 8.0  # so in an aisle of one cell, where two cannot pass
+    crowd: float = 0.6  # for entering a cell of another's remaining route that both are equally far from
+    crowd_within: float = 10.0  # [m] difference of these distances at which that has faded to nothing
+    turn: float = 1.0  # for beginning with a turn of 90 degrees, twice that for turning round
+    boxed_turn: float = 30.0  # for beginning with a turn of more than 90 degrees in an aisle of one cell
+
+
+PRICES = Prices()
 _DIAGONAL = math.sqrt(2.0) - 1.0
 
 
@@ -109,8 +125,8 @@ def _charge_turns(cost, r, row, column, legal, turn, boxed_turn):
 def price(robots, routes, me, legal, stood_for, prices, behind, cell, cost):
     """Write the cost map float64[H, W, 8] [cells] that the others of a world make for robot `me`.
 
-    robots: ROBOT[N]; routes: float32[N, R, 2] [m]; legal: bool[H, W, 8]; prices: `prices_of` a RerouteSpec; behind [m]:
-    a body's centre, behind its front axle.
+    robots: ROBOT[N]; routes: float32[N, R, 2] [m]; legal: bool[H, W, 8]; prices: Prices; behind [m]: a body's
+    centre, behind its front axle.
     """
     standing, beside, against, boxed_against, crowd, crowd_within, turn, boxed_turn = prices
     rows, columns = cost.shape[0], cost.shape[1]
