@@ -157,19 +157,27 @@ def in_turns(timed: Sequence[Timed], chunks: int) -> list[list[float]]:
 
 
 def reference_table(rows: Sequence[Row]) -> Table:
-    """Return the table of `reference`'s rows."""
-    header = ("what", "worlds x robots", "over", "ratio", "quartiles", "us a robot", "the reference's")
+    """Return the table of `reference`'s rows: a line each configuration and size, two columns each reference."""
+    kinds = list(dict.fromkeys(row["reference"] for row in rows))
+    columns = [name for kind in kinds for name in (f"over {kind}", "quartiles")]
+    lines: dict[tuple[str, str], dict[str, Row]] = {}
+    for row in rows:
+        lines.setdefault((row["run"], f"{row['envs']} x {row['agents']}"), {})[row["reference"]] = row
     cells = tuple(
-        (
-            row["run"], f"{row['envs']} x {row['agents']}", row["reference"], number(row["ratio"], 3),
-            f"{number(row['low'], 3)} to {number(row['high'], 3)}", number(row["us_a_robot"], 3),
-            number(row["reference_us"], 3),
-        )
-        for row in rows
-    )  # fmt: skip
-    origin = rows[-1]
-    note = (
-        f"The speed of a step over that of fixed work for as many robots, in turns, on one core ({origin['commit']}, "
-        f"{origin['date']}). A decision: 0.1 s of one world, beside the work of {BESIDE[0]} x {BESIDE[1]}."
+        (*named, number(next(iter(over.values()))["us_a_robot"], 3), *_ratios(over, kinds))
+        for named, over in lines.items()
     )
+    last = rows[-1]
+    note = (
+        f"The speed of a step over that of fixed work for as many robots, in turns, on one core ({last['commit']}, "
+        f"{last['date']}). A decision: 0.1 s of one world, beside the work of {BESIDE[0]} x {BESIDE[1]}."
+    )
+    header = ("what", "worlds x robots", "us a robot", *columns)
     return Table("The step beside fixed work", header, cells, note)
+
+
+def _ratios(over: dict[str, Row], kinds: Sequence[str]) -> Iterator[str]:
+    for kind in kinds:
+        row = over.get(kind)
+        yield number(row["ratio"], 3) if row else ""
+        yield f"{number(row['low'], 3)} to {number(row['high'], 3)}" if row else ""

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+import warehouse_env
 from train.evaluation.processes import work_all
 from train.evaluation.rollout import make_experiment, run
 from train.reporting.report import Table, make_progress, number
@@ -54,6 +55,11 @@ class Compile(Checked):
         note = f"All is compiled and kept: {time.perf_counter() - begin:.0f} s in {self.processes} processes."
         Table("Kernels", ("part", "seconds"), cells, note).print()
         print(file.written())
+
+
+def is_compiled() -> bool:
+    """Return whether kernels of this source are kept beside it; what a stopped run left counts as well."""
+    return any(Path(warehouse_env.__file__).parent.rglob("*.nbi"))
 
 
 def compile_all(processes: int, seed: int = 0) -> list[Row]:

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from train.cli import main
-from train.commands.compile import PARTS
+from train.commands import compile as ahead
+from train.commands.compile import PARTS, is_compiled
 from train.reporting.rows import read_rows
 
 NOTHING_IS_LEFT = """
@@ -54,3 +55,11 @@ def test_every_part_runs_in_processes(tmp_path: Path, capsys: pytest.CaptureFixt
     assert all(row["seconds"] > 0 for row in rows)
     assert "in 2 processes" in capsys.readouterr().out
     assert main(["compile", "--processes", "0"]) == 2
+
+
+def test_kept_kernels_are_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ahead.warehouse_env, "__file__", str(tmp_path / "__init__.py"))
+    assert not is_compiled()
+    (tmp_path / "simulation" / "__pycache__").mkdir(parents=True)
+    (tmp_path / "simulation" / "__pycache__" / "step.advance-1.py311.nbi").touch()
+    assert is_compiled()
