@@ -55,8 +55,8 @@ clean: ## remove the environment, caches and build products; results stay
 	rm -rf .venv .venv-clients .ci-venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find warehouse_env agents train tests docs -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# Done again when a version changes or the environment's Python is gone. Torch comes first: the CUDA build, which pip
-# takes where it sees no CPU build, works as well but is 3 GB larger. Setuptools is pinned, so no isolated build.
+# Done again when a version changes or the environment's Python is gone. The CUDA build of torch, which pip takes where
+# it sees no CPU build, works as well but is 3 GB larger. Setuptools is pinned, so no isolated build.
 $(STAMP): pyproject.toml $(CONSTRAINTS) $(if $(wildcard $(RUN)/python),,missing)
 	@$(RUN)/python -m pip --version >/dev/null 2>&1 || { \
 	  command -v $(PYTHON) >/dev/null || { \
@@ -77,10 +77,9 @@ $(STAMP): pyproject.toml $(CONSTRAINTS) $(if $(wildcard $(RUN)/python),,missing)
 	@$(PIP) install --quiet --constraint $(CONSTRAINTS) $(COMPILING)
 	@$(PIP) install --quiet --no-deps --no-build-isolation --editable .
 	@$(RUN)/warehouse compile & compiling=$$!; \
-	  $(PIP) install --quiet --constraint $(CONSTRAINTS) torch && \
-	  $(RUN)/python -c 'import torch; print(f"torch {torch.__version__}" + (torch.version.cuda and \
-	    ", with CUDA; for the smaller CPU build name its index in PIP_EXTRA_INDEX_URL" or ""))' && \
 	  $(PIP) install --quiet --constraint $(CONSTRAINTS) --no-build-isolation --editable ".[$(EXTRAS)]" || \
-	  { kill $$compiling; exit 1; }; \
+	    { kill $$compiling; exit 1; }; \
 	  wait $$compiling || echo "The kernels were not compiled: each will be when it is first called" >&2
+	@$(RUN)/python -c 'import torch; print(f"torch {torch.__version__}" + (torch.version.cuda and \
+	  ", with CUDA; for the smaller CPU build name its index in PIP_EXTRA_INDEX_URL" or ""))'
 	@touch $@
