@@ -61,6 +61,9 @@ COMMANDS: dict[str, Command] = {
     ),
     "curves": Command("train.commands.curves", "Curves", "draw the learning curves of several runs in one picture"),
     "export": Command("train.commands.export", "Export", "write a trained policy as an ONNX model"),
+    "compile": Command(
+        "train.commands.compile", "Compile", "compile all kernels ahead of time, several at a time, and keep them"
+    ),
     "bench": Command(
         "train.commands.bench", "Bench", "measure the speed of the simulator, the planners and the trainers"
     ),
