@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from agents import LearnedPolicy, make_policy
 from agents.preferences import Preferring
+from train.books import simulator_of
 from train.central import CENTRAL
 from train.evaluation.disturbances import DISTURBANCES
-from train.evaluation.rollout import Experiment, Routes, decider, generator_of
+from train.evaluation.rollout import Experiment, decider, generator_of
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.render.replay import Shares
@@ -29,7 +30,7 @@ def record(experiment: Experiment, moved: Callable[[], object] = lambda: None) -
     if name is not None and DISTURBANCES[name].breakdown is not None:
         raise ConfigError(f"under the disturbance {name!r} robots break down, and no episode can be recorded")
     seed = experiment.seeds[0]
-    recorder = Recorder(Routes().simulator(experiment.config, 1), (seed,), experiment.policy)
+    recorder = Recorder(simulator_of(experiment.config, 1), (seed,), experiment.policy)
     decide, generators = decider(experiment), [generator_of(seed)]
     for _ in range(experiment.config.max_steps):
         recorder.step(decide(recorder.simulator, generators))

@@ -16,7 +16,7 @@ from train.reporting.rows import Row, write_text
 from train.tables import all_planners
 from train.tables.figures import Figures
 from train.tables.measures import MEASURES
-from train.tables.pictures import Picture, draw_all, pareto_pictures, study_pictures
+from train.tables.pictures import Picture, pareto_pictures, study_pictures
 from train.tables.study import Claim, Published, Study, Verdict
 from train.tables.verdicts import RULE, judge
 from train.tables.worth import verdict_counts, worth_using
@@ -47,26 +47,22 @@ def write_pages(
     folder: Path,
     *,
     pictures: bool,
-    processes: int,
-) -> int:
-    """Write the pages, tables and pictures of studies into a folder, and an index; return the number of files.
+) -> None:
+    """Write the pages, tables and pictures of studies into a folder, and an index.
 
     before: studies whose pages are there already, with their rows; the index lists them too.
     """
     written = [_written(study, rows, folder, pictures) for study in studies]
     charts = [picture for one in written for picture in one.pictures]
-    draw_all(charts, processes)
-    files = 1 + len(charts)
+    for chart in charts:
+        chart.draw(*chart.arguments)
     for one in written:
         write_text(folder / f"{one.study.name}.md", _page(one))
         write_text(folder / f"{one.study.name}.csv", _csv(one))
-        files += 2
         if one.study.name == all_planners.NAME:
             write_text(folder / f"{one.study.name}.html", _html(one))
-            files += 1
     every = [*written, *(_written(study, own, folder, pictures) for study, own in before)]
     write_text(folder / "README.md", _index(sorted(every, key=lambda one: one.study.name)))
-    return files
 
 
 def _written(study: Study, rows: Sequence[Row], folder: Path, pictures: bool) -> Written:
@@ -170,7 +166,7 @@ def _csv(one: Written) -> str:
 def _index(written: Sequence[Written]) -> str:
     """Return the first page: what is worth using, every verdict, and where the tables are."""
     parts = ["# The papers' tables, made again\n"]
-    parts.append(f"Made by `warehouse tables`, version {__version__}, from fixed seeds. {INTERVALS}\n")
+    parts.append(f"Made by `warehouse tables papers`, version {__version__}, from fixed seeds. {INTERVALS}\n")
     everyone = next((one for one in written if one.study.name == all_planners.NAME), None)
     if everyone is not None:
         parts += ["## What is worth using\n", f"{worth_using(everyone.study, everyone.figures)}\n"]

@@ -1,4 +1,4 @@
-"""The pictures of the tables: which rows go into which chart, and drawing them side by side in processes."""
+"""The pictures of the tables: which rows go into which chart."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.evaluation.pictures import file_name
-from train.evaluation.processes import work_all
 from train.reporting.report import number
 from train.reporting.rows import Row, mean_interval
 from train.tables.all_planners import family
@@ -30,16 +29,6 @@ class Picture(NamedTuple):
     arguments: tuple[Any, ...]
     path: Path
     caption: str
-
-
-def draw_all(pictures: Sequence[Picture], processes: int) -> None:
-    """Draw pictures, several at a time."""
-    for _ in work_all(_draw, pictures, processes):
-        pass
-
-
-def _draw(picture: Picture) -> None:
-    picture.draw(*picture.arguments)
 
 
 def study_pictures(study: Study, figures: Figures, folder: Path) -> list[Picture]:

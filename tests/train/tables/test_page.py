@@ -93,7 +93,7 @@ def test_claims_on_milliseconds_are_counted_apart() -> None:
 def test_a_verdict_by_the_clock_is_marked_on_the_pages(tmp_path: Path) -> None:
     timed = dataclasses.replace(STUDY, claims=(Claim("quicker", "ants", "dijkstra", "ms"), *STUDY.claims))
     rows = [row("open", "ants", 10.0, cpu_ms=1.0), row("open", "dijkstra", 10.0, cpu_ms=2.0)]
-    write_pages([timed], rows, [], tmp_path, pictures=False, processes=1)
+    write_pages([timed], rows, [], tmp_path, pictures=False)
     page, index = (tmp_path / "toy.md").read_text(), (tmp_path / "README.md").read_text()
     assert "| **holds**, by this machine's clock | quicker | open: 1 against 2, -50.0% |" in page
     assert "| quicker | **holds**, by this machine's clock |" in index
@@ -127,7 +127,7 @@ def test_page_of_all_planners_needs_no_other_file(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     everyone: Study = dataclasses.replace(EVERYONE, name="all_planners")
     rows = [{**one, "study": "all_planners"} for one in planner_rows()]
-    write_pages([everyone], rows, [], tmp_path, pictures=True, processes=1)
+    write_pages([everyone], rows, [], tmp_path, pictures=True)
     page = (tmp_path / "all_planners.html").read_text()
     assert page.count("data:image/png;base64,") == 2
     assert not re.search(r'(src|href)="(?!data:)', page)

@@ -8,8 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from train.evaluation.jobs import Known
 from train.reporting.rows import Row
-from train.tables.blocks import _OF_EXPERIMENTS, Block, run_block, split
+from train.tables.blocks import _OF_EXPERIMENTS, Block
 from train.tables.catalogue import MODULES
 from train.tables.code import _closure
 from train.tables.papers.avoidance import FORESIGHT, GAIN, MODES, REACH, Robot, avoid, cells_of, obstacle_path
@@ -124,13 +125,13 @@ def test_the_obstacle_is_never_stepped_upon() -> None:
 
 def test_rows_of_experiments_are_known_again() -> None:
     block = Block(MODULES["002"], "002_moving_obstacle", STANDING, 0, "waits", 1, 0)
-    rows = json.loads(json.dumps(run_block(block)))
+    rows = json.loads(json.dumps(block.run(lambda done: None).rows))
     assert (rows[0]["mode"], rows[0]["others"]) == (
         "wait",
         [[list(cell) for cell in settings()[STANDING].tasks[0].others[0]]],
     )
-    assert split([block], rows) == (rows, [])
-    assert split([block], [{**rows[0], "mode": "heedless"}]) == ([], [block])
+    assert block.left(Known(rows).of(block)) == (rows, None)
+    assert block.left(Known([{**rows[0], "mode": "heedless"}]).of(block)) == ([], block)
 
 
 def test_rows_of_bodies_depend_on_the_code_that_drives_them() -> None:
