@@ -18,16 +18,16 @@ from train.tables.study import Study
 
 @dataclass(frozen=True)
 class Papers(StudyOptions):
-    """Make the tables of the papers: ours beside theirs, a verdict on every claim, pictures, all planners at once."""
+    """Make the tables of the papers: ours beside theirs, a verdict on every claim, and pictures."""
 
     papers: tuple[str, ...] = ()
-    """Papers by number, as 000 (all if neither papers nor tables are named); "all" compares all planners."""
+    """Papers by number, as 000 (all if neither papers nor tables are named)."""
     tables: tuple[str, ...] = ()
     """Single tables by name, as 000_table_1."""
     runs: int | None = None
     """Runs of each system on each task (each study's own number if left out)."""
     pictures: bool = True
-    """Draw paths, convergence, and gap against time."""
+    """Draw paths and convergence."""
 
     def run(self) -> None:
         """Run what is missing, then write tables, verdicts and pictures."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -98,3 +99,14 @@ def percent(relative: Interval, unit: str = "%") -> str:
     if not math.isfinite(relative.low) or relative.high - relative.low < 1e-6:
         return mean
     return f"{mean} [{100 * relative.low:+.1f}, {100 * relative.high:+.1f}]"
+
+
+def verdict_counts(verdicts: Sequence[Verdict]) -> str:
+    """Return how many claims hold, hold in part and do not, in a sentence; those that rest on the clock are apart."""
+    counts = Counter(verdict.word for verdict in verdicts if not verdict.by_clock)
+    told = [counts[word] for word in (HOLDS, IN_PART, FAILS)]
+    counted = counts.total()
+    more = f"; {counts[OPEN]} cannot be told" if counts[OPEN] else ""
+    apart = len(verdicts) - counted
+    clock = f" Judged apart by this machine's clock, not counted: {apart}." if apart else ""
+    return f"Of {counted} claims {told[0]} hold, {told[1]} hold in part and {told[2]} do not hold{more}.{clock}"

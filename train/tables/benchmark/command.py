@@ -12,7 +12,6 @@ import numpy as np
 from train.evaluation.pictures import file_name
 from train.reporting.report import Table, require_charts
 from train.reporting.rows import write_text
-from train.tables.all_planners import family
 from train.tables.benchmark.figures import NOTE, Summary, anytime_table, csv, overview, rank, summarise, table_of
 from train.tables.benchmark.maps import MAPS, make_tasks
 from train.tables.benchmark.peers import PEERS, installed, missing_note
@@ -20,6 +19,18 @@ from train.tables.benchmark.runs import MOMENTS, pairs_of, planner_of
 from train.tables.options import StudyOptions
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.planning import PLANNERS
+from warehouse_env.planning.ants.system import AntSystem
+
+_FAMILIES = {
+    "dijkstra": "exact search",
+    "astar": "exact search",
+    "astar_turns": "exact search",
+    "theta_star": "any-angle search",
+    "apf": "potential field",
+    "apf_improved": "potential field",
+    "pso": "swarm",
+    "afsa": "swarm",
+}
 
 
 @dataclass(frozen=True)
@@ -87,7 +98,7 @@ def _draw(summaries: Sequence[Summary], maps: Sequence[str], folder: Path) -> li
     files = [folder / f"{what}.png" for what in ("pareto", "gaps", "anytime")]
     points, spreads, curves = ({file_name(name): [] for name in maps} for _ in files)  # type: ignore[var-annotated]
     for one in sorted(summaries, key=rank):
-        panel, kind = file_name(one.map), _family(one.planner)
+        panel, kind = file_name(one.map), family(one.planner)
         gap, low, high = (100 * value for value in one.gap[:3])
         median, p95, p99, worst = (100 * value for value in one.quantiles)
         points[panel].append(Point(one.planner, kind, one.ms, gap, low, high, one.failed))
@@ -100,5 +111,10 @@ def _draw(summaries: Sequence[Summary], maps: Sequence[str], folder: Path) -> li
     return files
 
 
-def _family(planner: str) -> str:
-    return "another library" if planner in PEERS else family(planner.partition(":")[0])
+def family(planner: str) -> str:
+    """Return the kind of a planner of PLANNERS, with parameters or without, or of a peer, in a word or two."""
+    name = planner.partition(":")[0]
+    made = PLANNERS.get(name)
+    if isinstance(made, type) and issubclass(made, AntSystem):
+        return "ant colony"
+    return "another library" if planner in PEERS else _FAMILIES.get(name, "other")

@@ -243,6 +243,12 @@ def test_a_planner_that_never_arrives() -> None:
     assert "| p | 2 | 2 | 100% | - | - | - | - | 0% | - |" in table_of("m", [one]).markdown()
 
 
+def test_every_planner_has_a_family() -> None:
+    assert all(benchmark.family(name) != "other" for name in PLANNERS)
+    assert benchmark.family("aco:ants=5") == "ant colony"
+    assert benchmark.family("networkx") == "another library"
+
+
 def test_report_with_pictures(tmp_path: Path, small_map: str) -> None:
     pytest.importorskip("matplotlib")
     command(tmp_path, small_map, "--pairs", "2")
