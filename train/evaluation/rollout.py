@@ -113,13 +113,18 @@ def run(
 
 
 def play_out(
-    experiment: Experiment, simulator: Simulator, watch: Sequence[Watcher] = ()
+    experiment: Experiment,
+    simulator: Simulator,
+    watch: Sequence[Watcher] = (),
+    step: Callable[[NDArray[Any]], object] | None = None,
 ) -> tuple[list[dict[str, Any]], float]:
     """Drive the worlds of an experiment, which have just been reset, until all episodes are over.
 
-    Returns each episode's metrics, with its deadlocks, and the median time of a decision [ms].
+    step: instead of the simulator's own. Returns each episode's metrics, with its deadlocks, and the median time of a
+    decision [ms].
     """
-    decide, generators = decider(experiment), [generator_of(seed) for seed in experiment.seeds]
+    decide, step = _decider(experiment), step or simulator.step
+    generators = [np.random.default_rng([seed, _POLICY_STREAM]) for seed in experiment.seeds]
     metrics: dict[int, dict[str, Any]] = {}
     watch = [*watch, *_events(experiment)]
     log = JamLog(simulator)
@@ -127,7 +132,7 @@ def play_out(
     for steps in range(experiment.config.max_steps + 1):
         if steps:
             begin = time.perf_counter()
-            simulator.step(decide(simulator, generators))
+            step(decide(simulator, generators))
             seconds.append((time.perf_counter() - begin) / (simulator.num_worlds - len(metrics)))
             log(simulator, steps)
         for watcher in watch:
@@ -142,12 +147,7 @@ def play_out(
     return [metrics[world] for world in range(simulator.num_worlds)], 1000 * statistics.median(seconds)
 
 
-def generator_of(seed: int) -> np.random.Generator:
-    """Return what a policy draws from in the episode of a seed."""
-    return np.random.default_rng([seed, _POLICY_STREAM])
-
-
-def decider(experiment: Experiment) -> Decider:
+def _decider(experiment: Experiment) -> Decider:
     """Return what chooses the actions: a central planner from all that is known, a policy from observations alone."""
     if experiment.policy in CENTRAL:
         return CENTRAL[experiment.policy].make(experiment.config).act_on

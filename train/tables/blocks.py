@@ -11,11 +11,9 @@ from train.evaluation.jobs import Job, Result, Tick
 from train.evaluation.planning_runs import Run, make_task, plan_once
 from train.reporting.rows import Row
 from train.tables.catalogue import settings_of, studies_of
-from train.tables.code import code_key, code_of
+from train.tables.code import DRIVING, code_key, code_of
 from train.tables.study import Experiment, Study, System, TableTask
 from warehouse_env import __version__
-
-_OF_EXPERIMENTS = ("train.tables.", "warehouse_env.", "agents.")  # code that their rows depend on
 
 
 @dataclass(frozen=True)
@@ -62,7 +60,7 @@ class Block(Job):
             "version": __version__,
             "code": code_key(type(planner))
             if experiment is None
-            else code_of(experiment.__module__, type(planner).__module__, within=_OF_EXPERIMENTS),
+            else code_of(experiment.__module__, type(planner).__module__, within=DRIVING),
         }
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Block | None]:

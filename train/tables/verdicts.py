@@ -74,21 +74,19 @@ def _judge(figures: Figures, claim: Claim, setting: str) -> Judged | None:
 
 def reaches_print(figures: Figures, published: Sequence[Published], ours: str) -> Verdict:
     """Return whether our figures are at or better than every printed one beside `ours`, but times; names the others."""
-    worse, told = [], 0
+    worse, reached = [], []
     for printed in published:
         figure = figures.figure(printed.setting, ours, printed.measure)
         measure = MEASURES[printed.measure]
         if printed.ours != ours or measure.clock or measure.better == "neither" or not math.isfinite(figure.mean):
             continue
-        told += 1
         sign = -1.0 if measure.better == "more" else 1.0
-        if sign * (figure.mean - printed.value) > _PRINT_ROUNDING * abs(printed.value):
+        reached.append(sign * (figure.mean - printed.value) <= _PRINT_ROUNDING * abs(printed.value))
+        if not reached[-1]:
             shown = [number(measure.factor * value, measure.digits) for value in (figure.mean, printed.value)]
             worse.append(f"{printed.setting}, {measure.heading}: {shown[0]} against {shown[1]} in print")
-    if not told:
-        return Verdict(OPEN, "nothing was run for it")
-    why = f"{told - len(worse)} of {told} figures reached" + ("; not: " + "; ".join(worse) if worse else "")
-    return Verdict(HOLDS if not worse else IN_PART if len(worse) < told else FAILS, why)
+    why = f"{sum(reached)} of {len(reached)} figures reached" + ("; not: " + "; ".join(worse) if worse else "")
+    return Verdict.graded(reached, why)
 
 
 def percent(relative: Interval, unit: str = "%") -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from train.evaluation.jobs import Job, Result, Tick
 from train.reporting.report import Table, require_charts
 from train.reporting.rows import Row, mean_interval, select
-from train.tables.code import PLANNING, code_of
+from train.tables.code import DRIVING, PLANNING, code_of
 from train.tables.options import StudyOptions
 from train.tables.traffic.driving import DRIVEN, DRIVEN_ROBOTS, measure_driving
 from train.tables.traffic.figures import (
@@ -48,8 +48,7 @@ class Measurement(Job):
     def identity(self) -> Row:
         """What its rows are known by."""
         part = self.piece.part
-        within = ("train.tables.", "warehouse_env.", "agents.") if part == "driving" else PLANNING
-        code = code_of(f"train.tables.traffic.{part}", within=within)
+        code = code_of(f"train.tables.traffic.{part}", within=DRIVING if part == "driving" else PLANNING)
         return {"job": {**self.piece._asdict(), "version": __version__, "code": code}}
 
     @property

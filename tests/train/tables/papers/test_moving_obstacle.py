@@ -10,9 +10,9 @@ import pytest
 
 from train.evaluation.jobs import Known
 from train.reporting.rows import Row
-from train.tables.blocks import _OF_EXPERIMENTS, Block
+from train.tables.blocks import Block
 from train.tables.catalogue import MODULES
-from train.tables.code import _closure
+from train.tables.code import DRIVING, _closure
 from train.tables.papers.avoidance import FORESIGHT, GAIN, MODES, REACH, Robot, avoid, cells_of, obstacle_path
 from train.tables.papers.coordinator import duration
 from train.tables.papers.moving_obstacle import CROSSING, MAPS, ONCOMING, STANDING, met_at
@@ -135,5 +135,5 @@ def test_rows_of_experiments_are_known_again() -> None:
 
 
 def test_rows_of_bodies_depend_on_the_code_that_drives_them() -> None:
-    code = _closure(["train.tables.papers.fleet"], _OF_EXPERIMENTS)
+    code = _closure(["train.tables.papers.fleet"], DRIVING)
     assert {"agents.rules", "warehouse_env.simulation.step", "train.tables.papers.coordinator"} <= set(code)
