@@ -69,8 +69,15 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "train.learning": (*BELOW_TRAIN, "train.books", "train.reporting", "train.learning"),
     "train.central": (*BELOW_TRAIN, "train.central"),
     "train.evaluation": (*BELOW_TRAIN, "train.books", "train.reporting", "train.central", "train.evaluation"),
-    "train.tables.learning": (*BELOW_TRAIN, "train.reporting", "train.evaluation", "train.learning", "train.tables"),
-    "train.tables": (*BELOW_TRAIN, "train.reporting", "train.evaluation", "train.tables"),
+    "train.tables.learning": (
+        *BELOW_TRAIN,
+        "train.books",
+        "train.reporting",
+        "train.evaluation",
+        "train.learning",
+        "train.tables",
+    ),
+    "train.tables": (*BELOW_TRAIN, "train.books", "train.reporting", "train.evaluation", "train.tables"),
     "train": (*BELOW_TRAIN, "train"),
 }
 
