@@ -32,8 +32,7 @@ ASIDE = np.float32(1.0)  # [rad] off the nose from which a target takes a manoeu
 AGAIN = np.float32(2.0)  # [s] from one search to the next, whatever came of it,
 AGAIN_HELD, AGAIN_HELD_BACK = np.float32(15.0), np.float32(5.0)  # [s] and where another is in the way, longer by the
 # time that it has got nowhere: what has not helped so far is tried more and more rarely
-HELD = np.float32(1.0)  # [s] in touch with a robot after which a way round the others' bodies is searched,
-HELD_BACK = np.float32(2.5)  # [s] and held by the field after which it is, too: it may have to steer first
+HELD = np.float32(2.5)  # [s] in touch with a robot, or held by the field, after which a way round the others is sought
 
 
 @inline
@@ -101,7 +100,7 @@ def follow(r, route, arcs, wanted_speed, offset, p, solid, clearance):
         offset = room_beside(tx, ty, ux, uy, offset, to_go, clearance, p)
         steer, angle = steer_for(r, tx - offset * uy, ty + offset * ux, p)
     speed = on_line = wanted_speed
-    alone = r["contact_time"] <= HELD and r["held_time"] <= HELD_BACK
+    alone = max(r["contact_time"], r["held_time"]) <= HELD
     if speed > ZERO:
         if not alone and r["search_wait"] <= ZERO:
             give_up(r)
