@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import math
 
-import numba
+from warehouse_env.kernel import inline, kernel
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def distance(ax, ay, bx, by):
     """Return the distance of two points, the same to the bit in compiled and in plain Python."""
     return math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@inline
 def nearest_shelf(solid, x, y, cell, reach):
     """Return (distance, unit vector away from it) of the nearest shelf within `reach` of a point, at most a cell.
 
@@ -41,13 +41,13 @@ def nearest_shelf(solid, x, y, cell, reach):
     return d, bx / d, by / d
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _to_square(x, y, low_x, low_y, side):
     """Return the vector from a point to the nearest one of a closed square, (0, 0) inside."""
     return min(max(x, low_x), low_x + side) - x, min(max(y, low_y), low_y + side) - y
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _crosses(ax, ay, bx, by, low_x, low_y, side):
     """Return whether the segment a-b has a point in the closed square (clipping by its four sides)."""
     first, last = 0.0, 1.0
@@ -61,7 +61,7 @@ def _crosses(ax, ay, bx, by, low_x, low_y, side):
     return first <= last
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _segment_to_square(ax, ay, bx, by, low_x, low_y, side):
     """Return the distance between the segment a-b and a closed square: of an end or of a corner, or 0."""
     if _crosses(ax, ay, bx, by, low_x, low_y, side):
@@ -80,7 +80,7 @@ def _segment_to_square(ax, ay, bx, by, low_x, low_y, side):
     return math.sqrt(best)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def segment_gap(solid, ax, ay, bx, by, cell, reach):
     """Return the distance from the segment a-b to the nearest shelf or rim, at most `reach`.
 

@@ -11,13 +11,14 @@ Imported only when first needed, because importing numba takes about 0.4 s.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from warehouse_env.kernel import kernel
 
 SQRT2 = float(np.sqrt(2.0))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def distance_field(legal: NDArray[np.bool_], moves: NDArray[np.int64], row: int, column: int) -> NDArray[np.float64]:
     """Return float64[H, W]: length [cells] of the shortest walk of eq. 26 moves to (row, column), inf if there is none.
 
@@ -61,7 +62,7 @@ def distance_field(legal: NDArray[np.bool_], moves: NDArray[np.int64], row: int,
     return distance.reshape((rows, columns))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def label_regions(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
     """Return int32[H, W]: 0 outside the mask, else the number (from 1, in reading order) of the 4-connected region.
 

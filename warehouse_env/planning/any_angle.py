@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.base import BasePlanner
 from warehouse_env.planning.graph_search import fewest_turns, pop, push, unflatten
 from warehouse_env.planning.plan import Plan
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def line_of_sight(
     occupied: NDArray[np.bool_], one_way: NDArray[np.uint8], row: int, col: int, to_row: int, to_col: int
 ) -> bool:
@@ -47,26 +47,26 @@ def line_of_sight(
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _against_rows(d_row: int) -> int:
     """The direction (an index into ARROWS) that a line down so many rows has a part against; 0 where there is none."""
     return 2 if d_row > 0 else 4 if d_row < 0 else 0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _against_columns(d_col: int) -> int:
     """As `_against_rows`, of a line over so many columns to the east."""
     return 3 if d_col > 0 else 1 if d_col < 0 else 0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _straight(cols: int, cell: int, other: int) -> float:
     """Distance [cells] between the centres of two flat cells."""
     d_row, d_col = cell // cols - other // cols, cell % cols - other % cols
     return math.sqrt(float(d_row * d_row + d_col * d_col))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _search(
     legal: NDArray[np.bool_], occupied: NDArray[np.bool_], one_way: NDArray[np.uint8], start: int, goal: int
 ) -> NDArray[np.int64]:
@@ -109,7 +109,7 @@ def _search(
     return vertex
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _band(legal: NDArray[np.bool_], line: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Return bool[H, W, 8], the legal moves between cells on or next to the line int64[K, 2] of cells."""
     rows, cols = legal.shape[0], legal.shape[1]

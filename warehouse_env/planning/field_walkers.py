@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.base import BasePlanner
 from warehouse_env.planning.plan import Plan
@@ -100,7 +100,7 @@ class ApfImproved(Apf):
         return self._walk(grid, start, goal, exponent, self.points if self.intermediate_point else 0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def follow(
     legal: NDArray[np.bool_],
     push: NDArray[np.float64],
@@ -135,7 +135,7 @@ def follow(
     return cells[: count + 1], False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def along(legal: NDArray[np.bool_], force_row: float, force_col: float) -> int:
     """The legal move (bool[8]) with the smallest angle to a force, under 90 degrees; -1 where there is none."""
     size = np.sqrt(force_row * force_row + force_col * force_col)

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from warehouse_env.errors import PlanError
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.base import BasePlanner
 from warehouse_env.planning.plan import MICRO, Plan, check_endpoints, tolls, turns
@@ -24,7 +24,7 @@ _SQRT2 = math.sqrt(2.0)
 _STEP = int(MICRO)  # millionths of a cell: a straight step
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def push(first: Any, second: Any, node: Any, size: int, a: float, b: float, value: int) -> int:
     """Put (a, b, value) on the binary heap held in the first `size` places of three arrays; return the new size."""
     i = size
@@ -38,7 +38,7 @@ def push(first: Any, second: Any, node: Any, size: int, a: float, b: float, valu
     return size + 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def pop(first: Any, second: Any, node: Any, size: int) -> Any:
     """Return the node with the smallest (first, second); the heap then holds size - 1 entries."""
     top = node[0]
@@ -60,7 +60,7 @@ def pop(first: Any, second: Any, node: Any, size: int) -> Any:
     return top
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inline
 def _labels(states: int, start: int) -> Any:
     """Labels of a search, [states]: straight (with tolls), diagonal, length, turns, state before, closed; and a heap.
 
@@ -75,14 +75,14 @@ def _labels(states: int, start: int) -> Any:
     return straight, diagonal, length, turned, before, closed, heap
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@inline
 def _ahead(d_row: int, d_col: int) -> Any:
     """Straight and diagonal steps over so many rows and columns where no shelf is in the way."""
     diagonal = min(abs(d_row), abs(d_col))
     return max(abs(d_row), abs(d_col)) - diagonal, diagonal
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _search(legal: Any, toll: Any, start: int, goal: int, informed: bool) -> Any:
     """Return the cell (flat index) before each on a cheapest path, -1 where none.
 
@@ -120,7 +120,7 @@ def _search(legal: Any, toll: Any, start: int, goal: int, informed: bool) -> Any
     return before
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _search_turns(legal: Any, toll: Any, start: int, goal: int, hairpin: int) -> Any:
     """A* on cell x arriving move with the cost (length + tolls, turns); return the state before each and the goal's.
 

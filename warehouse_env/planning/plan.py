@@ -8,10 +8,10 @@ from functools import lru_cache
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import ConfigError, PlanError, shown
+from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap, whole_cell
 
 DEAREST = 1e6  # [cells] that a move may cost
@@ -126,7 +126,7 @@ def tolls(grid: GridMap, gentleness: float = 0.0, cost: NDArray[np.float64] | No
     return toll
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _add_cost(toll, legal, cost, scale):
     """Add a cost map to the tolls of the legal moves, in whole parts of 1 / scale. All [H, W, 8]."""
     for row in range(legal.shape[0]):

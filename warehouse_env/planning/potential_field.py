@@ -10,9 +10,9 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, Cell
 
 _NO_FORCE = 1e-9  # below this a resultant has no direction
@@ -89,7 +89,7 @@ def repulsion_parts(
     return repulsion(occupied, gain, reach), repulsive_potential(occupied, gain, reach)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def force_at(
     pull_row: float, pull_col: float, push_row: float, push_col: float, energy: float, gain: float, exponent: float
 ) -> tuple[float, float]:
@@ -107,7 +107,7 @@ def force_at(
     return toward * pull_row + near * push_row, toward * pull_col + near * push_col
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def improved_force(
     push: NDArray[np.float64], energy: NDArray[np.float64], goal: Cell, gain: float, exponent: float
 ) -> NDArray[np.float64]:
@@ -151,7 +151,7 @@ def descent_length(
     return _descend(potential, legal, order, goal, penalty)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _descend(
     potential: NDArray[np.float64],
     legal: NDArray[np.bool_],
@@ -182,7 +182,7 @@ def _descend(
     return length
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def intermediate_point(occupied: NDArray[np.bool_], cell: Cell, goal: Cell, tried: NDArray[np.bool_]) -> Cell:
     """Where a robot stuck on `cell` turns to before it goes on to the goal; (-1, -1) where there is no such cell.
 
@@ -210,7 +210,7 @@ def intermediate_point(occupied: NDArray[np.bool_], cell: Cell, goal: Cell, trie
     return -1, -1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _blocking_shelf(occupied: NDArray[np.bool_], cell: Cell, goal: Cell) -> Cell:
     """The first shelf cell on the straight line from `cell` to `goal`, or that a diagonal of it would graze."""
     span = max(abs(goal[0] - cell[0]), abs(goal[1] - cell[1]))
@@ -225,7 +225,7 @@ def _blocking_shelf(occupied: NDArray[np.bool_], cell: Cell, goal: Cell) -> Cell
     return -1, -1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _nearest_shelf(occupied: NDArray[np.bool_], cell: Cell) -> Cell:
     """The shelf cell with the least straight distance to `cell`; (-1, -1) on an empty floor."""
     rows, cols = occupied.shape

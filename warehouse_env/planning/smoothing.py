@@ -14,10 +14,10 @@ is least and every a(i) is more than sqrt(2)/2 from obstacles. What is doubtful 
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.kernel import kernel
 from warehouse_env.maps.clearance import distance, nearest_shelf, segment_gap
 
 SWEEPS = 400  # at most, over all nodes of a path
@@ -26,7 +26,7 @@ HALVINGS = 4  # of a move that would come too near to a shelf
 SLACK = 1e-9  # [cells] of rounding in comparisons of clearances
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _wanted(line, k, x, y, deviation, length, power):
     """Return where node k makes eq. 13 least while its neighbours stand still; for power 1, a step on the way there."""
     if power == 2:
@@ -52,7 +52,7 @@ def _wanted(line, k, x, y, deviation, length, power):
     return line[k, 0] + share * pull_x, line[k, 1] + share * pull_y
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _cost(line, k, px, py, x, y, deviation, length, power):
     """Return what node k at p adds to eq. 13."""
     away = distance(px, py, x, y)
@@ -63,7 +63,7 @@ def _cost(line, k, px, py, x, y, deviation, length, power):
     return deviation * away + length * (before + after)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _fits(line, k, x, y, need, solid):
     """Return whether both segments at node k keep their clearance with the node at (x, y)."""
     for other, wanted in ((k - 1, need[k - 1]), (k + 1, need[k])):
@@ -72,7 +72,7 @@ def _fits(line, k, x, y, need, solid):
     return True
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _move(line, k, x, y, need, solid, deviation, length, power):
     """Move node k of x(k) = (x, y) as far towards its best place as the shelves let it; return the distance."""
     fromx, fromy = line[k, 0], line[k, 1]
@@ -94,7 +94,7 @@ def _move(line, k, x, y, need, solid, deviation, length, power):
     return 0.0
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _descend(line, nodes, need, solid, deviation, length, power):
     """Lower eq. 13 node by node, in place; the clearances `need` hold before and after each move."""
     for _ in range(SWEEPS):

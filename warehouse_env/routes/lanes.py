@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.clearance import nearest_shelf
 
 SPACING = 0.5  # [m] between way-points
@@ -27,7 +27,7 @@ ITERATIONS = 60
 PULL, SMOOTH, PUSH = 0.12, 0.45, 0.5  # shares of the way to lane, neighbours and clearance in one iteration
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@inline
 def _free_to(solid, one_way, mine, x, y, ux, uy, cell):
     """Distance [m] along (ux, uy) to the first shelf, at most SIGHT, in steps of 5 cm.
 
@@ -45,7 +45,7 @@ def _free_to(solid, one_way, mine, x, y, ux, uy, cell):
     return SIGHT
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _lane_shift(left, right, keep_right):
     """Metres to the right of the path where the lane is, from the free widths to both sides; nan beside a crossing."""
     width = left + right
@@ -60,7 +60,7 @@ def _lane_shift(left, right, keep_right):
     return math.nan
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _fill_gaps(shift, keep_right):
     """Replace runs of nan: between two lanes by the way from one to the other, on open floor by keep_right."""
     n = shift.shape[0]
@@ -79,7 +79,7 @@ def _fill_gaps(shift, keep_right):
             shift[m] = before + part * (after - before)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _ease_into_single_lanes(shift, room):
     """Let the lane leave and enter single lanes (fixed) with no more than EASE metres sideways per metre."""
     n = shift.shape[0]
@@ -94,7 +94,7 @@ def _ease_into_single_lanes(shift, room):
                 k += step
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _along_one_way(one_way, x, y, ux, uy, cell):
     """Direction (an index into ARROWS) of the one-way cell at a point, 0 for none or if (ux, uy) leads across it."""
     row, column = int(math.floor(y / cell)) + 1, int(math.floor(x / cell)) + 1
@@ -105,7 +105,7 @@ def _along_one_way(one_way, x, y, ux, uy, cell):
     return mine if along > ALONG else 0
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _lane_targets(points, solid, one_way, cell, keep_right, shift, room, out):
     """Write where each point should be (right of the middle where there are two lanes), and its possible clearance."""
     n = points.shape[0]
@@ -126,7 +126,7 @@ def _lane_targets(points, solid, one_way, cell, keep_right, shift, room, out):
         out[k, 1] = points[k, 1] - s * ux
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@inline
 def _direction(points, k):
     """Unit vector along the line at point k, over a metre to either side."""
     a, b = max(k - 2, 0), min(k + 2, points.shape[0] - 1)
@@ -135,7 +135,7 @@ def _direction(points, k):
     return (dx / norm, dy / norm) if norm > 1e-9 else (1.0, 0.0)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _relax(points, targets, room, solid, cell):
     """Move the inner points in place until lane, smoothness and clearance balance."""
     n = points.shape[0]
@@ -153,7 +153,7 @@ def _relax(points, targets, room, solid, cell):
             points[k, 0], points[k, 1] = nx, ny
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def resample(points, spacing):
     """Return the polyline float64[L, 2] [m] as evenly spaced points, nearest to `spacing` [m]; both ends are kept."""
     n = points.shape[0]
@@ -161,25 +161,23 @@ def resample(points, spacing):
     for k in range(1, n):
         arc[k] = arc[k - 1] + math.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
     length = arc[n - 1]
-    if length <= 0.0:
-        return points[:1].copy()
-    pieces = max(int(round(length / spacing)), 1)
-    step = length / pieces
+    pieces = max(int(round(length / spacing)), 1) if length > 0.0 else 0
+    step = length / max(pieces, 1)
     line = np.empty((pieces + 1, 2))
     before = 0
     for k in range(pieces + 1):
         at = k * step if k < pieces else length
-        while before + 1 < n and arc[before + 1] <= at:
+        while before + 1 < n and arc[before + 1] <= at and length > 0.0:
             before += 1
-        line[k] = points[before]
-        if arc[before] < at and before + 1 < n:
-            for axis in range(2):
+        for axis in range(2):
+            line[k, axis] = points[before, axis]
+            if arc[before] < at and before + 1 < n:
                 slope = (points[before + 1, axis] - points[before, axis]) / (arc[before + 1] - arc[before])
                 line[k, axis] += slope * (at - arc[before])
     return line
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def drivable_line(points, solid, one_way, cell, keep_right):
     """Return way-points float32[R, 2] [m], evenly spaced about SPACING apart, from the first to the last point.
 

@@ -13,11 +13,11 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import RobotSpec
+from warehouse_env.kernel import kernel
 from warehouse_env.maps.clearance import distance, nearest_shelf, segment_gap
 from warehouse_env.maps.grid_map import MOVES, GridMap
 from warehouse_env.routes.lanes import resample
@@ -40,7 +40,7 @@ def most_curvature(robot: RobotSpec) -> float:
     return math.tan(STEERING_SHARE * robot.max_steering) / robot.wheelbase
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _bend(line, k):
     """Return the curvature at way-point k: of the circle through it and its neighbours."""
     ax, ay = line[k, 0] - line[k - 1, 0], line[k, 1] - line[k - 1, 1]
@@ -50,7 +50,7 @@ def _bend(line, k):
     return 2.0 * abs(ax * by - ay * bx) / sides if sides > 0.0 else math.inf
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def sharpest(line):
     """Return the largest curvature [1/m] of a line float64[K, 2] [m], by circles through three way-points each."""
     most = 0.0
@@ -59,7 +59,7 @@ def sharpest(line):
     return most
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def narrowest(line, solid, cell, reach):
     """Return the least distance [m] of a line's segments from shelves and rim, at most `reach`."""
     least = reach
@@ -68,7 +68,7 @@ def narrowest(line, solid, cell, reach):
     return least
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _best_place(line, target, k):
     """Return where way-point k makes the objective least while the others stand still."""
     x = DEVIATION * target[k, 0] + LENGTH * (line[k - 1, 0] + line[k + 1, 0])
@@ -81,7 +81,7 @@ def _best_place(line, target, k):
     return x / scale, y / scale
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _relax(line, target, solid, cell, room, bend):
     """Move the inner way-points in place: to the objective's least, within the curvature, and off the shelves."""
     n = line.shape[0]

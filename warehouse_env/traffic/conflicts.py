@@ -25,10 +25,10 @@ from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError
+from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES
 
 Timing = Literal["count", "start", "lifelong"]
@@ -75,7 +75,7 @@ def flatten(routes: Sequence[Route], columns: int) -> Flat:
     return flat
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _arrive(flat: Any) -> None:
     """Fill the arrivals. Steps are counted apart and added once, so that equal lengths are equal numbers."""
     for i in range(len(flat.first) - 1):
@@ -112,7 +112,7 @@ def conflicts(routes: Sequence[Route], shape: tuple[int, int], timing: Timing = 
     return Conflicts(float(crossings), float(opposing))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _pairs(flat: Any, duration: Any, cells: int, timing: int, hold: float, table: Any) -> None:
     """Fill the upper and the lower half of the table."""
     place = np.full(cells, -1, np.int64)  # index of a cell in route i
@@ -126,7 +126,7 @@ def _pairs(flat: Any, duration: Any, cells: int, timing: int, hold: float, table
             place[flat.cell[k]] = -1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _meet(flat: Any, place: Any, first: int, end: int, timing: int, hold: float, rate: float) -> Any:
     """Crossings and opposing conflicts, float64[2], of the route first..end-1 with the one that `place` holds."""
     found = np.zeros(2)
@@ -146,7 +146,7 @@ def _meet(flat: Any, place: Any, first: int, end: int, timing: int, hold: float,
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _stretch(flat: Any, place: Any, k: int, end: int) -> Any:
     """Last index of the shared stretch that begins at index k, and its direction: 1, -1, or 0 for a single cell."""
     step = 0
@@ -160,7 +160,7 @@ def _stretch(flat: Any, place: Any, k: int, end: int) -> Any:
     return k, step
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _changeover(flat: Any, place: Any, cell: int, to: int) -> int:
     """Index at which the other route begins the diagonal that crosses the diagonal step cell -> to; else -1."""
     d_row, d_column = to // flat.columns - cell // flat.columns, to % flat.columns - cell % flat.columns
@@ -170,7 +170,7 @@ def _changeover(flat: Any, place: Any, cell: int, to: int) -> int:
     return min(a, b) if a >= 0 and b >= 0 and abs(a - b) == 1 else -1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _weight(apart: float, window: float, timing: int, rate: float) -> float:
     """What a shared place counts, entered `apart` from each other."""
     if timing == _LIFELONG:
@@ -202,7 +202,7 @@ def congestion(
     return directed.reshape(*shape, 8)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _charge(flat: Any, duration: Any, enter: float, against: float, cost: Any) -> None:
     """Add the price of meeting each route to cost float64[C, 8]; moves that are not legal are charged as well."""
     rows, columns = len(cost) // flat.columns, flat.columns

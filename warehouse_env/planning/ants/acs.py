@@ -7,10 +7,10 @@ from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError
+from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.ants.aco import power
 from warehouse_env.planning.ants.colony import Colony
@@ -125,7 +125,7 @@ class ShaaAcs(Acs):
         return self.evaporation + (self.evaporation_last - self.evaporation) * along
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def draw_towards_best(floor: Floor, pheromone: Table, best: Walks, share: float) -> None:
     """Move the edges of each best path towards 1 / cost by a share, in place."""
     for row in range(len(best.steps)):

@@ -14,9 +14,9 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.planning.ants.floor import Floor, Table
 from warehouse_env.planning.ants.walks import Walks, empty_walks, keep, measure
@@ -134,7 +134,7 @@ def cells_of(floor: Floor, walks: Walks, ant: int) -> NDArray[np.int64]:
     return np.concatenate([start, start + np.cumsum(MOVES[walks.moves[ant, : walks.steps[ant]]], axis=0)])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _next_random(state: np.uint64) -> np.uint64:
     """One step of xorshift64 (Marsaglia 2003); the state must not be 0."""
     state ^= state << _SHIFT_13
@@ -143,7 +143,7 @@ def _next_random(state: np.uint64) -> np.uint64:
     return state
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def walk(
     floor: Floor,
     trail: Table,
@@ -208,7 +208,7 @@ def walk(
         walks.steps[ant] = steps
 
 
-@njit(cache=True, nogil=True, forceinline=True, error_model="numpy")
+@inline
 def _weigh(
     neighbour: NDArray[np.int32],
     trail: Table,
@@ -236,7 +236,7 @@ def _weigh(
     return total
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _largest(chance: NDArray[np.float64]) -> int:
     """The first place of the largest of float64[8]."""
     best = 0

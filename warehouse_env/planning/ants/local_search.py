@@ -13,9 +13,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.planning.ants.floor import Floor
 from warehouse_env.planning.ants.walks import Walks, measure
@@ -31,7 +31,7 @@ class Runs(NamedTuple):
     toll: NDArray[np.int64]  # [C, 8], the tolls of all of them
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def straight_runs(floor: Floor) -> Runs:
     """Measure the legal runs of a floor."""
     cells, columns = floor.neighbour.shape[0], floor.columns
@@ -49,7 +49,7 @@ def straight_runs(floor: Floor) -> Runs:
     return Runs(free, toll)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def improve(floor: Floor, runs: Runs, elite: int, walks: Walks, first: int, last: int) -> int:
     """Measure ants first..last-1, shorten the paths of the best `elite` of them, and return the best; -1 if none.
 
@@ -73,7 +73,7 @@ def improve(floor: Floor, runs: Runs, elite: int, walks: Walks, first: int, last
     return _next_best(walks, first, last, -1.0, 0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _next_best(walks: Walks, first: int, last: int, cost: float, turns: int) -> int:
     """The first of the ants with the least (cost, turns) above those given; -1 if none arrived with more."""
     best = -1
@@ -86,7 +86,7 @@ def _next_best(walks: Walks, first: int, last: int, cost: float, turns: int) -> 
     return best
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def shorten(floor: Floor, runs: Runs, start: int, moves: NDArray[np.int8]) -> NDArray[np.int8]:
     """Return the best choice of nodes and links along the path int8[n - 1] of moves from start, as moves again."""
     n = len(moves) + 1
@@ -108,7 +108,7 @@ def shorten(floor: Floor, runs: Runs, start: int, moves: NDArray[np.int8]) -> ND
     return _unroll(floor, node, cost, sums, origin)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _link_onwards(
     floor: Floor,
     runs: Runs,
@@ -151,7 +151,7 @@ def _link_onwards(
                 origin[j, second, 0], origin[j, second, 1], origin[j, second, 2] = i, before[first], first
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _straight_move(d_row: int, d_column: int) -> int:
     """The straight move of an octile link with these differences."""
     if abs(d_column) > abs(d_row):
@@ -159,7 +159,7 @@ def _straight_move(d_row: int, d_column: int) -> int:
     return 6 if d_row > 0 else 2
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _diagonal_move(d_row: int, d_column: int) -> int:
     """The diagonal move of an octile link with these differences."""
     if d_row < 0:
@@ -167,7 +167,7 @@ def _diagonal_move(d_row: int, d_column: int) -> int:
     return 7 if d_column > 0 else 5
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _choose_arrivals(
     cost: NDArray[np.float64], sums: NDArray[np.int64], before: NDArray[np.int64], base: NDArray[np.int64]
 ) -> None:
@@ -183,7 +183,7 @@ def _choose_arrivals(
         base[leaving, 3] += 0 if straight_on else 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _unroll(
     floor: Floor,
     node: NDArray[np.int64],

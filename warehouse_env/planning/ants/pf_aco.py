@@ -9,9 +9,9 @@ from functools import partial
 from typing import ClassVar, Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning import potential_field
 from warehouse_env.planning.ants.colony import Colony
@@ -166,7 +166,7 @@ def gentle_share(floor: Floor, offset: float) -> Table:
     return np.where(floor.legal, (highest - difference) / (highest - lowest + offset), 0.0)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _mix(
     fading: Table,
     fr: float,

@@ -14,9 +14,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.planning.ants.floor import Floor, Table
 
@@ -35,7 +35,7 @@ class Activity(NamedTuple):
     exponent: NDArray[np.int64]  # [C]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def settle(floor: Floor, weight: Table, decay: float, source: float, strongest: bool) -> Activity:
     """Return the steady state for A = `decay`, E = `source` and w_ij = `weight` float64[C, 8] of the move from i to j.
 
@@ -54,7 +54,7 @@ def settle(floor: Floor, weight: Table, decay: float, source: float, strongest: 
     return state
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _renew(
     floor: Floor, weight: Table, decay: float, source: float, strongest: bool, state: Activity, cell: int
 ) -> float:
@@ -82,7 +82,7 @@ def _renew(
     return change
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _flood(floor: Floor) -> NDArray[np.int64]:
     """Cells int64[R] from which moves lead to the goal, in the order of their number."""
     rows, columns = floor.neighbour.shape[0] // floor.columns, floor.columns

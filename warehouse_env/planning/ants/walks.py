@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from warehouse_env.kernel import kernel
 from warehouse_env.planning.ants.floor import Floor, Table
 from warehouse_env.planning.plan import MICRO
 
@@ -41,7 +41,7 @@ def empty_walks(start: NDArray[np.int64], cells: int) -> Walks:
     )
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def measure(floor: Floor, walks: Walks, first: int, last: int) -> int:
     """Fill length, turns, spread and cost of ants first..last-1; return the best by (cost, turns), -1 if none."""
     best = -1
@@ -73,7 +73,7 @@ def measure(floor: Floor, walks: Walks, first: int, last: int) -> int:
     return best
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _spread(floor: Floor, walks: Walks, ant: int, mean: float) -> float:
     """Standard deviation [m] of the heights along a path with p - 1 steps (eq. 24, paper 000)."""
     cell, count = walks.start[ant], walks.steps[ant]
@@ -86,7 +86,7 @@ def _spread(floor: Floor, walks: Walks, ant: int, mean: float) -> float:
     return math.sqrt(total / count) / MICRO
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def deposit(floor: Floor, pheromone: Table, walks: Walks, amount: NDArray[np.float64]) -> None:
     """Add amount float64[k] of the first k ants, where they arrived, to every edge of their paths, in place."""
     for ant in range(len(amount)):
@@ -97,7 +97,7 @@ def deposit(floor: Floor, pheromone: Table, walks: Walks, amount: NDArray[np.flo
             cell = floor.neighbour[cell, move]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def keep(walks: Walks, ant: int, best: Walks, row: int) -> None:
     """Copy the path of an ant and its measures to a row of `best`."""
     count = walks.steps[ant]

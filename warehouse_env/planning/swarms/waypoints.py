@@ -14,9 +14,9 @@ from functools import partial
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from warehouse_env.kernel import kernel
 from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.ants.colony import cells_of
@@ -149,7 +149,7 @@ def first_codes(
     return np.clip(code, 0.0, np.array(shape) - 1.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _nearest(inside: NDArray[np.bool_], columns: int) -> NDArray[np.int32]:
     """For each cell int32[C] the one of bool[C] `inside` that a flood over the 8 directions brings to it first."""
     cells = len(inside)
@@ -177,7 +177,7 @@ def _nearest(inside: NDArray[np.bool_], columns: int) -> NDArray[np.int32]:
     return nearest
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def decode(ground: _Ground, points: NDArray[np.int64], walks: Walks) -> None:
     """Write the path of each row of flat cells int64[m, K] to walks.moves and walks.steps.
 
@@ -206,7 +206,7 @@ def decode(ground: _Ground, points: NDArray[np.int64], walks: Walks) -> None:
         walks.steps[agent] = _cut_short(floor, ground.start, came, begun, walks.moves[agent])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _walk_to(
     floor: Floor, start: int, target: int, visited: NDArray[np.int64], leg: int, stack: NDArray[np.int64]
 ) -> int:
@@ -239,7 +239,7 @@ def _walk_to(
     return count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cut_short(floor: Floor, start: int, came: NDArray[np.int64], begun: int, moves: NDArray[np.int8]) -> int:
     """Write the moves of the shortened walk that began at time `begun`; return their number."""
     cell, count = start, 0

@@ -33,7 +33,7 @@ def _merged(solid, cell_edges):
     Returns the edges as float64[K, 4]: face, line, low, high, in cells of the padded floor `solid` (y up).
     """
     rows, columns = solid.shape
-    found: list[tuple[float, float, float, float]] = []
+    found, edges = 0, np.empty((4 * rows * columns, 4))
     for face in range(_FACES):
         across_x = face in (WEST, EAST)
         step = 1 if face in (WEST, SOUTH) else -1  # from the free cell to the shelf it looks at
@@ -53,13 +53,12 @@ def _merged(solid, cell_edges):
                     other_row, other_column = (row, column + step) if across_x else (row + step, column)
                     if solid[row, column] != 0 or solid[other_row, other_column] == 0:
                         break
-                    cell_edges[face, row, column] = len(found)
+                    cell_edges[face, row, column] = found
                     b += 1
-                found.append((float(face), float(a + 1 if step > 0 else a), float(low), float(b)))
-    edges = np.empty((len(found), 4))
-    for k in range(len(found)):
-        edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3] = found[k]
-    return edges
+                edges[found, 0], edges[found, 1] = face, a + 1 if step > 0 else a
+                edges[found, 2], edges[found, 3] = low, b
+                found += 1
+    return edges[:found]
 
 
 @inline
@@ -119,6 +118,17 @@ def _candidates(row, column, solid, cell_edges, edges, reach, marks, out, ways):
 
 
 @kernel
+def _write_order(ways, order):
+    """Write the indices of ways float64[M] into order int32[M], the shortest first, of equals the first."""
+    for n in range(len(order)):
+        k = n
+        while k > 0 and ways[order[k - 1]] > ways[n]:
+            order[k] = order[k - 1]
+            k -= 1
+        order[k] = n
+
+
+@kernel
 def _hide(row, column, edges, near, ways, hidden):
     """Say which of the edges `near` int32[M] are hidden from the cell by another of them; ways: of each, squared.
 
@@ -126,8 +136,8 @@ def _hide(row, column, edges, near, ways, hidden):
     hidden by the same edge. So each is held against those before it that are seen, and those as far away: else a long
     range takes minutes.
     """
-    order = np.argsort(ways)
-    front = np.empty(len(near), np.int32)
+    order, front = np.empty(len(near), np.int32), np.empty(len(near), np.int32)
+    _write_order(ways, order)
     seen = 0
     for n in range(len(near)):
         e = near[order[n]]
@@ -151,27 +161,39 @@ def _hide(row, column, edges, near, ways, hidden):
 
 
 @kernel
+def _longer(seen, length, more):
+    """Return seen int32[L] with room for `more` entries after the first `length`."""
+    longer = np.empty(2 * (length + more), np.int32)
+    for k in range(length):
+        longer[k] = seen[k]
+    return longer
+
+
+@kernel
 def _lists(solid, cell_edges, edges, reach):
-    """Return (seen, first) of Edges; nothing is seen from a shelf's cell."""
+    """Return (seen, its length, first) of Edges; nothing is seen from a shelf's cell."""
     rows, columns = solid.shape
     first = np.zeros((rows, columns, 3), np.int32)
     marks = np.zeros(len(edges), np.int32)
     near, ways, hidden = np.empty(len(edges), np.int32), np.empty(len(edges) + 1), np.empty(len(edges), np.bool_)
-    seen = [np.int32(0) for _ in range(0)]
+    seen, length = np.empty(rows * columns, np.int32), 0
     for row in range(rows):
         for column in range(columns):
             count = 0
             if solid[row, column] == 0:
                 count = _candidates(row, column, solid, cell_edges, edges, reach, marks, near, ways)
                 _hide(row, column, edges, near[:count], ways[:count], hidden)
-            first[row, column, 0] = len(seen)
+            if length + count > len(seen):
+                seen = _longer(seen, length, count)
+            first[row, column, 0] = length
             for along_y in range(2):
                 for k in range(count):
                     if hidden[k] or (edges[near[k], 0] in (SOUTH, NORTH)) != (along_y == 1):
                         continue
-                    seen.append(near[k])
-                first[row, column, 1 + along_y] = len(seen)
-    return np.array(seen, dtype=np.int32), first
+                    seen[length] = near[k]
+                    length += 1
+                first[row, column, 1 + along_y] = length
+    return seen, length, first
 
 
 def edges_of(solid: NDArray[np.uint8], cell: float, lidar_range: float) -> Edges:
@@ -181,7 +203,8 @@ def edges_of(solid: NDArray[np.uint8], cell: float, lidar_range: float) -> Edges
     """
     cell_edges = np.full((_FACES, *solid.shape), -1, dtype=np.int32)
     edges = _merged(solid, cell_edges)
-    seen, first = _lists(solid, cell_edges, edges, lidar_range / cell)
+    seen, length, first = _lists(solid, cell_edges, edges, lidar_range / cell)
+    seen = seen[:length].copy()
     metres = ((edges[:, 1:] - 1.0) * cell).astype(np.float32)  # without the padding
     for array in (metres, seen, first):
         array.flags.writeable = False
