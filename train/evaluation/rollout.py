@@ -95,15 +95,14 @@ def make_experiment(
 
 
 class Routes:
-    """Route books by floor, planner, lanes and smoothing, so that experiments on one floor share their plans."""
+    """Route books by floor, planner and lanes, so that experiments on one floor share their plans."""
 
     def __init__(self) -> None:
         self._books: dict[tuple[object, ...], RouteBook] = {}
 
     def simulator(self, config: EnvConfig, worlds: int) -> Simulator:
         """Return a new simulator that uses the shared route book of its floor."""
-        smooth_for = config.robot if config.smooth_routes else None
-        key = (config.layout, config.map_file, config.planner, config.keep_right, smooth_for)
+        key = (config.layout, config.map_file, config.planner, config.keep_right)
         simulator = Simulator(config, worlds, routes=self._books.get(key))
         self._books[key] = simulator.route_book
         return simulator
