@@ -12,6 +12,8 @@ BENCH ?= results/bench.jsonl
 RUN := $(VENV)/bin
 STAMP := $(VENV)/.set-up
 PIP := $(RUN)/python -m pip --disable-pip-version-check
+# What compiling needs: it goes on while pip installs all else, torch above all.
+COMPILING := setuptools numba gymnasium pettingzoo safetensors platformdirs tyro rich
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
@@ -20,7 +22,7 @@ PIP := $(RUN)/python -m pip --disable-pip-version-check
 help: ## list what make can do (the default)
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-setup: $(STAMP) ## set up the environment in .venv, and nothing else
+setup: $(STAMP) ## set up the environment in .venv with all kernels compiled, and nothing else
 	@echo "Ready: $$($(RUN)/python --version) in $(VENV)"
 
 demo: $(STAMP) ## compare the shipped policies: 16 robots, a table, pictures and a video in results/demo
@@ -53,8 +55,8 @@ clean: ## remove the environment, caches and build products; results stay
 	rm -rf .venv .venv-clients .ci-venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find warehouse_env agents train tests docs -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# Done again when a version changes or the environment's Python is gone. Torch comes first: the CUDA build, which pip
-# takes where it sees no CPU build, works as well but is 3 GB larger. Setuptools is pinned, so no isolated build.
+# Done again when a version changes or the environment's Python is gone. The CUDA build of torch, which pip takes where
+# it sees no CPU build, works as well but is 3 GB larger. Setuptools is pinned, so no isolated build.
 $(STAMP): pyproject.toml $(CONSTRAINTS) $(if $(wildcard $(RUN)/python),,missing)
 	@$(RUN)/python -m pip --version >/dev/null 2>&1 || { \
 	  command -v $(PYTHON) >/dev/null || { \
@@ -71,9 +73,13 @@ $(STAMP): pyproject.toml $(CONSTRAINTS) $(if $(wildcard $(RUN)/python),,missing)
 	    exit 1; fi; \
 	  echo "Making a virtual environment in $(VENV)"; \
 	  rm -rf $(VENV) && $(PYTHON) -m venv $(VENV); }
-	@echo "Installing the pinned packages (a few minutes the first time)"
-	@$(PIP) install --quiet --constraint $(CONSTRAINTS) setuptools numpy torch
+	@echo "Installing the pinned packages, and compiling the kernels meanwhile (two to three minutes the first time)"
+	@$(PIP) install --quiet --constraint $(CONSTRAINTS) $(COMPILING)
+	@$(PIP) install --quiet --no-deps --no-build-isolation --editable .
+	@$(RUN)/warehouse compile & compiling=$$!; \
+	  $(PIP) install --quiet --constraint $(CONSTRAINTS) --no-build-isolation --editable ".[$(EXTRAS)]" || \
+	    { kill $$compiling; exit 1; }; \
+	  wait $$compiling || echo "The kernels were not compiled: each will be when it is first called" >&2
 	@$(RUN)/python -c 'import torch; print(f"torch {torch.__version__}" + (torch.version.cuda and \
 	  ", with CUDA; for the smaller CPU build name its index in PIP_EXTRA_INDEX_URL" or ""))'
-	@$(PIP) install --quiet --constraint $(CONSTRAINTS) --no-build-isolation --editable ".[$(EXTRAS)]"
 	@touch $@

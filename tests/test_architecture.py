@@ -65,11 +65,19 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env": ("warehouse_env",),
     "agents": (*PLANNING, "warehouse_env.observation", "agents"),
     "train.reporting": ("warehouse_env", "train.reporting"),
-    "train.learning": (*BELOW_TRAIN, "train.reporting", "train.learning"),
+    "train.books": BELOW_TRAIN,
+    "train.learning": (*BELOW_TRAIN, "train.books", "train.reporting", "train.learning"),
     "train.central": (*BELOW_TRAIN, "train.central"),
-    "train.evaluation": (*BELOW_TRAIN, "train.reporting", "train.central", "train.evaluation"),
-    "train.tables.learning": (*BELOW_TRAIN, "train.reporting", "train.evaluation", "train.learning", "train.tables"),
-    "train.tables": (*BELOW_TRAIN, "train.reporting", "train.evaluation", "train.tables"),
+    "train.evaluation": (*BELOW_TRAIN, "train.books", "train.reporting", "train.central", "train.evaluation"),
+    "train.tables.learning": (
+        *BELOW_TRAIN,
+        "train.books",
+        "train.reporting",
+        "train.evaluation",
+        "train.learning",
+        "train.tables",
+    ),
+    "train.tables": (*BELOW_TRAIN, "train.books", "train.reporting", "train.evaluation", "train.tables"),
     "train": (*BELOW_TRAIN, "train"),
 }
 

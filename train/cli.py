@@ -32,8 +32,20 @@ COMMANDS: dict[str, Command] = {
         "train.commands.demo", "Demo", "compare the shipped policies in three minutes: table, pictures, video"
     ),
     "plan": Command("train.commands.plan", "PlanCommand", "compare planners on the tasks of a map"),
-    "tables": Command(
-        "train.tables.command", "Tables", "make the papers' tables again, ours beside theirs, with verdicts"
+    "tables papers": Command(
+        "train.tables.command", "Papers", "make the papers' tables again, ours beside theirs, with verdicts"
+    ),
+    "tables benchmark": Command(
+        "train.tables.benchmark.command", "Benchmark", "plan pairs of cells of five floors by every planner"
+    ),
+    "tables traffic": Command(
+        "train.tables.traffic.command", "Traffic", "hold several robots' routes against each other, and drive them"
+    ),
+    "tables learning": Command(
+        "train.tables.learning.command", "Learning", "train seeds of each algorithm and say what learning adds"
+    ),
+    "tables floors": Command(
+        "train.tables.floors.command", "Floors", "drive policies and the rule on many floors, some drawn at random"
     ),
     "layouts": Command("train.commands.layouts", "Layouts", "list, draw, check and convert maps"),
     "train reinforce": Command("train.commands.training", "TrainReinforce", "train our policy gradient"),
@@ -61,6 +73,9 @@ COMMANDS: dict[str, Command] = {
     ),
     "curves": Command("train.commands.curves", "Curves", "draw the learning curves of several runs in one picture"),
     "export": Command("train.commands.export", "Export", "write a trained policy as an ONNX model"),
+    "compile": Command(
+        "train.commands.compile", "Compile", "compile all kernels ahead of time, several at a time, and keep them"
+    ),
     "bench": Command(
         "train.commands.bench", "Bench", "measure the speed of the simulator, the planners and the trainers"
     ),

@@ -28,7 +28,7 @@ from train.learning import checkpoint
 from train.learning.config import PPOConfig
 from train.learning.timing import Split, set_threads
 from train.learning.training_run import network_of, run_training
-from train.learning.worlds import Tally, make_simulators
+from train.learning.worlds import Tally, TrainingSimulator
 from warehouse_env.envs.vector import WarehouseVecEnv
 
 
@@ -69,7 +69,7 @@ class Ppo:
         mixes = config.worlds(config.rows)
         self.env = mixes[0][0]
         with self.split.measure("simulator_s"):
-            self._simulators = make_simulators(mixes, config.jam_seconds, config.shared, {})
+            self._simulators = [TrainingSimulator(*one, config.jam_seconds, config.shared) for one in mixes]
             self._tally = Tally(self._simulators)
             worlds = WarehouseVecEnv(self._simulators)
             worlds.seed(config.seed)

@@ -15,7 +15,7 @@ import gymnasium
 from warehouse_env.compiled import drop_stale_kernels
 
 if TYPE_CHECKING:
-    from warehouse_env.config import EnvConfig, RewardWeights, RobotSpec, SensorSpec
+    from warehouse_env.config import EnvConfig, RerouteSpec, RewardWeights, RobotSpec, SensorSpec
     from warehouse_env.envs.callback import MetricsCallback
     from warehouse_env.envs.parallel import WarehouseParallelEnv, aec_env, parallel_env
     from warehouse_env.envs.single import WarehouseSingleEnv, single_env
@@ -33,6 +33,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "EnvConfig": "config",
+    "RerouteSpec": "config",
     "RewardWeights": "config",
     "RobotSpec": "config",
     "SensorSpec": "config",
@@ -74,6 +75,7 @@ __all__ = [
     "MapError",
     "MetricsCallback",
     "PlanError",
+    "RerouteSpec",
     "RewardWeights",
     "RobotSpec",
     "SensorSpec",

@@ -92,14 +92,15 @@ def from_plain(cls: type[T], data: Any) -> T:
 
 
 def _without_retired(cls: type, data: Any) -> Any:
-    """Return JSON types without a dataclass's retired fields; ConfigError where one asks for what is gone."""
+    """Return JSON types without what is no parameter any more; ConfigError where that has another value than now."""
     retired: dict[str, Any] = getattr(cls, "retired", {})
-    if not isinstance(data, dict) or not retired:
+    if not isinstance(data, dict) or retired.keys().isdisjoint(data):
         return data
-    for name, only in retired.items():
-        if name in data and data[name] != only:
+    for name, value in retired.items():
+        if data.get(name, value) != value:
             raise ConfigError(
-                f"{name}={shown(data[name])} of {cls.__name__} is gone: only {shown(only)}, as all is now, may be given"
+                f"{cls.__name__} parameter {name!r} is no option any more: it is {shown(value)} for all, and what was "
+                f"made with {shown(data[name])} cannot be run as it was"
             )
     return {name: value for name, value in data.items() if name not in retired}
 

@@ -100,28 +100,25 @@ class RewardWeights(Checked):
 
 @dataclass(frozen=True)
 class RerouteSpec(Checked):
-    """When a robot is routed anew on its way, and what the others cost it (simulation/rules/live.py)."""
+    """When a robot is routed anew on its way (simulation/rules/live.py); at what prices: simulation/rules/prices.py."""
+
+    # Names that stored configurations may still hold, with the only values that they may have (checked.from_plain).
+    retired: ClassVar[dict[str, float]] = {
+        "standing": 10.0, "beside": 3.0, "against": 1.0, "boxed_against": 8.0, "crowd": 0.6, "crowd_within": 10.0,
+        "turn": 1.0, "boxed_turn": 30.0,
+    }  # fmt: skip
 
     planner: str = "astar_turns:hairpin=10"  # of all routes while robots drive; one that takes a cost map
     every: float = 4.0  # [s] between two looks of a robot for a better way
     only_barred: bool = False  # only of robots whose way is barred, which takes half as long (trainings do so)
     look_ahead: float = 10.0  # [m] of the way ahead that may be barred
     stood_for: float = 6.0  # [s] without having moved a metre from which a robot counts as standing
-    standing: float = 10.0  # [cells] for entering the cell of a robot that stands
-    beside: float = 3.0  # [cells] for entering a cell beside it
-    against: float = 1.0  # [cells] for a move against one of another's remaining route
-    boxed_against: float = 8.0  # [cells] so in an aisle of one cell, where two cannot pass
-    crowd: float = 0.6  # [cells] for entering a cell of another's remaining route that both are equally far from
-    crowd_within: float = 10.0  # [m] difference of these distances at which that has faded to nothing
     saving: float = 3.0  # [cells] that a new route on the way must save, or the old one is kept
-    turn: float = 1.0  # [cells] for beginning with a turn of 90 degrees, twice that for turning round
-    boxed_turn: float = 30.0  # [cells] for beginning with a turn of more than 90 degrees in an aisle of one cell
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._between(_LEAST, _MOST, "every", "crowd_within")
-        self._between(0.0, _MOST, "look_ahead", "stood_for", "standing", "beside", "against", "crowd", "saving")
-        self._between(0.0, _MOST, "turn", "boxed_turn", "boxed_against")
+        self._between(_LEAST, _MOST, "every")
+        self._between(0.0, _MOST, "look_ahead", "stood_for", "saving")
 
     def _called(self, name: str) -> str:
         """Return what errors call a parameter; `every` alone could be anything."""
@@ -157,7 +154,7 @@ class EnvConfig(Checked):
     people: int = 0  # on foot, among the robots (simulation/physics/people.py)
     message_loss: float = 0.0  # share of env steps in which nobody hears of a robot (simulation/senses/messages.py)
     reroute: bool = False  # route robots anew around others that stand, and against the stream of all others
-    reroute_spec: RerouteSpec = field(default_factory=RerouteSpec)  # when, and at what prices
+    reroute_spec: RerouteSpec = field(default_factory=RerouteSpec)  # when, and by which planner
     robot: RobotSpec = field(default_factory=RobotSpec)  # its body and limits
     sensor: SensorSpec = field(default_factory=SensorSpec)  # what it perceives
     reward: RewardWeights = field(default_factory=RewardWeights)  # weights of its terms
@@ -171,9 +168,6 @@ class EnvConfig(Checked):
         self._between(_LEAST, _MOST, "arrival_radius", "near_miss_gap")
         self._between(_LEAST, 1e12, "stuck_after")
         self._between(0.0, 100.0, "keep_right")
-        self._require(self.protective_field or not self.right_of_way, "right_of_way", "False without protective_field")
-        follows = self.action_type != "raw" or not self.right_of_way
-        self._require(follows, "right_of_way", "False with raw actions, which follow no route")
         self._between(0.0, _MOST, "right_of_way_after")
         self._between(0.0, 10.0, "field_margin")
         self._between(0, 1000, "people")
@@ -184,6 +178,16 @@ class EnvConfig(Checked):
         levels = len(self.speed_levels)
         rule = f"at most {_COMMANDS // levels} numbers beside {levels} speed_levels"
         self._require(levels * len(self.lateral_offsets) <= _COMMANDS, "lateral_offsets", rule)
+        self._check_traffic()
+
+    def _check_traffic(self) -> None:
+        """Refuse options of traffic that make no sense together (docs/traffic.md).
+
+        All others do: `reroute` with any of them, and `right_of_way_after` says nothing without `right_of_way`.
+        """
+        rule = "False without protective_field=True, and with raw actions, which follow no route"
+        sound = self.protective_field and self.action_type != "raw"
+        self._require(sound or not self.right_of_way, "right_of_way", rule)
 
     def replace(self, **changes: Any) -> EnvConfig:
         """Return a copy with some fields changed; unknown names raise ConfigError."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tests.simulation.reference import FRONT, LENGTH, OFFSET, REAR, WIDTH, Points
 from tests.simulation.worlds import room, stage
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.simulation.rules import meetings, right_of_way, stepping_in
+from warehouse_env.simulation.rules import meetings, right_of_way, stepping_in, waits
 from warehouse_env.simulation.rules.field import NOBODY
 from warehouse_env.simulation.rules.path_ahead import CENTRE_X, COLUMNS, COS, POSES, SIN
 from warehouse_env.simulation.simulator import Simulator
@@ -62,8 +62,8 @@ class World:
 
     def step_in(self) -> bool:
         """Say who is settled; whether anybody is."""
-        sim, scratch = self.simulator, np.empty((2, len(self.robots)), np.int64)
-        return bool(stepping_in.step_in(self.robots, sim.routes[0], sim._commands[0], scratch, sim._params[0]))
+        sim, found = self.simulator, waits.scratch(len(self.robots))
+        return bool(stepping_in.step_in(self.robots, sim.routes[0], sim._commands[0], found, sim._params[0]))
 
     def granted(self, robot: int) -> int:
         """Number of the last pose that a robot has been granted."""

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from train.cli import main
-from train.evaluation.scene_runs import play_scene, scene_table
+from train.evaluation.scene_runs import SceneJob, scene_table
 from train.evaluation.scenes import SCENES
-from train.reporting.rows import read_rows, wilson_interval
+from train.reporting.rows import Row, read_rows, wilson_interval
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.well_formed import cut_off, disc_of
@@ -32,8 +32,12 @@ def test_scenes_are_well_formed_and_touch_nothing(name: str) -> None:
         assert not cut_off(scene.grid, starts, one.goal, disc_of(BASE, 1.0)).any()
 
 
+def played(seconds: float, seeds: range) -> list[Row]:
+    return SceneJob("head_on_two_cells", "brake", BASE, seconds, seeds).run(lambda done: None).rows
+
+
 def test_a_seed_does_not_depend_on_those_beside_it() -> None:
-    rows = [play_scene("head_on_two_cells", "brake", BASE, 20.0, seeds, lambda done: None) for seeds in ([3], [2, 3])]
+    rows = [played(20.0, seeds) for seeds in (range(3, 4), range(2, 4))]
     assert rows[0] == rows[1][1:]
     assert rows[0][0]["robots"] == 2
 
@@ -50,7 +54,7 @@ def test_command_prints_the_share(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 def test_contacts_of_all_kinds_are_counted() -> None:
-    (row,) = play_scene("head_on_two_cells", "brake", BASE, 2.0, [3], lambda done: None)
+    (row,) = played(2.0, range(3, 4))
     contacts = {"collisions_robot": 1.0, "collisions_shelf": 2.0, "collisions_person": 4.0}
     assert contacts.keys() <= row.keys()
     ((_, _, _, _, _, _, collisions, _),) = scene_table([{"scene": "x", "policy": "brake", **row, **contacts}]).cells

@@ -13,12 +13,11 @@ from train.advice import candidates
 from train.advice.bottlenecks import Bottleneck, bottlenecks, draw_trips, passing, plan_trips, traffic
 from train.advice.candidates import Candidate, Kind
 from train.advice.capacity import FIRST, Load, bears, loads, next_count
-from train.advice.trials import Clock, Trial, Trials
+from train.advice.trials import AS_IS, Clock, Drive, Trial
 from train.evaluation.places import Floor, floor_of_notes
 from train.reporting.rows import Interval, Row, mean_interval, paired
 from warehouse_env.maps.grid_map import GridMap
 
-AS_IS = "as it is"  # the floor without a change
 FEWEST = 3  # episodes of everything: with two an interval is three times as wide
 MOST = 100  # of one number of robots, where there is time and nothing else to find out
 ALONE = 4  # times as many of one robot alone, which are quick and vary much
@@ -69,11 +68,11 @@ class Advice(NamedTuple):
     effects: list[Effect]
 
 
-def advise(plan: Plan, trials: Trials, clock: Clock) -> Advice:
+def advise(plan: Plan, drive: Drive, clock: Clock) -> Advice:
     """Find out everything, in the time that there is once a robot alone has driven, for which kernels may compile."""
-    alone = trials.drive(plan.trials(AS_IS, plan.grid, 1, range(plan.seed, plan.seed + ALONE * _few(plan))), "1 robot")
+    alone = drive(plan.trials(AS_IS, plan.grid, 1, range(plan.seed, plan.seed + ALONE * _few(plan))))
     clock.restart()
-    rows, took, stopped = _grow(plan, trials, clock)
+    rows, took, stopped = _grow(plan, drive, clock)
     trips = draw_trips(plan.grid, plan.seed)
     routes = plan_trips(plan.grid, trips)
     visits = passing(routes, plan.grid.shape)
@@ -86,9 +85,9 @@ def advise(plan: Plan, trials: Trials, clock: Clock) -> Advice:
         options += candidates.alternating(plan.grid) if kind == "one-way" and seen.worst else []
         chosen += candidates.choose(options, trips, seen.robots, most)
     if not chosen and plan.episodes is None:
-        _drive_more(plan, rows, took, trials, clock)
+        _drive_more(plan, rows, took, drive, clock)
         seen = _look(plan, rows, visits)
-    effects = _try(plan, chosen, seen.robots, trials, clock)
+    effects = _try(plan, chosen, seen.robots, drive, clock)
     each = loads({1: alone})[0].each
     return Advice(plan, each, seen.loads, bears(seen.loads), stopped, seen.floor, visits, seen.worst, effects)
 
@@ -110,7 +109,7 @@ def _look(plan: Plan, rows: dict[int, list[Row]], visits: NDArray[np.float64]) -
     return Seen(found, count, floor, worst)
 
 
-def _drive_more(plan: Plan, rows: dict[int, list[Row]], took: dict[int, float], trials: Trials, clock: Clock) -> None:
+def _drive_more(plan: Plan, rows: dict[int, list[Row]], took: dict[int, float], drive: Drive, clock: Clock) -> None:
     """Spend the time that is left on more episodes of the number of robots that the floor bears, and of the next."""
     while True:
         found = loads(rows)
@@ -120,7 +119,7 @@ def _drive_more(plan: Plan, rows: dict[int, list[Row]], took: dict[int, float], 
         if len(rows[count]) >= MOST or not clock.allows(took[count] / _few(plan)):
             return
         seed = plan.seed + len(rows[count])
-        rows[count] += trials.drive(plan.trials(AS_IS, plan.grid, count, range(seed, seed + 1)), f"{count} robots")
+        rows[count] += drive(plan.trials(AS_IS, plan.grid, count, range(seed, seed + 1)))
 
 
 def _few(plan: Plan) -> int:
@@ -150,7 +149,7 @@ class Grown(NamedTuple):
     stopped: bool  # by the clock
 
 
-def _grow(plan: Plan, trials: Trials, clock: Clock) -> Grown:
+def _grow(plan: Plan, drive: Drive, clock: Clock) -> Grown:
     """Drive FIRST robots, more until they jam, and numbers in between.
 
     A number that would take longer than its share of the time, by what the last one took, is not begun.
@@ -164,31 +163,31 @@ def _grow(plan: Plan, trials: Trials, clock: Clock) -> Grown:
             return Grown(rows, took, True)
         begin = clock.spent
         seeds = range(plan.seed, plan.seed + _few(plan))
-        rows[count] = trials.drive(plan.trials(AS_IS, plan.grid, count, seeds), f"{count} robots")
+        rows[count] = drive(plan.trials(AS_IS, plan.grid, count, seeds))
         last, took[count] = count, clock.spent - begin
         count = next_count(loads(rows), plan.most)
     return Grown(rows, took, False)
 
 
-def _try(plan: Plan, chosen: Sequence[Candidate], robots: int, trials: Trials, clock: Clock) -> list[Effect]:
+def _try(plan: Plan, chosen: Sequence[Candidate], robots: int, drive: Drive, clock: Clock) -> list[Effect]:
     """Drive all changes, then the best of each kind again: with new seeds, for what it was chosen by flatters it.
 
     The effects are in the order of their kind, best first.
     """
     seed = plan.seed + ALONE * _few(plan)
-    base, driven = _rounds(plan, chosen, robots, range(seed, seed + _few(plan)), trials, clock, "first")
+    base, driven = _rounds(plan, chosen, robots, range(seed, seed + _few(plan)), drive, clock)
     firsts = [_goals(rows, base, robots) for rows in driven]
     order = sorted(range(len(chosen)), key=lambda k: (chosen[k].kind, -firsts[k].mean))
     best = [k for place, k in enumerate(order) if place == 0 or chosen[order[place - 1]].kind != chosen[k].kind]
     seed += _few(plan)
     most = plan.episodes or 1_000
-    base, again = _rounds(plan, [chosen[k] for k in best], robots, range(seed, seed + most), trials, clock, "second")
+    base, again = _rounds(plan, [chosen[k] for k in best], robots, range(seed, seed + most), drive, clock)
     found = dict(zip(best, again, strict=True))
     return [_effect(chosen[k], firsts[k], base, found.get(k), robots) for k in order]
 
 
 def _rounds(
-    plan: Plan, chosen: Sequence[Candidate], robots: int, seeds: range, trials: Trials, clock: Clock, title: str
+    plan: Plan, chosen: Sequence[Candidate], robots: int, seeds: range, drive: Drive, clock: Clock
 ) -> tuple[list[Row], list[list[Row]]]:
     """Drive the floor as it is and its changes, seed by seed while there is time, FEWEST at least; return the rows."""
     base: list[Row] = []
@@ -200,7 +199,7 @@ def _rounds(
         begin = clock.spent
         floors = [(AS_IS, plan.grid), *((one.text, one.grid) for one in chosen)]
         asked = [trial for name, grid in floors for trial in plan.trials(name, grid, robots, range(seed, seed + 1))]
-        row, *rows = trials.drive(asked, f"changes of the floor, {title} look")
+        row, *rows = drive(asked)
         base.append(row)
         for own, one in zip(driven, rows, strict=True):
             own.append(one)

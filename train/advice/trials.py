@@ -7,27 +7,23 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
+from train.evaluation.jobs import Job, Result, Tick
 from train.evaluation.places import Places
-from train.evaluation.rollout import OneBook, make_experiment, run
-from train.reporting.rows import Row, RowFile
+from train.evaluation.rollout import make_experiment, run
+from train.reporting.rows import Row
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.planning import make_planner
-from warehouse_env.routes.book import RouteBook
 
 POLICY = "greedy"  # right of way alone: no training, and no contact
-_BOOKS: dict[tuple[str, str, str], RouteBook] = {}  # of this process, by floor, its content and planner
-_IDENTITY = ("floor", "content", "robots", "seed", "planner", "asked_seconds", "version")
-
-Each = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
-"""A `map`, perhaps over processes."""
+AS_IS = "as it is"  # the floor without a change
 
 
-class Trial(NamedTuple):
+@dataclass(frozen=True)
+class Trial(Job):
     """An episode to be driven."""
 
     floor: str  # its name among those that are tried
@@ -40,45 +36,35 @@ class Trial(NamedTuple):
     @property
     def identity(self) -> Row:
         """What its row is known by."""
-        content = f"{self.grid.key} {self.grid.endpoints[2]}"
-        values = (self.floor, content, self.robots, self.seed, self.planner, self.seconds, __version__)
-        return dict(zip(_IDENTITY, values, strict=True))
+        return {
+            "floor": self.floor, "content": f"{self.grid.key} {self.grid.endpoints[2]}", "robots": self.robots,
+            "seed": self.seed, "planner": self.planner, "asked_seconds": self.seconds, "version": __version__,
+        }  # fmt: skip
+
+    @property
+    def title(self) -> str:
+        """Its robots, and its floor where that is changed."""
+        changed = "" if self.floor == AS_IS else f", {self.floor}"
+        return f"{self.robots} robot{'s' * (self.robots > 1)}{changed}"
+
+    def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Trial | None]:
+        """Return its row, if there is one."""
+        return (rows[:1], None) if rows else ([], self)
+
+    def run(self, tick: Tick) -> Result:
+        """Drive an episode; its row also says what was noted of places."""
+        env = EnvConfig(num_agents=self.robots, planner=self.planner)
+        experiment = make_experiment(POLICY, env, 1, self.seconds, self.seed)
+        places = Places(experiment)
+        (row,) = run(experiment, [places], self.grid)
+        (note,) = places.rows()
+        left_out = ("config", "layout", "deadlock_log", "episode")
+        kept = {name: value for name, value in {**note, **row}.items() if name not in left_out}
+        return Result([kept | self.identity])
 
 
-def drive(trial: Trial) -> Row:
-    """Drive an episode; return its row, together with what was noted of places."""
-    env = EnvConfig(num_agents=trial.robots, planner=trial.planner)
-    experiment = make_experiment(POLICY, env, 1, trial.seconds, trial.seed)
-    key = (trial.floor, trial.grid.key, trial.planner)
-    if key not in _BOOKS:
-        _BOOKS[key] = RouteBook(trial.grid, make_planner(trial.planner), keep_right=experiment.config.keep_right)
-    places = Places(experiment)
-    (row,) = run(experiment, [places], OneBook(_BOOKS[key]))
-    (note,) = places.rows()
-    left_out = ("config", "layout", "deadlock_log", "episode")
-    return {name: value for name, value in {**note, **row}.items() if name not in left_out} | trial.identity
-
-
-class Trials:
-    """Drives trials in processes, writes their rows as they end, and knows those that are written already."""
-
-    def __init__(self, each: Each, file: RowFile, old: Sequence[Row], tick: Callable[[str], None]) -> None:
-        """Open. tick: hears after each trial what is tried."""
-        self._each, self._file, self._tick = each, file, tick
-        self._known = {self._key(row): row for row in old if all(name in row for name in _IDENTITY)}
-
-    @staticmethod
-    def _key(row: Row) -> tuple[object, ...]:
-        return tuple(row[name] for name in _IDENTITY)
-
-    def drive(self, trials: Sequence[Trial], title: str) -> list[Row]:
-        """Return the rows of trials in their order, those that are known not driven again."""
-        missing = [trial for trial in trials if self._key(trial.identity) not in self._known]
-        for row in self._each(drive, missing):
-            self._file.add([row])
-            self._known[self._key(row)] = row
-            self._tick(title)
-        return [self._known[self._key(trial.identity)] for trial in trials]
+Drive = Callable[[Sequence[Trial]], list[Row]]
+"""From trials to their rows."""
 
 
 class Clock:

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import os
-import shutil
-import subprocess
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.errors import WarehouseError
+from train.benchmarks.native import address, load
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.ants.colony import run, walk
 from warehouse_env.planning.ants.floor import Floor, Table, make_floor
@@ -24,27 +21,13 @@ from warehouse_env.planning.ants.system import AntSystem
 from warehouse_env.planning.ants.walks import Walks, empty_walks
 
 SOURCE = Path(__file__).parent / "ant_walk.c"
-# No contraction of a product and a sum into one rounding: it would change the moves.
-FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-shared", "-fPIC")
 
 Walk = Callable[..., Callable[[], object]]  # takes the arguments of colony.walk, returns the call that is timed
 
 
-def compiler() -> str | None:
-    """Return the C compiler: $CC, or cc, if there is one."""
-    return shutil.which(os.environ.get("CC") or "cc")
-
-
 def c_walk(folder: Path) -> Walk:
     """Compile ant_walk.c into the folder; WarehouseError without a compiler."""
-    command = compiler()
-    if command is None:
-        raise WarehouseError("no C compiler: install one, or name it in the environment variable CC")
-    library = folder / "ant_walk.so"
-    done = subprocess.run([command, *FLAGS, "-o", library, SOURCE], capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise WarehouseError(f"{command} could not compile {SOURCE.name}: {done.stderr.strip().splitlines()[-1:]}")
-    native = ctypes.CDLL(str(library)).walk
+    native = load(SOURCE, folder).walk
     native.restype = None
 
     def walked(
@@ -60,20 +43,14 @@ def c_walk(folder: Path) -> Walk:
         stamp: int,
         walks: Walks,
     ) -> Callable[[], object]:
-        number, real = ctypes.c_int64, ctypes.c_double
+        number, real, at = ctypes.c_int64, ctypes.c_double, address
         return partial(
-            native, number(len(visited)), number(len(seeds)), _at(floor.neighbour), number(floor.goal), _at(trail),
-            _at(turning), _at(straight), _at(seeds), real(q0), ctypes.c_int(backtrack), real(local[0]), real(local[1]),
-            _at(visited), number(stamp), _at(walks.start), _at(walks.moves), _at(walks.steps),
+            native, number(len(visited)), number(len(seeds)), at(floor.neighbour), number(floor.goal), at(trail),
+            at(turning), at(straight), at(seeds), real(q0), ctypes.c_int(backtrack), real(local[0]), real(local[1]),
+            at(visited), number(stamp), at(walks.start), at(walks.moves), at(walks.steps),
         )  # fmt: skip
 
     return walked
-
-
-def _at(array: NDArray[np.generic]) -> ctypes.c_void_p:
-    """Return the address of an array without gaps."""
-    assert array.flags.c_contiguous
-    return ctypes.c_void_p(array.ctypes.data)
 
 
 class Compared(NamedTuple):

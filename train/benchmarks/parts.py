@@ -26,6 +26,7 @@ _POOL = 32  # random actions are drawn before the clock starts, and then cycled
 _SIMULATED = 100  # seconds that the path follower drives, or robots under the field, for each second of the budget
 _TRAINED = 5  # seconds of each training for each second of the budget
 _ALONE = 300  # seconds that each robot alone drives for each second of the budget
+_TURNS = 3  # chunks of the step and its reference for each second of the budget
 _CHUNKS = 9  # the rate of a row is the median over these
 _START_SEEDS = 16  # large batches repeat so many starts, for laying 30,000 routes is not what is measured
 _SQUARE_PER_ROBOTS = {32: 46, 256: 130, 1024: 260}  # robots -> side of the floor [cells], at one density
@@ -41,6 +42,7 @@ class Budget:
     action_repeat: int  # of the simulator rows
     seed: int
     maps: tuple[Path, ...] = ()  # of MovingAI, beside the layouts, for `alone`
+    each_reference: bool = False  # hold the step against every reference, not the best one only
 
 
 def _choices(space: Any) -> int:
@@ -106,6 +108,15 @@ def simulator(budget: Budget) -> Iterator[Row]:
             set_num_threads(threads)
             measured = rate(lambda k, sim=sim, pool=pool: sim.step(pool[k % _POOL]), budget.seconds)  # type: ignore[misc]
             yield {**_speed(measured, worlds, robots, threads), "action_repeat": budget.action_repeat}
+    set_num_threads(MOST_THREADS)
+
+
+def reference(budget: Budget) -> Iterator[Row]:
+    """The step beside fixed work in C, or in a kernel where there is no compiler, in turns."""
+    from train.benchmarks.reference import reference as hold
+
+    set_num_threads(1)
+    yield from hold(max(5, round(_TURNS * budget.seconds)), budget.seed, budget.each_reference)
     set_num_threads(MOST_THREADS)
 
 
@@ -187,7 +198,8 @@ def plan(budget: Budget) -> Iterator[Row]:
 
 def ant_walk(budget: Budget) -> Iterator[Row]:
     """The colony's walk against plain C, on paper46: milliseconds of the walks of one plan, the least of many."""
-    from train.benchmarks.ant_walk import Compared, c_walk, compare, compiler
+    from train.benchmarks.ant_walk import Compared, c_walk, compare
+    from train.benchmarks.native import compiler
     from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
     from warehouse_env.planning.ants.aco import Aco
     from warehouse_env.planning.ants.pf_aco import PfAco
@@ -264,6 +276,7 @@ def start(budget: Budget) -> Iterator[Row]:
 
 PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
     "simulator": simulator,
+    "reference": reference,
     "pettingzoo": pettingzoo,
     "vec_env": vec_env,
     "policy": policy,

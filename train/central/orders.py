@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from train.central.grid_pibt import BACKWARDS
 from warehouse_env.kernel import kernel
+from warehouse_env.simulation.physics.geometry import rectangles_touch
 
 LENGTH = 64  # visits of a robot kept, in a ring
 REACHED = 0.6  # [cells] from a cell's centre to the axle, within which a robot may shift gears there
@@ -81,18 +82,6 @@ def _end_of_turn(orders, i, visit):
 
 
 @kernel
-def _reaches_into(x, y, c, s, half_length, half_width, qx, qy, half):
-    """Whether a rectangle about (x, y) with heading (c, s) overlaps the square about (qx, qy): separating axes."""
-    dx, dy = qx - x, qy - y
-    spread = half * (abs(c) + abs(s))
-    if abs(dx * c + dy * s) >= half_length + spread or abs(dy * c - dx * s) >= half_width + spread:
-        return False
-    return abs(dx) < half + half_length * abs(c) + half_width * abs(s) and abs(dy) < half + half_length * abs(
-        s
-    ) + half_width * abs(c)
-
-
-@kernel
 def advance(orders, axle, heading, centre, body, look):
     """Note which visits have begun and which are over, and grant the next ones, `look` ahead of the axle at most.
 
@@ -120,7 +109,8 @@ def advance(orders, axle, heading, centre, body, look):
             for visit in range(orders.first[i] + 1, orders.at[i] + 1):
                 again |= orders.cell[i, visit % LENGTH] == cell
             q = centre[cell]
-            if not again and _reaches_into(x, y, c, s, body[0], body[1], q[0], q[1], 0.5 * side - SLACK):
+            dx, dy, half = q[0] - x, q[1] - y, 0.5 * side - SLACK
+            if not again and rectangles_touch(dx, dy, c, s, body[0], body[1], 1.0, 0.0, half, half):
                 break
             orders.done[cell] += 1
             orders.first[i] += 1

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.policy import Action
-from train.central.primitives import DT, decide_all
+from train.central.primitives import DT, decide_all, given
 from warehouse_env.config import EnvConfig
+from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.simulator import Simulator
 
 SPEEDS, STEERINGS = (1.3, 0.5, -0.4), (-0.9, -0.35, 0.0, 0.35, 0.9)  # [m/s], [rad]
@@ -82,7 +83,7 @@ class CentralPBCR:
 
     def _decide(self, simulator: Simulator, world: int, rng: np.random.Generator) -> None:
         """Choose the primitives of the next period."""
-        memory, state, grid = self._worlds[world], simulator.state, simulator.grid
+        memory, state = self._worlds[world], simulator.state
         poses = state.pose[world].astype(np.float64)
         speeds, steers = state.speed[world].astype(np.float64), state.steer[world].astype(np.float64)
         memory.aim(simulator, state.goal[world])
@@ -93,11 +94,10 @@ class CentralPBCR:
         keys += VISIT_WEIGHT * memory.visits[rows[:, None], self._place(simulator, ends)]
         keys += rng.uniform(0.0, 1e-3, keys.shape)
         order = np.lexsort((rows, -memory.since))
-        solid = np.pad(grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
+        floor = floor_of(simulator.grid, simulator.config.sensor.lidar_range)
         choice = decide_all(
-            poses, speeds, steers, self._commands, keys, order, solid, grid.cell_size, self._body, self._limits,
-            self._decision,
-        )  # fmt: skip
+            given(poses, speeds, steers, self._commands, keys, floor, self._body, self._limits, self._decision), order
+        )
         change = self._commands[choice] - np.stack([speeds, steers], axis=-1)
         memory.action = np.clip(change / (self._every * self._step) / self._limits[:2], -1.0, 1.0).astype(np.float32)
         memory.stops = choice < 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,10 +13,10 @@ from pathlib import Path
 from train.advice.advice_page import advice_page, changes_table, loads_table, places_table
 from train.advice.answer import answer
 from train.advice.course import Plan, advise
-from train.advice.trials import Clock, Trials
+from train.advice.trials import Clock
 from train.commands.evaluate import GOES_ON
 from train.commands.layouts import check_connected
-from train.evaluation.processes import workers
+from train.evaluation.jobs import Progress, Runner
 from train.reporting.report import make_console, make_progress, require_charts
 from train.reporting.rows import RowFile, check_writable, whole_rows
 from warehouse_env.checked import Checked
@@ -86,11 +86,11 @@ class Advise(Checked):
         most = min(self.most, len(grid.endpoints[2]) - 1, len(grid.free_cells) // 4)
         plan = Plan(grid, self.planner, self.seconds, self.seed, self.episodes, max(1, most))
         clock, begin = Clock(None if self.episodes else self.minutes), time.monotonic()
-        try:
-            with workers(self.processes) as each, self._bar(clock) as tick:
-                advice = advise(plan, Trials(each, file, old, tick), clock)
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(file.kept(), *[GOES_ON] * (file.count > 0)) from None
+        with (
+            self._bar(clock, file) as moved,
+            Runner(file, old, self.processes, goes_on=GOES_ON, progress=moved) as drive,
+        ):
+            advice = advise(plan, drive, clock)
         loads_table(advice).print()
         places_table(advice).print()
         if advice.effects:
@@ -107,16 +107,13 @@ class Advise(Checked):
         return read_map(self.map) if self.map is not None else make_layout(str(self.layout))
 
     @contextmanager
-    def _bar(self, clock: Clock) -> Iterator[Callable[[str], None]]:
+    def _bar(self, clock: Clock, file: RowFile) -> Iterator[Progress]:
         """Show how much of the time is over, or how many episodes are driven where there is no limit of time."""
         with make_progress() as progress:
             total = None if self.episodes else round(60 * self.minutes)
             bar = progress.add_task("1 robot", total=total)
-            done = 0
 
-            def tick(title: str) -> None:
-                nonlocal done
-                done += 1
-                progress.update(bar, description=title, completed=done if total is None else round(clock.spent))
+            def moved(done: float, title: str) -> None:
+                progress.update(bar, description=title, completed=file.count if total is None else round(clock.spent))
 
-            yield tick
+            yield moved

@@ -7,16 +7,19 @@ import platform
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 from train.reporting.report import Table, make_progress, number
-from train.reporting.rows import Row, RowFile, select
+from train.reporting.rows import Row, RowFile, read_rows, select
 from warehouse_env import __version__
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
 
+if TYPE_CHECKING:
+    from train.benchmarks.parts import Budget
+
 What = Literal[
-    "simulator", "pettingzoo", "vec_env", "policy", "training", "plan", "ant_walk", "tracking",
+    "simulator", "reference", "pettingzoo", "vec_env", "policy", "training", "plan", "ant_walk", "tracking",
     "traffic", "field", "alone", "start",
 ]  # fmt: skip
 
@@ -25,9 +28,9 @@ _SMALL = 32  # robots of the single world that larger ones are held against
 
 @dataclass(frozen=True)
 class Bench(Checked):
-    """Measure agent-steps/s of the simulator, the environments, a policy's drive and the trainers, plans/s, the path
-    follower's tracking error, what right of way costs, contacts under the protective field, whether a robot alone
-    always arrives, and the time to start."""
+    """Measure agent-steps/s of the simulator, the environments, a policy's drive and the trainers, the step beside
+    fixed work, plans/s, the path follower's tracking error, what right of way costs, contacts under the protective
+    field, whether a robot alone always arrives, and the time to start."""
 
     only: tuple[What, ...] = ()
     """What to measure (everything if left out)."""
@@ -45,31 +48,57 @@ class Bench(Checked):
     """MovingAI maps on which a robot drives alone, beside the layouts."""
     json: Path | None = None
     """Write the rows to this file as JSON lines."""
+    append: bool = False
+    """Keep the rows that the file holds already."""
+    rows: Path | None = None
+    """Measure nothing: print the tables of the rows in this file, as Markdown."""
+    check: bool = False
+    """Fail if a ratio of the step to its reference is a third below the one written down with the release."""
+    write_release: bool = False
+    """Write down the ratios of the step to each reference as those of the release."""
 
     def run(self) -> None:
         """Measure and print; a row is written as soon as it is measured."""
-        from train.benchmarks.parts import PARTS, Budget
+        from train.benchmarks.parts import PARTS
+        from train.benchmarks.release import RELEASE, judge, write_release
+
+        if self.rows is not None:
+            print("\n".join(table.markdown() for table in tables(read_rows(self.rows))))
+            return
+        budget = self._budget()
+        chosen = [what for what in get_args(What) if not self.only or what in self.only]
+        file = RowFile(self.json, keep=self.append)
+        parts: dict[str, Callable[[Budget], Iterator[Row]]] = PARTS
+        rows = measure(chosen, parts, budget, file)
+        for table in tables(rows):
+            table.print()
+        print(file.written())
+        if self.check:
+            judge(rows)
+        if self.write_release:
+            write_release(rows)
+            print(f"wrote the release's ratios to {RELEASE}")
+
+    def _budget(self) -> Budget:
+        """Return how long and how large to measure; ConfigError where that cannot be done."""
+        from train.benchmarks.parts import Budget
 
         if not 0 < self.seconds < 3600 or self.seed < 0 or min(self.threads, default=0) < 1 or self.action_repeat < 1:
             raise ConfigError(
                 f"--seconds {self.seconds} must lie between 0 and 3600, --seed {self.seed} be at least 0, "
                 f"--threads {' '.join(map(str, self.threads))} and --action-repeat {self.action_repeat} at least 1"
             )
-        budget = Budget(
+        if (self.check or self.write_release) and self.only and "reference" not in self.only:
+            raise ConfigError("--check and --write-release need the part `reference`: name it in --only as well")
+        return Budget(
             seconds=self.seconds / 5 if self.quick else self.seconds,
             largest=256 if self.quick else 1024,
             threads=self.threads,
             action_repeat=self.action_repeat,
             seed=self.seed,
             maps=self.maps,
+            each_reference=self.write_release,
         )
-        parts: dict[str, Callable[[Budget], Iterator[Row]]] = PARTS
-        chosen = [what for what in get_args(What) if not self.only or what in self.only]
-        file = RowFile(self.json)
-        rows = measure(chosen, parts, budget, file)
-        for table in tables(rows):
-            table.print()
-        print(file.written())
 
 
 def measure(
@@ -79,7 +108,9 @@ def measure(
     file: RowFile,
 ) -> list[Row]:
     """Run the chosen parts under a progress bar; return all rows, each also added to `file` at once."""
-    machine = {"cores": os.cpu_count(), "machine": platform.machine(), "python": platform.python_version()}
+    from train.benchmarks.origin import origin
+
+    machine = {**origin(), "cores": os.cpu_count(), "machine": platform.machine(), "python": platform.python_version()}
     rows: list[Row] = []
     try:
         with make_progress() as progress:
@@ -102,6 +133,11 @@ def tables(rows: Sequence[Row]) -> list[Table]:
     speeds = [row for row in rows if "agent_steps_per_s" in row]
     if speeds:
         made.append(_speeds(speeds))
+    held = select(rows, what="reference")
+    if held:
+        from train.benchmarks.reference import reference_table
+
+        made.append(reference_table(held))
     plans = select(rows, what="plan")
     if plans:
         cells = tuple((row["planner"], number(row["ms"], 2), number(1000 / row["ms"], 3), row["on"]) for row in plans)

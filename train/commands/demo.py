@@ -1,4 +1,6 @@
-"""`warehouse demo`: the main job in half a minute. The shipped policies against two rules: table, pictures, video."""
+"""`warehouse demo`: the main job in half a minute. The shipped policies against two rules: table, pictures, video.
+
+The first run compiles the kernels before, which takes longer, unless set-up has done so."""
 
 from __future__ import annotations
 
@@ -10,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from train.commands.compile import compile_all, is_compiled
 from train.commands.evaluate import Evaluate
 from train.evaluation.rollout import make_experiment, run
 from train.learning.config import HELD_OUT_SEED
@@ -69,6 +72,8 @@ class Demo(Checked):
         if self.video_seconds:
             require_video()
         begin = time.perf_counter()
+        if not is_compiled():  # else each policy's process would compile the same
+            compile_all(self.processes)
         Evaluate(
             policy=self.policy,
             layout=(self.layout,),

@@ -66,10 +66,7 @@ class Episodes(Drive):
         check_writable(table_path)
         old = read_rows(path) if self.resume and path.exists() else []
         file = RowFile(path, keep=self.resume)
-        try:
-            rows, traces = play(experiments, file, old, traced, self.processes, notes)
-        except KeyboardInterrupt as stop:
-            raise KeyboardInterrupt(*stop.args, *[GOES_ON] * (file.count > 0)) from None
+        rows, traces = play(experiments, file, old, traced, self.processes, notes, GOES_ON)
         table = table_of(rows)
         table.print()
         write_text(table_path, table.markdown())

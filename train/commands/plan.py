@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from train.evaluation.jobs import Job, Result, Runner, Tick
 from train.evaluation.pictures import plan_pictures
 from train.evaluation.planning_runs import Run, Task, make_task, plan_once
 from train.evaluation.rollout import MOST
 from train.reporting.plan_report import plan_note, plan_table
-from train.reporting.report import make_progress, require_charts
+from train.reporting.report import require_charts
 from train.reporting.rows import RowFile, check_writable, write_text
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapError
@@ -66,14 +66,15 @@ class PlanCommand(Checked):
         check_writable(self.out / "table.md")
         if self.pictures:
             require_charts()
-        file, rows, kept = RowFile(self.json), [], []
-        try:
-            for run in _runs(grid, planners, tasks, self.runs, self.seed):
-                rows.append(run.row)
-                kept.append(run)
-                file.add([run.row])
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(file.kept()) from None
+        kept: list[Run] = []
+        jobs = [
+            PlanJob(grid, planner, label, task, number, run, self.seed)
+            for label, planner in planners.items()
+            for number, task in enumerate(tasks)
+            for run in range(self.runs)
+        ]
+        with Runner(RowFile(self.json), hear=lambda number, run: kept.append(run)) as run:
+            rows = run(jobs)
         table = plan_table(rows, plan_note(rows))
         table.print()
         write_text(self.out / "table.md", table.markdown())
@@ -110,6 +111,31 @@ class PlanCommand(Checked):
         return _random_tasks(grid, self.tasks or _RANDOM_TASKS, self.seed)
 
 
+@dataclass(frozen=True)
+class PlanJob(Job):
+    """A run of a planner on a task."""
+
+    grid: GridMap
+    planner: Planner
+    label: str
+    task: Task
+    number: int  # of the task
+    number_of_run: int
+    seed: int
+
+    @property
+    def title(self) -> str:
+        """Planner and task."""
+        return f"{self.label} · {self.task.name}"
+
+    def run(self, tick: Tick) -> Result:
+        """Plan; a first plan of each planner, which may compile, is thrown away. more: the run."""
+        if self.number == self.number_of_run == 0:
+            self.planner.plan(self.grid, self.task.start, self.task.goal, np.random.default_rng(self.seed))
+        run = plan_once(self.grid, self.planner, self.task, self.number, self.number_of_run, self.seed, self.label)
+        return Result([run.row], run)
+
+
 def _cell(text: str, option: str) -> Cell:
     found = re.fullmatch(r"\s*\(?\s*(-?\d+)\s*,\s*(-?\d+)\s*\)?\s*", text)
     if found is None:
@@ -137,17 +163,3 @@ def _random_tasks(grid: GridMap, count: int, seed: int) -> list[tuple[str, Cell,
         raise MapError(f"map {grid.name!r} has no two connected free cells to plan between")
     pairs = [free[rng.choice(len(free), 2, replace=False)].tolist() for _ in range(count)]
     return [(f"random_{k}", (a[0], a[1]), (b[0], b[1])) for k, (a, b) in enumerate(pairs, start=1)]
-
-
-def _runs(grid: GridMap, planners: dict[str, Planner], tasks: list[Task], runs: int, seed: int) -> Iterator[Run]:
-    """Yield every run, under a progress bar; a first plan of each planner, which may compile, is thrown away."""
-    with make_progress() as progress:
-        bar = progress.add_task("", total=len(planners) * len(tasks) * runs)
-        for label, planner in planners.items():
-            progress.update(bar, description=f"{label}: warming up")
-            planner.plan(grid, tasks[0].start, tasks[0].goal, np.random.default_rng(seed))
-            for number, task in enumerate(tasks):
-                progress.update(bar, description=f"{label} · {task.name}")
-                for run in range(runs):
-                    yield plan_once(grid, planner, task, number, run, seed, label)
-                    progress.advance(bar)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from train.commands.drive import Drive
+from train.evaluation.jobs import Runner
 from train.evaluation.rollout import MOST, make_experiment
-from train.evaluation.scene_runs import play_scene, scene_table
+from train.evaluation.scene_runs import SceneJob, scene_table
 from train.evaluation.scenes import SCENES
-from train.reporting.report import make_progress
 from train.reporting.rows import RowFile, check_writable, write_text
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, unknown_name
@@ -46,16 +46,14 @@ class Scenes(Drive):
             make_experiment(policy, base, self.seeds, self.seconds, self.seed, chosen)
         check_writable(self.out / "table.md")
         file = RowFile(self.json or self.out / "rows.jsonl")
-        rows = []
         seeds = range(self.seed, self.seed + self.seeds)
-        with make_progress() as progress:
-            for name in dict.fromkeys(self.scene):
-                for policy in dict.fromkeys(self.policy):
-                    bar = progress.add_task(f"{name} · {policy}", total=self.seeds)
-                    tick = lambda done, bar=bar: progress.update(bar, completed=done)  # noqa: E731
-                    played = play_scene(name, policy, base, self.seconds, seeds, tick, chosen)
-                    file.add(played)
-                    rows += played
+        jobs = [
+            SceneJob(name, policy, base, self.seconds, seeds, chosen)
+            for name in dict.fromkeys(self.scene)
+            for policy in dict.fromkeys(self.policy)
+        ]
+        with Runner(file) as run:
+            rows = run(jobs)
         table = scene_table(rows)
         table.print()
         write_text(self.out / "table.md", table.markdown())

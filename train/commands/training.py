@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import importlib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, ClassVar
 
 import tyro
 
@@ -15,60 +15,48 @@ from train.reporting.rows import RowFile, read_rows
 
 _ROWS = "progress.jsonl"  # in a run's folder
 
-Config = TypeVar("Config", bound=TrainingConfig)
+
+@dataclass(frozen=True)
+class _Train:
+    """A trainer's command; a subclass adds the trainer's own options as `config`."""
+
+    config: TrainingConfig
+
+    module: ClassVar[str]  # with a function `train`, imported when it is called, for it needs torch
+
+    json: Path | None = None
+    """Also write the rows of the training's progress to this file as JSON lines."""
+
+    def run(self) -> None:
+        """Train; the last line says what was written and where."""
+        file = RowFile(self.json)
+        directory = importlib.import_module(self.module).train(self.config)
+        file.add(read_rows(directory / _ROWS))
+        print(_end(directory, self.json))
 
 
 @dataclass(frozen=True)
-class TrainReinforce:
+class TrainReinforce(_Train):
     """Train our policy gradient: REINFORCE over the next action command, with a learned value as baseline."""
 
+    module = "train.reinforce"
     config: Annotated[ReinforceConfig, tyro.conf.arg(name="")] = field(default_factory=ReinforceConfig)
-    json: Path | None = None
-    """Also write the rows of the training's progress to this file as JSON lines."""
-
-    def run(self) -> None:
-        """Train; torch is imported here."""
-        from train.reinforce import train
-
-        _train(self.config, train, self.json)
 
 
 @dataclass(frozen=True)
-class TrainPPO:
+class TrainPPO(_Train):
     """Train proximal policy optimisation, by stable-baselines3."""
 
+    module = "train.ppo"
     config: Annotated[PPOConfig, tyro.conf.arg(name="")] = field(default_factory=PPOConfig)
-    json: Path | None = None
-    """Also write the rows of the training's progress to this file as JSON lines."""
-
-    def run(self) -> None:
-        """Train; torch and stable-baselines3 are imported here."""
-        from train.ppo import train
-
-        _train(self.config, train, self.json)
 
 
 @dataclass(frozen=True)
-class TrainThreadedPPO:
+class TrainThreadedPPO(_Train):
     """Train proximal policy optimisation of our own, in threads as REINFORCE is."""
 
+    module = "train.threaded_ppo"
     config: Annotated[ThreadedPPOConfig, tyro.conf.arg(name="")] = field(default_factory=ThreadedPPOConfig)
-    json: Path | None = None
-    """Also write the rows of the training's progress to this file as JSON lines."""
-
-    def run(self) -> None:
-        """Train; torch is imported here."""
-        from train.threaded_ppo import train
-
-        _train(self.config, train, self.json)
-
-
-def _train(config: Config, train: Callable[[Config], Path], json: Path | None) -> None:
-    """Train; the last line says what was written and where."""
-    file = RowFile(json)
-    directory = train(config)
-    file.add(read_rows(directory / _ROWS))
-    print(_end(directory, json))
 
 
 def _end(directory: Path, json: Path | None) -> str:

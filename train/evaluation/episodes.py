@@ -1,14 +1,63 @@
-"""Experiments under a progress bar, their rows written as they come; what a file holds already is not played again."""
+"""Experiments whose episodes are played as jobs: those that a file holds already are not played again."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 
-from train.evaluation.pool import Job, play_all
-from train.evaluation.rollout import Experiment, Trace, identity
-from train.reporting.report import make_progress
+from train.evaluation.jobs import Job, Result, Runner, Tick
+from train.evaluation.places import Places
+from train.evaluation.rollout import Experiment, Trace, Watcher, identity, run
 from train.reporting.rows import Row, RowFile
+from warehouse_env.simulation.simulator import Simulator
+
+_TICK = 50  # steps between two notes of progress
+
+
+@dataclass(frozen=True)
+class Episodes(Job):
+    """The episodes of an experiment; whether the first is traced, and what `Places` sees in them noted."""
+
+    experiment: Experiment
+    traced: bool = False
+    noted: bool = False
+
+    @property
+    def identity(self) -> Row:
+        """What their rows share."""
+        return identity(self.experiment)
+
+    @property
+    def title(self) -> str:
+        """That of the experiment."""
+        return self.experiment.title
+
+    @property
+    def size(self) -> float:
+        """Steps of an episode: all are played side by side."""
+        return self.experiment.config.max_steps
+
+    def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Episodes | None]:
+        """Return the rows that stand, and the experiment of the missing episodes."""
+        one = self.experiment
+        found = {row["episode"]: row for row in rows if row["seed"] == one.seed + row["episode"]}
+        missing = tuple(k for k in one.episodes if k not in found)
+        rest = dataclasses.replace(self, experiment=dataclasses.replace(one, episodes=missing)) if missing else None
+        return [found[k] for k in one.episodes if k in found], rest
+
+    def run(self, tick: Tick) -> Result:
+        """Play; more: the trace, if there is one, and the notes."""
+
+        def watch(simulator: Simulator, steps: int) -> None:
+            if steps % _TICK == 0:
+                tick(steps)
+
+        trace = Trace(self.experiment) if self.traced else None
+        places = Places(self.experiment) if self.noted else None
+        watchers: list[Watcher] = [watch, *(one for one in (trace, places) if one is not None)]
+        rows = run(self.experiment, watchers)
+        return Result(rows, (trace, [] if places is None else places.rows()))
 
 
 def play(
@@ -18,40 +67,23 @@ def play(
     traced: bool = False,
     processes: int = 1,
     notes: RowFile | None = None,
+    goes_on: str = "",
 ) -> tuple[list[Row], list[Trace]]:
-    """Run experiments under a progress bar, writing the rows of each as soon as it ends.
+    """Play experiments, and write the rows of each as soon as it ends.
 
     Episodes whose rows are among `old` are not played again. notes: the file for what `Places` notes of the others.
-    Returns all rows in the order of the experiments, and if `traced` the traces of the first episodes played. On Ctrl-C
-    the KeyboardInterrupt says which rows are kept.
+    goes_on: see `Runner`. Returns all rows in the order of the experiments, and if `traced` the traces of the first
+    episodes played.
     """
-    rows: dict[int, list[Row]] = {}
     traces: dict[int, Trace] = {}
-    jobs = []
-    for index, experiment in enumerate(experiments):
-        rows[index], missing = _split(experiment, old)
-        if missing is not None:
-            jobs.append(Job(index, missing, traced, notes is not None))
-    try:
-        with make_progress() as progress:
-            bar = progress.add_task("", total=sum(job.experiment.config.max_steps for job in jobs))
-            moved = lambda steps, title: progress.update(bar, completed=steps, description=title)  # noqa: E731
-            for played in play_all(jobs, processes, moved):
-                file.add(played.rows)
-                if notes is not None:
-                    notes.add(played.notes)
-                rows[played.number] += played.rows
-                if played.trace is not None:
-                    traces[played.number] = played.trace
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(file.kept()) from None
-    return [row for index in sorted(rows) for row in rows[index]], [traces[index] for index in sorted(traces)]
 
+    def hear(number: int, more: tuple[Trace | None, list[Row]]) -> None:
+        trace, noted = more
+        if notes is not None:
+            notes.add(noted)
+        if trace is not None:
+            traces[number] = trace
 
-def _split(experiment: Experiment, old: Iterable[Row]) -> tuple[list[Row], Experiment | None]:
-    """Return the rows of an experiment that exist already, and the experiment of its missing episodes, if any."""
-    same = identity(experiment).items()
-    found = {row["episode"]: row for row in old if all(row.get(name) == value for name, value in same)}
-    done = [found[k] for k in experiment.episodes if k in found and found[k]["seed"] == experiment.seed + k]
-    missing = tuple(k for k in experiment.episodes if all(row["episode"] != k for row in done))
-    return done, dataclasses.replace(experiment, episodes=missing) if missing else None
+    with Runner(file, old, processes, goes_on=goes_on, hear=hear) as runner:
+        rows = runner([Episodes(one, traced, notes is not None) for one in experiments])
+    return rows, [traces[number] for number in sorted(traces)]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.evaluation.rollout import config_of
-from train.evaluation.scene_runs import play_scene
+from train.evaluation.scene_runs import SceneJob
 from train.evaluation.scenes import SCENES
 from train.evaluation.telling import Asked
 from train.reporting.rows import Row
@@ -88,7 +88,8 @@ def worst_jam(
     worst: tuple[str, Film] | None = None
     for name in SCENES:
         film = Film(Asked(policy, config_of(policy, base, chosen)))
-        (row,) = play_scene(name, policy, base, seconds, [seed], lambda _: None, chosen, [film])
+        job = SceneJob(name, policy, base, seconds, range(seed, seed + 1), chosen)
+        (row,) = job.run(lambda done: None, [film]).rows
         if row["resolved"] and (worst is None or film.waiting.max() > worst[1].waiting.max()):
             worst = name, film
         tick()

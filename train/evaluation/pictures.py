@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from train.evaluation.planning_runs import Run
 from train.evaluation.rollout import Trace
-from train.reporting.report import grouped, number
+from train.reporting.report import grouped, number, short_names
 from train.reporting.rows import Row, mean_interval
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render import charts
@@ -23,11 +23,12 @@ def evaluation_pictures(rows: Sequence[Row], traces: Sequence[Trace], folder: Pa
     """Write a bar chart for each floor, task mode and planner, and the trajectories of each trace; return the files."""
     files = []
     groups = grouped(rows, ("layout", "tasks", "planner"))
+    short = short_names({str(row["policy"]) for row in rows})
     for (layout, tasks, planner), group in groups.items():
         which = () if len(groups) == 1 else map(file_name, map(str, (layout, tasks, planner)))
         files.append(folder / f"{'_'.join(('collisions', *which))}.png")
         title = f"{Path(str(layout)).stem}, {tasks}, routes by {planner}"
-        collisions, goals = _bars(group, "collisions_per_km"), _bars(group, "goals_per_robot_hour")
+        collisions, goals = (bars(group, name, short) for name in ("collisions_per_km", "goals_per_robot_hour"))
         charts.collision_bars(collisions, goals, files[-1], title)
     for trace in traces:
         one = trace.experiment
@@ -40,13 +41,12 @@ def evaluation_pictures(rows: Sequence[Row], traces: Sequence[Trace], folder: Pa
     return files
 
 
-def _bars(rows: Sequence[Row], measure: str) -> list[charts.Bar]:
-    bars = []
-    for (policy, robots), group in grouped(rows, ("policy", "robots")).items():
-        interval = mean_interval(row[measure] for row in group)
-        name = Path(str(policy)).name
-        bars.append(charts.Bar(name, int(str(robots)), interval.mean, interval.low, interval.high))
-    return bars
+def bars(rows: Sequence[Row], measure: str, short: Mapping[str, str]) -> list[charts.Bar]:
+    """Return a bar for each policy and number of robots; short: the names that are shown."""
+    return [
+        charts.Bar(short[str(policy)], int(str(robots)), *mean_interval(row[measure] for row in group)[:3])
+        for (policy, robots), group in grouped(rows, ("policy", "robots")).items()
+    ]
 
 
 def plan_pictures(grid: GridMap, runs: Sequence[Run], folder: Path) -> list[Path]:

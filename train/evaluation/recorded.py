@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agents import LearnedPolicy, make_policy
 from agents.preferences import Preferring
+from train.books import simulator_of
 from train.central import CENTRAL
 from train.evaluation.disturbances import DISTURBANCES
-from train.evaluation.rollout import Experiment, Routes, decider, generator_of
+from train.evaluation.rollout import Experiment, play_out
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.render.replay import Shares
@@ -28,14 +31,14 @@ def record(experiment: Experiment, moved: Callable[[], object] = lambda: None) -
     name = experiment.disturbance
     if name is not None and DISTURBANCES[name].breakdown is not None:
         raise ConfigError(f"under the disturbance {name!r} robots break down, and no episode can be recorded")
-    seed = experiment.seeds[0]
-    recorder = Recorder(Routes().simulator(experiment.config, 1), (seed,), experiment.policy)
-    decide, generators = decider(experiment), [generator_of(seed)]
-    for _ in range(experiment.config.max_steps):
-        recorder.step(decide(recorder.simulator, generators))
+    recorder = Recorder(simulator_of(experiment.config, 1), (experiment.seeds[0],), experiment.policy)
+    one = dataclasses.replace(experiment, episodes=experiment.episodes[:1])
+
+    def step(actions: NDArray[Any]) -> None:
+        recorder.step(actions)
         moved()
-        if recorder.simulator.terminated.all():
-            break
+
+    play_out(one, recorder.simulator, step=step)
     return recorder.episode
 
 

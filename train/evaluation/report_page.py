@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from train.evaluation.pictures import bars
 from train.evaluation.places import KEY, PAGE, Floor, floor_of_notes
 from train.evaluation.rollout import Experiment
 from train.evaluation.words import paragraph
 from train.evaluation.worst import worst_episodes, write_replays
 from train.reporting.page import Page, Part, Shown, made_by
 from train.reporting.report import evaluation_table, grouped, make_progress, number, short_names
-from train.reporting.rows import Row, mean_interval, select, write_rows
-from warehouse_env.render.charts import Bar
+from train.reporting.rows import Row, select, write_rows
 from warehouse_env.render.heat_maps import Panel, heat_maps
 from warehouse_env.render.report_charts import detours, over_robots
 from warehouse_env.simulation.physics.floor import load_grid
@@ -73,20 +73,12 @@ def _by_place(notes: Sequence[Row]) -> dict[tuple[object, ...], list[Row]]:
 
 def _over_robots(rows: Sequence[Row], short: Mapping[str, str]) -> Shown:
     floors = {
-        short[str(layout)]: (_bars(own, "collisions_per_km", short), _bars(own, "goals_per_robot_hour", short))
+        short[str(layout)]: (bars(own, "collisions_per_km", short), bars(own, "goals_per_robot_hour", short))
         for (layout,), own in grouped(rows, ("layout",)).items()
     }
     label = "Collisions per robot-km and goals per robot-hour over the number of robots"
     caption = f"{label}: means over episodes with 95% intervals. Fewer collisions and more goals are better."
     return Shown(over_robots(floors, label), caption)
-
-
-def _bars(rows: Sequence[Row], measure: str, short: Mapping[str, str]) -> list[Bar]:
-    bars = []
-    for (policy, robots), own in grouped(rows, ("policy", "robots")).items():
-        found = mean_interval(row[measure] for row in own)
-        bars.append(Bar(short[str(policy)], int(str(robots)), found.mean, found.low, found.high))
-    return bars
 
 
 def _where(

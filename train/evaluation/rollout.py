@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from agents import make_policy, policy_config
 from agents.policy import Action, Observation
 from agents.preferences import Preferring, ranked
+from train.books import simulator_of
 from train.central import CENTRAL, central_config
 from train.evaluation.disturbances import DISTURBANCES, Breakdown, Senses
 from train.reporting.rows import Row, plain
@@ -22,7 +23,7 @@ from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.routes.book import RouteBook
+from warehouse_env.planning.plan import Planner
 from warehouse_env.simulation.record.jam_log import JamLog
 from warehouse_env.simulation.simulator import Simulator
 
@@ -94,77 +95,59 @@ def make_experiment(
     return Experiment(policy, config.replace(max_steps=steps), seed, tuple(range(episodes)), disturbance)
 
 
-class Routes:
-    """Route books by floor, planner and lanes, so that experiments on one floor share their plans."""
-
-    def __init__(self) -> None:
-        self._books: dict[tuple[object, ...], RouteBook] = {}
-
-    def simulator(self, config: EnvConfig, worlds: int) -> Simulator:
-        """Return a new simulator that uses the shared route book of its floor."""
-        key = (config.layout, config.map_file, config.planner, config.keep_right)
-        simulator = Simulator(config, worlds, routes=self._books.get(key))
-        self._books[key] = simulator.route_book
-        return simulator
-
-
-class OneBook(Routes):
-    """Simulators that all use one route book, and so its floor and planner, whatever their configs name."""
-
-    def __init__(self, book: RouteBook) -> None:
-        super().__init__()
-        self._book = book
-
-    def simulator(self, config: EnvConfig, worlds: int) -> Simulator:
-        """Return a new simulator on the book."""
-        return Simulator(config, worlds, routes=self._book)
-
-
-def run(experiment: Experiment, watch: Sequence[Watcher] = (), routes: Routes | None = None) -> list[Row]:
+def run(
+    experiment: Experiment, watch: Sequence[Watcher] = (), grid: GridMap | None = None, planner: Planner | None = None
+) -> list[Row]:
     """Play all episodes side by side, one world each; return their rows in the order of their seeds.
+
+    grid, planner: instead of those that the config names.
 
     An episode's numbers do not depend on which others are played beside it: every world has its own generators, and
     the policy is asked for one world at a time. ms_per_step is the median time of one decision of all robots of
     one world, policy and simulator together, so that a compilation at the start leaves no mark.
     """
-    config, seeds = experiment.config, experiment.seeds
-    simulator = (routes or Routes()).simulator(config, len(seeds))
-    decide = decider(experiment)
-    generators = [generator_of(seed) for seed in seeds]
-    simulator.reset(seeds)
-    metrics: list[dict[str, Any] | None] = [None] * len(seeds)
-    watch = [*watch, *_events(experiment)]
-    log = JamLog(simulator)
-    _call(watch, simulator, 0)
-    seconds: list[float] = []
-    steps = 0
-    while steps < config.max_steps and None in metrics:
-        begin = time.perf_counter()
-        simulator.step(decide(simulator, generators))
-        seconds.append(time.perf_counter() - begin)
-        steps += 1
-        # A world that is over is measured at once; it then idles until the last one is over.
-        log(simulator, steps)
-        for world in np.flatnonzero(simulator.terminated.all(axis=1)).tolist():
-            metrics[world] = metrics[world] or _measured(simulator, log, world)
-        _call(watch, simulator, steps)
-    measured = [values or _measured(simulator, log, world) for world, values in enumerate(metrics)]
-    ms_per_step = 1000 * statistics.median(seconds) / len(seeds)
+    simulator = simulator_of(experiment.config, len(experiment.seeds), grid, planner)
+    simulator.reset(experiment.seeds)
+    measured, ms_per_step = play_out(experiment, simulator, watch)
     return [_row(experiment, k, values, ms_per_step) for k, values in zip(experiment.episodes, measured, strict=True)]
 
 
-def _measured(simulator: Simulator, log: JamLog, world: int) -> dict[str, Any]:
-    """Return the metrics of a world whose episode is over, with its deadlocks."""
-    log.close(simulator, world)
-    return {**simulator.episode_metrics(world), **log.metrics(world)}
+def play_out(
+    experiment: Experiment,
+    simulator: Simulator,
+    watch: Sequence[Watcher] = (),
+    step: Callable[[NDArray[Any]], object] | None = None,
+) -> tuple[list[dict[str, Any]], float]:
+    """Drive the worlds of an experiment, which have just been reset, until all episodes are over.
+
+    step: instead of the simulator's own. Returns each episode's metrics, with its deadlocks, and the median time of a
+    decision [ms].
+    """
+    decide, step = _decider(experiment), step or simulator.step
+    generators = [np.random.default_rng([seed, _POLICY_STREAM]) for seed in experiment.seeds]
+    metrics: dict[int, dict[str, Any]] = {}
+    watch = [*watch, *_events(experiment)]
+    log = JamLog(simulator)
+    seconds: list[float] = []
+    for steps in range(experiment.config.max_steps + 1):
+        if steps:
+            begin = time.perf_counter()
+            step(decide(simulator, generators))
+            seconds.append((time.perf_counter() - begin) / (simulator.num_worlds - len(metrics)))
+            log(simulator, steps)
+        for watcher in watch:
+            watcher(simulator, steps)
+        # A world that is over is measured at once; it then idles until the last one is over.
+        over = simulator.terminated.all(axis=1) | (steps == experiment.config.max_steps)
+        for world in [world for world in np.flatnonzero(over).tolist() if world not in metrics]:
+            log.close(simulator, world)
+            metrics[world] = {**simulator.episode_metrics(world), **log.metrics(world)}
+        if len(metrics) == simulator.num_worlds:
+            break
+    return [metrics[world] for world in range(simulator.num_worlds)], 1000 * statistics.median(seconds)
 
 
-def generator_of(seed: int) -> np.random.Generator:
-    """Return what a policy draws from in the episode of a seed."""
-    return np.random.default_rng([seed, _POLICY_STREAM])
-
-
-def decider(experiment: Experiment) -> Decider:
+def _decider(experiment: Experiment) -> Decider:
     """Return what chooses the actions: a central planner from all that is known, a policy from observations alone."""
     if experiment.policy in CENTRAL:
         return CENTRAL[experiment.policy].make(experiment.config).act_on
@@ -178,7 +161,11 @@ def decider(experiment: Experiment) -> Decider:
     def decide(simulator: Simulator, generators: Sequence[np.random.Generator]) -> NDArray[Any]:
         seen = [simulator.observation[b : b + 1] for b in range(len(generators))]
         seen = [eye.see(row) for eye, row in zip(eyes, seen, strict=True)] if eyes else seen
-        return np.concatenate([act(row, rng) for row, rng in zip(seen, generators, strict=True)])
+        going = np.flatnonzero(~simulator.terminated.all(axis=1)).tolist()
+        given = [act(seen[world], generators[world]) for world in going]
+        actions = np.zeros((len(generators), *given[0].shape[1:]), given[0].dtype)  # nobody drives where all are parked
+        actions[going] = np.concatenate(given)
+        return actions
 
     return decide
 
@@ -201,11 +188,6 @@ def make_actor(name: str, config: EnvConfig) -> Callable[[Observation, np.random
     if config.right_of_way and config.action_type == "discrete" and isinstance(policy, Preferring):
         return lambda observation, rng, policy=policy: ranked(policy, observation, rng)  # type: ignore[misc]
     return policy.act
-
-
-def _call(watch: Sequence[Watcher], simulator: Simulator, steps: int) -> None:
-    for watcher in watch:
-        watcher(simulator, steps)
 
 
 def identity(experiment: Experiment) -> Row:

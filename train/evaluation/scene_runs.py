@@ -2,102 +2,73 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from train.evaluation.rollout import Watcher, config_of, make_actor
-from train.evaluation.scenes import SCENES, Scene
+from train.books import simulator_of
+from train.evaluation.jobs import Job, Result, Tick
+from train.evaluation.rollout import Experiment, Watcher, config_of, play_out
+from train.evaluation.scenes import SCENES
 from train.reporting.report import Table, grouped, number
 from train.reporting.rows import Row, plain, wilson_interval
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
-from warehouse_env.routes.book import RouteBook
-from warehouse_env.simulation.record.jam_log import JamLog
-from warehouse_env.simulation.simulator import Simulator
 
 WORLDS = 200  # side by side
+_FIGURES = (
+    "makespan_s", "collisions_robot", "collisions_shelf", "collisions_person", "longest_standing_s", "deadlocks",
+    "longest_deadlock_s", "deadlock_log",
+)  # fmt: skip
 NOTE = (
     "resolved: all robots arrived within the time [95% interval by Wilson's score]; seconds: until the last one "
     "arrived, mean over the resolved ones; collisions and deadlocks: means over all seeds."
 )
 
 
-def play_scene(
-    name: str,
-    policy: str,
-    base: EnvConfig,
-    seconds: float,
-    seeds: Sequence[int],
-    tick: Callable[[int], None],
-    chosen: Mapping[str, Any] = {},
-    watch: Sequence[Watcher] = (),
-) -> list[Row]:
-    """Play a scene of SCENES once a seed, for at most `seconds`; return a row each.
+@dataclass(frozen=True)
+class SceneJob(Job):
+    """A scene of SCENES to be played once a seed, for at most `seconds`."""
 
-    A row does not depend on the other seeds: the policy is asked for one world at a time, with a generator of its own.
-    tick is told how many seeds are done; for chosen see rollout.config_of. watch: called with each Simulator.
-    """
-    scene = SCENES[name]()
-    config = config_of(policy, base.replace(num_agents=scene.robots, tasks="one_shot"), chosen)
-    steps = max(1, round(seconds / (config.time_step * config.action_repeat)))
-    config = config.replace(max_steps=steps)
-    shared = {"scene": name, "policy": policy, "robots": scene.robots, "planner": config.planner}
-    rows: list[Row] = []
-    book: RouteBook | None = None
-    for first in range(0, len(seeds), WORLDS):
-        part = seeds[first : first + WORLDS]
-        simulator = Simulator(config, len(part), grid=None if book else scene.grid, routes=book)
-        book = simulator.route_book
-        played = _play(simulator, scene, policy, part, watch)
+    scene: str
+    policy: str
+    base: EnvConfig
+    seconds: float
+    seeds: range
+    chosen: Mapping[str, Any] = field(default_factory=dict)  # see rollout.config_of
+
+    @property
+    def title(self) -> str:
+        """What the progress bar says."""
+        return f"{self.scene} · {self.policy}"
+
+    @property
+    def size(self) -> float:
+        """The number of seeds."""
+        return len(self.seeds)
+
+    def run(self, tick: Tick, watch: Sequence[Watcher] = ()) -> Result:
+        """Play; a row does not depend on the other seeds. watch: called with each Simulator."""
+        scene = SCENES[self.scene]()
+        config = config_of(self.policy, self.base.replace(num_agents=scene.robots, tasks="one_shot"), self.chosen)
+        steps = max(1, round(self.seconds / (config.time_step * config.action_repeat)))
+        config = config.replace(max_steps=steps)
+        shared = {"scene": self.scene, "policy": self.policy, "robots": scene.robots, "planner": config.planner}
         about = {"config": config.to_dict(), "version": __version__}
-        rows += [plain({**shared, "seed": seed, **row, **about}) for seed, row in zip(part, played, strict=True)]
-        tick(len(rows))
-    return rows
-
-
-def _play(simulator: Simulator, scene: Scene, policy: str, seeds: Sequence[int], watch: Sequence[Watcher]) -> list[Row]:
-    """Play the seeds side by side until all robots of all worlds have arrived, or time is up."""
-    config = simulator.config
-    act = make_actor(policy, config)
-    rngs = [np.random.default_rng([seed, 1]) for seed in seeds]
-    observation = simulator.reset_to([scene.draw(np.random.default_rng([seed, 2])) for seed in seeds], list(seeds))
-    log = JamLog(simulator)
-    going = list(range(len(seeds)))
-    steps = 0
-    for watcher in watch:
-        watcher(simulator, steps)
-    while steps < config.max_steps and going:
-        given = [act(observation[world : world + 1], rngs[world]) for world in going]
-        actions = np.zeros((len(seeds), *given[0].shape[1:]), given[0].dtype)  # nobody drives where all have arrived
-        actions[going] = np.concatenate(given)
-        observation = simulator.step(actions)
-        steps += 1
-        log(simulator, steps)
-        for watcher in watch:
-            watcher(simulator, steps)
-        for world in [world for world in going if simulator.terminated[world].all()]:
-            log.close(simulator, world)
-            going.remove(world)
-    for world in going:
-        log.close(simulator, world)
-    return [_row(simulator, world, log) for world in range(len(seeds))]
-
-
-def _row(simulator: Simulator, world: int, log: JamLog) -> Row:
-    metrics = simulator.episode_metrics(world)
-    arrived = int((simulator.robots[world]["goals"] > 0).sum())
-    return {
-        "resolved": arrived == simulator.num_agents,
-        "arrived": arrived,
-        "makespan_s": metrics["makespan_s"],
-        "collisions_robot": metrics["collisions_robot"],
-        "collisions_shelf": metrics["collisions_shelf"],
-        "collisions_person": metrics["collisions_person"],
-        "longest_standing_s": metrics["longest_standing_s"],
-        **log.metrics(world),
-    }
+        rows: list[Row] = []
+        for first in range(0, len(self.seeds), WORLDS):
+            seeds = self.seeds[first : first + WORLDS]
+            simulator = simulator_of(config, len(seeds), scene.grid)
+            simulator.reset_to([scene.draw(np.random.default_rng([seed, 2])) for seed in seeds], list(seeds))
+            played, _ = play_out(Experiment(self.policy, config, seeds[0], tuple(range(len(seeds)))), simulator, watch)
+            for seed, metrics in zip(seeds, played, strict=True):
+                arrived = {"resolved": metrics["success_rate"] == 1.0, "arrived": round(metrics["goals"])}
+                figures = {name: metrics[name] for name in _FIGURES}
+                rows.append(plain({**shared, "seed": seed, **arrived, **figures, **about}))
+            tick(len(rows))
+        return Result(rows)
 
 
 def scene_table(rows: Sequence[Row]) -> Table:

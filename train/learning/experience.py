@@ -13,7 +13,7 @@ from torch import Tensor
 from agents.networks import ActorCritic
 from train.learning.config import TrainingConfig
 from train.learning.timing import Split
-from train.learning.worlds import Books, TrainingWorlds
+from train.learning.worlds import TrainingWorlds
 from warehouse_env.config import EnvConfig, RewardWeights
 
 
@@ -57,7 +57,7 @@ class RolloutWorker:
     """Worlds and buffers of one thread."""
 
     def __init__(
-        self, config: TrainingConfig, length: int, mixes: Sequence[tuple[EnvConfig, int]], number: int, books: Books
+        self, config: TrainingConfig, length: int, mixes: Sequence[tuple[EnvConfig, int]], number: int
     ) -> None:
         """Make the worlds.
 
@@ -66,11 +66,10 @@ class RolloutWorker:
             length: decisions in a rollout, T.
             mixes: environments with the number of worlds of each.
             number: of this worker; the worlds' seeds follow from it.
-            books: routes that all workers share.
         """
         self._config, self._length, self.split = config, length, Split()
         with self.split.measure("simulator_s"):
-            self.worlds = TrainingWorlds(mixes, [config.seed, number], config.jam_seconds, config.shared, books)
+            self.worlds = TrainingWorlds(mixes, [config.seed, number], config.jam_seconds, config.shared)
         self.rows = self.worlds.rows
         self._observation = np.zeros((length + 1, *self.worlds.observation.shape), np.float32)
         self._action: NDArray[np.int64] | NDArray[np.float32]

@@ -24,7 +24,7 @@ from train.learning.config import ThreadedConfig
 from train.learning.experience import Rollout, RolloutWorker
 from train.learning.timing import Split, set_threads
 from train.learning.training_run import network_of
-from train.learning.worlds import Books, Counts
+from train.learning.worlds import Counts
 
 T = TypeVar("T")
 FIGURES = ("actor_loss", "critic_loss", "entropy", "clip_fraction", "gradient_norm")
@@ -40,9 +40,8 @@ class ThreadedTrainer:
         self.config, self.rollout = config, config.rollout
         set_threads(1)
         torch.manual_seed(config.seed)
-        books: Books = {}
         self._workers = [
-            RolloutWorker(config, config.rollout, mixes, number, books) for number, mixes in enumerate(config.shares())
+            RolloutWorker(config, config.rollout, mixes, number) for number, mixes in enumerate(config.shares())
         ]
         self._pool = ThreadPoolExecutor(config.threads, initializer=set_threads, initargs=(1,))
         self.rows = sum(worker.rows for worker in self._workers)

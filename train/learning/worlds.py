@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from train.books import book_of
 from train.learning.config import HELD_OUT_SEED
 from warehouse_env.config import EnvConfig, RewardWeights
-from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS
 from warehouse_env.simulation.simulator import Simulator
 
@@ -26,16 +26,11 @@ _COLLISION, _CONTACT = REWARD_TERMS.index("collision"), REWARD_TERMS.index("cont
 _JAM_SHARE = 0.2  # of a world's robots
 NEAR = np.float32(6.0)  # [m] within which robots share rewards
 
-Books = dict[tuple[str, str | None], RouteBook]
-"""The routes of each floor (layout, map file); threads may share them, for a route depends on its task alone."""
-
 
 class TrainingSimulator(Simulator):
     """Worlds whose episodes end at different times, and early when they jam: little is learned in a jam."""
 
-    def __init__(
-        self, config: EnvConfig, num_worlds: int, jam_seconds: float, shared: float, routes: RouteBook | None
-    ) -> None:
+    def __init__(self, config: EnvConfig, num_worlds: int, jam_seconds: float, shared: float) -> None:
         """Make the worlds.
 
         Args:
@@ -43,9 +38,8 @@ class TrainingSimulator(Simulator):
             num_worlds: how many.
             jam_seconds: a world is truncated once a fifth of its robots have not come forward for this long [s].
             shared: share of a reward that is the mean over all robots within NEAR, itself among them.
-            routes: shared with other simulators on the same floor.
         """
-        super().__init__(config, num_worlds, routes=routes)
+        super().__init__(config, num_worlds, routes=book_of(config))
         self._shared = np.float32(shared)
         self._jam_seconds = jam_seconds
 
@@ -79,18 +73,6 @@ class TrainingSimulator(Simulator):
         near = dx * dx + dy * dy < NEAR * NEAR
         mean: NDArray[np.float32] = (near * self.reward[:, None, :]).sum(axis=2) / near.sum(axis=2, dtype=np.float32)
         return mean
-
-
-def make_simulators(
-    mixes: Sequence[tuple[EnvConfig, int]], jam_seconds: float, shared: float, books: Books
-) -> list[TrainingSimulator]:
-    """Return one simulator for each (environment, number of worlds); those on one floor share a book, made if new."""
-    simulators = []
-    for config, worlds in mixes:
-        floor = (config.layout, config.map_file)
-        simulators.append(TrainingSimulator(config, worlds, jam_seconds, shared, books.get(floor)))
-        books[floor] = simulators[-1].route_book
-    return simulators
 
 
 @dataclass
@@ -161,7 +143,6 @@ class TrainingWorlds:
         seed: list[int],
         jam_seconds: float,
         shared: float = 0.0,
-        books: Books | None = None,
     ) -> None:
         """Make and reset all worlds.
 
@@ -170,9 +151,8 @@ class TrainingWorlds:
             seed: of the training, and what tells these worlds from others.
             jam_seconds: a world is reset early once a fifth of its robots have not come forward for this long [s].
             shared: see TrainingSimulator.
-            books: routes shared with others.
         """
-        self.simulators = make_simulators(mixes, jam_seconds, shared, {} if books is None else books)
+        self.simulators = [TrainingSimulator(*one, jam_seconds, shared) for one in mixes]
         config = mixes[0][0]
         self.tally = Tally(self.simulators)
         self._seed = seed

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import platform
 import shlex
 import sys
@@ -24,7 +23,7 @@ _BOUND_TO = ("numpy", "numba", "torch")  # packages on which figures may depend
 
 
 class Shown(NamedTuple):
-    """A drawing as HTML (SVG, or `image`), and what is said below it."""
+    """A drawing as HTML (SVG), and what is said below it."""
 
     drawing: str
     caption: str
@@ -86,12 +85,6 @@ def _inline(text: str) -> Markup:
         pieces = parts.split(sign)
         parts = "".join(piece if index % 2 == 0 else f"<{tag}>{piece}</{tag}>" for index, piece in enumerate(pieces))
     return Markup(f'<span class="{text}">{parts}</span>' if text in ("better", "worse") else parts)
-
-
-def image(path: Path, alt: str) -> str:
-    """Return a PNG file as a drawing, taken into the page."""
-    data = base64.b64encode(path.read_bytes()).decode()
-    return f'<img alt="{escape(alt)}" src="data:image/png;base64,{data}">'
 
 
 def made_by(**facts: str) -> dict[str, str]:

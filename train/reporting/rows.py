@@ -199,7 +199,8 @@ def wilson_interval(successes: int, trials: int) -> Interval:
     share = successes / trials
     centre = (share + z * z / (2 * trials)) / (1 + z * z / trials)
     half = z / (1 + z * z / trials) * math.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
-    return Interval(share, max(0.0, centre - half), min(1.0, centre + half), trials)
+    low, high = max(0.0, min(share, centre - half)), min(1.0, max(share, centre + half))  # rounding apart
+    return Interval(share, low, high, trials)
 
 
 def t_quantile(freedom: int, coverage: float = 0.95) -> float:

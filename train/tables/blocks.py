@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import zlib
-from collections.abc import Iterable, Sequence
-from itertools import groupby
-from typing import NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from train.evaluation.jobs import Job, Result, Tick
 from train.evaluation.planning_runs import Run, make_task, plan_once
 from train.reporting.rows import Row
 from train.tables.catalogue import settings_of, studies_of
-from train.tables.code import code_key, code_of
+from train.tables.code import DRIVING, code_key, code_of
 from train.tables.study import Experiment, Study, System, TableTask
 from warehouse_env import __version__
 
-_OF_EXPERIMENTS = ("train.tables.", "warehouse_env.", "agents.")  # code that their rows depend on
 
-
-class Block(NamedTuple):
+@dataclass(frozen=True)
+class Block(Job):
     """All runs of one system on one task of a setting, in names and numbers only."""
 
     module: str
@@ -36,11 +34,17 @@ class Block(NamedTuple):
         study = studies_of(self.module)[self.study]
         return task, next(one for one in study.systems if one.label == self.system), study.experiment
 
+    @property
+    def title(self) -> str:
+        """Its study and its system."""
+        return f"{self.study} · {self.system}"
+
+    @property
     def identity(self) -> Row:
-        """Return what its rows are known by: equal identities mean equal rows, but for the times."""
+        """What its rows are known by."""
         task, system, experiment = self.parts()
         planner = system.make()
-        shared = {
+        return {
             "study": self.study,
             "setting": self.setting,
             "number": self.number,
@@ -50,15 +54,37 @@ class Block(NamedTuple):
             "map": task.grid.key,
             "start": list(task.start),
             "goal": list(task.goal),
+            "others": [[list(start), list(goal)] for start, goal in task.others],
+            "mode": system.mode,
             "parameters": planner.key,
             "version": __version__,
-            "code": code_key(type(planner)),
+            "code": code_key(type(planner))
+            if experiment is None
+            else code_of(experiment.__module__, type(planner).__module__, within=DRIVING),
         }
-        if experiment is None:
-            return shared
-        others = [[list(start), list(goal)] for start, goal in task.others]
-        code = code_of(experiment.__module__, type(planner).__module__, within=_OF_EXPERIMENTS)
-        return {**shared, "others": others, "mode": system.mode, "code": code}
+
+    def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Block | None]:
+        """Return the rows of all runs, if none is missing."""
+        own = {row["run"]: row for row in rows}
+        whole = all(run in own for run in range(self.runs))
+        return ([own[run] for run in range(self.runs)], None) if whole else ([], self)
+
+    def run(self, tick: Tick) -> Result:
+        """Plan all runs; a first plan, which may compile and fill caches, is not timed."""
+        task, system, experiment = self.parts()
+        identity = self.identity
+        if experiment is not None:  # each run with random numbers of its own
+            seeds = [np.random.default_rng([self.seed, self.number, run]) for run in range(self.runs)]
+            rows = [experiment(task, system, rng) for rng in seeds]
+            return Result([{**row, **identity, "run": run, "curve": []} for run, row in enumerate(rows)])
+        planner = system.make()
+        truth = make_task(task.grid, f"{self.setting}_{self.number}", task.start, task.goal)
+        planner.plan(task.grid, truth.start, truth.goal, np.random.default_rng(self.seed))
+        runs = [plan_once(task.grid, planner, truth, self.number, run, self.seed) for run in range(self.runs)]
+        best = _best(runs)
+        return Result(
+            [{**run.row, **identity, "curve": _curve(run), **(_path(run) if run is best else {})} for run in runs]
+        )
 
 
 def blocks_of(module: str, study: Study, runs: int | None, seed: int) -> list[Block]:
@@ -69,31 +95,6 @@ def blocks_of(module: str, study: Study, runs: int | None, seed: int) -> list[Bl
         for system in study.systems
         for number in range(len(setting.tasks))
     ]
-
-
-def mixed(blocks: Iterable[Block]) -> list[Block]:
-    """Return the blocks in an order that mixes slow and fast ones, so that the remaining time can be told."""
-    return sorted(blocks, key=lambda block: zlib.crc32(repr(block[1:5]).encode()))
-
-
-def run_block(block: Block) -> list[Row]:
-    """Plan all runs of a block and return their rows; a first plan, which may compile and fill caches, is not timed."""
-    task, system, experiment = block.parts()
-    if experiment is not None:
-        return _experiments(block, task, system, experiment)
-    planner = system.make()
-    truth = make_task(task.grid, f"{block.setting}_{block.number}", task.start, task.goal)
-    planner.plan(task.grid, truth.start, truth.goal, np.random.default_rng(block.seed))
-    runs = [plan_once(task.grid, planner, truth, block.number, run, block.seed) for run in range(block.runs)]
-    identity, best = block.identity(), _best(runs)
-    return [{**run.row, **identity, "curve": _curve(run), **(_path(run) if run is best else {})} for run in runs]
-
-
-def _experiments(block: Block, task: TableTask, system: System, experiment: Experiment) -> list[Row]:
-    """Run a study's own experiment, each run with random numbers of its own."""
-    seeds = [np.random.default_rng([block.seed, block.number, run]) for run in range(block.runs)]
-    rows = [experiment(task, system, rng) for rng in seeds]
-    return [{**row, **block.identity(), "run": run, "curve": []} for run, row in enumerate(rows)]
 
 
 def _best(runs: Sequence[Run]) -> Run | None:
@@ -113,20 +114,3 @@ def _curve(run: Run) -> list[list[float]]:
     best = run.plan.best_by_iteration
     falls = np.flatnonzero(np.isfinite(best) & (best != np.concatenate([[np.inf], best])[:-1]))
     return [[int(k) + 1, round(float(best[k]), 6)] for k in falls]
-
-
-def split(blocks: Sequence[Block], old: Iterable[Row]) -> tuple[list[Row], list[Block]]:
-    """Return the rows that blocks have already among `old`, and the blocks that are still to be run."""
-    names = ("study", "setting", "number", "system")
-    key = lambda row: tuple(row[name] for name in names)  # noqa: E731
-    known = {name: list(rows) for name, rows in groupby(sorted(old, key=key), key)}
-    kept: list[Row] = []
-    missing = []
-    for block in blocks:
-        same = block.identity().items()
-        own = {row["run"]: row for row in known.get(block[1:5], []) if all(row.get(k) == v for k, v in same)}
-        if all(run in own for run in range(block.runs)):
-            kept += [own[run] for run in range(block.runs)]
-        else:
-            missing.append(block)
-    return kept, missing

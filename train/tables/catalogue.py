@@ -1,4 +1,4 @@
-"""Which studies there are: every paper's module, and the one over all planners."""
+"""Which studies there are: those of every paper's module."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ MODULES = {
     "002": "train.tables.papers.paper002",
     "003": "train.tables.papers.paper003",
     "004": "train.tables.papers.paper004",
-    "all": "train.tables.all_planners",
 }
 
 

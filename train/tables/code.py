@@ -16,6 +16,7 @@ PLANNING = (
     "warehouse_env.traffic.",
     "train.tables.",
 )  # what plans and their figures depend on
+DRIVING = ("train.tables.", "train.evaluation.", "train.books", "warehouse_env.", "agents.")  # what drives, too
 
 
 @cache

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from train.reporting.report import grouped
-from train.reporting.rows import Interval, Row, mean_interval, t_quantile
+from train.reporting.rows import Interval, Row, mean_interval, t_quantile, wilson_interval
 from train.tables.measures import MEASURES
 
 _RESAMPLES = 400  # of the runs of one map, where a figure needs them all together (a best, a standard deviation)
@@ -37,7 +37,7 @@ class Figures:
         """
         sampled = [MEASURES[measure].samples(rows) for rows in self.tasks(setting, system)]
         if len(sampled) == 1 and measure.endswith("_share"):
-            return _wilson(sampled[0])
+            return wilson_interval(sum(map(bool, sampled[0])), len(sampled[0])) if sampled[0] else mean_interval([])
         found = mean_interval(sampled[0] if len(sampled) == 1 else [_mean(samples) for samples in sampled if samples])
         if not math.isfinite(found.low):
             return found
@@ -104,14 +104,3 @@ def _bootstrap(first: list[Row], second: list[Row], measure: str) -> Interval:
     known = [value for value in drawn if math.isfinite(value)]
     low, high = np.percentile(known, (2.5, 97.5)) if known else (math.nan, math.nan)
     return Interval(found[0] - found[1], float(low), float(high), min(len(first), len(second)))
-
-
-def _wilson(samples: Sequence[float]) -> Interval:
-    """Return a share with Wilson's 95% interval, which stays between 0 and 1 and has a width at both ends."""
-    count, z = len(samples), 1.959964
-    if count == 0:
-        return mean_interval([])
-    share = _mean(samples)
-    middle = (share + z * z / (2 * count)) / (1 + z * z / count)
-    half = z / (1 + z * z / count) * math.sqrt(share * (1 - share) / count + z * z / (4 * count * count))
-    return Interval(share, max(0.0, min(share, middle - half)), min(1.0, max(share, middle + half)), count)

@@ -1,28 +1,23 @@
-"""The written tables: a page and a CSV file for each study, an index with all verdicts, a page of all planners."""
+"""The written tables: a page and a CSV file for each study, and an index with all verdicts."""
 
 from __future__ import annotations
 
 import csv
-import dataclasses
 import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from train.reporting.page import Page, Part, Shown, image
 from train.reporting.report import Table, number, with_interval
 from train.reporting.rows import Row, write_text
-from train.tables import all_planners
 from train.tables.figures import Figures
 from train.tables.measures import MEASURES
-from train.tables.pictures import Picture, draw_all, pareto_pictures, study_pictures
+from train.tables.pictures import Picture, study_pictures
 from train.tables.study import Claim, Published, Study, Verdict
-from train.tables.verdicts import RULE, judge
-from train.tables.worth import verdict_counts, worth_using
+from train.tables.verdicts import RULE, judge, verdict_counts
 from warehouse_env import __version__
 
-_SHOW_INTERVAL = 1e-6  # relative width below which an interval is no news
 INTERVALS = (
     "Means with their 95% intervals: by Student's t over runs where a setting is one map, over maps where it has "
     "several, cut to what is possible; shares on one map by Wilson's score. n: runs of each system, times maps. "
@@ -47,33 +42,25 @@ def write_pages(
     folder: Path,
     *,
     pictures: bool,
-    processes: int,
-) -> int:
-    """Write the pages, tables and pictures of studies into a folder, and an index; return the number of files.
+) -> None:
+    """Write the pages, tables and pictures of studies into a folder, and an index.
 
     before: studies whose pages are there already, with their rows; the index lists them too.
     """
     written = [_written(study, rows, folder, pictures) for study in studies]
     charts = [picture for one in written for picture in one.pictures]
-    draw_all(charts, processes)
-    files = 1 + len(charts)
+    for chart in charts:
+        chart.draw(*chart.arguments)
     for one in written:
         write_text(folder / f"{one.study.name}.md", _page(one))
         write_text(folder / f"{one.study.name}.csv", _csv(one))
-        files += 2
-        if one.study.name == all_planners.NAME:
-            write_text(folder / f"{one.study.name}.html", _html(one))
-            files += 1
     every = [*written, *(_written(study, own, folder, pictures) for study, own in before)]
     write_text(folder / "README.md", _index(sorted(every, key=lambda one: one.study.name)))
-    return files
 
 
 def _written(study: Study, rows: Sequence[Row], folder: Path, pictures: bool) -> Written:
     figures = Figures(study.name, rows)
     drawn = study_pictures(study, figures, folder) if pictures else []
-    if pictures and study.name == all_planners.NAME:
-        drawn = [*pareto_pictures(study, figures, folder), *drawn]
     return Written(study, figures, [(claim, judge(figures, claim)) for claim in study.claims], drawn)
 
 
@@ -131,8 +118,6 @@ def _page(one: Written) -> str:
     parts.append(f"{INTERVALS} {one.study.note}\n")
     if one.verdicts:
         parts += ["## Claims\n", _claims(one.verdicts), f"{RULE}\n"]
-    if one.study.name == all_planners.NAME:
-        parts += ["## What is worth using\n", f"{worth_using(one.study, one.figures)}\n"]
     if one.pictures:
         parts.append("## Pictures\n")
         parts += [f"![{picture.caption}]({picture.path.name})\n\n{picture.caption}.\n" for picture in one.pictures]
@@ -168,16 +153,9 @@ def _csv(one: Written) -> str:
 
 
 def _index(written: Sequence[Written]) -> str:
-    """Return the first page: what is worth using, every verdict, and where the tables are."""
+    """Return the first page: every verdict, and where the tables are."""
     parts = ["# The papers' tables, made again\n"]
-    parts.append(f"Made by `warehouse tables`, version {__version__}, from fixed seeds. {INTERVALS}\n")
-    everyone = next((one for one in written if one.study.name == all_planners.NAME), None)
-    if everyone is not None:
-        parts += ["## What is worth using\n", f"{worth_using(everyone.study, everyone.figures)}\n"]
-        parts.append(f"Everything on one page: [{all_planners.NAME}.html]({all_planners.NAME}.html).\n")
-        if everyone.pictures:
-            picture = everyone.pictures[0]
-            parts.append(f"![{picture.caption}]({picture.path.name})\n\n{picture.caption}.\n")
+    parts.append(f"Made by `warehouse tables papers`, version {__version__}, from fixed seeds. {INTERVALS}\n")
     verdicts = [verdict for one in written for _, verdict in one.verdicts]
     if verdicts:
         parts += ["## The papers' claims\n", f"{verdict_counts(verdicts)} {RULE}\n"]
@@ -193,11 +171,3 @@ def _index(written: Sequence[Written]) -> str:
         for one in written
     ]
     return "\n".join(parts) + "\n"
-
-
-def _html(one: Written) -> str:
-    """Return the page of all planners in a file of its own, pictures and all."""
-    shown = [Shown(image(picture.path, picture.caption), f"{picture.caption}.") for picture in one.pictures[:2]]
-    table = dataclasses.replace(study_table(one.study, one.figures), note=f"{INTERVALS} {one.study.note}")
-    worth = worth_using(one.study, one.figures)
-    return Page(one.study.title, words=[worth], parts=[Part(pictures=shown, tables=[table])]).html()

@@ -1,4 +1,4 @@
-"""The pictures of the tables: which rows go into which chart, and drawing them side by side in processes."""
+"""The pictures of the tables: which rows go into which chart."""
 
 from __future__ import annotations
 
@@ -10,15 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.evaluation.pictures import file_name
-from train.evaluation.processes import work_all
 from train.reporting.report import number
-from train.reporting.rows import Row, mean_interval
-from train.tables.all_planners import family
+from train.reporting.rows import Row
 from train.tables.figures import Figures
 from train.tables.study import Study
-from warehouse_env.render import charts, planner_charts
+from warehouse_env.render import charts
 from warehouse_env.render.colours import name_colours
-from warehouse_env.render.planner_charts import Point
 
 _MOST_SETTINGS = 4  # of which a study's pictures are drawn, where it names none
 
@@ -30,16 +27,6 @@ class Picture(NamedTuple):
     arguments: tuple[Any, ...]
     path: Path
     caption: str
-
-
-def draw_all(pictures: Sequence[Picture], processes: int) -> None:
-    """Draw pictures, several at a time."""
-    for _ in work_all(_draw, pictures, processes):
-        pass
-
-
-def _draw(picture: Picture) -> None:
-    picture.draw(*picture.arguments)
 
 
 def study_pictures(study: Study, figures: Figures, folder: Path) -> list[Picture]:
@@ -95,37 +82,3 @@ def _curves(rows: Sequence[Row]) -> NDArray[np.float64]:
         for iteration, length in row["curve"]:
             curve[int(iteration) - 1 :] = length
     return curves
-
-
-def points_of(study: Study, figures: Figures, settings: Sequence[str]) -> list[Point]:
-    """Return each system of a study over some of its settings as a point of gap against time; a sample is a task."""
-    points = []
-    for system in study.systems:
-        tasks = [rows for setting in settings for rows in figures.tasks(setting, system.label)]
-        rows = [row for task in tasks for row in task]
-        if not rows:
-            continue
-        gaps = [[row["gap"] for row in task if row["gap"] is not None] for task in tasks]
-        gap = mean_interval(100 * float(np.mean(own)) for own in gaps if own)
-        failed = 1.0 - float(np.mean([row["success"] for row in rows]))
-        ms = float(np.median([row["cpu_ms"] for row in rows]))
-        points.append(Point(system.label, family(system.planner), ms, gap.mean, gap.low, gap.high, failed))
-    return points
-
-
-def pareto_pictures(study: Study, figures: Figures, folder: Path) -> list[Picture]:
-    """Return gap against time of all planners, over all maps together and map by map."""
-    settings = figures.settings
-    together = folder / f"{study.name}_pareto.png"
-    apart = folder / f"{study.name}_pareto_by_map.png"
-    title = "What a millisecond buys: all planners"
-    panels = {setting: points_of(study, figures, [setting]) for setting in settings}
-    one = {f"{', '.join(settings)} together": points_of(study, figures, settings)}
-    caption = (
-        "Lower left is better. Hollow: some runs found no path, and the gap is that of the others. Grey: what no "
-        "planner without failures beats"
-    )
-    return [
-        Picture(planner_charts.pareto, (one, together, title), together, caption),
-        Picture(planner_charts.pareto, (panels, apart, title), apart, f"{caption}. Map by map"),
-    ]

@@ -6,7 +6,7 @@ all. Lengths are in cells, times in milliseconds, shares from 0 to 1.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, NamedTuple
 
@@ -90,6 +90,13 @@ class Verdict(NamedTuple):
     word: Word
     why: str
     by_clock: bool = False
+
+    @classmethod
+    def graded(cls, holds: Sequence[bool], why: str) -> Verdict:
+        """Return the verdict on a claim that holds in some places: in all, in part, nowhere; open if there are none."""
+        if not holds:
+            return cls(OPEN, "nothing was run for it")
+        return cls(HOLDS if all(holds) else IN_PART if any(holds) else FAILS, why)
 
     @property
     def shown(self) -> str:

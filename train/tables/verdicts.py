@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -73,21 +74,19 @@ def _judge(figures: Figures, claim: Claim, setting: str) -> Judged | None:
 
 def reaches_print(figures: Figures, published: Sequence[Published], ours: str) -> Verdict:
     """Return whether our figures are at or better than every printed one beside `ours`, but times; names the others."""
-    worse, told = [], 0
+    worse, reached = [], []
     for printed in published:
         figure = figures.figure(printed.setting, ours, printed.measure)
         measure = MEASURES[printed.measure]
         if printed.ours != ours or measure.clock or measure.better == "neither" or not math.isfinite(figure.mean):
             continue
-        told += 1
         sign = -1.0 if measure.better == "more" else 1.0
-        if sign * (figure.mean - printed.value) > _PRINT_ROUNDING * abs(printed.value):
+        reached.append(sign * (figure.mean - printed.value) <= _PRINT_ROUNDING * abs(printed.value))
+        if not reached[-1]:
             shown = [number(measure.factor * value, measure.digits) for value in (figure.mean, printed.value)]
             worse.append(f"{printed.setting}, {measure.heading}: {shown[0]} against {shown[1]} in print")
-    if not told:
-        return Verdict(OPEN, "nothing was run for it")
-    why = f"{told - len(worse)} of {told} figures reached" + ("; not: " + "; ".join(worse) if worse else "")
-    return Verdict(HOLDS if not worse else IN_PART if len(worse) < told else FAILS, why)
+    why = f"{sum(reached)} of {len(reached)} figures reached" + ("; not: " + "; ".join(worse) if worse else "")
+    return Verdict.graded(reached, why)
 
 
 def percent(relative: Interval, unit: str = "%") -> str:
@@ -98,3 +97,14 @@ def percent(relative: Interval, unit: str = "%") -> str:
     if not math.isfinite(relative.low) or relative.high - relative.low < 1e-6:
         return mean
     return f"{mean} [{100 * relative.low:+.1f}, {100 * relative.high:+.1f}]"
+
+
+def verdict_counts(verdicts: Sequence[Verdict]) -> str:
+    """Return how many claims hold, hold in part and do not, in a sentence; those that rest on the clock are apart."""
+    counts = Counter(verdict.word for verdict in verdicts if not verdict.by_clock)
+    told = [counts[word] for word in (HOLDS, IN_PART, FAILS)]
+    counted = counts.total()
+    more = f"; {counts[OPEN]} cannot be told" if counts[OPEN] else ""
+    apart = len(verdicts) - counted
+    clock = f" Judged apart by this machine's clock, not counted: {apart}." if apart else ""
+    return f"Of {counted} claims {told[0]} hold, {told[1]} hold in part and {told[2]} do not hold{more}.{clock}"

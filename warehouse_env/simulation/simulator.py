@@ -20,14 +20,15 @@ from warehouse_env.portable import Portable
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation import given, state, step
 from warehouse_env.simulation.actions import ActionDecoder
+from warehouse_env.simulation.driver import rejoin
 from warehouse_env.simulation.driver.manoeuvre import ARCS
 from warehouse_env.simulation.driver.turning import turning_metric
 from warehouse_env.simulation.physics.buckets import bucket_grid
 from warehouse_env.simulation.physics.floor import floor_of, load_grid
 from warehouse_env.simulation.physics.people import People
 from warehouse_env.simulation.record import metrics
-from warehouse_env.simulation.rules import agreement
-from warehouse_env.simulation.rules.audit import is_wanted, raise_fault
+from warehouse_env.simulation.rules import agreement, making_room
+from warehouse_env.simulation.rules.audit import raise_fault
 from warehouse_env.simulation.rules.jams import Jams, jams_of
 from warehouse_env.simulation.rules.path_ahead import COLUMNS, POSES
 from warehouse_env.simulation.senses.messages import Messages
@@ -42,6 +43,8 @@ PARALLEL_FROM = 256  # robots in all from which waking other threads pays
 _PARTS = 2  # of the worlds for each thread: who is done early, or has a core for itself, does more of them
 _PART = 32  # robots in a part at least
 
+_Code = tuple[Callable[..., tuple[int, int]], Callable[..., None]]  # of advance and observe
+
 
 class Simulator(Portable):
     """B independent worlds of N robots in lock-step.
@@ -53,8 +56,8 @@ class Simulator(Portable):
     """
 
     bound = (
-        "state", "events", "_floor", "_metric", "_advance_arguments", "_agree_arguments", "_observe_arguments",
-        "_compiled",
+        "state", "events", "_floor", "_compiled",
+        "_advance_arguments", "_agree_arguments", "_room_arguments", "_observe_arguments",
     )  # fmt: skip
 
     def __init__(
@@ -129,7 +132,7 @@ class Simulator(Portable):
         p["bucket_rows"], p["bucket_columns"], p["bucket"] = bucket_rows, bucket_columns, side
         self._waiting = np.zeros(b, dtype=np.int32)
         self._faults = np.zeros((b, 3), dtype=np.int32)
-        p["checked"] = self._checked = self.config.protective_field and is_wanted()
+        self._parts_on = step.Parts.of(self.config)
         share = max(math.ceil(b / (_PARTS * MOST_THREADS)), math.ceil(_PART / n))
         self._parts = [(first, min(first + share, b)) for first in range(0, b, share)]
         self._bind()
@@ -137,25 +140,31 @@ class Simulator(Portable):
     def _bind(self) -> None:
         """Make the views and the floor, and keep the kernels' arguments ready."""
         self.state, self.events = state.state_of(self.robots), state.events_of(self.robots)
-        self._metric = turning_metric(self._params)
         self._floor = floor_of(self.grid, self.config.sensor.lidar_range)
-        self._compiled: tuple[Callable[..., int], Callable[..., None]] | None = None  # once the first step asks for it
+        self._compiled: tuple[Callable[..., tuple[int, int]], Callable[..., None]] | None = (
+            None  # once the first step asks for it
+        )
         self._collect()
 
     def _collect(self) -> None:
         """Keep the kernels' arguments ready: collecting them takes longer than a small world's step."""
+        config = self.config
+        table = self._actions.table if config.sensor.predictions else None
         seen = (
-            self._rays, self._actions.table, self._weights, *self._floor.edges,
+            self._rays, table, self._weights, *self._floor.edges,
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
-        floor = (self._floor.solid, self._floor.clearance, self._metric)
-        persons = self.people.persons
+        floor = (self._floor.solid, self._floor.clearance)
+        persons, parts = self.people.persons, self._parts_on
         self._advance_arguments = (
             persons, self.people.ways, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
-            self.terminated, self._waiting, self._faults, self._params, *floor,
+            self.terminated, self._waiting, self._faults, *parts, self._params, *floor,
         )  # fmt: skip
-        self._agree_arguments = (self.arcs, self._commands, self._paths, self._params, self._choices, *floor)
-        self._observe_arguments = (persons, self._waiting, self._params, *seen)
+        self._agree_arguments = (
+            self.arcs, self._commands, self._paths, self._params, self._choices, self._floor.clearance,
+        )  # fmt: skip
+        self._room_arguments = (self.arcs, self._paths, self._params, *floor)
+        self._observe_arguments = (persons, self._waiting, parts.walking, self._params, *seen)
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:
         """Write observations into this array [B, N, D] from now on; the last one stays as it is, its holder's own."""
@@ -262,7 +271,7 @@ class Simulator(Portable):
         self._actions.decode(actions, self._commands, self._choices)
         self._messages.lose(self.robots)
         arrivals = sum(side_by_side(self._advance, self._parts)) if self._many() else self._advance(0, self.num_worlds)
-        if self._checked:
+        if self._parts_on.checked:
             raise_fault(self._faults)
         self.people.send_on(self.robots)
         self.arrivals = self.dispatcher.arrive(self.steps) if arrivals else []
@@ -271,7 +280,7 @@ class Simulator(Portable):
             self._observe(rerouted)
         return self.observation
 
-    def _compile(self) -> tuple[Callable[..., int], Callable[..., None]]:
+    def _compile(self) -> _Code:
         """Return the code of `advance` and of `observe` for the arguments at hand, whose types never change."""
         arrays = (self.robots, self.routes)
         return (
@@ -284,12 +293,18 @@ class Simulator(Portable):
         if self._compiled is None:
             self._compiled = self._compile()
         advance, observe = self._compiled
-        robots, routes = self.robots, self.dispatcher.routes
-        if self.config.right_of_way:
-            agreement.agree(begin, end, robots, routes, *self._agree_arguments)
-        arrivals = advance(begin, end, robots, routes, *self._advance_arguments)
-        observe(begin, end, False, robots, routes, *self._observe_arguments)
+        where = (begin, end, self.robots, self.dispatcher.routes)
+        if self.config.right_of_way and agreement.agree(*where, *self._agree_arguments):
+            making_room.make_room(*where, *self._room_arguments, self._metric)
+        arrivals, seeking = advance(*where, *self._advance_arguments)
+        if seeking:
+            rejoin.seek(*where, self.arcs, self._params, self._floor.solid, self._floor.clearance, self._metric)
+        observe(begin, end, False, self.robots, self.dispatcher.routes, *self._observe_arguments)
         return arrivals
+
+    @property
+    def _metric(self) -> NDArray[np.float32]:
+        return turning_metric(self._params)
 
     def _many(self) -> bool:
         return self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and get_num_threads() > 1
@@ -305,7 +320,7 @@ class Simulator(Portable):
         return row | {"cut_off": self.dispatcher.tasks[world].cut_off()}
 
     def jams(self) -> Jams:
-        """Return whom each standing robot waits for, and which of them wait in a circle (see jams.jams_of)."""
+        """Return whom each standing robot waits for, who of them wait in a circle, and their stages (jams.jams_of)."""
         return jams_of(self.robots, self.routes, self._params)
 
     def global_state(self, world: int = 0) -> NDArray[np.float32]:

@@ -16,6 +16,10 @@ from warehouse_env.config import EnvConfig
 F, I, B = np.float32, np.int32, np.int8  # noqa: E741
 
 NOBODY = -1  # where a robot is named: held_by, yields_to
+ALONE, AROUND_OTHERS = (
+    1,
+    2,
+)  # what manoeuvre a robot seeks: to its route, or that round the others' bodies
 
 ROBOT = np.dtype(
     [
@@ -51,7 +55,7 @@ ROBOT = np.dtype(
         ("arcs", B), ("arc", B), ("arc_x", F), ("arc_y", F), ("arc_heading", F),  # the reference pose on that arc,
         ("arc_left", F),  # [m] of it to go, negative backwards
         ("arc_margin", F), ("arc_planned", F),  # [m] kept from shelves; where there is room for it
-        ("search_wait", F),  # [s] until the next search
+        ("search_wait", F), ("seeks", B),  # [s] until the next search; it waits for one (ALONE, AROUND_OTHERS), or 0
         # right of way (rules/right_of_way.py): granted up to this odometer, how far that is, and with which offset
         ("claim", np.float64), ("authority", F), ("side", F), ("at_end", B),  # [m], [m], [m]; the goal is granted, too
         ("poses", I), ("path_from", np.float64), ("path_at", np.float64),  # of its path; odometer [m] when made, kept
@@ -89,7 +93,6 @@ PARAMETERS = np.dtype(
         ("most_pairs", I), ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator
         ("right_of_way", B), ("right_of_way_after", F),  # [s]
         ("field", B), ("field_margin", F), ("stop_samples", I), ("swing", F), ("far", F), ("field_range", F),
-        ("checked", B),  # see audit.py
         ("action_type", I), ("one_shot", B), ("collision_ends", B), ("max_steps", np.int64),
     ],
     align=True,

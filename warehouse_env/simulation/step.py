@@ -1,27 +1,48 @@
 """The batched step: `advance` commands, moves, judges contacts and goes on along the routes; `observe` looks.
 
-With right of way, `agree` (agreement.py) goes before. They are three, not one, since a kernel is compiled again in
+With right of way, `agree` (agreement.py) goes before, and `make_room` (making_room.py) where rings are to be dissolved;
+`seek` (rejoin.py) follows where robots seek a manoeuvre. They are five, not one, since a kernel is compiled again in
 whatever calls it. Each does one world after another; for all threads, the Simulator hands out parts of the worlds.
+
+What a config has not is not compiled: `Parts` are True or None, and Numba leaves out what is done `if part is not None`
+where it is None.
 """
 
 from __future__ import annotations
 
+from typing import Literal, NamedTuple
+
 import numpy as np
 
+from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.observation import EGO, NEIGHBOUR
-from warehouse_env.simulation.driver import tracking
+from warehouse_env.simulation.driver import line, tracking
 from warehouse_env.simulation.physics import buckets, contact, people
 from warehouse_env.simulation.physics.kinematics import approach, braking
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
-from warehouse_env.simulation.rules import audit, field, right_of_way
+from warehouse_env.simulation.rules import audit, field, right_of_way, waits
 from warehouse_env.simulation.senses import prediction, sensing
 from warehouse_env.simulation.senses.rewards import write_terms
 from warehouse_env.simulation.state import GAP_HORIZON, NOBODY
 
-_RAW = 2
 _HORIZON = np.float32(GAP_HORIZON)
-_SLOW = np.float32(0.1)  # [m/s] under which a robot counts as waiting
+
+
+class Parts(NamedTuple):
+    """What a config has: True, or None where it has not."""
+
+    followed: Literal[True] | None  # actions are commands to the path follower, not raw
+    walking: Literal[True] | None  # people
+    guarded: Literal[True] | None  # the protective field
+    checked: Literal[True] | None  # and looked for faults (audit.py)
+
+    @classmethod
+    def of(cls, config: EnvConfig) -> Parts:
+        """Return the parts of a config."""
+        field = config.protective_field
+        has = (config.action_type != "raw", config.people > 0, field, field and audit.is_wanted())
+        return cls(*(True if one else None for one in has))
 
 
 @inline
@@ -44,18 +65,24 @@ def _begin(r):
 
 
 @inline
-def _command(r, route, arcs, bodies, first, second, p, solid, clearance, metric):
-    """Turn the action into (acceleration [m/s^2], steering rate [rad/s]) for one physics step."""
+def _take_raw(r, acceleration, steer_rate, p):
+    """Return a raw command [m/s^2], [rad/s] as it is, of a robot that is not parked."""
+    if r["alive"] == 0:
+        return braking(r["speed"], p), ZERO
+    r["target_speed"] = r["speed"] + acceleration * p["time_step"]
+    r["target_steer"] = r["steer"] + steer_rate * p["time_step"]
+    return acceleration, steer_rate
+
+
+@inline
+def _follow(r, route, arcs, first, second, p, solid, clearance):
+    """Turn a speed [m/s] and an offset [m] into (acceleration [m/s^2], steering rate [rad/s]) for a physics step."""
     if r["alive"] == 0:
         return braking(r["speed"], p), ZERO
     dt = p["time_step"]
-    if p["action_type"] == _RAW:
-        r["target_speed"] = r["speed"] + first * dt
-        r["target_steer"] = r["steer"] + second * dt
-        return first, second
     if p["right_of_way"] != 0 and r["settled"] > ZERO:
         first, second = right_of_way.limit(r, first, p), r["side"]
-    tracking.follow(r, route, arcs, bodies, first, second, p, solid, clearance, metric)
+    tracking.follow(r, route, arcs, first, second, p, solid, clearance)
     next_speed = approach(r["speed"], r["target_speed"], p["max_acceleration"] * dt)
     next_steer = approach(r["steer"], r["target_steer"], p["max_steer_rate"] * dt)
     return (next_speed - r["speed"]) / dt, (next_steer - r["steer"]) / dt
@@ -70,38 +97,14 @@ def _park(r, p):
 
 
 @inline
-def _stand(r, dt):
-    """Count how long a robot has been within a metre of one place: it may rock there, or be given new routes."""
-    dx, dy = r["x"] - r["anchor_x"], r["y"] - r["anchor_y"]
-    if dx * dx + dy * dy > ONE:
-        r["anchor_x"], r["anchor_y"] = r["x"], r["y"]
-        r["standing_time"] = ZERO
-    else:
-        r["standing_time"] += dt
-        r["longest_standing"] = max(r["longest_standing"], r["standing_time"])
-
-
-@inline
 def _end(r, route, p):
     """Advance along the route after a physics step; return 1 on arrival."""
     if r["alive"] == 0:
         return 0
-    dt = p["time_step"]
-    r["progress"] += tracking.locate(r, route)
-    if r["position"] > r["milestone"] + ONE:
-        r["milestone"] = r["position"]
-        r["stalled_time"] = ZERO
-    else:
-        r["stalled_time"] += dt
-    _stand(r, dt)
+    r["progress"] += line.locate(r, route)
+    waits.count_time(r, p["time_step"])
     r["lived"] += 1
     r["age"] += 1
-    if abs(r["speed"]) < _SLOW:
-        r["waited"] += 1
-        r["waiting_time"] += dt
-    else:
-        r["waiting_time"] = ZERO
-    r["contact_time"] = r["contact_time"] + dt if r["touching"] != 0 else ZERO
     if r["arrived"] != 0:
         return 0
     dx, dy = r["goal_x"] - r["x"], r["goal_y"] - r["y"]
@@ -134,37 +137,43 @@ def _sights(p):
 
 
 @inline
-def _move(robots, persons, near, motions, p, solid, clearance):
+def _move(robots, persons, near, motions, walking, p, solid, clearance):
     """Carry out the motions of one physics step, but for those that would end in a shelf, a person or another robot."""
     pairs, motion, flags, lanes = motions
     for _ in range(p["substeps"]):
         contact.try_motion(motion, flags, lanes, p)
         contact.keep_off_shelves(robots, motion, flags, p, solid, clearance)
-        people.keep_off_people(robots, persons, motion, flags, p)
+        if walking is not None:
+            people.keep_off_people(robots, persons, motion, flags, p)
         contact.keep_off_robots(motion, flags, pairs, near, p)
         contact.accept_motion(robots, motion)
     contact.store(robots, motion)
 
 
 @inline
-def _drive(robots, persons, routes, arcs, commands, places, motions, guards, near, p, solid, clearance, metric):
+def _drive(
+    robots, persons, routes, arcs, commands, places, motions, guards, near, followed, walking, guarded, p,
+    solid, clearance,
+):  # fmt: skip
     """Choose each robot's motion of one physics step and carry it out; near: the number of pairs that may meet."""
     _, motion, _, _ = motions
     for i in range(robots.shape[0]):
-        first, second = _command(
-            robots[i], routes[i], arcs[i], places[2], commands[i, 0], commands[i, 1], p, solid, clearance, metric
-        )
+        first, second = commands[i, 0], commands[i, 1]
+        if followed is not None:
+            first, second = _follow(robots[i], routes[i], arcs[i], first, second, p, solid, clearance)
+        else:
+            first, second = _take_raw(robots[i], first, second, p)
         contact.load(robots, i, first, second, p, clearance, motion)
-    if p["field"] != 0:
-        field.guard(robots, persons, motion, guards, places, p, solid, clearance)
-    _move(robots, persons, near, motions, p, solid, clearance)
-    if p["field"] != 0:
+    if guarded is not None:
+        field.guard(robots, persons, motion, guards, places, walking, p, solid, clearance)
+    _move(robots, persons, near, motions, walking, p, solid, clearance)
+    if guarded is not None:
         field.settle(robots)
 
 
 @inline
 def _observe_world(
-    robots, persons, routes, places, sights, p, rays, table, weights, edges, seen, first, out, terms, reward
+    robots, persons, routes, places, sights, walking, p, rays, table, weights, edges, seen, first, out, terms, reward
 ):
     """Write observations, reward terms and rewards of one world."""
     order, starts, bodies = places
@@ -180,12 +189,13 @@ def _observe_world(
         cx, cy = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n]
         sensing.scan_shelves(cx, cy, r["cos"], r["sin"], p, edges, seen, first, rays, turned, row)
         sensing.look_around(n, bodies, order, starts, p, rays, row, near)
-        people.scan_people(persons, cx, cy, r["cos"], r["sin"], rays, row)
+        if walking is not None:
+            people.scan_people(persons, cx, cy, r["cos"], r["sin"], rays, row)
         sensing.write_neighbours(n, bodies, p, row, near)
         for k in range(p["rays"]):
             row[k] = ONE / (ONE + row[k])
         sensing.write_ego_and_route(r, routes[i], p, row, ego)
-        if p["predictions"] != 0:
+        if table is not None:
             prediction.write_predictions(
                 row, ego, route, near, table, p, near + NEIGHBOUR * p["neighbours"], legs, path
             )
@@ -207,24 +217,25 @@ def _count_step(robots, steps, b, truncated, terminated, p):
 @kernel
 def advance(
     begin, end, robots, routes, persons, ways, arcs, commands, stamps, steps, truncated, terminated, waiting, faults,
-    params, solid, clearance, metric,
+    followed, walking, guarded, checked, params, solid, clearance,
 ):  # fmt: skip
-    """Move the worlds from `begin` to before `end` on by one env step; return the number of arrivals.
+    """Move the worlds from `begin` to before `end` on by one env step; return (arrivals, robots that seek a manoeuvre).
 
-    robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; persons, ways: see people.People; arcs float32[B, N, ARCS, 2]:
-    their manoeuvres (manoeuvre.py); commands float32[B, N, 2]: speed [m/s] and offset [m], or raw acceleration and
-    steering rate; stamps int32[B, N, N]; steps int64[B] since the reset, truncated bool[B], terminated bool[B, N];
+    robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; persons, ways: see people.People; arcs float32[B, N,
+    ARCS, 2]: their manoeuvres (manoeuvre.py); commands float32[B, N, 2]: speed [m/s] and offset [m], or raw
+    acceleration and steering rate; stamps int32[B, N, N]; steps int64[B] since the reset, truncated bool[B], terminated
+    bool[B, N];
     waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator has given out new tasks;
-    faults int32[B, 3]: see audit.find_fault; metric: see the Simulator.
+    faults int32[B, 3]: see audit.find_fault; followed, walking, guarded, checked: see Parts.
     """
     p = params[0]
-    arrivals, count = 0, robots.shape[1]
+    arrivals, seeking, count = 0, 0, robots.shape[1]
     places, motions, guards = buckets.scratch(count, p), contact.scratch(count, p), field.scratch(count, p)
     order, starts, bodies = places
     pairs, motion, _, _ = motions
     for b in range(begin, end):
         waiting[b] = 0
-        if p["field"] != 0:
+        if guarded is not None:
             right_of_way.rank(robots[b], guards[3])
         for i in range(count):
             _begin(robots[b, i])
@@ -233,34 +244,37 @@ def advance(
             buckets.sort(robots[b], p, starts, order, bodies)
             near = contact.list_pairs(bodies, order, starts, p, pairs)
             _drive(
-                robots[b], persons[b], routes[b], arcs[b], commands[b], places, motions, guards, near, p,
-                solid, clearance, metric,
+                robots[b], persons[b], routes[b], arcs[b], commands[b], places, motions, guards, near,
+                followed, walking, guarded, p, solid, clearance,
             )  # fmt: skip
-            people.walk(persons[b], ways[b], robots[b], p, solid, clearance)
-            if p["checked"] != 0:
+            if walking is not None:
+                people.walk(persons[b], ways[b], robots[b], p, solid, clearance)
+            if checked is not None:
                 audit.find_fault(robots[b], persons[b], clock, p, solid, clearance, faults[b])
             contact.judge_pairs(robots[b], motion, pairs, near, stamps[b], clock, p)
             contact.end_shelf_contacts(robots[b], p, solid, clearance)
-            people.end_contacts(robots[b], persons[b], p)
+            if walking is not None:
+                people.end_contacts(robots[b], persons[b], p)
             for i in range(count):
                 waiting[b] += _end(robots[b, i], routes[b, i], p)
         for i in range(count):
             _total(robots[b, i], p)
+            seeking += robots[b, i]["seeks"] != 0
         _count_step(robots[b], steps, b, truncated, terminated, p)
         arrivals += waiting[b]
-    return arrivals
+    return arrivals, seeking
 
 
 @kernel
 def observe(
-    begin, end, late, robots, routes, persons, waiting, params, rays, table, weights, edges, seen, first, out, terms,
-    reward,
+    begin, end, late, robots, routes, persons, waiting, walking, params, rays, table, weights, edges, seen, first, out,
+    terms, reward,
 ):  # fmt: skip
     """Write observations, rewards and their terms of the worlds from `begin` to before `end`: those that are `waiting`
     if `late`, which then are no more, else all others.
 
-    table, rays, weights, edges, seen, first: see the Simulator; out: observations float32[B, N, D]; terms float32[B, N,
-    T]; reward float32[B, N].
+    table: of discrete actions, for predictions, or None; rays, weights, edges, seen, first: see the Simulator; out:
+    observations float32[B, N, D]; terms float32[B, N, T]; reward float32[B, N].
     """
     p = params[0]
     places, sights = buckets.scratch(robots.shape[1], p), _sights(p)
@@ -268,6 +282,6 @@ def observe(
         if (waiting[b] != 0) == late:
             waiting[b] = 0
             _observe_world(
-                robots[b], persons[b], routes[b], places, sights, p, rays, table, weights, edges, seen, first,
+                robots[b], persons[b], routes[b], places, sights, walking, p, rays, table, weights, edges, seen, first,
                 out[b], terms[b], reward[b],
             )  # fmt: skip

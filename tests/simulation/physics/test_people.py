@@ -281,7 +281,7 @@ def digest() -> str:
 
 
 def test_plain_python_gives_the_same_bits() -> None:
-    assert plain_python("from tests.simulation.test_people import digest; print(digest())") == [digest()]
+    assert plain_python("from tests.simulation.physics.test_people import digest; print(digest())") == [digest()]
 
 
 def test_people_begin_away_from_robots_and_where_they_can_walk() -> None:

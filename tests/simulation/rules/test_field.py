@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from tests.simulation.test_no_overlap import MAZE, crowd
 
 from agents import make_policy, policy_config
+from tests.simulation.physics.test_no_overlap import MAZE, crowd
 from tests.simulation.reference import bodies, separation
 from tests.simulation.worlds import drawn, plain_python, put, raw, room, stage
 from warehouse_env.config import EnvConfig, RobotSpec
@@ -366,7 +366,9 @@ def digest(worlds: int, action_type: Any) -> list[str]:
     return [content.hexdigest() for content in contents]
 
 
-PROGRAM = "from tests.simulation.test_field import digest; print(*(digest(1, kind)[0] for kind in ('discrete', 'raw')))"
+PROGRAM = (
+    "from tests.simulation.rules.test_field import digest; print(*(digest(1, kind)[0] for kind in ('discrete', 'raw')))"
+)
 
 
 def test_plain_python_and_other_batches_give_the_same_bits() -> None:

@@ -17,8 +17,8 @@ from warehouse_env.config import EnvConfig, RerouteSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.record.recording import Recorder
-from warehouse_env.simulation.rules.live import LiveRoutes, find_due, keep_barred, prices_of
-from warehouse_env.simulation.rules.prices import cells_ahead, path_cost, price
+from warehouse_env.simulation.rules.live import LiveRoutes, find_due, keep_barred
+from warehouse_env.simulation.rules.prices import PRICES, Prices, cells_ahead, path_cost, price
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import ROBOT
 
@@ -61,14 +61,13 @@ def barred(robots: Any, routes: Any, look_ahead: float = 25.0, **when: int) -> l
     return [bool(found) for found in out[0]]
 
 
-FREE = dict.fromkeys(("standing", "beside", "against", "boxed_against", "crowd", "turn", "boxed_turn"), 0.0)
+FREE = Prices(0.0, 0.0, 0.0, 0.0, 0.0, PRICES.crowd_within, 0.0, 0.0)
 
 
 def costs(robots: Any, routes: Any, me: int, legal: Any = None, **prices: float) -> Any:
     cost = np.empty((ROWS, COLUMNS, 8))
-    spec = RerouteSpec(**(FREE | prices))
     legal = np.ones(cost.shape, np.bool_) if legal is None else legal
-    price(robots[0], routes[0], me, legal, 6.0, prices_of(spec), np.float32(0.0), np.float32(1.0), cost)
+    price(robots[0], routes[0], me, legal, 6.0, FREE._replace(**prices), np.float32(0.0), np.float32(1.0), cost)
     return cost
 
 
@@ -188,10 +187,10 @@ def test_what_is_left_of_a_route_costs_its_length_and_its_prices() -> None:
 
 
 def test_prices_beyond_what_a_planner_takes_are_cut_off_there() -> None:
-    simulator = Simulator(CONFIG.replace(reroute_spec=RerouteSpec(standing=1e4, beside=1e4)))
+    simulator = Simulator(CONFIG)
     simulator.reset([1])
     robots = simulator.robots[0]
-    robots["standing_time"] = 1e6
+    robots["standing_time"] = 1e9
     live = LiveRoutes(simulator.config, simulator.route_book)
     goal = (int(robots[0]["goal_row"]), int(robots[0]["goal_col"]))
     assert live.route(robots, simulator.routes[0], 0, goal) is not None
@@ -302,6 +301,16 @@ def test_planners_without_a_cost_map_are_refused_and_specs_checked() -> None:
     assert EnvConfig.from_dict(CONFIG.to_dict()) == CONFIG
 
 
+def test_what_was_stored_with_the_prices_of_today_is_read_and_with_others_refused() -> None:
+    assert RerouteSpec.retired == PRICES._asdict()
+    stored = CONFIG.to_dict()
+    stored["reroute_spec"] |= RerouteSpec.retired
+    assert EnvConfig.from_dict(stored) == CONFIG
+    stored["reroute_spec"]["against"] = 2.0
+    with pytest.raises(ConfigError, match=r"RerouteSpec parameter 'against' is no option any more: it is 1\.0"):
+        EnvConfig.from_dict(stored)
+
+
 def test_live_routes_keep_one_way_cells() -> None:
     one_way = np.zeros((4, 12), np.uint8)
     one_way[1], one_way[2] = 1, 3
@@ -334,14 +343,14 @@ def price_bits() -> list[str]:
     cost, size = np.empty((*grid.shape, 8)), np.float32(grid.cell_size)
     found = []
     for me in range(6):
-        price(robots, routes, me, grid.legal_moves, 6.0, prices_of(RerouteSpec()), np.float32(0.3), size, cost)
+        price(robots, routes, me, grid.legal_moves, 6.0, PRICES, np.float32(0.3), size, cost)
         cells = cells_ahead(robots[me], routes[me], size, *grid.shape)
         found.append(hashlib.sha256(cost.tobytes() + np.float64(path_cost(cells, cost)).tobytes()).hexdigest())
     return found
 
 
 def test_plain_python_gives_the_same_prices_to_the_bit() -> None:
-    program = "from tests.traffic.test_live import price_bits; print(*price_bits())"
+    program = "from tests.simulation.rules.test_live import price_bits; print(*price_bits())"
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", program],
         env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, cwd=ROOT, capture_output=True, text=True, check=False,

@@ -11,7 +11,7 @@ import pytest
 from tests.simulation.reference import separation
 from tests.simulation.rights import World, rectangles
 from tests.simulation.worlds import drawn
-from warehouse_env.simulation.rules import making_room
+from warehouse_env.simulation.rules import making_room, waits
 from warehouse_env.simulation.rules.right_of_way import NOBODY
 
 
@@ -26,10 +26,8 @@ def ring(waited: Sequence[float] = (3.0, 3.0, 3.0), ages: Sequence[int] = (5, 2,
 def resolve(world: World) -> list[int]:
     """Let them make room; return who has a manoeuvre."""
     sim = world.simulator
-    making_room.resolve(
-        world.robots, sim.routes[0], sim.arcs[0], world.ways, sim._params[0], sim._floor.solid, sim._floor.clearance,
-        sim._metric,
-    )  # fmt: skip
+    if waits.look(world.robots, waits.scratch(len(world.robots))):
+        making_room.make_room(0, 1, sim.robots, sim.routes, *sim._room_arguments, sim._metric)
     return [int(k) for k in np.flatnonzero(world.robots["arcs"])]
 
 
@@ -37,7 +35,7 @@ def test_the_one_with_the_least_right_leaves_the_others_paths() -> None:
     world = ring()
     assert resolve(world) == [1]
     assert world.robots["aside"].tolist() == [0, 1, 0]
-    assert world.robots["pause"][1] == making_room.SETTLE
+    assert world.robots["pause"][1] == waits.LEAVES
     world.decide()
     end = rectangles(world.path(1))[-1:]
     for other in (0, 2):
@@ -82,7 +80,7 @@ def test_who_waits_for_one_that_stands_for_good_looks_for_a_way_round_it() -> No
     assert world.robots["pause"].tolist() == [0.0, 0.0]
     world.robots["waiting_time"] = 4.1
     resolve(world)  # it searches, and whether or not it finds a way, not again for a while
-    assert world.robots["pause"].tolist() == [making_room.PAUSE, 0.0]
+    assert world.robots["pause"].tolist() == [waits.PAUSE, 0.0]
     assert world.robots["aside"].tolist() == [0, 0]
 
 
@@ -95,7 +93,7 @@ def test_a_parked_robot_stands_for_good() -> None:
     assert world.robots["pause"][0] == 0.0  # it has only just come to a halt
     world.robots["alive"][1] = 0
     resolve(world)
-    assert world.robots["pause"][0] == making_room.PAUSE
+    assert world.robots["pause"][0] == waits.PAUSE
 
 
 BAY = drawn(["#" * 16, "#####....#######", "." * 16, "#" * 16])

@@ -21,6 +21,7 @@ from warehouse_env.simulation import simulator as simulator_module
 from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.rules.meetings import TIGHT, WIDE
 from warehouse_env.simulation.rules.right_of_way import AHEAD, NOBODY, limit, rank
+from warehouse_env.simulation.rules.waits import is_urged
 from warehouse_env.simulation.senses.preferences import GOING, SIDE, SPEED, speed_of
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.threads import MOST_THREADS, get_num_threads, set_num_threads
@@ -198,13 +199,13 @@ def test_who_has_stood_for_long_is_urged_to_go() -> None:
     choices = np.array([(0.6, 0.0, 0.5), (0.0, -0.4, 1.5)], np.float32)
     assert [SIDE, SPEED, GOING] == [0, 1, 2]
     r["side"], r["authority"] = 0.0, 1.0
-    assert speed_of(r, choices, np.float32(0.0)) == np.float32(-0.4)
+    assert speed_of(r, choices, np.float32(0.0), is_urged(r)) == np.float32(-0.4)
     r["standing_time"] = 2.0
-    assert speed_of(r, choices, np.float32(0.0)) == 1.5
+    assert speed_of(r, choices, np.float32(0.0), is_urged(r)) == 1.5
     r["authority"] = 0.0
-    assert speed_of(r, choices, np.float32(0.0)) == np.float32(-0.4)
+    assert speed_of(r, choices, np.float32(0.0), is_urged(r)) == np.float32(-0.4)
     r["side"] = -1.2  # from a decision before; not among what is offered now
-    assert speed_of(r, choices, np.float32(0.7)) == np.float32(0.7)
+    assert speed_of(r, choices, np.float32(0.7), is_urged(r)) == np.float32(0.7)
 
 
 @pytest.mark.parametrize("layout", ["paper46", "narrow"])
@@ -282,9 +283,8 @@ def test_one_thread_equals_two(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_plain_python_gives_the_same_bits() -> None:
-    program = (
-        "from tests.simulation.test_right_of_way import history; print(*history(1, 2, 6), *history(1, 3, 3, 'after'))"
-    )
+    called = "print(*history(1, 2, 6), *history(1, 3, 3, 'after'))"
+    program = f"from tests.simulation.rules.test_right_of_way import history; {called}"
     assert plain_python(program) == history(1, 2, 6) + history(1, 3, 3, "after")
 
 

@@ -120,7 +120,7 @@ def digest() -> str:
 
 
 def test_plain_python_gives_the_same_bits() -> None:
-    assert plain_python("from tests.simulation.test_messages import digest; print(digest())") == [digest()]
+    assert plain_python("from tests.simulation.senses.test_messages import digest; print(digest())") == [digest()]
 
 
 def test_as_many_are_lost_as_asked_for() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,9 @@ from train.advice.candidates import (
 )
 from train.advice.capacity import Load, bears, loads, next_count
 from train.advice.course import FEWEST, MOST, Advice, Effect, Plan
-from train.advice.trials import Clock, Trial, Trials
+from train.advice.trials import Clock, Trial
 from train.cli import main
+from train.evaluation.jobs import Result, Runner, Tick
 from train.evaluation.places import Floor
 from train.reporting.rows import Interval, RowFile, read_rows
 from warehouse_env.maps.grid_map import GridMap
@@ -252,18 +254,16 @@ def test_the_answer_where_nothing_jams_or_all_does() -> None:
     assert "No robot waited, so there is no bottleneck." in answer(advice(bottlenecks=[], effects=[]))
 
 
-class Driven:
-    """Stands for Trials: rows of robots that never wait, of whom a third are stuck from 16 robots on."""
-
-    def drive(self, trials: list[Trial], title: str) -> list[dict[str, Any]]:
-        return [
-            {
-                "robots": one.robots, "seed": one.seed, "seconds": one.seconds, "shape": list(one.grid.shape),
-                "late_goals_per_robot_hour": 100.0, "goals_per_robot_hour": 100.0, "waiting_share": 0.0,
-                "stuck": 0.3 * (one.robots >= 16), "waited": [], "contacts": [], "ratios": [1.0],
-            }
-            for one in trials
-        ]  # fmt: skip
+def never_waiting(trials: Sequence[Trial]) -> list[dict[str, Any]]:
+    """Rows of robots that never wait, of whom a third are stuck from 16 robots on."""
+    return [
+        {
+            "robots": one.robots, "seed": one.seed, "seconds": one.seconds, "shape": list(one.grid.shape),
+            "late_goals_per_robot_hour": 100.0, "goals_per_robot_hour": 100.0, "waiting_share": 0.0,
+            "stuck": 0.3 * (one.robots >= 16), "waited": [], "contacts": [], "ratios": [1.0],
+        }
+        for one in trials
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("rounds", [9, 1000])
@@ -276,7 +276,7 @@ def test_where_nothing_can_be_changed_the_time_goes_to_the_numbers_beside_the_an
             return Counting.asked <= rounds
 
     hall = floor_of(*["............"] * 10)
-    found = course.advise(Plan(hall, "astar", 60.0, 7, None, 24), Driven(), Counting(5.0))  # type: ignore[arg-type]
+    found = course.advise(Plan(hall, "astar", 60.0, 7, None, 24), never_waiting, Counting(5.0))
     assert [load.robots for load in found.loads] == [8, 12, 14, 15, 16]
     assert found.bears == 15
     assert found.effects == []
@@ -319,13 +319,13 @@ def test_the_command_drives_and_writes_a_page(
 def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def stops(self: Trials, trials: list[Trial], title: str) -> list[dict[str, Any]]:
-        if trials[0].robots > 1:
+    def stops(trial: Trial, tick: Tick) -> Result:
+        if trial.robots > 1:
             raise KeyboardInterrupt
-        return drives(self, trials, title)
+        return drives(trial, tick)
 
-    drives = Trials.drive
-    monkeypatch.setattr(Trials, "drive", stops)
+    drives = Trial.run
+    monkeypatch.setattr(Trial, "run", stops)
     assert main([*COMMON, "--layout", "open", "--out", str(tmp_path)]) == 130
     rows = tmp_path / "rows.jsonl"
     error = capsys.readouterr().err
@@ -336,8 +336,8 @@ def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(
 def test_known_trials_are_not_driven_again() -> None:
     asked = [Trial("as it is", RACKS, 1, seed, 5.0, "astar") for seed in (1, 2)]
     done = [{**trial.identity, "goals": seed} for trial, seed in zip(asked, (1, 2), strict=True)]
-    trials = Trials(lambda work, jobs: [pytest.fail("driven") for _ in jobs], RowFile(None), done, lambda title: None)
-    assert [row["goals"] for row in trials.drive(asked[::-1], "")] == [2, 1]
+    with Runner(RowFile(None), done) as drive:
+        assert [row["goals"] for row in drive(asked[::-1])] == [2, 1]
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from train.central import CENTRAL, central_config
 from train.central.pbcr import PERIOD, SPEEDS, STEERINGS
-from train.central.primitives import DT, MARGIN, POSES, decide_all, drive, meet, meets_shelf
+from train.central.primitives import DT, MARGIN, POSES, decide_all, drive, given, meet, meets_shelf
 from warehouse_env.config import EnvConfig
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.physics.floor import Floor, floor_of
 from warehouse_env.simulation.simulator import Simulator
 
 LIMITS, BODY = np.array([1.0, 1.5, 0.6, 0.3]), np.array([0.45, 0.3])
@@ -26,16 +28,16 @@ def motion_of(x: float, y: float, heading: float, speed: float = 0.0, goal_speed
     return motion
 
 
-def room(rows: int, columns: int) -> NDArray[np.uint8]:
+def room(rows: int, columns: int) -> Floor:
     """Return an empty floor with a rim of shelves."""
-    return np.pad(np.zeros((rows, columns), np.uint8), 1, constant_values=1)
+    return floor_of(GridMap(np.zeros((rows, columns), np.bool_)))
 
 
-def chosen(poses: Floats, speeds: Floats, solid: NDArray[np.uint8], keys: Floats) -> NDArray[np.int64]:
+def chosen(poses: Floats, speeds: Floats, floor: Floor, keys: Floats) -> NDArray[np.int64]:
     """Return the primitives that robots with straight wheels choose, the first of them first."""
     straight, order, period = np.zeros(len(poses)), np.arange(len(poses)), round(PERIOD / DT)
     choice: NDArray[np.int64] = decide_all(
-        poses, speeds, straight, COMMANDS, keys, order, solid, 1.0, BODY, LIMITS, period
+        given(poses, speeds, straight, COMMANDS, keys, floor, BODY, LIMITS, period), order
     )
     return choice
 
@@ -78,12 +80,12 @@ def test_bodies_meet_within_the_margin() -> None:
 
 
 def test_bodies_meet_shelves_within_the_margin() -> None:
-    solid = room(3, 5)
-    assert not meets_shelf(motion_of(2.0, 1.5, 0.0), solid, 1.0, 0.45, 0.3, MARGIN)
-    assert meets_shelf(motion_of(2.0, 0.31, 0.0), solid, 1.0, 0.45, 0.3, MARGIN)  # 1 cm beside the rim
-    assert not meets_shelf(motion_of(2.0, 0.33, 0.0), solid, 1.0, 0.45, 0.3, MARGIN)
+    walls = room(3, 5)[:3]
+    assert not meets_shelf(motion_of(2.0, 1.5, 0.0), 0.45, 0.3, MARGIN, *walls)
+    assert meets_shelf(motion_of(2.0, 0.31, 0.0), 0.45, 0.3, MARGIN, *walls)  # 1 cm beside the rim
+    assert not meets_shelf(motion_of(2.0, 0.33, 0.0), 0.45, 0.3, MARGIN, *walls)
     # its nose comes to 4.15 + 0.96 of 5 m
-    assert meets_shelf(motion_of(4.0, 1.5, 0.0, 1.2, 1.2), solid, 1.0, 0.45, 0.3, MARGIN)
+    assert meets_shelf(motion_of(4.0, 1.5, 0.0, 1.2, 1.2), 0.45, 0.3, MARGIN, *walls)
 
 
 def test_who_stands_beside_the_rim_may_drive_along_it() -> None:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from train.cli import main
-from train.commands.demo import Reel
+from train.commands import demo
+from train.commands.demo import Demo, Reel
 from train.reporting.rows import read_rows
 from warehouse_env.simulation.simulator import Simulator
 
@@ -42,3 +43,13 @@ def test_demo_writes_rows_pictures_and_a_video(
     assert list(shown) == ["follow", "ppo"]  # side by side: two policies, not one twice
     assert shown["follow"] == pytest.approx(shown["ppo"])  # in step, though one decides twice as often
     assert np.diff(shown["ppo"]) == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_kernels_are_compiled_once_before_any_policy_drives(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    done: list[str] = []
+    monkeypatch.setattr(demo, "is_compiled", lambda: compiled)
+    monkeypatch.setattr(demo, "compile_all", lambda processes: done.append(f"compiled in {processes}"))
+    monkeypatch.setattr(demo.Evaluate, "run", lambda _: done.append("driven"))
+    Demo(video_seconds=0, processes=3).run()
+    assert done == ["driven"] if compiled else ["compiled in 3", "driven"]

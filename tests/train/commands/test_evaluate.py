@@ -11,7 +11,7 @@ import pytest
 
 from train.cli import main
 from train.commands.evaluate import Evaluate
-from train.evaluation import pool
+from train.evaluation import episodes
 from train.evaluation.rollout import Experiment, Trace, make_experiment, pair_centres, run
 from train.reporting.rows import RowFile, read_rows
 from warehouse_env import __version__
@@ -169,7 +169,7 @@ def test_resume_plays_only_what_is_missing(tmp_path: Path, monkeypatch: pytest.M
         played.append((experiment.policy, experiment.episodes))
         return run(experiment, *rest)
 
-    monkeypatch.setattr(pool, "run", watched)
+    monkeypatch.setattr(episodes, "run", watched)
     assert main(command(tmp_path, "--policy", "brake", "follow", "--episodes", "2", "--resume")) == 0
     assert played == [("brake", (1,)), ("follow", (0, 1))]
     resumed = read_rows(tmp_path / "rows.jsonl")
@@ -205,7 +205,7 @@ def test_ctrl_c_keeps_the_finished_rows(
             raise KeyboardInterrupt
         return run(experiment, *rest)
 
-    monkeypatch.setattr(pool, "run", interrupted)
+    monkeypatch.setattr(episodes, "run", interrupted)
     assert main(command(tmp_path, "--policy", "brake", "follow", "--episodes", "2")) == 130
     kept = f"2 rows are kept in {tmp_path / 'rows.jsonl'}; the same command with --resume goes on"
     assert capsys.readouterr().err == f"warehouse: stopped; {kept}\n"

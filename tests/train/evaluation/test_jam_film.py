@@ -7,8 +7,9 @@ import pytest
 
 from train.evaluation import jam_film
 from train.evaluation.jam_film import Film, Frame, moments_of, rows_of, worst_jam
+from train.evaluation.jobs import Result
 from train.evaluation.rollout import config_of
-from train.evaluation.scene_runs import play_scene
+from train.evaluation.scene_runs import SceneJob
 from train.evaluation.scenes import SCENES
 from train.evaluation.telling import Asked
 from warehouse_env.config import EnvConfig
@@ -18,7 +19,7 @@ BASE = EnvConfig(planner="astar", tasks="one_shot")
 
 def played() -> Film:
     film = Film(Asked("ppo", config_of("ppo", BASE, {})))
-    play_scene("crossing", "ppo", BASE, 3.0, [5], lambda done: None, watch=[film])
+    SceneJob("crossing", "ppo", BASE, 3.0, range(5, 6)).run(lambda done: None, [film])
     return film
 
 
@@ -49,13 +50,12 @@ def test_the_telling_moments() -> None:
 def test_the_worst_jam_is_one_that_dissolves(monkeypatch: pytest.MonkeyPatch) -> None:
     standing = {"a": (3, True), "b": (7, False), "c": (5, True), "d": (4, True)}
 
-    def play(name: str, *options: object) -> list[dict[str, bool]]:
-        (film,) = options[-1]  # type: ignore[misc]
-        film.frames = [Frame(0.0, *(np.zeros(0),) * 4, np.ones(standing[name][0], np.bool_))]
-        return [{"resolved": standing[name][1]}]
+    def play(job: SceneJob, tick: object, watch: list[Film]) -> Result:
+        watch[0].frames = [Frame(0.0, *(np.zeros(0),) * 4, np.ones(standing[job.scene][0], np.bool_))]
+        return Result([{"resolved": standing[job.scene][1]}])
 
     monkeypatch.setattr(jam_film, "SCENES", standing)
-    monkeypatch.setattr(jam_film, "play_scene", play)
+    monkeypatch.setattr(SceneJob, "run", play)
     ticks: list[int] = []
     found = worst_jam("ppo", BASE, 1.0, 0, lambda: ticks.append(1))
     assert found is not None

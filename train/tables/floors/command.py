@@ -1,4 +1,4 @@
-"""`warehouse tables --floors`: the rule and policies on named floors, benchmark maps and floors drawn at random."""
+"""`warehouse tables floors`: the rule and policies on named floors, benchmark maps and floors drawn at random."""
 
 from __future__ import annotations
 
@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from train.evaluation.episodes import play
 from train.evaluation.rollout import Experiment, make_experiment
-from train.reporting.rows import RowFile, check_writable, whole_rows, write_text
 from train.tables.benchmark.maps import movingai_warehouse
 from train.tables.floors.figures import GENERATED, RULE, floors_tables
-from warehouse_env.checked import Checked
+from train.tables.options import StudyOptions
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.layouts import make_layout
@@ -22,51 +20,37 @@ from warehouse_env.maps.movingai import write_map
 LAYOUTS = ("paper46", "narrow", "single_lane")
 AISLES = (1, 2)  # [cells] of the MovingAI warehouses
 DRAWN = range(541, 561)  # seeds of `aisles`: nothing was trained or chosen on these floors
-ROBOTS = (16, 32, 64, 128)
-EPISODES = 4  # a floor; one on each that is drawn
 ALONE = 25  # episodes of a single robot for each of these: the shares of all others rest on it
 SECONDS = 600.0
 SEED = 22_000_000  # of the first episode, beside --seed: no training and no choice has used seeds from here on
 
 
 @dataclass(frozen=True)
-class Floors(Checked):
-    """Policies beside the rule on many floors, with growing numbers of robots."""
+class Floors(StudyOptions):
+    """Drive policies and the rule on named floors, benchmark maps and 20 floors drawn at random, 16 to 128 robots."""
 
-    out: Path = Path("results/tables")
-    json: Path | None = None  # OUT/floors/rows.jsonl if None
-    runs: int | None = None  # episodes of each floor that is not drawn; EPISODES if None
-    seed: int = 0
-    processes: int = 2
-    fresh: bool = False
-    maps: tuple[str, ...] = ()  # layouts instead of all floors
-    policy: tuple[str, ...] = ()  # names or folders; threaded_ppo if empty
-    robots: tuple[int, ...] = ROBOTS
+    name = "floors"
+
+    policy: tuple[str, ...] = ("threaded_ppo",)
+    """Policies to hold against the rule: names, or folders of trained ones."""
+    robots: tuple[int, ...] = (16, 32, 64, 128)
+    """Numbers of robots."""
+    runs: int = 4
+    """Episodes of each floor; of drawn ones there is one each."""
+    maps: tuple[str, ...] = ()
+    """Layouts to drive on, instead of all floors."""
 
     def run(self) -> None:
         """Drive what is missing, then write the tables."""
-        folder = self.out / "floors"
-        check_writable(folder / "README.md")
+        self.check_writable()
         begin = time.perf_counter()
-        path = self.json or folder / "rows.jsonl"
-        file = RowFile(path, keep=not self.fresh)
-        old = [] if self.fresh else whole_rows(path)
-        rows, _ = play(list(self.experiments(folder)), file, old, processes=self.processes)
-        tables = floors_tables(rows, self.policies)
-        for table in tables:
-            table.print()
-        text = "\n".join(table.markdown() for table in tables)
-        write_text(folder / "README.md", f"# Policies on many floors\n\n{text}")
-        print(f"wrote the tables to {folder / 'README.md'} in {time.perf_counter() - begin:.0f} s; the rows are {path}")
-
-    @property
-    def policies(self) -> tuple[str, ...]:
-        """The policies that are held against the rule."""
-        return self.policy or ("threaded_ppo",)
+        rows = self.drive(list(self.experiments(self.folder)))
+        self.write("Policies on many floors", floors_tables(rows, self.policy))
+        print(self.written(begin))
 
     def experiments(self, folder: Path) -> Iterator[Experiment]:
         """Return what is driven: on every floor one robot alone by the rule, then the rule and every policy."""
-        episodes, first = EPISODES if self.runs is None else self.runs, SEED + self.seed
+        episodes, first = self.runs, SEED + self.seed
         if not self.robots or min(self.robots) < 2:
             raise ConfigError(f"--robots {self.robots} must be numbers of at least 2")
         for number, base in enumerate(self._floors(folder)):
@@ -76,7 +60,7 @@ class Floors(Checked):
             yield make_experiment(RULE, alone, ALONE * many, SECONDS, seed)
             for robots in self.robots:
                 env = EnvConfig(num_agents=robots, planner="astar_turns", **base)
-                for policy in (RULE, *self.policies):
+                for policy in (RULE, *self.policy):
                     yield make_experiment(policy, env, many, SECONDS, seed)
 
     def _floors(self, folder: Path) -> Iterator[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""The tables of `warehouse tables --floors`, from rows alone."""
+"""The tables of `warehouse tables floors`, from rows alone."""
 
 from __future__ import annotations
 

@@ -1,19 +1,16 @@
-"""`warehouse tables --learning`: train some seeds of each algorithm, drive them and the rule, say what that adds."""
+"""`warehouse tables learning`: train some seeds of each algorithm, drive them and the rule, say what that adds."""
 
 from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from train.evaluation.episodes import play
 from train.evaluation.rollout import Experiment, make_experiment
 from train.learning.curves import read_run
-from train.reporting.rows import RowFile, check_writable, whole_rows, write_text
 from train.tables.learning.figures import SETTINGS, learning_tables
 from train.tables.learning.trainings import START, configs, train_missing
-from warehouse_env.checked import Checked
+from train.tables.options import StudyOptions
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.layouts import make_layout
@@ -21,61 +18,54 @@ from warehouse_env.render.learning_curves import learning_curves
 
 FLOORS = ("paper46", "narrow")
 ROBOTS = (16, 32)
-EPISODES = 10  # of each algorithm's policies together, and of what is not trained
 SECONDS = 600.0
 SEED = 10_000_000  # of the first episode, beside --seed: no training and no choice has used seeds from here on
 RULE = "greedy"  # no learning: right of way alone, which needs all options
 
 
 @dataclass(frozen=True)
-class Learning(Checked):
-    """Policies before and after training, and the rule without any, under each combination of options."""
+class Learning(StudyOptions):
+    """Train five seeds of each algorithm, drive them and the rules under all options, and say what learning adds."""
 
-    out: Path = Path("results/tables")
-    json: Path | None = None  # OUT/learning/rows.jsonl if None
-    runs: int | None = None  # episodes; EPISODES if None
-    seed: int = 0
-    processes: int = 2
-    fresh: bool = False  # drive everything again; trainings that are done stay
+    name = "learning"
+
+    trainings: int = 5
+    """Seeds of each algorithm."""
+    steps: int = 4_000_000
+    """Agent-steps of each training."""
+    runs: int = 10
+    """Episodes of each algorithm's policies together, and of what is not trained."""
+    maps: tuple[str, ...] = FLOORS
+    """Layouts to drive on."""
     pictures: bool = True
-    maps: tuple[str, ...] = ()  # names of layouts; FLOORS if empty
-    trainings: int = 5  # seeds of each algorithm
-    steps: int = 4_000_000  # agent-steps of each training
+    """Draw the learning curves."""
 
     def run(self) -> None:
         """Train and drive what is missing, then write the tables and the learning curves."""
-        episodes = EPISODES if self.runs is None else self.runs
-        if episodes < self.trainings or self.trainings < 2:
-            raise ConfigError(f"--runs {episodes} must be at least --trainings {self.trainings}, and that at least 2")
+        if self.runs < self.trainings or self.trainings < 2:
+            what = f"--runs {self.runs} must be at least --trainings {self.trainings}"
+            raise ConfigError(f"{what}, and that at least 2")
         for name in self.maps:
             make_layout(name)  # a wrong name is said before anything is trained
-        folder = self.out / "learning"
-        check_writable(folder / "README.md")
+        self.check_writable()
         begin = time.perf_counter()
-        trainings = configs(folder / "runs", range(self.seed, self.seed + self.trainings), self.steps)
+        trainings = configs(self.folder / "runs", range(self.seed, self.seed + self.trainings), self.steps)
         for line in train_missing(trainings):
             print(line, flush=True)
         policies = {RULE: [RULE], **{name: [str(one.directory) for one in group] for name, group in trainings.items()}}
-        path = self.json or folder / "rows.jsonl"
-        old = [] if self.fresh else whole_rows(path)
-        file = RowFile(path, keep=not self.fresh)
-        rows, _ = play(self.experiments(policies, episodes), file, old, processes=self.processes)
-        tables = learning_tables(rows, policies)
-        for table in tables:
-            table.print()
+        rows = self.drive(self.experiments(policies))
         shown = ""
         if self.pictures:
             learned = (one for name, group in trainings.items() if name != START for one in group)
-            learning_curves([read_run(one.directory).curve for one in learned], folder / "curves.png")
+            learning_curves([read_run(one.directory).curve for one in learned], self.folder / "curves.png")
             shown = "![learning curves](curves.png)\n\n"
-        text = "\n".join(table.markdown() for table in tables)
-        write_text(folder / "README.md", f"# What learning adds\n\n{shown}{text}")
-        print(f"wrote the tables to {folder / 'README.md'} in {time.perf_counter() - begin:.0f} s; the rows are {path}")
+        self.write("What learning adds", learning_tables(rows, policies), shown)
+        print(self.written(begin))
 
-    def experiments(self, policies: dict[str, list[str]], episodes: int) -> list[Experiment]:
+    def experiments(self, policies: dict[str, list[str]]) -> list[Experiment]:
         """Return what is driven: every policy on every floor, under every setting, and one robot alone by the rule."""
-        made = []
-        for floor in self.maps or FLOORS:
+        made, episodes = [], self.runs
+        for floor in self.maps:
             base: dict[str, Any] = {"layout": floor, "planner": "astar_turns"}
             first = SEED + self.seed
             made.append(make_experiment(RULE, EnvConfig(num_agents=1, **base), 4 * episodes, SECONDS, first))

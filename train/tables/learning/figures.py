@@ -1,4 +1,4 @@
-"""The tables of `warehouse tables --learning`, from rows alone."""
+"""The tables of `warehouse tables learning`, from rows alone."""
 
 from __future__ import annotations
 

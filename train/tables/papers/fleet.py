@@ -12,6 +12,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from agents.rules import Rules
+from train.books import simulator_of
+from train.evaluation.rollout import make_experiment, play_out
 from train.reporting.rows import Row
 from train.tables.papers.coordinator import Coordinator, Driven, drive_alone, duration
 from train.tables.study import System, TableTask
@@ -21,7 +23,6 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Planner, min_turns, turns
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.physics.floor import floor_of
-from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import ROBOT, parameters_of
 from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.placement import place
@@ -54,7 +55,7 @@ def drive_fleet(task: TableTask, system: System, rng: np.random.Generator) -> Ro
     tasks, planner = ((task.start, task.goal), *task.others), system.make()
     routes = [planner.plan(task.grid, *one, rng).cells for one in tasks]
     found = all(map(len, routes))
-    outcome = _drive(task.grid, tasks, routes, planner, system.mode, rng) if found else Outcome(False, 0.0, 0.0, 0.0)
+    outcome = _drive(task.grid, tasks, routes, planner, system.mode) if found else Outcome(False, 0.0, 0.0, 0.0)
     optimum = sum(float(task.grid.distance_to(goal)[start]) for start, goal in tasks)
     done = outcome.arrived
     return {
@@ -69,14 +70,12 @@ def drive_fleet(task: TableTask, system: System, rng: np.random.Generator) -> Ro
     }
 
 
-def _drive(
-    grid: GridMap, tasks: Sequence[Task], routes: Sequence[Route], planner: Planner, mode: str, rng: np.random.Generator
-) -> Outcome:
+def _drive(grid: GridMap, tasks: Sequence[Task], routes: Sequence[Route], planner: Planner, mode: str) -> Outcome:
     if mode == ALONE:
         return _on_the_grid(drive_alone(routes))
     if mode in COORDINATORS:
         return _on_the_grid(COORDINATORS[mode].drive(grid, routes))
-    return _bodies(grid, planner, [tasks] if mode == BODIES else [[one] for one in tasks], rng)
+    return _bodies(grid, planner, [tasks] if mode == BODIES else [[one] for one in tasks])
 
 
 def _on_the_grid(driven: Driven) -> Outcome:
@@ -97,21 +96,17 @@ def _assignment(tasks: Sequence[Task], routes: RouteBook, config: EnvConfig) -> 
     return Assignment(pose, np.array([goal for _, goal in tasks]))
 
 
-def _bodies(grid: GridMap, planner: Planner, worlds: Sequence[Sequence[Task]], rng: np.random.Generator) -> Outcome:
+def _bodies(grid: GridMap, planner: Planner, worlds: Sequence[Sequence[Task]]) -> Outcome:
     """Drive each world's robots until all have arrived or time is up."""
-    config = EnvConfig(num_agents=len(worlds[0]), tasks="one_shot")
-    steps = round(SECONDS / (config.time_step * config.action_repeat))
-    routes = RouteBook(grid, planner, keep_right=config.keep_right)
-    simulator = Simulator(config.replace(max_steps=steps), len(worlds), routes=routes)
-    policy = Rules(config)
-    observation = simulator.reset_to([_assignment(tasks, routes, config) for tasks in worlds], seed=0)
-    while not simulator.terminated.all() and not simulator.truncated.all():
-        observation = simulator.step(policy.act(observation, rng))
-    robots = simulator.robots
-    touches = float(robots["hits_robot"].sum()) / 2.0 + float(robots["hits_shelf"].sum())
+    env = EnvConfig(num_agents=len(worlds[0]), tasks="one_shot")
+    experiment = make_experiment(Rules.name, env, len(worlds), SECONDS, 0)
+    simulator = simulator_of(experiment.config, len(worlds), grid, planner)
+    book = simulator.route_book
+    simulator.reset_to([_assignment(tasks, book, experiment.config) for tasks in worlds], experiment.seeds)
+    played, _ = play_out(experiment, simulator)
     return Outcome(
-        bool((robots["goals"] > 0).all()),
-        float(robots["driven_to_goals"].sum()),
-        float(robots["finish_time"].max()),
-        touches,
+        all(one["success_rate"] == 1.0 for one in played),
+        sum(one["path_length_m"] * one["goals"] for one in played if one["goals"]),
+        max(one["makespan_s"] for one in played),
+        sum(one["collisions_robot"] + one["collisions_shelf"] for one in played),
     )

@@ -147,7 +147,7 @@ def _always(figures: Figures, system: str, places: tuple[str, ...]) -> Verdict:
     perfect = [share == 1.0 for share in shares.values()]
     if any(math.isnan(share) for share in shares.values()):
         return Verdict(OPEN, "not all of it was run")
-    return Verdict("holds" if all(perfect) else "holds in part" if any(perfect) else "does not hold", shown)
+    return Verdict.graded(perfect, shown)
 
 
 def _claims() -> tuple[Claim, ...]:

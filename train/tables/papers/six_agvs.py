@@ -10,7 +10,7 @@ import numpy as np
 
 from train.tables.figures import ROUNDING, Figures
 from train.tables.papers.fleet import ALONE, BODIES, BODIES_ALONE, SECONDS, drive_fleet
-from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Claim, Published, Setting, Study, System, TableTask, Verdict
+from train.tables.study import Claim, Published, Setting, Study, System, TableTask, Verdict
 from train.tables.verdicts import percent
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import make_layout
@@ -99,9 +99,7 @@ def cost_is_small(
     most += _PRINT_ROUNDING + ROUNDING
     small = [cost.mean <= most and not cost.high > most for _, cost in told]
     why = "; ".join(f"{name}: {percent(cost)}" for name, cost in told)
-    if not told:
-        return Verdict(OPEN, "nothing was run for it")
-    return Verdict(HOLDS if all(small) else IN_PART if any(small) else FAILS, why)
+    return Verdict.graded(small, why)
 
 
 def resolves_all(figures: Figures, ours: str, settings: Sequence[str] = SIX) -> Verdict:
@@ -111,11 +109,9 @@ def resolves_all(figures: Figures, ours: str, settings: Sequence[str] = SIX) -> 
         rows = [row for task in figures.tasks(name, ours) for row in task]
         if rows:
             shares[name] = sum(row["success"] and not row["contacts"] for row in rows), len(rows)
-    if not shares:
-        return Verdict(OPEN, "nothing was run for it")
     whole = [good == count for good, count in shares.values()]
     why = "; ".join(f"{name}: {good} of {count}" for name, (good, count) in shares.items())
-    return Verdict(HOLDS if all(whole) else IN_PART if any(whole) else FAILS, why)
+    return Verdict.graded(whole, why)
 
 
 def _claims() -> tuple[Claim, ...]:

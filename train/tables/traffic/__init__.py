@@ -1,1 +1,1 @@
-"""What a colony can do that A* cannot, with several robots: the study behind `warehouse tables --traffic`."""
+"""What a colony can do that A* cannot, with several robots: the study behind `warehouse tables traffic`."""

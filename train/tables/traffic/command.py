@@ -1,8 +1,7 @@
-"""`warehouse tables --traffic`: what a colony can do that A* cannot, with several robots -> one report."""
+"""`warehouse tables traffic`: what a colony can do that A* cannot, with several robots -> one report."""
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,9 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from train.reporting.report import require_charts
-from train.reporting.rows import Row, RowFile, check_writable, mean_interval, select, whole_rows, write_rows, write_text
-from train.tables.pieces import run_missing
+from train.evaluation.jobs import Job, Result, Tick
+from train.reporting.report import Table, require_charts
+from train.reporting.rows import Row, mean_interval, select
+from train.tables.code import DRIVING, PLANNING, code_of
+from train.tables.options import StudyOptions
 from train.tables.traffic.driving import DRIVEN, DRIVEN_ROBOTS, measure_driving
 from train.tables.traffic.figures import (
     alternatives_table,
@@ -22,17 +23,15 @@ from train.tables.traffic.figures import (
     replanning_table,
     routes_table,
 )
-from train.tables.traffic.jobs import MAPS, Job, floor
+from train.tables.traffic.jobs import MAPS, Piece, floor
 from train.tables.traffic.k_shortest import require_networkx
 from train.tables.traffic.replanning import measure_replanning
 from train.tables.traffic.routes import PRICE, measure_routes
-from warehouse_env.checked import Checked
-from warehouse_env.errors import ConfigError
+from warehouse_env import __version__
 from warehouse_env.planning import make_planner
 from warehouse_env.traffic.expected import endpoint_tasks
 from warehouse_env.traffic.together import plan_together
 
-DRAWS = 30  # of tasks on each map
 CASES_A_DRAW = 2  # changed floors of each kind for every draw
 EPISODES_A_DRAW = 3  # draws for every driven episode
 _PARTS = {"routes": measure_routes, "replanning": measure_replanning, "driving": measure_driving}
@@ -40,111 +39,100 @@ _PICTURED = 32  # robots
 
 
 @dataclass(frozen=True)
-class Traffic(Checked):
-    """Routes of several robots: conflicts, alternatives, planning again, and what is left of it when driven."""
+class Measurement(Job):
+    """A piece of the study to be measured."""
 
-    out: Path = Path("results/tables")
-    json: Path | None = None  # OUT/traffic/rows.jsonl if None
-    runs: int | None = None  # draws of tasks on each map; DRAWS if None
-    seed: int = 0
-    processes: int = 2
-    fresh: bool = False  # run everything again, instead of keeping the rows that are there
+    piece: Piece
+
+    @property
+    def identity(self) -> Row:
+        """What its rows are known by."""
+        part = self.piece.part
+        code = code_of(f"train.tables.traffic.{part}", within=DRIVING if part == "driving" else PLANNING)
+        return {"job": {**self.piece._asdict(), "version": __version__, "code": code}}
+
+    @property
+    def title(self) -> str:
+        """Its part and map."""
+        return f"{self.piece.part} · {self.piece.map}"
+
+    def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Measurement | None]:
+        """Return the rows, if there are as many as they say."""
+        return (rows, None) if rows and len(rows) == rows[0]["rows"] else ([], self)
+
+    def run(self, tick: Tick) -> Result:
+        """Measure; every row has the identity, and says how many there are."""
+        piece, identity = self.piece, self.identity
+        about = {"part": piece.part, "map": piece.map, "number": piece.number, "robots": piece.robots}
+        rows = [{**about, **row} for row in measured(piece)]
+        return Result([{**row, "rows": len(rows), **identity} for row in rows])
+
+
+def measured(piece: Piece) -> list[Row]:
+    """Measure what a piece's part of the study asks for."""
+    return list(_PARTS[piece.part](piece))
+
+
+@dataclass(frozen=True)
+class Traffic(StudyOptions):
+    """Plan and drive routes of several robots: conflicts, choices of routes, replanning, what driving makes of it."""
+
+    name = "traffic"
+
+    runs: int = 30
+    """Draws of tasks on each map."""
+    maps: tuple[str, ...] = MAPS
+    """Layouts."""
+    driving: bool = True
+    """Also drive in the simulator, two thirds of the time."""
     pictures: bool = True
-    maps: tuple[str, ...] = ()  # names of layouts; MAPS if empty
-    driving: bool = True  # also drive in the simulator, two thirds of the time
+    """Draw conflicts against length, and routes kept apart."""
 
     def run(self) -> None:
         """Run what is missing, then write tables, answers and pictures."""
-        draws = DRAWS if self.runs is None else self.runs
-        if draws < 1 or self.seed < 0:
-            raise ConfigError(f"--runs {draws} must be at least 1 and --seed {self.seed} at least 0")
         require_networkx()
-        maps = tuple(dict.fromkeys(self.maps)) or MAPS
+        maps = tuple(dict.fromkeys(self.maps))
         for name in maps:
             floor(name)  # a wrong name is noticed before anything is run
         if self.pictures:
             require_charts()
-        folder = self.out / "traffic"
-        check_writable(folder / "README.md")
+        self.check_writable()
         begin = time.perf_counter()
-        jobs = self.jobs(draws, maps)
-        rows = self._rows(jobs, self.json or folder / "rows.jsonl")
-        written = write_report(rows, maps, folder, self.pictures, self.seed)
-        print(f"wrote {written} files to {folder} in {time.perf_counter() - begin:.0f} s; begin with README.md")
+        rows = self._rows([Measurement(piece) for piece in self.pieces(maps)])
+        drawn = list(_draw(rows, maps, self.folder, self.seed)) if self.pictures else []
+        shown = "".join(f"![{path.stem}]({path.name})\n\n" for path in drawn)
+        self.write("What can a colony do that A* cannot?", report(rows, maps), shown)
+        print(self.written(begin))
 
-    def jobs(self, draws: int, maps: Sequence[str]) -> list[Job]:
-        """Return all pieces of work; the first ones of every part and map come first."""
-        jobs = []
-        for number in range(draws * CASES_A_DRAW):
-            for name in maps:
-                if number < draws:
-                    jobs.append(Job("routes", name, number, self.seed))
-                jobs.append(Job("replanning", name, number, self.seed))
-                if self.driving and number < -(-draws // EPISODES_A_DRAW):
-                    jobs += [
-                        Job("driving", name, number, self.seed, system, robots)
-                        for robots in DRIVEN_ROBOTS
-                        for system in DRIVEN
-                    ]
-        return jobs
+    def pieces(self, maps: Sequence[str]) -> list[Piece]:
+        """Return all pieces of the study."""
+        pieces = []
+        for name in maps:
+            pieces += [Piece("routes", name, number, self.seed) for number in range(self.runs)]
+            pieces += [Piece("replanning", name, number, self.seed) for number in range(self.runs * CASES_A_DRAW)]
+            pieces += [
+                Piece("driving", name, number, self.seed, system, robots)
+                for number in range(-(-self.runs // EPISODES_A_DRAW) if self.driving else 0)
+                for robots in DRIVEN_ROBOTS
+                for system in DRIVEN
+            ]
+        return pieces
 
-    def _rows(self, jobs: Sequence[Job], path: Path) -> list[Row]:
-        """Return the rows of all jobs in their order, those of the file and those that were missing in it."""
-        wanted = {_key(job.identity): job for job in jobs}
-        asked = {_key(job._asdict()) for job in jobs}
-        known: dict[str, list[Row]] = {}
-        others = []
-        for row in whole_rows(path):
-            made = row.get("job", {})
-            if not self.fresh and _key(made) in wanted:
-                known.setdefault(_key(made), []).append(row)
-            elif _key({name: made.get(name) for name in Job._fields}) not in asked:  # else of other code: in the way
-                others.append(row)
-        known = {key: own for key, own in known.items() if len(own) == own[0].get("rows")}  # a stop may tear a piece
-        if known:
-            print(f"{len(known)} of {len(jobs)} pieces are kept from {path}; --fresh runs them again")
-        write_rows(path, [*others, *(row for own in known.values() for row in own)])
-        missing = [job for key, job in wanted.items() if key not in known]
-        file = RowFile(path, keep=True)
-        for row in run_missing(run_job, missing, file, self.processes, _at_hand, done=len(known)):
-            known.setdefault(_key(row["job"]), []).append(row)
-        return [row for key in wanted for row in known[key]]
+    def _rows(self, jobs: Sequence[Measurement]) -> list[Row]:
+        asked = {job.piece for job in jobs}
+        names = Piece._fields
+
+        def ours(row: Row) -> bool:
+            return tuple(row.get("job", {}).get(name) for name in names) in asked
+
+        return self.rows_of(jobs, ours)
 
 
-def _at_hand(row: Row) -> str:
-    return f"{row['part']} · {row['map']}"
-
-
-def _key(identity: Row) -> str:
-    """Return a piece's identity as text."""
-    return json.dumps(identity, sort_keys=True)
-
-
-def run_job(job: Job) -> list[Row]:
-    """Do a piece of work; every row carries the job's identity as `job`, and how many rows there are of it."""
-    about = {"part": job.part, "map": job.map, "number": job.number, "robots": job.robots}
-    rows = measured(job)
-    return [{**about, **row, "rows": len(rows), "job": job.identity} for row in rows]
-
-
-def measured(job: Job) -> list[Row]:
-    """Measure what the job's part of the study asks for."""
-    return list(_PARTS[job.part](job))
-
-
-def write_report(rows: Sequence[Row], maps: Sequence[str], folder: Path, pictures: bool, seed: int) -> int:
-    """Write README.md, a CSV file and the pictures into a folder; return the number of files."""
+def report(rows: Sequence[Row], maps: Sequence[str]) -> list[Table]:
+    """Return all tables, the answers first."""
     tables = [answers(rows, maps), *(routes_table(name, rows) for name in maps)]
     tables += [alternatives_table(rows), replanning_table(rows)]
-    if select(rows, part="driving"):
-        tables.append(driving_table(rows))
-    for table in tables:
-        table.print()
-    drawn = list(_draw(rows, maps, folder, seed)) if pictures else []
-    shown = "".join(f"![{path.stem}]({path.name})\n\n" for path in drawn)
-    text = "\n".join(table.markdown() for table in tables)
-    write_text(folder / "README.md", f"# What can a colony do that A* cannot?\n\n{shown}{text}")
-    return 1 + len(drawn)
+    return [*tables, driving_table(rows)] if select(rows, part="driving") else tables
 
 
 def _draw(rows: Sequence[Row], maps: Sequence[str], folder: Path, seed: int) -> Iterator[Path]:

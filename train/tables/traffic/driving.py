@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cache
 
-from train.evaluation.rollout import OneBook, make_experiment
+from train.evaluation.rollout import make_experiment
 from train.evaluation.rollout import run as drive
 from train.reporting.rows import Row
-from train.tables.traffic.jobs import Job, floor
+from train.tables.traffic.jobs import Piece, floor
 from warehouse_env.config import EnvConfig
 from warehouse_env.planning import Planner, make_planner
-from warehouse_env.routes.book import RouteBook
 from warehouse_env.traffic.expected import WithCost, expected_traffic
 
 DRIVEN = ("astar_turns", "pf_aco", "astar_turns, cost a cell", "astar_turns, cost a move", "pf_aco, cost a move")
@@ -21,13 +20,11 @@ POLICY = "ppo"
 SECONDS = 600.0  # of an episode
 
 
-def measure_driving(job: Job) -> Iterator[Row]:
+def measure_driving(job: Piece) -> Iterator[Row]:
     """Drive an episode with the shipped policy on routes of one system, and count what happens."""
-    grid = floor(job.map)
     base = EnvConfig(layout=job.map, num_agents=job.robots)
     experiment = make_experiment(POLICY, base, 1, SECONDS, job.seed + job.number)
-    book = RouteBook(grid, _driven_planner(job.map, job.system, job.robots), keep_right=experiment.config.keep_right)
-    (row,) = drive(experiment, routes=OneBook(book))
+    (row,) = drive(experiment, planner=_driven_planner(job.map, job.system, job.robots))
     yield {name: value for name, value in row.items() if name not in ("config", "layout", "planner")} | {
         "system": job.system
     }

@@ -1,21 +1,18 @@
-"""The traffic study in pieces, each known again by its identity: draws of tasks, changed floors, episodes."""
+"""The floors and the pieces of the traffic study: draws of tasks, changed floors, episodes."""
 
 from __future__ import annotations
 
 from functools import cache
 from typing import NamedTuple
 
-from train.reporting.rows import Row
-from train.tables.code import PLANNING, code_of
-from warehouse_env import __version__
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 
 MAPS = ("paper46", "narrow", "single_lane")
 
 
-class Job(NamedTuple):
-    """A piece of work: its part of the study, its map, and the number of its draw, case or episode."""
+class Piece(NamedTuple):
+    """A piece of the study: its part, its map, and the number of its draw, case or episode."""
 
     part: str  # routes, replanning or driving
     map: str
@@ -23,13 +20,6 @@ class Job(NamedTuple):
     seed: int
     system: str = ""  # of driving
     robots: int = 0  # of driving
-
-    @property
-    def identity(self) -> Row:
-        """What its rows are known by."""
-        within = ("train.tables.", "warehouse_env.", "agents.") if self.part == "driving" else PLANNING
-        code = code_of(f"train.tables.traffic.{self.part}", within=within)
-        return {**self._asdict(), "version": __version__, "code": code}
 
 
 @cache

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.reporting.rows import Row
-from train.tables.traffic.jobs import Job, floor
+from train.tables.traffic.jobs import Piece, floor
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Plan, make_planner, path_length
 from warehouse_env.planning.ants.pf_aco import PfAco
@@ -21,7 +21,7 @@ Trails = dict[str, NDArray[np.float64]]  # the pheromone that each colony left b
 CASES = ("pallet", "closed aisle", "moved shelf")
 
 
-def measure_replanning(job: Job) -> Iterator[Row]:
+def measure_replanning(job: Piece) -> Iterator[Row]:
     """Change the floor on a colony's best path and plan again: warm, cold, and by astar."""
     grid, rng = floor(job.map), np.random.default_rng([job.seed, job.number, 1])
     make_planner("astar").plan(grid, *endpoint_tasks(grid, 1, rng)[0], rng)  # may compile; the colonies do below

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from train.reporting.rows import Row
-from train.tables.traffic.jobs import Job, floor
+from train.tables.traffic.jobs import Piece, floor
 from train.tables.traffic.k_shortest import k_shortest
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import make_planner, path_length
@@ -30,7 +30,7 @@ YEN_DRAWS = 5  # draws of k shortest paths, with 16 robots only: each path takes
 Alternatives = Callable[[GridMap, Cell, Cell, np.random.Generator], list[Route]]
 
 
-def measure_routes(job: Job) -> Iterator[Row]:
+def measure_routes(job: Piece) -> Iterator[Row]:
     """Measure every system on one draw of tasks: its first 16, 32 and 64."""
     grid = floor(job.map)
     tasks = endpoint_tasks(grid, max(ROBOTS), np.random.default_rng([job.seed, job.number]))
@@ -59,7 +59,7 @@ def _plan_alone(name: str, grid: GridMap, task: Task, seed: Sequence[int]) -> Ro
     return make_planner(name).plan(grid, *task, np.random.default_rng(seed)).cells
 
 
-def _together(job: Job, name: str, grid: GridMap, tasks: Sequence[Task], directed: bool, price: float) -> Row:
+def _together(job: Piece, name: str, grid: GridMap, tasks: Sequence[Task], directed: bool, price: float) -> Row:
     begin = time.perf_counter()
     plans = plan_together(make_planner(name), grid, tasks, job.seed + job.number, price=price, directed=directed)
     seconds = (time.perf_counter() - begin) / len(tasks)
@@ -79,7 +79,7 @@ def _by_yen(grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator) ->
     return k_shortest(grid, start, goal, K)
 
 
-def _choices(job: Job, grid: GridMap, tasks: Sequence[Task]) -> Iterator[Row]:
+def _choices(job: Piece, grid: GridMap, tasks: Sequence[Task]) -> Iterator[Row]:
     """Measure the choice among K routes of each robot, and how different these are."""
     ways: dict[str, Alternatives] = {f"astar with penalties, choice of {K}": _by_penalties}
     ways[f"pf_aco routes, choice of {K}"] = _by_colony

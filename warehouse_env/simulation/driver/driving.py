@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline, part
+from warehouse_env.simulation.driver.line import forget_grants, forget_path
 from warehouse_env.simulation.physics.kinematics import curvature
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, sin_cos, wrap
 
@@ -31,7 +32,8 @@ _TWO = np.float32(2.0)
 @inline
 def give_up(r):
     """End the robot's manoeuvre where it is."""
-    r["arcs"] = r["poses"] = 0  # its path ahead is another
+    r["arcs"] = 0
+    forget_path(r)
 
 
 @inline
@@ -39,7 +41,7 @@ def begin(r, count, arcs, margin):
     """Start a manoeuvre of `count` arcs, planned with `margin` [m], from where the robot stands."""
     r["arc_margin"] = r["arc_planned"] = margin * KEPT
     r["arcs"], r["arc"] = count, 0
-    r["claim"], r["poses"] = 0.0, 0  # what was granted was of another path
+    forget_grants(r)
     r["arc_x"], r["arc_y"], r["arc_heading"] = r["x"], r["y"], r["heading"]
     r["arc_left"] = arcs[0, 0] if count > 0 else ZERO
 

@@ -38,6 +38,7 @@ from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_c
 NONE, CUT_OFF = -1, -2  # found: see above
 ARCS = 16  # of a manoeuvre at most
 MOST = 6000  # nodes of a search
+_WAITING = 8  # times as many moves that may wait in its queue
 TRIES = 6  # the first is coarse: it finds a way round another body, or to turn round, within a tenth of the nodes
 # [m] to shelves and bodies, of each try. A robot drives with a third of that (driving.py): where deviation stops it,
 # the next try can begin.
@@ -135,11 +136,14 @@ def clear_of_bodies(x, y, c, s, bend, length, bodies, rooms, p):
 
 
 @inline
-def _to_go(x, y, heading, goals, metric):
-    """Return (whether a goal is reached, seconds from there on; or estimated seconds to the best goal)."""
+def _to_go(x, y, heading, goals, facing, metric):
+    """Return (whether a goal is reached, seconds from there on; or estimated seconds to the best goal).
+
+    facing float32[G, 2]: cosine and sine of the goals' headings.
+    """
     least, arrived = np.float32(np.inf), False
     for k in range(goals.shape[0]):
-        s, c = sin_cos(goals[k, 2])
+        c, s = facing[k, 0], facing[k, 1]
         dx, dy, turn = x - goals[k, 0], y - goals[k, 1], wrap(heading - goals[k, 2])
         ahead, left = dx * c + dy * s, dy * c - dx * s
         if abs(ahead) <= _ALONG and abs(left) <= _REACHED and abs(turn) <= _ALIGNED:
@@ -181,87 +185,123 @@ def _write_arcs(node, parents, by, moves, arcs):
     return min(count, arcs.shape[0])
 
 
+@inline
+def _after(poses, node, move):
+    """Return the pose (x, y, heading, cosine, sine) at the end of a move from a node."""
+    c, s = poses[node, COSINE], poses[node, SINE]
+    x = poses[node, X] + move[turning.AHEAD] * c - move[turning.LEFT] * s
+    y = poses[node, Y] + move[turning.AHEAD] * s + move[turning.LEFT] * c
+    heading = wrap(poses[node, HEADING] + move[turning.TURN])
+    return x, y, heading, c * move[turning.COS] - s * move[turning.SIN], s * move[turning.COS] + c * move[turning.SIN]
+
+
+@inline
+def _is_free(poses, node, move, bodies, rooms, p, solid, clearance):
+    """Whether a move from a node keeps off shelves and bodies."""
+    x, y, c, s = poses[node, X], poses[node, Y], poses[node, COSINE], poses[node, SINE]
+    bend, length = move[turning.BEND], move[turning.LENGTH]
+    return sweep_is_free(x, y, c, s, bend, length, poses[node, MARGIN], p, solid, clearance) and clear_of_bodies(
+        x, y, c, s, bend, length, bodies, rooms, p
+    )
+
+
+@inline
+def _seconds(poses, node, steer, by, move, moves, p):
+    """Return the seconds to the end of a move from a node; steer [rad]: the steering angle at the start."""
+    before = by[node]
+    length, last = (moves[before, turning.LENGTH], moves[before, turning.STEER]) if before >= 0 else (ZERO, steer)
+    change = turning.change_time(length, last, move[turning.LENGTH], move[turning.STEER], p)
+    return poses[node, COST] + move[turning.SECONDS] + change
+
+
 @part
 def _search(
-    x, y, heading, steer, goals, avoid, bodies, rooms, margin, stride, cell, tree, table, queue,
+    x, y, heading, steer, goals, facing, avoid, bodies, rooms, margin, stride, cell, tree, table, queue,
     p, solid, clearance, metric, arcs,
 ):  # fmt: skip
-    """Search as search_once does, with its arrays."""
-    moves, poses, parents, by, done = tree
+    """Search as search_once does, with its arrays.
+
+    Moves wait in the queue unseen: whether one is free is looked at when it is the soonest, for most never are.
+    """
+    moves, poses, parents, by = tree
     taken, best = table
-    keys, items = queue
-    most = parents.size
+    keys, items, origins, ways, ends = queue
     turning.write_moves(stride, p, moves)
-    aside = goals.shape[0] == 0
+    aside, capacity = goals.shape[0] == 0, keys.size
     s, c = sin_cos(heading)
     _write_rooms(x, y, c, s, margin, bodies, p, rooms)
-    poses[0, X], poses[0, Y], poses[0, HEADING], poses[0, COSINE], poses[0, SINE], poses[0, COST] = (
-        x, y, heading, c, s, ZERO
-    )  # fmt: skip
-    poses[0, MARGIN] = _margin_at(x, y, c, s, margin, p, solid, clearance)
+    poses[0, X], poses[0, Y], poses[0, HEADING], poses[0, COSINE], poses[0, SINE] = x, y, heading, c, s
+    poses[0, COST], poses[0, MARGIN] = ZERO, _margin_at(x, y, c, s, margin, p, solid, clearance)
     parents[0], by[0] = -1, -1
-    size, used = push(keys, items, 0, ZERO, 0), 1
-    done[0] = not _bars(x, y, c, s, avoid, p) if aside else _to_go(x, y, heading, goals, metric)[0]
-    while size > 0:
-        _, node, size = pop(keys, items, size)
-        if done[node]:
-            return _write_arcs(node, parents, by, moves, arcs)
-        x, y, heading = poses[node, X], poses[node, Y], poses[node, HEADING]
-        c, s, cost = poses[node, COSINE], poses[node, SINE], poses[node, COST]
-        if node > 0 and cost > best[_slot_of(x, y, heading, cell, taken)[0]]:
-            continue  # the cell was reached sooner since
-        before = by[node]
-        kept = poses[node, MARGIN]
+    if (not _bars(x, y, c, s, avoid, p)) if aside else _to_go(x, y, heading, goals, facing, metric)[0]:
+        return 0
+    size, waiting, used, node = 0, 0, 1, 0
+    while True:
         for k in range(turning.MOVES):
-            move = moves[k]
-            nx, ny = (
-                x + move[turning.AHEAD] * c - move[turning.LEFT] * s,
-                y + move[turning.AHEAD] * s + move[turning.LEFT] * c,
-            )
-            turned = wrap(heading + move[turning.TURN])
-            length, last = (
-                (moves[before, turning.LENGTH], moves[before, turning.STEER]) if before >= 0 else (ZERO, steer)
-            )
-            total = (
-                cost
-                + move[turning.SECONDS]
-                + turning.change_time(length, last, move[turning.LENGTH], move[turning.STEER], p)
-            )
-            slot, key = _slot_of(nx, ny, turned, cell, taken)
+            x, y, heading, c, s = _after(poses, node, moves[k])
+            total = _seconds(poses, node, steer, by, moves[k], moves, p)
+            slot, key = _slot_of(x, y, heading, cell, taken)
             if taken[slot] == key and best[slot] <= total:
                 continue
-            if not sweep_is_free(x, y, c, s, move[turning.BEND], move[turning.LENGTH], kept, p, solid, clearance):
-                continue
-            if not clear_of_bodies(x, y, c, s, move[turning.BEND], move[turning.LENGTH], bodies, rooms, p):
-                continue
-            if used == most:
+            if waiting == capacity:
                 return CUT_OFF
-            taken[slot], best[slot] = key, total
-            nc, ns = c * move[turning.COS] - s * move[turning.SIN], s * move[turning.COS] + c * move[turning.SIN]
-            poses[used, X], poses[used, Y], poses[used, HEADING] = nx, ny, turned
-            poses[used, COSINE], poses[used, SINE], poses[used, COST] = nc, ns, total
-            poses[used, MARGIN] = margin if kept == margin else _margin_at(nx, ny, nc, ns, margin, p, solid, clearance)
-            parents[used], by[used] = node, k
-            rest = ZERO
+            rest, ends[waiting] = ZERO, False
             if aside:
-                done[used] = not _bars(nx, ny, nc, ns, avoid, p)
+                ends[waiting] = not _bars(x, y, c, s, avoid, p)
             else:
-                done[used], rest = _to_go(nx, ny, turned, goals, metric)
-            size = push(keys, items, size, total + rest, used)
-            used += 1
-    return NONE
+                ends[waiting], rest = _to_go(x, y, heading, goals, facing, metric)
+            origins[waiting], ways[waiting] = node, k
+            size = push(keys, items, size, total + rest, waiting)
+            waiting += 1
+        found = False
+        while size > 0 and not found:
+            _, entry, size = pop(keys, items, size)
+            node, k = origins[entry], ways[entry]
+            x, y, heading, c, s = _after(poses, node, moves[k])
+            total = _seconds(poses, node, steer, by, moves[k], moves, p)
+            slot, key = _slot_of(x, y, heading, cell, taken)
+            if not (taken[slot] == key and best[slot] <= total):
+                found = _is_free(poses, node, moves[k], bodies, rooms, p, solid, clearance)
+        if not found:
+            return NONE
+        if used == parents.size:
+            return CUT_OFF
+        taken[slot], best[slot] = key, total
+        kept = poses[node, MARGIN]
+        poses[used, X], poses[used, Y], poses[used, HEADING], poses[used, COSINE], poses[used, SINE] = (
+            x,
+            y,
+            heading,
+            c,
+            s,
+        )
+        poses[used, COST] = total
+        poses[used, MARGIN] = margin if kept == margin else _margin_at(x, y, c, s, margin, p, solid, clearance)
+        parents[used], by[used] = node, k
+        node = used
+        used += 1
+        if ends[entry]:
+            return _write_arcs(node, parents, by, moves, arcs)
 
 
 @kernel
 def search_once(x, y, heading, steer, goals, avoid, bodies, trial, most, p, solid, clearance, metric, arcs):
     """Search as in try `trial` of TRIES, for at most `most` <= MOST nodes; return as `search` does."""
-    moves, poses = np.empty((turning.MOVES, 9), np.float32), np.empty((most, 7), np.float32)
-    tree = moves, poses, np.empty(most, np.int32), np.empty(most, np.int8), np.zeros(most, np.bool_)
+    tree = (
+        np.empty((turning.MOVES, 9), np.float32), np.empty((most, 7), np.float32), np.empty(most, np.int32),
+        np.empty(most, np.int8),
+    )  # fmt: skip
     table = np.zeros(_SLOTS, np.int32), np.empty(_SLOTS, np.float32)
-    queue = np.empty(most, np.float32), np.empty(most, np.int32)
-    rooms = np.empty(bodies.shape[0], np.float32)
+    many = most * _WAITING
+    queue = (
+        np.empty(many, np.float32), np.empty(many, np.int32), np.empty(many, np.int32), np.empty(many, np.int8),
+        np.empty(many, np.bool_),
+    )  # fmt: skip
+    rooms, facing = np.empty(bodies.shape[0], np.float32), np.empty((goals.shape[0], 2), np.float32)
+    for k in range(goals.shape[0]):
+        facing[k, 1], facing[k, 0] = sin_cos(goals[k, 2])
     return _search(
-        x, y, heading, steer, goals, avoid, bodies, rooms, MARGINS[trial], STRIDES[trial], CELLS[trial],
+        x, y, heading, steer, goals, facing, avoid, bodies, rooms, MARGINS[trial], STRIDES[trial], CELLS[trial],
         tree, table, queue, p, solid, clearance, metric, arcs,
     )  # fmt: skip
 

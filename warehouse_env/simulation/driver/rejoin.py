@@ -1,6 +1,7 @@
 """Where a manoeuvre leads: back to the robot's own route, or out of somebody's way.
 
-API: bodies_near(r, bodies, p) -> standing bodies for
+API: seek(begin, end, robots, routes, arcs, params, solid, clearance, metric) for all robots that seek their route;
+     write_bodies_near(r, robots, within, p, near) -> number of bodies for
      plan_to_route(r, route, arcs, bodies, most, p, solid, clearance, metric) and
      plan_aside(r, arcs, avoid, bodies, p, solid, clearance, metric)
 The two search from where the robot stands, begin the manoeuvre if there is one, and return the number of its arcs: 0
@@ -14,25 +15,17 @@ import numpy as np
 
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.driver import manoeuvre
-from warehouse_env.simulation.driver.driving import begin
-from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, COS, SIN
+from warehouse_env.simulation.driver.driving import begin as begin_manoeuvre
+from warehouse_env.simulation.driver.line import way_point
 from warehouse_env.simulation.physics.trigonometry import HALF_PI, ZERO, arc_tan2, wrap
+from warehouse_env.simulation.state import AROUND_OTHERS
 
 FIRST, APART, MANY = np.float32(0.75), np.float32(0.4), 8  # [m] ahead, [m] between, and number of poses on the route
 FAR_APART, FAR_MANY = np.float32(1.2), 20  # where none of these can be reached: a lane that must be left backwards
 CRUISE = np.float32(1.3)  # [m/s] at which the rest of the way is priced
 NEAR, MOST_NEAR = np.float32(3.0), 64  # [m] within which others are gone round; more bodies than fit into that
-AMONG_OTHERS, ASIDE = 300, 2000  # nodes of a search round others who may go, and of one for room
-
-
-@inline
-def _route_pose(r, route, ahead):
-    """Return the route's point `ahead` [m] of the robot and its heading [rad]."""
-    at = (r["position"] + ahead) / r["spacing"]
-    k = min(int(at), r["points"] - 2)
-    part = at - np.float32(k)
-    dx, dy = route[k + 1, 0] - route[k, 0], route[k + 1, 1] - route[k, 1]
-    return route[k, 0] + part * dx, route[k, 1] + part * dy, arc_tan2(dy, dx)
+FEW = 2  # tries round others who may go: what these bar, finer arcs do not open
+AMONG_OTHERS, ASIDE = 200, 2000  # nodes of a search round others who may go, and of one for room
 
 
 @inline
@@ -43,7 +36,8 @@ def _write_goals(r, route, apart, many, goals):
     count = 0
     for k in range(many):
         ahead = min(FIRST + apart * np.float32(k), to_go)
-        x, y, heading = _route_pose(r, route, ahead)
+        x, y, ux, uy = way_point(r, route, ahead)
+        heading = arc_tan2(uy, ux)
         goals[count, 0], goals[count, 1], goals[count, 2] = x, y, heading
         goals[count, 3] = (last - ahead) / CRUISE
         count += 1
@@ -57,20 +51,21 @@ def _write_goals(r, route, apart, many, goals):
     return count
 
 
-@kernel
-def bodies_near(r, bodies, p):
-    """Return float32[K, 4] (centre x, y, cos, sin) of the others near the robot, of bodies [BODY, N] (buckets.py)."""
+@inline
+def write_bodies_near(r, robots, within, p, near):
+    """Write centre x, y [m], cosine and sine of the others within [m] of a robot of ROBOT[N] into near float32[M, 4].
+
+    Returns how many, M at most.
+    """
     cx, cy = r["x"] - p["offset"] * r["cos"], r["y"] - p["offset"] * r["sin"]
-    near = np.empty((MOST_NEAR, 4), np.float32)
     count = 0
-    for n in range(bodies.shape[1]):
-        dx, dy = bodies[CENTRE_X, n] - cx, bodies[CENTRE_Y, n] - cy
-        square = dx * dx + dy * dy
-        if ZERO < square < NEAR * NEAR and count < MOST_NEAR:  # its own centre is no way off
-            near[count, 0], near[count, 1] = bodies[CENTRE_X, n], bodies[CENTRE_Y, n]
-            near[count, 2], near[count, 3] = bodies[COS, n], bodies[SIN, n]
+    for o in robots:
+        x, y = o["x"] - p["offset"] * o["cos"], o["y"] - p["offset"] * o["sin"]
+        square = (x - cx) * (x - cx) + (y - cy) * (y - cy)
+        if ZERO < square < within * within and count < near.shape[0]:  # its own centre is no way off
+            near[count, 0], near[count, 1], near[count, 2], near[count, 3] = x, y, o["cos"], o["sin"]
             count += 1
-    return near[:count]
+    return count
 
 
 @kernel
@@ -82,7 +77,8 @@ def plan_to_route(r, route, arcs, bodies, most, p, solid, clearance, metric):
     near, far = np.empty((MANY + 3, 4), np.float32), np.empty((FAR_MANY + 3, 4), np.float32)
     near = near[: _write_goals(r, route, APART, MANY, near)]
     far = far[: _write_goals(r, route, FAR_APART, FAR_MANY, far)]
-    for k in range(2 * manoeuvre.TRIES):
+    tries = manoeuvre.TRIES if bodies.shape[0] == 0 or most == manoeuvre.MOST else FEW
+    for k in range(2 * tries):
         trial = manoeuvre.trial_of(k // 2, bodies)
         goals = near if k % 2 == 0 else far
         found = manoeuvre.search_once(
@@ -90,7 +86,7 @@ def plan_to_route(r, route, arcs, bodies, most, p, solid, clearance, metric):
             p, solid, clearance, metric, arcs,
         )  # fmt: skip
         if found > 0:
-            begin(r, found, arcs, manoeuvre.MARGINS[trial])
+            begin_manoeuvre(r, found, arcs, manoeuvre.MARGINS[trial])
         if found >= 0:
             return found
         if found == manoeuvre.CUT_OFF and most < manoeuvre.MOST:
@@ -107,5 +103,21 @@ def plan_aside(r, arcs, avoid, bodies, p, solid, clearance, metric):
         x, y, heading, steer, goals, avoid, bodies, ASIDE, p, solid, clearance, metric, arcs
     )
     if found > 0:
-        begin(r, found, arcs, margin)
+        begin_manoeuvre(r, found, arcs, margin)
     return found
+
+
+@kernel
+def seek(begin, end, robots, routes, arcs, params, solid, clearance, metric):
+    """Search for all who seek their route in the worlds from `begin` to before `end`. Arguments: see step.advance."""
+    p = params[0]
+    near = np.empty((MOST_NEAR, 4), np.float32)
+    for b in range(begin, end):
+        for i in range(robots.shape[1]):
+            r = robots[b, i]
+            if r["seeks"] == 0:
+                continue
+            others = write_bodies_near(r, robots[b], NEAR, p, near) if r["seeks"] == AROUND_OTHERS else 0
+            r["seeks"] = 0
+            most = manoeuvre.MOST if others == 0 else AMONG_OTHERS
+            plan_to_route(r, routes[b, i], arcs[b, i], near[:others], most, p, solid, clearance, metric)

@@ -3,26 +3,22 @@
 An action asks for a speed and a lateral offset from the route. The follower steers towards a point ahead
 (pure pursuit about the fixed front axle), slows down where it must steer, and takes a command only if the
 body, driven on and then braked, stays off the shelves: the map is known, so this needs no learning. Where the line
-cannot be followed so (it begins behind the robot, a corner is too sharp, a lane ends) it searches for a manoeuvre that
-leads to the route (rejoin.py) and drives that. Other robots are not its
-business, but that it searches a way round their bodies once one has held it for a second.
+cannot be followed so (it begins behind the robot, a corner is too sharp, a lane ends) it asks for a manoeuvre that
+leads to the route (`seeks`), which is searched for after the env step (rejoin.py), and drives that. Other robots are
+not its business, but that it asks for a way round their bodies once one has held it for a second.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.kernel import inline
 from warehouse_env.simulation.driver.driving import KEPT, STANDS, drive_arcs, give_up, leads_ahead
-from warehouse_env.simulation.driver.manoeuvre import MOST
+from warehouse_env.simulation.driver.line import aim, room_beside, steer_for
 from warehouse_env.simulation.driver.off_shelves import may_drive
-from warehouse_env.simulation.driver.rejoin import AMONG_OTHERS, bodies_near, plan_to_route
-from warehouse_env.simulation.physics.footprint import clearance_at
-from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, wrap
+from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
+from warehouse_env.simulation.state import ALONE, AROUND_OTHERS
 
-TWO = np.float32(2.0)
-LOOK_AHEAD = np.float32(0.55)  # [m] standing
-LOOK_AHEAD_TIME = np.float32(0.45)  # [s] of driving added to it
 CREEP = np.float32(0.35)  # [m/s] at least, however much it must steer
 SLOW = np.float32(0.45)  # [m/s] under which another steering angle may be chosen
 BEND_SCALE = np.float32(2.0)  # [rad] of steering at which the speed would come down to a creep,
@@ -30,95 +26,13 @@ STEER_SCALE = np.float32(0.9)  # [rad] and off the wanted steering
 MARGIN = np.float32(0.03)  # [m] the follower keeps from shelves
 STEERED = np.float32(0.02)  # [rad] off the wanted steering from which a robot in a manoeuvre waits for it to turn
 LAST = np.float32(1.5e-4)  # [m] that a manoeuvre must keep from shelves, or it is given up
-LANE_CLEARANCE = np.float32(0.45)  # [m] a way-point moved sideways keeps from shelves
-OFFSET_FADE = np.float32(2.0)  # [m] before the goal in which offsets fade out
 BACK_ON = np.float32(0.5)  # [rad] off the nose up to which target and line end a manoeuvre that only leads on ahead
 PATIENCE = np.float32(4.0)  # [s] without a metre of progress from which manoeuvres are driven to their end
 ASIDE = np.float32(1.0)  # [rad] off the nose from which a target takes a manoeuvre
-AGAIN = np.float32(2.0)  # [s] until another search where nothing was found,
-AGAIN_HELD, AGAIN_HELD_BACK = np.float32(15.0), np.float32(5.0)  # [s] and, found or not, where another is in the way
-HELD = np.float32(1.0)  # [s] in touch with a robot after which a way round the others' bodies is searched,
-HELD_BACK = np.float32(2.5)  # [s] and held by the field after which it is, too: it may have to steer first
-
-
-@inline
-def locate(r, route):
-    """Project the robot onto its route near where it was; update position, lateral and bearing; return progress [m]."""
-    points = r["points"]
-    spacing = r["spacing"]
-    x, y = r["x"], r["y"]
-    before = r["position"]
-    if points < 2:
-        r["lateral"] = ZERO
-        r["bearing"] = ZERO
-        return ZERO
-    first = max(int(before / spacing) - 1, 0)
-    first = min(first, points - 2)
-    last = min(first + 6, points - 2)
-    inverse = ONE / spacing
-    best = np.float32(np.inf)
-    nearest = first
-    reached = ZERO
-    for k in range(first, last + 1):
-        ax, ay = route[k, 0], route[k, 1]
-        ux, uy = (route[k + 1, 0] - ax) * inverse, (route[k + 1, 1] - ay) * inverse
-        along = (x - ax) * ux + (y - ay) * uy
-        along = min(max(along, ZERO), spacing)
-        dx, dy = x - (ax + along * ux), y - (ay + along * uy)
-        squared = dx * dx + dy * dy
-        if squared < best:
-            best = squared
-            nearest = k
-            reached = along
-    ax, ay = route[nearest, 0], route[nearest, 1]
-    ux, uy = (route[nearest + 1, 0] - ax) * inverse, (route[nearest + 1, 1] - ay) * inverse
-    r["position"] = np.float32(nearest) * spacing + reached
-    r["lateral"] = ux * (y - ay) - uy * (x - ax)
-    r["bearing"] = wrap(arc_tan2(uy, ux) - r["heading"])
-    return r["position"] - before
-
-
-@inline
-def way_point(r, route, ahead):
-    """Return the route's point `ahead` [m] of the robot and its direction (x, y, ux, uy); the goal at most."""
-    points = r["points"]
-    if points < 2:
-        return r["goal_x"], r["goal_y"], ONE, ZERO
-    spacing = r["spacing"]
-    at = (r["position"] + ahead) / spacing
-    k = min(int(at), points - 2)
-    part = min(at - np.float32(k), ONE)
-    dx, dy = route[k + 1, 0] - route[k, 0], route[k + 1, 1] - route[k, 1]
-    return route[k, 0] + part * dx, route[k, 1] + part * dy, dx / spacing, dy / spacing
-
-
-@inline
-def to_steering(bend, wheelbase, most):
-    """Return the rear-wheel angle [rad] that drives a curvature [1/m], within +-most."""
-    return min(max(-arc_tan(wheelbase * bend), -most), most)
-
-
-@inline
-def pursue(r, tx, ty, p):
-    """Return (steering [rad], angle to the target [rad]) of pure pursuit towards (tx, ty) [m]."""
-    dx, dy = tx - r["x"], ty - r["y"]
-    ahead = dx * r["cos"] + dy * r["sin"]
-    left = dy * r["cos"] - dx * r["sin"]
-    angle = arc_tan2(left, ahead)
-    if ahead <= ZERO:
-        return (-p["max_steer"] if left >= ZERO else p["max_steer"]), angle
-    squared = ahead * ahead + left * left
-    bend = TWO * left / max(squared, np.float32(0.01))
-    return to_steering(bend, p["wheelbase"], p["max_steer"]), angle
-
-
-@inline
-def aim(r, route, p):
-    """Set follow_steer towards a point of the route ahead; return that, the direction there, and the angle to it."""
-    ahead = LOOK_AHEAD + LOOK_AHEAD_TIME * max(r["speed"], ZERO)
-    tx, ty, ux, uy = way_point(r, route, ahead)
-    r["follow_steer"], angle = pursue(r, tx, ty, p)
-    return tx, ty, ux, uy, angle
+AGAIN = np.float32(2.0)  # [s] from one search to the next, whatever came of it,
+AGAIN_HELD, AGAIN_HELD_BACK = np.float32(15.0), np.float32(5.0)  # [s] and where another is in the way, longer by the
+# time that it has got nowhere: what has not helped so far is tried more and more rarely
+HELD = np.float32(2.5)  # [s] in touch with a robot, or held by the field, after which a way round the others is sought
 
 
 @inline
@@ -152,24 +66,15 @@ def _manoeuvre(r, arcs, wanted, p, solid, clearance):
     return ZERO, _brake_steer(r, steer, r["arc_margin"], p, solid, clearance)
 
 
-@kernel
-def _plan(r, route, arcs, bodies, alone, p, solid, clearance, metric):
-    """Begin a manoeuvre to the route, around the others' bodies unless `alone`; return the number of its arcs."""
-    others = np.empty((0, 4), np.float32) if alone else bodies_near(r, bodies, p)
-    most = MOST if others.shape[0] == 0 else AMONG_OTHERS
-    return plan_to_route(r, route, arcs, others, most, p, solid, clearance, metric)
-
-
 @inline
-def _forward(r, route, arcs, bodies, alone, speed, steer, angle, p, solid, clearance, metric):
-    """Return the wanted (speed, steering) if its sweep is free, else those of stopping, or of a new manoeuvre."""
+def _forward(r, alone, speed, steer, angle, p, solid, clearance):
+    """Return the wanted (speed, steering) if its sweep is free, else those of stopping; seek a manoeuvre if need be."""
     slow = abs(r["speed"]) < SLOW
     may = not (slow and abs(angle) > ASIDE) and may_drive(r, speed, steer, MARGIN, p, solid, clearance)
     if slow and not (may and alone) and r["search_wait"] <= ZERO:
-        found = _plan(r, route, arcs, bodies, alone, p, solid, clearance, metric)
-        r["search_wait"] = (AGAIN if found <= 0 else ZERO) if alone else AGAIN_HELD_BACK if p["field"] else AGAIN_HELD
-        if found > 0:
-            return _manoeuvre(r, arcs, speed, p, solid, clearance)
+        r["seeks"] = ALONE if alone else AROUND_OTHERS
+        again_held = AGAIN_HELD_BACK if p["field"] else AGAIN_HELD
+        r["search_wait"] = AGAIN if alone else again_held + r["stalled_time"]
     if may:
         return speed, steer
     return ZERO, _brake_steer(r, steer, MARGIN, p, solid, clearance)
@@ -185,24 +90,17 @@ def _backwards(r, speed, p, solid, clearance):
 
 
 @inline
-def follow(r, route, arcs, bodies, wanted_speed, offset, p, solid, clearance, metric):
+def follow(r, route, arcs, wanted_speed, offset, p, solid, clearance):
     """Set target_speed, target_steer and follow_steer from a wanted speed [m/s] and lateral offset [m]."""
     tx, ty, ux, uy, angle = aim(r, route, p)
     r["search_wait"] = max(r["search_wait"] - p["time_step"], ZERO)
     steer = r["follow_steer"]
     if offset != ZERO:
         to_go = np.float32(r["points"] - 1) * r["spacing"] - r["position"]
-        offset *= min(ONE, to_go / OFFSET_FADE)
-        if clearance_at(tx - offset * uy, ty + offset * ux, clearance, p["cell"]) < LANE_CLEARANCE:
-            offset *= HALF
-            if clearance_at(tx - offset * uy, ty + offset * ux, clearance, p["cell"]) < LANE_CLEARANCE:
-                offset = ZERO
-        steer, angle = pursue(r, tx - offset * uy, ty + offset * ux, p)
-    speed = wanted_speed
-    if speed < ZERO:
-        give_up(r)
-    on_line = speed
-    alone = r["contact_time"] <= HELD and r["held_time"] <= HELD_BACK
+        offset = room_beside(tx, ty, ux, uy, offset, to_go, clearance, p)
+        steer, angle = steer_for(r, tx - offset * uy, ty + offset * ux, p)
+    speed = on_line = wanted_speed
+    alone = max(r["contact_time"], r["held_time"]) <= HELD
     if speed > ZERO:
         if not alone and r["search_wait"] <= ZERO:
             give_up(r)
@@ -211,10 +109,10 @@ def follow(r, route, arcs, bodies, wanted_speed, offset, p, solid, clearance, me
         aligned = max(abs(angle), abs(r["bearing"])) < BACK_ON and r["stalled_time"] < PATIENCE
         if aligned and leads_ahead(r, arcs) and may_drive(r, on_line, steer, MARGIN, p, solid, clearance):
             give_up(r)
-    if r["arcs"] > 0:
+    if r["arcs"] > 0 and speed >= ZERO:  # one that backs has its manoeuvre left for when it drives on
         speed, steer = _manoeuvre(r, arcs, speed, p, solid, clearance)
     elif speed > ZERO:
-        speed, steer = _forward(r, route, arcs, bodies, alone, on_line, steer, angle, p, solid, clearance, metric)
+        speed, steer = _forward(r, alone, on_line, steer, angle, p, solid, clearance)
     elif r["speed"] > ZERO or speed == ZERO:
         speed, steer = ZERO, _brake_steer(r, steer, MARGIN, p, solid, clearance)
     else:

@@ -1,26 +1,35 @@
-"""Right of way in a batch of worlds: all are ranked, granted their stretches, and rings dissolved; before each step."""
+"""Right of way in a batch of worlds: all are ranked and granted their stretches before each step.
+
+Rings are dissolved after it, by a kernel of its own: making_room.py pulls in the search for manoeuvres, which takes
+long to compile, and few runs come to need it.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from warehouse_env.kernel import kernel
-from warehouse_env.simulation.rules import making_room, meetings, right_of_way, stepping_in
+from warehouse_env.simulation.physics.trigonometry import ZERO
+from warehouse_env.simulation.rules import meetings, right_of_way, stepping_in, waits
 
 
 @kernel
-def agree(begin, end, robots, routes, arcs, commands, paths, params, choices, solid, clearance, metric):
-    """Decide on the right of way in the worlds from `begin` to before `end`. Arguments: see step.advance.
+def agree(begin, end, robots, routes, arcs, commands, paths, params, choices, clearance):
+    """Decide on the right of way in the worlds from `begin` to before `end`; return how many robots search a way then.
 
-    choices float32[B, N, K, 3]: see preferences.py; paths float32[B, N + 1, POSES, COLUMNS]: see path_ahead.py, kept
-    from one decision to the next.
+    Arguments: see step.advance; choices float32[B, N, K, 3]: see preferences.py; paths float32[B, N + 1, POSES,
+    COLUMNS]: see path_ahead.py, kept from one decision to the next.
     """
-    p = params[0]
-    order, scratch = np.empty(robots.shape[1], np.int64), np.empty((2, robots.shape[1]), np.int64)
+    p, searching = params[0], 0
+    seconds = p["time_step"] * np.float32(p["repeat"])
+    order, found = np.empty(robots.shape[1], np.int64), waits.scratch(robots.shape[1])
     for b in range(begin, end):
-        if not stepping_in.step_in(robots[b], routes[b], commands[b], scratch, p):
+        if not stepping_in.step_in(robots[b], routes[b], commands[b], found, p):
             continue
         ways = meetings.scratch(paths[b])
         right_of_way.rank(robots[b], order)
         right_of_way.decide(robots[b], routes[b], arcs[b], commands[b], choices[b], order, ways, p, clearance)
-        making_room.resolve(robots[b], routes[b], arcs[b], ways, p, solid, clearance, metric)
+        for r in robots[b]:
+            r["pause"] = max(r["pause"] - seconds, ZERO)
+        searching += waits.look(robots[b], found)
+    return searching

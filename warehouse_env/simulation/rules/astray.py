@@ -9,9 +9,9 @@ import numpy as np
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import kernel
+from warehouse_env.simulation.rules.waits import has_halted
 
 BESIDE = 0.3  # [m] past the widest lateral offset that count as off the route
-HALT = np.float32(1.0)  # [s] without having moved a metre
 
 
 def far_off(config: EnvConfig, cell_size: float) -> np.float32:
@@ -30,7 +30,7 @@ def find_astray(robots, routes, far, astray):
         for i in range(robots.shape[1]):
             r = robots[b, i]
             astray[b, i] = False
-            if r["alive"] == 0 or r["arcs"] != 0 or r["speed"] != 0 or r["standing_time"] < HALT or r["points"] < 2:
+            if not has_halted(r) or r["arcs"] != 0 or r["points"] < 2:
                 continue
             k = min(int(r["position"] / r["spacing"] + np.float32(0.5)), r["points"] - 1)
             dx, dy = routes[b, i, k, 0] - r["x"], routes[b, i, k, 1] - r["y"]

@@ -140,7 +140,7 @@ def _publish(i, trial, paths, outlines, marks):
 
 
 @part
-def commit(i, persons, acceleration, steer_rate, motion, field, places, p, solid, clearance):
+def commit(i, persons, acceleration, steer_rate, motion, field, places, walking, p, solid, clearance):
     """Have robot i commit to a command [m/s^2], [rad/s] for this physics step and the safe stop after it, if it may.
 
     Returns FREE where it has; else SHELF, PERSON, or the index of a robot that is in the way, and what i had committed
@@ -157,7 +157,7 @@ def commit(i, persons, acceleration, steer_rate, motion, field, places, p, solid
             if meets_shelf(trial, paths, outlines, marks, p, solid, clearance):
                 return SHELF
         x, y, reach = outlines[MIDDLE_X, trial], outlines[MIDDLE_Y, trial], outlines[REACH, trial]
-        if people.anybody_near(persons, x, y, reach, p):
+        if walking is not None and people.anybody_near(persons, x, y, reach, p):
             if marks[SAMPLES, trial] == 0:
                 sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)
             if people.could_meet(persons, paths[trial], marks[SAMPLES, trial], p):
@@ -183,13 +183,13 @@ def hold(i, motion, field, p):
 
 
 @inline
-def guard(robots, persons, motion, field, places, p, solid, clearance):
+def guard(robots, persons, motion, field, places, walking, p, solid, clearance):
     """Let the robots commit, in the order of priority, to the commands that `motion` holds; who may not, brakes."""
     begin(robots, motion, field, p)
     for i in field[3]:
         r = robots[i]
         acceleration, steer_rate = motion[ACCELERATION, i], motion[STEER_RATE, i]
-        refuser = commit(i, persons, acceleration, steer_rate, motion, field, places, p, solid, clearance)
+        refuser = commit(i, persons, acceleration, steer_rate, motion, field, places, walking, p, solid, clearance)
         if refuser == FREE:
             r["held_time"] = ZERO
             continue

@@ -10,16 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline, part
-from warehouse_env.simulation.driver.tracking import (
-    LANE_CLEARANCE,
-    LOOK_AHEAD,
-    LOOK_AHEAD_TIME,
-    OFFSET_FADE,
-    to_steering,
-)
-from warehouse_env.simulation.physics.footprint import clearance_at
+from warehouse_env.simulation.driver.line import look_ahead, point_at, pursue, room_beside
 from warehouse_env.simulation.physics.kinematics import curvature
-from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
+from warehouse_env.simulation.physics.trigonometry import HALF, ZERO, sin_cos
 
 POSES = 32  # of a path at most: 15.5 m; as many as there are bits
 APART = np.float32(0.5)  # [m] of driving between two of them
@@ -30,7 +23,7 @@ _FARTHEST = np.float32(16.0)  # [m] of driving looked at
 _STEERED = np.float32(0.19)  # [rad] that the steering changes in a stride at 1 m/s
 _SLOWEST, _FASTEST = np.float32(0.4), np.float32(1.2)  # [m/s] at which the follower's look-ahead is taken
 _THERE = np.float32(0.3)  # [m] before its end at which a route is over
-KEPT = 2.0  # [m] of driving after which a path is written anew,
+RENEWED = 2.0  # [m] of driving after which a path is written anew,
 OFF, TURNED = np.float32(0.05), np.float32(0.15)  # [m] beside a pose just passed, or sine of the angle to it: too
 _JOIN = 40  # way-points in which the route is searched for the end of a manoeuvre
 _TWO = np.float32(2.0)
@@ -42,16 +35,6 @@ def _put(path, k, x, y, heading, driven, p):
     s, c = sin_cos(heading)
     path[k, CENTRE_X], path[k, CENTRE_Y] = x - p["offset"] * c, y - p["offset"] * s
     path[k, COS], path[k, SIN], path[k, DRIVEN] = c, s, driven
-
-
-@inline
-def _point(route, points, spacing, along):
-    """Return a route's point (x, y) [m] and its direction there (ux, uy)."""
-    at = along / spacing
-    k = min(int(at), points - 2)
-    part = min(at - np.float32(k), ONE)
-    dx, dy = route[k + 1, 0] - route[k, 0], route[k + 1, 1] - route[k, 1]
-    return route[k, 0] + part * dx, route[k, 1] + part * dy, dx / spacing, dy / spacing
 
 
 @part
@@ -95,20 +78,12 @@ def _joins(r, route, x, y):
 
 
 @inline
-def _pursue(route, points, spacing, along, end, side, look, x, y, c, s, p, clearance):
-    """Return the steering [rad] of the follower's pure pursuit with an offset `side` [m] (tracking.follow)."""
-    tx, ty, ux, uy = _point(route, points, spacing, min(along + look, end))
-    side *= min(ONE, (end - along) / OFFSET_FADE)
+def _steer(route, points, spacing, along, end, side, look, x, y, c, s, p, clearance):
+    """Return the steering [rad] of the follower at `along` [m] of its route, with an offset `side` [m]."""
+    tx, ty, ux, uy = point_at(route, points, spacing, min(along + look, end))
     if side != ZERO:
-        for _ in range(2):
-            if clearance_at(tx - side * uy, ty + side * ux, clearance, p["cell"]) < LANE_CLEARANCE:
-                side = side * HALF if _ == 0 else ZERO
-    dx, dy = tx - side * uy - x, ty + side * ux - y
-    ahead, left = dx * c + dy * s, dy * c - dx * s
-    if ahead <= ZERO:
-        return -p["max_steer"] if left >= ZERO else p["max_steer"]
-    bend = _TWO * left / max(ahead * ahead + left * left, np.float32(0.01))
-    return to_steering(bend, p["wheelbase"], p["max_steer"])
+        side = room_beside(tx, ty, ux, uy, side, end - along, clearance, p)
+    return pursue(x, y, c, s, tx - side * uy, ty + side * ux, p)[0]
 
 
 @inline
@@ -129,7 +104,7 @@ def _has_left(r, path, passed, gone, p):
 @part
 def keep_path(r, path, p):
     """Drop the poses of a path that the robot has passed since the last decision; False if it must be written anew."""
-    if r["alive"] == 0 or r["poses"] == 0 or r["distance"] - r["path_from"] > KEPT:
+    if r["alive"] == 0 or r["poses"] == 0 or r["distance"] - r["path_from"] > RENEWED:
         return False
     gone = np.float32(r["distance"] - r["path_at"])
     poses, passed = r["poses"], 0
@@ -173,12 +148,12 @@ def write_path(r, route, arcs, side, many, p, clearance, path):
             return k, False
         along = _joins(r, route, x, y)
     end = np.float32(points - 1) * spacing
-    look = LOOK_AHEAD + LOOK_AHEAD_TIME * min(max(r["speed"], _SLOWEST), _FASTEST)
+    look = look_ahead(min(max(r["speed"], _SLOWEST), _FASTEST))
     while k < many and driven < _FARTHEST:
         if along >= end - _THERE:
             return k, True
         s, c = sin_cos(heading)
-        wanted = _pursue(route, points, spacing, along, end, side, look, x, y, c, s, p, clearance)
+        wanted = _steer(route, points, spacing, along, end, side, look, x, y, c, s, p, clearance)
         stride = min(_STRIDE, to_next)
         most = _STEERED * stride / _STRIDE
         steer = min(max(wanted, steer - most), steer + most)

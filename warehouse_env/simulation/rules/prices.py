@@ -7,14 +7,30 @@ plain Python would not.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.grid_map import MOVES
+from warehouse_env.simulation.rules.waits import DEARER, bars_routes
 
+
+class Prices(NamedTuple):
+    """What others cost, in cells of way, but for `crowd_within`. They were chosen together: docs/measured/trials.md."""
+
+    standing: float = 10.0  # for entering the cell of a robot that stands
+    beside: float = 3.0  # for entering a cell beside it
+    against: float = 1.0  # for a move against one of another's remaining route
+    boxed_against: float = 8.0  # so in an aisle of one cell, where two cannot pass
+    crowd: float = 0.6  # for entering a cell of another's remaining route that both are equally far from
+    crowd_within: float = 10.0  # [m] difference of these distances at which that has faded to nothing
+    turn: float = 1.0  # for beginning with a turn of 90 degrees, twice that for turning round
+    boxed_turn: float = 30.0  # for beginning with a turn of more than 90 degrees in an aisle of one cell
+
+
+PRICES = Prices()
 _DIAGONAL = math.sqrt(2.0) - 1.0
-_DEARER = 20.0  # [s] within a metre of one place after which those that stand cost a robot twice as much, and so on
 
 
 @inline
@@ -28,12 +44,6 @@ def cell_of(x, y, cell, rows, columns):
 def body_cell(r, behind, cell, rows, columns):
     """Return (row, column) of the cell that holds the centre of a body, `behind` [m] the front axle."""
     return cell_of(r["x"] - behind * r["cos"], r["y"] - behind * r["sin"], cell, rows, columns)
-
-
-@inline
-def stands_still(r, stood_for):
-    """Whether a robot has not left its place by a metre for so long [s], or is parked for good."""
-    return r["alive"] == 0 or r["standing_time"] >= stood_for
 
 
 @kernel
@@ -115,19 +125,19 @@ def _charge_turns(cost, r, row, column, legal, turn, boxed_turn):
 def price(robots, routes, me, legal, stood_for, prices, behind, cell, cost):
     """Write the cost map float64[H, W, 8] [cells] that the others of a world make for robot `me`.
 
-    robots: ROBOT[N]; routes: float32[N, R, 2] [m]; legal: bool[H, W, 8]; prices: `prices_of` a RerouteSpec; behind [m]:
-    a body's centre, behind its front axle.
+    robots: ROBOT[N]; routes: float32[N, R, 2] [m]; legal: bool[H, W, 8]; prices: Prices; behind [m]: a body's
+    centre, behind its front axle.
     """
     standing, beside, against, boxed_against, crowd, crowd_within, turn, boxed_turn = prices
     rows, columns = cost.shape[0], cost.shape[1]
     cost[:] = 0.0
     row, column = cell_of(robots[me]["x"], robots[me]["y"], cell, rows, columns)
-    dearer = 1.0 + np.float64(robots[me]["standing_time"]) / _DEARER
+    dearer = 1.0 + np.float64(robots[me]["standing_time"]) / DEARER
     for other in range(robots.shape[0]):
         r = robots[other]
         if other == me:
             continue
-        if stands_still(r, stood_for):
+        if bars_routes(r, stood_for):
             at_row, at_column = body_cell(r, behind, cell, rows, columns)
             for i in range(at_row - 1, at_row + 2):
                 for j in range(at_column - 1, at_column + 2):

@@ -22,6 +22,7 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline, part
+from warehouse_env.simulation.driver.line import forget_path
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO
 from warehouse_env.simulation.rules.meetings import (
     ASKED,
@@ -37,6 +38,7 @@ from warehouse_env.simulation.rules.meetings import (
     meet,
 )  # fmt: skip
 from warehouse_env.simulation.rules.path_ahead import COS, DRIVEN, POSES, SIN, begin_path, keep_path, write_path
+from warehouse_env.simulation.rules.waits import SLOW, is_urged, refuser
 from warehouse_env.simulation.senses.preferences import SIDE, speed_of
 from warehouse_env.simulation.state import NOBODY
 
@@ -46,8 +48,6 @@ MORE = 6  # poses beyond these that it takes if it may not wait there
 SOON = 6  # poses beyond its grant within which one counts as soon to come
 AGAINST = np.float32(-0.5)  # ... and from which it comes the other way
 BACK = 4  # poses more that must be free to go back to the commanded offset
-REFUSED = np.float32(0.8)  # [s] that the field has held a robot from which it waits for who held it
-SLOW = np.float32(0.1)  # [m/s]
 TRIED = 5  # decisions after which a robot tries other offsets again while the same one bars its way
 NOWHERE = -1  # no pose
 _ROUNDING = np.float32(1e-3)  # [m] of an odometer
@@ -186,7 +186,8 @@ def _begin(i, r, route, arcs, ways, p, clearance):
     """Bring the robot's path up to date, and what it has been granted of it before."""
     paths, _, _, _, numbers = ways
     if r["arcs"] == 0 and r["aside"] != 0:
-        r["aside"] = r["poses"] = 0
+        r["aside"] = 0
+        forget_path(r)
     if keep_path(r, paths[i], p):
         numbers[COUNT, i] = r["poses"]
     else:
@@ -225,9 +226,7 @@ def _ask(i, robots, route, arcs, choices, ways, p, clearance):
         numbers[GRANT, i] = granted
     r["authority"] = paths[i, granted, DRIVEN]
     r["claim"] = r["distance"] + np.float64(r["authority"])
-    if barrier == NOBODY and r["held_by"] >= 0 and r["held_time"] > REFUSED and abs(r["speed"]) < SLOW:
-        barrier = r["held_by"]
-    r["yields_to"] = barrier
+    r["yields_to"] = refuser(r) if barrier == NOBODY else barrier
     if r["at_end"] != 0 and granted == numbers[COUNT, i] - 1:
         r["authority"] = np.float32(np.inf)  # the goal: it need not stop there
 
@@ -271,7 +270,7 @@ def decide(robots, routes, arcs, commands, choices, order, ways, p, clearance):
         i = order[n]
         _ask(i, robots, routes[i], arcs[i], choices[i], ways, p, clearance)
         if robots[i]["settled"] > ZERO:
-            commands[i, 0] = speed_of(robots[i], choices[i], commands[i, 0])
+            commands[i, 0] = speed_of(robots[i], choices[i], commands[i, 0], is_urged(robots[i]))
 
 
 @inline

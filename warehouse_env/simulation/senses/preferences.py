@@ -12,7 +12,6 @@ from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.physics.trigonometry import ZERO
 
 SIDE, SPEED, GOING = range(3)  # columns of choices: offset [m], the speed liked best with it, and the one above 0 [m/s]
-URGED = np.float32(2.0)  # [s] within a metre of one place from which who has right of way goes, though it would stand
 
 
 def obey(commands: NDArray[np.float32], sides: NDArray[np.float32], choices: NDArray[np.float32]) -> None:
@@ -61,12 +60,12 @@ def rank(table, sides, preferences, commands, choices):
 
 
 @inline
-def speed_of(r, choices, speed):
-    """Return the speed [m/s] that a robot likes with the offset that it has, else `speed`; it may be urged to go."""
+def speed_of(r, choices, speed, urged):
+    """Return the speed [m/s] that a robot likes with the offset that it has, else `speed`; one above 0 if urged."""
     for n in range(choices.shape[0]):
         if choices[n, SIDE] == r["side"]:
             speed = choices[n, SPEED]
-            if speed <= ZERO and r["authority"] > ZERO and r["standing_time"] >= URGED:
+            if speed <= ZERO and urged:
                 speed = choices[n, GOING]
             break
     return speed

@@ -10,7 +10,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline
 from warehouse_env.observation import EGO, NEIGHBOUR
-from warehouse_env.simulation.driver.tracking import way_point
+from warehouse_env.simulation.driver.line import way_point
 from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, COS, SEARCH, SILENT, SIN, SPEED, bucket_at
 from warehouse_env.simulation.physics.geometry import ray_to_rectangle
 from warehouse_env.simulation.physics.trigonometry import ONE, PI, ZERO

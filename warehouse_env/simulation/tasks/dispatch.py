@@ -13,6 +13,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell
 from warehouse_env.routes.book import RouteBook
+from warehouse_env.simulation.driver.line import forget_grants
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.rules.astray import far_off, find_astray
 from warehouse_env.simulation.rules.live import LiveRoutes
@@ -115,8 +116,8 @@ class Dispatcher:
         r["points"] = len(points)
         r["spacing"] = np.hypot(*np.diff(points, axis=0).T).max() if len(points) > 1 else 0.0
         r["position"] = r["lateral"] = r["bearing"] = 0.0
-        r["arcs"] = r["search_wait"] = 0  # of a manoeuvre to the route before
-        r["claim"] = r["side"] = r["poses"] = 0  # no path yet
+        r["arcs"] = r["search_wait"] = r["seeks"] = r["side"] = 0  # of a manoeuvre to the route before, and beside it
+        forget_grants(r)
 
     def arrive(self, steps: NDArray[np.int64]) -> list[Arrival]:
         """Book the arrivals and return them, and give lifelong robots their next task. steps [B]: since the resets."""

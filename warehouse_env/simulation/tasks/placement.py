@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel, part
-from warehouse_env.simulation.driver import tracking
+from warehouse_env.simulation.driver import line
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import rectangle_gap
@@ -74,8 +74,8 @@ def _put_all(robots, routes, pose, speed, params, solid, clearance):
             _put(robots[b], i, x, y, heading)
             r["anchor_x"], r["anchor_y"], r["speed"], r["steer"] = x, y, speed[b, i], ZERO
             r["position"] = np.float32(_nearest(routes[b, i], r["points"], x, y)) * r["spacing"]
-            tracking.locate(r, routes[b, i])
-            tracking.aim(r, routes[b, i], p)
+            line.locate(r, routes[b, i])
+            line.aim(r, routes[b, i], p)
     return free
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,21 +15,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from train.cli import main
+from train.evaluation.jobs import Known, Result, Tick
 from train.evaluation.planning_runs import Task
-from train.reporting.rows import read_rows
+from train.reporting.rows import Row, read_rows
 from train.tables import code
 from train.tables.benchmark import command as benchmark
 from train.tables.benchmark.figures import anytime_table, csv, overview, summarise, table_of
 from train.tables.benchmark.maps import clearance_of, make_map, make_tasks
 from train.tables.benchmark.runs import (
     MOMENTS,
-    Block,
-    Known,
+    Pair,
     anytime,
-    blocks_of,
     measure,
-    run_block,
-    sort_out,
+    pairs_of,
 )
 from warehouse_env.errors import ConfigError, PlanError
 from warehouse_env.maps.grid_map import GridMap
@@ -116,21 +116,22 @@ def test_a_plan_measured_by_hand(small_map: str) -> None:
         measure(small_map, make_planner("astar"), task, Plan(cells[1:], np.empty(0), 0.1), 0.1)
 
 
+def rows_of(pair: Pair) -> list[Row]:
+    return pair.run(lambda done: None).rows
+
+
 def test_a_planner_without_chance_runs_once_a_pair(small_map: str) -> None:
-    block = Block(small_map, "astar", 0, 2, 2, 4, 0)
-    assert [(row["pair"], row["run"], row["stands_for"]) for row in run_block(block)] == [(0, 0, 4), (1, 0, 4)]
-    rows = run_block(block._replace(planner="aco", last=1))
+    rows = rows_of(Pair(small_map, "astar", 1, 2, 4, 0))
+    assert [(row["pair"], row["run"], row["stands_for"]) for row in rows] == [(1, 0, 4)]
+    rows = rows_of(Pair(small_map, "aco", 1, 2, 4, 0))
     assert [(row["run"], row["stands_for"]) for row in rows] == [(run, 1) for run in range(4)]
 
 
 def test_slow_peers_get_fewer_runs() -> None:
-    blocks = blocks_of(["a", "b"], ["astar", "aco-routing"], 25, 3, 0)
-    assert [(b.map, b.planner, b.first, b.last, b.runs) for b in blocks[:5]] == [
-        ("a", "astar", 0, 10, 3), ("a", "aco-routing", 0, 10, 1), ("b", "astar", 0, 10, 3),
-        ("b", "aco-routing", 0, 10, 1), ("a", "astar", 10, 20, 3),
-    ]  # fmt: skip
-    assert max(b.last for b in blocks if b.planner == "aco-routing") == 10
-    assert max(b.last for b in blocks) == 25
+    jobs = pairs_of(["a", "b"], ["astar", "aco-routing"], 25, 3, 0)
+    assert Counter((job.map, job.planner, job.runs) for job in jobs) == {
+        ("a", "astar", 3): 25, ("a", "aco-routing", 1): 10, ("b", "astar", 3): 25, ("b", "aco-routing", 1): 10,
+    }  # fmt: skip
 
 
 def without_times(row: dict[str, Any]) -> dict[str, Any]:
@@ -138,11 +139,11 @@ def without_times(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def command(tmp_path: Path, small_map: str, *options: str) -> list[dict[str, Any]]:
-    """Run `warehouse tables --benchmark` in one process; return the rows of its file."""
+    """Run `warehouse tables benchmark` in one process; return the rows of its file."""
     out = tmp_path / "out"
     given = {"--pairs": "3", "--runs": "2", "--maps": small_map, "--processes": "1", "--out": str(out)}
     words = [word for pair in given.items() for word in pair]
-    assert main(["tables", "--benchmark", *words, "--planner", "astar", "aco", *options]) == 0
+    assert main(["tables", "benchmark", *words, "--planner", "astar", "aco", *options]) == 0
     return read_rows(out / "benchmark" / "rows.jsonl")
 
 
@@ -153,35 +154,37 @@ def test_it_goes_on_where_it_was_cut(
     assert len(whole) == 3 + 3 * 2
     path = tmp_path / "out" / "benchmark" / "rows.jsonl"
     other = {**whole[0], "planner": "gone"}
-    aco = [row for row in whole if row["planner"] == "aco"]
+    aco = sorted((row for row in whole if row["planner"] == "aco"), key=lambda row: (row["pair"], row["run"]))
     left = [other, *aco[:3]]  # one pair of aco, and half a pair
     path.write_text("".join(json.dumps(row) + "\n" for row in left) + '{"map": "torn')
-    ran: list[tuple[str, int, int]] = []
+    ran: list[tuple[str, int]] = []
+    run = Pair.run
 
-    def watched(block: Block) -> Any:
-        ran.append((block.planner, block.first, block.last))
-        return run_block(block)
+    def watched(job: Pair, tick: Tick) -> Result:
+        ran.append((job.planner, job.pair))
+        return run(job, tick)
 
-    monkeypatch.setattr(benchmark, "run_block", watched)
+    monkeypatch.setattr(Pair, "run", watched)
     again = command(tmp_path, small_map, "--no-pictures")
-    assert ran == [("astar", 0, 3), ("aco", 1, 3)]
+    assert sorted(ran) == [("aco", 1), ("aco", 2), ("astar", 0), ("astar", 1), ("astar", 2)]
     assert again[0] == other  # rows that were not asked for stay
     in_order = lambda rows: sorted(json.dumps(without_times(row)) for row in rows)  # noqa: E731
     assert in_order(again[1:]) == in_order(whole)
-    assert "2 rows are kept" in capsys.readouterr().out
+    assert "1 of 6 jobs are kept" in capsys.readouterr().out
     ran.clear()
     command(tmp_path, small_map, "--no-pictures")
     assert not ran
     command(tmp_path, small_map, "--no-pictures", "--fresh")
-    assert len(ran) == 2
+    assert len(ran) == 6
 
 
 def test_rows_of_other_code_or_seeds_are_run_again(small_map: str) -> None:
-    block = Block(small_map, "astar", 0, 2, 2, 2, 0)
-    rows = run_block(block)
-    assert sort_out([block], rows) == Known(rows, [])
-    assert sort_out([block._replace(seed=1)], rows).missing
-    assert sort_out([block], [{**rows[0], "made": "0" * 16}, rows[1]]).missing == [block._replace(last=1)]
+    job = Pair(small_map, "astar", 0, 2, 2, 0)
+    rows = rows_of(job)
+    assert job.left(Known(rows).of(job)) == (rows, None)
+    other = replace(job, seed=1)
+    assert other.left(Known(rows).of(other)) == ([], other)
+    assert job.left(Known([{**rows[0], "made": "0" * 16}]).of(job)) == ([], job)
 
 
 def row(pair: int, gap: float | None, run: int = 0, stands_for: int = 1, **more: Any) -> dict[str, Any]:
@@ -240,6 +243,12 @@ def test_a_planner_that_never_arrives() -> None:
     assert "| p | 2 | 2 | 100% | - | - | - | - | 0% | - |" in table_of("m", [one]).markdown()
 
 
+def test_every_planner_has_a_family() -> None:
+    assert all(benchmark.family(name) != "other" for name in PLANNERS)
+    assert benchmark.family("aco:ants=5") == "ant colony"
+    assert benchmark.family("networkx") == "another library"
+
+
 def test_report_with_pictures(tmp_path: Path, small_map: str) -> None:
     pytest.importorskip("matplotlib")
     command(tmp_path, small_map, "--pairs", "2")
@@ -263,11 +272,11 @@ def test_two_processes_give_the_same_rows(tmp_path: Path, small_map: str) -> Non
         (("--maps", "no.map"), "no.map does not exist"),
         (("--planner", "asta"), "did you mean astar"),
         (("--planner", "pf_aco:ant=3"), "did you mean ants"),
-        (("--pairs", "0"), "--pairs 0 must lie in 1..1,000,000"),
+        (("--pairs", "0"), "pairs=0 must be a whole number from 1 to 1,000,000"),
     ],
 )
 def test_wrong_options(options: tuple[str, ...], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["tables", "--benchmark", "--no-pictures", "--out", str(tmp_path / "o"), *options]) == 2
+    assert main(["tables", "benchmark", "--no-pictures", "--out", str(tmp_path / "o"), *options]) == 2
     assert says in capsys.readouterr().err
     assert not (tmp_path / "o").exists()
 

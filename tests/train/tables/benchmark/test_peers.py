@@ -13,7 +13,7 @@ import pytest
 from train.tables.benchmark import peers
 from train.tables.benchmark.maps import make_map, make_tasks
 from train.tables.benchmark.peers import PEERS, Peer, cutting_length, installed, missing_note, touches_corner
-from train.tables.benchmark.runs import identity, measure, warm_up
+from train.tables.benchmark.runs import made_by, measure, warm_up
 from warehouse_env.errors import ConfigError, PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Plan, path_length, validate
@@ -87,7 +87,7 @@ def test_a_peer_without_a_path_gives_an_empty_plan(peer: Peer) -> None:
 
 def test_a_peer_says_its_version_and_refuses_what_it_cannot(peer: Peer) -> None:
     assert peer.key.startswith(f"{peer.package}==")
-    assert len(identity(peer.name, "paper46", 0)) == 16
+    assert len(made_by(peer.name, "paper46", 0)) == 16
     with pytest.raises(ConfigError, match="takes no cost map"):
         peer.plan(GRID, (0, 0), (3, 6), RNG, cost=np.zeros(GRID.shape))
     with pytest.raises(PlanError, match="stands on a shelf"):

@@ -76,7 +76,7 @@ def test_the_whole_study_small(
     monkeypatch.setattr(command, "SECONDS", 8.0)
     monkeypatch.setattr(command, "ALONE", 3)
     asked = [
-        "tables", "--floors", "--maps", "open", "aisles:seed=3", "--policy", "follow", "--robots", "2", "--runs", "2",
+        "tables", "floors", "--maps", "open", "aisles:seed=3", "--policy", "follow", "--robots", "2", "--runs", "2",
         "--out", str(tmp_path), "--processes", "1",
     ]  # fmt: skip
     assert main(asked) == 0

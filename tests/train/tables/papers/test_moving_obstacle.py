@@ -8,10 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from train.evaluation.jobs import Known
 from train.reporting.rows import Row
-from train.tables.blocks import _OF_EXPERIMENTS, Block, run_block, split
+from train.tables.blocks import Block
 from train.tables.catalogue import MODULES
-from train.tables.code import _closure
+from train.tables.code import DRIVING, _closure
 from train.tables.papers.avoidance import FORESIGHT, GAIN, MODES, REACH, Robot, avoid, cells_of, obstacle_path
 from train.tables.papers.coordinator import duration
 from train.tables.papers.moving_obstacle import CROSSING, MAPS, ONCOMING, STANDING, met_at
@@ -124,15 +125,15 @@ def test_the_obstacle_is_never_stepped_upon() -> None:
 
 def test_rows_of_experiments_are_known_again() -> None:
     block = Block(MODULES["002"], "002_moving_obstacle", STANDING, 0, "waits", 1, 0)
-    rows = json.loads(json.dumps(run_block(block)))
+    rows = json.loads(json.dumps(block.run(lambda done: None).rows))
     assert (rows[0]["mode"], rows[0]["others"]) == (
         "wait",
         [[list(cell) for cell in settings()[STANDING].tasks[0].others[0]]],
     )
-    assert split([block], rows) == (rows, [])
-    assert split([block], [{**rows[0], "mode": "heedless"}]) == ([], [block])
+    assert block.left(Known(rows).of(block)) == (rows, None)
+    assert block.left(Known([{**rows[0], "mode": "heedless"}]).of(block)) == ([], block)
 
 
 def test_rows_of_bodies_depend_on_the_code_that_drives_them() -> None:
-    code = _closure(["train.tables.papers.fleet"], _OF_EXPERIMENTS)
+    code = _closure(["train.tables.papers.fleet"], DRIVING)
     assert {"agents.rules", "warehouse_env.simulation.step", "train.tables.papers.coordinator"} <= set(code)

@@ -1,0 +1,240 @@
+"""The step beside fixed work: that work by hand and by NumPy, ratios by a clock that we hold, and verdicts."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import subprocess
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from train.benchmarks import fixed_work, reference, release
+from train.benchmarks.fixed_work import InC, InNumba, floor
+from train.benchmarks.native import compiler
+from train.benchmarks.origin import ROOT, commit
+from train.benchmarks.reference import Size, Timed, in_turns, reference_table
+from train.cli import main
+from train.commands.bench import tables
+from train.reporting.rows import Row, read_rows, write_rows
+from warehouse_env.errors import WarehouseError
+
+needs_compiler = pytest.mark.skipif(compiler() is None, reason="there is no C compiler")
+MIDDLE = 0.3  # [m] from the front axle back to the body's middle
+
+
+def placed(tmp_path: Path, *poses: tuple[float, float, float]) -> InC:
+    """Return one world with robots at these poses, after one step without commands."""
+    work = InC(1, len(poses), tmp_path)
+    work.commands[:] = 0
+    for k, name in enumerate(("x", "y", "heading")):
+        work.robots[name] = [[pose[k] for pose in poses]]
+    work(0)
+    return work
+
+
+@needs_compiler
+def test_what_a_robot_sees_by_hand(tmp_path: Path) -> None:
+    # The first looks east along the aisle y = 2 to 4 and 6 to 8 has no shelf before x = 12; the second stands ahead.
+    work = placed(tmp_path, (6.3, 2.5, 0.0), (9.3, 2.5, math.pi / 2))
+    seen = work.seen[0, 0]
+    assert seen[0] == pytest.approx(3.3 - 0.3, abs=1e-5)  # its middle is at (9.3, 2.2), half as wide as 0.6 m
+    assert seen[24] == pytest.approx(2.5 - 1.0)  # south: the rim
+    assert seen[16] == pytest.approx(6.0 - 1.0)  # west: the rim
+    assert seen[8] == pytest.approx(4.0 - 2.5 if floor()[4, 6] else 6.0)  # north
+    ahead, across, cosine, sine = seen[32:36]
+    assert (ahead, across) == pytest.approx((9.3 - 6.0, -MIDDLE), abs=1e-5)
+    assert (cosine, sine) == pytest.approx((0.0, 1.0), abs=1e-6)
+
+
+@needs_compiler
+def test_rays_as_by_small_steps(tmp_path: Path) -> None:
+    work = InC(1, 12, tmp_path)
+    for k in range(30):
+        work(k)
+    robots, shelf = work.robots[0], floor().astype(bool)
+    along = np.arange(0.0, 6.0, 1e-3)
+    for i, robot in enumerate(robots):
+        angles = robot["heading"] + 2 * math.pi * np.arange(fixed_work.RAYS) / fixed_work.RAYS
+        x = robot["middle_x"] + np.cos(angles)[:, None] * along
+        y = robot["middle_y"] + np.sin(angles)[:, None] * along
+        met = shelf[np.floor(y).clip(0, 45).astype(int), np.floor(x).clip(0, 45).astype(int)]
+        for other in np.delete(robots, i):
+            dx, dy = x - other["middle_x"], y - other["middle_y"]
+            ahead, left = dx * other["cosine"] + dy * other["sine"], dy * other["cosine"] - dx * other["sine"]
+            met |= (np.abs(ahead) <= 0.45) & (np.abs(left) <= 0.3)
+        first = np.where(met.any(axis=1), along[met.argmax(axis=1)], 6.0)
+        off = np.abs(work.seen[0, i, : fixed_work.RAYS] - first)
+        assert (off < 3e-3).mean() > 0.96  # small steps pass through corners now and then
+
+
+@needs_compiler
+def test_contact_puts_both_back(tmp_path: Path) -> None:
+    work = placed(tmp_path, (6.3, 2.5, 0.0), (6.9, 2.5, 0.0), (20.0, 2.5, 0.0))
+    assert work.robots["hit"].tolist() == [[1, 1, 0]]
+    work.commands[..., 0] = 1.0
+    for k in range(10):
+        work(k)
+    moved = work.robots["x"][0] - np.array([6.3, 6.9, 20.0])
+    assert moved[:2] == pytest.approx([0, 0], abs=1e-6)
+    assert moved[2] == pytest.approx(0.05**2 * 20 * 21 / 2 + 0, rel=0.05)  # 1 m/s^2 for 1 s
+    assert work.robots["speed"][0].tolist() == pytest.approx([0, 0, 1])
+
+
+@pytest.mark.parametrize("kind", [pytest.param("C", marks=needs_compiler), "kernel"])
+def test_the_work_is_the_same_each_time(kind: str, tmp_path: Path) -> None:
+    ends = []
+    for _ in range(2):
+        work = InC(2, 8, tmp_path) if kind == "C" else InNumba(2, 8)
+        for k in range(40):
+            work(k)
+        ends.append(work.seen)
+    assert np.array_equal(*ends)
+    assert np.isfinite(ends[0]).all()
+    assert ends[0].std() > 0.3
+
+
+def test_the_kernel_sees_by_hand() -> None:
+    work = InNumba(1, 2)
+    work.commands[:] = 0
+    work._call.args[0][0] = [(6.0, 2.5, 0.0), (9.0, 2.5, math.pi / 2)]
+    work(0)
+    assert work.seen[0, 0, 0] == pytest.approx(3.0 - 0.3)
+    assert work.seen[0, 1, 8] == pytest.approx(3.0 - 0.45)  # to its left it sees the first one's front
+    assert (np.delete(work.seen[0, 0], [31, 0, 1]) == 6).all()
+
+
+def test_ratios_by_a_clock_in_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 0.0
+
+    def takes(seconds: float) -> Any:
+        def call(_: int) -> None:
+            nonlocal now
+            now += seconds
+
+        return call
+
+    monkeypatch.setattr(reference, "time", SimpleNamespace(process_time=lambda: now))
+    ours, theirs = Timed(takes(3.0), rows=2, steps=5), Timed(takes(1.0), rows=4, steps=7)
+    assert in_turns([ours, theirs], 3) == [pytest.approx([1.5e6] * 3), pytest.approx([0.25e6] * 3)]
+    (row,) = reference._rows({"run": "x", "envs": 1, "agents": 2}, ours, {"C": theirs}, 4)
+    assert (row["ratio"], row["low"], row["high"]) == pytest.approx((1 / 6,) * 3)
+    assert (row["us_a_robot"], row["reference_us"]) == pytest.approx((1.5e6, 0.25e6))
+
+
+def test_every_step_is_done_once_and_in_order() -> None:
+    done: list[int] = []
+    timed = Timed(done.append, rows=1, steps=3).warmed(2)
+    in_turns([timed], 4)
+    assert done == list(range(14))
+
+
+def test_every_row_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reference, "SIZES", (Size(2, 4, 2, 2, 2, 1),))
+    monkeypatch.setattr(reference, "DECISIONS", {8: 2})
+    rows = [{"what": "reference", "commit": "c", "date": "d", **row} for row in reference.reference(2, 0, each=True)]
+    runs = ["same work", "random commands", "full speed", "training", "greedy's decision"]
+    kinds = ["C", "the kernel"] if compiler() else ["the kernel"]
+    assert [(row["run"], row["reference"]) for row in rows] == list(itertools.product(runs, kinds))
+    for row in rows:
+        assert row["ratio"] > 0
+        assert min(row["us_a_robot"], row["reference_us"]) > 0
+    (table,) = tables(rows)
+    assert [line[0] for line in table.cells] == runs
+    assert table.header[3:] == tuple(name for kind in kinds for name in (f"over {kind}", "quartiles"))
+
+
+def test_without_a_compiler_the_kernel_is_the_reference(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    assert list(reference._references(1, 2, 1, tmp_path, each=False)) == ["the kernel"]
+
+
+def row(ratio: float, run: str = "random commands", kind: str = "C") -> Row:
+    return {
+        "what": "reference", "run": run, "envs": 64, "agents": 16, "reference": kind, "ratio": ratio,
+        "commit": "abc1234", "date": "2026-07-01",
+    }  # fmt: skip
+
+
+def test_a_third_below_the_release_fails(tmp_path: Path) -> None:
+    path = tmp_path / "release.jsonl"
+    release.write_release([row(0.9), row(0.6, "full speed"), row(2.0, kind="the kernel"), {"what": "plan"}], path)
+    assert len(read_rows(path)) == 3
+    release.judge([row(0.61), row(0.41, "full speed"), row(1.4, kind="the kernel")], path)
+    release.judge([row(5.0)], path)  # without a compiler, say, the others are not there
+    with pytest.raises(WarehouseError) as told:
+        release.judge([row(0.6), row(0.41, "full speed")], path)
+    for part in ("random commands at 64 x 16 fell from 0.9 of the speed of C to 0.6", "abc1234", release.RENEW):
+        assert part in str(told.value)
+    assert "full speed" not in str(told.value)
+    with pytest.raises(WarehouseError, match=r"full speed at 64 x 16 fell from 0\.6 .* to 0\.1.*"):
+        release.judge([row(0.9), row(0.1, "full speed")], path)
+    with pytest.raises(WarehouseError, match="the kernel to 1"):
+        release.judge([row(1.0, kind="the kernel")], path)
+    with pytest.raises(WarehouseError, match=r"no ratio for parked at 64 x 16: .*--write-release"):
+        release.judge([row(0.9), row(0.9, "parked")], path)
+
+
+def test_the_release_has_every_ratio() -> None:
+    rows = read_rows(release.RELEASE)
+    sizes = [("same work", *size[:2]) for size in reference.SIZES]
+    sizes += [(run, *size[1:]) for run in ("random commands", "full speed", "training") for size in sizes]
+    sizes += [("greedy's decision", 1, robots) for robots in reference.DECISIONS]
+    names = {(one["run"], one["envs"], one["agents"], one["reference"]) for one in rows}
+    assert names == {(*size, kind) for size in sizes for kind in (reference.IN_C, reference.KERNEL)}
+    assert all(one["chunks"] == 9 for one in rows)  # as long as the check measures
+
+
+def test_the_command_checks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(reference, "SIZES", (Size(1, 2, 1, 1, 1, 1),))
+    monkeypatch.setattr(reference, "DECISIONS", {})
+    path = tmp_path / "release.jsonl"
+    for function in (release.judge, release.write_release):
+        monkeypatch.setattr(function, "__defaults__", (path,))
+    json = tmp_path / "rows.jsonl"
+    bench = ["bench", "--only", "reference", "--quick"]
+    assert main([*bench, "--write-release", "--json", str(json)]) == 0
+    written = read_rows(path)
+    assert written == read_rows(json)
+    assert {"commit", "date", "ratio", "version"} <= set(written[0])
+    write_rows(path, [{**one, "ratio": one["ratio"] / 1e3} for one in written])
+    assert main([*bench, "--check", "--json", str(json), "--append"]) == 0
+    assert len(read_rows(json)) > len(written)
+    write_rows(path, [{**one, "ratio": one["ratio"] * 1e3} for one in written])
+    capsys.readouterr()
+    assert main([*bench, "--check"]) == 2
+    assert "the step has lost a third of its speed" in capsys.readouterr().err
+    assert main(["bench", "--only", "plan", "--check"]) == 2
+    assert main(["bench", "--rows", str(json)]) == 0
+    assert "| same work | 1 x 2 | " in capsys.readouterr().out
+
+
+def test_the_commit_of_a_working_copy(tmp_path: Path) -> None:
+    assert commit(tmp_path) is None
+    git = ("git", "-C", str(tmp_path), "-c", "user.name=a", "-c", "user.email=a@b")
+    try:
+        subprocess.run([*git, "init", "--quiet"], check=True)
+    except OSError:
+        pytest.skip("there is no git")
+    assert commit(tmp_path) is None  # nothing is committed yet
+    (tmp_path / "file").write_text("1")
+    subprocess.run([*git, "add", "file"], check=True)
+    subprocess.run([*git, "commit", "--quiet", "-m", "one"], check=True)
+    clean = commit(tmp_path)
+    assert clean is not None
+    assert len(clean) >= 7
+    (tmp_path / "file").write_text("2")
+    assert commit(tmp_path) == f"{clean}-dirty"
+
+
+def test_the_page_has_the_releases_table() -> None:
+    page = (ROOT / "docs/measured/speed.md").read_text(encoding="utf-8")
+    shown = f"warehouse bench --rows {release.RELEASE.relative_to(ROOT).as_posix()}"
+    assert shown in page
+    _, table = reference_table(read_rows(release.RELEASE)).markdown().split("\n", 1)
+    assert table.strip() in page, f"put into the page what `{shown}` prints"

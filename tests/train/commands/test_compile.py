@@ -1,0 +1,65 @@
+"""Compiling ahead of time: after it, nothing that drives or plans calls for a kernel that is not there."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from train.cli import main
+from train.commands import compile as ahead
+from train.commands.compile import PARTS, is_compiled
+from train.reporting.rows import read_rows
+
+NOTHING_IS_LEFT = """
+import sys
+from train.commands.compile import PARTS
+
+def compiled():
+    return {
+        (name, variable, signature)
+        for name, module in list(sys.modules.items()) if name.split(".")[0] in ("warehouse_env", "agents")
+        for variable, value in vars(module).items()
+        for signature in getattr(value, "overloads", ())
+    }
+
+for part in PARTS.values():
+    part(0)
+known = compiled()
+assert known, "no kernel was called"
+
+from train.evaluation.rollout import make_experiment, run
+from warehouse_env import EnvConfig, parallel_env
+for policy in ("brake", "greedy", "ppo", "threaded_ppo"):
+    run(make_experiment(policy, EnvConfig(num_agents=16), 2, 10.0, 3))
+env = parallel_env(num_agents=3)
+env.reset(seed=1)
+env.step({agent: 0 for agent in env.agents})
+print(sorted(compiled() - known, key=str))
+"""
+
+
+def test_nothing_is_left_to_compile() -> None:
+    done = subprocess.run([sys.executable, "-c", NOTHING_IS_LEFT], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "[]"
+
+
+def test_every_part_runs_in_processes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "rows.jsonl"
+    assert main(["compile", "--processes", "2", "--json", str(path)]) == 0
+    rows = read_rows(path)
+    assert {row["part"] for row in rows} == set(PARTS)
+    assert all(row["seconds"] > 0 for row in rows)
+    assert "in 2 processes" in capsys.readouterr().out
+    assert main(["compile", "--processes", "0"]) == 2
+
+
+def test_kept_kernels_are_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ahead.warehouse_env, "__file__", str(tmp_path / "__init__.py"))
+    assert not is_compiled()
+    (tmp_path / "simulation" / "__pycache__").mkdir(parents=True)
+    (tmp_path / "simulation" / "__pycache__" / "step.advance-1.py311.nbi").touch()
+    assert is_compiled()

@@ -1,0 +1,105 @@
+"""Fixed work of the step's kind: what the step is held against, so that its weight is seen on any machine.
+
+In C (engine_step.c) where there is a compiler, else as a kernel (fixed_kernel.py). Either is the same work in every
+version of this package: neither calls anything of it, and their floor, starts and commands are made here.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from train.benchmarks.native import address, load
+
+SOURCE = Path(__file__).parent / "engine_step.c"
+SIDE, RAYS, POINTS = 46, 32, 64  # as in engine_step.c: cells of the floor's side, rays, way-points of a route
+SEEN = RAYS + 6 * 6 + 2 * 5 + 2
+POOL = 16  # random commands, cycled
+_REAL = ("x", "y", "heading", "speed", "steer", "cosine", "sine", "middle_x", "middle_y", "reward")
+ROBOT = np.dtype([*((name, np.float32) for name in _REAL), ("hit", np.int32), ("passed", np.int32)])
+
+Step = Callable[[int], object]  # does step k
+
+
+class Start(NamedTuple):
+    """Where robots stand in B worlds of N, their routes, and the commands they are given."""
+
+    pose: NDArray[np.float32]  # [B, N, 3], x, y [m] of the front axle, heading [rad]
+    way: NDArray[np.float32]  # [B, N, POINTS, 2] [m]
+    commands: NDArray[np.float32]  # [POOL, B, N, 2], acceleration and steering rate, each in [-1, 1]
+
+
+def floor() -> NDArray[np.uint8]:
+    """Return uint8[SIDE, SIDE]: shelves of 2 x 4 m between aisles, and a rim all round."""
+    cell = np.arange(SIDE)
+    inside = (cell >= 4) & (cell < 42)
+    shelf = np.outer(inside & (cell % 4 < 2), inside & (cell % 8 >= 4))
+    rim = (cell == 0) | (cell == SIDE - 1)
+    return np.asarray(shelf | rim[:, None] | rim, np.uint8)
+
+
+def start(worlds: int, robots: int) -> Start:
+    """Return robots on free cells, along the aisles, each with a winding route of a metre between points."""
+    rng = np.random.default_rng(0)
+    free = np.argwhere(floor() == 0)
+    row, column = np.stack([free[rng.permutation(len(free))[:robots]] for _ in range(worlds)]).transpose(2, 0, 1)
+    heading = 0.5 * math.pi * np.floor(4 * rng.random((worlds, robots)))
+    pose = np.stack([column + 0.5, row + 0.5, heading], axis=-1).astype(np.float32)
+    turns = heading[..., None] + 0.4 * (rng.random((worlds, robots, POINTS)) - 0.5).cumsum(axis=-1)
+    way = pose[..., None, :2] + np.stack([np.cos(turns), np.sin(turns)], axis=-1).cumsum(axis=-2)
+    commands = 2.4 * rng.random((POOL, worlds, robots, 2)) - 1.2
+    commands[..., 0] += 0.1  # rather ahead than back
+    return Start(pose, way.astype(np.float32), np.clip(commands, -1, 1).astype(np.float32))
+
+
+def lidar() -> NDArray[np.float32]:
+    """Return float32[2, RAYS], the cosines and sines of the rays."""
+    angle = 2 * math.pi * np.arange(RAYS) / RAYS
+    return np.stack([np.cos(angle), np.sin(angle)]).astype(np.float32)
+
+
+class InC:
+    """The work in C; `robots` and `seen` are what the last step left."""
+
+    def __init__(self, worlds: int, robots: int, folder: Path) -> None:
+        """Compile into the folder; WarehouseError without a compiler."""
+        begin = start(worlds, robots)
+        self.robots = np.zeros((worlds, robots), ROBOT)
+        for name, values in zip(("x", "y", "heading"), np.moveaxis(begin.pose, -1, 0), strict=True):
+            self.robots[name] = values
+        self.seen = np.zeros((worlds, robots, SEEN), np.float32)
+        self.way, self.commands = begin.way, begin.commands
+        self._given = (floor(), lidar(), self.robots.copy())  # kept alive: C only knows where they are
+        shelf, rays, before = (address(array) for array in self._given)
+        native = load(SOURCE, folder).step
+        native.restype = None
+        sizes = (ctypes.c_int64(worlds), ctypes.c_int64(robots))
+        self._call = partial(native, *sizes, shelf, rays, address(self.robots), before, address(self.way))
+
+    def __call__(self, k: int) -> None:
+        """Do step k."""
+        self._call(address(self.commands[k % POOL]), address(self.seen))
+
+
+class InNumba:
+    """The work as a kernel; `seen` is what the last step left."""
+
+    def __init__(self, worlds: int, robots: int) -> None:
+        """Compile, or load, the kernel."""
+        from train.benchmarks.fixed_kernel import step
+
+        begin = start(worlds, robots)
+        self.seen = np.zeros((worlds, robots, RAYS), np.float32)
+        self.commands = begin.commands
+        self._call = partial(step, begin.pose, np.zeros((worlds, robots, 2), np.float32), lidar())
+
+    def __call__(self, k: int) -> None:
+        """Do step k."""
+        self._call(self.commands[k % POOL], self.seen)

@@ -1,0 +1,34 @@
+"""Route books that simulators on one floor share, so that a route is planned once in a process, whoever asks for it."""
+
+from __future__ import annotations
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.planning import make_planner
+from warehouse_env.planning.plan import Planner
+from warehouse_env.routes.book import RouteBook
+from warehouse_env.simulation.physics.floor import load_grid
+from warehouse_env.simulation.simulator import Simulator
+
+_MOST = 64  # books kept, the last ones asked for
+_books: dict[tuple[object, ...], RouteBook] = {}
+
+
+def book_of(config: EnvConfig, grid: GridMap | None = None, planner: Planner | None = None) -> RouteBook:
+    """Return this process's book of a floor, planner and lanes; grid, planner: instead of those the config names."""
+    grid = load_grid(config) if grid is None else grid
+    planner = make_planner(config.planner) if planner is None else planner
+    floor = (grid.name, grid.key, grid.picks.tobytes(), grid.stations.tobytes())
+    key = (*floor, planner.key, config.keep_right)
+    book = _books.pop(key, None) or RouteBook(grid, planner, keep_right=config.keep_right)
+    _books[key] = book
+    if len(_books) > _MOST:
+        del _books[next(iter(_books))]
+    return book
+
+
+def simulator_of(
+    config: EnvConfig, worlds: int, grid: GridMap | None = None, planner: Planner | None = None
+) -> Simulator:
+    """Return a new simulator on the book of `book_of`."""
+    return Simulator(config, worlds, routes=book_of(config, grid, planner))

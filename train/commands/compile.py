@@ -1,0 +1,120 @@
+"""`warehouse compile`: all kernels ahead of time, in several processes, so that nothing later waits for them.
+
+A kernel is compiled by whoever first calls it, and kept on disk for all. So each part here is a tiny run that calls
+others first than those beside it do, and finds what these have kept meanwhile; no part knows of any kernel.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+import warehouse_env
+from train.evaluation.processes import work_all
+from train.evaluation.rollout import make_experiment, run
+from train.reporting.report import Table, make_progress, number
+from train.reporting.rows import Row, RowFile
+from warehouse_env import EnvConfig, Simulator, parallel_env
+from warehouse_env.checked import Checked
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.layouts import make_layout
+from warehouse_env.planning import make_planner
+
+_BARE = EnvConfig(num_agents=4, layout="open", planner="astar", max_steps=20)
+_CROWD = EnvConfig(num_agents=24, layout="narrow", planner="astar")  # where robots stand, search and make room
+_SECONDS = 60.0  # that the crowd drives, in a second of ours
+
+
+@dataclass(frozen=True)
+class Compile(Checked):
+    """Compile the simulator's kernels and keep them, in several processes, before anything else needs them.
+
+    Once is enough for each version of the source and each kind of processor; kept kernels are only loaded.
+    """
+
+    processes: int = field(default_factory=lambda: os.cpu_count() or 1)
+    """Parts to compile at a time, each in a process of its own."""
+    seed: int = 0
+    """Seed of the tiny runs that call the kernels."""
+    json: Path | None = None
+    """Write the seconds of each part to this file as JSON lines."""
+
+    def run(self) -> None:
+        """Compile, and say how long each part took."""
+        if self.processes < 1 or self.seed < 0:
+            raise ConfigError(f"--processes {self.processes} must be at least 1 and --seed {self.seed} at least 0")
+        file, begin = RowFile(self.json), time.perf_counter()
+        rows = compile_all(self.processes, self.seed)
+        file.add(rows)
+        cells = tuple((row["part"], number(row["seconds"])) for row in rows)
+        note = f"All is compiled and kept: {time.perf_counter() - begin:.0f} s in {self.processes} processes."
+        Table("Kernels", ("part", "seconds"), cells, note).print()
+        print(file.written())
+
+
+def is_compiled() -> bool:
+    """Return whether kernels of this source are kept beside it; what a stopped run left counts as well."""
+    return any(Path(warehouse_env.__file__).parent.rglob("*.nbi"))
+
+
+def compile_all(processes: int, seed: int = 0) -> list[Row]:
+    """Run all parts under a progress bar; return a row with the seconds of each, in the order in which they ended."""
+    rows: list[Row] = []
+    with make_progress() as progress:
+        bar = progress.add_task("compiling, once for this version", total=len(PARTS))
+        for row in work_all(_timed, [(name, seed) for name in PARTS], processes):
+            rows.append(row)
+            progress.update(bar, advance=1, description=f"compiled: {row['part']}")
+    return rows
+
+
+def _timed(job: tuple[str, int]) -> Row:
+    name, seed = job
+    begin = time.perf_counter()
+    PARTS[name](seed)
+    return {"what": "compile", "part": name, "seconds": time.perf_counter() - begin}
+
+
+def _motion(seed: int) -> None:
+    """Robots that were never put anywhere do not move; the step is compiled without waiting for routes."""
+    Simulator(_BARE).step(np.zeros((1, _BARE.num_agents), np.int64))
+
+
+def _plans(seed: int) -> None:
+    grid = make_layout(_BARE.layout)
+    cells = [(row, column) for row, column in grid.free_cells.tolist()]
+    for name in (EnvConfig.planner, _BARE.planner, _BARE.reroute_spec.planner):
+        make_planner(name).plan(grid, cells[0], cells[-1], np.random.default_rng(seed))
+
+
+def _traffic(seed: int) -> None:
+    run(make_experiment("threaded_ppo", _CROWD, 1, _SECONDS, seed))
+
+
+def _bare(seed: int) -> None:
+    run(make_experiment("follow", _CROWD, 1, _SECONDS, seed))
+    for action_type in ("continuous", "raw"):
+        simulator = Simulator(_BARE.replace(action_type=action_type))
+        simulator.reset(seed)
+        simulator.step(np.zeros((1, _BARE.num_agents, 2), np.float32))
+
+
+def _environment(seed: int) -> None:
+    env = parallel_env(num_agents=4, layout="open", planner="astar")
+    env.reset(seed=seed)
+    for _ in range(3):
+        env.step({agent: env.action_space(agent).sample() for agent in env.agents})
+
+
+PARTS: dict[str, Callable[[int], None]] = {
+    "one robot's motion": _motion,
+    "routes of ants and searches": _plans,
+    "right of way, live routes, predictions": _traffic,
+    "all options off": _bare,
+    "the environment": _environment,
+}

@@ -1,0 +1,85 @@
+"""What every command of `warehouse tables` can be told, and how it writes its page."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ClassVar
+
+from train.evaluation.episodes import play
+from train.evaluation.jobs import Job, Runner, go_on
+from train.evaluation.rollout import MOST, Experiment
+from train.reporting.report import Table
+from train.reporting.rows import Row, RowFile, check_writable, whole_rows, write_text
+from warehouse_env.checked import Checked
+
+PAGE = "README.md"
+GOES_ON = "the same command goes on from there"
+
+
+@dataclass(frozen=True)
+class StudyOptions(Checked):
+    """What is the same for all; a subclass says what is run."""
+
+    name: ClassVar[str] = ""  # of the folder in OUT
+
+    seed: int = 0
+    """Seed of the runs; named maps are fixed."""
+    processes: int = field(default_factory=lambda: os.cpu_count() or 1)
+    """Jobs to do at a time, each in a process of its own; the rows stay the same but for the times."""
+    fresh: bool = False
+    """Run everything again, instead of keeping the rows that the file holds already."""
+    json: Path | None = None
+    """File for the rows, as JSON lines (rows.jsonl in the study's folder if left out)."""
+    out: Path = Path("results/tables")
+    """Folder for the rows, the tables and the pictures; each study but the papers' has its own in it."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(0, 2**62, "seed")
+        self._between(1, 4096, "processes")
+        self._between(1, MOST, *(name for name in ("runs", "pairs", "trainings") if hasattr(self, name)))
+
+    @property
+    def folder(self) -> Path:
+        """Where everything goes."""
+        return self.out / self.name
+
+    @property
+    def rows_path(self) -> Path:
+        """Where the rows go."""
+        return self.json or self.folder / "rows.jsonl"
+
+    def check_writable(self) -> None:
+        """Raise WarehouseError if the page cannot be written: asked before a long run, not found out after it."""
+        check_writable(self.folder / PAGE)
+
+    def drive(self, experiments: Sequence[Experiment]) -> list[Row]:
+        """Return the rows of experiments, in their order; those that the file holds are not driven again."""
+        file = RowFile(self.rows_path, keep=not self.fresh)
+        old = [] if self.fresh else whole_rows(self.rows_path)
+        return play(experiments, file, old, processes=self.processes, goes_on=GOES_ON)[0]
+
+    def rows_of(self, jobs: Sequence[Job], ours: Callable[[Row], bool]) -> list[Row]:
+        """Return the rows of jobs, in their order; those that the file holds are not done again.
+
+        ours: which rows of the file go where no job has them, for they were made by other code or from other seeds.
+        """
+        file, kept = go_on(self.rows_path, jobs, ours, self.fresh)
+        with Runner(file, kept, self.processes, goes_on=GOES_ON, mixed=True) as run:
+            return run(jobs)
+
+    def written(self, begin: float) -> str:
+        """Say what was written in the time since `begin`, as time.perf_counter counts."""
+        seconds = time.perf_counter() - begin
+        return f"wrote the tables to {self.folder} in {seconds:.0f} s, the rows to {self.rows_path}; begin with {PAGE}"
+
+    def write(self, title: str, tables: Sequence[Table], shown: str = "") -> None:
+        """Print the tables and write the page: the title, what is `shown`, in Markdown, and the tables."""
+        for table in tables:
+            table.print()
+        text = "\n".join(table.markdown() for table in tables)
+        write_text(self.folder / PAGE, f"# {title}\n\n{shown}{text}")

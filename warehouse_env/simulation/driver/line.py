@@ -1,0 +1,138 @@
+"""A robot's line: where on its route it is, the points ahead of it, and pure pursuit towards one of them.
+
+The follower (tracking.py) drives by it, and right of way predicts by the same functions where a robot will drive
+(rules/path_ahead.py): what it grants would be wrong if the two drifted apart.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline
+from warehouse_env.simulation.physics.footprint import clearance_at
+from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, wrap
+
+TWO = np.float32(2.0)
+LOOK_AHEAD = np.float32(0.55)  # [m] standing
+LOOK_AHEAD_TIME = np.float32(0.45)  # [s] of driving added to it
+LANE_CLEARANCE = np.float32(0.45)  # [m] a way-point moved sideways keeps from shelves
+OFFSET_FADE = np.float32(2.0)  # [m] before the goal in which offsets fade out
+
+
+@inline
+def locate(r, route):
+    """Project the robot onto its route near where it was; update position, lateral and bearing; return progress [m]."""
+    points = r["points"]
+    spacing = r["spacing"]
+    x, y = r["x"], r["y"]
+    before = r["position"]
+    if points < 2:
+        r["lateral"] = ZERO
+        r["bearing"] = ZERO
+        return ZERO
+    first = max(int(before / spacing) - 1, 0)
+    first = min(first, points - 2)
+    last = min(first + 6, points - 2)
+    inverse = ONE / spacing
+    best = np.float32(np.inf)
+    nearest = first
+    reached = ZERO
+    for k in range(first, last + 1):
+        ax, ay = route[k, 0], route[k, 1]
+        ux, uy = (route[k + 1, 0] - ax) * inverse, (route[k + 1, 1] - ay) * inverse
+        along = (x - ax) * ux + (y - ay) * uy
+        along = min(max(along, ZERO), spacing)
+        dx, dy = x - (ax + along * ux), y - (ay + along * uy)
+        squared = dx * dx + dy * dy
+        if squared < best:
+            best = squared
+            nearest = k
+            reached = along
+    ax, ay = route[nearest, 0], route[nearest, 1]
+    ux, uy = (route[nearest + 1, 0] - ax) * inverse, (route[nearest + 1, 1] - ay) * inverse
+    r["position"] = np.float32(nearest) * spacing + reached
+    r["lateral"] = ux * (y - ay) - uy * (x - ax)
+    r["bearing"] = wrap(arc_tan2(uy, ux) - r["heading"])
+    return r["position"] - before
+
+
+@inline
+def point_at(route, points, spacing, along):
+    """Return the point `along` [m] a route of at least 2 points and its direction (x, y, ux, uy); its end at most."""
+    at = along / spacing
+    k = min(int(at), points - 2)
+    part = min(at - np.float32(k), ONE)
+    dx, dy = route[k + 1, 0] - route[k, 0], route[k + 1, 1] - route[k, 1]
+    return route[k, 0] + part * dx, route[k, 1] + part * dy, dx / spacing, dy / spacing
+
+
+@inline
+def way_point(r, route, ahead):
+    """Return the route's point `ahead` [m] of the robot and its direction (x, y, ux, uy); the goal at most."""
+    if r["points"] < 2:
+        return r["goal_x"], r["goal_y"], ONE, ZERO
+    return point_at(route, r["points"], r["spacing"], r["position"] + ahead)
+
+
+@inline
+def look_ahead(speed):
+    """Return how far ahead [m] the point lies that is steered for at a speed [m/s]."""
+    return LOOK_AHEAD + LOOK_AHEAD_TIME * speed
+
+
+@inline
+def room_beside(tx, ty, ux, uy, offset, to_go, clearance, p):
+    """Return the lateral offset [m] that a point of the route is given: what of `offset` there is room for.
+
+    ux, uy: the route's direction there; to_go [m]: of the route, at the end of which it fades out.
+    """
+    offset *= min(ONE, to_go / OFFSET_FADE)
+    if clearance_at(tx - offset * uy, ty + offset * ux, clearance, p["cell"]) < LANE_CLEARANCE:
+        offset *= HALF
+        if clearance_at(tx - offset * uy, ty + offset * ux, clearance, p["cell"]) < LANE_CLEARANCE:
+            offset = ZERO
+    return offset
+
+
+@inline
+def to_steering(bend, wheelbase, most):
+    """Return the rear-wheel angle [rad] that drives a curvature [1/m], within +-most."""
+    return min(max(-arc_tan(wheelbase * bend), -most), most)
+
+
+@inline
+def pursue(x, y, c, s, tx, ty, p):
+    """Return (steering [rad], [m] ahead, [m] left) of pure pursuit from (x, y) [m], heading (c, s), to (tx, ty) [m]."""
+    dx, dy = tx - x, ty - y
+    ahead, left = dx * c + dy * s, dy * c - dx * s
+    if ahead <= ZERO:
+        return (-p["max_steer"] if left >= ZERO else p["max_steer"]), ahead, left
+    bend = TWO * left / max(ahead * ahead + left * left, np.float32(0.01))
+    return to_steering(bend, p["wheelbase"], p["max_steer"]), ahead, left
+
+
+@inline
+def steer_for(r, tx, ty, p):
+    """Return (steering [rad], angle to the target [rad]) of the robot's pure pursuit towards (tx, ty) [m]."""
+    steer, ahead, left = pursue(r["x"], r["y"], r["cos"], r["sin"], tx, ty, p)
+    return steer, arc_tan2(left, ahead)
+
+
+@inline
+def aim(r, route, p):
+    """Set follow_steer towards a point of the route ahead; return that, the direction there, and the angle to it."""
+    tx, ty, ux, uy = way_point(r, route, look_ahead(max(r["speed"], ZERO)))
+    r["follow_steer"], angle = steer_for(r, tx, ty, p)
+    return tx, ty, ux, uy, angle
+
+
+@inline
+def forget_path(r):
+    """Have right of way write the robot's path anew, since it leads elsewhere; what has been granted stays so."""
+    r["poses"] = 0
+
+
+@inline
+def forget_grants(r):
+    """Have right of way write the robot's path anew and grant it from nothing: what was granted was of another."""
+    r["claim"], r["poses"] = 0.0, 0

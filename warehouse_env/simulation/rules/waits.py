@@ -1,0 +1,213 @@
+"""Who waits for whom, and what is done about it when: one home for waiting.
+
+Why does a robot stand? `waits_for` names the one it waits for, `find_rings` says who of those wait for each other, and
+`look` gives each robot of a world one stage:
+
+- MOVES: it has driven within the last second, makes room, or is parked;
+- WAITS: it stands, and nothing is done about it yet;
+- SEEKS: it is in a ring of robots all of which stand, and has waited so long that one of them is to leave the ring;
+- STUCK: it waits for one that stands for good, and has waited so long that it is to go round that one.
+
+The table below holds all times from which on something is done; docs/traffic.md tells them in the order in which they
+come. Robots count four clocks, all in seconds of the world: `waiting_time` without driving, `standing_time` within a
+metre of one place (it may rock there), `stalled_time` without a metre of progress along its route, `contact_time` in
+touch; the field counts a fifth, `held_time`, for which it has refused a robot without a break.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
+from warehouse_env.simulation.rules.in_the_way import first_in_the_way
+from warehouse_env.simulation.state import NOBODY
+
+SLOW = np.float32(0.1)  # [m/s] under which a robot counts as not driving
+
+# From when on, in seconds, and by which clock.
+REFUSED = np.float32(0.8)  # held: who held it is who it yields to
+STANDS = np.float32(0.95)  # waiting: it stands (1 s, less its rounding); standing: it has come to a halt
+URGED = np.float32(2.0)  # standing: it goes if it has right of way, though its policy would stand
+SEEKS_AFTER = np.float32(2.0)  # waiting, in a ring: one of the ring leaves it
+FOR_GOOD = np.float32(2.0)  # waiting: as far as can be told, it stands for good
+STUCK_AFTER = np.float32(4.0)  # waiting, for one that stands for good: it goes round that one
+ROCKS = np.float32(4.95)  # standing: it stands, though it moves (5 s, less its rounding)
+LONGER = np.float32(5.0)  # standing, times `right_of_way_after`: rules step in around it, in a ring or not
+DEARER = 20.0  # standing: others that stand cost its route twice as much, after as long again three times, and so on
+
+# For how long, in seconds.
+PAUSE = np.float32(3.0)  # until one that found no way searches again
+LEAVES = np.float32(5.0)  # for which one that makes room counts as doing so
+CALM = np.float32(10.0)  # for which rules stay after nobody near has called for them
+
+MOVES, WAITS, SEEKS, STUCK = range(4)  # stages
+WHO, RING, STAGE, SPARE = range(4)  # rows of what is found, int64[4, N]: for whom, the ring's lowest robot, stage
+_UNASKED = -2
+
+
+@kernel
+def scratch(count):
+    """Return room for what is found of a world, which the other functions call `found`."""
+    return np.empty((4, count), np.int64)
+
+
+@inline
+def count_time(r, dt):
+    """Let the clocks of a robot go on by a physics step of `dt` [s]; all but the field's."""
+    if r["position"] > r["milestone"] + ONE:
+        r["milestone"] = r["position"]
+        r["stalled_time"] = ZERO
+    else:
+        r["stalled_time"] += dt
+    dx, dy = r["x"] - r["anchor_x"], r["y"] - r["anchor_y"]
+    if dx * dx + dy * dy > ONE:
+        r["anchor_x"], r["anchor_y"] = r["x"], r["y"]
+        r["standing_time"] = ZERO
+    else:
+        r["standing_time"] += dt
+        r["longest_standing"] = max(r["longest_standing"], r["standing_time"])
+    if abs(r["speed"]) < SLOW:
+        r["waited"] += 1
+        r["waiting_time"] += dt
+    else:
+        r["waiting_time"] = ZERO
+    r["contact_time"] = r["contact_time"] + dt if r["touching"] != 0 else ZERO
+
+
+@inline
+def gets_nowhere(r):
+    """Whether a robot that is not parked stands, or rocks where it is."""
+    return r["alive"] != 0 and (r["waiting_time"] >= STANDS or r["standing_time"] >= ROCKS)
+
+
+@inline
+def has_halted(r):
+    """Whether a robot that is not parked stands still, and has not come a metre for a while."""
+    return r["alive"] != 0 and r["speed"] == ZERO and r["standing_time"] >= STANDS
+
+
+@inline
+def stands_for_good(r):
+    """Whether a robot stands for good, as far as can be told: for a while, or parked, which counts no time any more."""
+    return r["alive"] == 0 or r["waiting_time"] > FOR_GOOD
+
+
+@inline
+def bars_routes(r, stood_for):
+    """Whether routes lead round a robot: it has not come a metre for `stood_for` [s], or is parked."""
+    return r["alive"] == 0 or r["standing_time"] >= stood_for
+
+
+@inline
+def is_urged(r):
+    """Whether a robot goes that has right of way, whatever its policy says."""
+    return r["authority"] > ZERO and r["standing_time"] >= URGED
+
+
+@inline
+def refuser(r):
+    """Return who has held a robot that stands for so long that it yields to that one, or NOBODY."""
+    return r["held_by"] if r["held_time"] > REFUSED and abs(r["speed"]) < SLOW else NOBODY
+
+
+@inline
+def may_leave(r):
+    """Whether a robot stands that could be asked to leave: it is not parked, and not making room already."""
+    return r["alive"] != 0 and r["waiting_time"] >= STANDS and (r["aside"] == 0 or r["pause"] <= ZERO)
+
+
+@inline
+def _may_search(r):
+    """Whether a robot may search a way: it keeps to what it is granted, yields, and has not just searched."""
+    return r["settled"] > ZERO and r["yields_to"] != NOBODY and r["pause"] <= ZERO
+
+
+@part
+def waits_for(robots, i, route, p, near):
+    """Return whom robot i of ROBOT[N] waits for, or NOBODY; route float32[R, 2] is its own, near int[N] scratch.
+
+    Who the field or the right of way says, else the first body in its way.
+    """
+    r = robots[i]
+    if not gets_nowhere(r):
+        return NOBODY
+    if r["held_by"] != NOBODY:
+        return r["held_by"]
+    if r["yields_to"] != NOBODY:
+        return r["yields_to"]
+    return first_in_the_way(robots, i, route, p, near)
+
+
+@part
+def find_rings(who, ring, walk):
+    """Write into ring int[N] the lowest robot of the ring that each robot is in, NOBODY off all.
+
+    who int[N]: whom each waits for, or NOBODY; walk int[N]: scratch, the walk on which a robot was met, so that each is
+    walked over once.
+    """
+    ring[:] = NOBODY
+    walk[:] = NOBODY
+    for i in range(who.shape[0]):
+        j = i
+        while j != NOBODY and walk[j] == NOBODY:
+            walk[j] = i
+            j = who[j]
+        if j == NOBODY or walk[j] != i:
+            continue
+        lowest, k = j, who[j]
+        while k != j:
+            lowest = min(lowest, k)
+            k = who[k]
+        ring[j] = lowest
+        k = who[j]
+        while k != j:
+            ring[k] = lowest
+            k = who[k]
+
+
+@part
+def find_rings_of(robots, routes, least, most, found, p):
+    """Find the rings through those who have stood for `least` to `most` [s], and whom the robots on the way wait for.
+
+    Only they, and whoever they wait for, are asked: to look for who is in the way takes long.
+    """
+    who = found[WHO]
+    who[:] = _UNASKED
+    for i in range(robots.shape[0]):
+        if robots[i]["alive"] == 0 or robots[i]["standing_time"] < least or robots[i]["standing_time"] >= most:
+            continue
+        j = i
+        while j != NOBODY and who[j] == _UNASKED:
+            who[j] = waits_for(robots, j, routes[j], p, found[SPARE])
+            j = who[j]
+    for i in range(robots.shape[0]):
+        who[i] = max(who[i], NOBODY)
+    find_rings(who, found[RING], found[SPARE])
+
+
+@part
+def look(robots, found):
+    """Find whom each robot of ROBOT[N] yields to, the rings of these, and the stages; return how many search a way.
+
+    Those are who SEEKS and who is STUCK. Rings that right of way does not know of are not for anybody to leave.
+    """
+    who, ring, stage, broken, count = found[WHO], found[RING], found[STAGE], found[SPARE], 0
+    for i in range(robots.shape[0]):
+        who[i] = robots[i]["yields_to"]
+        stage[i] = WAITS if may_leave(robots[i]) else MOVES
+    find_rings(who, ring, found[SPARE])
+    broken[:] = 0
+    for i in range(robots.shape[0]):
+        if ring[i] != NOBODY and stage[i] == MOVES:
+            broken[ring[i]] = 1
+    for i in range(robots.shape[0]):
+        if stage[i] == MOVES or not _may_search(robots[i]):
+            continue
+        waited = robots[i]["waiting_time"]
+        if ring[i] != NOBODY and broken[ring[i]] == 0 and waited >= SEEKS_AFTER:
+            stage[i] = SEEKS
+        elif waited > STUCK_AFTER and stands_for_good(robots[who[i]]):
+            stage[i] = STUCK
+        count += stage[i] > WAITS
+    return count
