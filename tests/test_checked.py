@@ -100,7 +100,7 @@ def test_any_json_works_or_is_refused(data: Any) -> None:
         ({"layout": 3}, "layout=3 must be a text"),
         ({"layout": None}, "layout=None must be a text"),
         ({"map_file": 3}, "map_file=3 must be a text or None"),
-        ({"smooth_routes": 1}, "smooth_routes=1 must be True or False"),
+        ({"reroute": 1}, "reroute=1 must be True or False"),
         ({"robot": None}, "robot=None must be a RobotSpec"),
         ({"sensor": RobotSpec()}, "sensor=.* must be a SensorSpec"),
         ({"time_step": 1e-30}, "time_step=1e-30 must be a number from 0.001 to 10"),
@@ -143,6 +143,7 @@ def test_errors_of_from_dict_name_what_is_wrong() -> None:
         ({"robot": {"width": "x"}}, "width='x'"),
         ({"robot": {"widht": 1}}, "did you mean width"),
         ({1: 2}, "unknown EnvConfig parameter 1"),
+        ({"smooth_routes": True}, "smooth_routes=True of EnvConfig is gone: only False"),
     ):
         with pytest.raises(ConfigError, match=sentence):
             EnvConfig.from_dict(data)  # type: ignore[arg-type]
@@ -161,6 +162,7 @@ class Cart(Checked):
 
 def test_a_field_that_is_gone_is_passed_over_where_it_asks_for_nothing() -> None:
     """Files that were written when there was such a field stay readable."""
+    assert EnvConfig.from_dict({"smooth_routes": False}) == EnvConfig()
     assert from_plain(Cart, {"wheel": {"size": 2, "spokes": 8}}) == Cart(Wheel(2.0))
     with pytest.raises(ConfigError, match="spokes=9 of Wheel is gone: only 8, as all is now, may be given"):
         from_plain(Cart, {"wheel": {"spokes": 9}})

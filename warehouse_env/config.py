@@ -129,6 +129,7 @@ class RerouteSpec(Checked):
 class EnvConfig(Checked):
     """One warehouse with its robots: all that defines an episode but the seed."""
 
+    retired: ClassVar[dict[str, Any]] = {"smooth_routes": False}
     layout: str = "paper46"  # a name of LAYOUTS, as "aisles:seed=7", unless map_file is given
     map_file: str | None = None  # a MovingAI .map
     num_agents: int = 8  # robots
@@ -146,7 +147,6 @@ class EnvConfig(Checked):
     speed_levels: tuple[float, ...] = (-0.4, 0.0, 0.5, 1.5)  # [m/s], of discrete actions
     lateral_offsets: tuple[float, ...] = (0.0, 0.6, -0.6, 1.2, -1.2)  # [m], left of the route is positive
     keep_right: float = 0.5  # [m] that routes move to the right of the planned path where there is room
-    smooth_routes: bool = False  # bound the routes' curvature by the steering limit (routes/steerable.py)
     protective_field: bool = False  # robots brake, whatever they are told, where they could not stop clear of others
     field_margin: float = 0.02  # [m] that the field keeps between robots
     right_of_way: bool = False  # who goes first is settled early, and who is in the way makes room

@@ -114,7 +114,6 @@ def test_lines_are_valid_shorter_and_lower_the_objective(seed: int, share: float
 PLAIN_PYTHON = """
 import numpy as np
 from tests.planning.test_smoothing import some_path
-from warehouse_env.config import RobotSpec
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.planning import make_planner
 from warehouse_env.planning.smoothing import smooth
@@ -122,7 +121,7 @@ from warehouse_env.planning.smoothing import smooth
 def digest():
     grid, cells = some_path(5, 0.25, 7, 9)
     made = [smooth(cells, grid.occupied, power=power) for power in (1, 2)]
-    book = RouteBook(grid, make_planner("astar"), smooth_for=RobotSpec())
+    book = RouteBook(grid, make_planner("astar"))
     ends = tuple(cells[0].tolist()), tuple(cells[-1].tolist())
     return " ".join(array.tobytes().hex() for array in (*made, book.route(*ends)))
 """

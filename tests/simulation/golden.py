@@ -30,13 +30,12 @@ COUNTERS = ("goals", "hits_robot", "hits_shelf", "near_misses", "goal_row", "goa
 COMMON: dict[str, Any] = {"num_agents": 8, "action_repeat": 2, "sensor": SensorSpec(rays=4, neighbours=2)}
 EPISODES: dict[str, tuple[dict[str, Any], int]] = {  # file -> what differs from COMMON, seed of the world
     "discrete": ({"planner": "astar_turns", "action_type": "discrete"}, 12),
-    "continuous": ({"planner": "astar", "action_type": "continuous", "smooth_routes": True}, 12),
+    "continuous": ({"planner": "astar", "action_type": "continuous"}, 12),
     "raw": ({"planner": "astar_turns", "action_type": "raw"}, 3),
 }
 # Beside each layout with each action type: what else leads through code of its own.
 OTHERS: dict[str, dict[str, Any]] = {
     "paper46_rough, pf_aco": {"layout": "paper46_rough", "planner": "pf_aco"},
-    "narrow, smooth routes": {"layout": "narrow", "smooth_routes": True},
     "narrow, one shot": {"layout": "narrow", "tasks": "one_shot"},
     "paper46, no lanes": {"layout": "paper46", "keep_right": 0.0},
 }

@@ -1,5 +1,5 @@
 """The protective field held against its promise: contacts per robot-km, under whatever drives, and where the promise
-does not reach, with noise in what robots do and a step of latency in what they know of each other.
+does not reach, with noise in what robots do.
 """
 
 from __future__ import annotations
@@ -100,9 +100,9 @@ def field(seconds: float, seed: int) -> Iterator[Row]:
     for margin in MARGINS:
         config = _config(POLICY, "paper46", 32).replace(field_margin=margin)
         yield {"part": "margin", **drive(POLICY, config, seconds, seed)}
-    for name, noise, late, margin in itertools.product(NOISY_DRIVERS, NOISES, (False, True), NOISY_MARGINS):
+    for name, noise, margin in itertools.product(NOISY_DRIVERS, NOISES, NOISY_MARGINS):
         config = _config(name, "paper46", 32).replace(field_margin=margin)
-        yield {"part": "noise", **drive(name, config, seconds, seed, noise, late)}
+        yield {"part": "noise", **drive(name, config, seconds, seed, noise)}
 
 
 def _config(driver: str, layout: str, robots: int) -> EnvConfig:
@@ -112,13 +112,12 @@ def _config(driver: str, layout: str, robots: int) -> EnvConfig:
     return policy_config(driver, base) if action_type == "discrete" else base
 
 
-def drive(name: str, config: EnvConfig, seconds: float, seed: int, noise: str = "none", late: bool = False) -> Row:
+def drive(name: str, config: EnvConfig, seconds: float, seed: int, noise: str = "none") -> Row:
     """Drive a world for `seconds` simulated in episodes of EPISODE; return kilometres, contacts and goals.
 
-    noise: a name of NOISES; late: what the others commit is known to each a physics step later.
+    noise: a name of NOISES.
     """
     simulator = Simulator(config)
-    simulator._params["late"] = late
     rng = np.random.default_rng(seed)
     act = DRIVERS[name][1](config, rng)
     interval = config.time_step * config.action_repeat
@@ -137,7 +136,7 @@ def drive(name: str, config: EnvConfig, seconds: float, seed: int, noise: str = 
     hours = episodes * EPISODE * config.num_agents / 3600
     return {
         "driver": name, "layout": config.layout, "robots": config.num_agents, "margin_m": config.field_margin,
-        "noise": noise, "late": late, **totals, "slips": slips, "contacts_per_km": contacts / totals["robot_km"],
+        "noise": noise, **totals, "slips": slips, "contacts_per_km": contacts / totals["robot_km"],
         "min_clearance_m": least, "goals_per_robot_hour": totals["goals"] / hours,
     }  # fmt: skip
 
@@ -177,18 +176,15 @@ def _margins(rows: list[Row]) -> Table:
 
 def _noises(rows: list[Row]) -> Table:
     kept = select(rows, part="noise")
-    kinds = dict.fromkeys((row["driver"], row["noise"], row["late"]) for row in kept)
-    cells = tuple(
-        (driver, noise, "a step" if late else "none", *map(_a_km, select(kept, driver=driver, noise=noise, late=late)))
-        for driver, noise, late in kinds
-    )
+    kinds = dict.fromkeys((row["driver"], row["noise"]) for row in kept)
+    cells = tuple((driver, noise, *map(_a_km, select(kept, driver=driver, noise=noise))) for driver, noise in kinds)
     sizes = (f"{name} {100 * one.command:g}%, {one.slip:g} m, {one.turn:g} rad" for name, one in NOISES.items())
     note = (
         "Robots + shelves, from which the field keeps no margin. Noise of acceleration and steering rate, and of place "
         f"and heading per metre driven: {'; '.join(sizes)}"
     )
-    header = ("driver", "noise", "latency", *(f"margin {margin:g} m" for margin in NOISY_MARGINS))
-    return Table("Contacts per robot-km with noise and latency", header, cells, note)
+    header = ("driver", "noise", *(f"margin {margin:g} m" for margin in NOISY_MARGINS))
+    return Table("Contacts per robot-km with noise", header, cells, note)
 
 
 def _a_km(row: Row) -> str:

@@ -224,7 +224,7 @@ def ant_walk(budget: Budget) -> Iterator[Row]:
 
 
 def tracking(budget: Budget) -> Iterator[Row]:
-    """The path follower's lateral offsets on every layout, with and without smoothed routes."""
+    """The path follower's lateral offsets on every layout."""
     from train.benchmarks.tracking import tracking as follow
 
     set_num_threads(1)
@@ -240,7 +240,7 @@ def traffic(budget: Budget) -> Iterator[Row]:
 
 
 def field(budget: Budget) -> Iterator[Row]:
-    """Contacts under the protective field, on every layout, whatever drives; and with noise and latency."""
+    """Contacts under the protective field, on every layout, whatever drives; and with noise."""
     from train.benchmarks.field import field as hold
 
     set_num_threads(1)

@@ -1,4 +1,4 @@
-"""How well the path follower keeps to its route, on routes as they are and on routes of bounded curvature.
+"""How well the path follower keeps to its route.
 
 Lateral offsets count twice: over all time, and over the time on the line alone. A new route starts where the robot
 stands, often behind its back, and turning round is most of the error whatever the line is like.
@@ -16,7 +16,6 @@ from train.reporting.report import Table, number, with_interval
 from train.reporting.rows import Interval, Row, mean_interval
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.layouts import LAYOUTS
-from warehouse_env.routes.steerable import sharpest
 from warehouse_env.simulation.simulator import Simulator
 
 ON_LINE = (0.1, 0.3)  # [m] beside the route and [rad] off its direction from which on a robot counts as on its line
@@ -26,19 +25,15 @@ PLANNER = "astar_turns"
 
 
 def tracking(seconds: float, seed: int) -> Iterator[Row]:
-    """Yield a row for every layout, 1 and 16 robots, and both kinds of routes; `seconds` simulated each."""
+    """Yield a row for every layout, 1 and 16 robots; `seconds` simulated each."""
     for robots, worlds in WORLDS.items():
         for layout in LAYOUTS:
-            for smooth in (False, True):
-                config = EnvConfig(layout=layout, num_agents=robots, planner=PLANNER, smooth_routes=smooth)
-                yield {
-                    "layout": layout, "robots": robots, "worlds": worlds,
-                    "routes": "smoothed" if smooth else "lanes", **follow(config, worlds, seconds, seed),
-                }  # fmt: skip
+            config = EnvConfig(layout=layout, num_agents=robots, planner=PLANNER)
+            yield {"layout": layout, "robots": robots, "worlds": worlds, **follow(config, worlds, seconds, seed)}
 
 
 def follow(config: EnvConfig, worlds: int, seconds: float, seed: int) -> Row:
-    """Drive `worlds` worlds for `seconds` simulated; return lateral offsets [m], speed, contacts and curvature."""
+    """Drive `worlds` worlds for `seconds` simulated; return lateral offsets [m], speed and contacts."""
     simulator = Simulator(config, worlds)
     policy, rng = make_policy(POLICY, config), np.random.default_rng(seed)
     observation = simulator.reset(seed)
@@ -47,7 +42,6 @@ def follow(config: EnvConfig, worlds: int, seconds: float, seed: int) -> Row:
     steps = max(round(seconds / (config.time_step * config.action_repeat)), 1)
     offsets = np.empty((steps, worlds, config.num_agents))
     settled = np.empty(offsets.shape, dtype=np.bool_)
-    bends = [_bends(simulator, np.ones_like(on_line))]
     for step in range(steps):
         observation = simulator.step(policy.act(observation, rng))
         robots, changed = simulator.robots, simulator.state.goals != goals
@@ -55,21 +49,12 @@ def follow(config: EnvConfig, worlds: int, seconds: float, seed: int) -> Row:
         on_line &= ~changed
         on_line |= (offsets[step] < ON_LINE[0]) & (np.abs(robots["bearing"]) < ON_LINE[1]) & (robots["position"] > 0)
         settled[step] = on_line
-        if changed.any():
-            bends.append(_bends(simulator, changed))
-            goals = simulator.state.goals.copy()
+        goals = simulator.state.goals.copy()
     return {
         **_offsets("", offsets, np.ones_like(settled)), **_offsets("on_line_", offsets, settled),
         "on_line_share": float(settled.mean()),
-        **_totals(simulator, seconds), "curvature_max": float(np.concatenate(bends).max()),
+        **_totals(simulator, seconds),
     }  # fmt: skip
-
-
-def _bends(simulator: Simulator, chosen: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Largest curvature [1/m] of each of the chosen robots' routes."""
-    points = simulator.state.route_points
-    routes = [simulator.routes[b, i, : points[b, i]].astype(np.float64) for b, i in np.argwhere(chosen)]
-    return np.array([sharpest(route) for route in routes])
 
 
 def _offsets(prefix: str, offsets: NDArray[np.float64], counted: NDArray[np.bool_]) -> Row:
@@ -98,14 +83,13 @@ def _totals(simulator: Simulator, seconds: float) -> Row:
 def tracking_table(rows: list[Row]) -> Table:
     """Return the table of `tracking`'s rows."""
     header = (
-        "layout", "robots", "routes", "on the line: mean [cm]", "p95", "max", "all: mean [cm]", "p95", "max",
-        "m/s", "goals/robot-h", "shelf contacts", "sharpest [1/m]",
+        "layout", "robots", "on the line: mean [cm]", "p95", "max", "all: mean [cm]", "p95", "max",
+        "m/s", "goals/robot-h", "shelf contacts",
     )  # fmt: skip
     cells = tuple(
         (
-            row["layout"], str(row["robots"]), row["routes"], *_lengths(row, "on_line_"), *_lengths(row, ""),
-            number(row["speed_m_per_s"]), number(row["goals_per_robot_hour"]),
-            number(row["shelf_contacts"]), number(row["curvature_max"]),
+            row["layout"], str(row["robots"]), *_lengths(row, "on_line_"), *_lengths(row, ""),
+            number(row["speed_m_per_s"]), number(row["goals_per_robot_hour"]), number(row["shelf_contacts"]),
         )
         for row in rows
     )  # fmt: skip

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from train.central.grid_pibt import BACKWARDS
 from train.central.orders import LENGTH, Orders, goes_straight_on
 from warehouse_env.routes.lanes import resample
-from warehouse_env.routes.steerable import rounded
 from warehouse_env.simulation.simulator import Simulator
 
 SPACING = 0.25  # [m] of the way-points
@@ -47,6 +46,28 @@ def line_of(orders: Orders, robot: int, centre: NDArray[np.float64], side: float
     points = np.stack([cells[0] - side * into, *cells])
     line = resample(rounded(points), SPACING)
     return line.astype(np.float32), float(np.hypot(*np.diff(line, axis=0).T).sum())
+
+
+def rounded(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the polyline float64[L, 2] with an arc for each corner, from the middle of the shorter side there.
+
+    On a path over neighbouring cells of side s the arcs' radius is at least s / 2, and they keep s / 2 from shelves.
+    """
+    pieces = [points[:1]]
+    for before, corner, after in zip(points[:-2], points[1:-1], points[2:], strict=True):
+        one, two = before - corner, after - corner
+        reach = 0.5 * min(math.hypot(*one), math.hypot(*two))
+        one, two = one / math.hypot(*one), two / math.hypot(*two)
+        turn = math.pi - math.acos(min(max(float(one @ two), -1.0), 1.0))
+        if turn < 1e-6:
+            continue
+        middle = (one + two) / math.hypot(*(one + two))
+        centre = corner + middle * reach / math.sin(0.5 * turn)
+        radius = reach / math.tan(0.5 * turn)
+        along = (two - one) / math.hypot(*(two - one))
+        angles = np.linspace(-0.5 * turn, 0.5 * turn, max(math.ceil(turn / 0.05), 2))[:, None]
+        pieces.append(centre + radius * (np.sin(angles) * along - np.cos(angles) * middle))
+    return np.concatenate([*pieces, points[-1:]])
 
 
 def give_line(simulator: Simulator, world: int, robot: int, line: NDArray[np.float32]) -> None:

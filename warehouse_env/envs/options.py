@@ -42,6 +42,4 @@ def share_routes(simulators: Sequence[Simulator]) -> None:
 
 def _route_key(simulator: Simulator) -> tuple[object, ...]:
     """Return what a way-point route depends on besides its ends."""
-    config = simulator.config
-    smooth_for = config.robot if config.smooth_routes else None
-    return simulator.grid.key, simulator.route_book.planner.key, config.keep_right, smooth_for
+    return simulator.grid.key, simulator.route_book.planner.key, simulator.config.keep_right

@@ -21,13 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 from platformdirs import user_cache_dir
 
-from warehouse_env.config import EnvConfig, RobotSpec
+from warehouse_env.config import EnvConfig
 from warehouse_env.errors import MapError, PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.plan import Plan, Planner, validate
 from warehouse_env.portable import Portable
 from warehouse_env.routes.lanes import drivable_line
-from warehouse_env.routes.steerable import steerable_line
 from warehouse_env.threads import get_num_threads
 
 CACHE_FORMAT = 2  # raised whenever a planner's result changes for the same key
@@ -148,12 +147,10 @@ class RouteBook(Portable):
         planner: Planner,
         *,
         keep_right: float = EnvConfig.keep_right,
-        smooth_for: RobotSpec | None = None,
         seed: int = 0,
     ) -> None:
-        """Open the book. smooth_for: the robot that must be able to drive the routes (steerable.py); None: any line."""
         self.grid, self.planner = grid, planner
-        self._keep_right, self._robot, self._seed = keep_right, smooth_for, seed
+        self._keep_right, self._seed = keep_right, seed
         self._bind()
 
     def _bind(self) -> None:
@@ -282,4 +279,4 @@ class RouteBook(Portable):
             points[0] = begin
         floor = self._solid, self._one_way, self.grid.cell_size
         line: NDArray[np.float32] = drivable_line(points, *floor, self._keep_right)
-        return line if self._robot is None else steerable_line(line, cells, self.grid, self._solid, self._robot)
+        return line

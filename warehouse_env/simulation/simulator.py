@@ -81,8 +81,7 @@ class Simulator(Portable):
             from warehouse_env.planning import make_planner
 
             planner = planner if planner is not None else make_planner(config.planner)
-            smooth_for = config.robot if config.smooth_routes else None
-            routes = RouteBook(self.grid, planner, keep_right=config.keep_right, smooth_for=smooth_for)
+            routes = RouteBook(self.grid, planner, keep_right=config.keep_right)
         given.check_pace(config, self.grid.cell_size)
         given.check_stop(config, state.stop_samples(config))
         self.layout = observation_layout(config)

@@ -93,7 +93,6 @@ PARAMETERS = np.dtype(
         ("most_pairs", I), ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator
         ("right_of_way", B), ("right_of_way_after", F),  # [s]
         ("field", B), ("field_margin", F), ("stop_samples", I), ("swing", F), ("far", F), ("field_range", F),
-        ("late", B),  # what others commit is known a step later
         ("action_type", I), ("one_shot", B), ("collision_ends", B), ("max_steps", np.int64),
     ],
     align=True,

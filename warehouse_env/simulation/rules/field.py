@@ -79,7 +79,7 @@ def begin(robots, motion, field, p):
         draw_outline(i, x, y, heading, c, s, stopping_distance(speed, p), bend, ZERO, ZERO, outlines, p)
         marks[SAMPLES, i] = 0
         marks[COMMITTED, i] = 0
-        marks[SILENT, i] = max(robots[i]["silent"], p["late"])
+        marks[SILENT, i] = robots[i]["silent"]
 
 
 @inline
