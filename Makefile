@@ -12,7 +12,9 @@ BENCH ?= results/bench.jsonl
 RUN := $(VENV)/bin
 STAMP := $(VENV)/.set-up
 PIP := $(RUN)/python -m pip --disable-pip-version-check
-# What compiling needs: it goes on while pip installs all else, torch above all.
+# Byte code of all packages takes longer than all else of the installing: imports make what is used, if they may.
+INSTALL := $(PIP) install --quiet --constraint $(CONSTRAINTS) $(if $(PYTHONDONTWRITEBYTECODE),,--no-compile)
+# What compiling kernels needs: it goes on while pip installs all else, torch above all.
 COMPILING := setuptools numba gymnasium pettingzoo safetensors platformdirs tyro rich
 
 .DEFAULT_GOAL := help
@@ -74,10 +76,10 @@ $(STAMP): pyproject.toml $(CONSTRAINTS) $(if $(wildcard $(RUN)/python),,missing)
 	  echo "Making a virtual environment in $(VENV)"; \
 	  rm -rf $(VENV) && $(PYTHON) -m venv $(VENV); }
 	@echo "Installing the pinned packages, and compiling the kernels meanwhile (two to three minutes the first time)"
-	@$(PIP) install --quiet --constraint $(CONSTRAINTS) $(COMPILING)
-	@$(PIP) install --quiet --no-deps --no-build-isolation --editable .
+	@$(INSTALL) $(COMPILING)
+	@$(INSTALL) --no-deps --no-build-isolation --editable .
 	@$(RUN)/warehouse compile & compiling=$$!; \
-	  $(PIP) install --quiet --constraint $(CONSTRAINTS) --no-build-isolation --editable ".[$(EXTRAS)]" || \
+	  $(INSTALL) --no-build-isolation --editable ".[$(EXTRAS)]" || \
 	    { kill $$compiling; exit 1; }; \
 	  wait $$compiling || echo "The kernels were not compiled: each will be when it is first called" >&2
 	@$(RUN)/python -c 'import torch; print(f"torch {torch.__version__}" + (torch.version.cuda and \
