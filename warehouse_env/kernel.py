@@ -8,11 +8,18 @@ operation for each array passed, several times what a short function costs other
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numba
 
-_Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+class _Decorator(Protocol):
+    def __call__(self, function: Function, /) -> Function:
+        """Return what calls the compiled function."""
+
+
 _compiled: Any = numba.njit  # whose stubs leave `_nrt` out
 _EACH = {"cache": True, "error_model": "numpy", "nogil": True}
 

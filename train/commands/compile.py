@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 import warehouse_env
-from train.evaluation.processes import work_all
+from train.evaluation.jobs import Job, Result, Runner, Tick
 from train.evaluation.rollout import make_experiment, run
-from train.reporting.report import Table, make_progress, number
+from train.reporting.report import Table, number
 from train.reporting.rows import Row, RowFile
 from warehouse_env import EnvConfig, Simulator, parallel_env
 from warehouse_env.checked import Checked
@@ -49,8 +49,7 @@ class Compile(Checked):
         if self.processes < 1 or self.seed < 0:
             raise ConfigError(f"--processes {self.processes} must be at least 1 and --seed {self.seed} at least 0")
         file, begin = RowFile(self.json), time.perf_counter()
-        rows = compile_all(self.processes, self.seed)
-        file.add(rows)
+        rows = compile_all(self.processes, self.seed, file)
         cells = tuple((row["part"], number(row["seconds"])) for row in rows)
         note = f"All is compiled and kept: {time.perf_counter() - begin:.0f} s in {self.processes} processes."
         Table("Kernels", ("part", "seconds"), cells, note).print()
@@ -62,22 +61,29 @@ def is_compiled() -> bool:
     return any(Path(warehouse_env.__file__).parent.rglob("*.nbi"))
 
 
-def compile_all(processes: int, seed: int = 0) -> list[Row]:
-    """Run all parts under a progress bar; return a row with the seconds of each, in the order in which they ended."""
-    rows: list[Row] = []
-    with make_progress() as progress:
-        bar = progress.add_task("compiling, once for this version", total=len(PARTS))
-        for row in work_all(_timed, [(name, seed) for name in PARTS], processes):
-            rows.append(row)
-            progress.update(bar, advance=1, description=f"compiled: {row['part']}")
-    return rows
+@dataclass(frozen=True)
+class _Part(Job):
+    """One of PARTS."""
+
+    name: str
+    seed: int
+
+    @property
+    def title(self) -> str:
+        """What the progress bar says."""
+        return f"compiling, once for this version: {self.name}"
+
+    def run(self, tick: Tick) -> Result:
+        """Call the kernels."""
+        begin = time.perf_counter()
+        PARTS[self.name](self.seed)
+        return Result([{"what": "compile", "part": self.name, "seconds": time.perf_counter() - begin}])
 
 
-def _timed(job: tuple[str, int]) -> Row:
-    name, seed = job
-    begin = time.perf_counter()
-    PARTS[name](seed)
-    return {"what": "compile", "part": name, "seconds": time.perf_counter() - begin}
+def compile_all(processes: int, seed: int = 0, file: RowFile | None = None) -> list[Row]:
+    """Run all parts under a progress bar; return a row with the seconds of each, written to `file` as well."""
+    with Runner(file or RowFile(None), processes=processes) as run_all:
+        return run_all([_Part(name, seed) for name in PARTS])
 
 
 def _motion(seed: int) -> None:
