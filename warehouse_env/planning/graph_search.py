@@ -60,7 +60,7 @@ def pop(first: Any, second: Any, node: Any, size: int) -> Any:
     return top
 
 
-@inline
+@kernel
 def _labels(states: int, start: int) -> Any:
     """Labels of a search, [states]: straight (with tolls), diagonal, length, turns, state before, closed; and a heap.
 
