@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 import warehouse_env.simulation.state as state
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
+from warehouse_env.kernel import compiled_for
 from warehouse_env.maps.grid_map import Cell
+from warehouse_env.portable import Portable
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation.driver.line import forget_grants
 from warehouse_env.simulation.physics.floor import Floor
@@ -25,13 +28,15 @@ from warehouse_env.simulation.tasks.tasks import Arrival, Tasks, book_arrival
 ROUTE_BLOCK = 64  # way-points by which the routes' array grows
 
 
-class Dispatcher:
+class Dispatcher(Portable):
     """Gives the robots of all worlds their tasks and routes.
 
     `robots` ROBOT[B, N] and `params` PARAMETERS[1] are the Simulator's. Of `routes` float32[B, N, R, 2] [m] the first
     state.route_points of each robot are valid; a longer route puts a larger array in its place. `book` may be replaced
     by another of the same floor.
     """
+
+    bound = ("_find_astray",)
 
     def __init__(self, config: EnvConfig, book: RouteBook, robots: NDArray[np.void], params: NDArray[np.void]) -> None:
         """Make each world's tasks; ConfigError where they, or live routes, cannot be had."""
@@ -44,6 +49,10 @@ class Dispatcher:
         self.tasks = [tasks(book.grid, config) for _ in range(len(robots))]
         # made when first used: never seeded copies of a Simulator that has not begun go their own ways
         self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
+        self._bind()
+
+    def _bind(self) -> None:
+        self._find_astray: Callable[..., int] | None = None  # its code, once the first step asks for it
 
     def begin(self, world: int, entropy: list[int] | None, assignment: Assignment | None, floor: Floor) -> None:
         """Stand the robots of a world on the floor with their first tasks, by chance or as the assignment says.
@@ -135,7 +144,10 @@ class Dispatcher:
     def reroute(self, steps: NDArray[np.int64]) -> list[int]:
         """Route those anew who are astray or find a better way; return the worlds of those who got another route."""
         worlds = []
-        if find_astray(self.robots, self.routes, self._far, self._astray):
+        look = self.robots, self.routes, self._far, self._astray
+        if self._find_astray is None:
+            self._find_astray = compiled_for(find_astray, *look)
+        if self._find_astray(*look):
             for world, robot in np.argwhere(self._astray).tolist():
                 self._give_another(world, robot, self._route_from_here(world, robot))
                 worlds.append(world)
