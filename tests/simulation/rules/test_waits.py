@@ -93,7 +93,7 @@ def test_the_page_tells_in_order_when_what_happens() -> None:
     seconds = [float(found[0]) for row in rows() if (found := re.match(r"[\d.]+", row[0])) is not None]
     assert seconds == sorted(seconds)
     told = (
-        waits.REFUSED, waits.STANDS, tracking.HELD, waits.URGED, waits.SEEKS_AFTER, waits.FOR_GOOD, tracking.HELD_BACK,
+        waits.REFUSED, waits.STANDS, waits.URGED, waits.SEEKS_AFTER, waits.FOR_GOOD, tracking.HELD,
         waits.STUCK_AFTER, tracking.PATIENCE, waits.ROCKS, RerouteSpec.stood_for, waits.DEARER, EnvConfig.stuck_after,
     )  # fmt: skip
     less_rounding = {0.95: 1.0, 4.95: 5.0}

@@ -49,6 +49,7 @@ TOO_NEAR = np.float32(5e-5)  # [m] of arcs that begin nearer: more than the foll
 GREED = np.float32(1.1)  # how much the heuristic weighs: soon found before best
 _HEADINGS = 36  # cells of 10 degrees
 _SLOTS = 1 << 14  # of the table of cells, more than twice MOST
+_SHORT, _SHORT_SLOTS = 200, 1 << 9  # nodes of a short search, and slots for these
 _REACHED, _ALONG = np.float32(0.1), np.float32(0.15)  # [m] beside and along a goal pose that count as there
 _ALIGNED = np.float32(0.2)  # [rad]
 _OFF = np.float32(0.2)  # [m] around a body that makes room: more than right of way asks for (meetings.WIDE, of both)
@@ -158,9 +159,9 @@ def _slot_of(x, y, heading, cell, taken):
     """Return (slot, key) of the pose's cell in the table `taken` int32[_SLOTS]: where its key stands, or may stand."""
     column, row = int(np.floor(x / cell)) & 0x3FF, int(np.floor(y / cell)) & 0x3FF
     key = ((column << 10) | row) * 64 + turning.heading_cell(heading, _HEADINGS) + 1
-    slot = ((key * 0x9E3779B1) >> 18) & (_SLOTS - 1)  # Fibonacci hashing, Knuth, vol. 3, 6.4
+    slot = ((key * 0x9E3779B1) >> 18) & (taken.size - 1)  # Fibonacci hashing, Knuth, vol. 3, 6.4
     while taken[slot] != 0 and taken[slot] != key:
-        slot = (slot + 1) & (_SLOTS - 1)
+        slot = (slot + 1) & (taken.size - 1)
     return slot, key
 
 
@@ -285,14 +286,13 @@ def _search(
 
 
 @kernel
-def search_once(x, y, heading, steer, goals, avoid, bodies, trial, most, p, solid, clearance, metric, arcs):
-    """Search as in try `trial` of TRIES, for at most `most` <= MOST nodes; return as `search` does."""
+def _search_within(x, y, heading, steer, goals, avoid, bodies, trial, most, slots, p, solid, clearance, metric, arcs):
+    """Search as search_once does, in arrays for `most` nodes and a table of `slots` cells, a power of two."""
     tree = (
         np.empty((turning.MOVES, 9), np.float32), np.empty((most, 7), np.float32), np.empty(most, np.int32),
         np.empty(most, np.int8),
     )  # fmt: skip
-    table = np.zeros(_SLOTS, np.int32), np.empty(_SLOTS, np.float32)
-    many = most * _WAITING
+    table, many = (np.zeros(slots, np.int32), np.empty(slots, np.float32)), most * _WAITING
     queue = (
         np.empty(many, np.float32), np.empty(many, np.int32), np.empty(many, np.int32), np.empty(many, np.int8),
         np.empty(many, np.bool_),
@@ -304,6 +304,23 @@ def search_once(x, y, heading, steer, goals, avoid, bodies, trial, most, p, soli
         x, y, heading, steer, goals, facing, avoid, bodies, rooms, MARGINS[trial], STRIDES[trial], CELLS[trial],
         tree, table, queue, p, solid, clearance, metric, arcs,
     )  # fmt: skip
+
+
+@kernel
+def search_once(x, y, heading, steer, goals, avoid, bodies, trial, most, p, solid, clearance, metric, arcs):
+    """Search as in try `trial` of TRIES, for at most `most` <= MOST nodes; return as `search` does.
+
+    Most searches are short, so the arrays are small at first: to make large ones takes longer than such a search.
+    """
+    count = CUT_OFF
+    for large in range(2):
+        nodes, slots = (most, _SLOTS) if large else (min(most, _SHORT), _SHORT_SLOTS)
+        count = _search_within(
+            x, y, heading, steer, goals, avoid, bodies, trial, nodes, slots, p, solid, clearance, metric, arcs
+        )
+        if count != CUT_OFF or nodes == most:
+            break
+    return count
 
 
 @inline

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import warehouse_env.simulation.state as state
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
-from warehouse_env.kernel import compiled_for
+from warehouse_env.kernel import compiled_for, kernel
 from warehouse_env.maps.grid_map import Cell
 from warehouse_env.portable import Portable
 from warehouse_env.routes.book import RouteBook
@@ -26,6 +26,33 @@ from warehouse_env.simulation.tasks.placement import place, stand
 from warehouse_env.simulation.tasks.tasks import Arrival, Tasks, book_arrival
 
 ROUTE_BLOCK = 64  # way-points by which the routes' array grows
+
+
+@kernel
+def _take_route(robots, routes, world, robot, points):
+    """Write way-points float32[R, 2] [m] into routes float32[B, N, R', 2], and that its robot begins them."""
+    spacing = np.float32(0.0)
+    for k in range(len(points)):
+        routes[world, robot, k, 0], routes[world, robot, k, 1] = points[k, 0], points[k, 1]
+        if k > 0:
+            spacing = max(spacing, np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1]))
+    r = robots[world, robot]
+    r["points"], r["spacing"] = len(points), spacing
+    r["position"] = r["lateral"] = r["bearing"] = np.float32(0.0)
+    r["arcs"] = r["seeks"] = 0  # of a manoeuvre to the route before
+    r["search_wait"] = r["side"] = np.float32(0.0)
+    forget_grants(r)
+
+
+@kernel
+def _take_goal(robots, routes, world, robot, row, column):
+    """Begin the task to the goal's cell, where the robot's route ends."""
+    r = robots[world, robot]
+    r["milestone"] = r["stalled_time"] = np.float32(0.0)
+    last = r["points"] - 1
+    r["task_length"] = np.float64(last) * np.float64(r["spacing"])
+    r["goal_x"], r["goal_y"] = routes[world, robot, last, 0], routes[world, robot, last, 1]
+    r["goal_row"], r["goal_col"] = row, column
 
 
 class Dispatcher(Portable):
@@ -104,11 +131,7 @@ class Dispatcher(Portable):
     def give_task(self, world: int, robot: int, goal: Cell, points: NDArray[np.float32]) -> None:
         """Give a robot a goal and its first route there, way-points float32[R, 2] [m]."""
         self.give_route(world, robot, points)
-        r = self.robots[world, robot]
-        r["milestone"] = r["stalled_time"] = 0.0
-        r["task_length"] = float(r["points"] - 1) * float(r["spacing"])
-        r["goal_x"], r["goal_y"] = points[-1]
-        r["goal_row"], r["goal_col"] = goal
+        _take_goal(self.robots, self.routes, world, robot, *goal)
 
     def give_route(self, world: int, robot: int, points: NDArray[np.float32]) -> None:
         """Give a robot another route to its goal, way-points float32[R, 2] [m], evenly spaced along it.
@@ -120,13 +143,7 @@ class Dispatcher(Portable):
             grown = np.zeros((*self.robots.shape, longer, 2), dtype=np.float32)
             grown[:, :, : self.routes.shape[2]] = self.routes
             self.routes = grown
-        self.routes[world, robot, : len(points)] = points
-        r = self.robots[world, robot]
-        r["points"] = len(points)
-        r["spacing"] = np.hypot(*np.diff(points, axis=0).T).max() if len(points) > 1 else 0.0
-        r["position"] = r["lateral"] = r["bearing"] = 0.0
-        r["arcs"] = r["search_wait"] = r["seeks"] = r["side"] = 0  # of a manoeuvre to the route before, and beside it
-        forget_grants(r)
+        _take_route(self.robots, self.routes, world, robot, points)
 
     def arrive(self, steps: NDArray[np.int64]) -> list[Arrival]:
         """Book the arrivals and return them, and give lifelong robots their next task. steps [B]: since the resets."""
@@ -134,7 +151,8 @@ class Dispatcher(Portable):
         for world, robot in np.argwhere(self.robots["arrived"] != 0).tolist():
             r, step = self.robots[world, robot], int(steps[world])
             seconds = step * config.action_repeat * config.time_step
-            arrivals.append(book_arrival(r, world, robot, seconds, late=2 * step > config.max_steps))
+            lengths = book_arrival(self.robots, world, robot, seconds, 2 * step > config.max_steps)
+            arrivals.append(Arrival(world, robot, *lengths))
             if config.tasks == "lifelong" and r["alive"]:
                 start = state.goal_of(r)
                 goal = self.tasks[world].next_goal(robot, start, self._rngs[world])

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
+from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.portable import Portable
 
@@ -23,17 +24,22 @@ class Arrival(NamedTuple):
     planned: float  # [m]
 
 
-def book_arrival(r: Any, world: int, robot: int, seconds: float, late: bool) -> Arrival:
-    """Count an arrival in the record of a robot, `seconds` after the reset, and return it; late: in the second half."""
-    arrival = Arrival(world, robot, float(r["distance"] - r["distance_at_goal"]), float(r["task_length"]))
+@kernel
+def book_arrival(robots, world, robot, seconds, late):
+    """Count an arrival in a robot's record, `seconds` after the reset; late: in the second half of the episode.
+
+    Returns the metres driven since its last goal or the reset, and the metres planned.
+    """
+    r = robots[world, robot]
+    driven, planned = r["distance"] - r["distance_at_goal"], r["task_length"]
     r["goals"] += 1
-    r["late_goals"] += late
+    r["late_goals"] += 1 if late else 0
     r["age"] = 0
-    r["planned"] += arrival.planned
-    r["driven_to_goals"] += arrival.driven
+    r["planned"] += planned
+    r["driven_to_goals"] += driven
     r["distance_at_goal"] = r["distance"]
-    r["finish_time"] = seconds
-    return arrival
+    r["finish_time"] = np.float32(seconds)
+    return driven, planned
 
 
 class Tasks(Portable):
