@@ -2,11 +2,11 @@
 
 API: seek(begin, end, robots, routes, arcs, params, solid, clearance, metric) for all robots that seek their route;
      write_bodies_near(r, robots, within, p, near) -> number of bodies for
-     plan_to_route(r, route, arcs, bodies, most, p, solid, clearance, metric) and
+     plan_to_route(r, route, arcs, bodies, tries, most, p, solid, clearance, metric) and
      plan_aside(r, arcs, avoid, bodies, p, solid, clearance, metric)
 The two search from where the robot stands, begin the manoeuvre if there is one, and return the number of its arcs: 0
 if it needs none, -1 if there is none. For bodies, most, avoid and metric see manoeuvre.py, and driving.py for how it
-is driven. With `most` below manoeuvre.MOST the first search that is cut off is the last.
+is driven; tries: of manoeuvre.TRIES. With `most` below manoeuvre.MOST the first search that is cut off is the last.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ FIRST, APART, MANY = np.float32(0.75), np.float32(0.4), 8  # [m] ahead, [m] betw
 FAR_APART, FAR_MANY = np.float32(1.2), 20  # where none of these can be reached: a lane that must be left backwards
 CRUISE = np.float32(1.3)  # [m/s] at which the rest of the way is priced
 NEAR, MOST_NEAR = np.float32(3.0), 64  # [m] within which others are gone round; more bodies than fit into that
-FEW = 2  # tries round others who may go: what these bar, finer arcs do not open
-AMONG_OTHERS, ASIDE = 200, 2000  # nodes of a search round others who may go, and of one for room
+FEW = 2  # tries of a follower round others who may go
+AMONG_OTHERS, ASIDE = 300, 700  # nodes of a search round others who may go, and of one for room
 
 
 @inline
@@ -69,7 +69,7 @@ def write_bodies_near(r, robots, within, p, near):
 
 
 @kernel
-def plan_to_route(r, route, arcs, bodies, most, p, solid, clearance, metric):
+def plan_to_route(r, route, arcs, bodies, tries, most, p, solid, clearance, metric):
     """Begin the soonest manoeuvre to a pose on the robot's own route (see above)."""
     if r["points"] < 2:
         return manoeuvre.NONE
@@ -77,7 +77,6 @@ def plan_to_route(r, route, arcs, bodies, most, p, solid, clearance, metric):
     near, far = np.empty((MANY + 3, 4), np.float32), np.empty((FAR_MANY + 3, 4), np.float32)
     near = near[: _write_goals(r, route, APART, MANY, near)]
     far = far[: _write_goals(r, route, FAR_APART, FAR_MANY, far)]
-    tries = manoeuvre.TRIES if bodies.shape[0] == 0 or most == manoeuvre.MOST else FEW
     for k in range(2 * tries):
         trial = manoeuvre.trial_of(k // 2, bodies)
         goals = near if k % 2 == 0 else far
@@ -119,5 +118,5 @@ def seek(begin, end, robots, routes, arcs, params, solid, clearance, metric):
                 continue
             others = write_bodies_near(r, robots[b], NEAR, p, near) if r["seeks"] == AROUND_OTHERS else 0
             r["seeks"] = 0
-            most = manoeuvre.MOST if others == 0 else AMONG_OTHERS
-            plan_to_route(r, routes[b, i], arcs[b, i], near[:others], most, p, solid, clearance, metric)
+            tries, most = (manoeuvre.TRIES, manoeuvre.MOST) if others == 0 else (FEW, AMONG_OTHERS)
+            plan_to_route(r, routes[b, i], arcs[b, i], near[:others], tries, most, p, solid, clearance, metric)

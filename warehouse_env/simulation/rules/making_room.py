@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part
-from warehouse_env.simulation.driver.manoeuvre import MOST
+from warehouse_env.simulation.driver.manoeuvre import MOST, TRIES
 from warehouse_env.simulation.driver.rejoin import AMONG_OTHERS, plan_aside, plan_to_route, write_bodies_near
 from warehouse_env.simulation.rules import waits
 from warehouse_env.simulation.rules.path_ahead import DRIVEN, POSES
@@ -61,7 +61,8 @@ def _leave_ring(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, met
 def _go_round(i, robots, routes, arcs, bodies, most, p, solid, clearance, metric):
     """Search a way for robot i to its own route, in `most` nodes, round those near; return whether there is one."""
     near = write_bodies_near(robots[i], robots, NEAR, p, bodies)
-    return plan_to_route(robots[i], routes[i], arcs[i], bodies[:near], most, p, solid, clearance, metric) >= 0
+    found = plan_to_route(robots[i], routes[i], arcs[i], bodies[:near], TRIES, most, p, solid, clearance, metric)
+    return found >= 0
 
 
 @inline
