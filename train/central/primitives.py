@@ -149,21 +149,10 @@ def _fall_back(given, made, i):
 
 
 @kernel
-def _others_leave(given, made, i, motion):
-    """Have all decide that robot i's motion counts on, and say whether each leaves its place."""
-    for j in range(made.state.size):
-        if made.state[j] != UNDECIDED or not _is_near(given, i, j):
-            continue
-        if _too_near(motion, made.stops[i], made.motions[j], made.stops[j], given.body) and not _decide(given, made, j):
-            return False
-    return True
-
-
-@kernel
 def _decide(given, made, i):
     """Choose robot i's primitive, the best that meets nobody who has decided; who bars it is asked to decide first.
 
-    False: it falls back on its stop.
+    False: it falls back on its stop. It calls itself, and no other that calls it: kept on disk, those crash (Numba).
     """
     length, width = given.body[0], given.body[1]
     walls = (given.solid, given.clearance, given.cell)
@@ -176,7 +165,12 @@ def _decide(given, made, i):
         if meets_shelf(motion, length, width, margin, *walls) or not _is_free(given, made, i, motion):
             continue
         made.motions[i], made.choice[i] = motion, k
-        if _others_leave(given, made, i, motion) and _is_free(given, made, i, motion):  # some may have fallen back
+        leave = True
+        for j in range(made.state.size):  # who is in the way decides first, and must leave its place
+            asked = leave and made.state[j] == UNDECIDED and _is_near(given, i, j)
+            if asked and _too_near(motion, made.stops[i], made.motions[j], made.stops[j], given.body):
+                leave = _decide(given, made, j)
+        if leave and _is_free(given, made, i, motion):  # some may have fallen back
             made.state[i] = CHOSEN
             return True
     _fall_back(given, made, i)
