@@ -1,0 +1,82 @@
+"""Standing bodies that a manoeuvre (manoeuvre.py) goes round, or gets out of the way of."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline
+from warehouse_env.simulation.physics.geometry import rectangles_touch, separation
+from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
+
+_OFF = np.float32(0.2)  # [m] around a body that makes room: more than right of way asks for (meetings.WIDE, of both)
+_BERTH = np.float32(4.0)  # times as far off bodies as off shelves, which stay where they are
+_GIVEN = np.float32(0.002)  # [m] nearer than at the start that another body may come, as arcs are not driven exactly,
+_SPARE = np.float32(0.001)  # [m] but not so near that the field stops it, where there is so much room,
+_ROUNDING = np.float32(2e-5)  # [m] or as at the start: beside a body it may drive along it
+_STEP, _STEP_NEAR = np.float32(0.12), np.float32(0.003)  # [m] off a body from which on its distance is coarse; between
+# poses near it: the gap that the widest axis shows can shrink and grow again within centimetres
+
+
+@inline
+def bars(x, y, c, s, avoid, p):
+    """Whether the body at an axle pose, with _OFF around it, touches one of the bodies `avoid` float32[K, 4]."""
+    cx, cy = x - p["offset"] * c, y - p["offset"] * s
+    reach = p["radius"] + p["radius"] + _OFF + _OFF
+    for k in range(avoid.shape[0]):
+        dx, dy = avoid[k, 0] - cx, avoid[k, 1] - cy
+        if dx * dx + dy * dy < reach * reach and rectangles_touch(
+            dx, dy, c, s, p["half_length"] + _OFF, p["half_width"] + _OFF,
+            avoid[k, 2], avoid[k, 3], p["half_length"], p["half_width"],
+        ):  # fmt: skip
+            return True
+    return False
+
+
+@inline
+def write_rooms(x, y, c, s, margin, bodies, p, rooms):
+    """Write how far [m] to keep off each body: as the field will ask for and `margin`, or what it is at the start."""
+    cx, cy = x - p["offset"] * c, y - p["offset"] * s
+    field = p["field_margin"] if p["field"] != 0 else ZERO
+    for k in range(bodies.shape[0]):
+        apart = separation(
+            bodies[k, 0] - cx, bodies[k, 1] - cy, c, s, bodies[k, 2], bodies[k, 3], p["half_length"], p["half_width"]
+        )
+        rooms[k] = min(field + _BERTH * margin, max(apart - _GIVEN, min(apart - _ROUNDING, field + _SPARE)))
+
+
+@inline
+def _spare(x, y, c, s, bodies, rooms, p):
+    """Return how much further [m] the body at an axle pose is off each of the bodies, at least, than its room."""
+    cx, cy = x - p["offset"] * c, y - p["offset"] * s
+    least = np.float32(np.inf)
+    for k in range(bodies.shape[0]):
+        dx, dy = bodies[k, 0] - cx, bodies[k, 1] - cy
+        apart = np.sqrt(dx * dx + dy * dy) - p["radius"] - p["radius"]
+        if apart < rooms[k] + _STEP:
+            apart = separation(dx, dy, c, s, bodies[k, 2], bodies[k, 3], p["half_length"], p["half_width"])
+        least = min(least, apart - rooms[k])
+    return least
+
+
+@inline
+def clear_of_bodies(x, y, c, s, bend, length, bodies, rooms, p):
+    """Whether the body keeps `rooms` [m] off standing bodies along an arc; the pose at its start is not checked.
+
+    It goes on by what no point of the body can come nearer in; where that is too little, by _STEP_NEAR.
+    """
+    if bodies.shape[0] == 0:
+        return True
+    left, sign = abs(length), ONE if length > ZERO else -ONE
+    spare = _spare(x, y, c, s, bodies, rooms, p)
+    while left > ZERO:
+        step = min(max(spare / (ONE + p["far"] * abs(bend)), _STEP_NEAR), left)
+        left -= step
+        half_s, half_c = sin_cos(HALF * sign * step * bend)
+        x += sign * step * (c * half_c - s * half_s)
+        y += sign * step * (s * half_c + c * half_s)
+        turn_s, turn_c = half_s * half_c + half_s * half_c, half_c * half_c - half_s * half_s
+        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+        spare = _spare(x, y, c, s, bodies, rooms, p)
+        if spare < ZERO:
+            return False
+    return True
