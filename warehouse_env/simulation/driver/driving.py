@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline, part
-from warehouse_env.simulation.driver.line import forget_grants, forget_path
+from warehouse_env.simulation.driver.line import forget_grants, forget_path, to_steering
 from warehouse_env.simulation.physics.kinematics import curvature
-from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, sin_cos, wrap
+from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, arc_tan2, sin_cos, wrap
 
 FASTEST, FASTEST_BACK = np.float32(0.8), np.float32(0.5)  # [m/s] on arcs
 BRAKING = np.float32(0.9)  # share of the full deceleration that stops are planned with
@@ -129,7 +129,7 @@ def drive_arcs(r, arcs, wanted, p):
     k = r["arc"]
     direction = ONE if arcs[k, 0] > ZERO else -ONE
     bend = curvature(arcs[k, 1], p["wheelbase"]) - BACK_TO_ARC * lateral - direction * ALONG_ARC * turned
-    steer = min(max(-arc_tan(p["wheelbase"] * bend), -p["max_steer"]), p["max_steer"])
+    steer = to_steering(bend, p["wheelbase"], p["max_steer"])
     off = abs(steer - r["steer"])
     speed = min(_speed_limit(r, arcs, p), STEER_SLACK / max(off, np.float32(0.01)))
     if r["arc_margin"] < NARROW and off > EXACT_STEER and abs(r["speed"]) < STANDS:

@@ -114,9 +114,9 @@ def seek(begin, end, robots, routes, arcs, params, solid, clearance, metric):
     for b in range(begin, end):
         for i in range(robots.shape[1]):
             r = robots[b, i]
-            if r["seeks"] == 0:
+            kind, r["seeks"] = r["seeks"], 0
+            if kind == 0 or r["alive"] == 0 or r["arrived"] != 0:  # who has arrived gets another route
                 continue
-            others = write_bodies_near(r, robots[b], NEAR, p, near) if r["seeks"] == AROUND_OTHERS else 0
-            r["seeks"] = 0
+            others = write_bodies_near(r, robots[b], NEAR, p, near) if kind == AROUND_OTHERS else 0
             tries, most = (manoeuvre.TRIES, manoeuvre.MOST) if others == 0 else (FEW, AMONG_OTHERS)
             plan_to_route(r, routes[b, i], arcs[b, i], near[:others], tries, most, p, solid, clearance, metric)

@@ -5,7 +5,7 @@ An action asks for a speed and a lateral offset from the route. The follower ste
 body, driven on and then braked, stays off the shelves: the map is known, so this needs no learning. Where the line
 cannot be followed so (it begins behind the robot, a corner is too sharp, a lane ends) it asks for a manoeuvre that
 leads to the route (`seeks`), which is searched for after the env step (rejoin.py), and drives that. Other robots are
-not its business, but that it asks for a way round their bodies once one has held it for a second.
+not its business, but that it asks for a way round their bodies once one has barred its way for a while (HELD).
 """
 
 from __future__ import annotations
