@@ -132,7 +132,7 @@ class Simulator(Portable):
         p["bucket_rows"], p["bucket_columns"], p["bucket"] = bucket_rows, bucket_columns, side
         self._waiting = np.zeros(b, dtype=np.int32)
         self._faults = np.zeros((b, 3), dtype=np.int32)
-        self._parts_on = step.Parts.of(self.config)
+        self._features = step.Features.of(self.config)
         share = max(math.ceil(b / (_PARTS * MOST_THREADS)), math.ceil(_PART / n))
         self._parts = [(first, min(first + share, b)) for first in range(0, b, share)]
         self._bind()
@@ -141,9 +141,7 @@ class Simulator(Portable):
         """Make the views and the floor, and keep the kernels' arguments ready."""
         self.state, self.events = state.state_of(self.robots), state.events_of(self.robots)
         self._floor = floor_of(self.grid, self.config.sensor.lidar_range)
-        self._compiled: tuple[Callable[..., tuple[int, int]], Callable[..., None]] | None = (
-            None  # once the first step asks for it
-        )
+        self._compiled: _Code | None = None  # once the first step asks for it
         self._collect()
 
     def _collect(self) -> None:
@@ -155,16 +153,16 @@ class Simulator(Portable):
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
         floor = (self._floor.solid, self._floor.clearance)
-        persons, parts = self.people.persons, self._parts_on
+        persons, features = self.people.persons, self._features
         self._advance_arguments = (
             persons, self.people.ways, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
-            self.terminated, self._waiting, self._faults, *parts, self._params, *floor,
+            self.terminated, self._waiting, self._faults, *features, self._params, *floor,
         )  # fmt: skip
         self._agree_arguments = (
             self.arcs, self._commands, self._paths, self._params, self._choices, self._floor.clearance,
         )  # fmt: skip
         self._room_arguments = (self.arcs, self._paths, self._params, *floor)
-        self._observe_arguments = (persons, self._waiting, parts.walking, self._params, *seen)
+        self._observe_arguments = (persons, self._waiting, features.walking, self._params, *seen)
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:
         """Write observations into this array [B, N, D] from now on; the last one stays as it is, its holder's own."""
@@ -271,7 +269,7 @@ class Simulator(Portable):
         self._actions.decode(actions, self._commands, self._choices)
         self._messages.lose(self.robots)
         arrivals = sum(side_by_side(self._advance, self._parts)) if self._many() else self._advance(0, self.num_worlds)
-        if self._parts_on.checked:
+        if self._features.checked:
             raise_fault(self._faults)
         self.people.send_on(self.robots)
         self.arrivals = self.dispatcher.arrive(self.steps) if arrivals else []

@@ -4,8 +4,8 @@ With right of way, `agree` (agreement.py) goes before, and `make_room` (making_r
 `seek` (rejoin.py) follows where robots seek a manoeuvre. They are five, not one, since a kernel is compiled again in
 whatever calls it. Each does one world after another; for all threads, the Simulator hands out parts of the worlds.
 
-What a config has not is not compiled: `Parts` are True or None, and Numba leaves out what is done `if part is not None`
-where it is None.
+What a config has not is not compiled: `Features` are True or None, and Numba leaves out what is done `if walking is not
+None`, say, where that is None.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from warehouse_env.simulation.state import GAP_HORIZON, NOBODY
 _HORIZON = np.float32(GAP_HORIZON)
 
 
-class Parts(NamedTuple):
+class Features(NamedTuple):
     """What a config has: True, or None where it has not."""
 
     followed: Literal[True] | None  # actions are commands to the path follower, not raw
@@ -38,8 +38,8 @@ class Parts(NamedTuple):
     checked: Literal[True] | None  # and looked for faults (audit.py)
 
     @classmethod
-    def of(cls, config: EnvConfig) -> Parts:
-        """Return the parts of a config."""
+    def of(cls, config: EnvConfig) -> Features:
+        """Return the features of a config."""
         field = config.protective_field
         has = (config.action_type != "raw", config.people > 0, field, field and audit.is_wanted())
         return cls(*(True if one else None for one in has))
@@ -226,7 +226,7 @@ def advance(
     acceleration and steering rate; stamps int32[B, N, N]; steps int64[B] since the reset, truncated bool[B], terminated
     bool[B, N];
     waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator has given out new tasks;
-    faults int32[B, 3]: see audit.find_fault; followed, walking, guarded, checked: see Parts.
+    faults int32[B, 3]: see audit.find_fault; followed, walking, guarded, checked: see Features.
     """
     p = params[0]
     arrivals, seeking, count = 0, 0, robots.shape[1]
