@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from tests.simulation.worlds import drawn, room
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.driver import manoeuvre
 from warehouse_env.simulation.driver.manoeuvre import ARCS, MOST, search
 from warehouse_env.simulation.driver.turning import turning_metric
 from warehouse_env.simulation.physics.floor import floor_of
@@ -256,3 +257,28 @@ def test_the_turning_metric_by_hand() -> None:
     mirrored = metric[(-np.arange(36)) % 36][:, ::-1]
     assert np.median(np.abs(mirrored - metric)) < 0.2  # left and right are alike but for the cells' edges
     assert metric[18, middle, middle] > 2.0  # a turn on the spot takes its time
+
+
+def test_a_short_search_finds_what_one_in_large_arrays_finds() -> None:
+    """Poses of both kinds: found within the small arrays, and cut off there and searched for again."""
+    grid, rng = drawn([*["." * 12] * 3, "..####..##..", *["." * 12] * 3]), np.random.default_rng(3)
+    floor, metric, counts = floor_of(grid), turning_metric(PARAMETERS), []
+    for _ in range(40):
+        pose = (*rng.uniform(1.2, (10.8, 5.8)), rng.uniform(-math.pi, math.pi), 0.0)
+        x, y, heading, steer = (np.float32(value) for value in pose)
+        goal = goals_at((*rng.uniform(1.2, (10.8, 5.8)), rng.uniform(-math.pi, math.pi)))
+        found = []
+        for large in (False, True):
+            arcs = np.zeros((ARCS, 2), dtype=np.float32)
+            given = (x, y, heading, steer, goal, NOBODY, NOBODY, 1)
+            rest = (PARAMETERS[0], floor.solid, floor.clearance, metric, arcs)
+            if large:
+                count = manoeuvre._search_within(*given, MOST, manoeuvre._SLOTS, *rest)
+            else:
+                count = manoeuvre.search_once(*given, MOST, *rest)
+            found.append((count, arcs.tolist()))
+        assert found[0] == found[1]
+        short = manoeuvre._search_within(*given, manoeuvre._SHORT, manoeuvre._SHORT_SLOTS, *rest)
+        counts.append(short)
+    assert manoeuvre.CUT_OFF in counts
+    assert max(counts) > 0

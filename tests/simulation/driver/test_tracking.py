@@ -17,7 +17,9 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.maps.movingai import EXAMPLE_MAP, read_map
+from warehouse_env.simulation.driver import rejoin, tracking
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import ALONE, AROUND_OTHERS
 
 LEVELS, OFFSETS = 4, 5  # of the default discrete actions
 STOP, BACK = 1 * OFFSETS, 0 * OFFSETS
@@ -199,8 +201,11 @@ def test_in_a_manoeuvre_it_stops_and_backs_when_told_and_goes_on() -> None:
     assert r["position"] > 0.5
     simulator = on_route(grid, (12.0, 2.0, math.pi), (12.0, 2.0), (22.0, 2.0))
     r = drive(simulator, cruise, 8)
+    manoeuvre, left = simulator.arcs[0, 0].copy(), int(r["arcs"])
     drive(simulator, BACK, 10)
     assert r["speed"] <= 0.0
+    assert r["arcs"] == left > 0
+    assert (simulator.arcs[0, 0] == manoeuvre).all()
     for _ in range(150):  # with what is left of its manoeuvre, or with a new one where it has backed too far off
         drive(simulator, cruise, 1)
         if r["arcs"] == 0 and abs(r["bearing"]) < 0.3 and r["position"] > 0.5:
@@ -289,3 +294,55 @@ def test_no_decision_of_a_policy_drives_it_into_a_shelf(name: str) -> None:
         actions = np.where(rng.random((24, 1)) < 1 / 8, fresh, actions)
         simulator.step(actions)
     assert simulator.robots["hits_shelf"].sum() == 0
+
+
+def test_it_searches_once_in_a_while_whatever_came_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its line begins behind it, and nothing is ever found."""
+    grid = drawn(["#" * 24, "." * 24, "." * 24, "#" * 24])
+    simulator = on_route(grid, (12.0, 2.0, math.pi), (12.0, 2.0), (22.0, 2.0))
+    steps: list[int] = []
+
+    def seek(*_: object) -> None:
+        steps.append(int(simulator.steps[0]))
+        simulator.robots["seeks"] = 0
+
+    monkeypatch.setattr(rejoin, "seek", seek)
+    drive(simulator, int(simulator.cruise_action), 100)
+    assert len(steps) == 5  # in 10 s
+    assert set(np.diff(steps)) == {round(float(tracking.AGAIN) / simulator.config.time_step)}
+
+
+def test_round_others_it_searches_the_more_rarely_the_longer_it_gets_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    simulator = on_route(drawn(["." * 9] * 5), (2.0, 2.5, 0.0), (2.0, 2.5), (8.0, 2.5))
+    seconds: list[float] = []
+
+    def seek(*_: object) -> None:
+        assert simulator.robots["seeks"][0, 0] == AROUND_OTHERS
+        seconds.append(simulator.seconds(0))
+        simulator.robots["seeks"] = 0
+
+    monkeypatch.setattr(rejoin, "seek", seek)
+    for _ in range(1000):  # another holds it where it is
+        simulator.robots["contact_time"] = tracking.HELD + 1
+        simulator.robots["speed"] = 0.0
+        simulator.robots["x"] = 2.0
+        drive(simulator, int(simulator.cruise_action), 1)
+    gaps = np.diff(seconds)
+    assert len(gaps) >= 2
+    np.testing.assert_allclose(gaps, float(tracking.AGAIN_HELD) + np.array(seconds[:-1]), atol=0.35)
+
+
+@pytest.mark.parametrize("field", ["alive", "arrived"])
+def test_nobody_searches_for_who_is_parked_or_gets_another_route(field: str) -> None:
+    grid = drawn(["#" * 24, "." * 24, "." * 24, "#" * 24])
+    simulator = on_route(grid, (12.0, 2.0, math.pi), (12.0, 2.0), (22.0, 2.0))
+    floor = simulator._floor
+    for asks, found in ((False, False), (True, True)):
+        simulator.robots["seeks"] = ALONE
+        simulator.robots[field] = asks if field == "alive" else not asks
+        rejoin.seek(
+            0, 1, simulator.robots, simulator.routes, simulator.arcs, simulator._params, floor.solid, floor.clearance,
+            simulator._metric,
+        )  # fmt: skip
+        assert bool(simulator.robots["arcs"][0, 0] > 0) == found
+        assert simulator.robots["seeks"][0, 0] == 0
