@@ -75,7 +75,7 @@ $(STAMP): pyproject.toml $(CONSTRAINTS) $(if $(wildcard $(RUN)/python),,missing)
 	    exit 1; fi; \
 	  echo "Making a virtual environment in $(VENV)"; \
 	  rm -rf $(VENV) && $(PYTHON) -m venv $(VENV); }
-	@echo "Installing the pinned packages, and compiling the kernels meanwhile (about three minutes the first time)"
+	@echo "Installing the pinned packages, and compiling the kernels meanwhile (one to three minutes the first time)"
 	@$(INSTALL) $(COMPILING)
 	@$(INSTALL) --no-deps --no-build-isolation --editable .
 	@$(RUN)/warehouse compile & compiling=$$!; \
