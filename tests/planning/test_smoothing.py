@@ -123,7 +123,7 @@ def digest():
     made = [smooth(cells, grid.occupied, power=power) for power in (1, 2)]
     book = RouteBook(grid, make_planner("astar"))
     ends = tuple(cells[0].tolist()), tuple(cells[-1].tolist())
-    return " ".join(array.tobytes().hex() for array in (*made, book.route(*ends)))
+    return " ".join(array.tobytes().hex() for array in (*made, book.route(*ends).line))
 """
 
 

@@ -66,7 +66,7 @@ def test_routes_join_the_cells_centres_evenly_and_off_the_shelves(name: str) -> 
     nearest = {"single_lane": (0.42, 0.38), "random": (0.35, 0.33)}.get(name, (0.43, 0.398))
     shortest = {"aisles": 0.37}.get(name, 0.40)  # chords of bends where a lane enters an aisle of one cell
     for start, goal in some_tasks(grid, 25):
-        route = known.route(start, goal)
+        route = known.route(start, goal).line
         assert route.dtype == np.float32
         np.testing.assert_allclose(route[[0, -1]], grid.centre([start, goal]), atol=1e-5)
         steps = np.hypot(*np.diff(route.astype(np.float64), axis=0).T)
@@ -81,12 +81,12 @@ def test_routes_join_the_cells_centres_evenly_and_off_the_shelves(name: str) -> 
 
 
 def test_start_and_goal_in_one_cell_are_one_point() -> None:
-    route = book(drawn("....", "....")).route((1, 2), (1, 2))
+    route = book(drawn("....", "....")).route((1, 2), (1, 2)).line
     assert route.tolist() == [[2.5, 0.5]]
 
 
 def test_neighbouring_cells() -> None:
-    route = book(drawn("....", "....")).route((1, 1), (1, 2))
+    route = book(drawn("....", "....")).route((1, 1), (1, 2)).line
     np.testing.assert_allclose(route, [[1.5, 0.5], [2.0, 0.5], [2.5, 0.5]], atol=0.1)
 
 
@@ -104,7 +104,7 @@ def test_opposite_routes_keep_to_their_own_right(width: int, from_wall: float, u
         grid = GridMap(grid.occupied.T.copy(), name="upright")
         near, far = near[::-1], far[::-1]
     known = book(grid)
-    there, back = known.route(near, far).astype(np.float64), known.route(far, near).astype(np.float64)
+    there, back = known.route(near, far).line.astype(np.float64), known.route(far, near).line.astype(np.float64)
     across, along = (0, 1) if upright else (1, 0)
     low, high = 1.0, 1.0 + width  # the aisle's walls
     first = there[np.abs(there[:, along] - 15.0) < 8.0][:, across]
@@ -117,19 +117,19 @@ def test_opposite_routes_keep_to_their_own_right(width: int, from_wall: float, u
 @pytest.mark.parametrize("width", [1, 3])
 def test_both_ways_mirror_each_other(width: int) -> None:
     known = book(aisle(width))
-    there, back = (known.route(*ends)[20:30, 1] for ends in (((1, 1), (1, 28)), ((1, 28), (1, 1))))
+    there, back = (known.route(*ends).line[20:30, 1] for ends in (((1, 1), (1, 28)), ((1, 28), (1, 1))))
     np.testing.assert_allclose(there + back, 2 * (1 + width / 2), atol=0.01)
 
 
 def test_without_lanes_both_ways_keep_to_the_middle() -> None:
     known = book(aisle(3), keep_right=0.0)
     for ends in (((2, 1), (2, 28)), ((2, 28), (2, 1))):
-        np.testing.assert_allclose(known.route(*ends)[:, 1], 2.5, atol=0.02)
+        np.testing.assert_allclose(known.route(*ends).line[:, 1], 2.5, atol=0.02)
 
 
 def test_on_open_floor_routes_move_right_by_keep_right() -> None:
     grid = drawn(*["." * 30] * 13)
-    route = book(grid, keep_right=0.4).route((6, 2), (6, 27)).astype(np.float64)
+    route = book(grid, keep_right=0.4).route((6, 2), (6, 27)).line.astype(np.float64)
     middle = route[(route[:, 0] > 8) & (route[:, 0] < 22)]
     np.testing.assert_allclose(middle[:, 1], 6.5 - 0.4, atol=0.02)
 
@@ -137,7 +137,7 @@ def test_on_open_floor_routes_move_right_by_keep_right() -> None:
 def test_single_lanes_are_entered_gently_and_down_the_middle() -> None:
     side, lane = "." * 12, "#" * 16
     grid = drawn("#" * 40, side + lane + side, side + "." * 16 + side, side + lane + side, "#" * 40)
-    route = book(grid).route((2, 1), (2, 38)).astype(np.float64)
+    route = book(grid).route((2, 1), (2, 38)).line.astype(np.float64)
     inside = route[(route[:, 0] > 12) & (route[:, 0] < 28)]
     np.testing.assert_allclose(inside[:, 1], 2.5, atol=0.06)
     before = route[(route[:, 0] > 4) & (route[:, 0] < 8)]
@@ -162,39 +162,39 @@ DEAD_END = drawn("############", "........####", "############")
 def test_a_robot_in_a_single_lane_goes_on_where_it_can() -> None:
     known = book(LOOP)
     start, goal = (0, 6), (0, 2)
-    ahead, there = known.route(start, goal, EAST), known.route(start, goal, WEST)
+    ahead, there = known.route(start, goal, EAST).line, known.route(start, goal, WEST).line
     assert ahead[1, 0] > 6.5 > there[1, 0]
     assert np.hypot(*np.diff(ahead, axis=0).T).sum() > 20.0  # round the block
     assert len(there) == 9
-    np.testing.assert_array_equal(known.route(start, goal), there)  # no heading: the shortest
-    np.testing.assert_array_equal(known.route(start, goal, 0.785), there)  # neither along nor across
-    np.testing.assert_array_equal(known.route(start, goal, 0.3), ahead)  # nearly east
+    np.testing.assert_array_equal(known.route(start, goal).line, there)  # no heading: the shortest
+    np.testing.assert_array_equal(known.route(start, goal, 0.785).line, there)  # neither along nor across
+    np.testing.assert_array_equal(known.route(start, goal, 0.3).line, ahead)  # nearly east
 
 
 def test_the_same_goes_for_upright_lanes() -> None:
     grid = GridMap(LOOP.occupied.T.copy(), name="upright")
     known = book(grid)
-    south = known.route((6, 0), (2, 0), SOUTH)
+    south = known.route((6, 0), (2, 0), SOUTH).line
     assert south[1, 1] < south[0, 1]  # on south, though the goal is north
-    north = known.route((6, 0), (2, 0), NORTH)
+    north = known.route((6, 0), (2, 0), NORTH).line
     assert north[1, 1] > north[0, 1]
 
 
 def test_in_a_dead_end_it_backs_out() -> None:
     known = book(DEAD_END)
-    route = known.route((1, 5), (1, 1), EAST)
-    np.testing.assert_array_equal(route, known.route((1, 5), (1, 1)))
+    route = known.route((1, 5), (1, 1), EAST).line
+    np.testing.assert_array_equal(route, known.route((1, 5), (1, 1)).line)
 
 
 def test_the_cell_right_behind_may_be_the_goal() -> None:
     known = book(LOOP)
-    np.testing.assert_array_equal(known.route((0, 6), (0, 5), EAST), known.route((0, 6), (0, 5)))
+    np.testing.assert_array_equal(known.route((0, 6), (0, 5), EAST).line, known.route((0, 6), (0, 5)).line)
 
 
 def test_where_there_is_room_to_turn_the_heading_does_not_matter() -> None:
     known = book(LOOP)
     for heading in (EAST, NORTH, WEST, SOUTH):
-        np.testing.assert_array_equal(known.route((3, 6), (3, 2), heading), known.route((3, 6), (3, 2)))
+        np.testing.assert_array_equal(known.route((3, 6), (3, 2), heading).line, known.route((3, 6), (3, 2)).line)
 
 
 @pytest.mark.parametrize(
@@ -206,7 +206,7 @@ def test_where_there_is_room_to_turn_the_heading_does_not_matter() -> None:
 )
 def test_the_first_free_cell_is_a_cell_like_any_other(lines: tuple[str, ...], start: Cell, goal: Cell) -> None:
     grid = drawn(*lines)
-    route = book(grid).route(start, goal, EAST)
+    route = book(grid).route(start, goal, EAST).line
     np.testing.assert_allclose(route[[0, -1]], grid.centre([start, goal]), atol=1e-5)
 
 
@@ -234,7 +234,7 @@ def plans_made(planner: Counting, grid: GridMap = LOOP, seed: int = 0) -> int:
     known = RouteBook(grid, planner, seed=seed)
     expected = book(grid)
     for start, goal in TASKS * 2:
-        np.testing.assert_array_equal(known.route(start, goal), expected.route(start, goal))
+        np.testing.assert_array_equal(known.route(start, goal).line, expected.route(start, goal).line)
     known._store.flush()
     return planner.plans - before
 

@@ -41,7 +41,7 @@ class World:
         for robot, (x, y, heading, *_) in enumerate(poses):
             along = np.arange(0.0, length + SPACING, SPACING)[:, None]
             points = np.array([x, y]) + along * [math.cos(heading), math.sin(heading)]
-            self.simulator.dispatcher.give_route(0, robot, points.astype(np.float32))
+            self.simulator.dispatcher.give_line(0, robot, points.astype(np.float32))
         self.ways: Any = None
         self.order = np.empty(len(poses), np.int64)
 

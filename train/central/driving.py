@@ -75,7 +75,7 @@ def give_line(simulator: Simulator, world: int, robot: int, line: NDArray[np.flo
     r = simulator.robots[world, robot]
     nearest = int(np.argmin(np.hypot(line[:, 0] - r["x"], line[:, 1] - r["y"])))
     since_milestone, bearing = r["position"] - r["milestone"], r["bearing"]
-    simulator.dispatcher.give_route(world, robot, line)
+    simulator.dispatcher.give_line(world, robot, line)
     r["position"] = nearest * r["spacing"]
     r["milestone"] = r["position"] - since_milestone
     r["bearing"] = bearing  # by which it steers backwards until it has found its place on the line

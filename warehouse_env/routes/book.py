@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Lock
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,6 +136,14 @@ def _finish(database: _Database, pending: list[tuple[str, bytes]]) -> None:
     database.close()
 
 
+class Route(NamedTuple):
+    """A path of cells, and the line that a body drives along it."""
+
+    cells: NDArray[np.int32]  # [L, 2] (row, column)
+    line: NDArray[np.float32]  # [R, 2] [m], way-points
+    reach: float = math.inf  # [m] of the line that are made drivable
+
+
 class RouteBook(Portable):
     """Routes on one map by one planner. A copy knows what is on disk, and makes the other routes again."""
 
@@ -156,7 +164,7 @@ class RouteBook(Portable):
     def _bind(self) -> None:
         self._solid = np.pad(self.grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
         self._one_way = np.pad(self.grid.one_way[::-1], 1)
-        self._routes: dict[tuple[Cell, Cell, Cell | None], NDArray[np.float32]] = {}
+        self._routes: dict[tuple[Cell, Cell, Cell | None], Route] = {}
         self._fresh: dict[tuple[Cell, Cell, Cell | None], NDArray[np.int64]] = {}  # plans whose routes are not made yet
         self._store = PlanStore(cache_directory())
         self._usual = 1.0  # [s] that a plan takes, the mean of the last few
@@ -249,8 +257,8 @@ class RouteBook(Portable):
         inside = 0 <= behind[0] < rows and 0 <= behind[1] < columns
         return behind if inside and behind != goal and not self.grid.occupied[behind] else None
 
-    def route(self, start: Cell, goal: Cell, heading: float | None = None) -> NDArray[np.float32]:
-        """Return way-points float32[R, 2] [m] from start's centre to goal's centre; PlanError where there is no path.
+    def route(self, start: Cell, goal: Cell, heading: float | None = None) -> Route:
+        """Return the route from start's centre to goal's centre; PlanError where there is no path.
 
         heading [rad]: of the robot at start. In a single lane its route goes on ahead where it can, since a robot
         cannot turn round there.
@@ -264,7 +272,7 @@ class RouteBook(Portable):
                 if behind is None:
                     raise
                 cells = self.cells(start, goal)  # a dead end: it must back out
-            known = self.lay(cells)
+            known = Route(cells.astype(np.int32), self.lay(cells))
             with self._lock:
                 if len(self._routes) >= MEMORY:
                     self._routes.pop(next(iter(self._routes)))
@@ -272,11 +280,16 @@ class RouteBook(Portable):
                 self._fresh.pop((start, goal, behind), None)
         return known
 
-    def lay(self, cells: NDArray[np.int64], begin: NDArray[np.floating[Any]] | None = None) -> NDArray[np.float32]:
-        """Return way-points float32[R, 2] [m] along cells int[L, 2], from the point `begin` [m] in the first."""
+    def lay(
+        self, cells: NDArray[np.integer[Any]], begin: NDArray[np.floating[Any]] | None = None, reach: float = math.inf
+    ) -> NDArray[np.float32]:
+        """Return way-points float32[R, 2] [m] along cells int[L, 2], from the point `begin` [m] in the first.
+
+        reach [m]: how much of it is made drivable.
+        """
         points = self.grid.centre(cells)
         if begin is not None:
             points[0] = begin
         floor = self._solid, self._one_way, self.grid.cell_size
-        line: NDArray[np.float32] = drivable_line(points, *floor, self._keep_right)
+        line: NDArray[np.float32] = drivable_line(points, *floor, self._keep_right, reach)
         return line

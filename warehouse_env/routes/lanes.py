@@ -178,17 +178,19 @@ def resample(points, spacing):
 
 
 @kernel
-def drivable_line(points, solid, one_way, cell, keep_right):
+def drivable_line(points, solid, one_way, cell, keep_right, reach=np.inf):
     """Return way-points float32[R, 2] [m], evenly spaced about SPACING apart, from the first to the last point.
 
     points: float64[L, 2] [m], the planned path's cell centres; solid: uint8[H + 2, W + 2], padded shelves, y up;
     one_way: uint8[H + 2, W + 2], likewise the directions of one-way cells, in the middle of which lines run;
-    keep_right [m]: how far to the right on open floor, 0 for no lanes.
+    keep_right [m]: how far to the right on open floor, 0 for no lanes; reach [m]: how much of the line is made drivable,
+    the rest leads along the path as planned.
     """
     line = resample(points, SPACING)
-    if len(line) > 2:
-        targets, shift, room = np.empty_like(line), np.empty(len(line)), np.empty(len(line))
-        _lane_targets(line, solid, one_way, cell, keep_right, shift, room, targets)
-        _relax(line, targets, room, solid, cell)
+    near = line[: int(min(reach / SPACING, np.float64(len(line)))) + 1]
+    if len(near) > 2:
+        targets, shift, room = np.empty_like(near), np.empty(len(near)), np.empty(len(near))
+        _lane_targets(near, solid, one_way, cell, keep_right, shift, room, targets)
+        _relax(near, targets, room, solid, cell)
         line = resample(line, SPACING)
     return line.astype(np.float32)

@@ -268,36 +268,42 @@ class Simulator(Portable):
         """
         self._actions.decode(actions, self._commands, self._choices)
         self._messages.lose(self.robots)
-        arrivals = sum(side_by_side(self._advance, self._parts)) if self._many() else self._advance(0, self.num_worlds)
+        arrivals = sum(self._each(self._advance))
         if self._features.checked:
             raise_fault(self._faults)
         self.people.send_on(self.robots)
         self.arrivals = self.dispatcher.arrive(self.steps) if arrivals else []
         rerouted = self.dispatcher.reroute(self.steps)
-        if arrivals or rerouted:
+        if self.dispatcher.all_look:
+            self._observe()
+        elif arrivals or rerouted:
             self._observe(rerouted)
         return self.observation
 
-    def _compile(self) -> _Code:
+    def _code(self) -> _Code:
         """Return the code of `advance` and of `observe` for the arguments at hand, whose types never change."""
-        arrays = (self.robots, self.routes)
-        return (
-            compiled_for(step.advance, 0, 0, *arrays, *self._advance_arguments),
-            compiled_for(step.observe, 0, 0, False, *arrays, *self._observe_arguments),
-        )
+        if self._compiled is None:
+            arrays = (self.robots, self.routes)
+            self._compiled = (
+                compiled_for(step.advance, 0, 0, *arrays, *self._advance_arguments),
+                compiled_for(step.observe, 0, 0, False, *arrays, *self._observe_arguments),
+            )
+        return self._compiled
 
     def _advance(self, begin: int, end: int) -> int:
-        """Advance the worlds from `begin` to before `end`, and observe those without arrivals; return how many."""
-        if self._compiled is None:
-            self._compiled = self._compile()
-        advance, observe = self._compiled
+        """Advance the worlds from `begin` to before `end`, and observe those without arrivals; return how many.
+
+        Where all robots look for better routes, a world waits with its observation until they have done so.
+        """
+        advance, observe = self._code()
         where = (begin, end, self.robots, self.dispatcher.routes)
         if self.config.right_of_way and agreement.agree(*where, *self._agree_arguments):
             making_room.make_room(*where, *self._room_arguments, self._metric)
         arrivals, seeking = advance(*where, *self._advance_arguments)
         if seeking:
             rejoin.seek(*where, self.arcs, self._params, self._floor.solid, self._floor.clearance, self._metric)
-        observe(begin, end, False, self.robots, self.dispatcher.routes, *self._observe_arguments)
+        if not self.dispatcher.all_look:
+            observe(begin, end, False, self.robots, self.dispatcher.routes, *self._observe_arguments)
         return arrivals
 
     @property
@@ -307,10 +313,19 @@ class Simulator(Portable):
     def _many(self) -> bool:
         return self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and get_num_threads() > 1
 
+    def _each(self, work: Callable[[int, int], int]) -> list[int]:
+        """Do some work from one world to before another for all worlds: in parts, where there are many."""
+        return side_by_side(work, self._parts) if self._many() else [work(0, self.num_worlds)]
+
     def _observe(self, worlds: int | list[int] | slice = slice(None)) -> None:
         """Observe these worlds, and those that wait for it."""
         self._waiting[worlds] = 1
-        step.observe(0, self.num_worlds, True, self.robots, self.routes, *self._observe_arguments)
+        self._each(self._observe_waiting)
+
+    def _observe_waiting(self, begin: int, end: int) -> int:
+        _, observe = self._code()
+        observe(begin, end, True, self.robots, self.routes, *self._observe_arguments)
+        return 0
 
     def episode_metrics(self, world: int = 0) -> dict[str, float]:
         """Return the row of numbers of a world's episode so far (see metrics.episode_row, and Tasks.cut_off)."""

@@ -39,7 +39,7 @@ def test_who_is_far_from_its_route_gets_another_and_arrives(reroute: bool) -> No
 
 def test_astray_in_the_cell_of_its_goal_it_goes_on_to_its_centre() -> None:
     simulator = simulator_at(30.05, 0.95, -1.5)  # in the goal's cell, but too far from its centre to have arrived
-    simulator.dispatcher.give_route(0, 0, np.array([[2.0, 5.5], [2.5, 5.5]], np.float32))
+    simulator.dispatcher.give_line(0, 0, np.array([[2.0, 5.5], [2.5, 5.5]], np.float32))
     for _ in range(10):
         simulator.step(STILL)
     assert simulator.robots["points"][0, 0] == 2

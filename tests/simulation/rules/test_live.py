@@ -15,10 +15,14 @@ import pytest
 from tests.simulation.worlds import room, stage
 from warehouse_env.config import EnvConfig, RerouteSpec
 from warehouse_env.errors import ConfigError
-from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.kernel import kernel
+from warehouse_env.maps.grid_map import MOVES, GridMap
+from warehouse_env.planning.cost_to_go import DIAGONAL, UNIT, CostToGo
 from warehouse_env.simulation.record.recording import Recorder
-from warehouse_env.simulation.rules.live import LiveRoutes, find_due, keep_barred
-from warehouse_env.simulation.rules.prices import PRICES, Prices, cells_ahead, path_cost, price
+from warehouse_env.simulation.rules.live import SLOTS, LiveRoutes, find_due, keep_barred
+from warehouse_env.simulation.rules.passing import NOTHING, Passing, forget_route, keep_all_up, make_passing
+from warehouse_env.simulation.rules.prices import PRICES, Look, Prices, cost_ahead, make_asked, price_of
+from warehouse_env.simulation.rules.ways import ANY, make_labels, search
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import ROBOT
 
@@ -52,22 +56,59 @@ def looks(robots: Any, step: int = 0, every: int = 1) -> Any:
     return out
 
 
+ONE, ON_AXLE = np.float32(1.0), np.float32(0.0)
+STANDS = (6.0, ON_AXLE, ONE, ROWS, COLUMNS)  # after 6 s; bodies' centres on the axle; cells of 1 m
+
+
+def table_of(robots: Any, routes: Any) -> Passing:
+    table = make_passing(1, robots.shape[1], ROWS * COLUMNS, SLOTS)
+    keep_all_up(table, 0, 0, robots[0], routes[0], *STANDS)
+    return table
+
+
 def barred(robots: Any, routes: Any, look_ahead: float = 25.0, **when: int) -> list[bool]:
     out = looks(robots, **when)
-    stands = np.zeros((ROWS, COLUMNS), np.int32)
-    count = keep_barred(robots, routes, 6.0, look_ahead, np.float32(0.0), np.float32(1.0), stands, out)
+    table, laid = make_passing(1, robots.shape[1], ROWS * COLUMNS, SLOTS), np.full(robots.shape, np.inf, np.float32)
+    stood_for, *floor = STANDS
+    count = keep_barred(table, robots, routes, laid, np.array([0]), stood_for, look_ahead, *floor, out)
     assert count == out.sum()
-    assert not stands.any()
     return [bool(found) for found in out[0]]
 
 
 FREE = Prices(0.0, 0.0, 0.0, 0.0, 0.0, PRICES.crowd_within, 0.0, 0.0)
 
 
+def steps_of(legal: Any) -> Any:
+    """What moves cost on a floor where these are legal, bool[H, W, 8]."""
+    return (np.where(np.arange(8) % 2, DIAGONAL, UNIT) * legal).astype(np.int32)
+
+
+def all_moves(rows: int = ROWS, columns: int = COLUMNS) -> Any:
+    return GridMap(np.zeros((rows, columns), bool), picks=[(0, 0)], stations=[(0, 1)]).legal_moves.copy()
+
+
+def look_of(robots: Any, routes: Any, me: int, legal: Any = None, **prices: float) -> Look:
+    steps = steps_of(all_moves() if legal is None else legal)
+    row, column = ROWS - 1 - int(robots[0, me]["y"]), int(robots[0, me]["x"])
+    asked = make_asked(ROWS * COLUMNS)
+    asked.looks[0] = 1
+    return Look(table_of(robots, routes), asked, robots[0], steps, FREE._replace(**prices), ONE, 0, me, row, column)
+
+
+@kernel
+def price_all(look: Look, cost: Any) -> None:
+    for cell in range(cost.shape[0] * cost.shape[1]):
+        row, column = cell // cost.shape[1], cell % cost.shape[1]
+        for move in range(8):
+            if look.steps[row, column, move]:
+                to = (row + MOVES[move, 0]) * cost.shape[1] + column + MOVES[move, 1]
+                cost[row, column, move] = price_of(look, cell, move, to) / UNIT
+
+
 def costs(robots: Any, routes: Any, me: int, legal: Any = None, **prices: float) -> Any:
-    cost = np.empty((ROWS, COLUMNS, 8))
-    legal = np.ones(cost.shape, np.bool_) if legal is None else legal
-    price(robots[0], routes[0], me, legal, 6.0, FREE._replace(**prices), np.float32(0.0), np.float32(1.0), cost)
+    """What others make each legal move cost [cells], float64[H, W, 8]; 0 for the others."""
+    cost = np.zeros((ROWS, COLUMNS, 8))
+    price_all(look_of(robots, routes, me, legal, **prices), cost)
     return cost
 
 
@@ -157,7 +198,7 @@ def test_moves_against_what_is_left_of_a_route_cost() -> None:
 
 def test_moves_against_a_route_cost_their_own_price_where_two_cannot_pass() -> None:
     robots = record({"x": 0.5, "y": 2.5, "points": 9}, {"x": 8.5, "y": 4.5})
-    legal = np.ones((ROWS, COLUMNS, 8), np.bool_)
+    legal = all_moves()
     legal[2, 3:6, NORTH] = legal[2, 3:5, SOUTH] = False  # an aisle of one cell, columns 3 and 4, which 5 leads into
     cost = costs(robots, eastwards(2, 2, range(9)), 1, legal, against=1.0, boxed_against=8.0)
     west = cost[2, :, WEST]
@@ -176,38 +217,55 @@ def test_cells_where_another_will_be_at_the_same_time_cost() -> None:
     assert not costs(robots, eastwards(2, 2, range(9)), 0, crowd=2.0).any()  # nobody is in his own way
 
 
-def test_what_is_left_of_a_route_costs_its_length_and_its_prices() -> None:
-    robots = record({"x": 2.5, "y": 2.5, "points": 9, "position": 2.0})
-    cells = cells_ahead(robots[0, 0], eastwards(1, 2, range(9))[0, 0], np.float32(1.0), ROWS, COLUMNS)
-    assert cells.tolist() == [[2, column] for column in range(2, 9)]
-    cost = np.zeros((ROWS, COLUMNS, 8))
-    cost[2, 4, EAST], cost[2, 4, WEST], cost[2, 8] = 1.5, 7.0, 7.0
-    assert path_cost(cells, cost) == 6 + 1.5
-    assert path_cost(np.array([[0, 0], [1, 1], [1, 3]]), cost) == pytest.approx(2**0.5 + 2)
+@kernel
+def ahead(look: Look, cells: Any, field: Any, horizon: int) -> int:
+    return cost_ahead(look, cells, field, 0, 0, horizon)
 
 
-def test_prices_beyond_what_a_planner_takes_are_cut_off_there() -> None:
+def test_what_is_left_of_a_route_costs_its_length_and_its_prices_as_far_as_one_looks() -> None:
+    robots = record({"x": 2.5, "y": 2.5, "points": 9, "position": 2.0}, {"x": 6.5, "y": 2.5, "standing_time": 9.0})
+    routes, cells = eastwards(2, 2, range(9)), np.array([[2, column] for column in range(9)], np.int32)
+    floor = CostToGo(GridMap(np.zeros((ROWS, COLUMNS), bool), picks=[(2, 8)], stations=[(2, 0)]))
+    field = floor.field((2, 8), floor.whole())
+    assert ahead(look_of(robots, routes, 0), cells, field, 40 * UNIT) == 6 * UNIT
+    look = look_of(robots, routes, 0, standing=10.0, beside=3.0)
+    assert ahead(look, cells, field, 40 * UNIT) == (6 + 3 + 10 + 3) * UNIT
+    assert ahead(look, cells, field, 3 * UNIT) == (6 + 3) * UNIT
+
+
+def live_of(simulator: Simulator) -> LiveRoutes:
+    """Live routes of their own, which know the robots' routes."""
+    live = LiveRoutes(simulator.config, simulator.route_book, simulator.num_worlds)
+    for world, robots in enumerate(simulator.robots):
+        for i, r in enumerate(robots):
+            cells = simulator.grid.cell(simulator.routes[world, i, : r["points"]]).astype(np.int32)
+            live.take_up(simulator.robots, simulator.routes, world, i, cells, np.inf)
+    return live
+
+
+def look_for(live: LiveRoutes, simulator: Simulator, me: int = 0, step: int = 0, **how: bool) -> Any:
+    """What robot `me` of the first world finds to its goal."""
+    robots = simulator.robots[0]
+    goal = (int(robots[me]["goal_row"]), int(robots[me]["goal_col"]))
+    return live.route(robots, simulator.routes[0], 0, me, step, goal, **how)
+
+
+def test_prices_of_who_has_stood_for_ever_are_cut_off() -> None:
     simulator = Simulator(CONFIG)
     simulator.reset([1])
-    robots = simulator.robots[0]
-    robots["standing_time"] = 1e9
-    live = LiveRoutes(simulator.config, simulator.route_book)
-    goal = (int(robots[0]["goal_row"]), int(robots[0]["goal_col"]))
-    assert live.route(robots, simulator.routes[0], 0, goal) is not None
+    simulator.robots["standing_time"] = 1e9
+    assert look_for(live_of(simulator), simulator) is not None
 
 
 def test_on_its_way_a_robot_keeps_its_route_unless_a_new_one_saves_enough() -> None:
     simulator = Simulator(CONFIG.replace(num_agents=2))
     simulator.reset([1])
-    robots, routes = simulator.robots[0], simulator.routes[0]
-    goal = (int(robots[0]["goal_row"]), int(robots[0]["goal_col"]))
-    live = LiveRoutes(simulator.config, simulator.route_book)
-    assert live.route(robots, routes, 0, goal, on_its_way=True) is None
-    assert live.route(robots, routes, 0, goal) is not None
-    middle = int(robots[0]["points"]) // 2
-    robots[1]["x"], robots[1]["y"] = routes[0, middle]  # in its way, and stands
+    robots, live = simulator.robots[0], live_of(simulator)
+    assert look_for(live, simulator, on_its_way=True) is None
+    assert look_for(live, simulator) is not None
+    robots[1]["x"], robots[1]["y"] = simulator.routes[0, 0, int(robots[0]["points"]) // 2]  # in its way, and stands
     robots[1]["standing_time"] = 60.0
-    assert live.route(robots, routes, 0, goal, on_its_way=True) is not None
+    assert look_for(live, simulator, step=1, on_its_way=True) is not None
 
 
 @pytest.mark.parametrize(("up", "better"), [(1, False), (2, True), (3, True)])
@@ -217,17 +275,17 @@ def test_a_route_is_kept_to_the_cell_unless_a_new_one_saves_enough(up: int, bett
     simulator = stage(room(12, 16), (2.5, 2.5, 0.0), planner="astar_turns", reroute=True, reroute_spec=spec)
     bend = [(x, 2.5) for x in (2.5, 3.5, 4.5)] + [(5.5, 2.5 + k) for k in range(up + 1)]
     back = [(6.5, 2.5 + k) for k in range(up, -1, -1)] + [(x, 2.5) for x in (7.5, 8.5, 9.5, 10.5)]
-    simulator.dispatcher.give_route(0, 0, np.array(bend + back, np.float32))
-    live, goal = LiveRoutes(simulator.config, simulator.route_book), tuple(simulator.grid.cell([10.5, 2.5]).tolist())
-    found = live.route(simulator.robots[0], simulator.routes[0], 0, goal, on_its_way=True)
-    assert (found is not None) == better
+    simulator.dispatcher.give_line(0, 0, np.array(bend + back, np.float32))
+    goal = tuple(simulator.grid.cell([10.5, 2.5]).tolist())
+    robots, routes = simulator.robots[0], simulator.routes[0]
+    assert (live_of(simulator).route(robots, routes, 0, 0, 0, goal, on_its_way=True) is not None) == better
 
 
 def test_turning_away_from_the_heading_costs_and_more_where_there_is_no_room() -> None:
     robots = record({"x": 2.5, "y": 2.5})
     cost = costs(robots, eastwards(1, 2, range(9)), 0, turn=3.0, boxed_turn=30.0)
     assert cost[2, 2].tolist() == pytest.approx([0.0, 0.6, 3.0, 6.0, 6.0, 6.0, 3.0, 0.6])
-    legal = np.ones((ROWS, COLUMNS, 8), np.bool_)
+    legal = all_moves()
     legal[2, 2, [NORTH, SOUTH]] = False
     cost = costs(robots, eastwards(1, 2, range(9)), 0, legal, turn=3.0, boxed_turn=30.0)
     assert cost[2, 2, [EAST, WEST]].tolist() == [0.0, 36.0]
@@ -294,7 +352,7 @@ def test_a_new_route_begins_at_the_robot_and_ends_at_the_same_goal_and_the_task_
 
 
 def test_planners_without_a_cost_map_are_refused_and_specs_checked() -> None:
-    with pytest.raises(ConfigError, match="takes no cost map"):
+    with pytest.raises(ConfigError, match="plans no live routes; choose astar_turns"):
         Simulator(CONFIG.replace(reroute_spec=RerouteSpec(planner="theta_star")))
     with pytest.raises(ConfigError, match=r"RerouteSpec\.every"):
         RerouteSpec(every=0.0)
@@ -326,37 +384,46 @@ def test_who_is_in_the_cell_of_its_goal_keeps_its_route_to_the_middle() -> None:
     simulator = Simulator(CONFIG)
     simulator.reset([1])
     r = simulator.robots[0, 0]
-    goal = (int(r["goal_row"]), int(r["goal_col"]))
-    live = LiveRoutes(CONFIG, simulator.route_book)
-    assert live.route(simulator.robots[0], simulator.routes[0], 0, goal) is not None
+    live = live_of(simulator)
+    assert look_for(live, simulator) is not None
     r["x"], r["y"] = r["goal_x"] - 0.4, r["goal_y"] - 0.4  # farther off than the radius in which it has arrived
-    assert live.route(simulator.robots[0], simulator.routes[0], 0, goal) is None
+    assert look_for(live, simulator) is None
 
 
-def price_bits() -> list[str]:
-    """Digests of the cost maps of six robots on their way, of whom two stand, and of what their routes cost there."""
+@kernel
+def cheapest(look: Look, field: Any, hairpin: int, horizon: int, most: int, labels: Any) -> tuple[int, int]:
+    return search(look, field, 0, 0, hairpin, horizon, most, labels)
+
+
+def search_bits() -> list[str]:
+    """Digests of the prices for six robots on their way, of whom two stand, and of what their searches come to."""
     simulator = Simulator(CONFIG.replace(num_agents=6))
     simulator.reset([3])
     robots, routes, grid = simulator.robots[0], simulator.routes[0], simulator.grid
     robots["standing_time"][:2] = 7.7
     robots["position"] = np.linspace(0.3, 3.1, 6)
-    cost, size = np.empty((*grid.shape, 8)), np.float32(grid.cell_size)
-    found = []
-    for me in range(6):
-        price(robots, routes, me, grid.legal_moves, 6.0, PRICES, np.float32(0.3), size, cost)
-        cells = cells_ahead(robots[me], routes[me], size, *grid.shape)
-        found.append(hashlib.sha256(cost.tobytes() + np.float64(path_cost(cells, cost)).tobytes()).hexdigest())
+    size, floor, found = np.float32(grid.cell_size), CostToGo(grid), []
+    table = make_passing(1, 6, grid.occupied.size, SLOTS)
+    keep_all_up(table, 0, 0, robots, routes, 6.0, np.float32(0.3), size, *grid.shape)
+    for me, r in enumerate(robots):
+        asked, labels = make_asked(grid.occupied.size), make_labels(*grid.shape)
+        asked.looks[0] = 1
+        look = Look(table, asked, robots, floor.steps, PRICES, size, 0, me, *grid.cell([r["x"], r["y"]]).tolist())
+        field = floor.field((int(r["goal_row"]), int(r["goal_col"])), floor.whole())
+        state, cost = cheapest(look, field, 10 * UNIT, 40 * UNIT, ANY, labels)
+        bits = asked.enter.tobytes() + asked.leave.tobytes() + labels.before.tobytes()
+        found.append(f"{state}:{cost}:{hashlib.sha256(bits).hexdigest()}")
     return found
 
 
-def test_plain_python_gives_the_same_prices_to_the_bit() -> None:
-    program = "from tests.simulation.rules.test_live import price_bits; print(*price_bits())"
+def test_plain_python_finds_the_same_at_the_same_prices_to_the_bit() -> None:
+    program = "from tests.simulation.rules.test_live import search_bits; print(*search_bits())"
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", program],
         env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, cwd=ROOT, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == price_bits()
+    assert done.stdout.split() == search_bits()
 
 
 def sharpest_turn(route: Any) -> float:
@@ -373,14 +440,14 @@ def folded(planner: str) -> int:
     config = EnvConfig(layout="narrow", num_agents=64, planner="astar_turns", reroute=True, reroute_spec=spec)
     simulator, rng, count = Simulator(config), np.random.default_rng(0), 0
     simulator.reset([0])
-    live, robots = LiveRoutes(config, simulator.route_book), simulator.robots[0]
+    live, robots = live_of(simulator), simulator.robots[0]
     robots["standing_time"] = spec.stood_for
     cells = simulator.grid.free_cells
     for _ in range(1500):
         me, goal = rng.integers(64), tuple(cells[rng.integers(len(cells))].tolist())
         robots[me]["heading"] = rng.uniform(-np.pi, np.pi)
-        route = live.route(robots, simulator.routes[0], me, goal)
-        count += route is not None and sharpest_turn(route[:15]) > 2.0
+        route = live.route(robots, simulator.routes[0], 0, me, 0, goal)
+        count += route is not None and sharpest_turn(route.line[:15]) > 2.0
     return count
 
 

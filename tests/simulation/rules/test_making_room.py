@@ -105,7 +105,7 @@ def test_who_can_leave_no_path_goes_its_own_way_between_the_others() -> None:
     world = World(*poses, ages=[5, 9, 2], grid=BAY)
     for robot in range(3):
         ahead = np.array([world.robots["x"][robot], 1.7]) + np.arange(0.0, 6.0, 0.25)[:, None] * [1.0, 0.0]
-        world.simulator.dispatcher.give_route(0, robot, ahead.astype(np.float32))
+        world.simulator.dispatcher.give_line(0, robot, ahead.astype(np.float32))
     world.decide()
     world.robots["yields_to"] = [1, 0, 0]
     world.robots["waiting_time"] = 5.0

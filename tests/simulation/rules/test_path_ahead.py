@@ -98,7 +98,7 @@ def test_another_route_or_manoeuvre_is_another_path() -> None:
     world = World((2.0, 12.0, 0.0), length=20.0)
     decided(world)
     points = np.array([2.0, 12.0]) + np.arange(0.0, 8.0, 0.25)[:, None] * [0.0, 1.0]
-    world.simulator.dispatcher.give_route(0, 0, points.astype(np.float32))
+    world.simulator.dispatcher.give_line(0, 0, points.astype(np.float32))
     np.testing.assert_array_equal(decided(world), ahead(world)[0])
     assert world.path(0)[-1, CENTRE_Y] > 15.0
     arcs = world.simulator.arcs[0, 0]

@@ -106,7 +106,7 @@ def test_who_is_not_settled_keeps_its_command_and_its_offset() -> None:
 def test_who_is_settled_carries_out_its_manoeuvre_whatever_the_policy_says(command: int) -> None:
     settings = {"right_of_way": True, "right_of_way_after": 3.0, "protective_field": True, "action_repeat": 2}
     simulator = stage(room(10, 20), (10.0, 5.0, 0.0), action_type="discrete", **settings)
-    simulator.dispatcher.give_route(0, 0, np.array([[10.0 + k, 5.0] for k in range(6)], dtype=np.float32))
+    simulator.dispatcher.give_line(0, 0, np.array([[10.0 + k, 5.0] for k in range(6)], dtype=np.float32))
     r = simulator.robots[0, 0]
     simulator.arcs[0, 0, 0] = -1.5, 0.0
     r["arcs"], r["arc_margin"], r["arc_left"] = 1, 0.01, -1.5

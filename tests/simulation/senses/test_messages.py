@@ -27,7 +27,7 @@ def seen(loss: float) -> tuple[Simulator, NDArray[np.float32]]:
     simulator = stage(room(10, 12), *STANDING, **changes)
     for robot, (x, y, heading) in enumerate(STANDING):
         ahead = np.arange(0.0, 4.0, 0.25)[:, None] * [math.cos(heading), math.sin(heading)]
-        simulator.dispatcher.give_route(0, robot, (np.array([x, y]) + ahead).astype(np.float32))
+        simulator.dispatcher.give_line(0, robot, (np.array([x, y]) + ahead).astype(np.float32))
     return simulator, simulator.step(np.full((1, 2), 5))[0].copy()  # speed 0, on the route
 
 

@@ -88,7 +88,7 @@ def _assignment(tasks: Sequence[Task], routes: RouteBook, config: EnvConfig) -> 
     grid = routes.grid
     robots, parameters = np.zeros(len(tasks), ROBOT), parameters_of(config, grid.cell_size)
     for robot, (start, goal) in enumerate(tasks):
-        line = routes.route(start, goal)
+        line = routes.route(start, goal).line
         direction = line[min(2, len(line) - 1)] - line[0]
         if not place(robots, robot, grid.centre(start), direction, parameters, floor_of(grid)):
             raise ConfigError(f"robot {robot} touches something at {start}; choose another start")

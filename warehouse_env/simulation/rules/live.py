@@ -1,28 +1,29 @@
 """Live routes: robots are routed anew on their way, around others that stand and away from where others are going.
 
 Every few seconds of its world's clock a robot looks for a better route from where it is (with `only_barred`, as in
-trainings, only if its own leads through a cell in or beside which another has not moved a metre for some seconds),
-planned on a cost map:
+trainings, only if its own leads through a cell in or beside which another has not moved a metre for some seconds), at
+prices:
 
 - entering the cell of a robot that stands, or one beside it, costs, the more the longer one stands oneself;
-- a move against one of another's remaining route costs, so that streams part, and the more in an aisle of one cell,
-  where the two could not pass (traffic/conflicts.py prices expected conflicts of whole routes; here the routes are on
-  their way, and only the opposing moves of what is left count);
-- entering a cell of another's remaining route costs if both will be there at about the same time, so that robots
-  spread over the floor before they crowd: it costs the most where both are as far from that cell;
+- a move against one of another's route ahead costs, so that streams part, and the more in an aisle of one cell, where
+  the two could not pass (traffic/conflicts.py prices expected conflicts of whole routes; here the routes are on their
+  way, and only the opposing moves of the next metres count);
+- entering a cell of another's route ahead costs if both will be there at about the same time, so that robots spread
+  over the floor before they crowd: it costs the most where both are as far from that cell;
 - beginning with a turn costs, the more in an aisle of one cell, where a robot must back out to turn round; turning
-  back sharply later on costs as well (`hairpin` of the planner), or one would go a cell ahead to turn for nothing.
+  back sharply later on costs as well, or one would go a cell ahead to turn for nothing.
 
 A new route on the way must save some cells at these prices, or the old one is kept: a change of route often begins with
 a manoeuvre, in everybody's way. What was tried, of these prices and of others: docs/measured/trials.md.
 
-Robots look one after another, spread over the period by their index, so two that meet do not both turn away at once,
-and no step does the work of all. Nothing is drawn by chance: a world's routes depend on its own robots alone.
+Who stands and passes where is kept in a table (passing.py), made into prices where a search asks for them (prices.py);
+ways.py searches. Robots look one after another, spread over the period by their index, so two that meet do not both
+turn away at once, and no step does the work of all. Nothing is drawn by chance: a world's routes depend on its own
+robots alone.
 """
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -30,43 +31,29 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
-from warehouse_env.kernel import kernel
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.grid_map import Cell
-from warehouse_env.planning.plan import DEAREST
-from warehouse_env.routes.book import RouteBook
-from warehouse_env.simulation.rules.prices import (
-    PRICES,
+from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE, Box, CostToGo, to_go
+from warehouse_env.portable import Portable
+from warehouse_env.routes.book import Route, RouteBook
+from warehouse_env.simulation.rules.passing import (
+    NOTHING,
     ahead_of,
     body_cell,
     cell_of,
-    cells_ahead,
-    path_cost,
-    price,
-    way,
+    forget_route,
+    keep_all_up,
+    keep_up,
+    make_passing,
 )
-from warehouse_env.simulation.rules.waits import bars_routes
+from warehouse_env.simulation.rules.prices import PRICES, Look, cost_ahead, make_asked
+from warehouse_env.simulation.rules.ways import ANY, make_labels, search, write_rest, write_way
 
-
-@kernel
-def _mark(stands, row, column, change):
-    """Add `change` to the cells in and beside which a robot stands; stands: int32[H, W]."""
-    for i in range(max(row - 1, 0), min(row + 2, stands.shape[0])):
-        for j in range(max(column - 1, 0), min(column + 2, stands.shape[1])):
-            stands[i, j] += change
-
-
-@kernel
-def _is_barred(r, route, look_ahead, stands, cell):
-    """Whether a robot's route leads within look_ahead [m] through a cell in or beside which another stands."""
-    if r["points"] < 2:
-        return False
-    first = ahead_of(r)
-    last = min(r["points"] - 1, first + int(look_ahead / np.float64(r["spacing"])))
-    for k in range(first, last + 1):
-        row, column = cell_of(route[k, 0], route[k, 1], cell, stands.shape[0], stands.shape[1])
-        if stands[row, column] > 0:
-            return True
-    return False
+SLOTS = 128  # way-points of a robot's route that the table has room for
+HORIZON = 40  # [cells] from a robot up to which it looks; from there its way is the shortest
+LAID = 60.0  # [m] of a robot's route that are made drivable at once; the rest when it comes near
+_NEAR = 25.0  # [m] from the end of that at which it is
+_EDGE = 24  # [cells] from the edge of a field at which a robot that was led astray gets another
 
 
 @kernel
@@ -85,91 +72,188 @@ def find_due(robots, steps, every, looks):
     return found
 
 
-@kernel
-def keep_barred(robots, routes, stood_for, look_ahead, behind, cell, stands, looks):
-    """Let only those look whose way is barred; return how many.
+@inline
+def _runs_out(r, laid):
+    """Whether a robot comes near the end of what is laid of its route, which is `laid` [m] long."""
+    return r["position"] + np.float32(_NEAR) > laid and laid < (r["points"] - 1) * r["spacing"]
 
-    robots: ROBOT[B, N]; routes: float32[B, N, R, 2] [m]; behind [m]: a body's centre, behind its front axle; stands:
-    int32[H, W], zeros; looks: bool[B, N].
+
+@inline
+def _is_barred(passing, b, me, r, route, look_ahead, size, rows, columns):
+    """Whether a robot's route leads within look_ahead [m] through a cell in or beside which another stands."""
+    if r["points"] < 2:
+        return False
+    first = ahead_of(r)
+    last = min(r["points"] - 1, first + int(look_ahead / np.float64(r["spacing"])))
+    own = passing.stands_on[b, me]  # nobody bars his own way
+    for k in range(first, last + 1):
+        row, column = cell_of(route[k, 0], route[k, 1], size, rows, columns)
+        cell = row * columns + column
+        others = passing.standing[b, cell, 0] + passing.standing[b, cell, 1]
+        if own != NOTHING and abs(own // columns - row) <= 1 and abs(own % columns - column) <= 1:
+            others -= 1
+        if others > 0:
+            return True
+    return False
+
+
+@kernel
+def keep_barred(passing, robots, routes, laid, steps, stood_for, look_ahead, behind, size, rows, columns, looks):
+    """Let only those look whose way is barred, or runs out; return how many.
+
+    robots: ROBOT[B, N]; routes: float32[B, N, R, 2] [m]; laid: float32[B, N] [m]; steps: int64[B]; looks: bool[B, N];
+    all else: keep_all_up.
     """
-    found, (rows, columns) = 0, stands.shape
+    found = 0
     for b in range(robots.shape[0]):
-        for r in robots[b]:
-            if bars_routes(r, stood_for):
-                row, column = body_cell(r, behind, cell, rows, columns)
-                _mark(stands, row, column, 1)
         for i in range(robots.shape[1]):
-            if not looks[b, i]:
-                continue
-            r = robots[b, i]
-            own = bars_routes(r, stood_for)  # nobody bars his own way
-            row, column = body_cell(r, behind, cell, rows, columns)
-            if own:
-                _mark(stands, row, column, -1)
-            looks[b, i] = _is_barred(r, routes[b, i], look_ahead, stands, cell)
-            found += looks[b, i]
-            if own:
-                _mark(stands, row, column, 1)
-        stands[:] = 0
+            if looks[b, i]:
+                keep_all_up(passing, b, steps[b], robots[b], routes[b], stood_for, behind, size, rows, columns)
+                looks[b, i] = _runs_out(robots[b, i], laid[b, i]) or _is_barred(
+                    passing, b, i, robots[b, i], routes[b, i], look_ahead, size, rows, columns
+                )
+                found += looks[b, i]
     return found
 
 
-class LiveRoutes:
+@kernel
+def find_way(
+    passing, asked, labels, robots, routes, b, me, step, steps, prices, stood_for, behind, size, cells, laid, field,
+    top, left, hairpin, horizon, saving, on_its_way,
+):  # fmt: skip
+    """Write a cheapest way of robot `me` of world b to labels.path, and return of how many cells; 0: there is none.
+
+    A robot `on_its_way` that would save less than `saving` goes on along its cells if what is laid of its route runs
+    out, or else gets none. robots: ROBOT[N]; routes: float32[N, R, 2] [m]; step: of the world; cells: int32[L, 2],
+    those that its route was made of, of which `laid` [m] are drivable; field: of its goal, from the cell (top, left)
+    on; hairpin, horizon, saving: thousandths of a cell; all else: keep_all_up, Look.
+    """
+    rows, columns = steps.shape[0], steps.shape[1]
+    keep_all_up(passing, b, step, robots, routes, stood_for, behind, size, rows, columns)
+    row, column = cell_of(robots[me]["x"], robots[me]["y"], size, rows, columns)
+    asked.looks[0] += 1
+    look = Look(passing, asked, robots, steps, prices, size, b, me, row, column)
+    most, state = ANY, -1
+    if on_its_way:
+        most = cost_ahead(look, cells, field, top, left, horizon) - saving
+    if to_go(field, top, left, row, column) <= most:
+        state, _ = search(look, field, top, left, hairpin, horizon, most, labels)
+    if state >= 0:
+        return write_way(look, field, top, left, state, labels)
+    if on_its_way and _runs_out(robots[me], laid):
+        return write_rest(look, cells, labels)
+    return 0
+
+
+class LiveRoutes(Portable):
     """Makes routes while robots drive: `watch` says who looks for a better one, `route` makes it from its pose."""
 
-    def __init__(self, config: EnvConfig, book: RouteBook) -> None:
-        """Take the configuration's `reroute_spec`; ConfigError for a planner that takes no cost map."""
+    bound = ("_fields", "_asked", "_labels")
+
+    def __init__(self, config: EnvConfig, book: RouteBook, worlds: int) -> None:
+        """Take the configuration's `reroute_spec`; ConfigError for a planner that makes no live routes."""
         from warehouse_env.planning import make_planner
+        from warehouse_env.planning.graph_search import AStarTurns
 
         spec, grid = config.reroute_spec, book.grid
         planner = make_planner(spec.planner)
-        if not planner.takes_cost:
-            raise ConfigError(
-                f"planner {planner.name} takes no cost map and cannot plan live routes; choose one with takes_cost, "
-                "such as astar_turns"
-            )
-        self._book, self._planner = book, planner
+        if not isinstance(planner, AStarTurns):
+            raise ConfigError(f"planner {planner.name} plans no live routes; choose astar_turns")
+        self._book = book
         seconds = config.action_repeat * config.time_step
-        every = max(1, round(spec.every / seconds))
+        self._every, self._only_barred, self._look_ahead = max(1, round(spec.every / seconds)), spec.only_barred, spec.look_ahead
         behind = np.float32(config.robot.rear_reach - 0.5 * config.robot.length)
-        size = np.float32(grid.cell_size)
-        self._every, self._only_barred = every, spec.only_barred
-        self._barred = (spec.stood_for, spec.look_ahead, behind, size)
-        self._price = (grid.legal_moves, spec.stood_for, PRICES, behind, size)
-        self._size, self._saving = size, spec.saving
-        self._stands = np.zeros(grid.shape, np.int32)
-        self._cost = np.zeros((*grid.shape, 8))
+        self._floor = spec.stood_for, behind, np.float32(grid.cell_size)
+        self._gentleness = planner.gentleness
+        self._costs = round(UNIT * planner.hairpin), UNIT * HORIZON, round(UNIT * spec.saving)
+        self._passing = make_passing(worlds, config.num_agents, grid.occupied.size, SLOTS)
+        self._laid = np.full((worlds, config.num_agents), np.inf, np.float32)  # [m] of routes that are drivable
+        fastest = max(config.robot.max_speed, -config.robot.min_speed)
+        self._reach = LAID if spec.every * fastest < _NEAR / 2 else np.inf
+        self._cells: dict[tuple[int, int], NDArray[np.int32]] = {}  # [L, 2], those that a robot's route was made of
+        self._boxes: dict[tuple[int, int], tuple[Cell, Box]] = {}  # of the field that each robot goes by, and its goal
+        self._bind()
+
+    def _bind(self) -> None:
+        rows, columns = self._book.grid.shape
+        self._fields = CostToGo(self._book.grid, self._gentleness)
+        self._asked, self._labels = make_asked(rows * columns), make_labels(rows, columns)
+
+    def begin(self, world: int) -> None:
+        """Forget all that is known of a world: its robots begin anew."""
+        passing = self._passing
+        passing.first[world] = passing.stands_on[world] = passing.known_at[world] = passing.cell[world] = NOTHING
+        passing.low[world] = passing.high[world] = passing.standing[world] = 0
+
+    def give_up(self, world: int, robot: int) -> None:
+        """Forget a robot's route, for it gets another."""
+        forget_route(self._passing, world, robot)
+
+    def take_up(
+        self, robots: NDArray[Any], routes: NDArray[np.float32], world: int, robot: int,
+        cells: NDArray[np.int32], laid: float,
+    ) -> None:  # fmt: skip
+        """List the new route of a robot for those who look after it, and keep the cells that it was made of.
+
+        robots: ROBOT[B, N]; routes: float32[B, N, R, 2] [m]; cells: int32[L, 2]; laid [m]: how much is drivable.
+        """
+        self._cells[world, robot] = cells
+        self._laid[world, robot] = laid
+        keep_up(
+            self._passing, world, robot, robots[world, robot], routes[world, robot], *self._floor,
+            *self._book.grid.shape,
+        )  # fmt: skip
 
     def watch(self, robots: NDArray[Any], routes: NDArray[np.float32], steps: NDArray[np.int64]) -> list[list[int]]:
         """Return [world, robot] of those who look for a better route after this step. robots: ROBOT[B, N]."""
         looks = np.empty(robots.shape, np.bool_)
         if not find_due(robots, steps, self._every, looks):
             return []
-        if self._only_barred and not keep_barred(robots, routes, *self._barred, self._stands, looks):
+        stood_for, behind, size = self._floor
+        floor = (stood_for, self._look_ahead, behind, size, *self._book.grid.shape)
+        if self._only_barred and not keep_barred(self._passing, robots, routes, self._laid, steps, *floor, looks):
             return []
         found: list[list[int]] = np.argwhere(looks).tolist()
         return found
 
     def route(
-        self, robots: NDArray[Any], routes: NDArray[np.float32], me: int, goal: Cell, on_its_way: bool = False
-    ) -> NDArray[np.float32] | None:
-        """Return way-points float32[R, 2] [m] from where robot `me` of ROBOT[N] is to a goal, around all others.
+        self, robots: NDArray[Any], routes: NDArray[np.float32], world: int, me: int, step: int, goal: Cell,
+        on_its_way: bool = False,
+    ) -> Route | None:  # fmt: skip
+        """Return a route from where robot `me` of ROBOT[N] is to a goal, around all others.
 
-        None where the planner finds no path, or the robot is in the goal's cell already: its route leads to the centre.
-        Also for one `on_its_way` there, if a new route would save too little.
+        None where there is no way, or the robot is in the goal's cell already: its route leads to the centre. Also for
+        one `on_its_way` there, if a new route would save too little. step: the world's env step.
         """
-        price(robots, routes, me, *self._price, self._cost)
-        np.minimum(self._cost, DEAREST, out=self._cost)
         pose = np.array([robots[me]["x"], robots[me]["y"]])
         row, column = self._book.grid.cell(pose).tolist()
-        now = math.inf
-        if on_its_way:
-            left = cells_ahead(robots[me], routes[me], self._size, *self._book.grid.shape)
-            now = path_cost(left, self._cost)
-            if way(row - goal[0], column - goal[1]) + self._saving > now:
-                return None  # no path could save enough, so none is searched for
-        rng = np.random.default_rng([row, column, *goal])
-        plan = self._planner.plan(self._book.grid, (row, column), goal, rng, self._cost)
-        if not plan.found or len(plan.cells) < 2 or path_cost(plan.cells, self._cost) + self._saving > now:
+        if (row, column) == goal:
             return None
-        return self._book.lay(plan.cells, pose)
+        field, box = self._field(world, me, (row, column), goal)
+        count = find_way(
+            self._passing, self._asked, self._labels, robots, routes, world, me, step, self._fields.steps, PRICES,
+            *self._floor, self._cells[world, me], self._laid[world, me], field, box.top, box.left, *self._costs, on_its_way,
+        )  # fmt: skip
+        if not count:
+            return None
+        cells = self._labels.path[:count].astype(np.int32)
+        return Route(cells, self._book.lay(cells, pose, self._reach), self._reach)
+
+    def _field(self, world: int, me: int, cell: Cell, goal: Cell) -> tuple[NDArray[np.int32], Box]:
+        """Return the cost-to-go of a robot's goal around it, and where that is."""
+        known, box = self._boxes.get((world, me), (None, None))
+        if box is None or known != goal or self._is_at_edge(cell, box):
+            box = self._fields.box(cell, goal)
+            field = self._fields.field(goal, box)
+            if field[cell[0] - box.top, cell[1] - box.left] == UNREACHABLE:
+                box = self._fields.whole()
+            self._boxes[world, me] = goal, box
+        return self._fields.field(goal, box), box
+
+    def _is_at_edge(self, cell: Cell, box: Box) -> bool:
+        """Whether a cell is so near the edge of a box that ways may lead out of it, and that is not the floor's edge."""
+        (row, column), (rows, columns) = cell, self._book.grid.shape
+        return (
+            (box.top > 0 and row - box.top < _EDGE) or (box.bottom < rows and box.bottom - row <= _EDGE)
+            or (box.left > 0 and column - box.left < _EDGE) or (box.right < columns and box.right - column <= _EDGE)
+        )  # fmt: skip

@@ -1,19 +1,24 @@
-"""What the other robots of a world cost a live route: a cost map made of where they stand and of where they are going.
+"""What the other robots of a world cost one that looks for a way: prices of moves, made for the cells that are asked for.
 
-What is priced, and why: live.py. Prices are sums in float64, said where a kernel would widen a float32 by itself, for
-plain Python would not.
+What is priced, and why: live.py. Prices are whole thousandths of a cell, so that their sums do not depend on the order
+in which the table (passing.py) lists who passes a cell; they are said in float64 where a kernel would widen a float32
+by itself, for plain Python would not.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from warehouse_env.kernel import inline, kernel
-from warehouse_env.maps.grid_map import MOVES
-from warehouse_env.simulation.rules.waits import DEARER, bars_routes
+from warehouse_env.kernel import inline, part
+from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE, octile, to_go
+from warehouse_env.simulation.rules.passing import NOTHING, Passing, eighth
+from warehouse_env.simulation.rules.waits import DEARER
+
+DEAREST = 1_000_000  # thousandths of a cell that a robot's time of standing can make a cell cost
 
 
 class Prices(NamedTuple):
@@ -30,142 +35,159 @@ class Prices(NamedTuple):
 
 
 PRICES = Prices()
-_DIAGONAL = math.sqrt(2.0) - 1.0
+_SLACK = 6  # [cells] by which a robot's place along its cells may differ from its place along its route
+OFF_HEADING = (0.0, 0.2, 1.0, 2.0, 2.0)  # times `turn`, for beginning so many eighths off the heading
+
+
+class Asked(NamedTuple):
+    """The prices that one robot has asked for, by cell; those of others before it are told apart by `looks`."""
+
+    looks: NDArray[np.int64]  # [1], how often anybody looked
+    at: NDArray[np.int64]  # [C], the look in which a cell's prices were asked for
+    enter: NDArray[np.int32]  # [C], what entering a cell costs
+    leave: NDArray[np.int32]  # [C, 8], what leaving it by each move costs
+
+
+def make_asked(cells: int) -> Asked:
+    """Return room for the prices of so many cells."""
+    return Asked(
+        np.zeros(1, np.int64), np.zeros(cells, np.int64), np.zeros(cells, np.int32), np.zeros((cells, 8), np.int32)
+    )
+
+
+class Look(NamedTuple):
+    """One robot's look at the floor: what it is given, and where the robot is."""
+
+    passing: Passing  # the table of who stands and passes where, brought up to now
+    asked: Asked
+    robots: NDArray[Any]  # ROBOT[N] of its world, whose number is `world`
+    steps: NDArray[np.int32]  # [H, W, 8], what moves cost whoever is about; 0 where they are not legal
+    prices: Prices
+    size: np.float32  # [m] of a cell
+    world: int
+    me: int
+    row: int
+    column: int
 
 
 @inline
-def cell_of(x, y, cell, rows, columns):
-    """Return (row, column) of the cell that holds a point [m], on the floor."""
-    row = rows - 1 - int(math.floor(y / cell))
-    return min(max(row, 0), rows - 1), min(max(int(math.floor(x / cell)), 0), columns - 1)
-
-
-@inline
-def body_cell(r, behind, cell, rows, columns):
-    """Return (row, column) of the cell that holds the centre of a body, `behind` [m] the front axle."""
-    return cell_of(r["x"] - behind * r["cos"], r["y"] - behind * r["sin"], cell, rows, columns)
-
-
-@kernel
-def _charge_entry(cost, row, column, price):
-    """Add a price to all moves that enter a cell, if it is on the floor. cost: float64[H, W, 8]."""
-    rows, columns = cost.shape[0], cost.shape[1]
-    if not (0 <= row < rows and 0 <= column < columns):
-        return
-    for move in range(8):
-        i, j = row - MOVES[move, 0], column - MOVES[move, 1]
-        if 0 <= i < rows and 0 <= j < columns:
-            cost[i, j, move] += price
-
-
-@inline
-def ahead_of(r):
-    """Return the number of the first point of a robot's route that is ahead of it."""
-    return int(r["position"] / max(r["spacing"], np.float32(1e-6))) + 1
-
-
-@inline
-def way(rows, columns):
-    """Return the length [cells] of the shortest way over so many rows and columns without shelves."""
-    high, wide = abs(rows), abs(columns)
-    return max(high, wide) + _DIAGONAL * min(high, wide)
-
-
-@inline
-def _is_boxed(legal, row, column, move):
+def _is_boxed(steps, row, column, move):
     """Whether one who makes this move from a cell, or the opposite one, could leave it to neither side."""
-    return not (legal[row, column, (move + 2) % 8] or legal[row, column, (move + 6) % 8])
+    return steps[row, column, (move + 2) % 8] == 0 and steps[row, column, (move + 6) % 8] == 0
 
 
-@kernel
-def _charge_route(cost, r, route, row, column, legal, against, boxed_against, crowd, crowd_within, cell):
-    """Add the prices of what is left of a robot's route, for one in the cell (row, column).
-
-    Each move against it costs, `boxed_against` where the two could not pass, half as much the moves beside that.
-    Entering a cell of it costs `crowd` if both are as far from there, and nothing from `crowd_within` [m] more or less.
-    """
-    rows, columns = cost.shape[0], cost.shape[1]
-    first, spacing, size = ahead_of(r), np.float64(r["spacing"]), np.float64(cell)
-    before_row, before_column = cell_of(r["x"], r["y"], cell, rows, columns)
-    for k in range(first, r["points"]):
-        i, j = cell_of(route[k, 0], route[k, 1], cell, rows, columns)
-        if i == before_row and j == before_column:
-            continue
-        back = _eighth(before_row - i, before_column - j)
-        dear = boxed_against if _is_boxed(legal, i, j, back) else against
-        cost[i, j, back] += dear
-        cost[i, j, (back + 1) % 8] += 0.5 * dear
-        cost[i, j, (back + 7) % 8] += 0.5 * dear
-        apart = abs(way(i - row, j - column) * size - (k - first + 1) * spacing)
-        if apart < crowd_within:
-            _charge_entry(cost, i, j, crowd * (1.0 - apart / crowd_within))
-        before_row, before_column = i, j
+@inline
+def _thousandths(cells):
+    return int(round(UNIT * cells))
 
 
-@kernel
-def _eighth(d_row, d_column):
-    """Return the index of the move of MOVES that is nearest to a direction in rows and columns."""
-    return int(round(math.atan2(-d_row, d_column) / (0.25 * math.pi))) % 8
+@part
+def _charge_standing(look, cell):
+    """Return the price of entering a cell on or beside which others stand, the dearer the longer one stands oneself."""
+    at, beside = look.passing.standing[look.world, cell, 0], look.passing.standing[look.world, cell, 1]
+    own = look.passing.stands_on[look.world, look.me]
+    columns = look.steps.shape[1]
+    if own != NOTHING and abs(own // columns - cell // columns) <= 1 and abs(own % columns - cell % columns) <= 1:
+        if own == cell:
+            at -= 1
+        else:
+            beside -= 1
+    if at == 0 and beside == 0:
+        return 0
+    dearer = 1.0 + np.float64(look.robots[look.me]["standing_time"]) / DEARER
+    return min(_thousandths(dearer * (at * look.prices.standing + beside * look.prices.beside)), DEAREST)
 
 
-@kernel
-def _charge_turns(cost, r, row, column, legal, turn, boxed_turn):
+@part
+def _charge_passing(look, cell):
+    """Add the prices of a cell that others will pass: of moves against theirs, and of coming there when they do."""
+    row, column = cell // look.steps.shape[1], cell % look.steps.shape[1]
+    slots = look.passing.cell.shape[1] // look.passing.low.shape[1]
+    mine = octile(row - look.row, column - look.column) / UNIT * np.float64(look.size)
+    slot = look.passing.first[look.world, cell]
+    while slot != NOTHING:
+        other = slot // slots
+        if other != look.me:
+            back = int(look.passing.back[look.world, slot])
+            boxed = _is_boxed(look.steps, row, column, back)
+            dear = _thousandths(look.prices.boxed_against if boxed else look.prices.against)
+            look.asked.leave[cell, back] += dear
+            look.asked.leave[cell, (back + 1) % 8] += dear // 2
+            look.asked.leave[cell, (back + 7) % 8] += dear // 2
+            ahead = (slot - other * slots - look.passing.low[look.world, other]) % slots + 1
+            apart = abs(mine - ahead * np.float64(look.passing.spacing[look.world, other]))
+            if apart < look.prices.crowd_within:
+                look.asked.enter[cell] += _thousandths(look.prices.crowd * (1.0 - apart / look.prices.crowd_within))
+        slot = look.passing.after[look.world, slot]
+
+
+@part
+def _charge_turns(look, cell):
     """Add the prices of turning away from a robot's heading to the moves that leave its cell."""
-    ahead = int(round(np.float64(r["heading"]) / (0.25 * math.pi))) % 8
-    boxed = _is_boxed(legal, row, column, ahead)
+    ahead = int(round(np.float64(look.robots[look.me]["heading"]) / (0.25 * math.pi))) % 8
+    boxed = _is_boxed(look.steps, look.row, look.column, ahead)
     for move in range(8):
         off = (move - ahead) % 8
         off = min(off, 8 - off)
-        cost[row, column, move] += turn * (0.0, 0.2, 1.0, 2.0, 2.0)[off]
+        look.asked.leave[cell, move] += _thousandths(look.prices.turn * OFF_HEADING[off])
         if boxed and off > 2:
-            cost[row, column, move] += boxed_turn
+            look.asked.leave[cell, move] += _thousandths(look.prices.boxed_turn)
 
 
-@kernel
-def price(robots, routes, me, legal, stood_for, prices, behind, cell, cost):
-    """Write the cost map float64[H, W, 8] [cells] that the others of a world make for robot `me`.
+@part
+def ask(look, cell):
+    """Make the prices of a cell (flat index), unless this look has asked for them before."""
+    if look.asked.at[cell] == look.asked.looks[0]:
+        return
+    look.asked.at[cell] = look.asked.looks[0]
+    look.asked.enter[cell] = _charge_standing(look, cell)
+    for move in range(8):
+        look.asked.leave[cell, move] = 0
+    _charge_passing(look, cell)
+    if cell == look.row * look.steps.shape[1] + look.column:
+        _charge_turns(look, cell)
 
-    robots: ROBOT[N]; routes: float32[N, R, 2] [m]; legal: bool[H, W, 8]; prices: Prices; behind [m]: a body's
-    centre, behind its front axle.
+
+@part
+def price_of(look, cell, move, to):
+    """Return what others make a move from one cell to another cost [thousandths of a cell], both given as flat."""
+    ask(look, cell)
+    ask(look, to)
+    return int(look.asked.leave[cell, move]) + int(look.asked.enter[to])
+
+
+@part
+def next_cell(look, cells):
+    """Return the number of the cell that comes next to a robot of those that its route was made of.
+
+    A route keeps right of these cells and cuts their corners, so it is looked for around that as far along them.
     """
-    standing, beside, against, boxed_against, crowd, crowd_within, turn, boxed_turn = prices
-    rows, columns = cost.shape[0], cost.shape[1]
-    cost[:] = 0.0
-    row, column = cell_of(robots[me]["x"], robots[me]["y"], cell, rows, columns)
-    dearer = 1.0 + np.float64(robots[me]["standing_time"]) / DEARER
-    for other in range(robots.shape[0]):
-        r = robots[other]
-        if other == me:
+    r, last = look.robots[look.me], len(cells) - 1
+    about = int(r["position"] / (max(r["spacing"], np.float32(1e-6)) * max(r["points"] - 1, 1)) * last)
+    nearest, least = last, UNREACHABLE
+    for k in range(max(about - _SLACK, 0), min(about + _SLACK, last) + 1):
+        apart = octile(cells[k, 0] - look.row, cells[k, 1] - look.column)
+        if apart <= least:
+            nearest, least = k, apart
+    return min(nearest + 1, last)
+
+
+@part
+def cost_ahead(look, cells, field, top, left, horizon):
+    """Return what going on along its route costs a robot up to `horizon` away, and from there by the shortest way.
+
+    cells: int32[L, 2], those that its route was made of; the cells that the route itself crosses would make it seem
+    dearer than a new one.
+    """
+    row, column, total = look.row, look.column, 0
+    for k in range(next_cell(look, cells), len(cells)):
+        i, j = cells[k, 0], cells[k, 1]
+        if i == row and j == column:
             continue
-        if bars_routes(r, stood_for):
-            at_row, at_column = body_cell(r, behind, cell, rows, columns)
-            for i in range(at_row - 1, at_row + 2):
-                for j in range(at_column - 1, at_column + 2):
-                    _charge_entry(cost, i, j, dearer * (standing if i == at_row and j == at_column else beside))
-        if r["alive"] != 0:
-            _charge_route(cost, r, routes[other], row, column, legal, against, boxed_against, crowd, crowd_within, cell)
-    _charge_turns(cost, robots[me], row, column, legal, turn, boxed_turn)
-
-
-@kernel
-def cells_ahead(r, route, cell, rows, columns):
-    """Return the cells int64[L, 2] from where a robot is along what is left of its route."""
-    cells = np.empty((r["points"] + 1, 2), np.int64)
-    cells[0, 0], cells[0, 1] = cell_of(r["x"], r["y"], cell, rows, columns)
-    count = 1
-    for k in range(ahead_of(r), r["points"]):
-        i, j = cell_of(route[k, 0], route[k, 1], cell, rows, columns)
-        if i != cells[count - 1, 0] or j != cells[count - 1, 1]:
-            cells[count, 0], cells[count, 1] = i, j
-            count += 1
-    return cells[:count]
-
-
-@kernel
-def path_cost(cells, cost):
-    """Return length and prices [cells] of a path of cells int64[L, 2]; one that skips cells pays where it leaves."""
-    total = 0.0
-    for k in range(len(cells) - 1):
-        d_row, d_column = cells[k + 1, 0] - cells[k, 0], cells[k + 1, 1] - cells[k, 1]
-        total += way(d_row, d_column) + cost[cells[k, 0], cells[k, 1], _eighth(d_row, d_column)]
-    return total
+        move = eighth(i - row, j - column)
+        total += max(octile(i - row, j - column), int(look.steps[row, column, move]))
+        total += price_of(look, row * look.steps.shape[1] + column, move, i * look.steps.shape[1] + j)
+        row, column = i, j
+        if octile(row - look.row, column - look.column) >= horizon:
+            break
+    return total + to_go(field, top, left, row, column)

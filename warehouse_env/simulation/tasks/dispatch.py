@@ -15,7 +15,7 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import compiled_for, kernel
 from warehouse_env.maps.grid_map import Cell
 from warehouse_env.portable import Portable
-from warehouse_env.routes.book import RouteBook
+from warehouse_env.routes.book import Route, RouteBook
 from warehouse_env.simulation.driver.line import forget_grants
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.rules.astray import far_off, find_astray
@@ -71,7 +71,7 @@ class Dispatcher(Portable):
         self.routes = np.zeros((*robots.shape, ROUTE_BLOCK, 2), dtype=np.float32)
         self._config, self._params = config, params
         self._astray, self._far = np.empty(robots.shape, dtype=np.bool_), far_off(config, book.grid.cell_size)
-        self._live = LiveRoutes(config, book) if config.reroute else None
+        self._live = LiveRoutes(config, book, len(robots)) if config.reroute else None
         tasks = OneShotTasks if config.tasks == "one_shot" else Tasks
         self.tasks = [tasks(book.grid, config) for _ in range(len(robots))]
         # made when first used: never seeded copies of a Simulator that has not begun go their own ways
@@ -81,6 +81,11 @@ class Dispatcher(Portable):
     def _bind(self) -> None:
         self._find_astray: Callable[..., int] | None = None  # its code, once the first step asks for it
 
+    @property
+    def all_look(self) -> bool:
+        """Whether all robots look for better routes, so that some get one in almost every step."""
+        return self._config.reroute and not self._config.reroute_spec.only_barred
+
     def begin(self, world: int, entropy: list[int] | None, assignment: Assignment | None, floor: Floor) -> None:
         """Stand the robots of a world on the floor with their first tasks, by chance or as the assignment says.
 
@@ -89,6 +94,8 @@ class Dispatcher(Portable):
         if entropy is not None:
             self._rngs[world] = np.random.default_rng(np.random.SeedSequence(entropy))
         self.tasks[world].reset(self._rngs[world])
+        if self._live is not None:
+            self._live.begin(world)
         if assignment is None:
             self._place_all(world, floor)
         else:
@@ -128,22 +135,31 @@ class Dispatcher(Portable):
         direction = route[min(2, max(int(self.robots[world, robot]["points"]) - 1, 0))] - route[0]
         return place(self.robots[world], robot, self.book.grid.centre(cell), direction, self._params, floor)
 
-    def give_task(self, world: int, robot: int, goal: Cell, points: NDArray[np.float32]) -> None:
-        """Give a robot a goal and its first route there, way-points float32[R, 2] [m]."""
-        self.give_route(world, robot, points)
+    def give_task(self, world: int, robot: int, goal: Cell, route: Route) -> None:
+        """Give a robot a goal and its first route there."""
+        self.give_route(world, robot, route)
         _take_goal(self.robots, self.routes, world, robot, *goal)
 
-    def give_route(self, world: int, robot: int, points: NDArray[np.float32]) -> None:
-        """Give a robot another route to its goal, way-points float32[R, 2] [m], evenly spaced along it.
+    def give_route(self, world: int, robot: int, route: Route) -> None:
+        """Give a robot another route to its goal.
 
         Where a line bends sharply, as at a pose beside the lane, its points are nearer to each other: not its spacing.
         """
+        points = route.line
         if len(points) > self.routes.shape[2]:
             longer = math.ceil(len(points) / ROUTE_BLOCK) * ROUTE_BLOCK
             grown = np.zeros((*self.robots.shape, longer, 2), dtype=np.float32)
             grown[:, :, : self.routes.shape[2]] = self.routes
             self.routes = grown
+        if self._live is not None:
+            self._live.give_up(world, robot)
         _take_route(self.robots, self.routes, world, robot, points)
+        if self._live is not None:
+            self._live.take_up(self.robots, self.routes, world, robot, route.cells, route.reach)
+
+    def give_line(self, world: int, robot: int, line: NDArray[np.float32]) -> None:
+        """Give a robot a line float32[R, 2] [m] of someone else's making as its route, evenly spaced along it."""
+        self.give_route(world, robot, Route(self.book.grid.cell(line).astype(np.int32), line))
 
     def arrive(self, steps: NDArray[np.int64]) -> list[Arrival]:
         """Book the arrivals and return them, and give lifelong robots their next task. steps [B]: since the resets."""
@@ -156,7 +172,7 @@ class Dispatcher(Portable):
             if config.tasks == "lifelong" and r["alive"]:
                 start = state.goal_of(r)
                 goal = self.tasks[world].next_goal(robot, start, self._rngs[world])
-                self.give_task(world, robot, goal, self._route(world, robot, start, goal))
+                self.give_task(world, robot, goal, self._route(world, robot, start, goal, step))
         return arrivals
 
     def reroute(self, steps: NDArray[np.int64]) -> list[int]:
@@ -167,39 +183,43 @@ class Dispatcher(Portable):
             self._find_astray = compiled_for(find_astray, *look)
         if self._find_astray(*look):
             for world, robot in np.argwhere(self._astray).tolist():
-                self._give_another(world, robot, self._route_from_here(world, robot))
+                self._give_another(world, robot, self._route_from_here(world, robot, int(steps[world])))
                 worlds.append(world)
         if self._live is not None:
             for world, robot in self._live.watch(self.robots, self.routes, steps):
-                live = self._live_route(world, robot, state.goal_of(self.robots[world, robot]), on_its_way=True)
+                goal = state.goal_of(self.robots[world, robot])
+                live = self._live_route(world, robot, goal, int(steps[world]), on_its_way=True)
                 if live is not None:
                     self._give_another(world, robot, live)
                     worlds.append(world)
         return worlds
 
-    def _route_from_here(self, world: int, robot: int) -> NDArray[np.float32]:
+    def _route_from_here(self, world: int, robot: int, step: int) -> Route:
         """Return a route to a robot's goal from the cell in which it is, around others if they count."""
         r = self.robots[world, robot]
         goal, pose = state.goal_of(r), np.array([r["x"], r["y"]])
         row, column = self.book.grid.cell(pose).tolist()
         if (row, column) == goal:
-            return np.array([pose, self.book.grid.centre(np.array(goal))], dtype=np.float32)
-        return self._route(world, robot, (row, column), goal)
+            line = np.array([pose, self.book.grid.centre(np.array(goal))], dtype=np.float32)
+            return Route(np.array([goal], dtype=np.int32), line)
+        return self._route(world, robot, (row, column), goal, step)
 
-    def _give_another(self, world: int, robot: int, points: NDArray[np.float32]) -> None:
+    def _give_another(self, world: int, robot: int, route: Route) -> None:
         """Give a robot another route on its way; the time without a metre of progress goes on."""
-        self.give_route(world, robot, points)
+        self.give_route(world, robot, route)
         r = self.robots[world, robot]
         r["milestone"] = 0.0
         r["reroutes"] += 1
 
-    def _route(self, world: int, robot: int, start: Cell, goal: Cell) -> NDArray[np.float32]:
+    def _route(self, world: int, robot: int, start: Cell, goal: Cell, step: int) -> Route:
         """Return a live route if there is one, else that from the cell in which a robot is."""
-        live = self._live_route(world, robot, goal)
+        live = self._live_route(world, robot, goal, step)
         return live if live is not None else self.book.route(start, goal, float(self.robots[world, robot]["heading"]))
 
-    def _live_route(self, world: int, robot: int, goal: Cell, on_its_way: bool = False) -> NDArray[np.float32] | None:
+    def _live_route(
+        self, world: int, robot: int, goal: Cell, step: int, on_its_way: bool = False
+    ) -> Route | None:
         """Return a route from where a robot is, around all others; None if live routes are off or find none."""
         if self._live is None:
             return None
-        return self._live.route(self.robots[world], self.routes[world], robot, goal, on_its_way)
+        return self._live.route(self.robots[world], self.routes[world], world, robot, step, goal, on_its_way)

@@ -1,0 +1,161 @@
+"""What it costs to go on to a goal: exact fields, kept for the goals that are asked for again.
+
+Costs are whole thousandths of a cell, so that sums are the same in any order and equal costs are equal numbers.
+Planners of paths on the way take a field as the bound of what they have not searched yet, and as the rest of the way
+beyond what they look at.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.kernel import inline, kernel
+from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
+from warehouse_env.planning.plan import MICRO, tolls
+
+UNIT = 1000  # costs of a cell of way
+DIAGONAL = 1414  # of a diagonal step
+UNREACHABLE = np.iinfo(np.int32).max
+MARGIN = 40  # [cells] that a field reaches beyond the rectangle of start and goal
+_ROUNDED = 8  # [cells] to which its sides are rounded, so that one field serves several starts
+_KEPT = 1_200_000_000  # bytes of fields
+
+
+class Box(NamedTuple):
+    """A rectangle of cells: rows from `top` to before `bottom`, columns from `left` to before `right`."""
+
+    top: int
+    left: int
+    bottom: int
+    right: int
+
+
+@inline
+def octile(rows, columns):
+    """Return the cost of the shortest way over so many rows and columns where no shelf is in the way."""
+    high, wide = abs(rows), abs(columns)
+    return UNIT * max(high, wide) + (DIAGONAL - UNIT) * min(high, wide)
+
+
+@kernel
+def _put(cell, bucket, first, after, before):
+    """Put a cell at the head of a bucket's list."""
+    head = first[bucket]
+    after[cell], before[cell] = head, -1
+    if head >= 0:
+        before[head] = cell
+    first[bucket] = cell
+
+
+@kernel
+def _take(cell, bucket, first, after, before):
+    """Take a cell out of a bucket's list."""
+    ahead, behind = after[cell], before[cell]
+    if behind < 0:
+        first[bucket] = ahead
+    else:
+        after[behind] = ahead
+    if ahead >= 0:
+        before[ahead] = behind
+
+
+@kernel
+def cost_field(steps, dearest, goal_row, goal_column, top, left, bottom, right):
+    """Return int32[bottom - top, right - left]: the cost to the goal of the cheapest walk within a box, else UNREACHABLE.
+
+    steps: int32[H, W, 8], what the moves of eq. 26 (paper 000) cost, at most `dearest`; 0 for those not legal. Label
+    setting with buckets as wide as the cheapest move (Dial 1969): what is in the first can no longer improve, and no
+    heap is needed.
+    """
+    rows, columns = bottom - top, right - left
+    cost = np.full(rows * columns, UNREACHABLE, np.int32)
+    count = dearest // UNIT + 2
+    first, after, before = np.full(count, -1, np.int32), np.empty(cost.size, np.int32), np.empty(cost.size, np.int32)
+    goal = (goal_row - top) * columns + goal_column - left
+    cost[goal] = 0
+    _put(goal, 0, first, after, before)
+    level, listed = 0, 1
+    while listed > 0:
+        cell = first[level % count]
+        if cell < 0:
+            level += 1
+            continue
+        _take(cell, level % count, first, after, before)
+        listed -= 1
+        row, column = cell // columns, cell % columns
+        for move in range(8):  # by which one comes here
+            r, c = row - MOVES[move, 0], column - MOVES[move, 1]
+            if not (0 <= r < rows and 0 <= c < columns and steps[top + r, left + c, move] > 0):
+                continue
+            total = cost[cell] + steps[top + r, left + c, move]
+            other = r * columns + c
+            known = cost[other]
+            if total >= known:
+                continue
+            cost[other] = total
+            if known == UNREACHABLE:
+                listed += 1
+            elif known // UNIT == total // UNIT:
+                continue
+            else:
+                _take(other, known // UNIT % count, first, after, before)
+            _put(other, total // UNIT % count, first, after, before)
+    return cost.reshape((rows, columns))
+
+
+@inline
+def to_go(field, top, left, row, column):
+    """Return the cost-to-go of a cell, UNREACHABLE outside the field, whose first cell is (top, left)."""
+    i, j = row - top, column - left
+    if not (0 <= i < field.shape[0] and 0 <= j < field.shape[1]):
+        return UNREACHABLE
+    return int(field[i, j])
+
+
+class CostToGo:
+    """Fields of one floor, made when they are asked for and kept as long as there is room."""
+
+    def __init__(self, grid: GridMap, gentleness: float = 0.0) -> None:
+        """gentleness: cells of length that a metre of climbing is worth (PlanError from `tolls` where too much)."""
+        steps = np.where(np.arange(8) % 2, DIAGONAL, UNIT) * grid.legal_moves
+        toll = tolls(grid, gentleness)
+        if toll is not None:
+            steps += np.rint(toll * (UNIT / MICRO)).astype(np.int64)
+        self.grid = grid
+        self.steps = steps.astype(np.int32)  # [H, W, 8], what each move costs; 0 where it is not legal
+        self._dearest = int(steps.max(initial=UNIT))
+        self._fields: OrderedDict[tuple[Cell, Box], NDArray[np.int32]] = OrderedDict()
+        self._bytes = 0
+
+    def box(self, start: Cell, goal: Cell) -> Box:
+        """Return the cells around a start and a goal among which the way between them is looked for."""
+        rows, columns = self.grid.shape
+
+        def side(one: int, other: int, size: int) -> tuple[int, int]:
+            low, high = min(one, other) - MARGIN, max(one, other) + MARGIN + 1
+            return max(low // _ROUNDED * _ROUNDED, 0), min(-(-high // _ROUNDED) * _ROUNDED, size)
+
+        (top, bottom), (left, right) = side(start[0], goal[0], rows), side(start[1], goal[1], columns)
+        return Box(top, left, bottom, right)
+
+    def whole(self) -> Box:
+        """Return the whole floor."""
+        return Box(0, 0, *self.grid.shape)
+
+    def field(self, goal: Cell, box: Box) -> NDArray[np.int32]:
+        """Return int32[h, w], the cost-to-go [thousandths of a cell] to a goal within a box; UNREACHABLE where none."""
+        key = goal, box
+        found = self._fields.get(key)
+        if found is None:
+            found = cost_field(self.steps, self._dearest, *goal, *box)
+            self._fields[key] = found
+            self._bytes += found.nbytes
+            while self._bytes > _KEPT and len(self._fields) > 1:
+                self._bytes -= self._fields.popitem(last=False)[1].nbytes
+        else:
+            self._fields.move_to_end(key)
+        return found

@@ -1,0 +1,186 @@
+"""Who stands on each cell of a floor, and who will pass it, how soon and from where: a table kept as robots drive.
+
+Of each robot's route only the next `HORIZON` metres are listed, for nobody knows who is where in a minute. A robot
+that drives on takes a few entries off one end and puts as many on at the other, so that keeping the table costs the
+same for a robot on any floor and in any fleet, and so does asking who passes a cell.
+
+What is listed depends on robots and routes alone. Each cell's list is in no particular order, so what is made of it
+must not depend on any: prices.py adds whole numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.kernel import inline, kernel
+from warehouse_env.simulation.rules.waits import bars_routes
+
+HORIZON = 40.0  # [m] of a route that counts for others
+NOTHING = -1
+
+
+class Passing(NamedTuple):
+    """The table of B worlds with N robots on C cells, each with S slots for the way-points that are listed.
+
+    Way-point k of robot i is in slot i * S + k % S, if from its first one ahead it is one of the next S.
+    """
+
+    first: NDArray[np.int32]  # [B, C], the first slot of each cell's list, or NOTHING
+    after: NDArray[np.int32]  # [B, N * S], the next slot of the list that a slot is in
+    before: NDArray[np.int32]  # [B, N * S]
+    cell: NDArray[np.int32]  # [B, N * S], the cell that the route enters there; NOTHING where it enters none
+    back: NDArray[np.int8]  # [B, N * S], the move of MOVES nearest to the way back from there
+    low: NDArray[np.int32]  # [B, N], the first way-point that is listed
+    high: NDArray[np.int32]  # [B, N], that after the last
+    spacing: NDArray[np.float32]  # [B, N] [m] between them
+    stands_on: NDArray[np.int32]  # [B, N], the cell on which a robot is counted as standing, or NOTHING
+    standing: NDArray[np.int16]  # [B, C, 2], robots that stand on a cell; and on those beside it
+    known_at: NDArray[np.int64]  # [B], the env step of which the table is
+
+
+def make_passing(worlds: int, robots: int, cells: int, slots: int) -> Passing:
+    """Return an empty table."""
+
+    def nothing(*shape: int) -> NDArray[np.int32]:
+        return np.full(shape, NOTHING, np.int32)
+
+    lists = [nothing(worlds, robots * slots) for _ in range(3)]
+    return Passing(
+        nothing(worlds, cells), *lists, np.zeros((worlds, robots * slots), np.int8),
+        np.zeros((worlds, robots), np.int32), np.zeros((worlds, robots), np.int32),
+        np.zeros((worlds, robots), np.float32), nothing(worlds, robots),
+        np.zeros((worlds, cells, 2), np.int16), np.full(worlds, NOTHING, np.int64),
+    )  # fmt: skip
+
+
+@inline
+def cell_of(x, y, cell, rows, columns):
+    """Return (row, column) of the cell that holds a point [m], on the floor."""
+    row = rows - 1 - int(math.floor(y / cell))
+    return min(max(row, 0), rows - 1), min(max(int(math.floor(x / cell)), 0), columns - 1)
+
+
+@inline
+def body_cell(r, behind, cell, rows, columns):
+    """Return (row, column) of the cell that holds the centre of a body, `behind` [m] the front axle."""
+    return cell_of(r["x"] - behind * r["cos"], r["y"] - behind * r["sin"], cell, rows, columns)
+
+
+@inline
+def ahead_of(r):
+    """Return the number of the first point of a robot's route that is ahead of it."""
+    return int(r["position"] / max(r["spacing"], np.float32(1e-6))) + 1
+
+
+@inline
+def eighth(d_row, d_column):
+    """Return the index of the move of MOVES that is nearest to a direction in rows and columns."""
+    return int(round(math.atan2(-d_row, d_column) / (0.25 * math.pi))) % 8
+
+
+@kernel
+def _list_point(passing, b, i, k, route, size, rows, columns):
+    """List way-point k of robot i, if the route enters a cell there."""
+    slots = passing.cell.shape[1] // passing.low.shape[1]
+    slot = i * slots + k % slots
+    row, column = cell_of(route[k, 0], route[k, 1], size, rows, columns)
+    from_row, from_column = cell_of(route[k - 1, 0], route[k - 1, 1], size, rows, columns)
+    if row == from_row and column == from_column:
+        passing.cell[b, slot] = NOTHING
+        return
+    cell = row * columns + column
+    head = passing.first[b, cell]
+    passing.cell[b, slot], passing.back[b, slot] = cell, eighth(from_row - row, from_column - column)
+    passing.after[b, slot], passing.before[b, slot] = head, NOTHING
+    if head != NOTHING:
+        passing.before[b, head] = slot
+    passing.first[b, cell] = slot
+
+
+@kernel
+def _unlist_point(passing, b, i, k):
+    """Take way-point k of robot i out of its cell's list."""
+    slots = passing.cell.shape[1] // passing.low.shape[1]
+    slot = i * slots + k % slots
+    cell = passing.cell[b, slot]
+    if cell == NOTHING:
+        return
+    ahead, behind = passing.after[b, slot], passing.before[b, slot]
+    if behind == NOTHING:
+        passing.first[b, cell] = ahead
+    else:
+        passing.after[b, behind] = ahead
+    if ahead != NOTHING:
+        passing.before[b, ahead] = behind
+    passing.cell[b, slot] = NOTHING
+
+
+@kernel
+def _count_standing(passing, b, cell, change, rows, columns):
+    """Add `change` to those who stand on a cell, and to those who stand beside its neighbours."""
+    row, column = cell // columns, cell % columns
+    for i in range(max(row - 1, 0), min(row + 2, rows)):
+        for j in range(max(column - 1, 0), min(column + 2, columns)):
+            passing.standing[b, i * columns + j, 0 if i == row and j == column else 1] += change
+
+
+@kernel
+def keep_up(passing, b, i, r, route, stood_for, behind, size, rows, columns):
+    """Bring what the table of world b says of robot i up to where it is now; see `keep_all_up`."""
+    slots = passing.cell.shape[1] // passing.low.shape[1]
+    low, high = passing.low[b, i], passing.high[b, i]
+    first = last = 0
+    if r["alive"] != 0 and r["points"] > 1:
+        first = min(ahead_of(r), r["points"])
+        last = min(first + min(slots, int(np.float32(HORIZON) / r["spacing"]) + 1), r["points"])
+    while high > low and high > last:
+        high -= 1
+        _unlist_point(passing, b, i, high)
+    while low < high and low < first:
+        _unlist_point(passing, b, i, low)
+        low += 1
+    if low == high:
+        low = high = first
+    while low > first:
+        low -= 1
+        _list_point(passing, b, i, low, route, size, rows, columns)
+    while high < last:
+        _list_point(passing, b, i, high, route, size, rows, columns)
+        high += 1
+    passing.low[b, i], passing.high[b, i], passing.spacing[b, i] = low, high, r["spacing"]
+    stands = NOTHING
+    if bars_routes(r, stood_for):
+        row, column = body_cell(r, behind, size, rows, columns)
+        stands = row * columns + column
+    if stands != passing.stands_on[b, i]:
+        if passing.stands_on[b, i] != NOTHING:
+            _count_standing(passing, b, passing.stands_on[b, i], -1, rows, columns)
+        if stands != NOTHING:
+            _count_standing(passing, b, stands, 1, rows, columns)
+        passing.stands_on[b, i] = stands
+
+
+@kernel
+def keep_all_up(passing, b, step, robots, routes, stood_for, behind, size, rows, columns):
+    """Bring the table of world b up to env step `step`, unless it is already.
+
+    robots: ROBOT[N]; routes: float32[N, R, 2] [m]; stood_for [s]: from when on a robot counts as standing; behind [m]:
+    a body's centre, behind its front axle; size [m]: of a cell of the floor with so many rows and columns.
+    """
+    if passing.known_at[b] == step:
+        return
+    for i in range(robots.shape[0]):
+        keep_up(passing, b, i, robots[i], routes[i], stood_for, behind, size, rows, columns)
+    passing.known_at[b] = step
+
+
+@kernel
+def forget_route(passing, b, i):
+    """Take all of a robot's route out of the table, for it gets another."""
+    for k in range(passing.low[b, i], passing.high[b, i]):
+        _unlist_point(passing, b, i, k)
+    passing.low[b, i] = passing.high[b, i] = 0

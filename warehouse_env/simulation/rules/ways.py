@@ -1,0 +1,184 @@
+"""The search for a cheapest way from where a robot is to its goal, at the prices that the others make.
+
+A* on (cell, arriving move) with the cost, then the turns. What bounds the rest of the way is the exact cost-to-go of
+the empty floor (planning/cost_to_go.py), and prices count up to a horizon: beyond it the way is the field's. Prices
+are asked for where the search comes, and it ends where no way can cost as little as is asked, so that a robot with
+nothing in its way opens hardly anything. Nothing here grows with the floor, but for the length of the way itself.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.kernel import inline, part
+from warehouse_env.maps.grid_map import MOVES
+from warehouse_env.planning.cost_to_go import UNREACHABLE, octile, to_go
+from warehouse_env.simulation.rules.prices import next_cell, price_of
+
+ANY = np.iinfo(np.int32).max // 2  # a cost that no way comes to
+_TURNS = 1 << 20  # turns that a way has less than
+START = 8  # in place of a move: of the start
+
+
+class Labels(NamedTuple):
+    """What a search writes, by state = 9 * cell + arriving move; what others wrote before it is told apart by `run`."""
+
+    run: NDArray[np.int64]  # [1], how many searches there have been
+    at: NDArray[np.int64]  # [S], the search that reached a state; negative once it is closed
+    key: NDArray[np.int64]  # [S], cost * _TURNS + turns
+    before: NDArray[np.int32]  # [S], the state from which it was reached
+    heap: NDArray[np.int64]  # [Q, 2], bound and state
+    path: NDArray[np.int64]  # [C, 2], cells (row, column)
+
+
+def make_labels(rows: int, columns: int) -> Labels:
+    """Return room for the searches on a floor."""
+    cells = rows * columns
+    return Labels(
+        np.zeros(1, np.int64), np.zeros(9 * cells, np.int64), np.zeros(9 * cells, np.int64),
+        np.zeros(9 * cells, np.int32), np.zeros((1 << 16, 2), np.int64), np.zeros((cells, 2), np.int64),
+    )  # fmt: skip
+
+
+@part
+def _push(heap, size, bound, state):
+    """Put a state on the heap of so many entries."""
+    i = size
+    while i > 0:
+        parent = (i - 1) >> 1
+        if heap[parent, 0] <= bound:
+            break
+        heap[i, 0], heap[i, 1] = heap[parent, 0], heap[parent, 1]
+        i = parent
+    heap[i, 0], heap[i, 1] = bound, state
+
+
+@part
+def _pop(heap, size):
+    """Return the first state of a heap, which then has an entry less."""
+    first = heap[0, 1]
+    last = size - 1
+    bound, state = heap[last, 0], heap[last, 1]
+    i = 0
+    while 2 * i + 1 < last:
+        child = 2 * i + 1
+        if child + 1 < last and heap[child + 1, 0] < heap[child, 0]:
+            child += 1
+        if bound <= heap[child, 0]:
+            break
+        heap[i, 0], heap[i, 1] = heap[child, 0], heap[child, 1]
+        i = child
+    heap[i, 0], heap[i, 1] = bound, state
+    return first
+
+
+@inline
+def is_hairpin(arrived, move):
+    """Whether a move after another is a turn of more than 90 degrees."""
+    return arrived != START and 3 <= (move - arrived) % 8 <= 5
+
+
+@part
+def search(look, field, top, left, hairpin, horizon, most, labels):
+    """Return (state, its cost) where the cheapest way leaves what is looked at, or (-1, 0): none costs at most `most`.
+
+    field: int32[h, w], the cost-to-go of the cells from (top, left) on; hairpin: what a turn of more than 90 degrees
+    costs; horizon: how far is looked; all costs in thousandths of a cell.
+    """
+    columns, heap = look.steps.shape[1], labels.heap
+    labels.run[0] += 1
+    run, start = labels.run[0], 9 * (look.row * columns + look.column) + START
+    labels.at[start], labels.key[start], labels.before[start] = run, 0, -1
+    _push(heap, 0, 0, start)
+    size = 1
+    while size > 0:
+        state = int(_pop(heap, size))
+        size -= 1
+        if labels.at[state] == -run:
+            continue
+        cell, arrived = state // 9, state % 9
+        row, column = cell // columns, cell % columns
+        rest = to_go(field, top, left, row, column)
+        if rest == 0 or octile(row - look.row, column - look.column) >= horizon:
+            return state, labels.key[state] // _TURNS + rest
+        labels.at[state] = -run
+        for move in range(8):
+            step = look.steps[row, column, move]
+            if step == 0:
+                continue
+            to_row, to_column = row + MOVES[move, 0], column + MOVES[move, 1]
+            rest = to_go(field, top, left, to_row, to_column)
+            if rest == UNREACHABLE:
+                continue
+            to = to_row * columns + to_column
+            key = labels.key[state] + _TURNS * step
+            key += _TURNS * hairpin if is_hairpin(arrived, move) else 0
+            if key // _TURNS + rest > most:
+                continue
+            key += _TURNS * price_of(look, cell, move, to) + (1 if arrived != START and arrived != move else 0)
+            reached = 9 * to + move
+            new = abs(labels.at[reached]) != run
+            if key // _TURNS + rest > most or size == len(heap) or not (new or key < labels.key[reached]):
+                continue
+            labels.at[reached], labels.key[reached], labels.before[reached] = run, key, state
+            _push(heap, size, key + _TURNS * rest, reached)
+            size += 1
+    return -1, 0
+
+
+@part
+def write_way(look, field, top, left, state, labels):
+    """Write the cells of a way that leaves what is looked at in `state` to labels.path; return how many.
+
+    From there it is a cheapest way to the goal, which turns where it must, and then as little as it can.
+    """
+    columns, path = look.steps.shape[1], labels.path
+    count, back = 0, state
+    while back >= 0:
+        count += 1
+        back = labels.before[back]
+    back = state
+    for k in range(count - 1, -1, -1):
+        path[k, 0], path[k, 1] = back // 9 // columns, back // 9 % columns
+        back = labels.before[back]
+    row, column, arrived = path[count - 1, 0], path[count - 1, 1], state % 9
+    rest = to_go(field, top, left, row, column)
+    while rest > 0 and count < len(path):
+        arrived = _downhill(look, field, top, left, row, column, rest, 0 if arrived == START else arrived)
+        row, column = row + MOVES[arrived, 0], column + MOVES[arrived, 1]
+        rest = to_go(field, top, left, row, column)
+        path[count, 0], path[count, 1] = row, column
+        count += 1
+    return count
+
+
+@part
+def write_rest(look, cells, labels):
+    """Write where a robot is and the cells that its route still leads through to labels.path; return how many.
+
+    cells: int32[L, 2], those that its route was made of.
+    """
+    path, begin = labels.path, next_cell(look, cells)
+    path[0, 0], path[0, 1] = look.row, look.column
+    count = 1
+    for k in range(begin, len(cells)):
+        if cells[k, 0] != path[count - 1, 0] or cells[k, 1] != path[count - 1, 1]:
+            path[count, 0], path[count, 1] = cells[k, 0], cells[k, 1]
+            count += 1
+    return count
+
+
+@inline
+def _downhill(look, field, top, left, row, column, rest, arrived):
+    """Return the move that is least of a turn of those on a cheapest way on from a cell whose cost-to-go is `rest`."""
+    for k in range(8):
+        move = (arrived + ((k + 1) // 2 if k % 2 else -(k // 2))) % 8
+        step = look.steps[row, column, move]
+        if step > 0:
+            there = to_go(field, top, left, row + MOVES[move, 0], column + MOVES[move, 1])
+            if there != UNREACHABLE and there + step == rest:
+                return move
+    return arrived
