@@ -1,0 +1,75 @@
+"""The table of who stands and passes where: kept up as robots drive, it says what a new one would say."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import hypothesis.strategies as st
+import numpy as np
+from hypothesis import given, settings
+
+from warehouse_env.simulation.rules.passing import NOTHING, Passing, forget_route, keep_all_up, make_passing
+from warehouse_env.simulation.state import ROBOT
+
+ROWS, COLUMNS, SLOTS, ROBOTS = 9, 11, 16, 5
+FLOOR = (6.0, np.float32(0.2), np.float32(1.0), ROWS, COLUMNS)
+
+
+def listed(table: Passing, world: int) -> Counter[tuple[int, int, int, int]]:
+    """(cell, robot, way-points from its first one ahead, move back) of all that is listed, in any order."""
+    found: Counter[tuple[int, int, int, int]] = Counter()
+    for cell, first in enumerate(table.first[world]):
+        slot, before = first, NOTHING
+        while slot != NOTHING:
+            robot = slot // SLOTS
+            assert table.cell[world, slot] == cell
+            assert table.before[world, slot] == before
+            ahead = (slot % SLOTS - table.low[world, robot]) % SLOTS
+            found[cell, int(robot), int(ahead), int(table.back[world, slot])] += 1
+            slot, before = table.after[world, slot], slot
+    return found
+
+
+def new_route(rng: np.random.Generator, robots: Any, routes: Any, i: int) -> None:
+    points = int(rng.integers(1, routes.shape[1] + 1))
+    line = np.cumsum(rng.normal(0.0, 0.4, (points, 2)), axis=0) + rng.uniform(0, 9, 2)
+    routes[i, :points] = np.clip(line, 0.1, (COLUMNS - 0.1, ROWS - 0.1))
+    robots[i]["points"], robots[i]["spacing"], robots[i]["position"] = points, 0.5, 0.0
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6))
+def test_a_table_that_is_kept_up_says_what_a_new_one_says(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    robots, routes = np.zeros(ROBOTS, ROBOT), np.zeros((ROBOTS, 40, 2), np.float32)
+    robots["alive"] = 1
+    kept = make_passing(2, ROBOTS, ROWS * COLUMNS, SLOTS)
+    for i in range(ROBOTS):
+        new_route(rng, robots, routes, i)
+    for step in range(20):
+        for i, r in enumerate(robots):
+            chance = rng.random()
+            if chance < 0.1:
+                forget_route(kept, 1, i)
+                new_route(rng, robots, routes, i)
+            r["position"] = np.clip(r["position"] + rng.normal(0.4, 0.8), 0.0, max(r["points"] - 1, 0) * 0.5)
+            r["x"], r["y"] = rng.uniform(0, COLUMNS), rng.uniform(0, ROWS)
+            r["cos"], r["standing_time"], r["alive"] = 1.0, rng.uniform(0.0, 12.0), rng.random() < 0.9
+        keep_all_up(kept, 1, step, robots, routes, *FLOOR)
+        new = make_passing(2, ROBOTS, ROWS * COLUMNS, SLOTS)
+        keep_all_up(new, 1, step, robots, routes, *FLOOR)
+        assert listed(kept, 1) == listed(new, 1)
+        np.testing.assert_array_equal(kept.standing, new.standing)
+        np.testing.assert_array_equal(kept.stands_on, new.stands_on)
+        assert not listed(kept, 0)
+
+
+def test_what_is_listed_by_hand() -> None:
+    robots, routes = np.zeros(1, ROBOT), np.zeros((1, 40, 2), np.float32)
+    robots["alive"], robots["points"], robots["spacing"], robots["position"] = 1, 7, 0.5, 0.6
+    routes[0, :7, 0], routes[0, :7, 1] = 0.25 + 0.5 * np.arange(7), 8.5  # along the first row, two points a cell
+    table = make_passing(1, 1, ROWS * COLUMNS, SLOTS)
+    keep_all_up(table, 0, 0, robots, routes, *FLOOR)
+    west = 4
+    assert listed(table, 0) == {(1, 0, 0, west): 1, (2, 0, 2, west): 1, (3, 0, 4, west): 1}
