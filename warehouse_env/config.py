@@ -108,12 +108,12 @@ class RerouteSpec(Checked):
         "turn": 1.0, "boxed_turn": 30.0,
     }  # fmt: skip
 
-    planner: str = "astar_turns:hairpin=10"  # of all routes while robots drive; one that takes a cost map
+    planner: str | None = None  # of routes while robots drive: pf_aco or astar_turns; None: as EnvConfig.planner
     every: float = 4.0  # [s] between two looks of a robot for a better way
     only_barred: bool = False  # only of robots whose way is barred, which takes half as long (trainings do so)
     look_ahead: float = 10.0  # [m] of the way ahead that may be barred
     stood_for: float = 6.0  # [s] without having moved a metre from which a robot counts as standing
-    saving: float = 3.0  # [cells] that a new route on the way must save, or the old one is kept
+    saving: float = 0.5  # [cells] that a new route on the way must save, or the old one is kept
 
     def __post_init__(self) -> None:
         super().__post_init__()

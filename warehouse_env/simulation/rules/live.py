@@ -31,11 +31,12 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
-from warehouse_env.kernel import inline, kernel
-from warehouse_env.maps.grid_map import Cell
+from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.maps.grid_map import MOVES, Cell
 from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE, Box, CostToGo, to_go
 from warehouse_env.portable import Portable
 from warehouse_env.routes.book import Route, RouteBook
+from warehouse_env.simulation.rules.ants import Ants
 from warehouse_env.simulation.rules.passing import (
     NOTHING,
     ahead_of,
@@ -46,13 +47,16 @@ from warehouse_env.simulation.rules.passing import (
     keep_up,
     make_passing,
 )
-from warehouse_env.simulation.rules.prices import PRICES, Look, cost_ahead, make_asked
-from warehouse_env.simulation.rules.ways import ANY, make_labels, search, write_rest, write_way
+from warehouse_env.simulation.rules.prices import PRICES, Look, make_asked
+from warehouse_env.simulation.rules.ways import Search
 
+FINDERS = {"pf_aco": Ants, "astar_turns": Search}  # of live routes, by the name of their planner
 SLOTS = 128  # way-points of a robot's route that the table has room for
 HORIZON = 40  # [cells] from a robot up to which it looks; from there its way is the shortest
 LAID = 60.0  # [m] of a robot's route that are made drivable at once; the rest when it comes near
 _NEAR = 25.0  # [m] from the end of that at which it is
+_HAIRPIN = 10.0  # [cells] that a turn of more than 90 degrees costs, or routes would fold back on themselves
+_NO_CELLS = np.empty((0, 2), np.int32)
 _EDGE = 24  # [cells] from the edge of a field at which a robot that was led astray gets another
 
 
@@ -72,8 +76,8 @@ def find_due(robots, steps, every, looks):
     return found
 
 
-@inline
-def _runs_out(r, laid):
+@part
+def runs_out_of(r, laid):
     """Whether a robot comes near the end of what is laid of its route, which is `laid` [m] long."""
     return r["position"] + np.float32(_NEAR) > laid and laid < (r["points"] - 1) * r["spacing"]
 
@@ -109,63 +113,47 @@ def keep_barred(passing, robots, routes, laid, steps, stood_for, look_ahead, beh
         for i in range(robots.shape[1]):
             if looks[b, i]:
                 keep_all_up(passing, b, steps[b], robots[b], routes[b], stood_for, behind, size, rows, columns)
-                looks[b, i] = _runs_out(robots[b, i], laid[b, i]) or _is_barred(
+                looks[b, i] = runs_out_of(robots[b, i], laid[b, i]) or _is_barred(
                     passing, b, i, robots[b, i], routes[b, i], look_ahead, size, rows, columns
                 )
                 found += looks[b, i]
     return found
 
 
-@kernel
-def find_way(
-    passing, asked, labels, robots, routes, b, me, step, steps, prices, stood_for, behind, size, cells, laid, field,
-    top, left, hairpin, horizon, saving, on_its_way,
-):  # fmt: skip
-    """Write a cheapest way of robot `me` of world b to labels.path, and return of how many cells; 0: there is none.
+def live_planner(config: EnvConfig) -> Any:
+    """Return the planner of live routes: that of the spec, or else the config's own if it makes any, or else astar_turns.
 
-    A robot `on_its_way` that would save less than `saving` goes on along its cells if what is laid of its route runs
-    out, or else gets none. robots: ROBOT[N]; routes: float32[N, R, 2] [m]; step: of the world; cells: int32[L, 2],
-    those that its route was made of, of which `laid` [m] are drivable; field: of its goal, from the cell (top, left)
-    on; hairpin, horizon, saving: thousandths of a cell; all else: keep_all_up, Look.
+    ConfigError where the spec names one that makes none.
     """
-    rows, columns = steps.shape[0], steps.shape[1]
-    keep_all_up(passing, b, step, robots, routes, stood_for, behind, size, rows, columns)
-    row, column = cell_of(robots[me]["x"], robots[me]["y"], size, rows, columns)
-    asked.looks[0] += 1
-    look = Look(passing, asked, robots, steps, prices, size, b, me, row, column)
-    most, state = ANY, -1
-    if on_its_way:
-        most = cost_ahead(look, cells, field, top, left, horizon) - saving
-    if to_go(field, top, left, row, column) <= most:
-        state, _ = search(look, field, top, left, hairpin, horizon, most, labels)
-    if state >= 0:
-        return write_way(look, field, top, left, state, labels)
-    if on_its_way and _runs_out(robots[me], laid):
-        return write_rest(look, cells, labels)
-    return 0
+    from warehouse_env.planning import make_planner
+
+    named = config.reroute_spec.planner
+    planner = make_planner(named if named is not None else config.planner)
+    if planner.name in FINDERS:
+        return planner
+    if named is not None:
+        raise ConfigError(f"planner {planner.name} plans no live routes; choose {' or '.join(FINDERS)}")
+    return make_planner("astar_turns")
 
 
 class LiveRoutes(Portable):
     """Makes routes while robots drive: `watch` says who looks for a better one, `route` makes it from its pose."""
 
-    bound = ("_fields", "_asked", "_labels")
+    bound = ("_fields", "_asked")
 
     def __init__(self, config: EnvConfig, book: RouteBook, worlds: int) -> None:
-        """Take the configuration's `reroute_spec`; ConfigError for a planner that makes no live routes."""
-        from warehouse_env.planning import make_planner
-        from warehouse_env.planning.graph_search import AStarTurns
-
+        """Take the configuration's `reroute_spec`; ConfigError as `live_planner`."""
         spec, grid = config.reroute_spec, book.grid
-        planner = make_planner(spec.planner)
-        if not isinstance(planner, AStarTurns):
-            raise ConfigError(f"planner {planner.name} plans no live routes; choose astar_turns")
+        planner = live_planner(config)
+        self._finder: Search | Ants = FINDERS[planner.name](grid.shape)
+        self.plans_first = planner.name == config.planner.partition(":")[0]  # not only on the way
+        self._gentleness = planner.gentleness
         self._book = book
         seconds = config.action_repeat * config.time_step
         self._every, self._only_barred, self._look_ahead = max(1, round(spec.every / seconds)), spec.only_barred, spec.look_ahead
         behind = np.float32(config.robot.rear_reach - 0.5 * config.robot.length)
         self._floor = spec.stood_for, behind, np.float32(grid.cell_size)
-        self._gentleness = planner.gentleness
-        self._costs = round(UNIT * planner.hairpin), UNIT * HORIZON, round(UNIT * spec.saving)
+        self._costs, self._saving = (round(UNIT * (getattr(planner, "hairpin", 0.0) or _HAIRPIN)), UNIT * HORIZON), round(UNIT * spec.saving)
         self._passing = make_passing(worlds, config.num_agents, grid.occupied.size, SLOTS)
         self._laid = np.full((worlds, config.num_agents), np.inf, np.float32)  # [m] of routes that are drivable
         fastest = max(config.robot.max_speed, -config.robot.min_speed)
@@ -175,15 +163,17 @@ class LiveRoutes(Portable):
         self._bind()
 
     def _bind(self) -> None:
-        rows, columns = self._book.grid.shape
-        self._fields = CostToGo(self._book.grid, self._gentleness)
-        self._asked, self._labels = make_asked(rows * columns), make_labels(rows, columns)
+        self._fields, self._asked = CostToGo(self._book.grid, self._gentleness), make_asked(self._book.grid.occupied.size)
 
     def begin(self, world: int) -> None:
         """Forget all that is known of a world: its robots begin anew."""
         passing = self._passing
         passing.first[world] = passing.stands_on[world] = passing.known_at[world] = passing.cell[world] = NOTHING
         passing.low[world] = passing.high[world] = passing.standing[world] = 0
+        self._laid[world] = np.inf
+        self._finder.begin(world)
+        for robot in range(passing.low.shape[1]):
+            self._cells[world, robot] = _NO_CELLS
 
     def give_up(self, world: int, robot: int) -> None:
         """Forget a robot's route, for it gets another."""
@@ -225,19 +215,34 @@ class LiveRoutes(Portable):
         None where there is no way, or the robot is in the goal's cell already: its route leads to the centre. Also for
         one `on_its_way` there, if a new route would save too little. step: the world's env step.
         """
-        pose = np.array([robots[me]["x"], robots[me]["y"]])
+        r = robots[me]
+        pose = np.array([r["x"], r["y"]])
         row, column = self._book.grid.cell(pose).tolist()
         if (row, column) == goal:
             return None
+        stood_for, behind, size = self._floor
+        if self._passing.known_at[world] != step:
+            keep_all_up(self._passing, world, step, robots, routes, stood_for, behind, size, *self._book.grid.shape)
         field, box = self._field(world, me, (row, column), goal)
-        count = find_way(
-            self._passing, self._asked, self._labels, robots, routes, world, me, step, self._fields.steps, PRICES,
-            *self._floor, self._cells[world, me], self._laid[world, me], field, box.top, box.left, *self._costs, on_its_way,
+        look = Look(
+            self._passing, self._asked, robots, self._fields.steps, PRICES, size, world, me, row, column,
+            field, box.top, box.left, *self._costs,
         )  # fmt: skip
-        if not count:
-            return None
-        cells = self._labels.path[:count].astype(np.int32)
-        return Route(cells, self._book.lay(cells, pose, self._reach), self._reach)
+        saving = self._saving if on_its_way else -1
+        runs_out = on_its_way and bool(runs_out_of(r, self._laid[world, me]))
+        cells = self._finder.find(look, self._cells[world, me], saving, runs_out, goal, step)
+        return Route(cells, self._book.lay(cells, pose, self._reach), self._reach) if len(cells) else None
+
+    def towards(self, world: int, robot: int, cell: Cell, goal: Cell) -> NDArray[np.float32] | None:
+        """Return the direction (x, y) of a cheapest way from a cell to a goal; None where there is none."""
+        field, box = self._field(world, robot, cell, goal)
+        row, column = cell
+        for move in np.flatnonzero(self._fields.steps[row, column]).tolist():
+            d_row, d_column = MOVES[move].tolist()
+            there = to_go(field, box.top, box.left, row + d_row, column + d_column)
+            if there + int(self._fields.steps[row, column, move]) == to_go(field, box.top, box.left, row, column):
+                return np.array([d_column, -d_row], np.float32)
+        return None
 
     def _field(self, world: int, me: int, cell: Cell, goal: Cell) -> tuple[NDArray[np.int32], Box]:
         """Return the cost-to-go of a robot's goal around it, and where that is."""

@@ -18,6 +18,7 @@ from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE, octile, to_go
 from warehouse_env.simulation.rules.passing import NOTHING, Passing, eighth
 from warehouse_env.simulation.rules.waits import DEARER
 
+ANY = np.iinfo(np.int32).max // 2  # a cost that no way comes to
 DEAREST = 1_000_000  # thousandths of a cell that a robot's time of standing can make a cell cost
 
 
@@ -56,7 +57,7 @@ def make_asked(cells: int) -> Asked:
 
 
 class Look(NamedTuple):
-    """One robot's look at the floor: what it is given, and where the robot is."""
+    """One robot's look at the floor: what it is given, and where the robot is. Costs are thousandths of a cell."""
 
     passing: Passing  # the table of who stands and passes where, brought up to now
     asked: Asked
@@ -68,6 +69,23 @@ class Look(NamedTuple):
     me: int
     row: int
     column: int
+    field: NDArray[np.int32]  # [h, w], the cost-to-go of its goal from the cell (top, left) on
+    top: int
+    left: int
+    hairpin: int  # what a turn of more than 90 degrees costs
+    horizon: int  # how far it looks; from there on it goes the shortest way
+
+
+@inline
+def rest_from(look, row, column):
+    """Return what it costs to go on to the goal from a cell, whoever is about; UNREACHABLE outside the field."""
+    return to_go(look.field, look.top, look.left, row, column)
+
+
+@inline
+def is_beyond(look, row, column):
+    """Whether a cell is as far off as a robot looks."""
+    return octile(row - look.row, column - look.column) >= look.horizon
 
 
 @inline
@@ -173,8 +191,8 @@ def next_cell(look, cells):
 
 
 @part
-def cost_ahead(look, cells, field, top, left, horizon):
-    """Return what going on along its route costs a robot up to `horizon` away, and from there by the shortest way.
+def cost_ahead(look, cells):
+    """Return what going on along its route costs a robot as far as it looks, and from there by the shortest way.
 
     cells: int32[L, 2], those that its route was made of; the cells that the route itself crosses would make it seem
     dearer than a new one.
@@ -188,6 +206,13 @@ def cost_ahead(look, cells, field, top, left, horizon):
         total += max(octile(i - row, j - column), int(look.steps[row, column, move]))
         total += price_of(look, row * look.steps.shape[1] + column, move, i * look.steps.shape[1] + j)
         row, column = i, j
-        if octile(row - look.row, column - look.column) >= horizon:
+        if is_beyond(look, row, column):
             break
-    return total + to_go(field, top, left, row, column)
+    return total + rest_from(look, row, column)
+
+
+@part
+def most_for(look, cells, saving):
+    """Begin a look, and return what a way may cost that saves a robot `saving` beside going on along its route."""
+    look.asked.looks[0] += 1
+    return ANY if saving < 0 else cost_ahead(look, cells) - saving

@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.kernel import inline, part
-from warehouse_env.maps.grid_map import MOVES
-from warehouse_env.planning.cost_to_go import UNREACHABLE, octile, to_go
-from warehouse_env.simulation.rules.prices import next_cell, price_of
+from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.maps.grid_map import MOVES, Cell
+from warehouse_env.planning.cost_to_go import UNREACHABLE
+from warehouse_env.portable import Portable
+from warehouse_env.simulation.rules.prices import Look, is_beyond, most_for, next_cell, price_of, rest_from
 
-ANY = np.iinfo(np.int32).max // 2  # a cost that no way comes to
 _TURNS = 1 << 20  # turns that a way has less than
 START = 8  # in place of a move: of the start
 
@@ -82,12 +82,8 @@ def is_hairpin(arrived, move):
 
 
 @part
-def search(look, field, top, left, hairpin, horizon, most, labels):
-    """Return (state, its cost) where the cheapest way leaves what is looked at, or (-1, 0): none costs at most `most`.
-
-    field: int32[h, w], the cost-to-go of the cells from (top, left) on; hairpin: what a turn of more than 90 degrees
-    costs; horizon: how far is looked; all costs in thousandths of a cell.
-    """
+def search(look, most, labels):
+    """Return (state, its cost) where the cheapest way leaves what is looked at, or (-1, 0): none costs at most `most`."""
     columns, heap = look.steps.shape[1], labels.heap
     labels.run[0] += 1
     run, start = labels.run[0], 9 * (look.row * columns + look.column) + START
@@ -101,8 +97,8 @@ def search(look, field, top, left, hairpin, horizon, most, labels):
             continue
         cell, arrived = state // 9, state % 9
         row, column = cell // columns, cell % columns
-        rest = to_go(field, top, left, row, column)
-        if rest == 0 or octile(row - look.row, column - look.column) >= horizon:
+        rest = rest_from(look, row, column)
+        if rest == 0 or is_beyond(look, row, column):
             return state, labels.key[state] // _TURNS + rest
         labels.at[state] = -run
         for move in range(8):
@@ -110,12 +106,12 @@ def search(look, field, top, left, hairpin, horizon, most, labels):
             if step == 0:
                 continue
             to_row, to_column = row + MOVES[move, 0], column + MOVES[move, 1]
-            rest = to_go(field, top, left, to_row, to_column)
+            rest = rest_from(look, to_row, to_column)
             if rest == UNREACHABLE:
                 continue
             to = to_row * columns + to_column
             key = labels.key[state] + _TURNS * step
-            key += _TURNS * hairpin if is_hairpin(arrived, move) else 0
+            key += _TURNS * look.hairpin if is_hairpin(arrived, move) else 0
             if key // _TURNS + rest > most:
                 continue
             key += _TURNS * price_of(look, cell, move, to) + (1 if arrived != START and arrived != move else 0)
@@ -130,7 +126,7 @@ def search(look, field, top, left, hairpin, horizon, most, labels):
 
 
 @part
-def write_way(look, field, top, left, state, labels):
+def _write_way(look, state, labels):
     """Write the cells of a way that leaves what is looked at in `state` to labels.path; return how many.
 
     From there it is a cheapest way to the goal, which turns where it must, and then as little as it can.
@@ -144,24 +140,30 @@ def write_way(look, field, top, left, state, labels):
     for k in range(count - 1, -1, -1):
         path[k, 0], path[k, 1] = back // 9 // columns, back // 9 % columns
         back = labels.before[back]
-    row, column, arrived = path[count - 1, 0], path[count - 1, 1], state % 9
-    rest = to_go(field, top, left, row, column)
+    return write_tail(look, count, state % 9, path)
+
+
+@part
+def write_tail(look, count, arrived, path):
+    """Write a cheapest way on to the goal from the last of `count` cells, come to by a move; return how many then."""
+    row, column = path[count - 1, 0], path[count - 1, 1]
+    rest = rest_from(look, row, column)
     while rest > 0 and count < len(path):
-        arrived = _downhill(look, field, top, left, row, column, rest, 0 if arrived == START else arrived)
+        arrived = _downhill(look, row, column, rest, 0 if arrived == START else arrived)
         row, column = row + MOVES[arrived, 0], column + MOVES[arrived, 1]
-        rest = to_go(field, top, left, row, column)
+        rest = rest_from(look, row, column)
         path[count, 0], path[count, 1] = row, column
         count += 1
     return count
 
 
 @part
-def write_rest(look, cells, labels):
-    """Write where a robot is and the cells that its route still leads through to labels.path; return how many.
+def write_rest(look, cells, path):
+    """Write where a robot is and the cells that its route still leads through to `path`; return how many.
 
     cells: int32[L, 2], those that its route was made of.
     """
-    path, begin = labels.path, next_cell(look, cells)
+    begin = next_cell(look, cells)
     path[0, 0], path[0, 1] = look.row, look.column
     count = 1
     for k in range(begin, len(cells)):
@@ -172,13 +174,52 @@ def write_rest(look, cells, labels):
 
 
 @inline
-def _downhill(look, field, top, left, row, column, rest, arrived):
+def _downhill(look, row, column, rest, arrived):
     """Return the move that is least of a turn of those on a cheapest way on from a cell whose cost-to-go is `rest`."""
     for k in range(8):
         move = (arrived + ((k + 1) // 2 if k % 2 else -(k // 2))) % 8
         step = look.steps[row, column, move]
         if step > 0:
-            there = to_go(field, top, left, row + MOVES[move, 0], column + MOVES[move, 1])
+            there = rest_from(look, row + MOVES[move, 0], column + MOVES[move, 1])
             if there != UNREACHABLE and there + step == rest:
                 return move
     return arrived
+
+
+@kernel
+def find_way(look, cells, saving, runs_out, labels):
+    """Write a cheapest way to labels.path, and return of how many cells; 0: there is none.
+
+    cells: int32[L, 2], those that the robot's present route was made of. A new one must save `saving` [thousandths of
+    a cell] beside it, unless that is negative, or the robot goes on along its cells if what is laid of its route runs
+    out, or else gets none.
+    """
+    state, most = -1, most_for(look, cells, saving)
+    if rest_from(look, look.row, look.column) <= most:
+        state, _ = search(look, most, labels)
+    if state >= 0:
+        return _write_way(look, state, labels)
+    return write_rest(look, cells, labels.path) if runs_out else 0
+
+
+class Search(Portable):
+    """Finds cheapest ways."""
+
+    bound = ("_labels",)
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self._shape = shape
+        self._bind()
+
+    def _bind(self) -> None:
+        self._labels = make_labels(*self._shape)
+
+    def begin(self, world: int) -> None:
+        """Forget a world: a search remembers nothing."""
+
+    def find(
+        self, look: Look, cells: NDArray[np.int32], saving: int, runs_out: bool, goal: Cell, step: int
+    ) -> NDArray[np.int32]:
+        """Return the cells int32[L, 2] of a way, none if there is none; see `find_way`. A search needs no `step`."""
+        count = find_way(look, cells, saving, runs_out, self._labels)
+        return self._labels.path[:count].astype(np.int32)

@@ -107,8 +107,8 @@ class Dispatcher(Portable):
         tasks = [((int(r), int(c)), (int(u), int(v))) for (r, c), (u, v) in zip(starts, assignment.goal, strict=True)]
         self.tasks[world].assign(*zip(*tasks, strict=True))
         for robot, (start, goal) in enumerate(tasks):
-            self.give_task(world, robot, goal, self.book.route(start, goal, float(assignment.pose[robot, 2])))
             stand(self.robots[world], robot, assignment.pose[robot], self._params, floor)
+            self.give_task(world, robot, goal, self._first_route(world, robot, start, goal, float(assignment.pose[robot, 2])))
 
     def _place_all(self, world: int, floor: Floor) -> None:
         """Give every robot of a world a start, a goal and a route."""
@@ -116,7 +116,8 @@ class Dispatcher(Portable):
         places = tasks.starts(rng)
         cells, spare = places[:robots], places[robots:]
         goals = tasks.first_goals(cells, rng)
-        self.book.prepare(list(zip(cells, goals, strict=True)))
+        if self._live is None or not self._live.plans_first:
+            self.book.prepare(list(zip(cells, goals, strict=True)))
         for robot in range(robots):
             placed = robot < len(cells) and self._place(world, robot, cells[robot], goals[robot], floor)
             while not placed:
@@ -130,10 +131,21 @@ class Dispatcher(Portable):
 
     def _place(self, world: int, robot: int, cell: Cell, goal: Cell, floor: Floor) -> bool:
         """Put a robot on a cell, facing along its route; False if it touches something there."""
-        self.give_task(world, robot, goal, self.book.route(cell, goal))
-        route = self.routes[world, robot]
-        direction = route[min(2, max(int(self.robots[world, robot]["points"]) - 1, 0))] - route[0]
-        return place(self.robots[world], robot, self.book.grid.centre(cell), direction, self._params, floor)
+        direction = None
+        if self._live is not None and self._live.plans_first:
+            direction = self._live.towards(world, robot, cell, goal)
+        if direction is None:
+            line = self.book.route(cell, goal).line
+            direction = line[min(2, len(line) - 1)] - line[0]
+        if not place(self.robots[world], robot, self.book.grid.centre(cell), direction, self._params, floor):
+            return False
+        self.give_task(world, robot, goal, self._first_route(world, robot, cell, goal))
+        return True
+
+    def _first_route(self, world: int, robot: int, cell: Cell, goal: Cell, heading: float | None = None) -> Route:
+        """Return the route that a robot which stands on a cell begins with."""
+        live = self._live_route(world, robot, goal, 0) if self._live is not None and self._live.plans_first else None
+        return live if live is not None else self.book.route(cell, goal, heading)
 
     def give_task(self, world: int, robot: int, goal: Cell, route: Route) -> None:
         """Give a robot a goal and its first route there."""
