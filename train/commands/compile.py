@@ -94,7 +94,7 @@ def _motion(seed: int) -> None:
 def _plans(seed: int) -> None:
     grid = make_layout(_BARE.layout)
     cells = [(row, column) for row, column in grid.free_cells.tolist()]
-    for name in (EnvConfig.planner, _BARE.planner, _BARE.reroute_spec.planner):
+    for name in (EnvConfig.planner, _BARE.planner):
         make_planner(name).plan(grid, cells[0], cells[-1], np.random.default_rng(seed))
 
 

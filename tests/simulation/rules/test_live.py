@@ -19,10 +19,12 @@ from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, GridMap
 from warehouse_env.planning.cost_to_go import DIAGONAL, UNIT, CostToGo
 from warehouse_env.simulation.record.recording import Recorder
+from warehouse_env.simulation.rules import live
+from warehouse_env.simulation.rules.ants import colonise, make_trails
 from warehouse_env.simulation.rules.live import SLOTS, LiveRoutes, find_due, keep_barred
 from warehouse_env.simulation.rules.passing import NOTHING, Passing, forget_route, keep_all_up, make_passing
-from warehouse_env.simulation.rules.prices import PRICES, Look, Prices, cost_ahead, make_asked, price_of
-from warehouse_env.simulation.rules.ways import ANY, make_labels, search
+from warehouse_env.simulation.rules.prices import ANY, PRICES, Look, Prices, cost_ahead, make_asked, price_of
+from warehouse_env.simulation.rules.ways import make_labels, search
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import ROBOT
 
@@ -87,12 +89,18 @@ def all_moves(rows: int = ROWS, columns: int = COLUMNS) -> Any:
     return GridMap(np.zeros((rows, columns), bool), picks=[(0, 0)], stations=[(0, 1)]).legal_moves.copy()
 
 
+NO_FIELD = np.empty((0, 0), np.int32)
+
+
 def look_of(robots: Any, routes: Any, me: int, legal: Any = None, **prices: float) -> Look:
     steps = steps_of(all_moves() if legal is None else legal)
     row, column = ROWS - 1 - int(robots[0, me]["y"]), int(robots[0, me]["x"])
     asked = make_asked(ROWS * COLUMNS)
     asked.looks[0] = 1
-    return Look(table_of(robots, routes), asked, robots[0], steps, FREE._replace(**prices), ONE, 0, me, row, column)
+    table, priced = table_of(robots, routes), FREE._replace(**prices)
+    return Look(
+        table, asked, robots[0], steps, priced, ONE, 0, me, row, column, NO_FIELD, 0, 0, 10 * UNIT, 40 * UNIT
+    )
 
 
 @kernel
@@ -218,8 +226,8 @@ def test_cells_where_another_will_be_at_the_same_time_cost() -> None:
 
 
 @kernel
-def ahead(look: Look, cells: Any, field: Any, horizon: int) -> int:
-    return cost_ahead(look, cells, field, 0, 0, horizon)
+def ahead(look: Look, cells: Any) -> int:
+    return cost_ahead(look, cells)
 
 
 def test_what_is_left_of_a_route_costs_its_length_and_its_prices_as_far_as_one_looks() -> None:
@@ -227,23 +235,20 @@ def test_what_is_left_of_a_route_costs_its_length_and_its_prices_as_far_as_one_l
     routes, cells = eastwards(2, 2, range(9)), np.array([[2, column] for column in range(9)], np.int32)
     floor = CostToGo(GridMap(np.zeros((ROWS, COLUMNS), bool), picks=[(2, 8)], stations=[(2, 0)]))
     field = floor.field((2, 8), floor.whole())
-    assert ahead(look_of(robots, routes, 0), cells, field, 40 * UNIT) == 6 * UNIT
-    look = look_of(robots, routes, 0, standing=10.0, beside=3.0)
-    assert ahead(look, cells, field, 40 * UNIT) == (6 + 3 + 10 + 3) * UNIT
-    assert ahead(look, cells, field, 3 * UNIT) == (6 + 3) * UNIT
+    assert ahead(look_of(robots, routes, 0)._replace(field=field), cells) == 6 * UNIT
+    look = look_of(robots, routes, 0, standing=10.0, beside=3.0)._replace(field=field)
+    assert ahead(look, cells) == (6 + 3 + 10 + 3) * UNIT
+    assert ahead(look._replace(horizon=3 * UNIT), cells) == (6 + 3) * UNIT
 
 
 def live_of(simulator: Simulator) -> LiveRoutes:
-    """Live routes of their own, which know the robots' routes."""
-    live = LiveRoutes(simulator.config, simulator.route_book, simulator.num_worlds)
-    for world, robots in enumerate(simulator.robots):
-        for i, r in enumerate(robots):
-            cells = simulator.grid.cell(simulator.routes[world, i, : r["points"]]).astype(np.int32)
-            live.take_up(simulator.robots, simulator.routes, world, i, cells, np.inf)
-    return live
+    """The live routes that a simulator's own dispatcher asks."""
+    found = simulator.dispatcher._live
+    assert found is not None
+    return found
 
 
-def look_for(live: LiveRoutes, simulator: Simulator, me: int = 0, step: int = 0, **how: bool) -> Any:
+def look_for(live: LiveRoutes, simulator: Simulator, me: int = 0, step: int = 1, **how: bool) -> Any:
     """What robot `me` of the first world finds to its goal."""
     robots = simulator.robots[0]
     goal = (int(robots[me]["goal_row"]), int(robots[me]["goal_col"]))
@@ -265,7 +270,7 @@ def test_on_its_way_a_robot_keeps_its_route_unless_a_new_one_saves_enough() -> N
     assert look_for(live, simulator) is not None
     robots[1]["x"], robots[1]["y"] = simulator.routes[0, 0, int(robots[0]["points"]) // 2]  # in its way, and stands
     robots[1]["standing_time"] = 60.0
-    assert look_for(live, simulator, step=1, on_its_way=True) is not None
+    assert look_for(live, simulator, step=2, on_its_way=True) is not None
 
 
 @pytest.mark.parametrize(("up", "better"), [(1, False), (2, True), (3, True)])
@@ -303,13 +308,15 @@ def drive(simulator: Simulator, steps: int = STEPS) -> None:
         simulator.step(np.broadcast_to(simulator.cruise_action, (simulator.num_worlds, simulator.num_agents)))
 
 
-def test_worlds_of_a_batch_are_those_of_single_worlds_to_the_bit() -> None:
-    batch = Simulator(CONFIG, 3)
+@pytest.mark.parametrize("planner", ["pf_aco", "astar_turns"])
+def test_worlds_of_a_batch_are_those_of_single_worlds_to_the_bit(planner: str) -> None:
+    config = CONFIG.replace(planner=planner)
+    batch = Simulator(config, 3)
     batch.reset([5, 6, 7])
     drive(batch)
     assert (batch.robots["reroutes"].sum(axis=1) > 0).all()
     for world, seed in enumerate((5, 6, 7)):
-        single = Simulator(CONFIG)
+        single = Simulator(config)
         single.reset([seed])
         drive(single)
         assert single.robots[0].tobytes() == batch.robots[world].tobytes()
@@ -352,7 +359,7 @@ def test_a_new_route_begins_at_the_robot_and_ends_at_the_same_goal_and_the_task_
 
 
 def test_planners_without_a_cost_map_are_refused_and_specs_checked() -> None:
-    with pytest.raises(ConfigError, match="plans no live routes; choose astar_turns"):
+    with pytest.raises(ConfigError, match="plans no live routes; choose pf_aco or astar_turns"):
         Simulator(CONFIG.replace(reroute_spec=RerouteSpec(planner="theta_star")))
     with pytest.raises(ConfigError, match=r"RerouteSpec\.every"):
         RerouteSpec(every=0.0)
@@ -391,39 +398,120 @@ def test_who_is_in_the_cell_of_its_goal_keeps_its_route_to_the_middle() -> None:
 
 
 @kernel
-def cheapest(look: Look, field: Any, hairpin: int, horizon: int, most: int, labels: Any) -> tuple[int, int]:
-    return search(look, field, 0, 0, hairpin, horizon, most, labels)
+def cheapest(look: Look, most: int, labels: Any) -> tuple[int, int]:
+    return search(look, most, labels)
 
 
-def search_bits() -> list[str]:
-    """Digests of the prices for six robots on their way, of whom two stand, and of what their searches come to."""
-    simulator = Simulator(CONFIG.replace(num_agents=6))
-    simulator.reset([3])
-    robots, routes, grid = simulator.robots[0], simulator.routes[0], simulator.grid
-    robots["standing_time"][:2] = 7.7
-    robots["position"] = np.linspace(0.3, 3.1, 6)
-    size, floor, found = np.float32(grid.cell_size), CostToGo(grid), []
-    table = make_passing(1, 6, grid.occupied.size, SLOTS)
-    keep_all_up(table, 0, 0, robots, routes, 6.0, np.float32(0.3), size, *grid.shape)
-    for me, r in enumerate(robots):
-        asked, labels = make_asked(grid.occupied.size), make_labels(*grid.shape)
-        asked.looks[0] = 1
-        look = Look(table, asked, robots, floor.steps, PRICES, size, 0, me, *grid.cell([r["x"], r["y"]]).tolist())
-        field = floor.field((int(r["goal_row"]), int(r["goal_col"])), floor.whole())
-        state, cost = cheapest(look, field, 10 * UNIT, 40 * UNIT, ANY, labels)
-        bits = asked.enter.tobytes() + asked.leave.tobytes() + labels.before.tobytes()
-        found.append(f"{state}:{cost}:{hashlib.sha256(bits).hexdigest()}")
+@kernel
+def by_ants(look: Look, most: int, seed: int, edges: Any, levels: Any, trails: Any) -> tuple[int, int]:
+    look.asked.looks[0] += 1
+    return colonise(look, most, seed, edges, levels, trails)
+
+
+def crowd(layout: str, robots: int, steps: int = 0, seed: int = 3) -> tuple[Simulator, list[Look]]:
+    """Robots on their way, of whom the first two stand, and the look of each."""
+    simulator = Simulator(CONFIG.replace(layout=layout, num_agents=robots))
+    simulator.reset([seed])
+    drive(simulator, steps)
+    records, routes, grid = simulator.robots[0], simulator.routes[0], simulator.grid
+    records["standing_time"][:2] = 7.7
+    size, floor, looks = np.float32(grid.cell_size), CostToGo(grid), []
+    table, asked = make_passing(1, robots, grid.occupied.size, SLOTS), make_asked(grid.occupied.size)
+    keep_all_up(table, 0, 0, records, routes, 6.0, np.float32(0.3), size, *grid.shape)
+    for me, r in enumerate(records):
+        field, cell = floor.field((int(r["goal_row"]), int(r["goal_col"])), floor.whole()), grid.cell([r["x"], r["y"]])
+        where = (me, *cell.tolist(), field, 0, 0, 10 * UNIT, 40 * UNIT)
+        looks.append(Look(table, asked, records, floor.steps, PRICES, size, 0, *where))
+    return simulator, looks
+
+
+NO_TRAIL = np.empty(0, np.int32), np.empty(0, np.float32)
+
+
+def found_bits() -> list[str]:
+    """Digests of the prices that six robots find, and of what a search and a colony come to."""
+    found = []
+    simulator, looks = crowd("narrow", 6)
+    for look in looks:
+        labels, trails = make_labels(*simulator.grid.shape), make_trails(simulator.grid.occupied.size)
+        look.asked.looks[0] += 1
+        searched, walked = cheapest(look, ANY, labels), by_ants(look, ANY, 5, *NO_TRAIL, trails)
+        bits = look.asked.enter.tobytes() + look.asked.leave.tobytes() + labels.before.tobytes() + trails.trail.tobytes()
+        numbers = ":".join(str(int(number)) for number in (*searched, *walked))
+        found.append(f"{numbers}:{hashlib.sha256(bits).hexdigest()}")
     return found
 
 
+def test_ants_find_ways_that_cost_little_more_than_the_cheapest_and_never_less() -> None:
+    """Of 30 robots among 32 on `narrow`; what it costs to drive on past others alone is dear enough to lose one's way."""
+    simulator, looks = crowd("narrow", 32, 60)
+    labels, trails = make_labels(*simulator.grid.shape), make_trails(simulator.grid.occupied.size)
+    best, walked = [], []
+    for look in looks[2:]:
+        look.asked.looks[0] += 1
+        best.append(cheapest(look, ANY, labels)[1])
+        steps, cost = by_ants(look, ANY, 7, *NO_TRAIL, trails)
+        walked.append(cost)
+        assert cost == cost_of(look, trails.walk[1, :steps])
+    assert all(cost >= least for cost, least in zip(walked, best, strict=True))
+    assert sum(walked) < 1.05 * sum(best)
+    assert sum(cost == least for cost, least in zip(walked, best, strict=True)) > 10
+
+
+@kernel
+def price_on(look: Look, cell: int, move: int, to: int) -> int:
+    return price_of(look, cell, move, to)
+
+
+def cost_of(look: Look, moves: Any) -> int:
+    """What moves from the robot on cost at the prices of others and of hairpins, and then the shortest way."""
+    columns, total, arrived = look.steps.shape[1], 0, None
+    cell = look.row * columns + look.column
+    for move in moves.tolist():
+        to = cell + int(MOVES[move, 0]) * columns + int(MOVES[move, 1])
+        assert look.steps[cell // columns, cell % columns, move] > 0
+        total += int(look.steps[cell // columns, cell % columns, move]) + price_on(look, cell, move, to)
+        if arrived is not None and 3 <= (move - arrived) % 8 <= 5:
+            total += look.hairpin
+        cell, arrived = to, move
+    return total + int(look.field[cell // columns, cell % columns])
+
+
+def test_ants_give_up_where_no_way_is_as_cheap_as_is_asked() -> None:
+    simulator, looks = crowd("narrow", 6)
+    labels, trails = make_labels(*simulator.grid.shape), make_trails(simulator.grid.occupied.size)
+    for look in looks:
+        look.asked.looks[0] += 1
+        _, least = cheapest(look, ANY, labels)
+        assert cheapest(look, least, labels)[1] == least
+        assert cheapest(look, least - 1, labels) == (-1, 0)
+        assert by_ants(look, least - 1, 7, *NO_TRAIL, trails)[0] == -1
+
+
+def test_what_a_colony_finds_depends_on_its_seed_and_the_trail_of_the_look_before() -> None:
+    simulator, looks = crowd("narrow", 32, 60)
+    cells = simulator.grid.occupied.size
+
+    def trail_after(seed: int, edges: Any, levels: Any) -> Any:
+        trails = make_trails(cells)
+        by_ants(looks[9], ANY, seed, edges, levels, trails)
+        return trails.trail
+
+    first = trail_after(1, *NO_TRAIL)
+    np.testing.assert_array_equal(first, trail_after(1, *NO_TRAIL))
+    assert (first != trail_after(2, *NO_TRAIL)).any()
+    marked = np.flatnonzero(first.ravel() > 1.05).astype(np.int32)
+    assert (first != trail_after(1, marked, first.ravel()[marked])).any()
+
+
 def test_plain_python_finds_the_same_at_the_same_prices_to_the_bit() -> None:
-    program = "from tests.simulation.rules.test_live import search_bits; print(*search_bits())"
+    program = "from tests.simulation.rules.test_live import found_bits; print(*found_bits())"
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", program],
         env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, cwd=ROOT, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == search_bits()
+    assert done.stdout.split() == found_bits()
 
 
 def sharpest_turn(route: Any) -> float:
@@ -436,8 +524,8 @@ def sharpest_turn(route: Any) -> float:
 
 def folded(planner: str) -> int:
     """Count routes that fold back on themselves in their first 7 m, of 1,500 among robots that stand on `narrow`."""
-    spec = RerouteSpec(planner=planner)
-    config = EnvConfig(layout="narrow", num_agents=64, planner="astar_turns", reroute=True, reroute_spec=spec)
+    spec = RerouteSpec()
+    config = EnvConfig(layout="narrow", num_agents=64, planner=planner, reroute=True, reroute_spec=spec)
     simulator, rng, count = Simulator(config), np.random.default_rng(0), 0
     simulator.reset([0])
     live, robots = live_of(simulator), simulator.robots[0]
@@ -446,11 +534,30 @@ def folded(planner: str) -> int:
     for _ in range(1500):
         me, goal = rng.integers(64), tuple(cells[rng.integers(len(cells))].tolist())
         robots[me]["heading"] = rng.uniform(-np.pi, np.pi)
-        route = live.route(robots, simulator.routes[0], 0, me, 0, goal)
+        route = live.route(robots, simulator.routes[0], 0, me, 1, goal)
         count += route is not None and sharpest_turn(route.line[:15]) > 2.0
     return count
 
 
-def test_the_price_of_hairpins_keeps_live_routes_from_folding() -> None:
+def test_the_price_of_hairpins_keeps_live_routes_from_folding(monkeypatch: pytest.MonkeyPatch) -> None:
     """One that folds passes a place twice, and a robot there may take itself to be where it will be later."""
-    assert 5 * folded(RerouteSpec.planner) < folded("astar_turns")
+    priced, by_ants = folded("astar_turns"), folded("pf_aco")
+    monkeypatch.setattr(live, "HAIRPIN", 0.0)
+    assert 5 * priced < folded("astar_turns")
+    assert by_ants < 10  # of 1,500; ants do not turn back where they are, so they seldom fold at any price
+
+
+@pytest.mark.parametrize(
+    ("planner", "spec", "finder", "first"),
+    [
+        ("pf_aco", None, "Ants", True), ("pf_aco:ants=9", None, "Ants", True), ("astar_turns", None, "Search", True),
+        ("pf_aco", "astar_turns", "Search", False), ("astar", None, "Search", False), ("astar", "pf_aco", "Ants", False),
+    ],
+)  # fmt: skip
+def test_live_routes_are_made_by_the_planner_of_all_routes_unless_another_is_named(
+    planner: str, spec: str | None, finder: str, first: bool
+) -> None:
+    simulator = Simulator(CONFIG.replace(planner=planner, num_agents=2, reroute_spec=RerouteSpec(planner=spec)))
+    made = simulator.dispatcher._live
+    assert made is not None
+    assert (type(made._finder).__name__, made.plans_first) == (finder, first)

@@ -28,8 +28,9 @@ from warehouse_env.simulation.rules.prices import ANY, Look, is_beyond, most_for
 from warehouse_env.simulation.rules.ways import START, is_hairpin, write_rest, write_tail
 
 ANTS, ITERATIONS = 8, 5
-PATIENCE = 1  # iterations without a better way after which ants are not sent again
+PATIENCE = 2  # iterations without a better way after which ants are not sent again
 PULL, EVEN, AHEAD = 1.0, 0.02, 0.1  # a, of the fall of the cost-to-go; b*N, so that every move is possible; c*T
+BOLD = 0.9  # how often an ant takes the most attractive move (as in Ant Colony System, Dorigo & Gambardella 1997)
 EVAPORATION = 0.3  # an iteration
 KEPT = 0.5  # of a trail from one look to the next
 STRENGTH = 2.0  # of the trail of an ant that lost nothing to others
@@ -125,7 +126,7 @@ def _draw(state):
 
 @part
 def _choose(look, trails, cell, arrived, ant, draw):
-    """Return an ant's next move by chance (eq. 8), -1 at a dead end."""
+    """Return an ant's next move, -1 at a dead end: mostly that of the most weight, else by chance (eq. 8)."""
     rest, total, last = trails.rest[cell], 0.0, -1
     for move in range(8):
         trails.weight[move] = 0.0
@@ -140,11 +141,15 @@ def _choose(look, trails, cell, arrived, ant, draw):
         eta *= eta
         trails.weight[move] = eta * eta * np.float64(trails.trail[cell, move])
         total += trails.weight[move]
-    left = draw * total
+    left = (draw - BOLD) / (1.0 - BOLD) * total
     for move in range(8):
-        if trails.weight[move] > 0.0:
+        weight = trails.weight[move]
+        if weight > 0.0:
+            if draw < BOLD:
+                last = move if last < 0 or weight > trails.weight[last] else last
+                continue
             last = move
-            left -= trails.weight[move]
+            left -= weight
             if left < 0.0:
                 break
     return last
@@ -406,7 +411,7 @@ class Ants(Portable):
         who = (look.world, look.me)
         aim, *trail = self._known.get(who, _NO_TRAIL)
         trail = trail if aim == goal else _NO_TRAIL[1:]
-        seed = _mixed(step, look.me, look.row, look.column, *goal)
+        seed = _mixed(step, int(look.me), look.row, look.column, *goal)
         count, kept = send_ants(look, cells, saving, runs_out, self._path, seed, *trail, self._trails)
         if kept:
             self._known[who] = goal, self._trails.edges[:kept].copy(), self._trails.levels[:kept].copy()

@@ -55,7 +55,7 @@ SLOTS = 128  # way-points of a robot's route that the table has room for
 HORIZON = 40  # [cells] from a robot up to which it looks; from there its way is the shortest
 LAID = 60.0  # [m] of a robot's route that are made drivable at once; the rest when it comes near
 _NEAR = 25.0  # [m] from the end of that at which it is
-_HAIRPIN = 10.0  # [cells] that a turn of more than 90 degrees costs, or routes would fold back on themselves
+HAIRPIN = 10.0  # [cells] that a turn of more than 90 degrees costs, or routes would fold back on themselves
 _NO_CELLS = np.empty((0, 2), np.int32)
 _EDGE = 24  # [cells] from the edge of a field at which a robot that was led astray gets another
 
@@ -153,7 +153,7 @@ class LiveRoutes(Portable):
         self._every, self._only_barred, self._look_ahead = max(1, round(spec.every / seconds)), spec.only_barred, spec.look_ahead
         behind = np.float32(config.robot.rear_reach - 0.5 * config.robot.length)
         self._floor = spec.stood_for, behind, np.float32(grid.cell_size)
-        self._costs, self._saving = (round(UNIT * (getattr(planner, "hairpin", 0.0) or _HAIRPIN)), UNIT * HORIZON), round(UNIT * spec.saving)
+        self._costs, self._saving = (round(UNIT * (getattr(planner, "hairpin", 0.0) or HAIRPIN)), UNIT * HORIZON), round(UNIT * spec.saving)
         self._passing = make_passing(worlds, config.num_agents, grid.occupied.size, SLOTS)
         self._laid = np.full((worlds, config.num_agents), np.inf, np.float32)  # [m] of routes that are drivable
         fastest = max(config.robot.max_speed, -config.robot.min_speed)
