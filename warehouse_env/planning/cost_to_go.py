@@ -65,7 +65,7 @@ def _take(cell, bucket, first, after, before):
 
 @kernel
 def cost_field(steps, dearest, goal_row, goal_column, top, left, bottom, right):
-    """Return int32[bottom - top, right - left]: the cost to the goal of the cheapest walk within a box, else UNREACHABLE.
+    """Return the cost to the goal of the cheapest walk within a box, int32[bottom - top, right - left], or UNREACHABLE.
 
     steps: int32[H, W, 8], what the moves of eq. 26 (paper 000) cost, at most `dearest`; 0 for those not legal. Label
     setting with buckets as wide as the cheapest move (Dial 1969): what is in the first can no longer improve, and no

@@ -183,8 +183,8 @@ def drivable_line(points, solid, one_way, cell, keep_right, reach=np.inf):
 
     points: float64[L, 2] [m], the planned path's cell centres; solid: uint8[H + 2, W + 2], padded shelves, y up;
     one_way: uint8[H + 2, W + 2], likewise the directions of one-way cells, in the middle of which lines run;
-    keep_right [m]: how far to the right on open floor, 0 for no lanes; reach [m]: how much of the line is made drivable,
-    the rest leads along the path as planned.
+    keep_right [m]: how far to the right on open floor, 0 for no lanes; reach [m]: how much of the line is made
+    drivable, the rest leads along the path as planned.
     """
     line = resample(points, SPACING)
     near = line[: int(min(reach / SPACING, np.float64(len(line)))) + 1]

@@ -41,7 +41,11 @@ _RUNS = 8  # moves that are replaced by two straight runs at most
 _SHIFT_13, _SHIFT_7, _SHIFT_17, _SHIFT_11 = np.uint64(13), np.uint64(7), np.uint64(17), np.uint64(11)
 _TO_UNIT = 2.0**-53
 _WORD = 2**64 - 1
-_NO_TRAIL = (None, np.empty(0, np.int32), np.empty(0, np.float32))
+_NO_TRAIL: tuple[Cell | None, NDArray[np.int32], NDArray[np.float32]] = (
+    None,
+    np.empty(0, np.int32),
+    np.empty(0, np.float32),
+)
 
 
 class Trails(NamedTuple):
@@ -50,7 +54,7 @@ class Trails(NamedTuple):
     run: NDArray[np.int64]  # [1], how many looks there have been
     at: NDArray[np.int64]  # [C], the look in which a cell was touched
     touched: NDArray[np.int32]  # [C], the cells of this look, ...
-    count: NDArray[np.int64]  # [1], ... so many
+    listed: NDArray[np.int64]  # [1], ... so many
     seen: NDArray[np.int64]  # [C], the look that has given a cell its potential
     rest: NDArray[np.int32]  # [C], the potential: what going on from a cell costs at least
     cost: NDArray[np.int32]  # [C, 8], what a move costs, others included; 0 where it cannot be made
@@ -66,7 +70,8 @@ def make_trails(cells: int) -> Trails:
     """Return room for the ants on so many cells."""
     return Trails(
         np.zeros(1, np.int64), np.zeros(cells, np.int64), np.zeros(cells, np.int32), np.zeros(1, np.int64),
-        np.zeros(cells, np.int64), np.zeros(cells, np.int32), np.zeros((cells, 8), np.int32), np.zeros((cells, 8), np.float32),
+        np.zeros(cells, np.int64), np.zeros(cells, np.int32), np.zeros((cells, 8), np.int32),
+        np.zeros((cells, 8), np.float32),
         np.zeros(cells, np.int64), np.zeros(8), np.zeros((2, MOST_STEPS), np.int8),
         np.zeros(MOST_KEPT, np.int32), np.zeros(MOST_KEPT, np.float32),
     )  # fmt: skip
@@ -94,8 +99,8 @@ def _touch(look, trails, cell):
     if trails.at[cell] == trails.run[0]:
         return
     trails.at[cell] = trails.run[0]
-    trails.touched[trails.count[0]] = cell
-    trails.count[0] += 1
+    trails.touched[trails.listed[0]] = cell
+    trails.listed[0] += 1
     columns = look.steps.shape[1]
     for move in range(8):
         step = int(look.steps[cell // columns, cell % columns, move])
@@ -212,7 +217,7 @@ def _mark(look, trails, walk, count, amount):
 @part
 def _fade(trails):
     """Let pheromone evaporate towards 1 (eq. 18)."""
-    for k in range(trails.count[0]):
+    for k in range(trails.listed[0]):
         cell = trails.touched[k]
         for move in range(8):
             trails.trail[cell, move] += np.float32(EVAPORATION) * (np.float32(1.0) - trails.trail[cell, move])
@@ -233,7 +238,7 @@ def _remember(look, trails, edges, levels):
 def _keep(trails):
     """Write the trail that a robot remembers to trails.edges and trails.levels; return of how many edges."""
     count = 0
-    for k in range(trails.count[0]):
+    for k in range(trails.listed[0]):
         cell = trails.touched[k]
         for move in range(8):
             if trails.trail[cell, move] > FAINTEST and count < MOST_KEPT:
@@ -253,7 +258,7 @@ def _direction(d_row, d_column):
 
 @part
 def _run(look, cell, d_row, d_column, diagonal_first, arrived, after, most, walk):
-    """Write the moves of two straight runs over so many rows and columns to `walk`; return their cost, ANY above `most`.
+    """Write the moves of two straight runs over rows and columns to `walk`; return their cost, ANY if above `most`.
 
     after: the move that follows them, or START.
     """
@@ -334,7 +339,7 @@ def colonise(look, most, seed, edges, levels, trails):
     The best way's moves: trails.walk[1]. seed: of the ants' chance; edges, levels: the trail of the look before.
     """
     trails.run[0] += 1
-    trails.count[0] = 0
+    trails.listed[0] = 0
     _remember(look, trails, edges, levels)
     start = look.row * look.steps.shape[1] + look.column
     least = _see(look, trails, start)
@@ -409,17 +414,18 @@ class Ants(Portable):
         goal, step: of the robot and its world's clock, from which alone the ants' chance is drawn.
         """
         who = (look.world, look.me)
-        aim, *trail = self._known.get(who, _NO_TRAIL)
-        trail = trail if aim == goal else _NO_TRAIL[1:]
+        aim, edges, levels = self._known.get(who, _NO_TRAIL)
+        if aim != goal:
+            _, edges, levels = _NO_TRAIL
         seed = _mixed(step, int(look.me), look.row, look.column, *goal)
-        count, kept = send_ants(look, cells, saving, runs_out, self._path, seed, *trail, self._trails)
+        count, kept = send_ants(look, cells, saving, runs_out, self._path, seed, edges, levels, self._trails)
         if kept:
             self._known[who] = goal, self._trails.edges[:kept].copy(), self._trails.levels[:kept].copy()
         return self._path[:count].astype(np.int32)
 
 
 def _mixed(*numbers: int) -> int:
-    """Return a whole number from 1 to below 2^63 that looks like chance, from others (steps of splitmix, Steele 2014)."""
+    """Return a whole number from 1 to below 2^63 that looks like chance, from others (splitmix, Steele 2014)."""
     mixed = 0
     for number in numbers:
         mixed = (mixed + number + 0x9E3779B97F4A7C15) & _WORD

@@ -40,7 +40,6 @@ from warehouse_env.simulation.rules.ants import Ants
 from warehouse_env.simulation.rules.passing import (
     NOTHING,
     ahead_of,
-    body_cell,
     cell_of,
     forget_route,
     keep_all_up,
@@ -50,7 +49,10 @@ from warehouse_env.simulation.rules.passing import (
 from warehouse_env.simulation.rules.prices import PRICES, Look, make_asked
 from warehouse_env.simulation.rules.ways import Search
 
-FINDERS = {"pf_aco": Ants, "astar_turns": Search}  # of live routes, by the name of their planner
+FINDERS: dict[str, type[Search | Ants]] = {
+    "pf_aco": Ants,
+    "astar_turns": Search,
+}  # of live routes, by the name of their planner
 SLOTS = 128  # way-points of a robot's route that the table has room for
 HORIZON = 40  # [cells] from a robot up to which it looks; from there its way is the shortest
 LAID = 60.0  # [m] of a robot's route that are made drivable at once; the rest when it comes near
@@ -121,7 +123,7 @@ def keep_barred(passing, robots, routes, laid, steps, stood_for, look_ahead, beh
 
 
 def live_planner(config: EnvConfig) -> Any:
-    """Return the planner of live routes: that of the spec, or else the config's own if it makes any, or else astar_turns.
+    """Return the planner of live routes: that of the spec, else the config's own if it makes any, else astar_turns.
 
     ConfigError where the spec names one that makes none.
     """
@@ -150,10 +152,17 @@ class LiveRoutes(Portable):
         self._gentleness = planner.gentleness
         self._book = book
         seconds = config.action_repeat * config.time_step
-        self._every, self._only_barred, self._look_ahead = max(1, round(spec.every / seconds)), spec.only_barred, spec.look_ahead
+        self._every, self._only_barred, self._look_ahead = (
+            max(1, round(spec.every / seconds)),
+            spec.only_barred,
+            spec.look_ahead,
+        )
         behind = np.float32(config.robot.rear_reach - 0.5 * config.robot.length)
         self._floor = spec.stood_for, behind, np.float32(grid.cell_size)
-        self._costs, self._saving = (round(UNIT * (getattr(planner, "hairpin", 0.0) or HAIRPIN)), UNIT * HORIZON), round(UNIT * spec.saving)
+        self._costs, self._saving = (
+            (round(UNIT * (getattr(planner, "hairpin", 0.0) or HAIRPIN)), UNIT * HORIZON),
+            round(UNIT * spec.saving),
+        )
         self._passing = make_passing(worlds, config.num_agents, grid.occupied.size, SLOTS)
         self._laid = np.full((worlds, config.num_agents), np.inf, np.float32)  # [m] of routes that are drivable
         fastest = max(config.robot.max_speed, -config.robot.min_speed)
@@ -163,7 +172,10 @@ class LiveRoutes(Portable):
         self._bind()
 
     def _bind(self) -> None:
-        self._fields, self._asked = CostToGo(self._book.grid, self._gentleness), make_asked(self._book.grid.occupied.size)
+        self._fields, self._asked = (
+            CostToGo(self._book.grid, self._gentleness),
+            make_asked(self._book.grid.occupied.size),
+        )
 
     def begin(self, world: int) -> None:
         """Forget all that is known of a world: its robots begin anew."""
@@ -256,7 +268,7 @@ class LiveRoutes(Portable):
         return self._fields.field(goal, box), box
 
     def _is_at_edge(self, cell: Cell, box: Box) -> bool:
-        """Whether a cell is so near the edge of a box that ways may lead out of it, and that is not the floor's edge."""
+        """Whether a cell is so near the edge of a box, and that not the floor's, that ways may lead out of it."""
         (row, column), (rows, columns) = cell, self._book.grid.shape
         return (
             (box.top > 0 and row - box.top < _EDGE) or (box.bottom < rows and box.bottom - row <= _EDGE)

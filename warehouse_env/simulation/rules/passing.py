@@ -11,7 +11,7 @@ must not depend on any: prices.py adds whole numbers.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,9 +48,9 @@ def make_passing(worlds: int, robots: int, cells: int, slots: int) -> Passing:
     def nothing(*shape: int) -> NDArray[np.int32]:
         return np.full(shape, NOTHING, np.int32)
 
-    lists = [nothing(worlds, robots * slots) for _ in range(3)]
+    each = (worlds, robots * slots)
     return Passing(
-        nothing(worlds, cells), *lists, np.zeros((worlds, robots * slots), np.int8),
+        nothing(worlds, cells), nothing(*each), nothing(*each), nothing(*each), np.zeros(each, np.int8),
         np.zeros((worlds, robots), np.int32), np.zeros((worlds, robots), np.int32),
         np.zeros((worlds, robots), np.float32), nothing(worlds, robots),
         np.zeros((worlds, cells, 2), np.int16), np.full(worlds, NOTHING, np.int64),

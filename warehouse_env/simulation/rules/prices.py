@@ -1,4 +1,4 @@
-"""What the other robots of a world cost one that looks for a way: prices of moves, made for the cells that are asked for.
+"""What the other robots of a world cost one that looks for a way: prices of moves, made for cells that are asked for.
 
 What is priced, and why: live.py. Prices are whole thousandths of a cell, so that their sums do not depend on the order
 in which the table (passing.py) lists who passes a cell; they are said in float64 where a kernel would widen a float32

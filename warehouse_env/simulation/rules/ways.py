@@ -83,7 +83,7 @@ def is_hairpin(arrived, move):
 
 @part
 def search(look, most, labels):
-    """Return (state, its cost) where the cheapest way leaves what is looked at, or (-1, 0): none costs at most `most`."""
+    """Return (state, its cost) where the cheapest way leaves what is looked at, (-1, 0) if that is above `most`."""
     columns, heap = look.steps.shape[1], labels.heap
     labels.run[0] += 1
     run, start = labels.run[0], 9 * (look.row * columns + look.column) + START

@@ -108,7 +108,8 @@ class Dispatcher(Portable):
         self.tasks[world].assign(*zip(*tasks, strict=True))
         for robot, (start, goal) in enumerate(tasks):
             stand(self.robots[world], robot, assignment.pose[robot], self._params, floor)
-            self.give_task(world, robot, goal, self._first_route(world, robot, start, goal, float(assignment.pose[robot, 2])))
+            heading = float(assignment.pose[robot, 2])
+            self.give_task(world, robot, goal, self._first_route(world, robot, start, goal, heading))
 
     def _place_all(self, world: int, floor: Floor) -> None:
         """Give every robot of a world a start, a goal and a route."""
@@ -228,9 +229,7 @@ class Dispatcher(Portable):
         live = self._live_route(world, robot, goal, step)
         return live if live is not None else self.book.route(start, goal, float(self.robots[world, robot]["heading"]))
 
-    def _live_route(
-        self, world: int, robot: int, goal: Cell, step: int, on_its_way: bool = False
-    ) -> Route | None:
+    def _live_route(self, world: int, robot: int, goal: Cell, step: int, on_its_way: bool = False) -> Route | None:
         """Return a route from where a robot is, around all others; None if live routes are off or find none."""
         if self._live is None:
             return None
