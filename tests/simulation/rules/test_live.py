@@ -443,7 +443,7 @@ def found_bits() -> list[str]:
 
 
 def test_ants_find_ways_that_cost_little_more_than_the_cheapest_and_never_less() -> None:
-    """Of 30 robots among 32 on `narrow`; what it costs to drive on past others alone is dear enough to lose one's way."""
+    """Of 30 robots among 32 on `narrow`, where two of them stand in the way of others."""
     simulator, looks = crowd("narrow", 32, 60)
     labels, trails = make_labels(*simulator.grid.shape), make_trails(simulator.grid.occupied.size)
     best, walked = [], []
@@ -554,7 +554,8 @@ def test_the_price_of_hairpins_keeps_live_routes_from_folding(monkeypatch: pytes
     ("planner", "spec", "finder", "first"),
     [
         ("pf_aco", None, "Ants", True), ("pf_aco:ants=9", None, "Ants", True), ("astar_turns", None, "Search", True),
-        ("pf_aco", "astar_turns", "Search", False), ("astar", None, "Search", False), ("astar", "pf_aco", "Ants", False),
+        ("pf_aco", "astar_turns", "Search", False), ("astar", None, "Search", False),
+        ("astar", "pf_aco", "Ants", False),
     ],
 )  # fmt: skip
 def test_live_routes_are_made_by_the_planner_of_all_routes_unless_another_is_named(
