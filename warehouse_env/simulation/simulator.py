@@ -121,7 +121,7 @@ class Simulator(Portable):
         self._choices = self._actions.no_choices(b, n)
         reach = float(p["pair_range"][0])
         p["most_pairs"] = state.most_pairs(n, reach, float(p["radius"][0]), self.config)
-        self._stamps = np.zeros((b, n, n), dtype=np.int32)
+        self._stamps = np.zeros((b, n, state.most_near(n, self.config), 2), dtype=np.int32)
         rows, columns = self.grid.shape
         size = self.grid.cell_size
         look = max(

@@ -207,6 +207,15 @@ def global_view(robots: NDArray[Any], side: float, config: EnvConfig) -> NDArray
     return np.stack(columns, axis=-1).astype(np.float32).reshape(-1)
 
 
+def most_near(robots: int, config: EnvConfig) -> int:
+    """Return how many robots can at most be within near_miss_gap of one, or have just been: bodies never overlap."""
+    robot = config.robot
+    reach = max(config.near_miss_gap, GAP_HORIZON) + 1.5 * math.hypot(
+        robot.length, robot.width
+    )  # around half of its own
+    return max(1, min(robots - 1, math.ceil(math.pi * reach**2 / (robot.length * robot.width))))
+
+
 def most_pairs(robots: int, reach: float, radius: float, config: EnvConfig) -> int:
     """Return how many pairs of a world's robots can at most be within reach [m]; for bodies never overlap."""
     area = math.pi * (reach + radius) ** 2 / (config.robot.length * config.robot.width)

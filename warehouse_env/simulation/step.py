@@ -223,8 +223,8 @@ def advance(
 
     robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; persons, ways: see people.People; arcs float32[B, N,
     ARCS, 2]: their manoeuvres (manoeuvre.py); commands float32[B, N, 2]: speed [m/s] and offset [m], or raw
-    acceleration and steering rate; stamps int32[B, N, N]; steps int64[B] since the reset, truncated bool[B], terminated
-    bool[B, N];
+    acceleration and steering rate; stamps int32[B, N, K, 2]; steps int64[B] since the reset, truncated bool[B],
+    terminated bool[B, N];
     waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator has given out new tasks;
     faults int32[B, 3]: see audit.find_fault; followed, walking, guarded, checked: see Features.
     """

@@ -222,10 +222,30 @@ def accept_motion(robots, motion):
 
 
 @inline
+def _known(stamps, j, clock):
+    """Return (the place for what is known of robot j, its status when last looked at: 0 if it was not near).
+
+    The first place that is free is taken, so that behind one that was never taken there are none.
+    """
+    free = -1
+    for slot in range(stamps.shape[0]):
+        age = clock - (stamps[slot, 1] >> 2)
+        if age == 1 and stamps[slot, 0] == j:
+            return slot, stamps[slot, 1] & 3
+        never = stamps[slot, 1] == 0
+        if (age > 1 or never) and free < 0:
+            free = slot
+        if never:
+            break
+    return max(free, 0), 0
+
+
+@inline
 def judge_pairs(robots, motion, pairs, count, stamps, clock, p):
     """Measure the gaps, and begin and end contact episodes and near misses.
 
-    stamps int32[N, N]: 4 x clock + status of a pair when it was last near, so that nothing must be cleared.
+    stamps int32[N, K, 2]: the pairs in which a robot comes first, listed with the lower number of robots (see
+    state.most_near): the other's, and 4 x clock + status when they were last near, so that nothing must be cleared.
     """
     offset, half_length, half_width = p["offset"], p["half_length"], p["half_width"]
     reach = p["radius"] + p["radius"] + _HORIZON
@@ -242,8 +262,7 @@ def judge_pairs(robots, motion, pairs, count, stamps, clock, p):
             gap = ZERO
         r["gap"] = min(r["gap"], gap)
         o["gap"] = min(o["gap"], gap)
-        stamp = stamps[i, j]
-        before = stamp & 3 if stamp >> 2 == clock - 1 else 0
+        slot, before = _known(stamps[i], j, clock)
         now = before
         if pairs[k, 2] != 0:
             r["touching"] = 1
@@ -260,7 +279,7 @@ def judge_pairs(robots, motion, pairs, count, stamps, clock, p):
         elif before == 0:
             now = NEAR
         if now != 0:
-            stamps[i, j] = 4 * clock + now
+            stamps[i, slot, 0], stamps[i, slot, 1] = j, 4 * clock + now
 
 
 @inline

@@ -232,6 +232,29 @@ def _ask(i, robots, route, arcs, choices, ways, p, clearance):
 
 
 @inline
+def _goes_first(robots, i, j):
+    """Whether robot i has the right before robot j."""
+    one, other = robots[i]["right"], robots[j]["right"]
+    return one > other or (one == other and i < j)
+
+
+@inline
+def _sort(robots, order):
+    """Sort robots by their right (Shell 1959 with Knuth's gaps): short code, and far from quadratic for thousands."""
+    gap = 1
+    while 3 * gap + 1 < len(order):
+        gap = 3 * gap + 1
+    while gap > 0:
+        for i in range(gap, len(order)):
+            one, k = order[i], i
+            while k >= gap and _goes_first(robots, one, order[k - gap]):
+                order[k] = order[k - gap]
+                k -= gap
+            order[k] = one
+        gap //= 3
+
+
+@inline
 def rank(robots, order):
     """Write the robots in the order of their right: longest on the way to its goal first, and with it who bars it.
 
@@ -246,12 +269,8 @@ def rank(robots, order):
             robots[j]["right"] = robots[i]["age"]
             j = robots[j]["yields_to"]
             steps += 1
-    for i in range(count):
-        k = i
-        while k > 0 and robots[order[k - 1]]["right"] < robots[i]["right"]:
-            order[k] = order[k - 1]
-            k -= 1
-        order[k] = i
+        order[i] = i
+    _sort(robots, order)
 
 
 @part
