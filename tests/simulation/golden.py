@@ -51,6 +51,7 @@ STACKS: dict[str, tuple[str, int, dict[str, Any]]] = {
     "greedy, 32, one shot": ("greedy", 900, {"num_agents": 32, "tasks": "one_shot"}),
     "greedy, 64 on a drawn floor, people": ("greedy", 500, {"num_agents": 64, "layout": "aisles:seed=77", "people": 6}),
     "threaded_ppo, 32": ("threaded_ppo", 600, {"num_agents": 32}),
+    "threaded_ppo, 32, routes searched": ("threaded_ppo", 600, {"num_agents": 32, "planner": "astar_turns"}),
     "threaded_ppo, 128 on narrow": ("threaded_ppo", 700, {"num_agents": 128, "layout": "narrow"}),
     "threaded_ppo, 64, messages lost": ("threaded_ppo", 500, {"num_agents": 64, "message_loss": 0.2}),
     "threaded_ppo, 32 on single_lane, people": (
@@ -92,7 +93,7 @@ def digest(case: dict[str, Any]) -> str:
 def drive_stack(name: str) -> tuple[str, Simulator, dict[str, int]]:
     """Return a digest of all that a world gave step by step, its simulator, and how often its mechanisms stepped in."""
     policy_name, steps, changes = STACKS[name]
-    config = policy_config(policy_name, EnvConfig(**{"planner": "astar_turns", "max_steps": steps, **changes}))
+    config = policy_config(policy_name, EnvConfig(max_steps=steps, **changes))
     policy, rng = make_policy(policy_name, config), np.random.default_rng(8)
     simulator = Simulator(config)
     simulator.reset(seed=5)

@@ -24,9 +24,10 @@ from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner
+from warehouse_env.simulation.rules.live import FINDERS
 
 _BARE = EnvConfig(num_agents=4, layout="open", planner="astar", max_steps=20)
-_CROWD = EnvConfig(num_agents=24, layout="narrow", planner="astar")  # where robots stand, search and make room
+_CROWD = EnvConfig(num_agents=24, layout="narrow")  # where robots stand, search and make room
 _SECONDS = 60.0  # that the crowd drives, in a second of ours
 
 
@@ -99,7 +100,8 @@ def _plans(seed: int) -> None:
 
 
 def _traffic(seed: int) -> None:
-    run(make_experiment("threaded_ppo", _CROWD, 1, _SECONDS, seed))
+    for planner in FINDERS:
+        run(make_experiment("threaded_ppo", _CROWD.replace(planner=planner), 1, _SECONDS, seed))
 
 
 def _bare(seed: int) -> None:

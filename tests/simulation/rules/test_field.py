@@ -248,7 +248,7 @@ def test_tasks_and_routes_that_change_while_robots_brake(seed: int, kind: Any, o
         if not one_shot:
             robot = int(rng.integers(0, 7))
             row, column = simulator.state.goal[0, robot].tolist()
-            back = simulator.route_book.route((row, column), (0, 0)).line  # from the goal: across the floor
+            back = simulator.route_book.route((row, column), (0, 0))  # from the goal: across the floor
             simulator.dispatcher.give_task(0, robot, (0, 0), back)
     assert untouched(simulator)
 
