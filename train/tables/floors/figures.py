@@ -28,8 +28,32 @@ def floor_of(row: Row) -> str:
     return "drawn at random" if layout.startswith(GENERATED) else Path(layout).stem
 
 
-def floors_tables(rows: Sequence[Row], policies: Sequence[str]) -> list[Table]:
-    """Return one table: a line for each group of floors, number of robots and policy, the rule first."""
+def floors_tables(rows: Sequence[Row], policies: Sequence[str], planners: Sequence[str]) -> list[Table]:
+    """Return a table of policies with routes by the first planner, and one that holds each other planner against it."""
+    tables = [_policies_table(select(rows, planner=planners[0]), policies)]
+    return tables + [_planners_table(rows, policies, planners[0], other) for other in planners[1:]]
+
+
+def _planners_table(rows: Sequence[Row], policies: Sequence[str], planner: str, other: str) -> Table:
+    """Return a line for each group of floors, number of robots and policy: goals with routes by either planner."""
+    names = short_names({RULE, *policies})
+    cells: list[tuple[str, ...]] = []
+    for floor in dict.fromkeys(map(floor_of, rows)):
+        own = [row for row in rows if floor_of(row) == floor]
+        for robots in sorted({row["robots"] for row in own} - {1}):
+            for policy in (RULE, *policies):
+                one, two = (select(own, robots=robots, policy=policy, planner=name) for name in (planner, other))
+                found = paired(one, two, _late, ("layout", "seed"))
+                late = [number(mean_interval(map(_late, driven)).mean) for driven in (one, two)]
+                told = "" if is_told(found) else ", not told apart"
+                cells.append((floor, str(robots), names[policy], *late, difference(found) + told))
+    header = ("floor", "robots", "policy", planner, other, "difference")
+    note = f"Late goals/robot-h with all routes by {planner} or by {other}; floor and seed of each pair the same."
+    return Table(f"Routes by {planner} and by {other}", header, tuple(cells), note)
+
+
+def _policies_table(rows: Sequence[Row], policies: Sequence[str]) -> Table:
+    """Return a line for each group of floors, number of robots and policy, the rule first."""
     names = short_names({RULE, *policies})
     cells: list[tuple[str, ...]] = []
     for floor in dict.fromkeys(map(floor_of, rows)):
@@ -42,7 +66,7 @@ def floors_tables(rows: Sequence[Row], policies: Sequence[str]) -> list[Table]:
                 (floor, str(robots), names[policy], *_line(select(driven, policy=policy), rule, free))
                 for policy in (RULE, *policies)
             ]
-    return [Table("Policies on many floors", HEADER, tuple(cells), NOTE)]
+    return Table("Policies on many floors", HEADER, tuple(cells), NOTE)
 
 
 def _late(row: Row) -> float:
