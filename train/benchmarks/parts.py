@@ -239,6 +239,14 @@ def traffic(budget: Budget) -> Iterator[Row]:
     yield from weigh(budget.seconds, budget.seed)
 
 
+def looks(budget: Budget) -> Iterator[Row]:
+    """A look for a better route by the ants and by the search: what it costs, and what it finds."""
+    from train.benchmarks.looks import looks as look
+
+    set_num_threads(1)
+    yield from look(budget.seconds, budget.seed)
+
+
 def field(budget: Budget) -> Iterator[Row]:
     """Contacts under the protective field, on every layout, whatever drives; and with noise."""
     from train.benchmarks.field import field as hold
@@ -285,6 +293,7 @@ PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
     "ant_walk": ant_walk,
     "tracking": tracking,
     "traffic": traffic,
+    "looks": looks,
     "field": field,
     "alone": alone,
     "start": start,

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 What = Literal[
     "simulator", "reference", "pettingzoo", "vec_env", "policy", "training", "plan", "ant_walk", "tracking",
-    "traffic", "field", "alone", "start",
+    "traffic", "looks", "field", "alone", "start",
 ]  # fmt: skip
 
 _SMALL = 32  # robots of the single world that larger ones are held against
@@ -155,6 +155,11 @@ def tables(rows: Sequence[Row]) -> list[Table]:
         from train.benchmarks.traffic import traffic_table
 
         made.append(traffic_table(weighed))
+    looked = select(rows, what="looks")
+    if looked:
+        from train.benchmarks.looks import looks_table
+
+        made.append(looks_table(looked))
     guarded = select(rows, what="field")
     if guarded:
         from train.benchmarks.field import field_tables

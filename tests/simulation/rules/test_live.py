@@ -241,7 +241,7 @@ def test_what_is_left_of_a_route_costs_its_length_and_its_prices_as_far_as_one_l
 
 def live_of(simulator: Simulator) -> LiveRoutes:
     """The live routes that a simulator's own dispatcher asks."""
-    found = simulator.dispatcher._live
+    found = simulator.dispatcher.live
     assert found is not None
     return found
 
@@ -562,6 +562,6 @@ def test_live_routes_are_made_by_the_planner_of_all_routes_unless_another_is_nam
     planner: str, spec: str | None, finder: str, first: bool
 ) -> None:
     simulator = Simulator(CONFIG.replace(planner=planner, num_agents=2, reroute_spec=RerouteSpec(planner=spec)))
-    made = simulator.dispatcher._live
+    made = simulator.dispatcher.live
     assert made is not None
-    assert (type(made._finder).__name__, made.plans_first) == (finder, first)
+    assert (type(made.finder).__name__, made.plans_first) == (finder, first)

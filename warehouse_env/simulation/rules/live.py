@@ -47,7 +47,7 @@ from warehouse_env.simulation.rules.passing import (
     make_passing,
 )
 from warehouse_env.simulation.rules.prices import PRICES, Look, make_asked
-from warehouse_env.simulation.rules.ways import Search
+from warehouse_env.simulation.rules.ways import Finder, Search
 
 FINDERS: dict[str, type[Search | Ants]] = {
     "pf_aco": Ants,
@@ -147,7 +147,7 @@ class LiveRoutes(Portable):
         """Take the configuration's `reroute_spec`; ConfigError as `live_planner`."""
         spec, grid = config.reroute_spec, book.grid
         planner = live_planner(config)
-        self._finder: Search | Ants = FINDERS[planner.name](grid.shape)
+        self.finder: Finder = FINDERS[planner.name](grid.shape)
         self.plans_first = planner.name == config.planner.partition(":")[0]  # not only on the way
         self._gentleness = planner.gentleness
         self._book = book
@@ -183,7 +183,7 @@ class LiveRoutes(Portable):
         passing.first[world] = passing.stands_on[world] = passing.known_at[world] = passing.cell[world] = NOTHING
         passing.low[world] = passing.high[world] = passing.standing[world] = 0
         self._laid[world] = np.inf
-        self._finder.begin(world)
+        self.finder.begin(world)
         for robot in range(passing.low.shape[1]):
             self._cells[world, robot] = _NO_CELLS
 
@@ -242,7 +242,7 @@ class LiveRoutes(Portable):
         )  # fmt: skip
         saving = self._saving if on_its_way else -1
         runs_out = on_its_way and bool(runs_out_of(r, self._laid[world, me]))
-        cells = self._finder.find(look, self._cells[world, me], saving, runs_out, goal, step)
+        cells = self.finder.find(look, self._cells[world, me], saving, runs_out, goal, step)
         return Route(cells, self._book.lay(cells, pose, self._reach), self._reach) if len(cells) else None
 
     def towards(self, world: int, robot: int, cell: Cell, goal: Cell) -> NDArray[np.float32] | None:

@@ -8,7 +8,7 @@ nothing in its way opens hardly anything. Nothing here grows with the floor, but
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -200,6 +200,22 @@ def find_way(look, cells, saving, runs_out, labels):
     if state >= 0:
         return _write_way(look, state, labels)
     return write_rest(look, cells, labels.path) if runs_out else 0
+
+
+class Finder(Protocol):
+    """Finds ways for robots."""
+
+    def begin(self, world: int) -> None:
+        """Forget what is remembered of a world: its robots begin anew."""
+
+    def find(
+        self, look: Look, cells: NDArray[np.int32], saving: int, runs_out: bool, goal: Cell, step: int
+    ) -> NDArray[np.int32]:
+        """Return the cells int32[L, 2] of a way, none if there is none that saves enough; see `find_way`.
+
+        goal, step: of the robot and its world's clock, from which alone chance may be drawn.
+        """
+        ...
 
 
 class Search(Portable):

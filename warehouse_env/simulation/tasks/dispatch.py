@@ -71,7 +71,7 @@ class Dispatcher(Portable):
         self.routes = np.zeros((*robots.shape, ROUTE_BLOCK, 2), dtype=np.float32)
         self._config, self._params = config, params
         self._astray, self._far = np.empty(robots.shape, dtype=np.bool_), far_off(config, book.grid.cell_size)
-        self._live = LiveRoutes(config, book, len(robots)) if config.reroute else None
+        self.live = LiveRoutes(config, book, len(robots)) if config.reroute else None
         tasks = OneShotTasks if config.tasks == "one_shot" else Tasks
         self.tasks = [tasks(book.grid, config) for _ in range(len(robots))]
         # made when first used: never seeded copies of a Simulator that has not begun go their own ways
@@ -94,8 +94,8 @@ class Dispatcher(Portable):
         if entropy is not None:
             self._rngs[world] = np.random.default_rng(np.random.SeedSequence(entropy))
         self.tasks[world].reset(self._rngs[world])
-        if self._live is not None:
-            self._live.begin(world)
+        if self.live is not None:
+            self.live.begin(world)
         if assignment is None:
             self._place_all(world, floor)
         else:
@@ -117,7 +117,7 @@ class Dispatcher(Portable):
         places = tasks.starts(rng)
         cells, spare = places[:robots], places[robots:]
         goals = tasks.first_goals(cells, rng)
-        if self._live is None or not self._live.plans_first:
+        if self.live is None or not self.live.plans_first:
             self.book.prepare(list(zip(cells, goals, strict=True)))
         for robot in range(robots):
             placed = robot < len(cells) and self._place(world, robot, cells[robot], goals[robot], floor)
@@ -133,8 +133,8 @@ class Dispatcher(Portable):
     def _place(self, world: int, robot: int, cell: Cell, goal: Cell, floor: Floor) -> bool:
         """Put a robot on a cell, facing along its route; False if it touches something there."""
         direction = None
-        if self._live is not None and self._live.plans_first:
-            direction = self._live.towards(world, robot, cell, goal)
+        if self.live is not None and self.live.plans_first:
+            direction = self.live.towards(world, robot, cell, goal)
         if direction is None:
             line = self.book.route(cell, goal).line
             direction = line[min(2, len(line) - 1)] - line[0]
@@ -145,7 +145,7 @@ class Dispatcher(Portable):
 
     def _first_route(self, world: int, robot: int, cell: Cell, goal: Cell, heading: float | None = None) -> Route:
         """Return the route that a robot which stands on a cell begins with."""
-        live = self._live_route(world, robot, goal, 0) if self._live is not None and self._live.plans_first else None
+        live = self._live_route(world, robot, goal, 0) if self.live is not None and self.live.plans_first else None
         return live if live is not None else self.book.route(cell, goal, heading)
 
     def give_task(self, world: int, robot: int, goal: Cell, route: Route) -> None:
@@ -164,11 +164,11 @@ class Dispatcher(Portable):
             grown = np.zeros((*self.robots.shape, longer, 2), dtype=np.float32)
             grown[:, :, : self.routes.shape[2]] = self.routes
             self.routes = grown
-        if self._live is not None:
-            self._live.give_up(world, robot)
+        if self.live is not None:
+            self.live.give_up(world, robot)
         _take_route(self.robots, self.routes, world, robot, points)
-        if self._live is not None:
-            self._live.take_up(self.robots, self.routes, world, robot, route.cells, route.reach)
+        if self.live is not None:
+            self.live.take_up(self.robots, self.routes, world, robot, route.cells, route.reach)
 
     def give_line(self, world: int, robot: int, line: NDArray[np.float32]) -> None:
         """Give a robot a line float32[R, 2] [m] of someone else's making as its route, evenly spaced along it."""
@@ -198,8 +198,8 @@ class Dispatcher(Portable):
             for world, robot in np.argwhere(self._astray).tolist():
                 self._give_another(world, robot, self._route_from_here(world, robot, int(steps[world])))
                 worlds.append(world)
-        if self._live is not None:
-            for world, robot in self._live.watch(self.robots, self.routes, steps):
+        if self.live is not None:
+            for world, robot in self.live.watch(self.robots, self.routes, steps):
                 goal = state.goal_of(self.robots[world, robot])
                 live = self._live_route(world, robot, goal, int(steps[world]), on_its_way=True)
                 if live is not None:
@@ -231,6 +231,6 @@ class Dispatcher(Portable):
 
     def _live_route(self, world: int, robot: int, goal: Cell, step: int, on_its_way: bool = False) -> Route | None:
         """Return a route from where a robot is, around all others; None if live routes are off or find none."""
-        if self._live is None:
+        if self.live is None:
             return None
-        return self._live.route(self.robots[world], self.routes[world], world, robot, step, goal, on_its_way)
+        return self.live.route(self.robots[world], self.routes[world], world, robot, step, goal, on_its_way)

@@ -18,7 +18,8 @@ from warehouse_env.maps.movingai import read_map
 
 def row(policy: str, layout: str, seed: int, late: float, robots: int = 4, **more: Any) -> Row:
     return {
-        "policy": policy, "layout": layout, "planner": "pf_aco", "robots": robots, "seed": seed, "late_goals_per_robot_hour": late,
+        "policy": policy, "layout": layout, "planner": "pf_aco", "robots": robots, "seed": seed,
+        "late_goals_per_robot_hour": late,
         "stuck": 0.0, "longest_standing_s": 10.0, "collisions_robot": 0.0, "collisions_shelf": 0.0, "robot_km": 2.5,
         **more,
     }  # fmt: skip
