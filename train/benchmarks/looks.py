@@ -68,9 +68,9 @@ class Beside:
         """Return what the ants find."""
         times, costs = [], []
         for finder in (self.search, self.ants):
-            begin = time.perf_counter()
+            begin = time.thread_time()
             found = finder.find(look, cells, saving, runs_out, goal, step)
-            times.append(time.perf_counter() - begin)
+            times.append(time.thread_time() - begin)
             costs.append(0 if runs_out or not len(found) else int(way_cost(look, found)))
         if not runs_out:
             self.looks.append((saving >= 0, times[0], times[1], costs[0], costs[1]))
