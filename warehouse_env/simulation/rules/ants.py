@@ -27,8 +27,8 @@ from warehouse_env.portable import Portable
 from warehouse_env.simulation.rules.prices import ANY, Look, is_beyond, most_for, price_of, rest_from
 from warehouse_env.simulation.rules.ways import START, is_hairpin, write_rest, write_tail
 
-ANTS, ITERATIONS = 8, 5
-PATIENCE = 2  # iterations without a better way after which ants are not sent again
+ANTS, ITERATIONS = 8, 20
+PATIENCE = 3  # iterations without a better way, once there is one, after which ants are not sent again
 PULL, EVEN, AHEAD = 1.0, 0.02, 0.1  # a, of the fall of the cost-to-go; b*N, so that every move is possible; c*T
 BOLD = 0.9  # how often an ant takes the most attractive move (as in Ant Colony System, Dorigo & Gambardella 1997)
 EVAPORATION = 0.3  # an iteration
@@ -362,7 +362,7 @@ def colonise(look, most, seed, edges, levels, trails):
                 best, saved = _straighten(look, trails, best)
                 cost -= saved
             _mark(look, trails, 1, best, np.float32(STRENGTH * UNIT / (UNIT + cost - least)))
-        if since == PATIENCE or trails.rest[start] > min(most, cost - 1):
+        if (best >= 0 and since >= PATIENCE) or trails.rest[start] > min(most, cost - 1):
             break
         _fade(trails)
     return best, cost
