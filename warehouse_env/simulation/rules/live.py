@@ -10,6 +10,8 @@ prices:
   way, and only the opposing moves of the next metres count);
 - entering a cell of another's route ahead costs if both will be there at about the same time, so that robots spread
   over the floor before they crowd: it costs the most where both are as far from that cell;
+- entering a cell on which others have waited of late costs, for one may have to wait there too: so robots find their
+  ways round where the floor is crowded, while there is room elsewhere;
 - beginning with a turn costs, the more in an aisle of one cell, where a robot must back out to turn round; turning
   back sharply later on costs as well, or one would go a cell ahead to turn for nothing.
 
@@ -45,6 +47,7 @@ from warehouse_env.simulation.rules.passing import (
     keep_all_up,
     keep_up,
     make_passing,
+    note_waiting,
 )
 from warehouse_env.simulation.rules.prices import PRICES, Look, make_asked
 from warehouse_env.simulation.rules.ways import Finder, Search
@@ -182,6 +185,7 @@ class LiveRoutes(Portable):
         passing = self._passing
         passing.first[world] = passing.stands_on[world] = passing.known_at[world] = passing.cell[world] = NOTHING
         passing.low[world] = passing.high[world] = passing.standing[world] = 0
+        passing.waited[world] = passing.waited_in[world] = passing.period[world] = 0
         self._laid[world] = np.inf
         self.finder.begin(world)
         for robot in range(passing.low.shape[1]):
@@ -212,6 +216,7 @@ class LiveRoutes(Portable):
         if not find_due(robots, steps, self._every, looks):
             return []
         stood_for, behind, size = self._floor
+        note_waiting(self._passing, robots, looks, steps, self._every, behind, size, *self._book.grid.shape)
         floor = (stood_for, self._look_ahead, behind, size, *self._book.grid.shape)
         if self._only_barred and not keep_barred(self._passing, robots, routes, self._laid, steps, *floor, looks):
             return []

@@ -1,4 +1,4 @@
-"""Who stands on each cell of a floor, and who will pass it, how soon and from where: a table kept as robots drive.
+"""Who stands on each cell of a floor, who waited there of late, and who will pass it: a table kept as robots drive.
 
 Of each robot's route only the next `HORIZON` metres are listed, for nobody knows who is where in a minute. A robot
 that drives on takes a few entries off one end and puts as many on at the other, so that keeping the table costs the
@@ -17,10 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, kernel
-from warehouse_env.simulation.rules.waits import bars_routes
+from warehouse_env.simulation.rules.waits import bars_routes, gets_nowhere
 
 HORIZON = 40.0  # [m] of a route that counts for others
 NOTHING = -1
+ONCE = 1024  # a look at which one waited; a whole number, so that halves of it are the same on any machine
+PERIOD = 10  # looks of a robot, after which what was noted before counts half
 
 
 class Passing(NamedTuple):
@@ -40,6 +42,9 @@ class Passing(NamedTuple):
     stands_on: NDArray[np.int32]  # [B, N], the cell on which a robot is counted as standing, or NOTHING
     standing: NDArray[np.int16]  # [B, C, 2], robots that stand on a cell; and on those beside it
     known_at: NDArray[np.int64]  # [B], the env step of which the table is
+    waited: NDArray[np.int32]  # [B, C], looks of late at which one waited on a cell, times ONCE; see `note_waiting`
+    waited_in: NDArray[np.int32]  # [B, C], the period of which that is
+    period: NDArray[np.int32]  # [B], the present one
 
 
 def make_passing(worlds: int, robots: int, cells: int, slots: int) -> Passing:
@@ -54,6 +59,7 @@ def make_passing(worlds: int, robots: int, cells: int, slots: int) -> Passing:
         np.zeros((worlds, robots), np.int32), np.zeros((worlds, robots), np.int32),
         np.zeros((worlds, robots), np.float32), nothing(worlds, robots),
         np.zeros((worlds, cells, 2), np.int16), np.full(worlds, NOTHING, np.int64),
+        np.zeros((worlds, cells), np.int32), np.zeros((worlds, cells), np.int32), np.zeros(worlds, np.int32),
     )  # fmt: skip
 
 
@@ -176,6 +182,29 @@ def keep_all_up(passing, b, step, robots, routes, stood_for, behind, size, rows,
     for i in range(robots.shape[0]):
         keep_up(passing, b, i, robots[i], routes[i], stood_for, behind, size, rows, columns)
     passing.known_at[b] = step
+
+
+@inline
+def waited_at(passing, b, cell):
+    """Return at how many looks of late one waited on a cell, times ONCE: those of each period before count half."""
+    return int(passing.waited[b, cell]) >> min(int(passing.period[b] - passing.waited_in[b, cell]), 30)
+
+
+@kernel
+def note_waiting(passing, robots, looks, steps, every, behind, size, rows, columns):
+    """Note where those who look now wait, whom each look counts once, so that it is known where robots lose time.
+
+    robots: ROBOT[B, N]; looks: bool[B, N]; steps: int64[B]; every: steps between two looks of a robot; all else:
+    keep_all_up.
+    """
+    for b in range(robots.shape[0]):
+        passing.period[b] = steps[b] // (PERIOD * every)
+        for i in range(robots.shape[1]):
+            if looks[b, i] and gets_nowhere(robots[b, i]):
+                row, column = body_cell(robots[b, i], behind, size, rows, columns)
+                cell = row * columns + column
+                passing.waited[b, cell] = waited_at(passing, b, cell) + ONCE
+                passing.waited_in[b, cell] = passing.period[b]
 
 
 @kernel

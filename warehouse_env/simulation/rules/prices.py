@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, part
 from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE, octile, to_go
-from warehouse_env.simulation.rules.passing import NOTHING, Passing, eighth
+from warehouse_env.simulation.rules.passing import NOTHING, ONCE, Passing, eighth, waited_at
 from warehouse_env.simulation.rules.waits import DEARER
 
 ANY = np.iinfo(np.int32).max // 2  # a cost that no way comes to
@@ -33,6 +33,7 @@ class Prices(NamedTuple):
     crowd_within: float = 10.0  # [m] difference of these distances at which that has faded to nothing
     turn: float = 1.0  # for beginning with a turn of 90 degrees, twice that for turning round
     boxed_turn: float = 30.0  # for beginning with a turn of more than 90 degrees in an aisle of one cell
+    waited: float = 1.3  # for entering a cell on which one waited at a look of late, and so for each such look
 
 
 PRICES = Prices()
@@ -116,6 +117,12 @@ def _charge_standing(look, cell):
     return min(_thousandths(dearer * (at * look.prices.standing + beside * look.prices.beside)), DEAREST)
 
 
+@inline
+def _charge_waiting(look, cell):
+    """Return the price of entering a cell where others have waited of late, for one may have to wait there too."""
+    return waited_at(look.passing, look.world, cell) * _thousandths(look.prices.waited) // ONCE
+
+
 @part
 def _charge_passing(look, cell):
     """Add the prices of a cell that others will pass: of moves against theirs, and of coming there when they do."""
@@ -158,7 +165,7 @@ def ask(look, cell):
     if look.asked.at[cell] == look.asked.looks[0]:
         return
     look.asked.at[cell] = look.asked.looks[0]
-    look.asked.enter[cell] = _charge_standing(look, cell)
+    look.asked.enter[cell] = _charge_standing(look, cell) + _charge_waiting(look, cell)
     for move in range(8):
         look.asked.leave[cell, move] = 0
     _charge_passing(look, cell)
