@@ -20,6 +20,7 @@ from train.evaluation.jobs import Progress, Runner
 from train.reporting.report import make_console, make_progress, require_charts
 from train.reporting.rows import RowFile, check_writable, whole_rows
 from warehouse_env.checked import Checked
+from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
@@ -50,7 +51,7 @@ class Advise(Checked):
     """Simulated time of an episode [s]."""
     most: int = MOST
     """Most robots to try."""
-    planner: str = "astar_turns"
+    planner: str = EnvConfig.planner
     """Planner of the routes."""
     seed: int = 0
     """The first seed, the next ones count on."""

@@ -42,8 +42,9 @@ def _origin(record: PolicyRecord) -> str:
         f"Trained by `{record.algorithm}` for {minutes:.1f} minutes on {config.get('threads')} threads: {steps:,} "
         f"agent-steps in {training.get('updates', 0):,} updates, seed {config.get('seed')}, on the layouts "
         f"{_list(config.get('layouts'))} with {_list(config.get('robots'))} robots, routes by "
-        f"`{config.get('planner')}`, a decision every {decision:g} s, episodes of {config.get('episode_seconds')} s "
-        f"(worlds that jammed for {config.get('jam_seconds')} s ended early), {_under(record)}.",
+        f"`{config.get('planner') or record.env.planner}`, a decision every {decision:g} s, episodes of "
+        f"{config.get('episode_seconds')} s (worlds that jammed for {config.get('jam_seconds')} s ended early), "
+        f"{_under(record)}.",
         _start(record),
         f"Training seeds lie below {HELD_OUT_SEED:,}, evaluation seeds from there on.",
         f"Actions are chosen by: {record.mode}.",

@@ -48,8 +48,9 @@ class TrainingConfig(Checked):
     """Robots in a world."""
     rows: int = 384
     """Robots trained with at a time, over all worlds; rounded so that every mix has at least one world."""
-    planner: str = "astar_turns"
-    """Planner of the routes in training (nearly those of pf_aco, at a fraction of its time)."""
+    planner: str | None = None
+    """Planner of the routes in training; left out, pf_aco with live routes and else astar_turns, whose routes are
+    nearly the same and take a fraction of the time."""
     keep_right: float = EnvConfig.keep_right
     """How far routes keep to the right of the planned path where there is room [m]."""
     action_type: ActionType = "discrete"
@@ -139,6 +140,11 @@ class TrainingConfig(Checked):
         """Budget of agent-steps; None if only time limits the run."""
         return 20_000_000 if self.steps is None and self.minutes is None else self.steps
 
+    @property
+    def router(self) -> str:
+        """Name of the planner of the routes."""
+        return self.planner or ("pf_aco" if self.reroute else "astar_turns")
+
     def worlds(self, rows: float) -> list[tuple[EnvConfig, int]]:
         """Return the mix: one (environment, number of worlds) for every layout and robot count, of `rows` robots."""
         mixes = [(layout, robots) for layout in self.layouts for robots in self.robots]
@@ -149,7 +155,7 @@ class TrainingConfig(Checked):
         """Return the environment of one layout or map file and robot count."""
         floor: dict[str, Any] = {"map_file": layout} if Path(layout).suffix == ".map" else {"layout": layout}
         env = EnvConfig(
-            **floor, num_agents=robots, planner=self.planner, keep_right=self.keep_right,
+            **floor, num_agents=robots, planner=self.router, keep_right=self.keep_right,
             action_repeat=self.action_repeat, sensor=SensorSpec(predictions=self.predictions),
             protective_field=self.protective_field, reroute=self.reroute,
             reroute_spec=RerouteSpec(only_barred=True),
