@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.render.lines import simplified
 
 Shares = Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]
 """How much a policy likes each action: shares in [0, 1] float[1, N, A] from observations float32[1, N, D]."""
 
 REWARD_TERMS = tuple(field.name for field in dataclasses.fields(RewardWeights))
 FLAGS = ("alive", "loaded", "touching", "deadlocked", "arrived", "hit_robot", "hit_shelf", "near_miss", "hit_person")
-_STRAIGHT = 0.006  # [rad] by which a route turns at the way-points that are kept, a third of a degree
+_STRAIGHT = 0.001  # [m] beside a route at which a way-point of it goes straight on
 
 
 class Recorded(Protocol):
@@ -73,11 +74,12 @@ class Replay:
     people: NDArray[np.float32]  # [F, M, 3] x [m], y [m], the way that they walk [rad]
     totals: NDArray[np.int32]  # [F, 3], goals, collisions and near misses so far; a pair's counts once
     liked: NDArray[np.float32] | None = None  # [F, N, A] in [0, 1], how much the policy likes each action
+    every: int = 1  # steps between two moments
 
     @property
     def seconds(self) -> float:
         """Simulated time between two moments [s]."""
-        return self.config.action_repeat * self.config.time_step
+        return self.every * self.config.action_repeat * self.config.time_step
 
 
 def replay_of(
@@ -172,15 +174,5 @@ class _Lines:
         if known is not None and np.array_equal(known[1], points):
             return known[0]
         self._last[robot] = (len(self.found), points.copy())
-        self.found.append(straightened(points))
+        self.found.append(simplified(points, _STRAIGHT))
         return len(self.found) - 1
-
-
-def straightened(points: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return a line float32[K, 2] [m] without the points at which it goes straight on; ends and length stay."""
-    if len(points) < 3:
-        return np.array(points, dtype=np.float32).reshape(-1, 2)
-    step = np.diff(points.astype(np.float64), axis=0)
-    direction = np.arctan2(step[:, 1], step[:, 0])
-    turn = np.abs((np.diff(direction) + np.pi) % (2 * np.pi) - np.pi)
-    return np.array(points[np.concatenate([[True], turn > _STRAIGHT, [True]])], dtype=np.float32)

@@ -1,7 +1,7 @@
 """Replays as few bytes: whole numbers of a unit, their differences in time, byte by byte, deflated.
 
-The browser undoes it (page/data.js). Positions are kept to 2 mm or better than a 65,000th of the floor, headings to a
-65,536th of a turn; speeds, steering, rewards and preferences to a 127th of their largest value.
+The browser undoes it (page/data.js). Positions are kept to 2 mm or a 26,000th of the floor, headings to an 8,192nd of a
+turn; speeds, steering and rewards to a 127th of their largest value, preferences to a 63rd.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from warehouse_env.render.replay import REWARD_TERMS, Replay
 
 Whole = NDArray[np.int64]
 FINEST = 0.002  # [m], of positions
-_STEPS = 65_000  # of the floor's longer side, where that is coarser
-_TURN = 65_536  # steps of a full turn
+_STEPS = 26_000  # of the floor's longer side, where that is coarser
+_TURN = 8_192  # steps of a full turn
 _EIGHT_BIT = 127
+_SHARES = 63
 
 
 class Column(NamedTuple):
@@ -72,7 +73,7 @@ def columns_of(replay: Replay) -> Iterator[Column]:
         yield _scaled(f"reward {term}", replay.rewards[..., k], 0)
     if replay.liked is not None:
         shares = np.moveaxis(replay.liked, 0, -1)  # [N, A, F]
-        yield Column("liked", _steps(shares, 1 / 255, moved=False), 0, 1, 1 / 255)
+        yield Column("liked", _steps(shares, 1 / _SHARES, moved=False), 0, 1, 1 / _SHARES)
     yield from _route_columns(replay, unit)
     yield from _floor_columns(replay.grid)
 
@@ -81,7 +82,7 @@ def _route_columns(replay: Replay, unit: float) -> Iterator[Column]:
     """How many points each route has, then the points of all."""
     points = np.concatenate([np.empty((0, 2), dtype=np.float32), *replay.routes])
     yield _names("route_points", np.array([len(route) for route in replay.routes], dtype=np.int64))
-    yield from (Column(f"route_{name}", _steps(points[:, k], unit), 1, 4, unit) for k, name in enumerate("xy"))
+    yield from (Column(f"route_{name}", _steps(points[:, k], unit), 1, 2, unit) for k, name in enumerate("xy"))
 
 
 def _floor_columns(grid: GridMap) -> Iterator[Column]:

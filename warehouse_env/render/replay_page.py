@@ -19,6 +19,7 @@ from warehouse_env.render.chart_style import hexed
 from warehouse_env.render.colours import CONTACT, WAITING, robot_colour
 from warehouse_env.render.replay import FLAGS, REWARD_TERMS, Replay
 from warehouse_env.render.replay_codec import packed
+from warehouse_env.render.thinning import thinned
 from warehouse_env.simulation.state import PERSON_RADIUS
 
 _PAGE = Path(__file__).parent / "page"
@@ -38,6 +39,7 @@ def write_replay_page(path: Path, replays: Sequence[Replay], title: str, robot: 
     """
     if not 1 <= len(replays) <= 2:
         raise ConfigError(f"a page shows one replay, or two side by side, not {len(replays)}")
+    replays = [thinned(replay) for replay in replays]
     columns, data = zip(*map(packed, replays), strict=True)
     scripts = "\n".join((_PAGE / f"{name}.js").read_text(encoding="utf-8") for name in _SCRIPTS)
     parts = {
@@ -89,6 +91,7 @@ def _about_one(replay: Replay, columns: list[dict[str, Any]]) -> dict[str, Any]:
         "frames": frames,
         "robots": robots,
         "seconds": replay.seconds,
+        "every": replay.every,
         "gridRows": rows,
         "gridColumns": across,
         "cell": replay.grid.cell_size,

@@ -71,7 +71,7 @@ class ActionDecoder:
             given = np.asarray(actions)
         except ValueError:
             raise ActionError(f"{kind} actions must be numbers in an array, not lists of different lengths") from None
-        if kind == "discrete" and given.ndim == 3 and given.dtype.kind == "f":
+        if kind == "discrete" and given.ndim == 3 and given.dtype.kind in "fu":
             self._rank(given, commands, choices)
             return
         if kind == "discrete":
@@ -81,10 +81,17 @@ class ActionDecoder:
         if choices.size:
             preferences.obey(commands, self.sides, choices)
 
-    def _rank(
-        self, given: NDArray[np.floating[Any]], commands: NDArray[np.float32], choices: NDArray[np.float32]
-    ) -> None:
-        """Decode preferences float[B, N, A]."""
+    def shortened(self, actions: ArrayLike) -> NDArray[Any]:
+        """Return actions that were decoded in less memory, decoded alike: of preferences the order, uint16[B, N, A]."""
+        given = np.array(actions)
+        if self._config.action_type != "discrete" or given.ndim != 3:
+            return given
+        kept = np.empty(given.shape, dtype=np.uint16)
+        preferences.shorten(self.table, self.sides, given.astype(np.float32), kept)
+        return kept
+
+    def _rank(self, given: NDArray[Any], commands: NDArray[np.float32], choices: NDArray[np.float32]) -> None:
+        """Decode preferences float[B, N, A], or uint16 of `shortened`."""
         shape = (*commands.shape[:2], len(self.table))
         if given.shape != shape:
             raise ActionError(f"preferences must have the shape {shape}, not {given.shape}")

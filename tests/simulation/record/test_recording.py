@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -39,6 +40,35 @@ def test_a_loaded_episode_replays_to_the_bit(action_type: str, tmp_path: Path) -
     replayed = [(sim.robots.tobytes(), sim.state.pose.copy()) for sim in loaded.replay()]
     assert [b for b, _ in replayed] == bits
     np.testing.assert_array_equal(np.array([pose for _, pose in replayed]), episode.pose)
+
+
+@pytest.mark.parametrize("right_of_way", [False, True])
+def test_preferences_are_kept_in_short_and_replay_to_the_bit(right_of_way: bool, tmp_path: Path) -> None:
+    config = EnvConfig(num_agents=24, planner="astar", protective_field=True, right_of_way=right_of_way)
+    simulator = Simulator(config, 2)
+    recorder = Recorder(simulator, (3, 8))
+    rng, bits = np.random.default_rng(5), []
+    for _ in range(150):
+        liked = rng.normal(size=(2, 24, 20)).round(1)  # with equals
+        recorder.step(np.where(rng.random(liked.shape) < 0.1, -np.inf, liked))
+        bits.append(simulator.robots.tobytes())
+    recorder.episode.save(tmp_path / "episode.npz")
+    loaded = Episode.load(tmp_path / "episode.npz")
+    assert loaded.actions.dtype == np.uint16
+    assert np.unique(loaded.actions).size <= 11  # two numbers for each of five offsets
+    assert [sim.robots.tobytes() for sim in loaded.replay()][1:] == bits
+
+
+def test_whole_preferences_replay_alike(tmp_path: Path) -> None:
+    """A file of a version that kept them as floats."""
+    simulator = Simulator(EnvConfig(num_agents=8, planner="astar", right_of_way=True, protective_field=True))
+    recorder, liked = Recorder(simulator, (3,)), np.random.default_rng(2).normal(size=(60, 1, 8, 20))
+    for one in liked:
+        recorder.step(one)
+    old = dataclasses.replace(recorder.episode, actions=liked.astype(np.float32))
+    old.save(tmp_path / "old.npz")
+    ends = [list(one.replay())[-1].robots.tobytes() for one in (recorder.episode, Episode.load(tmp_path / "old.npz"))]
+    assert ends[0] == ends[1]
 
 
 def test_the_file_says_whose_actions_they_are(tmp_path: Path) -> None:

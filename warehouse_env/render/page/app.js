@@ -3,7 +3,9 @@
 class App {
   constructor(about, replays) {
     Object.assign(this, { replays, colours: about.colours, terms: about.terms, layers: { ...about.layers } });
-    this.seconds = Math.min(...replays.map((episode) => episode.seconds)); // of a step
+    const finest = replays.reduce((a, b) => (a.seconds <= b.seconds ? a : b));
+    this.seconds = finest.seconds; // between two moments
+    this.every = finest.every; // steps between them
     this.last = Math.round(Math.max(...replays.map((episode) => episode.last * episode.seconds)) / this.seconds);
     Object.assign(this, { frame: 0, playing: false, speed: 4, active: 0, robot: -1, following: false });
     Object.assign(this, { chartSeconds: 60, changed: true, view: new View(), timePicture: null });

@@ -73,7 +73,7 @@ function showControls(app) {
   const play = document.querySelector("#play");
   play.classList.toggle("playing", app.playing);
   play.setAttribute("aria-label", app.playing ? "pause" : "play");
-  document.querySelector("#length").textContent = `of ${(app.last * app.seconds).toFixed(1)} s, step ${Math.floor(app.frame + 1e-6)}`;
+  document.querySelector("#length").textContent = `of ${(app.last * app.seconds).toFixed(1)} s, step ${Math.floor(app.frame * app.every + 1e-6)}`;
   document.querySelector("#speed").value = app.speed;
   for (const button of document.querySelectorAll("[data-layer]")) {
     button.setAttribute("aria-pressed", app.layers[button.dataset.layer]);

@@ -22,6 +22,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, shown
 from warehouse_env.files import complete_file, path_of
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.given import listed, whole_seed
 from warehouse_env.simulation.simulator import Simulator
 
@@ -41,7 +42,7 @@ class Episode:
     config: EnvConfig
     grid: GridMap
     seeds: tuple[int, ...]  # one a world
-    actions: NDArray[Any]  # int[T, B, N], preferences float[T, B, N, A], or float32[T, B, N, 2]
+    actions: NDArray[Any]  # int[T, B, N], preferences uint16[T, B, N, A] (ActionDecoder.shortened), float[T, B, N, 2]
     pose: NDArray[np.float32]  # [T + 1, B, N, 3], front axle x [m], y [m], heading [rad]; the first after the reset
     policy: str = ""  # name or folder of what chose the actions, if it was told
 
@@ -90,7 +91,7 @@ class Episode:
         each: tuple[int, ...] = (2,)
         if config.action_type == "discrete":
             liked = len(config.speed_levels) * len(config.lateral_offsets)
-            each = (liked,) if self.actions.dtype.kind == "f" else ()
+            each = (liked,) if self.actions.ndim == 4 else ()
         if not worlds or not all(isinstance(seed, int) and seed >= 0 for seed in self.seeds):
             raise WarehouseError(f"the seeds {shown(self.seeds)} must be one whole number a world, none negative")
         if steps and self.actions.shape != (steps, worlds, robots, *each):
@@ -123,13 +124,14 @@ class Recorder:
         if any(seed >= 2**63 for seed in self._seeds):
             raise ConfigError(f"seeds={shown(seeds)} must be below 2**63 to be recorded")
         simulator.reset(self._seeds)
+        self._decoder = ActionDecoder(simulator.config)
         self._actions: list[NDArray[Any]] = []
         self._pose = [simulator.state.pose.copy()]
 
     def step(self, actions: ArrayLike) -> NDArray[np.float32]:
         """Step the simulator and keep the actions and poses; returns the observation."""
         observation = self.simulator.step(actions)
-        self._actions.append(np.array(actions))
+        self._actions.append(self._decoder.shortened(actions))
         self._pose.append(self.simulator.state.pose.copy())
         return observation
 

@@ -31,6 +31,17 @@ def _best(table, liked, side, least):
     return best
 
 
+@inline
+def _sort(table, sides, liked, order):
+    """Write order int[O], the best-liked action of each offset, best first."""
+    for n in range(sides.size):
+        best, k = _best(table, liked, sides[n], -np.inf), n
+        while k > 0 and liked[order[k - 1]] < liked[best]:
+            order[k] = order[k - 1]
+            k -= 1
+        order[k] = best
+
+
 @kernel
 def rank(table, sides, preferences, commands, choices):
     """Write choices float32[B, N, 1 + O, 3], and the first as commands float32[B, N, 2], by preferences [B, N, A].
@@ -38,18 +49,13 @@ def rank(table, sides, preferences, commands, choices):
     table float32[A, 2]: (speed, offset) of each action; sides float32[O]: the offsets, in the order of equals.
     False if a preference is no number.
     """
-    order = np.empty(sides.size, np.int64)  # the best action of each offset, best first
+    order = np.empty(sides.size, np.int64)
     for b in range(preferences.shape[0]):
         for i in range(preferences.shape[1]):
             liked = preferences[b, i]
             if np.isnan(liked).any():
                 return False
-            for n in range(sides.size):
-                best, k = _best(table, liked, sides[n], -np.inf), n
-                while k > 0 and liked[order[k - 1]] < liked[best]:
-                    order[k] = order[k - 1]
-                    k -= 1
-                order[k] = best
+            _sort(table, sides, liked, order)
             commands[b, i] = table[order[0]]
             for n in range(choices.shape[2]):
                 best = order[max(n - 1, 0)]
@@ -57,6 +63,25 @@ def rank(table, sides, preferences, commands, choices):
                 choices[b, i, n, SIDE], choices[b, i, n, SPEED] = table[best, 1], table[best, 0]
                 choices[b, i, n, GOING] = table[going if going >= 0 else best, 0]
     return True
+
+
+@kernel
+def shorten(table, sides, preferences, kept):
+    """Write kept uint16[B, N, A], all that `rank` reads of preferences [B, N, A]: two numbers an offset, the rest 0.
+
+    The better an offset, the higher the numbers of its best action and, below it, of the best one that drives on.
+    """
+    order = np.empty(sides.size, np.int64)
+    kept[:] = 0
+    for b in range(preferences.shape[0]):
+        for i in range(preferences.shape[1]):
+            _sort(table, sides, preferences[b, i], order)
+            for n in range(sides.size):
+                best, value = order[n], 2 * (sides.size - n)
+                going = _best(table, preferences[b, i], table[best, 1], ZERO)
+                if going >= 0:
+                    kept[b, i, going] = value - 1
+                kept[b, i, best] = value
 
 
 @inline
