@@ -41,9 +41,14 @@ from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
 
 PARALLEL_FROM = 256  # robots in all from which waking other threads pays
 _PARTS = 2  # of the worlds for each thread: who is done early, or has a core for itself, does more of them
-_PART = 32  # robots in a part at least
+_LEAST, _MOST = 32, 1024  # robots in a part: of more, what a step leaves in a core's cache is gone when it observes
 
 _Code = tuple[Callable[..., tuple[int, int]], Callable[..., None]]  # of advance and observe
+
+
+def _parts(worlds: int, share: int) -> list[tuple[int, int]]:
+    """Return the parts of `share` worlds into which so many fall: the first of each, and the first that is none."""
+    return [(first, min(first + share, worlds)) for first in range(0, worlds, share)]
 
 
 class Simulator(Portable):
@@ -133,8 +138,9 @@ class Simulator(Portable):
         self._waiting = np.zeros(b, dtype=np.int32)
         self._faults = np.zeros((b, 3), dtype=np.int32)
         self._features = step.Features.of(self.config)
-        share = max(math.ceil(b / (_PARTS * MOST_THREADS)), math.ceil(_PART / n))
-        self._parts = [(first, min(first + share, b)) for first in range(0, b, share)]
+        most, least = max(_MOST // n, 1), math.ceil(_LEAST / n)
+        self._alone = _parts(b, most)
+        self._shared = _parts(b, max(min(math.ceil(b / (_PARTS * MOST_THREADS)), most), least))
         self._bind()
 
     def _bind(self) -> None:
@@ -314,8 +320,8 @@ class Simulator(Portable):
         return self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and get_num_threads() > 1
 
     def _each(self, work: Callable[[int, int], int]) -> list[int]:
-        """Do some work from one world to before another for all worlds: in parts, where there are many."""
-        return side_by_side(work, self._parts) if self._many() else [work(0, self.num_worlds)]
+        """Do some work from one world to before another for all worlds, in parts."""
+        return side_by_side(work, self._shared) if self._many() else [work(*part) for part in self._alone]
 
     def _observe(self, worlds: int | list[int] | slice = slice(None)) -> None:
         """Observe these worlds, and those that wait for it."""
