@@ -224,6 +224,23 @@ def test_a_click_chooses_a_robot_and_its_numbers_are_shown(one: Path, replay: Re
 
 
 @needs_chromium
+def test_a_robot_is_found_by_its_number_and_followed(one: Path, open_page: Opener) -> None:
+    page = open_page(one)
+    page.keyboard.press("/")
+    page.keyboard.type("5")
+    page.keyboard.press("Enter")
+    assert page.inner_text("#robot-name") == "Robot 5"
+    assert page.evaluate("replay.app.following")
+    assert page.evaluate("[replay.app.view.x, replay.app.view.y]") == page.evaluate("replay.app.replays[0].centre(5)")
+    assert page.input_value("#find") == ""
+    for wrong in ("7", "-1", "x"):  # there are seven
+        page.fill("#find", wrong)
+        page.keyboard.press("Enter")
+        assert not page.evaluate("document.querySelector('#find').checkValidity()")
+        assert page.inner_text("#robot-name") == "Robot 5"
+
+
+@needs_chromium
 def test_two_episodes_are_in_step(two: Path, replay: Replay, open_page: Opener) -> None:
     page = open_page(two)
     other = replay_of(driven(60, True), "front-steered")

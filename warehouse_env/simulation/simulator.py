@@ -139,8 +139,8 @@ class Simulator(Portable):
         self._faults = np.zeros((b, 3), dtype=np.int32)
         self._features = step.Features.of(self.config)
         most, least = max(_MOST // n, 1), math.ceil(_LEAST / n)
-        self._alone = _parts(b, most)
-        self._shared = _parts(b, max(min(math.ceil(b / (_PARTS * MOST_THREADS)), most), least))
+        self._blocks = _parts(b, most)
+        self._parts = _parts(b, max(min(math.ceil(b / (_PARTS * MOST_THREADS)), most), least))
         self._bind()
 
     def _bind(self) -> None:
@@ -321,7 +321,7 @@ class Simulator(Portable):
 
     def _each(self, work: Callable[[int, int], int]) -> list[int]:
         """Do some work from one world to before another for all worlds, in parts."""
-        return side_by_side(work, self._shared) if self._many() else [work(*part) for part in self._alone]
+        return side_by_side(work, self._parts) if self._many() else [work(*part) for part in self._blocks]
 
     def _observe(self, worlds: int | list[int] | slice = slice(None)) -> None:
         """Observe these worlds, and those that wait for it."""

@@ -54,6 +54,15 @@ class App {
     buildCharts(this);
   }
 
+  // Choose the robot of this number and follow it; false if there is none.
+  find(text) {
+    const robot = /^\s*\d+\s*$/.test(text) ? Number(text) : -1;
+    if (robot < 0 || robot >= this.replays[this.active].robots) return false;
+    this.choose(robot);
+    this.follow(true);
+    return true;
+  }
+
   chooseAt(index, px, py) {
     const canvas = this.canvases[index];
     const x = this.view.x + (px - canvas.clientWidth / 2) / this.view.scale;

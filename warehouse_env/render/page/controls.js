@@ -21,6 +21,7 @@ const KEYS = [
   { keys: ["0"], shown: "0", says: "show the whole floor", act: (app) => app.fit() },
   { keys: [","], shown: ",", says: "robot before", act: (app) => app.choose(app.robot - 1) },
   { keys: ["."], shown: ".", says: "next robot", act: (app) => app.choose(app.robot + 1) },
+  { keys: ["/"], shown: "/", says: "find a robot by its number", act: () => document.querySelector("#find").focus() },
   { keys: ["f"], shown: "F", says: "follow the chosen robot", act: (app) => app.follow(!app.following) },
   ...Object.entries(LAYERS).map(([layer, key]) => ({
     keys: [key], shown: key.toUpperCase(), says: `show or hide ${layer}`, act: (app) => app.layer(layer),
@@ -55,6 +56,17 @@ function buildButtons(app) {
     previous: () => app.choose(app.robot - 1), next: () => app.choose(app.robot + 1),
   };
   for (const [id, act] of Object.entries(acts)) document.getElementById(id).addEventListener("click", act);
+  const find = document.querySelector("#find");
+  find.addEventListener("input", () => find.setCustomValidity(""));
+  find.addEventListener("change", () => {
+    const found = app.find(find.value);
+    if (found) {
+      find.value = "";
+      find.blur();
+    }
+    find.setCustomValidity(found || !find.value ? "" : `robots have the numbers 0 to ${app.replays[app.active].robots - 1}`);
+    find.reportValidity();
+  });
   const speed = document.querySelector("#speed");
   for (const value of SPEEDS) speed.add(new Option(`${value}×`, value, value === app.speed, value === app.speed));
   speed.addEventListener("change", () => (app.speed = Number(speed.value)));

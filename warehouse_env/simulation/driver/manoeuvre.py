@@ -28,7 +28,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.simulation.driver import turning
 from warehouse_env.simulation.driver.bodies import bars, clear_of_bodies, write_rooms
 from warehouse_env.simulation.driver.heap import pop, push
@@ -164,7 +164,7 @@ def _search(
     parents[0], by[0] = -1, -1
     if (not bars(x, y, c, s, avoid, p)) if aside else _to_go(x, y, heading, goals, facing, metric)[0]:
         return 0
-    size, waiting, used, node = 0, 0, 1, 0
+    size, waiting, used, node = 0, 0, 1, whole(0)
     while True:
         for k in range(turning.MOVES):
             x, y, heading, c, s = _after(poses, node, moves[k])
@@ -185,7 +185,7 @@ def _search(
         found = False
         while size > 0 and not found:
             _, entry, size = pop(keys, items, size)
-            node, k = origins[entry], ways[entry]
+            node, k = whole(origins[entry]), ways[entry]
             x, y, heading, c, s = _after(poses, node, moves[k])
             total = _seconds(poses, node, steer, by, moves[k], moves, p)
             slot, key = _slot_of(x, y, heading, cell, taken)

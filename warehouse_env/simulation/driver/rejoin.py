@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.kernel import inline, kernel, whole
 from warehouse_env.simulation.driver import manoeuvre
 from warehouse_env.simulation.driver.driving import begin as begin_manoeuvre
 from warehouse_env.simulation.driver.line import way_point
@@ -75,8 +75,8 @@ def plan_to_route(r, route, arcs, bodies, tries, most, p, solid, clearance, metr
         return manoeuvre.NONE
     nothing = np.empty((0, 4), np.float32)
     near, far = np.empty((MANY + 3, 4), np.float32), np.empty((FAR_MANY + 3, 4), np.float32)
-    near = near[: _write_goals(r, route, APART, MANY, near)]
-    far = far[: _write_goals(r, route, FAR_APART, FAR_MANY, far)]
+    near = near[: _write_goals(r, route, APART, whole(MANY), near)]
+    far = far[: _write_goals(r, route, FAR_APART, whole(FAR_MANY), far)]
     for k in range(2 * tries):
         trial = manoeuvre.trial_of(k // 2, bodies)
         goals = near if k % 2 == 0 else far

@@ -22,7 +22,7 @@ def agree(begin, end, robots, routes, arcs, commands, paths, params, choices, cl
     """
     p, searching = params[0], 0
     seconds = p["time_step"] * np.float32(p["repeat"])
-    order, found = np.empty(robots.shape[1], np.int64), waits.scratch(robots.shape[1])
+    order, found = np.empty(robots.shape[1], np.int32), waits.scratch(robots.shape[1])
     for b in range(begin, end):
         if not stepping_in.step_in(robots[b], routes[b], commands[b], found, p):
             continue

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.maps.grid_map import MOVES, Cell
 from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE
 from warehouse_env.portable import Portable
@@ -197,7 +197,7 @@ def _walk(look, most, trails, ant, state):
         trails.walk[0, count], arrived = move, move
         count += 1
     for k in range(count - 1, -1, -1):  # what it has learned, told back along its way
-        cell = _to(look, cell, (int(trails.walk[0, k]) + 4) % 8)
+        cell = _to(look, cell, (whole(trails.walk[0, k]) + 4) % 8)
         _raise(look, trails, cell)
     return count if found else -1, cost, state
 
@@ -208,7 +208,7 @@ def _mark(look, trails, walk, count, amount):
     columns = look.steps.shape[1]
     cell = look.row * columns + look.column
     for k in range(count):
-        move = int(trails.walk[walk, k])
+        move = whole(trails.walk[walk, k])
         _touch(look, trails, cell)
         trails.trail[cell, move] += amount
         cell = _to(look, cell, move)
@@ -286,14 +286,15 @@ def _straighten_at(look, trails, count, i, cell, arrived):
     columns, walk, scratch = look.steps.shape[1], trails.walk[1], trails.walk[0]
     row, column = cell // columns, cell % columns
     rest, at, before, cost = rest_from(look, row, column), cell, arrived, 0
-    gain, end, slanted = 0, 0, False
+    gain, end = 0, 0
+    slanted = gain > end
     for j in range(i + 1, min(i + _RUNS, count) + 1):
-        at, more = _move_cost(look, at, before, int(walk[j - 1]))
-        before = int(walk[j - 1])
+        at, more = _move_cost(look, at, before, whole(walk[j - 1]))
+        before = whole(walk[j - 1])
         cost += more
         if j < i + 2 or cost - gain <= rest - rest_from(look, at // columns, at % columns):
             continue  # no way between these two costs less than their costs-to-go differ
-        after = int(walk[j]) if j < count else START
+        after = whole(walk[j]) if j < count else START
         present = cost + (look.hairpin if after != START and is_hairpin(before, after) else 0)
         for first in range(2):
             other = _run(
@@ -308,7 +309,7 @@ def _straighten_at(look, trails, count, i, cell, arrived):
     for k in range(i, end):
         at += MOVES[walk[k], 0] * columns + MOVES[walk[k], 1]
     d_row, d_column = at // columns - row, at % columns - column
-    after = int(walk[end]) if end < count else START
+    after = whole(walk[end]) if end < count else START
     _run(look, cell, d_row, d_column, slanted, arrived, after, ANY, scratch)
     fresh = max(abs(d_row), abs(d_column))
     for k in range(fresh):
@@ -322,11 +323,11 @@ def _straighten_at(look, trails, count, i, cell, arrived):
 def _straighten(look, trails, count):
     """Straighten the best way, trails.walk[1]; return (its steps, what that saves)."""
     columns = look.steps.shape[1]
-    cell, arrived, i, saved = look.row * columns + look.column, START, 0, 0
+    cell, arrived, i, saved = look.row * columns + look.column, START, whole(0), 0
     while i < count - 1:
         count, gain = _straighten_at(look, trails, count, i, cell, arrived)
         saved += gain
-        arrived = int(trails.walk[1, i])
+        arrived = whole(trails.walk[1, i])
         cell += MOVES[arrived, 0] * columns + MOVES[arrived, 1]
         i += 1
     return count, saved
@@ -343,7 +344,7 @@ def colonise(look, most, seed, edges, levels, trails):
     _remember(look, trails, edges, levels)
     start = look.row * look.steps.shape[1] + look.column
     least = _see(look, trails, start)
-    best, cost, since, state = -1, ANY, 0, np.uint64(seed)
+    best, cost, since, state = whole(-1), ANY, 0, np.uint64(seed)
     for iteration in range(ITERATIONS):
         since += 1
         for k in range(ANTS):

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.observation import FIELD
 from warehouse_env.simulation.physics import people
 from warehouse_env.simulation.physics.buckets import bucket_at
@@ -86,9 +86,9 @@ def begin(robots, motion, field, p):
 def _know(i, motion, paths, outlines, marks, p):
     """Sample what robot i has committed, unless that has been done."""
     if marks[SAMPLES, i] == 0:
-        commanded = p["substeps"] if marks[COMMITTED, i] != 0 else 0
+        commanded = p["substeps"] if marks[COMMITTED, i] != 0 else np.int32(0)
         acceleration, steer_rate = motion[ACCELERATION, i], motion[STEER_RATE, i]
-        sample(i, i, acceleration, steer_rate, commanded, motion, paths, outlines, marks, p)
+        sample(whole(i), i, acceleration, steer_rate, commanded, motion, paths, outlines, marks, p)
 
 
 @inline
@@ -121,7 +121,7 @@ def _who_refuses(i, acceleration, steer_rate, motion, field, places, p):
             if least > p["field_margin"]:
                 continue
             _know(i, motion, paths, outlines, marks, p)
-            if least < least_separation(i, j, paths, outlines, marks, p):
+            if least < least_separation(whole(i), j, paths, outlines, marks, p):
                 if marks[COMMITTED, j] != 0:
                     return j
                 found = j

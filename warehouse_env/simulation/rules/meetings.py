@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.simulation.physics.geometry import rectangles_touch
 from warehouse_env.simulation.rules.path_ahead import CENTRE_X, CENTRE_Y, COS, POSES, SIN
 
@@ -104,7 +104,7 @@ def _touch(paths, masks, numbers, row, k, j, m, count, p):
 def meet(i, row, last, ways, p):
     """Find all robots whose paths touch a path of robot i's up to its pose number `last`; return how many."""
     paths, first, following, masks, numbers = ways
-    reach, count = _reach(p), 0
+    reach, count = _reach(p), whole(0)
     for k in range(last + 1):
         middle_row, middle_column = _square(paths[row, k, CENTRE_Y], reach), _square(paths[row, k, CENTRE_X], reach)
         for square in range(9):

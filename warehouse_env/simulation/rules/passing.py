@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.kernel import inline, kernel, whole
 from warehouse_env.simulation.rules.waits import bars_routes, gets_nowhere
 
 HORIZON = 40.0  # [m] of a route that counts for others
@@ -138,7 +138,7 @@ def _count_standing(passing, b, cell, change, rows, columns):
 def keep_up(passing, b, i, r, route, stood_for, behind, size, rows, columns):
     """Bring what the table of world b says of robot i up to where it is now; see `keep_all_up`."""
     slots = passing.cell.shape[1] // passing.low.shape[1]
-    low, high = passing.low[b, i], passing.high[b, i]
+    low, high = whole(passing.low[b, i]), whole(passing.high[b, i])
     first = last = 0
     if r["alive"] != 0 and r["points"] > 1:
         first = min(ahead_of(r), r["points"])
@@ -164,9 +164,9 @@ def keep_up(passing, b, i, r, route, stood_for, behind, size, rows, columns):
         stands = row * columns + column
     if stands != passing.stands_on[b, i]:
         if passing.stands_on[b, i] != NOTHING:
-            _count_standing(passing, b, passing.stands_on[b, i], -1, rows, columns)
+            _count_standing(passing, b, whole(passing.stands_on[b, i]), whole(-1), rows, columns)
         if stands != NOTHING:
-            _count_standing(passing, b, stands, 1, rows, columns)
+            _count_standing(passing, b, stands, whole(1), rows, columns)
         passing.stands_on[b, i] = stands
 
 
@@ -211,5 +211,5 @@ def note_waiting(passing, robots, looks, steps, every, behind, size, rows, colum
 def forget_route(passing, b, i):
     """Take all of a robot's route out of the table, for it gets another."""
     for k in range(passing.low[b, i], passing.high[b, i]):
-        _unlist_point(passing, b, i, k)
+        _unlist_point(passing, b, i, whole(k))
     passing.low[b, i] = passing.high[b, i] = 0

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, part
+from warehouse_env.kernel import inline, part, whole
 from warehouse_env.simulation.driver.line import look_ahead, point_at, pursue, room_beside
 from warehouse_env.simulation.physics.kinematics import curvature
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO, sin_cos
@@ -116,7 +116,7 @@ def keep_path(r, path, p):
         for column in range(COLUMNS):
             path[k, column] = path[k + passed, column]
         path[k, DRIVEN] -= gone
-    _put(path, 0, r["x"], r["y"], r["heading"], ZERO, p)
+    _put(path, whole(0), r["x"], r["y"], r["heading"], ZERO, p)
     r["poses"], r["path_at"] = poses - passed, r["distance"]
     return True
 
@@ -135,7 +135,7 @@ def write_path(r, route, arcs, side, many, p, clearance, path):
     path float32[POSES, COLUMNS], of which at most `many` poses are written; side [m]: the lateral offset from the
     route. A manoeuvre that makes room (`aside`) is the whole path.
     """
-    _put(path, 0, r["x"], r["y"], r["heading"], ZERO, p)
+    _put(path, whole(0), r["x"], r["y"], r["heading"], ZERO, p)
     if r["alive"] == 0 or r["points"] < 2:
         return 1, False
     apart = np.float64(APART)

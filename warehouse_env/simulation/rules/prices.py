@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.kernel import inline, part
+from warehouse_env.kernel import inline, part, whole
 from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE, octile, to_go
 from warehouse_env.simulation.rules.passing import NOTHING, ONCE, Passing, eighth, waited_at
 from warehouse_env.simulation.rules.waits import DEARER
 
-ANY = np.iinfo(np.int32).max // 2  # a cost that no way comes to
+ANY = whole(np.iinfo(np.int32).max // 2)  # a cost that no way comes to
 DEAREST = 1_000_000  # thousandths of a cell that a robot's time of standing can make a cell cost
 
 
@@ -133,7 +133,7 @@ def _charge_passing(look, cell):
     while slot != NOTHING:
         other = slot // slots
         if other != look.me:
-            back = int(look.passing.back[look.world, slot])
+            back = whole(look.passing.back[look.world, slot])
             boxed = _is_boxed(look.steps, row, column, back)
             dear = _thousandths(look.prices.boxed_against if boxed else look.prices.against)
             look.asked.leave[cell, back] += dear
@@ -206,7 +206,7 @@ def cost_ahead(look, cells):
     """
     row, column, total = look.row, look.column, 0
     for k in range(next_cell(look, cells), len(cells)):
-        i, j = cells[k, 0], cells[k, 1]
+        i, j = whole(cells[k, 0]), whole(cells[k, 1])
         if i == row and j == column:
             continue
         move = eighth(i - row, j - column)

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, part
+from warehouse_env.kernel import inline, part, whole
 from warehouse_env.simulation.driver.line import forget_path
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO
 from warehouse_env.simulation.rules.meetings import (
@@ -135,7 +135,7 @@ def _comes_against(row, granted, end, count, barrier, ways):
 def _write(i, r, route, arcs, ways, p, clearance):
     """Write a robot's path anew."""
     paths, _, _, _, numbers = ways
-    poses, at_end = write_path(r, route, arcs, r["side"], POSES, p, clearance, paths[i])
+    poses, at_end = write_path(r, route, arcs, r["side"], whole(POSES), p, clearance, paths[i])
     begin_path(r, poses, at_end)
     numbers[COUNT, i] = poses
 
@@ -163,7 +163,7 @@ def _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, clearance)
             continue
         count = meet(i, trial, want, ways, p)
         goal = many - 1 if at_end else NOWHERE
-        free, _ = _grant(count, 0, numbers[MUST, i], want, want, goal, False, ways)
+        free, _ = _grant(count, whole(0), numbers[MUST, i], want, want, goal, want < 0, ways)
         if free >= want:
             r["side"] = side
             _write(i, r, route, arcs, ways, p, clearance)
@@ -214,7 +214,7 @@ def _ask(i, robots, route, arcs, choices, ways, p, clearance):
     end = min(want + MORE, numbers[COUNT, i] - 1)
     count = meet(i, i, end, ways, p)
     goal = numbers[COUNT, i] - 1 if r["at_end"] != 0 else NOWHERE
-    granted, barrier = _grant(count, numbers[GRANT, i], must, want, end, goal, r["aside"] != 0, ways)
+    granted, barrier = _grant(count, whole(numbers[GRANT, i]), must, want, end, goal, r["aside"] != 0, ways)
     if r["arcs"] == 0 and r["settled"] > ZERO:
         stuck = barrier != NOBODY and (
             abs(robots[barrier]["speed"]) < SLOW or _comes_against(i, granted, end, count, barrier, ways)
@@ -286,7 +286,7 @@ def decide(robots, routes, arcs, commands, choices, order, ways, p, clearance):
         _begin(i, robots[i], routes[i], arcs[i], ways, p, clearance)
     enlist(ways, p)
     for n in range(count):
-        i = order[n]
+        i = whole(order[n])
         _ask(i, robots, routes[i], arcs[i], choices[i], ways, p, clearance)
         if robots[i]["settled"] > ZERO:
             commands[i, 0] = speed_of(robots[i], choices[i], commands[i, 0], is_urged(robots[i]))

@@ -13,14 +13,14 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.maps.grid_map import MOVES, Cell
 from warehouse_env.planning.cost_to_go import UNREACHABLE
 from warehouse_env.portable import Portable
 from warehouse_env.simulation.rules.prices import Look, is_beyond, most_for, next_cell, price_of, rest_from
 
 _TURNS = 1 << 20  # turns that a way has less than
-START = 8  # in place of a move: of the start
+START = whole(8)  # in place of a move: of the start
 
 
 class Labels(NamedTuple):

@@ -11,7 +11,7 @@ from train.cli import main
 from train.reporting.rows import Row, read_rows
 from train.tables.benchmark.maps import movingai_warehouse
 from train.tables.floors import command
-from train.tables.floors.command import DRAWN, Floors
+from train.tables.floors.command import DRAWN, LARGE, Floors
 from train.tables.floors.figures import floors_tables
 from warehouse_env.maps.movingai import read_map
 
@@ -69,7 +69,9 @@ def test_every_floor_has_the_same_seeds_for_the_rule_and_the_policies(tmp_path: 
     for one in made:
         seeds.setdefault((one.place, one.config.num_agents), set()).add(tuple(one.seeds))
     assert all(len(group) == 1 for group in seeds.values())
-    assert len({place for place, _ in seeds}) == 3 + len(DRAWN) + 2
+    assert len({place for place, _ in seeds}) == 3 + len(DRAWN) + 2 + len(LARGE)
+    crowds = {robots for place, robots in seeds if place.startswith("blocks")}
+    assert crowds == {1, 256, 512, 1024}
     assert all(one.seed >= 17_000_000 for one in made)
 
 
