@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from train.reporting.rows import Row
-from train.tables.papers.coordinator import TOUCH, Path, duration, nearest
+from train.tables.papers.coordinator import TOUCH, Path, duration, nearest, path_of
 from train.tables.study import System, TableTask
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning import Planner, make_planner, min_turns, path_length, turns
@@ -51,7 +51,7 @@ def obstacle_path(task: TableTask) -> Path:
 def cells_of(planner: Planner, grid: GridMap, start: Cell, goal: Cell) -> Path:
     """Return the cells of a plan; the planners used here draw nothing."""
     cells = planner.plan(grid, start, goal, np.random.default_rng(0)).cells
-    return [(int(row), int(column)) for row, column in cells]
+    return path_of(cells)
 
 
 def avoid(task: TableTask, system: System, rng: np.random.Generator) -> Row:
@@ -120,7 +120,7 @@ class Robot:
 
     def _free(self, obstacle: Cell) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Return bool[8], the legal moves but those onto the obstacle."""
-        into = (MOVES + np.array(self.at) == np.array(obstacle)).all(axis=1)
+        into = (MOVES + self.at == obstacle).all(axis=1)
         return np.asarray(self.grid.legal_moves[self.at] & ~into)
 
 
@@ -135,11 +135,8 @@ def _heedless(robot: Robot, obstacle: Cell) -> Cell:
 def _wait(robot: Robot, obstacle: Cell) -> Cell:
     """Stand while the next cell is the obstacle's or one beside it."""
     to = robot.follow()
-    return robot.at if _beside(to, obstacle) else to
-
-
-def _beside(cell: Cell, obstacle: Cell) -> bool:
-    return max(abs(cell[0] - obstacle[0]), abs(cell[1] - obstacle[1])) <= 1
+    beside = max(abs(to[0] - obstacle[0]), abs(to[1] - obstacle[1])) <= 1
+    return robot.at if beside else to
 
 
 def _new_route(robot: Robot, obstacle: Cell) -> Cell:

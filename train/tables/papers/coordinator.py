@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -33,6 +33,11 @@ Tracks = NDArray[np.int64]  # [T + 1, N, 2] cells (row, column) of all robots af
 Path = list[Cell]
 
 TOUCH = 0.7  # [cells] between two centres, below which they clash
+
+
+def path_of(cells: Iterable[Iterable[int]]) -> Path:
+    """Return cells (row, column) of any kind as tuples of Python's own integers."""
+    return [(int(row), int(column)) for row, column in cells]
 
 
 def nearest(a: Cell, to_a: Cell, b: Cell, to_b: Cell) -> float:
@@ -64,7 +69,7 @@ class Driven(NamedTuple):
         """Return each robot's cells, with its waits, up to its last arrival."""
         paths = []
         for robot in range(self.tracks.shape[1]):
-            track = [(int(row), int(column)) for row, column in self.tracks[:, robot]]
+            track = path_of(self.tracks[:, robot])
             end = len(track)
             while end > 1 and track[end - 2] == track[-1]:
                 end -= 1
@@ -99,7 +104,7 @@ class Coordinator:
 
     def drive(self, grid: GridMap, routes: Sequence[Route]) -> Driven:
         """Drive a fleet along routes int64[L, 2] planned alone, until all have arrived or all comes again (stuck)."""
-        fleet = _Fleet(self, grid, [[(int(row), int(column)) for row, column in route] for route in routes])
+        fleet = _Fleet(self, grid, list(map(path_of, routes)))
         tracks, known = [list(fleet.at)], set()
         while any(fleet.ahead) and (now := (tuple(fleet.at), tuple(map(tuple, fleet.ahead)))) not in known:
             known.add(now)
@@ -169,8 +174,7 @@ class _Fleet:
         return ways
 
     def _neighbours(self, cell: Cell) -> Path:
-        legal = np.flatnonzero(self.grid.legal_moves[cell]).tolist()
-        return [(cell[0] + int(MOVES[move, 0]), cell[1] + int(MOVES[move, 1])) for move in legal]
+        return path_of(MOVES[self.grid.legal_moves[cell]] + cell)
 
     def _new_routes(self, robot: int, other: int) -> list[Path]:
         """Return the shortest route without parked robots and the cells before both, as a list of one; or none."""
@@ -181,7 +185,7 @@ class _Fleet:
         goal = self.ahead[robot][-1]
         occupied[self.at[robot]] = occupied[goal] = False
         plan = make_planner("astar").plan(GridMap(occupied), self.at[robot], goal, np.random.default_rng(0))
-        return [[(int(row), int(column)) for row, column in plan.cells[1:]]] if plan.found else []
+        return [path_of(plan.cells[1:])] if plan.found else []
 
     def _hold(self, order: Sequence[int], moves: dict[int, Cell]) -> None:
         """Let those wait whose move would touch another's, until none does; all standing still never clash."""
