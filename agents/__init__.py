@@ -18,17 +18,9 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WeightsError, unknown_name
 
 __all__ = [
-    "POLICIES",
-    "WEIGHTS_FOLDER",
-    "LearnedPolicy",
-    "Network",
-    "Policy",
-    "PolicyEntry",
-    "PolicyRecord",
-    "make_policy",
-    "policy_config",
-    "save_policy",
-]
+    "POLICIES", "WEIGHTS_FOLDER", "LearnedPolicy", "Network", "Policy", "PolicyEntry", "PolicyRecord", "make_policy",
+    "policy_config", "save_policy",
+]  # fmt: skip
 
 WEIGHTS_FOLDER = Path(__file__).parent / "weights"
 

@@ -12,7 +12,6 @@ FIRST = 8  # robots tried first
 STUCK = 0.05  # share of robots stuck at the end from which a floor counts as jammed
 FELL = 0.9  # of the throughput with fewer robots, below which it counts as jammed as well
 CLOSE = 0.125  # of the number that a floor bears: as near to the number that jams as it is brought
-_MEASURES = {measure.name: measure for measure in MEASURES}
 _SHOWN = ("late_goals_per_robot_hour", "stuck", "waiting_share")
 
 
@@ -37,7 +36,7 @@ def loads(rows: Mapping[int, Sequence[Row]]) -> list[Load]:
     found: list[Load] = []
     for robots in sorted(rows):
         own = rows[robots]
-        each, stuck, waiting = (_MEASURES[name].interval(own) for name in _SHOWN)
+        each, stuck, waiting = (MEASURES[name].interval(own) for name in _SHOWN)
         goals = Interval(robots * each.mean, robots * each.low, robots * each.high, each.samples)
         best = max((load.goals.mean for load in found), default=0.0)
         jammed = stuck.mean >= STUCK or goals.mean < FELL * best

@@ -117,15 +117,10 @@ def facts(grid: GridMap) -> Row:
     """Return what a list of floors says about one: sizes in cells, heights in metres."""
     rows, columns = grid.shape
     return {
-        "layout": grid.name,
-        "rows": rows,
-        "columns": columns,
-        "free": len(grid.free_cells),
-        "picks": len(grid.picks),
-        "stations": len(grid.stations),
-        "narrowest": narrowest_aisle(grid),
+        "layout": grid.name, "rows": rows, "columns": columns, "free": len(grid.free_cells), "picks": len(grid.picks),
+        "stations": len(grid.stations), "narrowest": narrowest_aisle(grid),
         "max_height_m": round(float(np.abs(grid.height).max()), 3),
-    }
+    }  # fmt: skip
 
 
 def narrowest_aisle(grid: GridMap) -> int:

@@ -105,15 +105,10 @@ def moments_of(film: Film, config: EnvConfig) -> Moments:
     low, high = driving.min(axis=0) - ROUND, driving.max(axis=0) + ROUND
     low, high = low.clip(0), high.clip(max=np.array(grid.shape[::-1]) * grid.cell_size)
     return Moments(
-        grid,
-        config.robot,
-        np.array([frame.seconds for frame in frames]),
-        pose,
-        np.stack([frame.speed for frame in frames]),
-        np.stack([1.0 - frame.chances[:, 0] for frame in frames]),
-        np.stack([frame.alive for frame in frames]),
-        View(float(low[0]), float(high[0]), float(low[1]), float(high[1])),
-    )
+        grid, config.robot, np.array([frame.seconds for frame in frames]), pose,
+        np.stack([frame.speed for frame in frames]), np.stack([1.0 - frame.chances[:, 0] for frame in frames]),
+        np.stack([frame.alive for frame in frames]), View(float(low[0]), float(high[0]), float(low[1]), float(high[1])),
+    )  # fmt: skip
 
 
 def rows_of(one: Film) -> list[Row]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -45,44 +46,28 @@ class Moment:
     view: View  # what of the floor is drawn
 
 
-def _head_on() -> Moment:
+def _in_an_aisle(title: str, bay: bool, other: Driving, top: float) -> Moment:
+    """Return a moment in the aisle of two cells; top: the upper edge of what is drawn [m]."""
     return Moment(
-        "Head-on in an aisle of two cells",
-        head_on(2, False).grid,
-        ((16.0, 3.0, math.pi, CRUISE),),
-        (7.5, 2.5, 0.0),
-        ((1, 1), (1, 26)),
-        View(7.0, 19.0, 2.0, 4.0),
-        View(6.5, 19.5, 1.5, 4.5),
-    )
+        title, head_on(2, bay).grid, (other,), (7.5, 2.5, 0.0), ((1, 1), (1, 26)), View(7.0, 19.0, 2.0, 4.0),
+        View(6.5, 19.5, 1.5, top),
+    )  # fmt: skip
 
 
 def _crossing() -> Moment:
     north, south = math.pi / 2, -math.pi / 2
+    others = ((13.5, 10.0, north, CRUISE), (12.5, 17.5, south, CRUISE), (18.0, 13.5, math.pi, CRUISE))
     return Moment(
-        "A crossing",
-        crossing().grid,
-        ((13.5, 10.0, north, CRUISE), (12.5, 17.5, south, CRUISE), (18.0, 13.5, math.pi, CRUISE)),
-        (5.5, 12.5, 0.0),
-        ((1, 10), (24, 15), (15, 1), (10, 24)),
-        View(6.0, 15.6, 12.0, 14.0),
-        View(5.6, 19.2, 8.8, 18.6),
-    )
+        "A crossing", crossing().grid, others, (5.5, 12.5, 0.0), ((1, 10), (24, 15), (15, 1), (10, 24)),
+        View(6.0, 15.6, 12.0, 14.0), View(5.6, 19.2, 8.8, 18.6),
+    )  # fmt: skip
 
 
-def _leaving() -> Moment:
-    return Moment(
-        "A robot leaves its place",
-        head_on(2, True).grid,
-        ((14.0, 3.9, -math.pi / 2, 0.5),),
-        (7.5, 2.5, 0.0),
-        ((1, 1), (1, 26)),
-        View(7.0, 19.0, 2.0, 4.0),
-        View(6.5, 19.5, 1.5, 5.5),
-    )
-
-
-MOMENTS: dict[str, Callable[[], Moment]] = {"head_on": _head_on, "crossing": _crossing, "leaving": _leaving}
+MOMENTS: dict[str, Callable[[], Moment]] = {
+    "head_on": partial(_in_an_aisle, "Head-on in an aisle of two cells", False, (16.0, 3.0, math.pi, CRUISE), 4.5),
+    "crossing": _crossing,
+    "leaving": partial(_in_an_aisle, "A robot leaves its place", True, (14.0, 3.9, -math.pi / 2, 0.5), 5.5),
+}
 
 
 class Asked:

@@ -13,7 +13,6 @@ from train.reporting.rows import Interval, Row, apart, is_told, mean_interval, p
 
 _SAME_EPISODE = ("layout", "robots", "tasks", "planner", "seed")
 _NONE_SEEN = 3.0  # events that a Poisson process which has shown none is held to at 95%
-_MEASURE = {measure.name: measure for measure in MEASURES}
 
 
 def paragraph(rows: Sequence[Row], floors: Mapping[str, Floor]) -> list[str]:
@@ -58,7 +57,7 @@ def _count(number: int, one: str, more: str) -> str:
 
 def ranked(rows: Sequence[Row], name: str, reverse: bool) -> list[tuple[str, Interval]]:
     """Return the policies with their interval of a measure, from least to most or the reverse; without data none."""
-    found = [(str(key[0]), _MEASURE[name].interval(own)) for key, own in grouped(rows, ("policy",)).items()]
+    found = [(str(key[0]), MEASURES[name].interval(own)) for key, own in grouped(rows, ("policy",)).items()]
     known = [one for one in found if math.isfinite(one[1].mean)]
     return sorted(known, key=lambda one: one[1].mean, reverse=reverse)
 
@@ -77,7 +76,7 @@ def _goals(rows: Sequence[Row], short: Mapping[str, str]) -> list[str]:
 
 
 def _against(rows: Sequence[Row], ours: str, other: str, name: str) -> str:
-    measure = _MEASURE[name]
+    measure = MEASURES[name]
     found = paired(select(rows, policy=ours), select(rows, policy=other), measure.value, _SAME_EPISODE)
     if found.samples < 2:
         return "of which one episode tells nothing apart"
@@ -92,7 +91,7 @@ def _load(own: Sequence[Row], full: Sequence[Row], short: Mapping[str, str]) -> 
     before = select(own, robots=fewest, policy=order[0][0]) if order else []
     if fewest == most or not before:
         return []
-    value = _MEASURE["goals_per_robot_hour"].value
+    value = MEASURES["goals_per_robot_hour"].value
     change = apart(order[0][1], mean_interval(map(value, before)))
     told = "" if is_told(change) else ", *not told apart* from none"
     return [

@@ -138,7 +138,7 @@ def _lines(ours: System, other: System, mine: Sequence[Row], theirs: Sequence[Ro
         base = select(theirs, layout=layout, robots=robots)
         common = {_key(row) for row in group} & {_key(row) for row in base}
         group, base = ([row for row in rows if _key(row) in common] for rows in (group, base))
-        for measure in (one for name in _COMPARED for one in MEASURES if one.name == name):
+        for measure in (MEASURES[name] for name in _COMPARED):
             found = paired(group, base, measure.value, EPISODE)
             if found.samples:
                 means = measure.interval(group), measure.interval(base)

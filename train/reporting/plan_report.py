@@ -10,18 +10,9 @@ from train.reporting.rows import Row, mean_interval
 
 _OPTIMAL = 1e-9  # relative excess of a length that still counts as the optimum, for rounding
 _HEADER = (
-    "planner",
-    "task",
-    "success",
-    "length [cells]",
-    "optimum",
-    "gap",
-    "optimal",
-    "turns",
-    "fewest possible",
-    "converged at",
-    "median ms",
-)
+    "planner", "task", "success", "length [cells]", "optimum", "gap", "optimal", "turns", "fewest possible",
+    "converged at", "median ms",
+)  # fmt: skip
 
 
 def is_optimal(row: Row) -> bool:
@@ -35,18 +26,12 @@ def plan_table(rows: Sequence[Row], note: str = "") -> Table:
     cells = []
     for (planner, task), group in grouped(rows, ("planner", "task")).items():
         line = [
-            str(planner),
-            str(task),
-            _share(row["success"] for row in group),
+            str(planner), str(task), _share(row["success"] for row in group),
             with_interval(mean_interval(row["length"] for row in group), digits=5),
-            number(group[0]["optimal_length"], 6),
-            f"{number(round(100 * _mean(group, 'gap'), 7))}%",
-            _share(is_optimal(row) for row in group),
-            number(_mean(group, "turns")),
-            str(group[0]["min_turns"]),
-            number(_mean(group, "converged_at")),
-            number(_median_ms(group), 2),
-        ]
+            number(group[0]["optimal_length"], 6), f"{number(round(100 * _mean(group, 'gap'), 7))}%",
+            _share(is_optimal(row) for row in group), number(_mean(group, "turns")), str(group[0]["min_turns"]),
+            number(_mean(group, "converged_at")), number(_median_ms(group), 2),
+        ]  # fmt: skip
         cells.append((*line, number(_mean(group, "climb_m"))) if uneven else tuple(line))
     runs = len({row["run"] for row in rows})
     title = f"Planners on {rows[0]['layout']}, {runs} runs each: means [95% interval by Student's t over runs]"

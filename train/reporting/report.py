@@ -131,7 +131,7 @@ def _per_km(name: str) -> Callable[[Row], float | None]:
     return lambda row: row[name] / row["robot_km"] if row.get("robot_km") and name in row else None
 
 
-MEASURES = (
+_COLUMNS = (
     Measure("collisions_per_km", "collisions/km", _field("collisions_per_km")),
     Measure("robot_collisions_per_km", "robot-robot/km", _per_km("collisions_robot"), shown=False),
     Measure("shelf_collisions_per_km", "of it shelves", _per_km("collisions_shelf")),
@@ -150,6 +150,7 @@ _ONE_SHOT = (
     Measure("success_rate", "success %", _field("success_rate"), factor=100.0, most=1.0),
     Measure("makespan_s", "makespan s", _field("makespan_s")),
 )
+MEASURES = {measure.name: measure for measure in _COLUMNS}
 _GROUP = ("layout", "robots", "tasks", "planner", "policy")
 EVALUATION_NOTE = (
     "Means over episodes [95% interval by Student's t over episodes, cut at what is possible]; a collision counts once "
@@ -163,7 +164,7 @@ _FREE_FLOW_NOTE = " Free flow: late goals/robot-h as a share of those of one rob
 
 def measures_for(rows: Sequence[Row]) -> tuple[Measure, ...]:
     """Return the columns that say something about these rows: success and makespan only where tasks end."""
-    return MEASURES[:-1] + (_ONE_SHOT if any(row["tasks"] == "one_shot" for row in rows) else ()) + MEASURES[-1:]
+    return _COLUMNS[:-1] + (_ONE_SHOT if any(row["tasks"] == "one_shot" for row in rows) else ()) + _COLUMNS[-1:]
 
 
 def grouped(rows: Iterable[Row], names: Sequence[str]) -> dict[tuple[object, ...], list[Row]]:

@@ -44,24 +44,15 @@ class Block(Job):
         """What its rows are known by."""
         task, system, experiment = self.parts()
         planner = system.make()
+        code = code_key(type(planner))
+        if experiment is not None:
+            code = code_of(experiment.__module__, type(planner).__module__, within=DRIVING)
         return {
-            "study": self.study,
-            "setting": self.setting,
-            "number": self.number,
-            "system": self.system,
-            "runs": self.runs,
-            "seed": self.seed,
-            "map": task.grid.key,
-            "start": list(task.start),
-            "goal": list(task.goal),
-            "others": [[list(start), list(goal)] for start, goal in task.others],
-            "mode": system.mode,
-            "parameters": planner.key,
-            "version": __version__,
-            "code": code_key(type(planner))
-            if experiment is None
-            else code_of(experiment.__module__, type(planner).__module__, within=DRIVING),
-        }
+            "study": self.study, "setting": self.setting, "number": self.number, "system": self.system,
+            "runs": self.runs, "seed": self.seed, "map": task.grid.key, "start": list(task.start),
+            "goal": list(task.goal), "others": [[list(start), list(goal)] for start, goal in task.others],
+            "mode": system.mode, "parameters": planner.key, "version": __version__, "code": code,
+        }  # fmt: skip
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Block | None]:
         """Return the rows of all runs, if none is missing."""

@@ -9,13 +9,7 @@ from functools import cache
 from train.tables.study import Setting, Study
 from warehouse_env.errors import unknown_name
 
-MODULES = {
-    "000": "train.tables.papers.paper000",
-    "001": "train.tables.papers.paper001",
-    "002": "train.tables.papers.paper002",
-    "003": "train.tables.papers.paper003",
-    "004": "train.tables.papers.paper004",
-}
+MODULES = {number: f"train.tables.papers.paper{number}" for number in ("000", "001", "002", "003", "004")}
 
 
 @cache

@@ -127,13 +127,10 @@ def measure(name: str, planner: Planner, task: Task, plan: Plan, seconds: float)
     grid, cuts = make_map(name), isinstance(planner, Peer) and planner.cuts_corners
     optimum = cutting_length(grid, task.start, task.goal) if cuts else task.optimal_length
     row: Row = {
-        "success": plan.found,
-        "optimal_length": round(optimum, 6),
-        "min_turns": None if cuts else task.min_turns,
-        "ms": round(1000 * seconds, 4),
-        "iterations": len(plan.best_by_iteration),
+        "success": plan.found, "optimal_length": round(optimum, 6), "min_turns": None if cuts else task.min_turns,
+        "ms": round(1000 * seconds, 4), "iterations": len(plan.best_by_iteration),
         "anytime": anytime(plan, optimum, seconds),
-    }
+    }  # fmt: skip
     if not plan.found:
         return row
     _check(grid, task, plan, cuts)

@@ -65,18 +65,12 @@ def avoid(task: TableTask, system: System, rng: np.random.Generator) -> Row:
     kept = [cell for k, cell in enumerate(walked.cells) if k == 0 or cell != walked.cells[k - 1]]
     length = path_length(np.array(kept))
     return {
-        "success": good,
-        "length": length if good else None,
-        "last": duration(walked.cells) if good else None,
-        "contacts": float(walked.apart < TOUCH),
-        "apart": walked.apart,
-        "optimal_length": optimum,
-        "gap": length / optimum - 1 if good else None,
-        "turns": turns(np.array(kept)) if good else None,
+        "success": good, "length": length if good else None, "last": duration(walked.cells) if good else None,
+        "contacts": float(walked.apart < TOUCH), "apart": walked.apart, "optimal_length": optimum,
+        "gap": length / optimum - 1 if good else None, "turns": turns(np.array(kept)) if good else None,
         "min_turns": min_turns(task.grid, task.start, task.goal),
-        "cells": [list(cell) for cell in kept] if good else None,
-        "line": None,
-    }
+        "cells": [list(cell) for cell in kept] if good else None, "line": None,
+    }  # fmt: skip
 
 
 class Robot:

@@ -109,17 +109,8 @@ def driving_table(rows: Sequence[Row]) -> Table:
             texts.append(with_interval(paired(group, base, _field(measure), SAMPLE), factor))
         lines.append((str(name), str(robots), str(system), str(len(group)), *texts))
     header = (
-        "map",
-        "robots",
-        "routes",
-        "n",
-        "collisions/km",
-        "against",
-        "goals/robot-h",
-        "against",
-        "stuck %",
-        "against",
-    )
+        "map", "robots", "routes", "n", "collisions/km", "against", "goals/robot-h", "against", "stuck %", "against",
+    )  # fmt: skip
     return Table("Driven", header, tuple(lines), DRIVING_NOTE)
 
 
