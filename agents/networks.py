@@ -12,8 +12,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from agents.policy import draw_discrete
 from agents.route_command import cruise_output
-from agents.sampling import draw_discrete
 from agents.weights_folder import Network
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError

@@ -61,13 +61,8 @@ class Reciprocal:
         wanted = self._command.cruise_speed * self._surroundings.towards_route(observation, self._numbers.look)
         near, speed = self._surroundings.neighbours(observation), self._surroundings.speed(observation)
         others = np.stack([near.x, near.y, near.vx + speed[..., None], near.vy], axis=-1)
-        rows = zip(
-            wanted.reshape(-1, 2).tolist(),
-            speed.ravel().tolist(),
-            others.reshape(-1, self._most, 4),
-            near.present.reshape(-1, self._most),
-            strict=True,
-        )
+        others, present = others.reshape(-1, self._most, 4), near.present.reshape(-1, self._most)
+        rows = zip(wanted.reshape(-1, 2).tolist(), speed.ravel().tolist(), others, present, strict=True)
         return np.array([self._solve(*row) for row in rows]).reshape(wanted.shape)
 
     def _solve(

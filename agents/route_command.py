@@ -58,9 +58,7 @@ class RouteCommand:
         robot, change = self._config.robot, speed - self.cruise_speed
         faster, slower = robot.max_speed - self.cruise_speed, self.cruise_speed - robot.min_speed
         scaled = np.where(change > 0, change / max(faster, 1e-6), change / max(slower, 1e-6))
-        sideways = offset / max(self._widest, 1e-6)
-        action: NDArray[np.float32] = np.clip(np.stack([scaled, sideways], axis=-1), -1.0, 1.0).astype(np.float32)
-        return action
+        return _clipped(scaled, offset / max(self._widest, 1e-6))
 
     def _raw(
         self, observation: Observation, speed: NDArray[np.float64], offset: NDArray[np.float64]
@@ -81,11 +79,11 @@ class RouteCommand:
         speed = np.minimum(speed, self.cruise_speed * np.maximum(1.0 - np.abs(steering) / robot.max_steering, 0.25))
         change = speed - observation[..., ego] * robot.max_speed
         turn = steering - observation[..., ego + 1] * robot.max_steering
-        action = np.stack(
-            [change / (duration * robot.max_acceleration), turn / (duration * robot.max_steering_rate)], axis=-1
-        )
-        clipped: NDArray[np.float32] = np.clip(action, -1.0, 1.0).astype(np.float32)
-        return clipped
+        return _clipped(change / (duration * robot.max_acceleration), turn / (duration * robot.max_steering_rate))
+
+
+def _clipped(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float32]:
+    return np.clip(np.stack([first, second], axis=-1), -1.0, 1.0).astype(np.float32)
 
 
 def cruise_output(config: EnvConfig, bias: float) -> NDArray[np.float32]:

@@ -37,7 +37,7 @@ def loads(rows: Mapping[int, Sequence[Row]]) -> list[Load]:
     for robots in sorted(rows):
         own = rows[robots]
         each, stuck, waiting = (MEASURES[name].interval(own) for name in _SHOWN)
-        goals = Interval(robots * each.mean, robots * each.low, robots * each.high, each.samples)
+        goals = each.times(robots)
         best = max((load.goals.mean for load in found), default=0.0)
         jammed = stuck.mean >= STUCK or goals.mean < FELL * best
         found.append(Load(robots, len(own), goals, each, stuck, waiting, jammed))

@@ -81,8 +81,12 @@ def advise(plan: Plan, drive: Drive, clock: Clock) -> Advice:
     chosen = []
     most = _affordable(clock.left, took[seen.robots] / len(rows[seen.robots]))
     for kind in KINDS:
-        options = [one for place in seen.worst[:CHOSEN_AT] for one in _options(plan.grid, kind, place, flow)]
-        options += candidates.alternating(plan.grid) if kind == "one-way" and seen.worst else []
+        cells = [place.cell for place in seen.worst[:CHOSEN_AT]]
+        if kind == "aisle":
+            options = [one for cell in cells for one in candidates.aisles(plan.grid, cell)]
+        else:
+            options = [one for cell in cells for one in candidates.one_ways(plan.grid, cell, flow)]
+            options += candidates.alternating(plan.grid) if cells else []
         chosen += candidates.choose(options, trips, seen.robots, most)
     if not chosen and plan.episodes is None:
         _drive_more(plan, rows, took, drive, clock)
@@ -133,12 +137,6 @@ def _affordable(left: float, took: float) -> int:
     """
     episodes = min(left / max(took, 1e-9), 1e9) / FEWEST
     return int(min(TRIED, max(1, (episodes - 3 - 2 * len(KINDS)) // len(KINDS))))
-
-
-def _options(grid: GridMap, kind: Kind, place: Bottleneck, flow: NDArray[np.float64]) -> list[Candidate]:
-    if kind == "aisle":
-        return candidates.aisles(grid, place.cell)
-    return candidates.one_ways(grid, place.cell, flow)
 
 
 class Grown(NamedTuple):
@@ -208,7 +206,7 @@ def _rounds(
 
 
 def _effect(one: Candidate, first: Interval, base: Sequence[Row], rows: Sequence[Row] | None, robots: int) -> Effect:
-    whole = _times(mean_interval(map(_goals_of, base)), robots)
+    whole = mean_interval(map(_goals_of, base)).times(robots)
     if rows is None:
         return Effect(one, first, whole, None, None, None)
     waiting = paired(rows, base, lambda row: row["waiting_share"], ("seed",))
@@ -222,9 +220,4 @@ def _goals_of(row: Row) -> float | None:
 
 def _goals(rows: Sequence[Row], base: Sequence[Row], robots: int) -> Interval:
     """Return the paired difference of the goals per hour of all robots together."""
-    return _times(paired(rows, base, _goals_of, ("seed",)), robots)
-
-
-def _times(interval: Interval, factor: float) -> Interval:
-    mean, low, high = (factor * value for value in interval[:3])
-    return Interval(mean, low, high, interval.samples)
+    return paired(rows, base, _goals_of, ("seed",)).times(robots)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents import LearnedPolicy, make_policy
-from agents.preferences import Preferring
+from agents.policy import Preferring
 from train.books import simulator_of
 from train.central import CENTRAL
 from train.evaluation.disturbances import DISTURBANCES

@@ -12,7 +12,7 @@ from train.evaluation.words import paragraph
 from train.evaluation.worst import worst_episodes, write_replays
 from train.reporting.page import Page, Part, Shown, made_by
 from train.reporting.report import evaluation_table, grouped, make_progress, number, short_names
-from train.reporting.rows import Row, select, write_rows
+from train.reporting.rows import Row, select, values_of, write_rows
 from warehouse_env.render.heat_maps import Panel, heat_maps
 from warehouse_env.render.report_charts import detours, over_robots
 from warehouse_env.simulation.physics.floor import load_grid
@@ -28,8 +28,8 @@ def write_report(
 
     notes: of all or some of the episodes; those of other episodes are left out.
     """
-    known = {tuple(row[name] for name in KEY) for row in rows}
-    notes = [note for note in notes if tuple(note[name] for name in KEY) in known]
+    known = {values_of(row, KEY) for row in rows}
+    notes = [note for note in notes if values_of(note, KEY) in known]
     worst = worst_episodes(rows, WORST)
     with make_progress() as progress:
         bar = progress.add_task("replays of the worst episodes", total=len(worst))
@@ -63,12 +63,8 @@ _WORST = (
 def _floors(rows: Sequence[Row], notes: Sequence[Row]) -> dict[str, Floor]:
     """Return what was noted under each policy on each floor with the most robots there, by policy@layout."""
     most = {layout: max(row["robots"] for row in own) for (layout,), own in grouped(rows, ("layout",)).items()}
-    full = [note for note in notes if note["robots"] == most[note["layout"]]]
-    return {f"{policy}@{layout}": floor_of_notes(own) for (policy, layout), own in _by_place(full).items()}
-
-
-def _by_place(notes: Sequence[Row]) -> dict[tuple[object, ...], list[Row]]:
-    return grouped(notes, ("policy", "layout"))
+    full = grouped((note for note in notes if note["robots"] == most[note["layout"]]), ("policy", "layout"))
+    return {f"{policy}@{layout}": floor_of_notes(own) for (policy, layout), own in full.items()}
 
 
 def _over_robots(rows: Sequence[Row], short: Mapping[str, str]) -> Shown:

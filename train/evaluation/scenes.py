@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.simulation.tasks.assignment import Assignment
@@ -32,9 +33,8 @@ class Scene:
     draw: Draw
 
 
-def _drawn(lines: list[str], name: str) -> GridMap:
-    """Return a floor from lines of `#` (shelf) and `.`; any free cell may be an endpoint."""
-    occupied = np.array([[mark == "#" for mark in line] for line in lines])
+def _floor(occupied: NDArray[np.bool_], name: str) -> GridMap:
+    """Return a floor of shelves bool[H, W]; any free cell may be an endpoint."""
     free = np.argwhere(~occupied)
     return GridMap(occupied, picks=free[::2], stations=free[1::2], name=name)
 
@@ -57,18 +57,12 @@ def head_on(lanes: int, passing_place: bool) -> Scene:
     lanes: width of the aisle [cells], 16 long. passing_place: a bay, 4 cells long and 1 deep, off its middle.
     The rooms are 6 x 7 cells; robots start just inside the aisle, and the goals lie in corners of the rooms.
     """
-    rows, columns, room = 7, 28, 6
-    lines = [["#"] * columns for _ in range(rows)]
-    for row in range(rows):
-        for column in (*range(room), *range(columns - room, columns)):
-            lines[row][column] = "."
-    for column in range(room, columns - room):
-        for row in range(3, 3 + lanes):
-            lines[row][column] = "."
+    columns, room = 28, 6
+    occupied = np.ones((7, columns), dtype=np.bool_)
+    occupied[:, :room] = occupied[:, -room:] = occupied[3 : 3 + lanes] = False
     if passing_place:
-        for column in range(columns // 2 - 2, columns // 2 + 2):
-            lines[2][column] = "."
-    grid = _drawn(["".join(line) for line in lines], f"head_on_{lanes}")
+        occupied[2, columns // 2 - 2 : columns // 2 + 2] = False
+    grid = _floor(occupied, f"head_on_{lanes}")
     middle = 3 + (lanes - 1) / 2
     starts = [(middle, room + 2.0, 0.0), (middle, columns - room - 3.0, math.pi)]
     return Scene(grid, 2, partial(_jittered, grid, starts, [(1, columns - 2), (1, 1)], 1.0))
@@ -80,14 +74,12 @@ def crossing() -> Scene:
     Each arm is 8 cells long and ends in a room of 6 x 4 cells, in a corner of which the goal lies.
     """
     size, first = 26, 12  # the two lanes are rows and columns 12 and 13
-    lines = [["#"] * size for _ in range(size)]
-    for k in range(size):
-        for lane in (first, first + 1):
-            lines[lane][k] = lines[k][lane] = "."
-    for k in range(first - 2, first + 4):
-        for end in (*range(4), *range(size - 4, size)):
-            lines[k][end] = lines[end][k] = "."
-    grid = _drawn(["".join(line) for line in lines], "crossing")
+    occupied = np.ones((size, size), dtype=np.bool_)
+    lanes, rooms = slice(first, first + 2), slice(first - 2, first + 4)
+    occupied[lanes] = occupied[:, lanes] = False
+    for ends in (slice(4), slice(size - 4, size)):
+        occupied[rooms, ends] = occupied[ends, rooms] = False
+    grid = _floor(occupied, "crossing")
     middle, near, far = first + 0.5, 7.0, size - 8.0
     starts = [(middle, near, 0.0), (far, middle, math.pi / 2), (middle, far, math.pi), (near, middle, -math.pi / 2)]
     low, high, side = 1, size - 2, first - 2
@@ -99,7 +91,7 @@ def swap(robots: int) -> Scene:
     """Robots on a circle on open floor, facing its middle, each bound for the place opposite; 3 m of rim for each."""
     radius = max(3.5, 3.0 * robots / (2 * math.pi))
     side = 2 * math.ceil(radius) + 7
-    grid = _drawn(["." * side] * side, f"swap_{robots}")
+    grid = _floor(np.zeros((side, side), dtype=np.bool_), f"swap_{robots}")
     angles = 2 * math.pi * np.arange(robots) / robots
     middle = (side - 1) / 2
     rows, columns = middle - radius * np.sin(angles), middle + radius * np.cos(angles)

@@ -39,10 +39,7 @@ class Figures:
         if len(sampled) == 1 and measure.endswith("_share"):
             return wilson_interval(sum(map(bool, sampled[0])), len(sampled[0])) if sampled[0] else mean_interval([])
         found = mean_interval(sampled[0] if len(sampled) == 1 else [_mean(samples) for samples in sampled if samples])
-        if not math.isfinite(found.low):
-            return found
-        most = 1.0 if measure.endswith("_share") else math.inf
-        return found._replace(low=max(found.low, 0.0), high=min(found.high, most))
+        return found.cut(1.0 if measure.endswith("_share") else math.inf)
 
     def difference(self, setting: str, ours: str, other: str, measure: str) -> Interval:
         """Return ours - other with its 95% interval; NaN where one of them has no figure."""

@@ -65,7 +65,7 @@ def _summary(name: str, planner: str, rows: Sequence[Row]) -> Summary:
     lines = [row["line_gap"] for row in found if row["line_gap"] is not None]
     return Summary(
         map=name, planner=planner, pairs=len({row["pair"] for row in rows}), runs=int(weight.sum()),
-        failed=1.0 - found_weight.sum() / weight.sum(), gap=_interval(means, gaps),
+        failed=1.0 - found_weight.sum() / weight.sum(), gap=mean_interval(means).cut()._replace(mean=_mean(gaps)),
         quantiles=tuple(np.quantile(gaps, _QUANTILES).tolist()) if len(gaps) else (math.nan,) * len(_QUANTILES),
         optimal=sum(row["stands_for"] for row in found if is_optimal(row)) / int(weight.sum()),
         turns=turned / fewest if fewest else math.nan,
@@ -75,13 +75,6 @@ def _summary(name: str, planner: str, rows: Sequence[Row]) -> Summary:
         line_gap=statistics.fmean(lines) if lines else math.nan, anytime=anytime,
         arrived=known.sum(axis=0) / weight.sum(),
     )  # fmt: skip
-
-
-def _interval(means: Sequence[float], gaps: NDArray[np.float64]) -> Interval:
-    """Return the mean of all gaps, with the interval of the pairs' means, cut at what is possible."""
-    spread = mean_interval(means)
-    low = max(spread.low, 0.0) if math.isfinite(spread.low) else math.nan
-    return Interval(_mean(gaps), low, spread.high, spread.samples)
 
 
 def _repeated(values: Sequence[float], times: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -36,11 +36,6 @@ DRIVING_NOTE = (
 )
 
 
-def _possible(found: Interval, share: bool) -> Interval:
-    """Cut the interval of a share to the values that are possible."""
-    return found._replace(low=max(found.low, 0.0), high=min(found.high, 1.0)) if share else found
-
-
 def conflicts_of(row: Row) -> float:
     """All expected conflicts of a robot and task."""
     return float(row["crossings"] + row["opposing"])
@@ -87,9 +82,10 @@ def replanning_table(rows: Sequence[Row]) -> Table:
     lines = []
     for (case, system), group in grouped(own, ("case", "system")).items():
         texts = [
-            with_interval(_possible(mean_interval(float(row[m]) for row in group), m == "optimal"), factor)
-            for m, factor in (("first_gap", 100), ("gap", 100), ("optimal", 100), ("settled_at", 1), ("settled_ms", 1))
+            with_interval(mean_interval(float(row[m]) for row in group), factor)
+            for m, factor in (("first_gap", 100), ("gap", 100), ("settled_at", 1), ("settled_ms", 1))
         ]
+        texts.insert(2, with_interval(mean_interval(float(row["optimal"]) for row in group).cut(1.0), 100))
         ms = with_interval(mean_interval(row["ms"] for row in group)._replace(low=float("nan")))
         lines.append((str(case), str(system), str(len(group)), *texts, ms))
     header = ("case", "system", "n", "first %", "gap %", "optimal %", "settled at", "settled ms", "ms in all")
