@@ -82,7 +82,9 @@ class Layouts(Checked):
         file = RowFile(self.json)
         file.add([facts(grid)])
         if self.png is not None:
-            _picture(grid, self.png)
+            from warehouse_env.render.charts import paths
+
+            paths(grid, {}, f"{grid.name}: {len(grid.picks)} picks, {len(grid.stations)} stations", self.png)
         if self.png is not None or self.json is not None:
             print("wrote " + " and ".join(str(path) for path in (self.json, self.png) if path is not None))
 
@@ -129,9 +131,3 @@ def narrowest_aisle(grid: GridMap) -> int:
     free[tuple(grid.free_cells.T)] = True
     across = np.minimum(run_lengths(free), run_lengths(free.T).T)
     return int(across[free].min())
-
-
-def _picture(grid: GridMap, path: Path) -> None:
-    from warehouse_env.render.charts import paths
-
-    paths(grid, {}, f"{grid.name}: {len(grid.picks)} picks, {len(grid.stations)} stations", path)

@@ -44,8 +44,9 @@ class Figures:
     def difference(self, setting: str, ours: str, other: str, measure: str) -> Interval:
         """Return ours - other with its 95% interval; NaN where one of them has no figure."""
         first, second = self.tasks(setting, ours), self.tasks(setting, other)
-        if len(first) > 1:
-            return mean_interval(_paired(first, second, measure))
+        if len(first) > 1:  # on each map that gave both a figure
+            samples = MEASURES[measure].samples
+            return mean_interval(_mean(samples(a)) - _mean(samples(b)) for a, b in zip(first, second, strict=True))
         if not first or not second:
             return mean_interval([])
         if MEASURES[measure].single:
@@ -64,12 +65,6 @@ class Figures:
 
 def _mean(samples: Sequence[float]) -> float:
     return float(np.mean(samples)) if samples else math.nan
-
-
-def _paired(first: Sequence[list[Row]], second: Sequence[list[Row]], measure: str) -> list[float]:
-    """Return the difference of the two means on each map that gave both a figure."""
-    samples = MEASURES[measure].samples
-    return [_mean(samples(a)) - _mean(samples(b)) for a, b in zip(first, second, strict=True)]
 
 
 def _welch(first: Sequence[float], second: Sequence[float]) -> Interval:

@@ -71,13 +71,13 @@ def study_table(study: Study, figures: Figures) -> Table:
         begin = len(lines)
         printed = [one for one in study.published if one.setting == setting]
         for system in study.systems:
-            if not figures.tasks(setting, system.label):
-                continue
             tasks = figures.tasks(setting, system.label)
+            if not tasks:
+                continue
             count = f"{len(tasks[0])}" if len(tasks) == 1 else f"{len(tasks[0])} x {len(tasks)}"
-            lines.append(
-                ("", system.label, count, *(_shown(figures, setting, system.label, m) for m in study.measures))
-            )
+            found = ((figures.figure(setting, system.label, name), MEASURES[name]) for name in study.measures)
+            texts = (with_interval(interval, measure.factor, measure.digits) for interval, measure in found)
+            lines.append(("", system.label, count, *texts))
             lines += _printed_lines([one for one in printed if one.ours == system.label], study.measures)
         lines += _printed_lines([one for one in printed if not one.ours], study.measures)
         if len(lines) > begin:
@@ -93,40 +93,26 @@ def _named(study: Study, figures: Figures, setting: str) -> str:
     return f"**{setting}** (optimum {number(optimum, 6)}, {number(fewest, 3)} turns)"
 
 
-def _shown(figures: Figures, setting: str, label: str, measure: str) -> str:
-    known = MEASURES[measure]
-    return with_interval(figures.figure(setting, label, measure), known.factor, known.digits)
-
-
 def _printed_lines(printed: Sequence[Published], measures: Sequence[str]) -> list[tuple[str, ...]]:
     """Return one line for each system in print, in italics."""
     lines = []
     for name in dict.fromkeys(one.system for one in printed):
         own = {one.measure: one.value for one in printed if one.system == name}
-        cells = []
-        for measure in measures:
-            known = MEASURES[measure]
-            value = own.get(measure, math.nan) * known.factor
-            cells.append(f"*{number(value, known.digits)}*" if math.isfinite(value) else "")
-        lines.append(("", f"*in print: {name}*", "", *cells))
+        known = {measure: MEASURES[measure] for measure in measures}
+        texts = [f"*{number(own[k] * one.factor, one.digits)}*" if k in own else "" for k, one in known.items()]
+        lines.append(("", f"*in print: {name}*", "", *texts))
     return lines
 
 
 def _page(one: Written) -> str:
-    parts = [f"# {one.study.title}\n", f"{one.study.paper}.\n"]
-    parts.append(_markdown(study_table(one.study, one.figures)))
-    parts.append(f"{INTERVALS} {one.study.note}\n")
+    table = study_table(one.study, one.figures).markdown().split("\n", 2)[2]  # without its title
+    parts = [f"# {one.study.title}\n", f"{one.study.paper}.\n", table, f"{INTERVALS} {one.study.note}\n"]
     if one.verdicts:
         parts += ["## Claims\n", _claims(one.verdicts), f"{RULE}\n"]
     if one.pictures:
         parts.append("## Pictures\n")
         parts += [f"![{picture.caption}]({picture.path.name})\n\n{picture.caption}.\n" for picture in one.pictures]
     return "\n".join(parts)
-
-
-def _markdown(table: Table) -> str:
-    """Return the table alone, without its title."""
-    return table.markdown().split("\n", 2)[2]
 
 
 def _claims(verdicts: Sequence[tuple[Claim, Verdict]]) -> str:
