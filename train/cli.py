@@ -63,18 +63,18 @@ COMMANDS: dict[str, Command] = {
     "advise": Command(
         "commands.advise:Advise", "say how many robots a floor bears, where they wait, what a change brings"
     ),
-    "record": Command("commands.record:Record", "drive a policy through one episode and keep it as a file"),
+    "record": Command("commands.replay:Record", "drive a policy through one episode and keep it as a file"),
     "replay": Command(
         "commands.replay:ReplayCommand", "show recorded episodes: a page for the browser, a video, a window"
     ),
     "robust": Command(
-        "commands.robust:Robust", "drive policies with other bodies, worse sensors, lost messages: what holds?"
+        "commands.evaluate:Robust", "drive policies with other bodies, worse sensors, lost messages: what holds?"
     ),
     "scenes": Command(
         "commands.scenes:Scenes", "drive policies through symmetric scenes and count those that are resolved"
     ),
     "understand": Command("commands.understand:Understand", "draw what policies are likely to do in telling moments"),
-    "curves": Command("commands.curves:Curves", "draw the learning curves of several runs in one picture"),
+    "curves": Command("commands.training:Curves", "draw the learning curves of several runs in one picture"),
     "export": Command("commands.export:Export", "write a trained policy as an ONNX model"),
     "compile": Command(
         "commands.compile:Compile", "compile all kernels ahead of time, several at a time, and keep them"

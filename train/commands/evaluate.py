@@ -1,4 +1,4 @@
-"""`warehouse evaluate`: policies over held-out episodes -> rows, a table with intervals, pictures."""
+"""`warehouse evaluate` and `robust`: policies over held-out episodes, disturbed or not -> rows, a table, pictures."""
 
 from __future__ import annotations
 
@@ -7,17 +7,56 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from train.commands.drive import Drive
+from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED
 from train.evaluation.episodes import play
 from train.evaluation.places import NOTES, PAGE
+from train.evaluation.robustness import robust_table
 from train.evaluation.rollout import Experiment, Trace, make_experiment
+from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, check_writable, read_rows, write_text
+from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig, TaskMode
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.maps.movingai import read_map
 from warehouse_env.planning import make_planner
+
+
+@dataclass(frozen=True)
+class Drive(Checked):
+    """Options of worlds to drive in, and what of them is chosen against a policy's own."""
+
+    planner: str = EnvConfig.planner
+    """Planner of the routes."""
+    protective_field: bool | None = None
+    """Refuse commands that could end in a contact (as the policy needs it if left out)."""
+    right_of_way: bool | None = None
+    """Decide who goes first, and let who is in the way make room (as the policy needs it if left out)."""
+    right_of_way_after: float | None = None
+    """Let right of way step in only around robots that have stood for so long [s] and wait in a ring, or for five
+    times as long, 0: always (as the policy needs it)."""
+    reroute: bool | None = None
+    """Plan routes anew around robots that stand (as the policy needs it if left out)."""
+    people: int | None = None
+    """People who walk among the robots; none if left out."""
+    seed: int = HELD_OUT_SEED
+    """The first seed, the next ones count on; no training uses seeds from the default on."""
+
+    def chosen(self) -> dict[str, bool | float]:
+        """Return the fields of EnvConfig that the options set, whatever the policy needs.
+
+        ConfigError where right of way is to step in, and is not to be there.
+        """
+        options = ("protective_field", "right_of_way", "right_of_way_after", "reroute", "people")
+        given = {name: getattr(self, name) for name in options}
+        if self.right_of_way_after is not None:
+            if self.right_of_way is False:
+                after = f"{self.right_of_way_after:g}"
+                raise ConfigError(f"--right-of-way-after {after} must be left out with --no-right-of-way")
+            given["right_of_way"] = True
+        return {name: value for name, value in given.items() if value is not None}
+
 
 GOES_ON = "the same command with --resume goes on"
 
@@ -127,3 +166,32 @@ class Evaluate(Episodes):
             noted = read_rows(self.report / NOTES) if (self.report / NOTES).exists() else []
             page = f", the report to {write_report(rows, noted, experiments, self.report, self.rows_path)}"
         print(f"wrote the rows to {self.rows_path}, the table{drawn} to {self.out}{page}")
+
+
+@dataclass(frozen=True)
+class Robust(Episodes):
+    """Drive policies with other bodies, worse sensors, lost messages, a broken robot; print what holds and breaks."""
+
+    policy: tuple[str, ...] = ("greedy", "reinforce", "ppo", "threaded_ppo")
+    """Policies to compare: names, or folders of trained ones."""
+    layout: tuple[str, ...] = ("paper46", "narrow")
+    """Layouts to drive on."""
+    robots: tuple[int, ...] = (16, 32)
+    """Numbers of robots."""
+    disturbance: tuple[str, ...] = tuple(DISTURBANCES)
+    """What to disturb; each is held against the undisturbed world, which is driven in any case."""
+    episodes: int = 3
+    """Episodes of each disturbance, policy, floor and number of robots; all have the same seeds."""
+    seconds: float = 300.0
+    """Simulated time of an episode [s]."""
+    out: Path = Path("results/robust")
+    """Folder for the rows and the table."""
+
+    def run(self) -> None:
+        """Play everything, print the table, write rows and table."""
+        for name in self.disturbance:
+            if name not in DISTURBANCES:
+                raise unknown_name("disturbance", name, DISTURBANCES)
+        names = dict.fromkeys((UNDISTURBED, *self.disturbance))
+        self.tabulate([experiment for name in names for experiment in self.experiments(name)], robust_table)
+        print(f"wrote the rows to {self.rows_path}, the table to {self.out}")

@@ -123,10 +123,7 @@ class PlanJob(Job):
     number_of_run: int
     seed: int
 
-    @property
-    def title(self) -> str:
-        """Planner and task."""
-        return f"{self.label} · {self.task.name}"
+    titled = "{label} · {task.name}"
 
     def run(self, tick: Tick) -> Result:
         """Plan; a first plan of each planner, which may compile, is thrown away. more: the run."""

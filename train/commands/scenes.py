@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from train.commands.drive import Drive
+from train.commands.evaluate import Drive
 from train.evaluation.jobs import Runner
 from train.evaluation.rollout import MOST, make_experiment
-from train.evaluation.scene_runs import SceneJob, scene_table
-from train.evaluation.scenes import SCENES
+from train.evaluation.scenes import SCENES, SceneJob, scene_table
 from train.reporting.rows import RowFile, check_writable, write_text
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, unknown_name

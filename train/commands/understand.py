@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from train.commands.drive import Drive
+from train.commands.evaluate import Drive
 from train.evaluation import jam_film, telling
 from train.evaluation.pictures import file_name
 from train.evaluation.rollout import config_of, make_experiment

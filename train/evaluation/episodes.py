@@ -23,15 +23,12 @@ class Episodes(Job):
     traced: bool = False
     noted: bool = False
 
+    titled = "{experiment.title}"
+
     @property
     def identity(self) -> Row:
         """What their rows share."""
         return identity(self.experiment)
-
-    @property
-    def title(self) -> str:
-        """That of the experiment."""
-        return self.experiment.title
 
     @property
     def size(self) -> float:

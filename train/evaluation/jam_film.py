@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.evaluation.rollout import config_of
-from train.evaluation.scene_runs import SceneJob
-from train.evaluation.scenes import SCENES
+from train.evaluation.scenes import SCENES, SceneJob
 from train.evaluation.telling import Asked
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig

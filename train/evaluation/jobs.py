@@ -13,7 +13,7 @@ import random
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from train.reporting.report import make_progress
 from train.reporting.rows import Row, RowFile, whole_rows, write_rows
@@ -37,6 +37,8 @@ class Result(NamedTuple):
 class Job:
     """A piece of work that can be pickled; a subclass says its title and does it, and how its rows are known again."""
 
+    titled: ClassVar[str]  # with the job's fields in braces
+
     @property
     def identity(self) -> Row:
         """What its rows have in common and are known by: equal identities mean equal rows, but for the times."""
@@ -45,7 +47,7 @@ class Job:
     @property
     def title(self) -> str:
         """What the progress bar says."""
-        raise NotImplementedError
+        return self.titled.format(**vars(self))
 
     @property
     def size(self) -> float:
@@ -89,6 +91,12 @@ class Known:
     def _sort_in(rows: Sequence[Row], names: tuple[str, ...], found: dict[str, list[Row]]) -> None:
         for row in rows:
             found.setdefault(_key(row, names), []).append(row)
+
+
+def of_all_runs(rows: Sequence[Row], runs: int) -> list[Row]:
+    """Return the row of each run, none at all where one is missing."""
+    own = {row["run"]: row for row in rows}
+    return [own[run] for run in range(runs)] if all(run in own for run in range(runs)) else []
 
 
 def _key(row: Row, names: Sequence[str]) -> str:

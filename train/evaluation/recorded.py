@@ -1,10 +1,12 @@
-"""Episodes kept to be looked at again: one of an experiment as a file, and what its policy liked at every moment."""
+"""Episodes kept to be looked at again: what a policy liked at every moment of one, and the worst of an evaluation."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +16,15 @@ from agents.policy import Preferring
 from train.books import simulator_of
 from train.central import CENTRAL
 from train.evaluation.disturbances import DISTURBANCES
-from train.evaluation.rollout import Experiment, play_out
+from train.evaluation.pictures import file_name
+from train.evaluation.rollout import Experiment, identity, play_out
+from train.reporting.page import Link
+from train.reporting.report import grouped, number
+from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
-from warehouse_env.render.replay import Shares
+from warehouse_env.render.replay import Shares, replay_of
+from warehouse_env.render.replay_page import write_replay_page
 from warehouse_env.simulation.record.recording import Episode, Recorder
 
 
@@ -63,3 +70,77 @@ def shares_of(policy: str, config: EnvConfig) -> Shares | None:
         return np.asarray(1 - liked / liked.min(axis=-1, keepdims=True).clip(max=-1e-9))
 
     return shares
+
+
+FOLDER = "replays"  # beside the page
+
+
+class Worst(NamedTuple):
+    """An episode, and why it is shown."""
+
+    row: Row
+    why: str
+
+
+def worst_episodes(rows: Sequence[Row], count: int) -> list[Worst]:
+    """Return the worst episodes: the worst of each policy, then the second of each, and so on; worst first in a turn.
+
+    Worse is who has more collisions per km, then more robots stuck at the end, then a robot that stood longer. Central
+    planners are left out: their episodes cannot be recorded.
+    """
+    own = [row for row in rows if row["policy"] not in CENTRAL]
+    turns = [sorted(group, key=_badness, reverse=True) for group in grouped(own, ("policy",)).values()]
+    ranked = [
+        row
+        for turn in range(max(map(len, turns), default=0))
+        for row in sorted((group[turn] for group in turns if turn < len(group)), key=_badness, reverse=True)
+    ]
+    return [Worst(row, _why(row)) for row in ranked[:count]]
+
+
+def _badness(row: Row) -> tuple[float, float, float]:
+    return row["collisions_per_km"] or 0.0, row["stuck"], row["longest_standing_s"]
+
+
+def _why(row: Row) -> str:
+    hits = round(row["collisions_robot"] + row["collisions_shelf"] + row.get("collisions_person", 0))
+    stuck = round(row["stuck"] * row["robots"])
+    parts = [
+        f"{hits or 'no'} collision{'s' * (hits != 1)}",
+        f"{stuck or 'no'} robot{'s' * (stuck != 1)} stuck at the end",
+        f"{number(row['longest_standing_s'], 2)} s the longest standing",
+    ]
+    return ", ".join(parts)
+
+
+def write_replays(
+    worst: Sequence[Worst], experiments: Sequence[Experiment], folder: Path, tick: Callable[[], None]
+) -> list[Link]:
+    """Play the episodes again and write each as an episode file and a replay page; return links from the folder."""
+    links = []
+    for one in worst:
+        row = one.row
+        experiment = _experiment_of(row, experiments)
+        title = f"{Path(row['policy']).name}, {row['robots']} robots on {Path(row['layout']).stem}, seed {row['seed']}"
+        name = "_".join(map(file_name, (row["layout"], str(row["robots"]), row["policy"], str(row["seed"]))))
+        page = write_replay(record(experiment), title, folder / FOLDER / name)
+        links.append(Link(page.relative_to(folder).as_posix(), title, one.why))
+        tick()
+    return links
+
+
+def write_replay(episode: Episode, title: str, path: Path) -> Path:
+    """Write PATH.npz and PATH.html, and return the latter."""
+    episode.save(path.with_name(f"{path.name}.npz"))
+    page = path.with_name(f"{path.name}.html")
+    shares = shares_of(episode.policy, episode.config)
+    write_replay_page(page, [replay_of(episode, Path(episode.policy).name, shares)], title)
+    return page
+
+
+def _experiment_of(row: Row, experiments: Sequence[Experiment]) -> Experiment:
+    """Return the experiment of this one episode."""
+    for one in experiments:
+        if all(row.get(name) == value for name, value in identity(one).items()) and row["episode"] in one.episodes:
+            return replace(one, episodes=(row["episode"],))
+    raise LookupError(f"no experiment has made the episode of seed {row['seed']}")

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from train.evaluation.pictures import bars
 from train.evaluation.places import KEY, PAGE, Floor, floor_of_notes
+from train.evaluation.recorded import worst_episodes, write_replays
 from train.evaluation.rollout import Experiment
 from train.evaluation.words import paragraph
-from train.evaluation.worst import worst_episodes, write_replays
 from train.reporting.page import Page, Part, Shown, made_by
 from train.reporting.report import evaluation_table, grouped, make_progress, number, short_names
 from train.reporting.rows import Row, select, values_of, write_rows

@@ -1,19 +1,21 @@
-"""A study in blocks: all runs of one system on one task, done in one piece, known again by what made its rows."""
+"""The papers' studies in blocks: all runs of one system on one task, known again by what made their rows."""
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
-from train.evaluation.jobs import Job, Result, Tick
+from train.evaluation.jobs import Job, Result, Tick, of_all_runs
 from train.evaluation.planning_runs import Run, make_task, plan_once
 from train.reporting.rows import Row
-from train.tables.catalogue import settings_of, studies_of
 from train.tables.code import DRIVING, code_key, code_of
-from train.tables.study import Experiment, Study, System, TableTask
+from train.tables.study import Experiment, Setting, Study, System, TableTask
 from warehouse_env import __version__
+from warehouse_env.errors import unknown_name
 
 
 @dataclass(frozen=True)
@@ -28,16 +30,13 @@ class Block(Job):
     runs: int
     seed: int
 
+    titled = "{study} · {system}"
+
     def parts(self) -> tuple[TableTask, System, Experiment | None]:
         """Return the task, the system, and what is run with them if not a single plan."""
         task = settings_of(self.module, self.study)[self.setting].tasks[self.number]
         study = studies_of(self.module)[self.study]
         return task, next(one for one in study.systems if one.label == self.system), study.experiment
-
-    @property
-    def title(self) -> str:
-        """Its study and its system."""
-        return f"{self.study} · {self.system}"
 
     @property
     def identity(self) -> Row:
@@ -56,9 +55,8 @@ class Block(Job):
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Block | None]:
         """Return the rows of all runs, if none is missing."""
-        own = {row["run"]: row for row in rows}
-        whole = all(run in own for run in range(self.runs))
-        return ([own[run] for run in range(self.runs)], None) if whole else ([], self)
+        whole = of_all_runs(rows, self.runs)
+        return (whole, None) if whole else ([], self)
 
     def run(self, tick: Tick) -> Result:
         """Plan all runs; a first plan, which may compile and fill caches, is not timed."""
@@ -105,3 +103,34 @@ def _curve(run: Run) -> list[list[float]]:
     best = run.plan.best_by_iteration
     falls = np.flatnonzero(np.isfinite(best) & (best != np.concatenate([[np.inf], best])[:-1]))
     return [[int(k) + 1, round(float(best[k]), 6)] for k in falls]
+
+
+MODULES = {number: f"train.tables.papers.paper{number}" for number in ("000", "001", "002", "003", "004")}
+
+
+@cache
+def studies_of(module: str) -> dict[str, Study]:
+    """Return the studies of a module by name."""
+    return {study.name: study for study in importlib.import_module(module).STUDIES}
+
+
+@cache
+def settings_of(module: str, study: str) -> dict[str, Setting]:
+    """Return the settings of a study by name, built once in a process."""
+    return {setting.name: setting for setting in studies_of(module)[study].settings()}
+
+
+def chosen(papers: Sequence[str], tables: Sequence[str]) -> list[tuple[str, Study]]:
+    """Return (module, study) of the named papers and tables, all if none are named; WarehouseError for a wrong name."""
+    for paper in papers:
+        if paper not in MODULES:
+            raise unknown_name("paper", paper, MODULES)
+    every = [(key, module, study) for key, module in MODULES.items() for study in studies_of(module).values()]
+    for table in tables:
+        if table not in {study.name for _, _, study in every}:
+            raise unknown_name("table", table, {study.name for _, _, study in every})
+    return [
+        (module, study)
+        for key, module, study in every
+        if (not papers and not tables) or key in papers or study.name in tables
+    ]

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from train.evaluation.jobs import Known
 from train.reporting.report import require_charts
 from train.reporting.rows import Row, whole_rows
-from train.tables.blocks import blocks_of
-from train.tables.catalogue import chosen
+from train.tables.blocks import blocks_of, chosen
 from train.tables.options import StudyOptions
 from train.tables.page import write_pages
 from train.tables.study import Study

@@ -9,8 +9,7 @@ from train.evaluation import jam_film
 from train.evaluation.jam_film import Film, Frame, moments_of, rows_of, worst_jam
 from train.evaluation.jobs import Result
 from train.evaluation.rollout import config_of
-from train.evaluation.scene_runs import SceneJob
-from train.evaluation.scenes import SCENES
+from train.evaluation.scenes import SCENES, SceneJob
 from train.evaluation.telling import Asked
 from warehouse_env.config import EnvConfig
 

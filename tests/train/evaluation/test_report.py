@@ -11,8 +11,8 @@ import pytest
 
 from train.cli import main
 from train.evaluation.places import Floor
+from train.evaluation.recorded import worst_episodes
 from train.evaluation.words import half_of, paragraph
-from train.evaluation.worst import worst_episodes
 from train.reporting.rows import read_rows
 from warehouse_env.render.replay import replay_of
 from warehouse_env.simulation.record.recording import Episode

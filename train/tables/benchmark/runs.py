@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from train.evaluation.jobs import Job, Result, Tick
+from train.evaluation.jobs import Job, Result, Tick, of_all_runs
 from train.evaluation.planning_runs import Task
 from train.reporting.rows import Row
 from train.tables.benchmark.maps import clearance_field, make_map, make_tasks
@@ -53,24 +53,20 @@ class Pair(Job):
     runs: int
     seed: int
 
+    titled = "{map} · {planner}"
+
     @property
     def identity(self) -> Row:
         """What its rows are known by."""
         made = made_by(self.planner, self.map, self.seed)
         return {"map": self.map, "planner": self.planner, "pair": self.pair, "made": made}
 
-    @property
-    def title(self) -> str:
-        """Its map and planner."""
-        return f"{self.map} · {self.planner}"
-
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Pair | None]:
         """Return the rows of all runs, if none is missing."""
         if rows and rows[0]["stands_for"] > 1:
             return [{**rows[0], "stands_for": self.runs}], None
-        own = {row["run"]: row for row in rows}
-        whole = all(run in own for run in range(self.runs))
-        return ([own[run] for run in range(self.runs)], None) if whole else ([], self)
+        whole = of_all_runs(rows, self.runs)
+        return (whole, None) if whole else ([], self)
 
     def run(self, tick: Tick) -> Result:
         """Plan all runs, warmed up.

@@ -24,9 +24,8 @@ from train.tables.traffic.figures import (
     routes_table,
 )
 from train.tables.traffic.jobs import MAPS, Piece, floor
-from train.tables.traffic.k_shortest import require_networkx
 from train.tables.traffic.replanning import measure_replanning
-from train.tables.traffic.routes import PRICE, measure_routes
+from train.tables.traffic.routes import PRICE, measure_routes, require_networkx
 from warehouse_env import __version__
 from warehouse_env.planning import make_planner
 from warehouse_env.traffic.expected import endpoint_tasks
@@ -44,17 +43,14 @@ class Measurement(Job):
 
     piece: Piece
 
+    titled = "{piece.part} · {piece.map}"
+
     @property
     def identity(self) -> Row:
         """What its rows are known by."""
         part = self.piece.part
         code = code_of(f"train.tables.traffic.{part}", within=DRIVING if part == "driving" else PLANNING)
         return {"job": {**self.piece._asdict(), "version": __version__, "code": code}}
-
-    @property
-    def title(self) -> str:
-        """Its part and map."""
-        return f"{self.piece.part} · {self.piece.map}"
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Measurement | None]:
         """Return the rows, if there are as many as they say."""

@@ -1,16 +1,20 @@
-"""Routes of 16, 32 and 64 robots by every system: what they conflict, what they cost."""
+"""Routes of 16, 32 and 64 robots by every system, k shortest paths (Yen 1971) among them: conflicts, and cost."""
 
 from __future__ import annotations
 
+import importlib
 import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+from itertools import islice
+from typing import Any
 
 import numpy as np
 
 from train.reporting.rows import Row
 from train.tables.traffic.jobs import Piece, floor
-from train.tables.traffic.k_shortest import k_shortest
-from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.errors import WarehouseError
+from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning import make_planner, path_length
 from warehouse_env.planning.ants.pf_aco import PfAco
 from warehouse_env.traffic.alternatives import differences, penalty_routes
@@ -18,6 +22,31 @@ from warehouse_env.traffic.conflicts import Route, conflicts
 from warehouse_env.traffic.diverse import routes
 from warehouse_env.traffic.expected import endpoint_tasks
 from warehouse_env.traffic.together import Task, choose_together, plan_together
+
+
+def require_networkx() -> Any:
+    """Return networkx; WarehouseError if it is not installed."""
+    try:
+        return importlib.import_module("networkx")
+    except ImportError:
+        raise WarehouseError('k shortest paths need networkx; pip install "warehouse-env[tables]"') from None
+
+
+@cache
+def _graph(grid: GridMap) -> Any:
+    graph = require_networkx().Graph()
+    for row, column in grid.free_cells.tolist():
+        for move in np.flatnonzero(grid.legal_moves[row, column]).tolist():
+            to = (row + int(MOVES[move, 0]), column + int(MOVES[move, 1]))
+            graph.add_edge((row, column), to, length=2**0.5 if move % 2 else 1.0)
+    return graph
+
+
+def k_shortest(grid: GridMap, start: Cell, goal: Cell, k: int) -> list[Route]:
+    """Return the k shortest simple paths int64[L, 2], the shortest first."""
+    paths = require_networkx().shortest_simple_paths(_graph(grid), start, goal, weight="length")
+    return [np.array(path, dtype=np.int64) for path in islice(paths, k)]
+
 
 ROBOTS = (16, 32, 64)
 PLANNERS = ("astar", "astar_turns", "pf_aco")

@@ -10,8 +10,7 @@ import pytest
 
 from train.evaluation.jobs import Known
 from train.reporting.rows import Row
-from train.tables.blocks import Block
-from train.tables.catalogue import MODULES
+from train.tables.blocks import MODULES, Block
 from train.tables.code import DRIVING, _closure
 from train.tables.papers.avoidance import FORESIGHT, GAIN, MODES, REACH, Robot, avoid, cells_of, obstacle_path
 from train.tables.papers.coordinator import duration
@@ -135,5 +134,5 @@ def test_rows_of_experiments_are_known_again() -> None:
 
 
 def test_rows_of_bodies_depend_on_the_code_that_drives_them() -> None:
-    code = _closure(["train.tables.papers.fleet"], DRIVING)
+    code = _closure(["train.tables.papers.six_agvs"], DRIVING)
     assert {"agents.rules", "warehouse_env.simulation.step", "train.tables.papers.coordinator"} <= set(code)
