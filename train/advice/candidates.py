@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Sequence
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -163,11 +163,15 @@ def one_ways(grid: GridMap, cell: Cell, flow: NDArray[np.float64]) -> list[Candi
             forth, back = (EAST, WEST) if along_row else (NORTH, SOUTH)
             more = _towards(flow[street], forth) >= _towards(flow[street], back)
             way = forth if more else back
-            directions = grid.one_way.copy()
-            directions[street] = way
             text = f"one way {_NAMES[way]} at {_where(grid, street)}"
-            found.append(Candidate("one-way", text, dataclasses.replace(grid, one_way=directions), street))
-    return [one for one in found if joined(one.grid)]
+            found.append(_directed(grid, street, np.full(grid.shape, way), text))
+    return [one for one in found if cut_off(one.grid) is None]
+
+
+def _directed(grid: GridMap, street: NDArray[np.bool_], ways: NDArray[Any], text: str) -> Candidate:
+    """Return the floor whose cells of a street bool[H, W] are one way, by directions [H, W]."""
+    directions = np.where(street, ways, grid.one_way).astype(grid.one_way.dtype)
+    return Candidate("one-way", text, dataclasses.replace(grid, one_way=directions), street)
 
 
 def _towards(flow: NDArray[np.float64], way: int) -> float:
@@ -181,7 +185,6 @@ def alternating(grid: GridMap) -> list[Candidate]:
     found = []
     for along_row, name in ((True, "west-east"), (False, "north-south")):
         label = aisle_cells(grid, along_row)
-        directions = grid.one_way.copy()
         lines = np.argwhere(label)[:, 0 if along_row else 1]
         begins = np.flatnonzero(np.diff(np.concatenate([[-2], np.unique(lines)])) > 1)
         first = np.unique(lines)[begins]
@@ -189,18 +192,16 @@ def alternating(grid: GridMap) -> list[Candidate]:
             continue
         turn = np.searchsorted(first, np.arange(grid.shape[0 if along_row else 1]), side="right") % 2
         ways = np.where(turn, *((EAST, WEST) if along_row else (NORTH, SOUTH)))
-        street = label > 0
-        directions[street] = (np.broadcast_to(ways[:, None] if along_row else ways[None, :], grid.shape))[street]
-        text = f"all {len(first)} lines of {name} aisles one way in turn"
-        found.append(Candidate("one-way", text, dataclasses.replace(grid, one_way=directions), street))
-    return [one for one in found if joined(one.grid)]
+        ways = np.broadcast_to(ways[:, None] if along_row else ways[None, :], grid.shape)
+        found.append(_directed(grid, label > 0, ways, f"all {len(first)} lines of {name} aisles one way in turn"))
+    return [one for one in found if cut_off(one.grid) is None]
 
 
-def joined(grid: GridMap) -> bool:
-    """Return whether each endpoint can be reached from every other."""
+def cut_off(grid: GridMap) -> Cell | None:
+    """Return an endpoint between which and the first one no robot can drive both ways; None where all are joined."""
     first, *others = grid.endpoints[2]
     region = grid.return_region(first)
-    return all(region[cell] for cell in others)
+    return next((cell for cell in others if not region[cell]), None)
 
 
 def expected_cost(grid: GridMap, trips: Sequence[Task], robots: int) -> float:

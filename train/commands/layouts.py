@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from train.advice.candidates import run_lengths
+from train.advice.candidates import cut_off, run_lengths
 from train.reporting.report import Table
 from train.reporting.rows import Row, RowFile
 from warehouse_env.checked import Checked
@@ -105,14 +105,12 @@ class Layouts(Checked):
 
 def check_connected(grid: GridMap) -> None:
     """Raise MapError, naming an endpoint, unless each endpoint can be reached from every other on a one-way floor."""
-    first, *others = grid.endpoints[2]
-    joined = grid.return_region(first)
-    for cell in others:
-        if not joined[cell]:
-            raise MapError(
-                f"one-way cells of map {grid.name!r} cut endpoints off: no robot can drive from {first} to {cell} and "
-                "back; turn or remove some arrows"
-            )
+    cell = cut_off(grid)
+    if cell is not None:
+        raise MapError(
+            f"one-way cells of map {grid.name!r} cut endpoints off: no robot can drive from {grid.endpoints[2][0]} to "
+            f"{cell} and back; turn or remove some arrows"
+        )
 
 
 def facts(grid: GridMap) -> Row:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from itertools import islice, zip_longest
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,14 +75,7 @@ def shares_of(policy: str, config: EnvConfig) -> Shares | None:
 FOLDER = "replays"  # beside the page
 
 
-class Worst(NamedTuple):
-    """An episode, and why it is shown."""
-
-    row: Row
-    why: str
-
-
-def worst_episodes(rows: Sequence[Row], count: int) -> list[Worst]:
+def worst_episodes(rows: Sequence[Row], count: int) -> list[Row]:
     """Return the worst episodes: the worst of each policy, then the second of each, and so on; worst first in a turn.
 
     Worse is who has more collisions per km, then more robots stuck at the end, then a robot that stood longer. Central
@@ -90,57 +83,39 @@ def worst_episodes(rows: Sequence[Row], count: int) -> list[Worst]:
     """
     own = [row for row in rows if row["policy"] not in CENTRAL]
     turns = [sorted(group, key=_badness, reverse=True) for group in grouped(own, ("policy",)).values()]
-    ranked = [
-        row
-        for turn in range(max(map(len, turns), default=0))
-        for row in sorted((group[turn] for group in turns if turn < len(group)), key=_badness, reverse=True)
-    ]
-    return [Worst(row, _why(row)) for row in ranked[:count]]
+    ranked = (row for turn in zip_longest(*turns) for row in sorted(filter(None, turn), key=_badness, reverse=True))
+    return list(islice(ranked, count))
 
 
 def _badness(row: Row) -> tuple[float, float, float]:
     return row["collisions_per_km"] or 0.0, row["stuck"], row["longest_standing_s"]
 
 
-def _why(row: Row) -> str:
+def why(row: Row) -> str:
+    """Say why an episode is among the worst."""
     hits = round(row["collisions_robot"] + row["collisions_shelf"] + row.get("collisions_person", 0))
     stuck = round(row["stuck"] * row["robots"])
-    parts = [
-        f"{hits or 'no'} collision{'s' * (hits != 1)}",
-        f"{stuck or 'no'} robot{'s' * (stuck != 1)} stuck at the end",
-        f"{number(row['longest_standing_s'], 2)} s the longest standing",
-    ]
-    return ", ".join(parts)
+    return (
+        f"{hits or 'no'} collision{'s' * (hits != 1)}, {stuck or 'no'} robot{'s' * (stuck != 1)} stuck at the end, "
+        f"{number(row['longest_standing_s'], 2)} s the longest standing"
+    )
 
 
 def write_replays(
-    worst: Sequence[Worst], experiments: Sequence[Experiment], folder: Path, tick: Callable[[], None]
+    worst: Sequence[Row], experiments: Sequence[Experiment], folder: Path, tick: Callable[[], None]
 ) -> list[Link]:
     """Play the episodes again and write each as an episode file and a replay page; return links from the folder."""
     links = []
-    for one in worst:
-        row = one.row
-        experiment = _experiment_of(row, experiments)
-        title = f"{Path(row['policy']).name}, {row['robots']} robots on {Path(row['layout']).stem}, seed {row['seed']}"
+    for row in worst:
+        known = (one for one in experiments if row["episode"] in one.episodes)
+        made_by = next(one for one in known if all(row.get(k) == value for k, value in identity(one).items()))
+        episode = record(dataclasses.replace(made_by, episodes=(row["episode"],)))
+        policy = Path(row["policy"]).name
+        title = f"{policy}, {row['robots']} robots on {Path(row['layout']).stem}, seed {row['seed']}"
         name = "_".join(map(file_name, (row["layout"], str(row["robots"]), row["policy"], str(row["seed"]))))
-        page = write_replay(record(experiment), title, folder / FOLDER / name)
-        links.append(Link(page.relative_to(folder).as_posix(), title, one.why))
+        episode.save(folder / FOLDER / f"{name}.npz")
+        page = folder / FOLDER / f"{name}.html"
+        write_replay_page(page, [replay_of(episode, policy, shares_of(episode.policy, episode.config))], title)
+        links.append(Link(page.relative_to(folder).as_posix(), title, why(row)))
         tick()
     return links
-
-
-def write_replay(episode: Episode, title: str, path: Path) -> Path:
-    """Write PATH.npz and PATH.html, and return the latter."""
-    episode.save(path.with_name(f"{path.name}.npz"))
-    page = path.with_name(f"{path.name}.html")
-    shares = shares_of(episode.policy, episode.config)
-    write_replay_page(page, [replay_of(episode, Path(episode.policy).name, shares)], title)
-    return page
-
-
-def _experiment_of(row: Row, experiments: Sequence[Experiment]) -> Experiment:
-    """Return the experiment of this one episode."""
-    for one in experiments:
-        if all(row.get(name) == value for name, value in identity(one).items()) and row["episode"] in one.episodes:
-            return replace(one, episodes=(row["episode"],))
-    raise LookupError(f"no experiment has made the episode of seed {row['seed']}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from train.evaluation.pictures import bars
@@ -77,21 +77,27 @@ def _over_robots(rows: Sequence[Row], short: Mapping[str, str]) -> Shown:
     return Shown(over_robots(floors, label), caption)
 
 
+def _on_floors(
+    rows: Sequence[Row], floors: Mapping[str, Floor], short: Mapping[str, str]
+) -> Iterator[tuple[str, str, dict[str, Floor]]]:
+    """Yield each layout, "on it with so many robots", and what was noted there under each policy, by its short name."""
+    for layout in dict.fromkeys(str(row["layout"]) for row in rows):
+        parts = {name.partition("@"): floor for name, floor in floors.items()}
+        own = {short[policy]: floor for (policy, _, place), floor in parts.items() if place == layout}
+        robots = max(row["robots"] for row in select(rows, layout=layout))
+        yield layout, f"on {short[layout]} with {robots} robots", own
+
+
 def _where(
     experiments: Sequence[Experiment], rows: Sequence[Row], floors: Mapping[str, Floor], short: Mapping[str, str]
 ) -> Part:
     """Return the heat maps of each floor, a panel a policy."""
     grids = {one.place: load_grid(one.config) for one in experiments}
     pictures = []
-    for layout in dict.fromkeys(str(row["layout"]) for row in rows):
-        own = {name: floor for name, floor in floors.items() if name.partition("@")[2] == layout}
-        robots = max(row["robots"] for row in select(rows, layout=layout))
-        panels = [
-            Panel(short[name.partition("@")[0]], grids[layout], floor.waiting, floor.contacts)
-            for name, floor in own.items()
-        ]
+    for layout, there, own in _on_floors(rows, floors, short):
+        panels = [Panel(name, grids[layout], floor.waiting, floor.contacts) for name, floor in own.items()]
         if panels:
-            label = f"Where robots wait and collide on {short[layout]} with {robots} robots"
+            label = f"Where robots wait and collide {there}"
             hours = number(sum(floor.hours for floor in own.values()) / len(own), 2)
             caption = (
                 f"{label}: colour is how long an hour a robot stands on a cell (its body's middle), red crosses are "
@@ -105,15 +111,10 @@ def _where(
 def _detours(rows: Sequence[Row], floors: Mapping[str, Floor], short: Mapping[str, str]) -> list[Shown]:
     """Return a chart a floor of driven over planned length."""
     pictures = []
-    for layout in dict.fromkeys(str(row["layout"]) for row in rows):
-        ratios = {
-            short[name.partition("@")[0]]: floor.ratios
-            for name, floor in floors.items()
-            if name.partition("@")[2] == layout and len(floor.ratios)
-        }
+    for _, there, own in _on_floors(rows, floors, short):
+        ratios = {name: floor.ratios for name, floor in own.items() if len(floor.ratios)}
         if ratios:
-            robots = max(row["robots"] for row in select(rows, layout=layout))
-            label = f"Driven over planned length of trips on {short[layout]} with {robots} robots"
+            label = f"Driven over planned length of trips {there}"
             trips = ", ".join(f"`{name}` {len(values):,}" for name, values in ratios.items())
             caption = (
                 f"{label}: the share of trips that are at most so many times as long as their first route was planned; "

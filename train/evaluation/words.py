@@ -40,8 +40,7 @@ CAVEAT = (
 
 def _about(rows: Sequence[Row]) -> str:
     groups = grouped(rows, ("layout", "robots", "policy"))
-    fewest, most = min(map(len, groups.values())), max(map(len, groups.values()))
-    each = f"{most}" if fewest == most else f"{fewest} to {most}"
+    each = " to ".join(map(str, sorted({min(map(len, groups.values())), max(map(len, groups.values()))})))
     seconds = "/".join(number(value) for value in sorted({round(row["seconds"], 1) for row in rows}))
     policies = len({row["policy"] for row in rows})
     return (
@@ -68,11 +67,13 @@ def _goals(rows: Sequence[Row], short: Mapping[str, str]) -> list[str]:
     if not order:
         return []
     best, interval = order[0]
-    reached = f"{with_interval(interval)} per robot-hour"
+    reached = with_interval(interval)
     if len(order) == 1:
-        return [f"`{short[best]}` reaches {reached} goals.".replace(" per robot-hour goals", " goals per robot-hour")]
-    versus = _against(rows, best, order[1][0], "goals_per_robot_hour")
-    return [f"Most goals are reached under `{short[best]}`, {reached}; the next is `{short[order[1][0]]}`, {versus}."]
+        return [f"`{short[best]}` reaches {reached} goals per robot-hour."]
+    second = order[1][0]
+    versus = _against(rows, best, second, "goals_per_robot_hour")
+    most = f"Most goals are reached under `{short[best]}`, {reached} per robot-hour"
+    return [f"{most}; the next is `{short[second]}`, {versus}."]
 
 
 def _against(rows: Sequence[Row], ours: str, other: str, name: str) -> str:
@@ -124,8 +125,7 @@ def _collisions(rows: Sequence[Row], short: Mapping[str, str]) -> list[str]:
 def _stuck(rows: Sequence[Row], short: Mapping[str, str]) -> list[str]:
     """Say under which policies robots are stuck at the end."""
     order = ranked(rows, "stuck", reverse=True)
-    some = [(policy, interval) for policy, interval in order if interval.mean > 0]
-    stuck = [f"{with_interval(interval, 100)}% under `{short[policy]}`" for policy, interval in some]
+    stuck = [f"{with_interval(found, 100)}% under `{short[policy]}`" for policy, found in order if found.mean > 0]
     if not stuck:
         return ["At the end no robot is stuck."] if order else []
     rest = " and none under the others" if len(stuck) < len(order) else ""

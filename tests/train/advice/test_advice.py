@@ -20,8 +20,8 @@ from train.advice.candidates import (
     aisles,
     alternating,
     choose,
+    cut_off,
     expected_cost,
-    joined,
     one_ways,
 )
 from train.advice.capacity import Load, bears, loads, next_count
@@ -174,7 +174,7 @@ def test_one_way_goes_where_most_drive() -> None:
 
 def test_a_one_way_that_cuts_endpoints_off_is_none() -> None:
     dead_end = floor_of("######", "......", "######", picks=[(1, 5)], stations=[(1, 0)])
-    assert joined(dead_end)
+    assert cut_off(dead_end) is None
     assert one_ways(dead_end, (1, 2), np.zeros((3, 6, 8))) == []
 
 
