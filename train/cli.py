@@ -71,7 +71,7 @@ COMMANDS: dict[str, Command] = {
         "commands.evaluate:Robust", "drive policies with other bodies, worse sensors, lost messages: what holds?"
     ),
     "scenes": Command(
-        "commands.scenes:Scenes", "drive policies through symmetric scenes and count those that are resolved"
+        "commands.evaluate:Scenes", "drive policies through symmetric scenes and count those that are resolved"
     ),
     "understand": Command("commands.understand:Understand", "draw what policies are likely to do in telling moments"),
     "curves": Command("commands.training:Curves", "draw the learning curves of several runs in one picture"),

@@ -1,4 +1,4 @@
-"""`warehouse evaluate` and `robust`: policies over held-out episodes, disturbed or not -> rows, a table, pictures."""
+"""`warehouse evaluate`, `robust` and `scenes`: policies over held-out episodes or scenes -> rows, a table, pictures."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ from typing import Any
 
 from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED
 from train.evaluation.episodes import play
+from train.evaluation.jobs import Runner
 from train.evaluation.places import NOTES, PAGE
 from train.evaluation.robustness import robust_table
-from train.evaluation.rollout import Experiment, Trace, make_experiment
+from train.evaluation.rollout import MOST, Experiment, Trace, make_experiment
+from train.evaluation.scenes import SCENES, SceneJob, scene_table
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, check_writable, read_rows, write_text
@@ -195,3 +197,47 @@ class Robust(Episodes):
         names = dict.fromkeys((UNDISTURBED, *self.disturbance))
         self.tabulate([experiment for name in names for experiment in self.experiments(name)], robust_table)
         print(f"wrote the rows to {self.rows_path}, the table to {self.out}")
+
+
+@dataclass(frozen=True)
+class Scenes(Drive):
+    """Drive policies through symmetric scenes (head-on, crossing, circle swap); print the share that is resolved."""
+
+    scene: tuple[str, ...] = tuple(SCENES)
+    """Scenes to play."""
+    policy: tuple[str, ...] = ("ppo",)
+    """Policies to compare: names, or folders of trained ones."""
+    seeds: int = 1000
+    """Seeds of each scene and policy."""
+    seconds: float = 120.0
+    """Simulated time within which all robots must have arrived [s]."""
+    json: Path | None = None
+    """File for the rows, one a seed, as JSON lines (OUT/rows.jsonl if left out)."""
+    out: Path = Path("results/scenes")
+    """Folder for the rows and the table."""
+
+    def run(self) -> None:
+        """Play everything, print the table, write rows and table."""
+        for name in self.scene:
+            if name not in SCENES:
+                raise unknown_name("scene", name, SCENES)
+        if not 1 <= self.seeds <= MOST:
+            raise ConfigError(f"--seeds {self.seeds} must lie between 1 and {MOST:,}")
+        make_planner(self.planner)
+        base, chosen = EnvConfig(planner=self.planner), self.chosen()
+        for policy in self.policy:  # finds what is wrong before the start
+            make_experiment(policy, base, self.seeds, self.seconds, self.seed, chosen)
+        check_writable(self.out / "table.md")
+        file = RowFile(self.json or self.out / "rows.jsonl")
+        seeds = range(self.seed, self.seed + self.seeds)
+        jobs = [
+            SceneJob(name, policy, base, self.seconds, seeds, chosen)
+            for name in dict.fromkeys(self.scene)
+            for policy in dict.fromkeys(self.policy)
+        ]
+        with Runner(file) as run:
+            rows = run(jobs)
+        table = scene_table(rows)
+        table.print()
+        write_text(self.out / "table.md", table.markdown())
+        print(f"wrote the rows to {file.path} and the table to {self.out}")

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from train.evaluation.pictures import file_name
 from train.reporting.report import Table, number, with_interval
 from train.reporting.rows import Row, write_text
-from train.tables.figures import Figures
-from train.tables.measures import MEASURES
+from train.tables.measures import MEASURES, Figures
 from train.tables.study import Claim, Published, Study, Verdict
 from train.tables.verdicts import RULE, judge, verdict_counts
 from warehouse_env import __version__

@@ -13,8 +13,7 @@ from typing import Any, Final, Literal, NamedTuple
 import numpy as np
 
 from train.reporting.rows import Row
-from train.tables.figures import Figures
-from train.tables.measures import MEASURES
+from train.tables.measures import MEASURES, Figures
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Planner, make_planner

@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 from train.reporting.report import number
 from train.reporting.rows import Interval
-from train.tables.figures import ROUNDING, Figures
-from train.tables.measures import MEASURES
+from train.tables.measures import MEASURES, ROUNDING, Figures
 from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Claim, Published, Verdict
 
 _PRINT_ROUNDING = 1e-5  # relative: the papers print four decimals

@@ -7,8 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from train.tables.figures import Figures
 from train.tables.maps import draw_rectangle, drawn_map
+from train.tables.measures import Figures
 from train.tables.study import OPEN, Claim, Setting, Study, System, TableTask, Verdict, published
 from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.grid_map import GridMap

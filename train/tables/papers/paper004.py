@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 
 from train.reporting.report import number
-from train.tables.figures import Figures
 from train.tables.maps import clutter, clutter_task, draw_rectangle
 from train.tables.measures import MEASURES as KINDS
+from train.tables.measures import Figures
 from train.tables.study import OPEN, Claim, Published, Setting, Study, System, TableTask, Verdict, published
 from warehouse_env.maps.grid_map import GridMap
 

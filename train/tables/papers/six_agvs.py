@@ -18,7 +18,7 @@ from agents.rules import Rules
 from train.books import simulator_of
 from train.evaluation.rollout import make_experiment, play_out
 from train.reporting.rows import Row
-from train.tables.figures import ROUNDING, Figures
+from train.tables.measures import ROUNDING, Figures
 from train.tables.papers.coordinator import Coordinator, Driven, drive_alone, duration
 from train.tables.study import Claim, Setting, Study, System, TableTask, Verdict, published
 from train.tables.verdicts import percent

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from train.tables.figures import Figures
 from train.tables.maps import drawn_map
+from train.tables.measures import Figures
 from train.tables.papers.coordinator import TOUCH, Coordinator, Driven, clash, drive_alone, duration, nearest
 from train.tables.papers.six_agvs import (
     ALONE,
