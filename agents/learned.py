@@ -41,10 +41,8 @@ class LearnedPolicy:
         self.name = name or Path(directory).name
         self._check_fit(directory, config)
         tensors = read_tensors(directory, self.record.network)
-        depth = len(self.record.network.hidden) + 1
-        self._layers = [
-            (np.ascontiguousarray(tensors[f"actor.{k}.weight"].T), tensors[f"actor.{k}.bias"]) for k in range(depth)
-        ]
+        parts = [f"actor.{k}" for k in range(len(self.record.network.hidden) + 1)]
+        self._layers = [(np.ascontiguousarray(tensors[f"{k}.weight"].T), tensors[f"{k}.bias"]) for k in parts]
         self._std = None if self.record.network.discrete else np.exp(tensors["log_std"])
 
     def _check_fit(self, directory: Path | str, config: EnvConfig) -> None:

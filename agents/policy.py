@@ -33,10 +33,8 @@ class Policy(Protocol):
 class Preferring(Policy, Protocol):
     """A policy that says how much it likes each discrete action, for right of way to choose among them.
 
-    One without preferences has its action, then any side at its speed.
-
-    Attributes:
-        drawn: whether the preferences are logits to draw from, rather than an order.
+    One without preferences has its action, then any side at its speed. drawn: whether the preferences are logits to
+    draw from, rather than an order.
     """
 
     drawn: bool

@@ -36,51 +36,41 @@ class Command(NamedTuple):
         return self.home.partition(":")[2]
 
 
-COMMANDS: dict[str, Command] = {
-    "demo": Command("commands.demo:Demo", "compare the shipped policies in three minutes: table, pictures, video"),
-    "plan": Command("commands.plan:PlanCommand", "compare planners on the tasks of a map"),
-    "tables papers": Command(
-        "tables.command:Papers", "make the papers' tables again, ours beside theirs, with verdicts"
+_COMMANDS = {
+    "demo": ("commands.demo:Demo", "compare the shipped policies in three minutes: table, pictures, video"),
+    "plan": ("commands.plan:PlanCommand", "compare planners on the tasks of a map"),
+    "tables papers": ("tables.command:Papers", "make the papers' tables again, ours beside theirs, with verdicts"),
+    "tables benchmark": ("tables.benchmark.command:Benchmark", "plan pairs of cells of five floors by every planner"),
+    "tables traffic": (
+        "tables.traffic.command:Traffic",
+        "hold several robots' routes against each other, and drive them",
     ),
-    "tables benchmark": Command(
-        "tables.benchmark.command:Benchmark", "plan pairs of cells of five floors by every planner"
+    "tables learning": ("tables.learning.command:Learning", "train seeds of each algorithm and say what learning adds"),
+    "tables floors": (
+        "tables.floors.command:Floors",
+        "drive policies and the rule on many floors, some drawn at random",
     ),
-    "tables traffic": Command(
-        "tables.traffic.command:Traffic", "hold several robots' routes against each other, and drive them"
+    "layouts": ("commands.layouts:Layouts", "list, draw, check and convert maps"),
+    "train reinforce": ("commands.training:TrainReinforce", "train our policy gradient"),
+    "train ppo": ("commands.training:TrainPPO", "train PPO by stable-baselines3"),
+    "train threaded_ppo": ("commands.training:TrainThreadedPPO", "train our PPO, in threads"),
+    "evaluate": ("commands.evaluate:Evaluate", "drive policies over held-out episodes and count collisions"),
+    "compare": ("commands.compare:Compare", "hold runs of evaluate against each other, in pairs"),
+    "advise": ("commands.advise:Advise", "say how many robots a floor bears, where they wait, what a change brings"),
+    "record": ("commands.replay:Record", "drive a policy through one episode and keep it as a file"),
+    "replay": ("commands.replay:ReplayCommand", "show recorded episodes: a page for the browser, a video, a window"),
+    "robust": (
+        "commands.evaluate:Robust",
+        "drive policies with other bodies, worse sensors, lost messages: what holds?",
     ),
-    "tables learning": Command(
-        "tables.learning.command:Learning", "train seeds of each algorithm and say what learning adds"
-    ),
-    "tables floors": Command(
-        "tables.floors.command:Floors", "drive policies and the rule on many floors, some drawn at random"
-    ),
-    "layouts": Command("commands.layouts:Layouts", "list, draw, check and convert maps"),
-    "train reinforce": Command("commands.training:TrainReinforce", "train our policy gradient"),
-    "train ppo": Command("commands.training:TrainPPO", "train PPO by stable-baselines3"),
-    "train threaded_ppo": Command("commands.training:TrainThreadedPPO", "train our PPO, in threads"),
-    "evaluate": Command("commands.evaluate:Evaluate", "drive policies over held-out episodes and count collisions"),
-    "compare": Command("commands.compare:Compare", "hold runs of evaluate against each other, in pairs"),
-    "advise": Command(
-        "commands.advise:Advise", "say how many robots a floor bears, where they wait, what a change brings"
-    ),
-    "record": Command("commands.replay:Record", "drive a policy through one episode and keep it as a file"),
-    "replay": Command(
-        "commands.replay:ReplayCommand", "show recorded episodes: a page for the browser, a video, a window"
-    ),
-    "robust": Command(
-        "commands.evaluate:Robust", "drive policies with other bodies, worse sensors, lost messages: what holds?"
-    ),
-    "scenes": Command(
-        "commands.evaluate:Scenes", "drive policies through symmetric scenes and count those that are resolved"
-    ),
-    "understand": Command("commands.understand:Understand", "draw what policies are likely to do in telling moments"),
-    "curves": Command("commands.training:Curves", "draw the learning curves of several runs in one picture"),
-    "export": Command("commands.export:Export", "write a trained policy as an ONNX model"),
-    "compile": Command(
-        "commands.compile:Compile", "compile all kernels ahead of time, several at a time, and keep them"
-    ),
-    "bench": Command("commands.bench:Bench", "measure the speed of the simulator, the planners and the trainers"),
+    "scenes": ("commands.evaluate:Scenes", "drive policies through symmetric scenes and count those that are resolved"),
+    "understand": ("commands.understand:Understand", "draw what policies are likely to do in telling moments"),
+    "curves": ("commands.training:Curves", "draw the learning curves of several runs in one picture"),
+    "export": ("commands.export:Export", "write a trained policy as an ONNX model"),
+    "compile": ("commands.compile:Compile", "compile all kernels ahead of time, several at a time, and keep them"),
+    "bench": ("commands.bench:Bench", "measure the speed of the simulator, the planners and the trainers"),
 }
+COMMANDS = {name: Command(*line) for name, line in _COMMANDS.items()}
 
 
 def main(argv: Sequence[str] | None = None) -> int:

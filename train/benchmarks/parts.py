@@ -96,12 +96,10 @@ def simulator(budget: Budget) -> Iterator[Row]:
     for worlds, robots in ((64, 16), (1024, 32), (1, 32), (1, 256), (1, 1024)):
         if worlds == 1 and robots > budget.largest:
             continue
-        config = EnvConfig(
-            num_agents=robots, planner=_PLANNER, max_steps=sys.maxsize, action_repeat=budget.action_repeat
-        )
+        config = EnvConfig(num_agents=robots, planner=_PLANNER, action_repeat=budget.action_repeat)
         side = _SQUARE_PER_ROBOTS[robots] if worlds == 1 else 0
         grid = make_layout("blocks", rows=side, columns=side) if worlds == 1 else None
-        sim = Simulator(config, worlds, grid=grid)
+        sim = Simulator(config.replace(max_steps=sys.maxsize), worlds, grid=grid)
         sim.reset([budget.seed + k % _START_SEEDS for k in range(worlds)])
         pool = _draws(sim.action_space, budget.seed, worlds, robots)
         for threads in budget.threads if worlds > 1 else (1,):

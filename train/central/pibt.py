@@ -217,8 +217,7 @@ class _World:
 
 def _flat(cells: NDArray[np.int64], grid: GridMap) -> NDArray[np.int64]:
     """Return int64[N], the cells (row, column) int64[N, 2] as row * columns + column."""
-    flat: NDArray[np.int64] = cells[:, 0] * grid.shape[1] + cells[:, 1]
-    return flat
+    return np.asarray(cells[:, 0] * grid.shape[1] + cells[:, 1])
 
 
 class CentralPIBT:

@@ -141,16 +141,12 @@ class Runner:
         progress: Progress | None = None,
         hear: Callable[[int, Any], None] = lambda number, more: None,
     ) -> None:
-        """Open.
+        """Open with a file for the rows, and the old ones that are there already.
 
-        Args:
-            file: for the rows.
-            old: rows that are there already.
-            processes: jobs at a time, each in a process of its own; in this one if it is 1.
-            goes_on: how a stopped command goes on, if it does.
-            mixed: do jobs by chance, always the same, so that the time that is left can be told from what is done.
-            progress: hears how far the jobs are; a bar on stderr if left out.
-            hear: told a job's number and what it made besides rows, after these are written.
+        processes: jobs at a time, each in a process of its own; in this one if it is 1. goes_on: how a stopped command
+        goes on, if it does. mixed: do jobs by chance, always the same, so that the time that is left can be told from
+        what is done. progress: hears how far the jobs are; a bar on stderr if left out. hear: told a job's number and
+        what it made besides rows, after these are written.
         """
         self._file, self._known, self._processes = file, Known(old), processes
         self._goes_on, self._mixed, self._progress, self._hear = goes_on, mixed, progress, hear
@@ -182,9 +178,8 @@ class Runner:
                     self._hear(number, result.more)
                     rows[number] += result.rows
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(
-                self._file.kept(), *[self._goes_on] * bool(self._goes_on and self._file.count)
-            ) from None
+            more = [self._goes_on] * bool(self._goes_on and self._file.count)
+            raise KeyboardInterrupt(self._file.kept(), *more) from None
         return [row for number in sorted(rows) for row in rows[number]]
 
     def _done(self, missing: Sequence[tuple[int, Job]], moved: Progress) -> Iterator[tuple[int, Result]]:

@@ -90,9 +90,8 @@ class Asked:
         """Load the policy; ConfigError where it has no probabilities."""
         made = make_policy(policy, config)
         if not isinstance(made, LearnedPolicy) or config.action_type != "discrete":
-            raise ConfigError(
-                f"policy {policy!r} has no probabilities of actions; name a trained one of discrete actions"
-            )
+            lacks = "has no probabilities of actions; name a trained one of discrete actions"
+            raise ConfigError(f"policy {policy!r} {lacks}")
         self._policy = made
         speed, offset = np.array([(v, o) for v in config.speed_levels for o in config.lateral_offsets]).T
         drives = speed > 0
@@ -103,8 +102,7 @@ class Asked:
         """Return the chances in the order of CHANCES, float64[..., 4] from float32[..., D]."""
         logits = self._policy.preferences(observation).astype(np.float64)
         likely = np.exp(logits - logits.max(axis=-1, keepdims=True))
-        chances: NDArray[np.float64] = likely @ self._classes / likely.sum(axis=-1, keepdims=True)
-        return chances
+        return np.asarray(likely @ self._classes / likely.sum(axis=-1, keepdims=True))
 
 
 def map_of(moment: Moment, policy: str, config: EnvConfig) -> ProbabilityMap:
@@ -146,8 +144,7 @@ def headings_along(route: NDArray[np.float64], points: NDArray[np.float64]) -> N
     apart = points[:, None] - begin
     share = ((apart * step).sum(axis=2) / (step**2).sum(axis=1)).clip(0.0, 1.0)
     nearest = np.hypot(*np.moveaxis(apart - share[..., None] * step, 2, 0)).argmin(axis=1)
-    angles: NDArray[np.float64] = np.arctan2(step[nearest, 1], step[nearest, 0])
-    return angles
+    return np.asarray(np.arctan2(step[nearest, 1], step[nearest, 0]))
 
 
 STANDS = 5.0  # [s] within a metre of one place from which a robot counts as standing

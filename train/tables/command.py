@@ -77,10 +77,14 @@ class Block(Job):
         truth = make_task(task.grid, f"{self.setting}_{self.number}", task.start, task.goal)
         planner.plan(task.grid, truth.start, truth.goal, np.random.default_rng(self.seed))
         runs = [plan_once(task.grid, planner, truth, self.number, run, self.seed) for run in range(self.runs)]
-        best = _best(runs)
-        return Result(
-            [{**run.row, **identity, "curve": _curve(run), **(_path(run) if run is best else {})} for run in runs]
-        )
+        rows = [{**run.row, **identity, "curve": _curve(run)} for run in runs]
+        found = [k for k, run in enumerate(runs) if run.plan.found]
+        if found:  # the shortest driven line is drawn, that of the fewest turns where several are as short
+            best = min(found, key=lambda k: (round(runs[k].plan.line_length, 9), runs[k].row["turns"]))
+            plan = runs[best].plan
+            line = None if plan.line is None else plan.line.round(4).tolist()
+            rows[best] |= {"cells": plan.cells.tolist(), "line": line}
+        return Result(rows)
 
 
 def blocks_of(module: str, study: Study, runs: int | None, seed: int) -> list[Block]:
@@ -91,18 +95,6 @@ def blocks_of(module: str, study: Study, runs: int | None, seed: int) -> list[Bl
         for system in study.systems
         for number in range(len(setting.tasks))
     ]
-
-
-def _best(runs: Sequence[Run]) -> Run | None:
-    """Return the run with the shortest driven line, the one of the fewest turns where several are as short."""
-    found = [run for run in runs if run.plan.found]
-    return min(found, key=lambda run: (round(run.plan.line_length, 9), run.row["turns"]), default=None)
-
-
-def _path(run: Run) -> Row:
-    """Return what is drawn of a plan: its cells, and its line where it leaves the lattice."""
-    line = run.plan.line
-    return {"cells": run.plan.cells.tolist(), "line": None if line is None else line.round(4).tolist()}
 
 
 def _curve(run: Run) -> list[list[float]]:
