@@ -6,7 +6,8 @@ Pick faces and stations stay where they are, so that robots have the same tasks 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice, takewhile
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -83,22 +84,23 @@ def _nearest_face(grid: GridMap, racks: NDArray[np.bool_], cell: Cell, step: Cel
 
 def _next_shelf(grid: GridMap, racks: NDArray[np.bool_], cell: Cell, step: Cell) -> Cell | None:
     """Return the first cell of a rack within REACH that way; None if there is none, or a wall before it."""
-    for distance in range(1, REACH + 1):
-        row, column = cell[0] + distance * step[0], cell[1] + distance * step[1]
-        if not _is_free(grid, (row, column)):
-            inside = 0 <= row < grid.shape[0] and 0 <= column < grid.shape[1]
-            return (row, column) if inside and racks[row, column] else None
+    for ahead in islice(_ray(grid.shape, cell, step), 1, REACH + 1):
+        if not _is_free(grid, ahead):
+            return ahead if racks[ahead] else None
     return None
+
+
+def _ray(shape: tuple[int, ...], cell: Cell, step: Cell) -> Iterator[Cell]:
+    """Yield the cells of a floor from one on, that way."""
+    row, column = cell
+    while 0 <= row < shape[0] and 0 <= column < shape[1]:
+        yield row, column
+        row, column = row + step[0], column + step[1]
 
 
 def _run(racks: NDArray[np.bool_], cell: Cell, step: Cell) -> list[Cell]:
     """Return the cells of a rack from one on, that way."""
-    cells = []
-    row, column = cell
-    while 0 <= row < racks.shape[0] and 0 <= column < racks.shape[1] and racks[row, column]:
-        cells.append((row, column))
-        row, column = row + step[0], column + step[1]
-    return cells
+    return list(takewhile(lambda one: racks[one], _ray(racks.shape, cell, step)))
 
 
 def _line(racks: NDArray[np.bool_], cell: Cell, step: Cell) -> list[Cell]:

@@ -96,12 +96,9 @@ class Episodes(Drive):
         return self.json or self.out / "rows.jsonl"
 
     def tabulate(
-        self,
-        experiments: Sequence[Experiment],
-        table_of: Callable[[Sequence[Row]], Table],
-        traced: bool = False,
+        self, experiments: Sequence[Experiment], table_of: Callable[[Sequence[Row]], Table], traced: bool = False,
         notes: RowFile | None = None,
-    ) -> tuple[list[Row], list[Trace]]:
+    ) -> tuple[list[Row], list[Trace]]:  # fmt: skip
         """Play the experiments, print the table of their rows and write both; return what `play` does."""
         path, table_path = self.rows_path, self.out / "table.md"
         check_writable(table_path)

@@ -58,14 +58,9 @@ class Episodes(Job):
 
 
 def play(
-    experiments: Sequence[Experiment],
-    file: RowFile,
-    old: Sequence[Row] = (),
-    traced: bool = False,
-    processes: int = 1,
-    notes: RowFile | None = None,
-    goes_on: str = "",
-) -> tuple[list[Row], list[Trace]]:
+    experiments: Sequence[Experiment], file: RowFile, old: Sequence[Row] = (), traced: bool = False,
+    processes: int = 1, notes: RowFile | None = None, goes_on: str = "",
+) -> tuple[list[Row], list[Trace]]:  # fmt: skip
     """Play experiments, and write the rows of each as soon as it ends.
 
     Episodes whose rows are among `old` are not played again. notes: the file for what `Places` notes of the others.

@@ -131,16 +131,9 @@ class Runner:
     """
 
     def __init__(
-        self,
-        file: RowFile,
-        old: Sequence[Row] = (),
-        processes: int = 1,
-        *,
-        goes_on: str = "",
-        mixed: bool = False,
-        progress: Progress | None = None,
-        hear: Callable[[int, Any], None] = lambda number, more: None,
-    ) -> None:
+        self, file: RowFile, old: Sequence[Row] = (), processes: int = 1, *, goes_on: str = "", mixed: bool = False,
+        progress: Progress | None = None, hear: Callable[[int, Any], None] = lambda number, more: None,
+    ) -> None:  # fmt: skip
         """Open with a file for the rows, and the old ones that are there already.
 
         processes: jobs at a time, each in a process of its own; in this one if it is 1. goes_on: how a stopped command

@@ -111,11 +111,9 @@ def run(
 
 
 def play_out(
-    experiment: Experiment,
-    simulator: Simulator,
-    watch: Sequence[Watcher] = (),
+    experiment: Experiment, simulator: Simulator, watch: Sequence[Watcher] = (),
     step: Callable[[NDArray[Any]], object] | None = None,
-) -> tuple[list[dict[str, Any]], float]:
+) -> tuple[list[dict[str, Any]], float]:  # fmt: skip
     """Drive the worlds of an experiment, which have just been reset, until all episodes are over.
 
     step: instead of the simulator's own. Returns each episode's metrics, with its deadlocks, and the median time of a

@@ -203,12 +203,7 @@ class Film:
 
 
 def worst_jam(
-    policy: str,
-    base: EnvConfig,
-    seconds: float,
-    seed: int,
-    tick: Callable[[], None],
-    chosen: Mapping[str, Any] = {},
+    policy: str, base: EnvConfig, seconds: float, seed: int, tick: Callable[[], None], chosen: Mapping[str, Any] = {}
 ) -> tuple[str, Film] | None:
     """Play every scene once; return name and film of the one, of those in which all arrive, where most stand at once.
 

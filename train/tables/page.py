@@ -40,13 +40,9 @@ class Written(NamedTuple):
 
 
 def write_pages(
-    studies: Sequence[Study],
-    rows: Sequence[Row],
-    before: Sequence[tuple[Study, list[Row]]],
-    folder: Path,
-    *,
+    studies: Sequence[Study], rows: Sequence[Row], before: Sequence[tuple[Study, list[Row]]], folder: Path, *,
     pictures: bool,
-) -> None:
+) -> None:  # fmt: skip
     """Write the pages, tables and pictures of studies into a folder, and an index.
 
     before: studies whose pages are there already, with their rows; the index lists them too.
