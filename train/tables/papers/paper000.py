@@ -100,21 +100,15 @@ def cross_zone() -> tuple[Setting, ...]:
 _table = partial(Study, paper=PAPER, systems=SYSTEMS, runs=_RUNS, measures=MEASURES)
 STUDIES = (
     _table(
-        name="000_table_1",
-        title="Table 1 of paper 000: paths within a zone of the warehouse",
-        settings=in_zone,
-        published=_published(_TABLE_1),
-        claims=_claims(_published(_TABLE_1), -0.058, -0.38, -0.12),
+        name="000_table_1", title="Table 1 of paper 000: paths within a zone of the warehouse", settings=in_zone,
+        published=_published(_TABLE_1), claims=_claims(_published(_TABLE_1), -0.058, -0.38, -0.12),
         note=_RECONSTRUCTION + "The printed 26.6820 of path 4 is no lattice length; our task for it is 26.5563 long, "
         "the longest length below that two cells of one zone have on our map. " + _BASELINES,
     ),
     _table(
-        name="000_table_2",
-        title="Table 2 of paper 000: paths across the zones of the warehouse",
-        settings=cross_zone,
-        published=_published(_TABLE_2),
-        claims=_claims(_published(_TABLE_2), -0.055, -0.5, -0.158),
+        name="000_table_2", title="Table 2 of paper 000: paths across the zones of the warehouse", settings=cross_zone,
+        published=_published(_TABLE_2), claims=_claims(_published(_TABLE_2), -0.055, -0.5, -0.158),
         note=_RECONSTRUCTION + _BASELINES + "The printed convergences of the traditional colony, 101 and 106, need "
         "more than the 100 iterations that we give every colony; the paper does not say how many it took.",
     ),
-)
+)  # fmt: skip

@@ -137,14 +137,8 @@ def walker_claim(text: str, ours: str, other: str, *settings: str) -> Claim:
 WALKER_MEASURES = ("found_share", "gap", "turns", "clearance", "ms")
 STUDIES = (
     Study(
-        name="001_table_1",
-        paper=PAPER,
-        title="Table 1 of paper 001: 20 x 20 cells, four tenths of them occupied",
-        settings=settings,
-        systems=SYSTEMS,
-        runs=_RUNS,
-        measures=MEASURES,
-        published=published(_COLUMNS, _TABLE_1),
+        name="001_table_1", paper=PAPER, title="Table 1 of paper 001: 20 x 20 cells, four tenths of them occupied",
+        settings=settings, systems=SYSTEMS, runs=_RUNS, measures=MEASURES, published=published(_COLUMNS, _TABLE_1),
         claims=_claims(),
         note="The paper shows its one map as a picture only and says: 20 x 20 cells, free to occupied as 6 to 4, "
         f"obstacles at random. So there are two reconstructions of it, {MAPS} maps each, from corner to corner: single "
@@ -153,10 +147,8 @@ STUDIES = (
         "they tell of another map. A sample is a map. The paper's time is that of Python.",
     ),
     Study(
-        name="001_walkers",
-        paper=PAPER,
-        title="Section 2.1 of paper 001: the repulsion that lets a walker reach its goal",
-        settings=walker_settings,
+        name="001_walkers", paper=PAPER,
+        title="Section 2.1 of paper 001: the repulsion that lets a walker reach its goal", settings=walker_settings,
         systems=(
             System(CLASSICAL, "apf"),
             System(REPAIRED, "apf_improved", {"intermediate_point": False}),
@@ -164,14 +156,11 @@ STUDIES = (
             System(STRONG_REPAIRED, "apf_improved", {"intermediate_point": False, **STRONG}),
             System("dijkstra", "dijkstra"),
         ),
-        runs=1,
-        measures=WALKER_MEASURES,
+        runs=1, measures=WALKER_MEASURES,
         claims=(
             walker_claim(
                 "The improved repulsion makes goals beside obstacles reachable",
-                STRONG_REPAIRED,
-                STRONG_CLASSICAL,
-                BESIDE,
+                STRONG_REPAIRED, STRONG_CLASSICAL, BESIDE,
             ),
             walker_claim(
                 "Beyond the claim: it makes other goals reachable, too", REPAIRED, CLASSICAL, LIGHT, WAREHOUSE
@@ -183,4 +172,4 @@ STUDIES = (
         pictured=(BESIDE, LIGHT),
     ),
     SIX_AGVS,
-)
+)  # fmt: skip

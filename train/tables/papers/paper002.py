@@ -65,12 +65,8 @@ def _claims() -> tuple[Claim, ...]:
 
 STUDIES = (
     Study(
-        name="002_comparison",
-        paper=PAPER,
-        title="Paper 002: 30 x 30 cells from (1, 1) to (30, 28)",
-        settings=settings,
-        systems=SYSTEMS,
-        runs=_RUNS,
+        name="002_comparison", paper=PAPER, title="Paper 002: 30 x 30 cells from (1, 1) to (30, 28)", settings=settings,
+        systems=SYSTEMS, runs=_RUNS,
         measures=("worst", "best", "ms", "converged_at", "mean", "gap", "turns", "optimal_share", "found_share"),
         claims=(
             *_claims(),
@@ -83,9 +79,7 @@ STUDIES = (
         "Its alpha of 1.5 is used in the fusion alone; the fusion without field is a traditional colony with it.",
     ),
     Study(
-        name="002_walkers",
-        paper=PAPER,
-        title="Paper 002: the walker along the force and its two repairs",
+        name="002_walkers", paper=PAPER, title="Paper 002: the walker along the force and its two repairs",
         settings=walker_settings,
         systems=(
             System(CLASSICAL, "apf", _FIELD),
@@ -96,17 +90,14 @@ STUDIES = (
             System(STRONG_DISTANCE, "apf_improved", {**_DISTANCE, **paper001.STRONG}),
             System("dijkstra", "dijkstra"),
         ),
-        runs=1,
-        measures=paper001.WALKER_MEASURES,
+        runs=1, measures=paper001.WALKER_MEASURES,
         claims=(
             walker_claim(
                 "The intermediate point leads out of local minima", _POINT_ONLY, CLASSICAL, IN_FRONT, LIGHT, WAREHOUSE
             ),
             walker_claim(
                 "The relative distance makes goals beside obstacles reachable",
-                STRONG_DISTANCE,
-                paper001.STRONG_CLASSICAL,
-                BESIDE,
+                STRONG_DISTANCE, paper001.STRONG_CLASSICAL, BESIDE,
             ),
             walker_claim(
                 "Beyond the claim: it makes other goals reachable, too", _DISTANCE_ONLY, CLASSICAL, LIGHT, WAREHOUSE
@@ -118,4 +109,4 @@ STUDIES = (
         pictured=(IN_FRONT, LIGHT),
     ),
     MOVING_OBSTACLE,
-)
+)  # fmt: skip

@@ -135,23 +135,11 @@ def _claims() -> tuple[Claim, ...]:
 
 STUDIES = (
     Study(
-        name="003_table_5",
-        paper=PAPER,
-        title="Table 5 of paper 003: single obstacles that trap, light and heavy clutter",
-        settings=settings,
-        systems=SYSTEMS,
-        runs=_RUNS,
+        name="003_table_5", paper=PAPER,
+        title="Table 5 of paper 003: single obstacles that trap, light and heavy clutter", settings=settings,
+        systems=SYSTEMS, runs=_RUNS,
         measures=(
-            "best",
-            "mean",
-            "sd",
-            "optimal_share",
-            "found_share",
-            "gap",
-            "turns",
-            "converged_at",
-            "ms",
-            "optimum",
+            "best", "mean", "sd", "optimal_share", "found_share", "gap", "turns", "converged_at", "ms", "optimum",
         ),
         published=published(
             ("optimal_share",),
@@ -172,13 +160,9 @@ STUDIES = (
         "one is stronger than the paper's swarms seem to be. An interval is over runs on one map.",
     ),
     Study(
-        name="003_more_maps",
-        paper=PAPER,
-        title="Paper 003 on more maps: what each part of the system is worth on 50 x 50 cells",
-        settings=more_settings,
-        systems=SYSTEMS,
-        runs=4,
-        measures=("mean", "gap", "optimal_share", "turns", "converged_at", "ms"),
+        name="003_more_maps", paper=PAPER,
+        title="Paper 003 on more maps: what each part of the system is worth on 50 x 50 cells", settings=more_settings,
+        systems=SYSTEMS, runs=4, measures=("mean", "gap", "optimal_share", "turns", "converged_at", "ms"),
         claims=(
             Claim(
                 "The shipped system is optimal in every run",
@@ -195,4 +179,4 @@ STUDIES = (
         "says little. A sample is a map.",
         pictured=(LIGHT,),
     ),
-)
+)  # fmt: skip

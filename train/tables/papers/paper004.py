@@ -204,12 +204,9 @@ _BASELINE = (
 _table = partial(Study, paper=PAPER, systems=SYSTEMS, runs=_RUNS)
 STUDIES = (
     _table(
-        name="004_table_1",
-        title="Table 1 of paper 004: floors of other papers",
-        settings=literature,
+        name="004_table_1", title="Table 1 of paper 004: floors of other papers", settings=literature,
         measures=(*_LENGTHS, *_CONVERGENCE, "mean", "optimum", "turn_angle", "clearance", "found_share", "ms"),
-        published=_published_1(),
-        claims=_claims_1(),
+        published=_published_1(), claims=_claims_1(),
         note="The floors of references [7], [9] and [12] are not in the paper's text. Ours are random ones of the "
         "kind that it names, large blocks (about 20%) or scattered cells (12 to 14%), chosen so that the "
         "shortest path is as long as the printed best of the reference, or nearly: 28.038 is no lattice length "
@@ -219,9 +216,7 @@ STUDIES = (
         f"{MAPS} maps a line, a sample is a map.",
     ),
     _table(
-        name="004_table_2",
-        title="Table 2 of paper 004: iterations to convergence",
-        settings=shares,
+        name="004_table_2", title="Table 2 of paper 004: iterations to convergence", settings=shares,
         measures=("converged_at", "converged_sd", "found_share", "ms"),
         published=_published(_TABLE_2, "converged_at", "converged_sd"),
         claims=(
@@ -231,9 +226,7 @@ STUDIES = (
         note=_FLOORS + _BASELINE,
     ),
     _table(
-        name="004_table_3",
-        title="Table 3 of paper 004: length of the best path",
-        settings=shares,
+        name="004_table_3", title="Table 3 of paper 004: length of the best path", settings=shares,
         measures=(
             "line_length", "line_sd", "mean", "gap", "optimum", "optimal_share", "turn_angle", "clearance",
             "found_share", "ms",
