@@ -55,10 +55,7 @@ def ranked(policy: Preferring, observation: Observation, rng: np.random.Generato
 
 
 def draw_discrete(logits: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.int64]:
-    """Draw one action a row with probability softmax(logits): int64[M] from float32[M, A].
-
-    The Gumbel trick: argmax of logits + G.
-    """
+    """Draw one action a row by softmax(logits), by the Gumbel trick: int64[M] from float32[M, A]."""
     return np.asarray(np.argmax(logits + gumbel(logits.shape, rng), axis=-1))
 
 

@@ -113,10 +113,7 @@ def _config(driver: str, layout: str, robots: int) -> EnvConfig:
 
 
 def drive(name: str, config: EnvConfig, seconds: float, seed: int, noise: str = "none") -> Row:
-    """Drive a world for `seconds` simulated in episodes of EPISODE; return kilometres, contacts and goals.
-
-    noise: a name of NOISES.
-    """
+    """Drive a world for `seconds` in episodes of EPISODE, with a noise of NOISES; return kilometres, contacts, goals."""
     simulator = Simulator(config)
     rng = np.random.default_rng(seed)
     act = DRIVERS[name][1](config, rng)

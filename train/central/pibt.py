@@ -20,6 +20,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.routes.lanes import resample
 from warehouse_env.simulation.simulator import Simulator
 
+Floats, Ints = NDArray[np.float64], NDArray[np.int64]
 SPACING = 0.25  # [m] of the way-points
 REST = 0.2  # [cells] ahead of a cell's centre where a front axle stops: the body then hardly leaves the cell
 REST_TO_TURN = -0.1  # [cells], the same where it may have to turn from rest: it then hardly swings out of the cell
@@ -31,7 +32,7 @@ Line = tuple[NDArray[np.float32], float]
 """Way-points float32[R, 2] [m], and where on them the axle must stop [m]."""
 
 
-def line_of(orders: Orders, robot: int, centre: NDArray[np.float64], side: float) -> Line:
+def line_of(orders: Orders, robot: int, centre: Floats, side: float) -> Line:
     """Return the line of the visits in the present gear, from where the robot is to the last one granted."""
     at, last = int(orders.at[robot]), int(orders.granted[robot])
     move = orders.move[robot]
@@ -56,7 +57,7 @@ def line_of(orders: Orders, robot: int, centre: NDArray[np.float64], side: float
     return line.astype(np.float32), float(np.hypot(*np.diff(line, axis=0).T).sum())
 
 
-def rounded(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def rounded(points: Floats) -> Floats:
     """Return the polyline float64[L, 2] with an arc for each corner, from the middle of the shorter side there.
 
     On a path over neighbouring cells of side s the arcs' radius is at least s / 2, and they keep s / 2 from shelves.
@@ -113,7 +114,7 @@ class GridPIBT:
         self._goal = np.full(robots, -1, np.int64)
         self._waited = np.zeros(robots, np.int64)  # steps since the last goal: the priority
 
-    def aim(self, goals: NDArray[np.int64]) -> None:
+    def aim(self, goals: Ints) -> None:
         """Take the robots' goal cells int64[N]."""
         for i in np.flatnonzero(goals != self._goal).tolist():
             goal = int(goals[i])
@@ -122,13 +123,9 @@ class GridPIBT:
             self._costs[i], self._goal[i], self._waited[i] = self._kept[goal], goal, 0
 
     def step(
-        self,
-        cell: NDArray[np.int64],
-        heading: NDArray[np.int64],
-        held: NDArray[np.bool_],
-        tail: NDArray[np.int64] | None = None,
-        restless: NDArray[np.bool_] | bool = False,
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        self, cell: Ints, heading: Ints, held: NDArray[np.bool_],
+        tail: Ints | None = None, restless: NDArray[np.bool_] | bool = False,
+    ) -> tuple[Ints, Ints]:  # fmt: skip
         """Return the next cells and moves int64[N] (see pibt_step)."""
         self._waited += 1
         restless = np.broadcast_to(restless, held.shape)
@@ -157,7 +154,7 @@ class _World:
         self.since_forgotten = 0.0  # [s] since the plan began anew
         self.barred = np.zeros(simulator.num_agents)  # [s] standing though it should drive; below 0: backing off
 
-    def speeds(self, simulator: Simulator) -> NDArray[np.float64]:
+    def speeds(self, simulator: Simulator) -> Floats:
         """Return the wanted speeds [m/s], float64[N], after planning on and renewing lines."""
         config, robot, orders = simulator.config, simulator.config.robot, self.orders
         period = config.time_step * config.action_repeat
@@ -173,17 +170,17 @@ class _World:
         return self._back_off(wanted, state.speed[world], simulator.events.touching[world] != 0, period)
 
     def _back_off(
-        self, wanted: NDArray[np.float64], speed: NDArray[np.float32], touching: NDArray[np.bool_], period: float
-    ) -> NDArray[np.float64]:
+        self, wanted: Floats, speed: NDArray[np.float32], touching: NDArray[np.bool_], period: float
+    ) -> Floats:
         """Return the wanted speeds, turned round for a while where a body stands against something."""
         standing = (np.abs(speed) < 0.05) & (touching | (np.abs(wanted) > 0.2))
-        self.barred = np.where(self.barred < 0, self.barred + period, np.where(standing, self.barred + period, 0.0))
+        self.barred = np.where((self.barred < 0) | standing, self.barred + period, 0.0)
         begins = (self.barred > BARRED) & (self.plan.rng.random(len(speed)) < 0.3)  # not both of a pair at once
         self.barred[begins] = -BACKING
         self.seen[begins] = -1
         return np.where(self.barred < 0, np.where(wanted < 0, BACK_SPEED, -BACK_SPEED), wanted)
 
-    def _plan_on(self, parked: NDArray[np.bool_], period: float, before: NDArray[np.int64]) -> None:
+    def _plan_on(self, parked: NDArray[np.bool_], period: float, before: Ints) -> None:
         orders = self.orders
         pending = orders.end - 1 - orders.at
         self.since = np.where(orders.at == before, self.since + period, 0.0)
@@ -215,7 +212,7 @@ class _World:
         return speed_for(self.stop[i] - float(r["position"]), period, acceleration)
 
 
-def _flat(cells: NDArray[np.int64], grid: GridMap) -> NDArray[np.int64]:
+def _flat(cells: Ints, grid: GridMap) -> Ints:
     """Return int64[N], the cells (row, column) int64[N, 2] as row * columns + column."""
     return np.asarray(cells[:, 0] * grid.shape[1] + cells[:, 1])
 

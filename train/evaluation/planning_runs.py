@@ -19,6 +19,7 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Plan, Planner, climb, min_turns, path_length, turns, validate
 from warehouse_env.planning.plan import validate_line
 
+OPTIMAL = 1e-9  # relative excess of a length that still counts as the optimum, for rounding
 _FAR = 5.0  # [cells] clearances beyond are not told apart
 _BEND = math.radians(1.0)  # smaller changes of direction along a line are no turns
 
@@ -92,6 +93,11 @@ def plan_once(grid: GridMap, planner: Planner, task: Task, number: int, run: int
         "version": __version__,
     }
     return Run(task, row["planner"], row, plan)
+
+
+def is_optimal(row: Row) -> bool:
+    """True where the run found a shortest path."""
+    return row["gap"] is not None and row["gap"] < OPTIMAL
 
 
 def driven(plan: Plan) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from train.reporting.plan_report import is_optimal
+from train.evaluation.planning_runs import is_optimal
 from train.reporting.report import grouped
 from train.reporting.rows import Interval, Row, mean_interval, t_quantile, wilson_interval
 

@@ -16,8 +16,7 @@ from train.evaluation.pictures import file_name
 from train.reporting.report import Table, number, with_interval
 from train.reporting.rows import Row, write_text
 from train.tables.measures import MEASURES, Figures
-from train.tables.study import Claim, Published, Study, Verdict
-from train.tables.verdicts import RULE, judge, verdict_counts
+from train.tables.study import RULE, Claim, Published, Study, Verdict, judge, verdict_counts
 from warehouse_env import __version__
 from warehouse_env.render import charts
 from warehouse_env.render.colours import name_colours
@@ -215,10 +214,7 @@ def _note(row: Row) -> str:
 
 
 def _curves(rows: Sequence[Row]) -> NDArray[np.float64]:
-    """Return float64[runs, iterations] from the falls [iteration, length] of each run; inf before the first path.
-
-    A run that stopped early keeps its best.
-    """
+    """Return float64[runs, iterations] from each run's falls [iteration, length]; inf before, then the best so far."""
     curves = np.full((len(rows), max(row["iterations"] for row in rows)), np.inf)
     for curve, row in zip(curves, rows, strict=True):
         for iteration, length in row["curve"]:

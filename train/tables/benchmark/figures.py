@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from train.reporting.plan_report import is_optimal
+from train.evaluation.planning_runs import is_optimal
 from train.reporting.report import Table, grouped, number, with_interval
 from train.reporting.rows import Interval, Row, mean_interval
 from train.tables.benchmark.peers import PEERS

@@ -69,10 +69,7 @@ class Pair(Job):
         return (whole, None) if whole else ([], self)
 
     def run(self, tick: Tick) -> Result:
-        """Plan all runs, warmed up.
-
-        A run that drew no random number would give the same path again; it then stands for all runs.
-        """
+        """Plan all runs, warmed up; a run that drew no random number stands for all, which would give the same."""
         planner, grid, tasks = planner_of(self.planner), make_map(self.map), make_tasks(self.map, self.pairs, self.seed)
         warm_up(self.planner, self.map, tasks[0])
         task, rows = tasks[self.pair], []

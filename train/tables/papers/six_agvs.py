@@ -20,8 +20,7 @@ from train.evaluation.rollout import make_experiment, play_out
 from train.reporting.rows import Row
 from train.tables.measures import ROUNDING, Figures
 from train.tables.papers.coordinator import Coordinator, Driven, drive_alone, duration
-from train.tables.study import Claim, Setting, Study, System, TableTask, Verdict, published
-from train.tables.verdicts import percent
+from train.tables.study import Claim, Setting, Study, System, TableTask, Verdict, percent, published
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
