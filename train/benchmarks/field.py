@@ -113,7 +113,7 @@ def _config(driver: str, layout: str, robots: int) -> EnvConfig:
 
 
 def drive(name: str, config: EnvConfig, seconds: float, seed: int, noise: str = "none") -> Row:
-    """Drive a world for `seconds` in episodes of EPISODE, with a noise of NOISES; return kilometres, contacts, goals."""
+    """Drive a world for `seconds` in episodes of EPISODE, with a noise of NOISES; return what happens."""
     simulator = Simulator(config)
     rng = np.random.default_rng(seed)
     act = DRIVERS[name][1](config, rng)

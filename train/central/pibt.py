@@ -20,7 +20,9 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.routes.lanes import resample
 from warehouse_env.simulation.simulator import Simulator
 
-Floats, Ints = NDArray[np.float64], NDArray[np.int64]
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
 SPACING = 0.25  # [m] of the way-points
 REST = 0.2  # [cells] ahead of a cell's centre where a front axle stops: the body then hardly leaves the cell
 REST_TO_TURN = -0.1  # [cells], the same where it may have to turn from rest: it then hardly swings out of the cell
