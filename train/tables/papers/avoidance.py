@@ -211,10 +211,8 @@ def _foreseen(task: TableTask, obstacle: Path) -> Walked:
             continue
         closed.add((at, step))
         here, there = (obstacle[min(k, len(obstacle) - 1)] for k in (step, step + 1))
-        moves = [(int(MOVES[m, 0]), int(MOVES[m, 1])) for m in np.flatnonzero(legal[at])]
-        for d_row, d_column in [(0, 0), *moves]:
-            to = (at[0] + d_row, at[1] + d_column)
+        for to in path_of([at, *(MOVES[legal[at]] + at)]):
             if nearest(at, to, here, there) >= TOUCH:
-                cost = driven + max(1.0, math.hypot(d_row, d_column))
+                cost = driven + max(1.0, math.dist(at, to))
                 heapq.heappush(heap, (cost + float(left[to]), cost, step + 1, [*cells, to]))
     return Walked([task.start], False, math.inf)

@@ -78,15 +78,13 @@ class Driven(NamedTuple):
 
     def clashes(self) -> int:
         """Return how many pairs clash at some time."""
-        paths, count = np.swapaxes(self.tracks, 0, 1).tolist(), 0
-        for j, other in enumerate(paths):
-            for own in paths[:j]:
-                count += any(clash(*a, *b) for a, b in zip(_steps(own), _steps(other), strict=True))
-        return count
+        pairs = itertools.combinations(np.swapaxes(self.tracks, 0, 1).tolist(), 2)
+        return sum(_touch(own, other) for own, other in pairs)
 
 
-def _steps(track: Sequence[Cell]) -> list[tuple[Cell, Cell]]:
-    return list(itertools.pairwise(track))
+def _touch(own: Sequence[Cell], theirs: Sequence[Cell]) -> bool:
+    steps = zip(itertools.pairwise(own), itertools.pairwise(theirs), strict=True)
+    return any(clash(*a, *b) for a, b in steps)
 
 
 def drive_alone(routes: Sequence[Route]) -> Driven:
@@ -199,5 +197,4 @@ class _Fleet:
 def _meet(own: Path, theirs: Path) -> bool:
     """Tell whether two clash along their paths; who has arrived stays."""
     steps = max(len(own), len(theirs))
-    own, theirs = (path + [path[-1]] * (steps - len(path)) for path in (own, theirs))
-    return any(clash(*a, *b) for a, b in zip(_steps(own), _steps(theirs), strict=True))
+    return _touch(*(path + [path[-1]] * (steps - len(path)) for path in (own, theirs)))
