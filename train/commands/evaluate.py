@@ -46,7 +46,7 @@ class Drive(Checked):
     """The first seed, the next ones count on; no training uses seeds from the default on."""
 
     def chosen(self) -> dict[str, bool | float]:
-        """Return what the options set of EnvConfig; ConfigError where right of way is to step in without being there."""
+        """Return what options set of EnvConfig; ConfigError where right of way shall step in without being there."""
         options = ("protective_field", "right_of_way", "right_of_way_after", "reroute", "people")
         given = {name: getattr(self, name) for name in options}
         if self.right_of_way_after is not None:
