@@ -12,20 +12,22 @@ import pytest
 
 from train.advice import course
 from train.advice.answer import answer, worthwhile
-from train.advice.bottlenecks import Bottleneck, bottlenecks, passing, traffic
 from train.advice.candidates import (
     EAST,
     WEST,
+    Bottleneck,
     aisle_cells,
     aisles,
     alternating,
+    bottlenecks,
     choose,
     cut_off,
     expected_cost,
     one_ways,
+    passing,
+    traffic,
 )
-from train.advice.capacity import Load, bears, loads, next_count
-from train.advice.course import FEWEST, MOST, Advice, Effect, Plan
+from train.advice.course import FEWEST, MOST, Advice, Effect, Load, Plan, bears, loads, next_count
 from train.advice.trials import Clock, Trial
 from train.cli import main
 from train.evaluation.jobs import Result, Runner, Tick
