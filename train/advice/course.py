@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
@@ -55,12 +56,7 @@ def loads(rows: Mapping[int, Sequence[Row]]) -> list[Load]:
 
 def bears(found: Sequence[Load]) -> int:
     """Return the most robots that were tried of those below the fewest that jam; 0 if the fewest do."""
-    most = 0
-    for load in found:
-        if load.jammed:
-            break
-        most = load.robots
-    return most
+    return max((load.robots for load in takewhile(lambda load: not load.jammed, found)), default=0)
 
 
 def next_count(found: Sequence[Load], most: int) -> int | None:
@@ -74,9 +70,7 @@ def next_count(found: Sequence[Load], most: int) -> int | None:
     if jams is None:
         following = 2 * good if good >= FIRST else FIRST
         return min(following, most) if good < most else None
-    if jams - good <= max(1, CLOSE * good):
-        return None
-    return (good + jams) // 2
+    return None if jams - good <= max(1, CLOSE * good) else (good + jams) // 2
 
 
 FEWEST = 3  # episodes of everything: with two an interval is three times as wide

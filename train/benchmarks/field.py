@@ -76,8 +76,7 @@ def _towards_nearest(robots: NDArray[Any]) -> NDArray[np.float64]:
     away = place[:, None, :] - place[:, :, None]
     away[:, np.arange(away.shape[1]), np.arange(away.shape[1])] = np.inf
     nearest = np.take_along_axis(away, np.abs(away).argmin(-1)[..., None], -1)[..., 0]
-    aside: NDArray[np.float64] = np.angle(nearest * np.exp(-1j * robots["heading"].astype(np.float64)))
-    return -2.0 * aside
+    return np.asarray(-2.0 * np.angle(nearest * np.exp(-1j * robots["heading"].astype(np.float64))))
 
 
 DRIVERS: dict[str, tuple[str, Callable[[EnvConfig, np.random.Generator], Driver]]] = {  # name -> action type, maker

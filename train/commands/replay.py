@@ -188,9 +188,8 @@ class ReplayCommand(Checked):
 def names_of(paths: Sequence[Path], episodes: Sequence[Episode]) -> list[str]:
     """Return what episodes are called: by their policies, where these differ, else by their files."""
     policies = [Path(episode.policy).name for episode in episodes]
-    if all(policies) and len(set(policies)) == len(policies):
-        return policies
-    return [path.stem for path in paths]
+    differ = all(policies) and len(set(policies)) == len(policies)
+    return policies if differ else [path.stem for path in paths]
 
 
 def seconds_of(episode: Episode) -> float:

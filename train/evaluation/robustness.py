@@ -65,9 +65,7 @@ def measure(rows: Sequence[Row]) -> Measured:
     return Measured(
         stratified_interval(list(floors.values())),
         {floor: mean_interval(goals).mean for floor, goals in floors.items()},
-        _ratio(sum(row["collisions_robot"] for row in rows), km),
-        _ratio(sum(row["collisions_shelf"] for row in rows), km),
-        _ratio(sum(row.get("collisions_person", 0.0) for row in rows), km),
+        *(_ratio(sum(row.get(f"collisions_{kind}", 0.0) for row in rows), km) for kind in ("robot", "shelf", "person")),
         mean_interval(row["longest_standing_s"] for row in rows).mean,
     )
 

@@ -233,9 +233,7 @@ def _t_coverage(t: float, freedom: int) -> float:
     for k in range(1 + odd, freedom - 2, 2):
         term *= square * k / (k + 1)
         total += term
-    if odd:
-        return 2 / math.pi * (angle + math.sin(angle) * total)
-    return math.sin(angle) * total
+    return 2 / math.pi * (angle + math.sin(angle) * total) if odd else math.sin(angle) * total
 
 
 def select(rows: Sequence[Row], **values: Any) -> list[Row]:

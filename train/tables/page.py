@@ -201,9 +201,7 @@ def study_pictures(study: Study, figures: Figures, folder: Path) -> list[Picture
 
 
 def _way(row: Row | None) -> NDArray[np.float64]:
-    if row is None:
-        return np.zeros((0, 2))
-    return np.array(row["line"] or row["cells"], dtype=np.float64).reshape(-1, 2)
+    return np.array([] if row is None else row["line"] or row["cells"], dtype=np.float64).reshape(-1, 2)
 
 
 def _note(row: Row) -> str:
