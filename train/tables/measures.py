@@ -55,28 +55,15 @@ def _over(field: str, reduce: Callable[[list[float]], float]) -> Samples:
     return samples
 
 
-def _best(rows: Sequence[Row]) -> Row | None:
-    """Return the row of the shortest path, that of the fewest turns where several are as short."""
-    found = [row for row in rows if row["length"] is not None]
-    return min(found, key=lambda row: (round(row["length"], 9), row["turns"]), default=None)
-
-
-def _of_best(field: str) -> Samples:
-    """One sample: the field of the shortest path of all runs."""
+def _of_best(field: str, runs: int | None = None) -> Samples:
+    """One sample each so many consecutive runs, or of all: the field of their shortest path, with the fewest turns."""
 
     def samples(rows: Sequence[Row]) -> list[float]:
-        best = _best(rows)
-        return [] if best is None or best[field] is None else [float(best[field])]
-
-    return samples
-
-
-def _of_best_in_ten(field: str) -> Samples:
-    """One sample each ten consecutive runs: the field of their shortest path, as paper 000 reports it."""
-
-    def samples(rows: Sequence[Row]) -> list[float]:
-        tens = [rows[first : first + _TEN] for first in range(0, len(rows) - _TEN + 1, _TEN)] or [rows]
-        return [value for ten in tens for value in _of_best(field)(ten)]
+        size = runs if runs and len(rows) >= runs else max(len(rows), 1)
+        groups = (rows[first : first + size] for first in range(0, len(rows) - size + 1, size))
+        found = ([row for row in group if row["length"] is not None] for group in groups)
+        best = [min(group, key=lambda row: (round(row["length"], 9), row["turns"])) for group in found if group]
+        return [float(row[field]) for row in best if row[field] is not None]
 
     return samples
 
@@ -91,9 +78,9 @@ def _share(happened: Callable[[Row], bool]) -> Samples:
 
 MEASURES: dict[str, Measure] = {
     "best": Measure("best length", _over("length", min), single=True),
-    "best_of_10": Measure("best of 10 runs", _of_best_in_ten("length"), digits=6),
-    "best_of_10_turns": Measure("its turns", _of_best_in_ten("turns"), digits=3),
-    "best_of_10_converged_at": Measure("it converged at", _of_best_in_ten("converged_at"), digits=3),
+    "best_of_10": Measure("best of 10 runs", _of_best("length", _TEN), digits=6),
+    "best_of_10_turns": Measure("its turns", _of_best("turns", _TEN), digits=3),
+    "best_of_10_converged_at": Measure("it converged at", _of_best("converged_at", _TEN), digits=3),
     "mean": Measure("mean length", _each("length")),
     "worst": Measure("longest", _over("length", max), single=True),
     "sd": Measure("st. dev.", _over("length", _deviation), "less", digits=3, single=True),

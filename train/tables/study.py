@@ -192,7 +192,6 @@ RULE = (
 class Judged(NamedTuple):
     """One setting's part of a verdict: the relative difference, and whether it has the claimed sign and size."""
 
-    setting: str
     relative: Interval
     clear: bool
     reaches: bool
@@ -232,7 +231,7 @@ def _judge(figures: Figures, claim: Claim, setting: str) -> Judged | None:
     ]
     unit = " points" if claim.measure.endswith("_share") else "%"
     text = f"{setting}: {shown[0]} against {shown[1]}, {percent(relative, unit)}"
-    return Judged(setting, relative, clear, reaches, text)
+    return Judged(relative, clear, reaches, text)
 
 
 def reaches_print(figures: Figures, published: Sequence[Published], ours: str) -> Verdict:

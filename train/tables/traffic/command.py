@@ -11,7 +11,7 @@ import numpy as np
 
 from train.evaluation.jobs import Job, Result, Tick
 from train.reporting.report import Table, require_charts
-from train.reporting.rows import Row, mean_interval, select
+from train.reporting.rows import Row, mean_interval, select, values_of
 from train.tables.code import DRIVING, PLANNING, code_of
 from train.tables.options import StudyOptions
 from train.tables.traffic.driving import DRIVEN, DRIVEN_ROBOTS, measure_driving
@@ -94,7 +94,9 @@ class Traffic(StudyOptions):
             require_charts()
         self.check_writable()
         begin = time.perf_counter()
-        rows = self._rows([Measurement(piece) for piece in self.pieces(maps)])
+        pieces = self.pieces(maps)
+        asked, jobs = set(pieces), [Measurement(piece) for piece in pieces]
+        rows = self.rows_of(jobs, lambda row: values_of(row.get("job", {}), Piece._fields) in asked)
         drawn = list(_draw(rows, maps, self.folder, self.seed)) if self.pictures else []
         shown = "".join(f"![{path.stem}]({path.name})\n\n" for path in drawn)
         self.write("What can a colony do that A* cannot?", report(rows, maps), shown)
@@ -113,15 +115,6 @@ class Traffic(StudyOptions):
                 for system in DRIVEN
             ]
         return pieces
-
-    def _rows(self, jobs: Sequence[Measurement]) -> list[Row]:
-        asked = {job.piece for job in jobs}
-        names = Piece._fields
-
-        def ours(row: Row) -> bool:
-            return tuple(row.get("job", {}).get(name) for name in names) in asked
-
-        return self.rows_of(jobs, ours)
 
 
 def report(rows: Sequence[Row], maps: Sequence[str]) -> list[Table]:
