@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from tests.train.tables.toy import STUDY, row
 from train.tables.measures import MEASURES, Figures
-from train.tables.study import Claim, Published, System, judge, percent, reaches_print
+from train.tables.study import Claim, Published, System
+from train.tables.verdicts import judge, percent, reaches_print
 from warehouse_env.errors import ConfigError, WarehouseError
 
 

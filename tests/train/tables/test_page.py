@@ -10,7 +10,8 @@ import numpy as np
 from tests.train.tables.toy import STUDY, row
 from train.tables.measures import Figures
 from train.tables.page import study_pictures, study_table, write_pages
-from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Claim, Verdict, judge, verdict_counts
+from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Claim, Verdict
+from train.tables.verdicts import judge, verdict_counts
 
 
 def test_count_of_verdicts() -> None:

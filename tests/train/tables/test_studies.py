@@ -12,7 +12,8 @@ from tests.train.tables.toy import row
 from train.tables.command import MODULES, chosen, settings_of
 from train.tables.maps import clutter, clutter_task, drawn_map
 from train.tables.measures import Figures
-from train.tables.study import FAILS, HOLDS, Study, Verdict, judge
+from train.tables.study import FAILS, HOLDS, Study, Verdict
+from train.tables.verdicts import judge
 from warehouse_env.errors import ConfigError
 
 EVERY = chosen((), ())

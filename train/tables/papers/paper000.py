@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from functools import partial
 
-from train.tables.study import Claim, Published, Setting, Study, System, TableTask, published, reaches_print
+from train.tables.study import Claim, Published, Setting, Study, System, TableTask, published
+from train.tables.verdicts import reaches_print
 from warehouse_env.maps.grid_map import Cell
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
 

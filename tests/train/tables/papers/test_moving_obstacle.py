@@ -134,5 +134,5 @@ def test_rows_of_experiments_are_known_again() -> None:
 
 
 def test_rows_of_bodies_depend_on_the_code_that_drives_them() -> None:
-    code = _closure(["train.tables.papers.six_agvs"], DRIVING)
+    code = _closure(["train.tables.papers.fleet"], DRIVING)
     assert {"agents.rules", "warehouse_env.simulation.step", "train.tables.papers.coordinator"} <= set(code)

@@ -12,7 +12,8 @@ import pytest
 from train.tables.measures import Figures
 from train.tables.papers import paper001
 from train.tables.papers.paper001 import BESIDE, IN_BLOCKS, MAPS, SCATTERED, STUDIES, block_task
-from train.tables.study import OPEN, Setting, Study, judge
+from train.tables.study import OPEN, Setting, Study
+from train.tables.verdicts import judge
 from warehouse_env.planning import path_length
 
 TABLE, WALKERS, _ = STUDIES

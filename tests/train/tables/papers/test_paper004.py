@@ -23,7 +23,8 @@ from train.tables.papers.paper004 import (
     literature,
     shares,
 )
-from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Setting, judge
+from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Setting
+from train.tables.verdicts import judge
 
 TABLE_1, TABLE_2, TABLE_3 = STUDIES
 
