@@ -18,17 +18,9 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WeightsError, unknown_name
 
 __all__ = [
-    "POLICIES",
-    "WEIGHTS_FOLDER",
-    "LearnedPolicy",
-    "Network",
-    "Policy",
-    "PolicyEntry",
-    "PolicyRecord",
-    "make_policy",
-    "policy_config",
-    "save_policy",
-]
+    "POLICIES", "WEIGHTS_FOLDER", "LearnedPolicy", "Network", "Policy", "PolicyEntry", "PolicyRecord", "make_policy",
+    "policy_config", "save_policy",
+]  # fmt: skip
 
 WEIGHTS_FOLDER = Path(__file__).parent / "weights"
 
@@ -55,15 +47,15 @@ POLICIES: dict[str, PolicyEntry] = {
     "apf": PolicyEntry("potential field: drawn along its route, pushed off by lidar and robots", rule=PotentialField),
     "orca": PolicyEntry("reciprocal velocity obstacles of discs, by the library pyrvo", rule=Reciprocal),
     "rules": PolicyEntry("paper 001's coordinator: waits by priority, steps aside, backs", rule=Rules),
-    "reinforce": PolicyEntry("our policy gradient, trained on this environment", weights=WEIGHTS_FOLDER / "reinforce"),
-    "threaded_ppo": PolicyEntry(
-        "our PPO, under the field, with live routes, and right of way where robots stand",
-        weights=WEIGHTS_FOLDER / "threaded_ppo",
-    ),
-    "unshielded": PolicyEntry(
-        "our PPO with live routes alone: no field, no right of way", weights=WEIGHTS_FOLDER / "unshielded"
-    ),
-    "ppo": PolicyEntry("stable-baselines3 PPO, trained on this environment", weights=WEIGHTS_FOLDER / "ppo"),
+    **{
+        name: PolicyEntry(summary, weights=WEIGHTS_FOLDER / name)
+        for name, summary in (
+            ("reinforce", "our policy gradient, trained on this environment"),
+            ("threaded_ppo", "our PPO, under the field, with live routes, and right of way where robots stand"),
+            ("unshielded", "our PPO with live routes alone: no field, no right of way"),
+            ("ppo", "stable-baselines3 PPO, trained on this environment"),
+        )
+    },
 }
 
 

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.forward import forward
-from agents.policy import Action, Observation
-from agents.sampling import draw_discrete
+from agents.policy import Action, Observation, draw_discrete
 from agents.weights_folder import PolicyRecord, read_record, read_tensors
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WeightsError
@@ -42,20 +41,16 @@ class LearnedPolicy:
         self.name = name or Path(directory).name
         self._check_fit(directory, config)
         tensors = read_tensors(directory, self.record.network)
-        depth = len(self.record.network.hidden) + 1
-        self._layers = [
-            (np.ascontiguousarray(tensors[f"actor.{k}.weight"].T), tensors[f"actor.{k}.bias"]) for k in range(depth)
-        ]
+        parts = [f"actor.{k}" for k in range(len(self.record.network.hidden) + 1)]
+        self._layers = [(np.ascontiguousarray(tensors[f"{k}.weight"].T), tensors[f"{k}.bias"]) for k in parts]
         self._std = None if self.record.network.discrete else np.exp(tensors["log_std"])
 
     def _check_fit(self, directory: Path | str, config: EnvConfig) -> None:
         for field in needed_fields(self.record):
             trained, given = getattr(self.record.env, field), getattr(config, field)
             if trained != given:
-                raise WeightsError(
-                    f"{directory} is made for {field}={trained}, not {given}; "
-                    "agents.policy_config puts in what it needs"
-                )
+                fits = "agents.policy_config puts in what it needs"
+                raise WeightsError(f"{directory} is made for {field}={trained}, not {given}; {fits}")
         if self.record.env.protective_field and not config.protective_field:
             raise WeightsError(f"{directory} was trained under the protective field, and needs protective_field=True")
         # the field's slice, which comes last, is no news to a policy that was trained without: it reads what it knows
@@ -63,9 +58,8 @@ class LearnedPolicy:
         seen = config if self.record.env.protective_field else config.replace(**without)
         size, network = observation_layout(seen).size, self.record.network
         if network.observation_size != size:
-            raise WeightsError(
-                f"{directory} was made for observations of {network.observation_size} values, not {size}"
-            )
+            given = f"observations of {network.observation_size} values"
+            raise WeightsError(f"{directory} was made for {given}, not {size}")
         discrete = config.action_type == "discrete"
         actions = len(config.speed_levels) * len(config.lateral_offsets) if discrete else 2
         if (network.discrete, network.actions) != (discrete, actions):

@@ -5,15 +5,15 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from agents.policy import draw_discrete
 from agents.route_command import cruise_output
-from agents.sampling import draw_discrete
 from agents.weights_folder import Network
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
@@ -42,8 +42,7 @@ def _layers(sizes: Sequence[int], last_gain: float) -> nn.ModuleList:
 def _run(layers: nn.ModuleList, x: Tensor) -> Tensor:
     for layer in layers[:-1]:
         x = torch.tanh(layer(x))
-    out: Tensor = layers[-1](x)
-    return out
+    return cast(Tensor, layers[-1](x))
 
 
 class ActorCritic(nn.Module):
@@ -58,10 +57,7 @@ class ActorCritic(nn.Module):
     def __init__(self, network: Network, first_output: NDArray[np.float32], log_std: float = -0.7) -> None:
         """Start near one action: `first_output` float32[A] becomes the bias of the actor's last layer.
 
-        Args:
-            network: sizes.
-            first_output: logits of the discrete actions, or the mean of the real-valued ones.
-            log_std: first logarithm of the standard deviation of real-valued actions.
+        It holds logits of discrete actions, or the mean of real-valued ones, whose standard deviation is e^log_std.
         """
         super().__init__()
         self.network = network
@@ -85,11 +81,9 @@ class ActorCritic(nn.Module):
         return _run(self.critic, observation).squeeze(-1)
 
     def log_probability(self, observation: Tensor, action: Tensor) -> tuple[Tensor, Tensor]:
-        """Return log pi(action | observation) and the entropy of pi, both float32[M].
+        """Return log pi(action | observation) and the entropy of pi, both float32[M], from observations float32[M, D].
 
-        Args:
-            observation: float32[M, D].
-            action: int64[M] for discrete actions, float32[M, A] for real-valued ones (as drawn, not clipped).
+        action: int64[M] for discrete actions, float32[M, A] for real-valued ones (as drawn, not clipped).
         """
         output = self.output(observation)
         if self.network.discrete:

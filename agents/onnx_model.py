@@ -32,21 +32,16 @@ def onnx_model(directory: Path | str) -> ModelProto:
         raise ConfigError("ONNX models need the library onnx: pip install warehouse-env[onnx]") from None
     record = read_record(directory)
     network = record.network
-    tensors = {
-        name: array for name, array in read_tensors(directory, network).items() if not name.startswith("critic.")
-    }
+    tensors = read_tensors(directory, network).items()
     outputs = [helper.make_tensor_value_info(OUTPUT, TensorProto.FLOAT, ["rows", network.actions])]
     nodes = _layers(len(network.hidden) + 1)
     if not network.discrete:
         nodes.append(helper.make_node("Exp", ["log_std"], [DEVIATION]))
         outputs.append(helper.make_tensor_value_info(DEVIATION, TensorProto.FLOAT, [network.actions]))
-    graph = helper.make_graph(
-        nodes,
-        record.algorithm,
-        [helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ["rows", network.observation_size])],
-        outputs,
-        [numpy_helper.from_array(np.ascontiguousarray(array), name) for name, array in tensors.items()],
-    )
+    inputs = [helper.make_tensor_value_info(INPUT, TensorProto.FLOAT, ["rows", network.observation_size])]
+    actor = [(name, np.ascontiguousarray(array)) for name, array in tensors if not name.startswith("critic.")]
+    weights = [numpy_helper.from_array(array, name) for name, array in actor]
+    graph = helper.make_graph(nodes, record.algorithm, inputs, outputs, weights)
     model = helper.make_model(graph, producer_name="warehouse_env", opset_imports=[helper.make_opsetid("", OPSET)])
     model.ir_version = 8  # that of this set of operators
     helper.set_model_props(model, {name: json.dumps(value) for name, value in _meaning(record).items()})

@@ -1,8 +1,8 @@
-"""What every policy is: from observations to actions, without memory of its own."""
+"""What every policy is: from observations to actions, without memory of its own; and how it draws actions."""
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,3 +27,40 @@ class Policy(Protocol):
             int64[B, N] for discrete actions, float32[B, N, 2] in [-1, 1] otherwise.
         """
         ...
+
+
+@runtime_checkable
+class Preferring(Policy, Protocol):
+    """A policy that says how much it likes each discrete action, for right of way to choose among them.
+
+    One without preferences has its action, then any side at its speed. drawn: whether the preferences are logits to
+    draw from, rather than an order.
+    """
+
+    drawn: bool
+
+    def preferences(self, observation: Observation) -> NDArray[np.float32]:
+        """Return how much each action is liked, float32[B, N, A] from float32[B, N, D]."""
+        ...
+
+
+def ranked(policy: Preferring, observation: Observation, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return preferences float32[B, N, A] whose order is the policy's: a draw with `rng`, if it draws.
+
+    The order of logits + Gumbel noise is that of drawing one action after another without putting back
+    (Plackett-Luce), and the first is drawn as `act` does.
+    """
+    liked = policy.preferences(observation)
+    return liked + gumbel(liked.shape, rng) if policy.drawn else liked
+
+
+def draw_discrete(logits: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.int64]:
+    """Draw one action a row by softmax(logits), by the Gumbel trick: int64[M] from float32[M, A]."""
+    return np.asarray(np.argmax(logits + gumbel(logits.shape, rng), axis=-1))
+
+
+def gumbel(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.float32]:
+    """Draw from the standard Gumbel distribution: -log(E), where E is a standard exponential."""
+    exponential = rng.standard_exponential(shape, dtype=np.float32)
+    exponential += np.float32(1e-30)  # an exact 0 would win against any logit
+    return np.asarray(-np.log(exponential))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -61,31 +62,23 @@ class Reciprocal:
         wanted = self._command.cruise_speed * self._surroundings.towards_route(observation, self._numbers.look)
         near, speed = self._surroundings.neighbours(observation), self._surroundings.speed(observation)
         others = np.stack([near.x, near.y, near.vx + speed[..., None], near.vy], axis=-1)
-        rows = zip(
-            wanted.reshape(-1, 2).tolist(),
-            speed.ravel().tolist(),
-            others.reshape(-1, self._most, 4),
-            near.present.reshape(-1, self._most),
-            strict=True,
-        )
+        others, present = others.reshape(-1, self._most, 4), near.present.reshape(-1, self._most)
+        rows = zip(wanted.reshape(-1, 2).tolist(), speed.ravel().tolist(), others, present, strict=True)
         return np.array([self._solve(*row) for row in rows]).reshape(wanted.shape)
 
-    def _solve(
-        self, wanted: list[float], speed: float, others: Floats, present: NDArray[np.bool_]
-    ) -> tuple[float, float]:
+    def _solve(self, wanted: list[float], speed: float, others: Floats, present: NDArray[np.bool_]) -> Sequence[float]:
         """Return the own new velocity [m/s]; others: float64[K, 4], where (x, y) and how fast (x, y) they move."""
         if not present.any():
-            return wanted[0], wanted[1]
-        numbers, most_speed = self._numbers, self._command.cruise_speed
+            return wanted
+        horizon, radius, speed_limit = self._numbers.horizon, self._numbers.radius, self._command.cruise_speed
         reach = self._range + 1.0
-        simulator = self._library.RVOSimulator(
-            self._period, reach, self._most, numbers.horizon, numbers.horizon, numbers.radius, most_speed
-        )
+        sizes = (self._period, reach, self._most, horizon, horizon, radius, speed_limit)
+        simulator = self._library.RVOSimulator(*sizes)
         simulator.add_agent((0.0, 0.0))
         simulator.set_agent_velocity(0, (speed, 0.0))
         simulator.set_agent_pref_velocity(0, tuple(wanted))
         for x, y, vx, vy in others[present].tolist():  # they look at nobody: their own programs are theirs to solve
-            simulator.add_agent((x, y), reach, 0, 1.0, 1.0, numbers.radius, most_speed, (vx, vy))
+            simulator.add_agent((x, y), reach, 0, 1.0, 1.0, radius, speed_limit, (vx, vy))
         simulator.do_step()
         new = simulator.get_agent_velocity(0)
         return new.x, new.y

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.policy import Action, Observation
+from agents.surroundings import Floats
 from warehouse_env.config import EnvConfig
 from warehouse_env.observation import observation_layout
 
@@ -13,8 +14,7 @@ from warehouse_env.observation import observation_layout
 class RouteCommand:
     """Turns wanted speeds into actions of one env config; the path follower does the steering.
 
-    Attributes:
-        cruise_speed: the fastest speed the actions offer [m/s].
+    cruise_speed: the fastest speed the actions offer [m/s].
     """
 
     def __init__(self, config: EnvConfig) -> None:
@@ -26,11 +26,11 @@ class RouteCommand:
         self._widest = float(np.abs(self._offsets).max())
         self.cruise_speed = float(min(self._levels.max(), config.robot.max_speed))
 
-    def at_speed(self, observation: Observation, speed: NDArray[np.float64]) -> Action:
+    def at_speed(self, observation: Observation, speed: Floats) -> Action:
         """Return the actions that drive on the route at the wanted speeds [...] in m/s."""
         return self.beside(observation, speed, np.zeros_like(speed))
 
-    def beside(self, observation: Observation, speed: NDArray[np.float64], offset: NDArray[np.float64]) -> Action:
+    def beside(self, observation: Observation, speed: Floats, offset: Floats) -> Action:
         """Return the actions for speeds [...] in m/s and offsets [...] in m left of the route; discrete: the nearest.
 
         Raw actions steer for the first route point, moved sideways by the offset.
@@ -38,13 +38,12 @@ class RouteCommand:
         if self._config.action_type == "discrete":
             level = np.argmin(np.abs(speed[..., None] - self._levels), axis=-1)
             lane = np.argmin(np.abs(offset[..., None] - self._offsets), axis=-1)
-            commands: NDArray[np.int64] = level * len(self._offsets) + lane
-            return commands
+            return np.asarray(level * len(self._offsets) + lane)
         if self._config.action_type == "continuous":
             return self._residual(speed, offset)
         return self._raw(observation, speed, offset)
 
-    def at_velocity(self, observation: Observation, velocity: NDArray[np.float64], way: NDArray[np.float64]) -> Action:
+    def at_velocity(self, observation: Observation, velocity: Floats, way: Floats) -> Action:
         """Return the actions for wanted velocities [..., 2] in m/s, own frame; way [..., 2]: where the route leads.
 
         What goes along `way` is the speed, and what goes across, for a second, the offset.
@@ -53,18 +52,14 @@ class RouteCommand:
         across = velocity[..., 1] * way[..., 0] - velocity[..., 0] * way[..., 1]
         return self.beside(observation, along, across)
 
-    def _residual(self, speed: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArray[np.float32]:
+    def _residual(self, speed: Floats, offset: Floats) -> NDArray[np.float32]:
         """Continuous: first 0 at the cruise speed, -1 at min_speed, 1 at max_speed; then the offset, 0 on the route."""
         robot, change = self._config.robot, speed - self.cruise_speed
         faster, slower = robot.max_speed - self.cruise_speed, self.cruise_speed - robot.min_speed
         scaled = np.where(change > 0, change / max(faster, 1e-6), change / max(slower, 1e-6))
-        sideways = offset / max(self._widest, 1e-6)
-        action: NDArray[np.float32] = np.clip(np.stack([scaled, sideways], axis=-1), -1.0, 1.0).astype(np.float32)
-        return action
+        return _clipped(scaled, offset / max(self._widest, 1e-6))
 
-    def _raw(
-        self, observation: Observation, speed: NDArray[np.float64], offset: NDArray[np.float64]
-    ) -> NDArray[np.float32]:
+    def _raw(self, observation: Observation, speed: Floats, offset: Floats) -> NDArray[np.float32]:
         """Raw: the acceleration and steering rate that reach the speed and the steering by the next step.
 
         Pure pursuit of the first route point: the arc through it bends by 2 y / (x^2 + y^2), and the rear wheels
@@ -81,11 +76,11 @@ class RouteCommand:
         speed = np.minimum(speed, self.cruise_speed * np.maximum(1.0 - np.abs(steering) / robot.max_steering, 0.25))
         change = speed - observation[..., ego] * robot.max_speed
         turn = steering - observation[..., ego + 1] * robot.max_steering
-        action = np.stack(
-            [change / (duration * robot.max_acceleration), turn / (duration * robot.max_steering_rate)], axis=-1
-        )
-        clipped: NDArray[np.float32] = np.clip(action, -1.0, 1.0).astype(np.float32)
-        return clipped
+        return _clipped(change / (duration * robot.max_acceleration), turn / (duration * robot.max_steering_rate))
+
+
+def _clipped(first: Floats, second: Floats) -> NDArray[np.float32]:
+    return np.clip(np.stack([first, second], axis=-1), -1.0, 1.0).astype(np.float32)
 
 
 def cruise_output(config: EnvConfig, bias: float) -> NDArray[np.float32]:

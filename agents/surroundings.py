@@ -53,18 +53,15 @@ class Surroundings:
 
     def speed(self, observation: Observation) -> Floats:
         """Return the own speed [m/s]."""
-        speed: Floats = self.ego(observation)[..., 0] * self._config.robot.max_speed
-        return speed
+        return np.asarray(self.ego(observation)[..., 0] * self._config.robot.max_speed)
 
     def waited(self, observation: Observation) -> Floats:
         """Return how long the robot has been standing [s], at most 20."""
-        seconds: Floats = self.ego(observation)[..., EGO - 1] * 20.0
-        return seconds
+        return np.asarray(self.ego(observation)[..., EGO - 1] * 20.0)
 
     def to_go(self, observation: Observation) -> Floats:
         """Return the way left to the goal [m], at most 20."""
-        metres: Floats = self.ego(observation)[..., EGO - 3] * 20.0
-        return metres
+        return np.asarray(self.ego(observation)[..., EGO - 3] * 20.0)
 
     def towards_route(self, observation: Observation, ahead: float) -> Floats:
         """Return float64[..., 2], unit vector from the front axle to the route's point about `ahead` [m] away."""

@@ -20,66 +20,57 @@ SHELLS = ("bash", "zsh", "fish")  # in which words can be completed
 
 
 class Command(NamedTuple):
-    """Where a command lives and what it does, in one line."""
+    """Where a command lives, module and dataclass in `train`, and what it does, in one line."""
 
-    module: str
-    options: str  # name of the dataclass
+    home: str  # as in "commands.demo:Demo"
     summary: str
 
+    @property
+    def module(self) -> str:
+        """Name of the module."""
+        return f"train.{self.home.partition(':')[0]}"
 
-COMMANDS: dict[str, Command] = {
-    "demo": Command(
-        "train.commands.demo", "Demo", "compare the shipped policies in three minutes: table, pictures, video"
+    @property
+    def options(self) -> str:
+        """Name of the dataclass."""
+        return self.home.partition(":")[2]
+
+
+_COMMANDS = {
+    "demo": ("commands.demo:Demo", "compare the shipped policies in three minutes: table, pictures, video"),
+    "plan": ("commands.plan:PlanCommand", "compare planners on the tasks of a map"),
+    "tables papers": ("tables.command:Papers", "make the papers' tables again, ours beside theirs, with verdicts"),
+    "tables benchmark": ("tables.benchmark.command:Benchmark", "plan pairs of cells of five floors by every planner"),
+    "tables traffic": (
+        "tables.traffic.command:Traffic",
+        "hold several robots' routes against each other, and drive them",
     ),
-    "plan": Command("train.commands.plan", "PlanCommand", "compare planners on the tasks of a map"),
-    "tables papers": Command(
-        "train.tables.command", "Papers", "make the papers' tables again, ours beside theirs, with verdicts"
+    "tables learning": ("tables.learning.command:Learning", "train seeds of each algorithm and say what learning adds"),
+    "tables floors": (
+        "tables.floors.command:Floors",
+        "drive policies and the rule on many floors, some drawn at random",
     ),
-    "tables benchmark": Command(
-        "train.tables.benchmark.command", "Benchmark", "plan pairs of cells of five floors by every planner"
+    "layouts": ("commands.layouts:Layouts", "list, draw, check and convert maps"),
+    "train reinforce": ("commands.training:TrainReinforce", "train our policy gradient"),
+    "train ppo": ("commands.training:TrainPPO", "train PPO by stable-baselines3"),
+    "train threaded_ppo": ("commands.training:TrainThreadedPPO", "train our PPO, in threads"),
+    "evaluate": ("commands.evaluate:Evaluate", "drive policies over held-out episodes and count collisions"),
+    "compare": ("commands.compare:Compare", "hold runs of evaluate against each other, in pairs"),
+    "advise": ("commands.advise:Advise", "say how many robots a floor bears, where they wait, what a change brings"),
+    "record": ("commands.replay:Record", "drive a policy through one episode and keep it as a file"),
+    "replay": ("commands.replay:ReplayCommand", "show recorded episodes: a page for the browser, a video, a window"),
+    "robust": (
+        "commands.evaluate:Robust",
+        "drive policies with other bodies, worse sensors, lost messages: what holds?",
     ),
-    "tables traffic": Command(
-        "train.tables.traffic.command", "Traffic", "hold several robots' routes against each other, and drive them"
-    ),
-    "tables learning": Command(
-        "train.tables.learning.command", "Learning", "train seeds of each algorithm and say what learning adds"
-    ),
-    "tables floors": Command(
-        "train.tables.floors.command", "Floors", "drive policies and the rule on many floors, some drawn at random"
-    ),
-    "layouts": Command("train.commands.layouts", "Layouts", "list, draw, check and convert maps"),
-    "train reinforce": Command("train.commands.training", "TrainReinforce", "train our policy gradient"),
-    "train ppo": Command("train.commands.training", "TrainPPO", "train PPO by stable-baselines3"),
-    "train threaded_ppo": Command("train.commands.training", "TrainThreadedPPO", "train our PPO, in threads"),
-    "evaluate": Command(
-        "train.commands.evaluate", "Evaluate", "drive policies over held-out episodes and count collisions"
-    ),
-    "compare": Command("train.commands.compare", "Compare", "hold runs of evaluate against each other, in pairs"),
-    "advise": Command(
-        "train.commands.advise", "Advise", "say how many robots a floor bears, where they wait, what a change brings"
-    ),
-    "record": Command("train.commands.record", "Record", "drive a policy through one episode and keep it as a file"),
-    "replay": Command(
-        "train.commands.replay", "ReplayCommand", "show recorded episodes: a page for the browser, a video, a window"
-    ),
-    "robust": Command(
-        "train.commands.robust", "Robust", "drive policies with other bodies, worse sensors, lost messages: what holds?"
-    ),
-    "scenes": Command(
-        "train.commands.scenes", "Scenes", "drive policies through symmetric scenes and count those that are resolved"
-    ),
-    "understand": Command(
-        "train.commands.understand", "Understand", "draw what policies are likely to do in telling moments"
-    ),
-    "curves": Command("train.commands.curves", "Curves", "draw the learning curves of several runs in one picture"),
-    "export": Command("train.commands.export", "Export", "write a trained policy as an ONNX model"),
-    "compile": Command(
-        "train.commands.compile", "Compile", "compile all kernels ahead of time, several at a time, and keep them"
-    ),
-    "bench": Command(
-        "train.commands.bench", "Bench", "measure the speed of the simulator, the planners and the trainers"
-    ),
+    "scenes": ("commands.evaluate:Scenes", "drive policies through symmetric scenes and count those that are resolved"),
+    "understand": ("commands.understand:Understand", "draw what policies are likely to do in telling moments"),
+    "curves": ("commands.training:Curves", "draw the learning curves of several runs in one picture"),
+    "export": ("commands.export:Export", "write a trained policy as an ONNX model"),
+    "compile": ("commands.compile:Compile", "compile all kernels ahead of time, several at a time, and keep them"),
+    "bench": ("commands.bench:Bench", "measure the speed of the simulator, the planners and the trainers"),
 }
+COMMANDS = {name: Command(*line) for name, line in _COMMANDS.items()}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -201,16 +192,12 @@ def _help(prefix: str) -> str:
     chosen = {name: command for name, command in COMMANDS.items() if name.startswith(prefix)}
     width = max(map(len, chosen))
     lines = [f"  {PROGRAM} {name:{width}}  {command.summary}" for name, command in chosen.items()]
-    return "\n".join(
-        [
-            "Robots that drive through a warehouse together: plan routes, train how they avoid each other, measure it.",
-            "",
-            *lines,
-            "",
-            f"`{PROGRAM} COMMAND --help` lists a command's options; `{PROGRAM} --version` prints the version;",
-            f"`source <({PROGRAM} --print-completion bash)` lets the shell complete both (zsh and fish alike).",
-        ]
+    above = "Robots that drive through a warehouse together: plan routes, train how they avoid each other, measure it."
+    below = (
+        f"`{PROGRAM} COMMAND --help` lists a command's options; `{PROGRAM} --version` prints the version;\n"
+        f"`source <({PROGRAM} --print-completion bash)` lets the shell complete both (zsh and fish alike)."
     )
+    return "\n".join([above, "", *lines, "", below])
 
 
 if __name__ == "__main__":

@@ -83,26 +83,14 @@ class Ppo:
     def _make_model(self) -> PPO:
         config, widths, samples = self.config, list(self.config.hidden), self.config.rollout * self.rows
         warnings.filterwarnings("ignore", "You have specified a mini-batch size", UserWarning)  # the last is shorter
+        shape = {"net_arch": {"pi": widths, "vf": widths}, "activation_fn": torch.nn.Tanh, "log_std_init": -0.7}
         model = PPO(
-            "MlpPolicy",
-            self._worlds,
-            learning_rate=lambda _: self._step_size,
-            n_steps=config.rollout,
-            batch_size=math.ceil(samples / max(1, round(samples / config.minibatch))),
-            n_epochs=config.epochs,
-            gamma=config.gamma,
-            gae_lambda=config.gae_lambda,
-            clip_range=config.clip,
-            ent_coef=config.entropy_first,
+            "MlpPolicy", self._worlds, learning_rate=lambda _: self._step_size, n_steps=config.rollout,
+            batch_size=math.ceil(samples / max(1, round(samples / config.minibatch))), n_epochs=config.epochs,
+            gamma=config.gamma, gae_lambda=config.gae_lambda, clip_range=config.clip, ent_coef=config.entropy_first,
             max_grad_norm=config.gradient_clip,
-            policy_kwargs={
-                "net_arch": {"pi": widths, "vf": widths},
-                "activation_fn": torch.nn.Tanh,
-                "log_std_init": -0.7,
-            },
-            seed=config.seed,
-            device="cpu",
-        )
+            policy_kwargs=shape, seed=config.seed, device="cpu",
+        )  # fmt: skip
         model.set_logger(Logger(folder=None, output_formats=[]))
         first = tensors_of(first_actor_critic(self.network, self.env, config.cruise_bias))
         model.policy.load_state_dict({theirs: torch.from_numpy(first[ours]) for ours, theirs in self._names().items()})

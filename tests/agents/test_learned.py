@@ -23,8 +23,7 @@ from agents import (
     save_policy,
 )
 from agents.networks import ActorCritic, tensors_of
-from agents.preferences import Preferring, ranked
-from agents.sampling import draw_discrete
+from agents.policy import Preferring, draw_discrete, ranked
 from agents.weights_folder import read_record
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.errors import ConfigError, WeightsError

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents import make_policy, policy_config
-from agents.preferences import Preferring, ranked
+from agents.policy import Preferring, ranked
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.maps.layouts import LAYOUTS
 from warehouse_env.simulation.record.recording import Recorder

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from train.cli import main
-from train.evaluation.scene_runs import SceneJob, scene_table
-from train.evaluation.scenes import SCENES
+from train.evaluation.scenes import SCENES, SceneJob, scene_table
 from train.reporting.rows import Row, read_rows, wilson_interval
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator

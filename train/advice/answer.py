@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from train.advice.capacity import FELL, STUCK, Load
-from train.advice.course import Advice, Effect
+from train.advice.course import FELL, STUCK, Advice, Effect, Load
 from train.reporting.report import difference, number, with_interval
 from train.reporting.rows import Interval, apart, is_told
 

@@ -1,4 +1,4 @@
-"""Changes of a floor that may help at its bottlenecks: shelves taken away, and one-way aisles.
+"""A floor's bottlenecks, where robots wait, and changes that may help there: shelves taken away, and one-way aisles.
 
 Pick faces and stations stay where they are, so that robots have the same tasks on every changed floor.
 """
@@ -6,19 +6,78 @@ Pick faces and stations stay where they are, so that robots have the same tasks 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
-from typing import Literal, NamedTuple
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice, takewhile
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from train.advice.bottlenecks import plan_trips
+from train.evaluation.places import peaks
 from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.endpoints import shelves
-from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
+from warehouse_env.planning.graph_search import AStarTurns
 from warehouse_env.planning.plan import path_length
 from warehouse_env.traffic.conflicts import conflicts
+from warehouse_env.traffic.expected import endpoint_tasks
 from warehouse_env.traffic.together import Task
+
+TRIPS = 300  # drawn to stand for all
+MOST = 5  # places named
+RADIUS = 2  # [cells] that a place reaches from its middle
+
+
+class Bottleneck(NamedTuple):
+    """A place where robots wait."""
+
+    cell: Cell
+    x: float  # [m]
+    y: float
+    waiting: float  # [s/h] within RADIUS
+    share: float  # of all waiting on the floor
+    trips: float  # share of trips through its busiest cell
+
+
+def draw_trips(grid: GridMap, seed: int) -> list[Task]:
+    """Return trips between pick faces and stations, as lifelong robots get them."""
+    return endpoint_tasks(grid, TRIPS, np.random.default_rng([seed, 0]))
+
+
+def plan_trips(grid: GridMap, trips: Sequence[Task]) -> list[NDArray[np.int64]]:
+    """Return the cells int[L, 2] of a shortest route with the fewest turns for each trip; PlanError where is none."""
+    planner, rng = AStarTurns(), np.random.default_rng(0)
+    return [planner.plan(grid, start, goal, rng).cells for start, goal in trips]
+
+
+def traffic(routes: Sequence[NDArray[np.int64]], shape: tuple[int, int]) -> NDArray[np.float64]:
+    """Return float64[H, W, 8]: the share of routes that leave a cell by each move of MOVES; the last cell by none."""
+    flow = np.zeros((*shape, len(MOVES)))
+    number = {(int(row), int(column)): k for k, (row, column) in enumerate(MOVES)}
+    for route in routes:
+        for (row, column), step in zip(route[:-1], np.diff(route, axis=0), strict=True):
+            flow[row, column, number[int(step[0]), int(step[1])]] += 1.0
+    return flow / max(1, len(routes))
+
+
+def passing(routes: Sequence[NDArray[np.int64]], shape: tuple[int, int]) -> NDArray[np.float64]:
+    """Return float64[H, W]: the share of routes that visit a cell."""
+    visits = np.zeros(shape)
+    for route in routes:
+        cells = np.unique(route, axis=0)
+        visits[cells[:, 0], cells[:, 1]] += 1.0
+    return visits / max(1, len(routes))
+
+
+def bottlenecks(grid: GridMap, waiting: NDArray[np.float64], visits: NDArray[np.float64]) -> list[Bottleneck]:
+    """Return the places [at most MOST] where most time is spent waiting [s/h], worst first; visits: as `passing`."""
+    found = []
+    for row, column, heat in peaks(waiting, MOST, RADIUS):
+        around = (slice(max(0, row - RADIUS), row + RADIUS + 1), slice(max(0, column - RADIUS), column + RADIUS + 1))
+        x, y = grid.centre((row, column)).tolist()
+        found.append(Bottleneck((row, column), x, y, heat, heat / float(waiting.sum()), float(visits[around].max())))
+    return found
+
 
 Kind = Literal["aisle", "one-way"]
 REACH = 4  # [cells] from a bottleneck to a shelf that may be opened
@@ -83,22 +142,23 @@ def _nearest_face(grid: GridMap, racks: NDArray[np.bool_], cell: Cell, step: Cel
 
 def _next_shelf(grid: GridMap, racks: NDArray[np.bool_], cell: Cell, step: Cell) -> Cell | None:
     """Return the first cell of a rack within REACH that way; None if there is none, or a wall before it."""
-    for distance in range(1, REACH + 1):
-        row, column = cell[0] + distance * step[0], cell[1] + distance * step[1]
-        if not _is_free(grid, (row, column)):
-            inside = 0 <= row < grid.shape[0] and 0 <= column < grid.shape[1]
-            return (row, column) if inside and racks[row, column] else None
+    for ahead in islice(_ray(grid.shape, cell, step), 1, REACH + 1):
+        if not _is_free(grid, ahead):
+            return ahead if racks[ahead] else None
     return None
+
+
+def _ray(shape: tuple[int, ...], cell: Cell, step: Cell) -> Iterator[Cell]:
+    """Yield the cells of a floor from one on, that way."""
+    row, column = cell
+    while 0 <= row < shape[0] and 0 <= column < shape[1]:
+        yield row, column
+        row, column = row + step[0], column + step[1]
 
 
 def _run(racks: NDArray[np.bool_], cell: Cell, step: Cell) -> list[Cell]:
     """Return the cells of a rack from one on, that way."""
-    cells = []
-    row, column = cell
-    while 0 <= row < racks.shape[0] and 0 <= column < racks.shape[1] and racks[row, column]:
-        cells.append((row, column))
-        row, column = row + step[0], column + step[1]
-    return cells
+    return list(takewhile(lambda one: racks[one], _ray(racks.shape, cell, step)))
 
 
 def _line(racks: NDArray[np.bool_], cell: Cell, step: Cell) -> list[Cell]:
@@ -163,11 +223,15 @@ def one_ways(grid: GridMap, cell: Cell, flow: NDArray[np.float64]) -> list[Candi
             forth, back = (EAST, WEST) if along_row else (NORTH, SOUTH)
             more = _towards(flow[street], forth) >= _towards(flow[street], back)
             way = forth if more else back
-            directions = grid.one_way.copy()
-            directions[street] = way
             text = f"one way {_NAMES[way]} at {_where(grid, street)}"
-            found.append(Candidate("one-way", text, dataclasses.replace(grid, one_way=directions), street))
-    return [one for one in found if joined(one.grid)]
+            found.append(_directed(grid, street, np.full(grid.shape, way), text))
+    return [one for one in found if cut_off(one.grid) is None]
+
+
+def _directed(grid: GridMap, street: NDArray[np.bool_], ways: NDArray[Any], text: str) -> Candidate:
+    """Return the floor whose cells of a street bool[H, W] are one way, by directions [H, W]."""
+    directions = np.where(street, ways, grid.one_way).astype(grid.one_way.dtype)
+    return Candidate("one-way", text, dataclasses.replace(grid, one_way=directions), street)
 
 
 def _towards(flow: NDArray[np.float64], way: int) -> float:
@@ -181,7 +245,6 @@ def alternating(grid: GridMap) -> list[Candidate]:
     found = []
     for along_row, name in ((True, "west-east"), (False, "north-south")):
         label = aisle_cells(grid, along_row)
-        directions = grid.one_way.copy()
         lines = np.argwhere(label)[:, 0 if along_row else 1]
         begins = np.flatnonzero(np.diff(np.concatenate([[-2], np.unique(lines)])) > 1)
         first = np.unique(lines)[begins]
@@ -189,18 +252,16 @@ def alternating(grid: GridMap) -> list[Candidate]:
             continue
         turn = np.searchsorted(first, np.arange(grid.shape[0 if along_row else 1]), side="right") % 2
         ways = np.where(turn, *((EAST, WEST) if along_row else (NORTH, SOUTH)))
-        street = label > 0
-        directions[street] = (np.broadcast_to(ways[:, None] if along_row else ways[None, :], grid.shape))[street]
-        text = f"all {len(first)} lines of {name} aisles one way in turn"
-        found.append(Candidate("one-way", text, dataclasses.replace(grid, one_way=directions), street))
-    return [one for one in found if joined(one.grid)]
+        ways = np.broadcast_to(ways[:, None] if along_row else ways[None, :], grid.shape)
+        found.append(_directed(grid, label > 0, ways, f"all {len(first)} lines of {name} aisles one way in turn"))
+    return [one for one in found if cut_off(one.grid) is None]
 
 
-def joined(grid: GridMap) -> bool:
-    """Return whether each endpoint can be reached from every other."""
+def cut_off(grid: GridMap) -> Cell | None:
+    """Return an endpoint between which and the first one no robot can drive both ways; None where all are joined."""
     first, *others = grid.endpoints[2]
     region = grid.return_region(first)
-    return all(region[cell] for cell in others)
+    return next((cell for cell in others if not region[cell]), None)
 
 
 def expected_cost(grid: GridMap, trips: Sequence[Task], robots: int) -> float:

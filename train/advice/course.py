@@ -2,21 +2,76 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from train.advice import candidates
-from train.advice.bottlenecks import Bottleneck, bottlenecks, draw_trips, passing, plan_trips, traffic
-from train.advice.candidates import Candidate, Kind
-from train.advice.capacity import FIRST, Load, bears, loads, next_count
+from train.advice.candidates import Bottleneck, Candidate, Kind, bottlenecks, draw_trips, passing, plan_trips, traffic
 from train.advice.trials import AS_IS, Clock, Drive, Trial
 from train.evaluation.places import Floor, floor_of_notes
+from train.reporting.report import MEASURES
 from train.reporting.rows import Interval, Row, mean_interval, paired
 from warehouse_env.maps.grid_map import GridMap
+
+FIRST = 8  # robots tried first
+STUCK = 0.05  # share of robots stuck at the end from which a floor counts as jammed
+FELL = 0.9  # of the throughput with fewer robots, below which it counts as jammed as well
+CLOSE = 0.125  # of the number that a floor bears: as near to the number that jams as it is brought
+_SHOWN = ("late_goals_per_robot_hour", "stuck", "waiting_share")
+
+
+class Load(NamedTuple):
+    """What a floor does with a number of robots."""
+
+    robots: int
+    episodes: int
+    goals: Interval  # per hour, all robots together, in the second half of the episodes
+    each: Interval  # per robot and hour, the same
+    stuck: Interval  # share at the end
+    waiting: Interval  # share of time
+    jammed: bool
+
+
+def loads(rows: Mapping[int, Sequence[Row]]) -> list[Load]:
+    """Return what was measured for each number of robots, fewest first.
+
+    A floor is jammed with so many robots where STUCK of them are stuck, or all together reach less than FELL of the
+    most that fewer robots reached.
+    """
+    found: list[Load] = []
+    for robots in sorted(rows):
+        own = rows[robots]
+        each, stuck, waiting = (MEASURES[name].interval(own) for name in _SHOWN)
+        goals = each.times(robots)
+        best = max((load.goals.mean for load in found), default=0.0)
+        jammed = stuck.mean >= STUCK or goals.mean < FELL * best
+        found.append(Load(robots, len(own), goals, each, stuck, waiting, jammed))
+    return found
+
+
+def bears(found: Sequence[Load]) -> int:
+    """Return the most robots that were tried of those below the fewest that jam; 0 if the fewest do."""
+    return max((load.robots for load in takewhile(lambda load: not load.jammed, found)), default=0)
+
+
+def next_count(found: Sequence[Load], most: int) -> int | None:
+    """Return the number of robots to try next, at most `most`; None where it is known closely enough.
+
+    Twice as many while there is no jam, then the middle between the most without and the fewest with one. found: as
+    `loads` gives them.
+    """
+    good = bears(found)
+    jams = next((load.robots for load in found if load.jammed), None)
+    if jams is None:
+        following = 2 * good if good >= FIRST else FIRST
+        return min(following, most) if good < most else None
+    return None if jams - good <= max(1, CLOSE * good) else (good + jams) // 2
+
 
 FEWEST = 3  # episodes of everything: with two an interval is three times as wide
 MOST = 100  # of one number of robots, where there is time and nothing else to find out
@@ -81,8 +136,12 @@ def advise(plan: Plan, drive: Drive, clock: Clock) -> Advice:
     chosen = []
     most = _affordable(clock.left, took[seen.robots] / len(rows[seen.robots]))
     for kind in KINDS:
-        options = [one for place in seen.worst[:CHOSEN_AT] for one in _options(plan.grid, kind, place, flow)]
-        options += candidates.alternating(plan.grid) if kind == "one-way" and seen.worst else []
+        cells = [place.cell for place in seen.worst[:CHOSEN_AT]]
+        if kind == "aisle":
+            options = [one for cell in cells for one in candidates.aisles(plan.grid, cell)]
+        else:
+            options = [one for cell in cells for one in candidates.one_ways(plan.grid, cell, flow)]
+            options += candidates.alternating(plan.grid) if cells else []
         chosen += candidates.choose(options, trips, seen.robots, most)
     if not chosen and plan.episodes is None:
         _drive_more(plan, rows, took, drive, clock)
@@ -133,12 +192,6 @@ def _affordable(left: float, took: float) -> int:
     """
     episodes = min(left / max(took, 1e-9), 1e9) / FEWEST
     return int(min(TRIED, max(1, (episodes - 3 - 2 * len(KINDS)) // len(KINDS))))
-
-
-def _options(grid: GridMap, kind: Kind, place: Bottleneck, flow: NDArray[np.float64]) -> list[Candidate]:
-    if kind == "aisle":
-        return candidates.aisles(grid, place.cell)
-    return candidates.one_ways(grid, place.cell, flow)
 
 
 class Grown(NamedTuple):
@@ -208,7 +261,7 @@ def _rounds(
 
 
 def _effect(one: Candidate, first: Interval, base: Sequence[Row], rows: Sequence[Row] | None, robots: int) -> Effect:
-    whole = _times(mean_interval(map(_goals_of, base)), robots)
+    whole = mean_interval(map(_goals_of, base)).times(robots)
     if rows is None:
         return Effect(one, first, whole, None, None, None)
     waiting = paired(rows, base, lambda row: row["waiting_share"], ("seed",))
@@ -222,9 +275,4 @@ def _goals_of(row: Row) -> float | None:
 
 def _goals(rows: Sequence[Row], base: Sequence[Row], robots: int) -> Interval:
     """Return the paired difference of the goals per hour of all robots together."""
-    return _times(paired(rows, base, _goals_of, ("seed",)), robots)
-
-
-def _times(interval: Interval, factor: float) -> Interval:
-    mean, low, high = (factor * value for value in interval[:3])
-    return Interval(mean, low, high, interval.samples)
+    return paired(rows, base, _goals_of, ("seed",)).times(robots)

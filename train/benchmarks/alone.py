@@ -60,11 +60,14 @@ def drive(grid: GridMap, seconds: float, seed: int, worlds: int = WORLDS) -> Row
 def alone_table(rows: Sequence[Row]) -> Table:
     """Return the table of `alone`'s rows: the generated floors in one line, and what all come to in the note."""
     header = ("floor", "robot-hours", "longest in one place [s]", "shelf contacts", "goals/robot-h")
-    cells = [_line(row["floor"], [row], _goals(row)) for row in rows if not row["generated"]]
+    cells = []
+    for row in (row for row in rows if not row["generated"]):
+        goals = Interval(row["goals_per_robot_hour"], row["goals_low"], row["goals_high"], row["worlds"])
+        cells.append(_line(row["floor"], [row], goals))
     generated = [row for row in rows if row["generated"]]
     if generated:
-        mean = mean_interval(row["goals_per_robot_hour"] for row in generated)
-        cells.append(_line(f"aisles, {len(generated)} seeds", generated, with_interval(mean, 1)))
+        goals = mean_interval(row["goals_per_robot_hour"] for row in generated)
+        cells.append(_line(f"aisles, {len(generated)} seeds", generated, goals))
     late = sum(row["longest_standing_s"] > STANDING for row in rows)
     note = (
         f"One robot a world under {POLICY}, planner {PLANNER}; goals with 95% intervals over worlds, or over floors. "
@@ -74,13 +77,8 @@ def alone_table(rows: Sequence[Row]) -> Table:
     return Table("A robot alone", header, tuple(cells), note)
 
 
-def _goals(row: Row) -> str:
-    interval = Interval(row["goals_per_robot_hour"], row["goals_low"], row["goals_high"], row["worlds"])
-    return with_interval(interval, 1)
-
-
-def _line(name: str, rows: Sequence[Row], goals: str) -> tuple[str, ...]:
+def _line(name: str, rows: Sequence[Row], goals: Interval) -> tuple[str, ...]:
     return (
         name, number(sum(row["robot_hours"] for row in rows)), number(max(row["longest_standing_s"] for row in rows)),
-        str(sum(row["shelf_contacts"] for row in rows)), goals,
+        str(sum(row["shelf_contacts"] for row in rows)), with_interval(goals),
     )  # fmt: skip

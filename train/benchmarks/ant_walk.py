@@ -31,18 +31,9 @@ def c_walk(folder: Path) -> Walk:
     native.restype = None
 
     def walked(
-        floor: Floor,
-        trail: Table,
-        turning: Table,
-        straight: Table,
-        seeds: NDArray[np.uint64],
-        q0: float,
-        backtrack: bool,
-        local: tuple[float, float],
-        visited: NDArray[np.int64],
-        stamp: int,
-        walks: Walks,
-    ) -> Callable[[], object]:
+        floor: Floor, trail: Table, turning: Table, straight: Table, seeds: NDArray[np.uint64], q0: float,
+        backtrack: bool, local: tuple[float, float], visited: NDArray[np.int64], stamp: int, walks: Walks,
+    ) -> Callable[[], object]:  # fmt: skip
         number, real, at = ctypes.c_int64, ctypes.c_double, address
         return partial(
             native, number(len(visited)), number(len(seeds)), at(floor.neighbour), number(floor.goal), at(trail),

@@ -76,8 +76,7 @@ def _towards_nearest(robots: NDArray[Any]) -> NDArray[np.float64]:
     away = place[:, None, :] - place[:, :, None]
     away[:, np.arange(away.shape[1]), np.arange(away.shape[1])] = np.inf
     nearest = np.take_along_axis(away, np.abs(away).argmin(-1)[..., None], -1)[..., 0]
-    aside: NDArray[np.float64] = np.angle(nearest * np.exp(-1j * robots["heading"].astype(np.float64)))
-    return -2.0 * aside
+    return np.asarray(-2.0 * np.angle(nearest * np.exp(-1j * robots["heading"].astype(np.float64))))
 
 
 DRIVERS: dict[str, tuple[str, Callable[[EnvConfig, np.random.Generator], Driver]]] = {  # name -> action type, maker
@@ -113,10 +112,7 @@ def _config(driver: str, layout: str, robots: int) -> EnvConfig:
 
 
 def drive(name: str, config: EnvConfig, seconds: float, seed: int, noise: str = "none") -> Row:
-    """Drive a world for `seconds` simulated in episodes of EPISODE; return kilometres, contacts and goals.
-
-    noise: a name of NOISES.
-    """
+    """Drive a world for `seconds` in episodes of EPISODE, with a noise of NOISES; return what happens."""
     simulator = Simulator(config)
     rng = np.random.default_rng(seed)
     act = DRIVERS[name][1](config, rng)

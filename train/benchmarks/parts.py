@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import itertools
 import math
 import statistics
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
@@ -45,9 +47,9 @@ class Budget:
     each_reference: bool = False  # hold the step against every reference, not the best one only
 
 
-def _choices(space: Any) -> int:
-    """Return the number of discrete actions."""
-    return int(space.n)
+def _draws(space: Any, seed: int, *shape: int) -> NDArray[np.int64]:
+    """Return int64[_POOL, *shape], random actions of a discrete space."""
+    return np.random.default_rng(seed).integers(0, space.n, (_POOL, *shape))
 
 
 class Rate(NamedTuple):
@@ -94,14 +96,12 @@ def simulator(budget: Budget) -> Iterator[Row]:
     for worlds, robots in ((64, 16), (1024, 32), (1, 32), (1, 256), (1, 1024)):
         if worlds == 1 and robots > budget.largest:
             continue
-        config = EnvConfig(
-            num_agents=robots, planner=_PLANNER, max_steps=sys.maxsize, action_repeat=budget.action_repeat
-        )
+        config = EnvConfig(num_agents=robots, planner=_PLANNER, action_repeat=budget.action_repeat)
         side = _SQUARE_PER_ROBOTS[robots] if worlds == 1 else 0
         grid = make_layout("blocks", rows=side, columns=side) if worlds == 1 else None
-        sim = Simulator(config, worlds, grid=grid)
+        sim = Simulator(config.replace(max_steps=sys.maxsize), worlds, grid=grid)
         sim.reset([budget.seed + k % _START_SEEDS for k in range(worlds)])
-        pool = np.random.default_rng(budget.seed).integers(0, _choices(sim.action_space), (_POOL, worlds, robots))
+        pool = _draws(sim.action_space, budget.seed, worlds, robots)
         for threads in budget.threads if worlds > 1 else (1,):
             if threads > MOST_THREADS:
                 continue
@@ -127,7 +127,7 @@ def pettingzoo(budget: Budget) -> Iterator[Row]:
     set_num_threads(1)
     env = parallel_env(num_agents=8, planner=_PLANNER, max_steps=sys.maxsize)
     env.reset(seed=budget.seed)
-    draws = np.random.default_rng(budget.seed).integers(0, _choices(env.action_space(env.agents[0])), (_POOL, 8))
+    draws = _draws(env.action_space(env.agents[0]), budget.seed, 8)
     pool = [dict(zip(env.agents, draw, strict=True)) for draw in draws]
     yield _speed(rate(lambda k: env.step(pool[k % _POOL]), budget.seconds), 1, 8, 1)
 
@@ -140,7 +140,7 @@ def vec_env(budget: Budget) -> Iterator[Row]:
     env = make(64, num_agents=16, planner=_PLANNER, max_steps=sys.maxsize)
     env.seed(budget.seed)
     env.reset()
-    pool = np.random.default_rng(budget.seed).integers(0, _choices(env.action_space), (_POOL, 64 * 16))
+    pool = _draws(env.action_space, budget.seed, 64 * 16)
     yield _speed(rate(lambda k: env.step(pool[k % _POOL]), budget.seconds), 64, 16, 1)
 
 
@@ -223,36 +223,18 @@ def ant_walk(budget: Budget) -> Iterator[Row]:
             }  # fmt: skip
 
 
-def tracking(budget: Budget) -> Iterator[Row]:
-    """The path follower's lateral offsets on every layout."""
-    from train.benchmarks.tracking import tracking as follow
+def _elsewhere(name: str, per_second: float = 1.0) -> Callable[[Budget], Iterator[Row]]:
+    """Return the part that the function of a name measures, in the module of that name, with one thread.
 
-    set_num_threads(1)
-    yield from follow(_SIMULATED * budget.seconds, budget.seed)
+    per_second: seconds that it is given for each second of the budget.
+    """
 
+    def part(budget: Budget) -> Iterator[Row]:
+        set_num_threads(1)
+        measure = getattr(importlib.import_module(f"train.benchmarks.{name}"), name)
+        yield from measure(per_second * budget.seconds, budget.seed)
 
-def traffic(budget: Budget) -> Iterator[Row]:
-    """A decision with the protective field, right of way and live routes, over one without."""
-    from train.benchmarks.traffic import traffic as weigh
-
-    set_num_threads(1)
-    yield from weigh(budget.seconds, budget.seed)
-
-
-def looks(budget: Budget) -> Iterator[Row]:
-    """A look for a better route by the ants and by the search: what it costs, and what it finds."""
-    from train.benchmarks.looks import looks as look
-
-    set_num_threads(1)
-    yield from look(budget.seconds, budget.seed)
-
-
-def field(budget: Budget) -> Iterator[Row]:
-    """Contacts under the protective field, on every layout, whatever drives; and with noise."""
-    from train.benchmarks.field import field as hold
-
-    set_num_threads(1)
-    yield from hold(_SIMULATED * budget.seconds, budget.seed)
+    return part
 
 
 def alone(budget: Budget) -> Iterator[Row]:
@@ -263,7 +245,6 @@ def alone(budget: Budget) -> Iterator[Row]:
     yield from drive(_ALONE * budget.seconds, budget.seed, budget.maps)
 
 
-_IMPORT = "import warehouse_env"
 _FIRST_STEP = (
     "from warehouse_env import parallel_env; env = parallel_env(num_agents=8, planner='astar'); env.reset(seed=0); "
     "env.step({agent: 0 for agent in env.agents})"
@@ -273,7 +254,8 @@ _FIRST_STEP = (
 def start(budget: Budget) -> Iterator[Row]:
     """Seconds of a fresh interpreter until `import warehouse_env`, and until the first step of an environment."""
     repeats = 3 if budget.seconds < 1 else 5
-    for step, code in (("import warehouse_env", _IMPORT), ("first step of an environment", _FIRST_STEP)):
+    importing = "import warehouse_env"
+    for step, code in ((importing, importing), ("first step of an environment", _FIRST_STEP)):
         timed: str = f"import time; begin = time.perf_counter(); {code}; print(time.perf_counter() - begin)"
         seconds: list[float] = []
         for _ in range(repeats + 1):  # the first fills the caches
@@ -283,18 +265,11 @@ def start(budget: Budget) -> Iterator[Row]:
 
 
 PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
-    "simulator": simulator,
-    "reference": reference,
-    "pettingzoo": pettingzoo,
-    "vec_env": vec_env,
-    "policy": policy,
-    "training": training,
-    "plan": plan,
-    "ant_walk": ant_walk,
-    "tracking": tracking,
-    "traffic": traffic,
-    "looks": looks,
-    "field": field,
+    **{part.__name__: part for part in (simulator, reference, pettingzoo, vec_env, policy, training, plan, ant_walk)},
+    "tracking": _elsewhere("tracking", _SIMULATED),
+    "traffic": _elsewhere("traffic"),
+    "looks": _elsewhere("looks"),
+    "field": _elsewhere("field", _SIMULATED),
     "alone": alone,
     "start": start,
 }

@@ -1,13 +1,19 @@
-"""The ratios written down with the last release, and which of today's have fallen too far below them."""
+"""The ratios written down with the last release, which of today's have fallen too far below them, and where ratios
+come from: the commit and the day.
+"""
 
 from __future__ import annotations
 
+import datetime
+import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
 from train.reporting.rows import Row, read_rows, select, write_rows
+from warehouse_env import __version__
 from warehouse_env.errors import WarehouseError
 
+ROOT = Path(__file__).parents[2]
 RELEASE = Path(__file__).parent / "release.jsonl"
 RENEW = "warehouse bench --only reference --write-release"
 _LEFT = 2 / 3  # of a release's ratio: a third may be lost, more than machines and minutes differ by
@@ -45,3 +51,22 @@ def _same(written: Sequence[Row], row: Row) -> list[Row]:
 
 def _name(row: Row) -> str:
     return f"{row['run']} at {row['envs']} x {row['agents']}"
+
+
+def origin() -> Row:
+    """Return the commit of the source, or the version of the package where there is no git; and today's date."""
+    return {"commit": commit(ROOT) or __version__, "date": datetime.date.today().isoformat()}
+
+
+def commit(root: Path) -> str | None:
+    """Return the commit that a working copy stands on, with "-dirty" where files differ; None if it is none."""
+    if not (root / ".git").exists():
+        return None
+    try:
+        done = subprocess.run(
+            ["git", "-C", root, "describe", "--always", "--dirty", "--exclude", "*"],
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return done.stdout.strip()

@@ -102,6 +102,4 @@ def tracking_table(rows: list[Row]) -> Table:
 
 def _lengths(row: Row, prefix: str) -> tuple[str, str, str]:
     mean = Interval(row[f"{prefix}mean_m"], row[f"{prefix}mean_low_m"], row[f"{prefix}mean_high_m"], row["worlds"])
-    return (
-        with_interval(mean, 100), number(100 * row[f"{prefix}p95_m"]), number(100 * row[f"{prefix}max_m"]),
-    )  # fmt: skip
+    return with_interval(mean, 100), number(100 * row[f"{prefix}p95_m"]), number(100 * row[f"{prefix}max_m"])

@@ -44,10 +44,8 @@ def traffic(seconds: float, seed: int) -> Iterator[Row]:
 
 
 def _world(robots: int, options: dict[str, Any], seed: int) -> Simulator:
-    config = EnvConfig(
-        layout=LAYOUT, num_agents=robots, planner=PLANNER, action_repeat=2, max_steps=sys.maxsize, **options
-    )
-    simulator = Simulator(config)
+    config = EnvConfig(layout=LAYOUT, num_agents=robots, planner=PLANNER, action_repeat=2, **options)
+    simulator = Simulator(config.replace(max_steps=sys.maxsize))
     simulator.reset(seed)
     _time(simulator, round(WARM / (config.action_repeat * config.time_step)))
     return simulator

@@ -117,8 +117,7 @@ class CentralPBCR:
         rows, columns = simulator.grid.shape
         cells = np.clip(simulator.grid.cell(poses[..., :2]), 0, (rows - 1, columns - 1))
         heading = np.floor(poses[..., 2] / (2.0 * np.pi) * HEADINGS).astype(np.int64) % HEADINGS
-        place: NDArray[np.int64] = (cells[..., 0] * columns + cells[..., 1]) * HEADINGS + heading
-        return place
+        return np.asarray((cells[..., 0] * columns + cells[..., 1]) * HEADINGS + heading)
 
     def _cost(self, simulator: Simulator, memory: _World, ends: Floats) -> Floats:
         """Return float64[N, K], metres to go from poses [N, K, 3], and what the turn still to be made is worth."""
@@ -144,5 +143,4 @@ def _between(field: Floats, simulator: Simulator, points: Floats) -> Floats:
     u, v = row - i, column - j
     upper = field[n, i, j] * (1 - v) + field[n, i, j + 1] * v
     lower = field[n, i + 1, j] * (1 - v) + field[n, i + 1, j + 1] * v
-    value: Floats = size * (upper * (1 - u) + lower * u)
-    return value
+    return np.asarray(size * (upper * (1 - u) + lower * u))

@@ -1,7 +1,11 @@
-"""`central_pibt`: PIBT on the grid of cells, driven by the bodies in the order of the plan at every cell."""
+"""`central_pibt`: PIBT on the grid of cells, driven by the bodies in the order of the plan at every cell.
+
+Visits of cells are lines and speeds, which the path follower of the environment drives.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,12 +13,90 @@ from numpy.typing import NDArray
 
 from agents.policy import Action
 from agents.route_command import RouteCommand
-from train.central.driving import BACK_SPEED, give_line, line_of, speed_for
 from train.central.grid_pibt import BACKWARDS, cost_to_go, pibt_step
 from train.central.orders import LENGTH, Orders, advance, append, forget_future, goes_straight_on
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.routes.lanes import resample
 from warehouse_env.simulation.simulator import Simulator
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+SPACING = 0.25  # [m] of the way-points
+REST = 0.2  # [cells] ahead of a cell's centre where a front axle stops: the body then hardly leaves the cell
+REST_TO_TURN = -0.1  # [cells], the same where it may have to turn from rest: it then hardly swings out of the cell
+BACK_SPEED = 0.4  # [m/s]
+BRAKE_SHARE = 0.8  # of the acceleration limit that stops are planned with
+_WAYS = np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])  # (x, y) of headings 0..3
+
+Line = tuple[NDArray[np.float32], float]
+"""Way-points float32[R, 2] [m], and where on them the axle must stop [m]."""
+
+
+def line_of(orders: Orders, robot: int, centre: Floats, side: float) -> Line:
+    """Return the line of the visits in the present gear, from where the robot is to the last one granted."""
+    at, last = int(orders.at[robot]), int(orders.granted[robot])
+    move = orders.move[robot]
+    gear = move[at % LENGTH] >= BACKWARDS
+    while last > at and any((move[k % LENGTH] >= BACKWARDS) != gear for k in range(at + 1, last + 1)):
+        last -= 1
+    heading = _WAYS[move[last % LENGTH] % 4]
+    goal = centre[orders.cell[robot, last % LENGTH]]
+    if gear:  # a straight line along the heading, which is driven from its end towards its start
+        here = centre[orders.cell[robot, at % LENGTH]]
+        ends = np.stack([goal - side * heading, here + 2 * side * heading])
+        return resample(ends, SPACING).astype(np.float32), (1.0 + REST) * side
+    begin = at
+    while begin > max(orders.first[robot], at - 2) and move[begin % LENGTH] < BACKWARDS:
+        begin -= 1
+    cells = [centre[orders.cell[robot, k % LENGTH]] for k in range(begin, last + 1)]
+    into = _WAYS[move[begin % LENGTH] % 4]
+    rest = REST if goes_straight_on(orders, robot, last) else REST_TO_TURN
+    cells[-1] = cells[-1] + rest * side * heading
+    points = np.stack([cells[0] - side * into, *cells])
+    line = resample(rounded(points), SPACING)
+    return line.astype(np.float32), float(np.hypot(*np.diff(line, axis=0).T).sum())
+
+
+def rounded(points: Floats) -> Floats:
+    """Return the polyline float64[L, 2] with an arc for each corner, from the middle of the shorter side there.
+
+    On a path over neighbouring cells of side s the arcs' radius is at least s / 2, and they keep s / 2 from shelves.
+    """
+    pieces = [points[:1]]
+    for before, corner, after in zip(points[:-2], points[1:-1], points[2:], strict=True):
+        one, two = before - corner, after - corner
+        reach = 0.5 * min(math.hypot(*one), math.hypot(*two))
+        one, two = one / math.hypot(*one), two / math.hypot(*two)
+        turn = math.pi - math.acos(min(max(float(one @ two), -1.0), 1.0))
+        if turn < 1e-6:
+            continue
+        middle = (one + two) / math.hypot(*(one + two))
+        centre = corner + middle * reach / math.sin(0.5 * turn)
+        radius = reach / math.tan(0.5 * turn)
+        along = (two - one) / math.hypot(*(two - one))
+        angles = np.linspace(-0.5 * turn, 0.5 * turn, max(math.ceil(turn / 0.05), 2))[:, None]
+        pieces.append(centre + radius * (np.sin(angles) * along - np.cos(angles) * middle))
+    return np.concatenate([*pieces, points[-1:]])
+
+
+def give_line(simulator: Simulator, world: int, robot: int, line: NDArray[np.float32]) -> None:
+    """Let a robot drive along a line float32[R, 2] [m] from now on, from the point nearest to its axle."""
+    r = simulator.robots[world, robot]
+    nearest = int(np.argmin(np.hypot(line[:, 0] - r["x"], line[:, 1] - r["y"])))
+    since_milestone, bearing = r["position"] - r["milestone"], r["bearing"]
+    simulator.dispatcher.give_line(world, robot, line)
+    r["position"] = nearest * r["spacing"]
+    r["milestone"] = r["position"] - since_milestone
+    r["bearing"] = bearing  # by which it steers backwards until it has found its place on the line
+
+
+def speed_for(way: float, period: float, acceleration: float) -> float:
+    """Return the speed [m/s] from which a robot can stop within `way` [m], after one more period [s] at it."""
+    brake = BRAKE_SHARE * acceleration
+    return -brake * period + math.sqrt((brake * period) ** 2 + 2.0 * brake * max(way, 0.0))
+
 
 LOOK = 5  # [cells] ahead of a robot that are planned and granted at most
 BARRED = 1.5  # [s] standing against something until a body backs off
@@ -34,7 +116,7 @@ class GridPIBT:
         self._goal = np.full(robots, -1, np.int64)
         self._waited = np.zeros(robots, np.int64)  # steps since the last goal: the priority
 
-    def aim(self, goals: NDArray[np.int64]) -> None:
+    def aim(self, goals: Ints) -> None:
         """Take the robots' goal cells int64[N]."""
         for i in np.flatnonzero(goals != self._goal).tolist():
             goal = int(goals[i])
@@ -43,13 +125,9 @@ class GridPIBT:
             self._costs[i], self._goal[i], self._waited[i] = self._kept[goal], goal, 0
 
     def step(
-        self,
-        cell: NDArray[np.int64],
-        heading: NDArray[np.int64],
-        held: NDArray[np.bool_],
-        tail: NDArray[np.int64] | None = None,
-        restless: NDArray[np.bool_] | bool = False,
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        self, cell: Ints, heading: Ints, held: NDArray[np.bool_],
+        tail: Ints | None = None, restless: NDArray[np.bool_] | bool = False,
+    ) -> tuple[Ints, Ints]:  # fmt: skip
         """Return the next cells and moves int64[N] (see pibt_step)."""
         self._waited += 1
         restless = np.broadcast_to(restless, held.shape)
@@ -78,7 +156,7 @@ class _World:
         self.since_forgotten = 0.0  # [s] since the plan began anew
         self.barred = np.zeros(simulator.num_agents)  # [s] standing though it should drive; below 0: backing off
 
-    def speeds(self, simulator: Simulator) -> NDArray[np.float64]:
+    def speeds(self, simulator: Simulator) -> Floats:
         """Return the wanted speeds [m/s], float64[N], after planning on and renewing lines."""
         config, robot, orders = simulator.config, simulator.config.robot, self.orders
         period = config.time_step * config.action_repeat
@@ -94,17 +172,17 @@ class _World:
         return self._back_off(wanted, state.speed[world], simulator.events.touching[world] != 0, period)
 
     def _back_off(
-        self, wanted: NDArray[np.float64], speed: NDArray[np.float32], touching: NDArray[np.bool_], period: float
-    ) -> NDArray[np.float64]:
+        self, wanted: Floats, speed: NDArray[np.float32], touching: NDArray[np.bool_], period: float
+    ) -> Floats:
         """Return the wanted speeds, turned round for a while where a body stands against something."""
         standing = (np.abs(speed) < 0.05) & (touching | (np.abs(wanted) > 0.2))
-        self.barred = np.where(self.barred < 0, self.barred + period, np.where(standing, self.barred + period, 0.0))
+        self.barred = np.where((self.barred < 0) | standing, self.barred + period, 0.0)
         begins = (self.barred > BARRED) & (self.plan.rng.random(len(speed)) < 0.3)  # not both of a pair at once
         self.barred[begins] = -BACKING
         self.seen[begins] = -1
         return np.where(self.barred < 0, np.where(wanted < 0, BACK_SPEED, -BACK_SPEED), wanted)
 
-    def _plan_on(self, parked: NDArray[np.bool_], period: float, before: NDArray[np.int64]) -> None:
+    def _plan_on(self, parked: NDArray[np.bool_], period: float, before: Ints) -> None:
         orders = self.orders
         pending = orders.end - 1 - orders.at
         self.since = np.where(orders.at == before, self.since + period, 0.0)
@@ -136,10 +214,9 @@ class _World:
         return speed_for(self.stop[i] - float(r["position"]), period, acceleration)
 
 
-def _flat(cells: NDArray[np.int64], grid: GridMap) -> NDArray[np.int64]:
+def _flat(cells: Ints, grid: GridMap) -> Ints:
     """Return int64[N], the cells (row, column) int64[N, 2] as row * columns + column."""
-    flat: NDArray[np.int64] = cells[:, 0] * grid.shape[1] + cells[:, 1]
-    return flat
+    return np.asarray(cells[:, 0] * grid.shape[1] + cells[:, 1])
 
 
 class CentralPIBT:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import platform
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
@@ -68,8 +69,7 @@ class Bench(Checked):
         budget = self._budget()
         chosen = [what for what in get_args(What) if not self.only or what in self.only]
         file = RowFile(self.json, keep=self.append)
-        parts: dict[str, Callable[[Budget], Iterator[Row]]] = PARTS
-        rows = measure(chosen, parts, budget, file)
+        rows = measure(chosen, PARTS, budget, file)
         for table in tables(rows):
             table.print()
         print(file.written())
@@ -91,24 +91,17 @@ class Bench(Checked):
         if (self.check or self.write_release) and self.only and "reference" not in self.only:
             raise ConfigError("--check and --write-release need the part `reference`: name it in --only as well")
         return Budget(
-            seconds=self.seconds / 5 if self.quick else self.seconds,
-            largest=256 if self.quick else 1024,
-            threads=self.threads,
-            action_repeat=self.action_repeat,
-            seed=self.seed,
-            maps=self.maps,
+            seconds=self.seconds / 5 if self.quick else self.seconds, largest=256 if self.quick else 1024,
+            threads=self.threads, action_repeat=self.action_repeat, seed=self.seed, maps=self.maps,
             each_reference=self.write_release,
-        )
+        )  # fmt: skip
 
 
 def measure(
-    chosen: Sequence[str],
-    parts: dict[str, Callable[..., Iterator[Row]]],
-    budget: object,
-    file: RowFile,
+    chosen: Sequence[str], parts: Mapping[str, Callable[[Budget], Iterator[Row]]], budget: Budget, file: RowFile
 ) -> list[Row]:
     """Run the chosen parts under a progress bar; return all rows, each also added to `file` at once."""
-    from train.benchmarks.origin import origin
+    from train.benchmarks.release import origin
 
     machine = {**origin(), "cores": os.cpu_count(), "machine": platform.machine(), "python": platform.python_version()}
     rows: list[Row] = []
@@ -129,68 +122,58 @@ def measure(
 
 def tables(rows: Sequence[Row]) -> list[Table]:
     """Return the tables of speeds, plans, tracking errors and starting times, as far as they were measured."""
-    made = []
     speeds = [row for row in rows if "agent_steps_per_s" in row]
-    if speeds:
-        made.append(_speeds(speeds))
-    held = select(rows, what="reference")
-    if held:
-        from train.benchmarks.reference import reference_table
-
-        made.append(reference_table(held))
-    plans = select(rows, what="plan")
-    if plans:
-        cells = tuple((row["planner"], number(row["ms"], 2), number(1000 / row["ms"], 3), row["on"]) for row in plans)
-        made.append(Table("Plans, one core", ("planner", "median ms", "plans/s", "on"), cells))
-    walks = select(rows, what="ant_walk")
-    if walks:
-        made.append(_walks(walks))
-    tracks = select(rows, what="tracking")
-    if tracks:
-        from train.benchmarks.tracking import tracking_table
-
-        made.append(tracking_table(tracks))
-    weighed = select(rows, what="traffic")
-    if weighed:
-        from train.benchmarks.traffic import traffic_table
-
-        made.append(traffic_table(weighed))
-    looked = select(rows, what="looks")
-    if looked:
-        from train.benchmarks.looks import looks_table
-
-        made.append(looks_table(looked))
-    guarded = select(rows, what="field")
-    if guarded:
-        from train.benchmarks.field import field_tables
-
-        made += field_tables(guarded)
-    solo = select(rows, what="alone")
-    if solo:
-        from train.benchmarks.alone import alone_table
-
-        made.append(alone_table(solo))
-    starts = select(rows, what="start")
-    if starts:
-        times = tuple((row["step"], number(row["seconds"], 2)) for row in starts)
-        made.append(Table("A fresh process, compile cache warm", ("until", "seconds"), times))
+    made = [_speeds(speeds)] if speeds else []
+    for what, make in TABLES.items():
+        if own := select(rows, what=what):
+            made += make(own)
     return made
 
 
-def _walks(rows: Sequence[Row]) -> Table:
+def _elsewhere(module: str, name: str) -> Callable[[list[Row]], list[Table]]:
+    """Return the function of a module of train.benchmarks that makes the table, or the tables, of its rows."""
+
+    def make(rows: list[Row]) -> list[Table]:
+        found: Table | list[Table] = getattr(importlib.import_module(f"train.benchmarks.{module}"), name)(rows)
+        return [found] if isinstance(found, Table) else found
+
+    return make
+
+
+def _plans(rows: Sequence[Row]) -> list[Table]:
+    cells = tuple((row["planner"], number(row["ms"], 2), number(1000 / row["ms"], 3), row["on"]) for row in rows)
+    return [Table("Plans, one core", ("planner", "median ms", "plans/s", "on"), cells)]
+
+
+def _starts(rows: Sequence[Row]) -> list[Table]:
+    cells = tuple((row["step"], number(row["seconds"], 2)) for row in rows)
+    return [Table("A fresh process, compile cache warm", ("until", "seconds"), cells)]
+
+
+def _walks(rows: Sequence[Row]) -> list[Table]:
     header = ("planner", "task", "ants x iterations", "ms", "ms in C", "over C", "the same moves")
     cells = tuple(
         (
-            row["planner"],
-            row["on"],
-            f"{row['ants']} x {row['iterations']}",
-            *(number(row[name], 3) for name in ("ms", "c_ms", "over_c")),
-            "yes" if row["same_moves"] else "NO",
+            row["planner"], row["on"], f"{row['ants']} x {row['iterations']}",
+            *(number(row[name], 3) for name in ("ms", "c_ms", "over_c")), "yes" if row["same_moves"] else "NO",
         )
         for row in rows
         if "note" not in row
-    )
-    return Table("The ants' walk against plain C", header, cells, "".join(row.get("note", "") for row in rows))
+    )  # fmt: skip
+    return [Table("The ants' walk against plain C", header, cells, "".join(row.get("note", "") for row in rows))]
+
+
+TABLES: dict[str, Callable[[list[Row]], list[Table]]] = {
+    "reference": _elsewhere("reference", "reference_table"),
+    "plan": _plans,
+    "ant_walk": _walks,
+    "tracking": _elsewhere("tracking", "tracking_table"),
+    "traffic": _elsewhere("traffic", "traffic_table"),
+    "looks": _elsewhere("looks", "looks_table"),
+    "field": _elsewhere("field", "field_tables"),
+    "alone": _elsewhere("alone", "alone_table"),
+    "start": _starts,
+}
 
 
 def _speeds(rows: Sequence[Row]) -> Table:
@@ -198,16 +181,13 @@ def _speeds(rows: Sequence[Row]) -> Table:
     cells = []
     for row in rows:
         low, high = row.get("low"), row.get("high")
-        cells.append(
-            (
-                row["what"],
-                *(str(row[name]) for name in ("envs", "agents", "threads")),
-                _thousands(row["agent_steps_per_s"]),
-                f"{_thousands(low)} to {_thousands(high)}" if low is not None and high is not None else "",
-                _thousands(row["env_steps_per_s"]) if "env_steps_per_s" in row else "",
-                ", ".join(f"{name} {100 * share:.0f}%" for name, share in row.get("shares", {}).items()),
-            )
-        )
+        cells.append((
+            row["what"], *(str(row[name]) for name in ("envs", "agents", "threads")),
+            _thousands(row["agent_steps_per_s"]),
+            f"{_thousands(low)} to {_thousands(high)}" if low is not None and high is not None else "",
+            _thousands(row["env_steps_per_s"]) if "env_steps_per_s" in row else "",
+            ", ".join(f"{name} {100 * share:.0f}%" for name, share in row.get("shares", {}).items()),
+        ))  # fmt: skip
     steps = {row["action_repeat"] for row in rows if "action_repeat" in row}
     note = [f"One simulator step here: {count} physics step(s) of 0.1 s and one observation." for count in steps]
     return Table("Speed", header, tuple(cells), "\n".join(note + ratios(rows)))

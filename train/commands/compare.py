@@ -63,15 +63,14 @@ class Compare(Checked):
 
 def _page(lines: Sequence[Line], runs: Sequence[Run]) -> Page:
     table = comparison_table(lines)
-    facts = {run.name: f"`{run.path}`, {len(run.rows)} episodes, version {_versions(run)}" for run in runs}
+    facts = {}
+    for run in runs:
+        versions = ", ".join(sorted({str(row.get("version", "unknown")) for row in run.rows}))
+        facts[run.name] = f"`{run.path}`, {len(run.rows)} episodes, version {versions}"
     title = f"{' and '.join(run.name for run in runs[1:])} against {runs[0].name}"
     drawn = Part("Differences", pictures=[_drawing(lines)])
     parts = [drawn, Part("Every figure", tables=[table]), Part("What was compared", facts=made_by(**facts))]
     return Page(title, "Paired differences over the same episodes", comparison_words(lines), parts)
-
-
-def _versions(run: Run) -> str:
-    return ", ".join(sorted({str(row.get("version", "unknown")) for row in run.rows}))
 
 
 def _drawing(lines: Sequence[Line]) -> Shown:

@@ -69,10 +69,7 @@ class _Part(Job):
     name: str
     seed: int
 
-    @property
-    def title(self) -> str:
-        """What the progress bar says."""
-        return f"compiling, once for this version: {self.name}"
+    titled = "compiling, once for this version: {name}"
 
     def run(self, tick: Tick) -> Result:
         """Call the kernels."""

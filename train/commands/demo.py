@@ -75,17 +75,10 @@ class Demo(Checked):
         if not is_compiled():  # else each policy's process would compile the same
             compile_all(self.processes)
         Evaluate(
-            policy=self.policy,
-            layout=(self.layout,),
-            robots=(self.robots,),
-            episodes=self.episodes,
-            seconds=self.seconds,
-            planner=self.planner,
-            seed=self.seed,
-            json=self.json,
-            out=self.out,
+            policy=self.policy, layout=(self.layout,), robots=(self.robots,), episodes=self.episodes,
+            seconds=self.seconds, planner=self.planner, seed=self.seed, json=self.json, out=self.out,
             processes=self.processes,
-        ).run()
+        ).run()  # fmt: skip
         video = [f"the video to {self._film(self.out / 'video.mp4')}, "] if self.video_seconds else []
         print(f"wrote {''.join(video)}all else to {self.out}, in {time.perf_counter() - begin:.0f} s")
 

@@ -1,4 +1,4 @@
-"""`warehouse evaluate`: policies over held-out episodes -> rows, a table with intervals, pictures."""
+"""`warehouse evaluate`, `robust` and `scenes`: policies over held-out episodes or scenes -> rows, a table, pictures."""
 
 from __future__ import annotations
 
@@ -7,17 +7,55 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from train.commands.drive import Drive
+from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED
 from train.evaluation.episodes import play
+from train.evaluation.jobs import Runner
 from train.evaluation.places import NOTES, PAGE
-from train.evaluation.rollout import Experiment, Trace, make_experiment
+from train.evaluation.robustness import robust_table
+from train.evaluation.rollout import MOST, Experiment, Trace, make_experiment
+from train.evaluation.scenes import SCENES, SceneJob, scene_table
+from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, check_writable, read_rows, write_text
+from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig, TaskMode
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.maps.movingai import read_map
 from warehouse_env.planning import make_planner
+
+
+@dataclass(frozen=True)
+class Drive(Checked):
+    """Options of worlds to drive in, and what of them is chosen against a policy's own."""
+
+    planner: str = EnvConfig.planner
+    """Planner of the routes."""
+    protective_field: bool | None = None
+    """Refuse commands that could end in a contact (as the policy needs it if left out)."""
+    right_of_way: bool | None = None
+    """Decide who goes first, and let who is in the way make room (as the policy needs it if left out)."""
+    right_of_way_after: float | None = None
+    """Let right of way step in only around robots that have stood for so long [s] and wait in a ring, or for five
+    times as long, 0: always (as the policy needs it)."""
+    reroute: bool | None = None
+    """Plan routes anew around robots that stand (as the policy needs it if left out)."""
+    people: int | None = None
+    """People who walk among the robots; none if left out."""
+    seed: int = HELD_OUT_SEED
+    """The first seed, the next ones count on; no training uses seeds from the default on."""
+
+    def chosen(self) -> dict[str, bool | float]:
+        """Return what options set of EnvConfig; ConfigError where right of way shall step in without being there."""
+        options = ("protective_field", "right_of_way", "right_of_way_after", "reroute", "people")
+        given = {name: getattr(self, name) for name in options}
+        if self.right_of_way_after is not None:
+            if self.right_of_way is False:
+                after = f"{self.right_of_way_after:g}"
+                raise ConfigError(f"--right-of-way-after {after} must be left out with --no-right-of-way")
+            given["right_of_way"] = True
+        return {name: value for name, value in given.items() if value is not None}
+
 
 GOES_ON = "the same command with --resume goes on"
 
@@ -55,12 +93,9 @@ class Episodes(Drive):
         return self.json or self.out / "rows.jsonl"
 
     def tabulate(
-        self,
-        experiments: Sequence[Experiment],
-        table_of: Callable[[Sequence[Row]], Table],
-        traced: bool = False,
+        self, experiments: Sequence[Experiment], table_of: Callable[[Sequence[Row]], Table], traced: bool = False,
         notes: RowFile | None = None,
-    ) -> tuple[list[Row], list[Trace]]:
+    ) -> tuple[list[Row], list[Trace]]:  # fmt: skip
         """Play the experiments, print the table of their rows and write both; return what `play` does."""
         path, table_path = self.rows_path, self.out / "table.md"
         check_writable(table_path)
@@ -127,3 +162,76 @@ class Evaluate(Episodes):
             noted = read_rows(self.report / NOTES) if (self.report / NOTES).exists() else []
             page = f", the report to {write_report(rows, noted, experiments, self.report, self.rows_path)}"
         print(f"wrote the rows to {self.rows_path}, the table{drawn} to {self.out}{page}")
+
+
+@dataclass(frozen=True)
+class Robust(Episodes):
+    """Drive policies with other bodies, worse sensors, lost messages, a broken robot; print what holds and breaks."""
+
+    policy: tuple[str, ...] = ("greedy", "reinforce", "ppo", "threaded_ppo")
+    """Policies to compare: names, or folders of trained ones."""
+    layout: tuple[str, ...] = ("paper46", "narrow")
+    """Layouts to drive on."""
+    robots: tuple[int, ...] = (16, 32)
+    """Numbers of robots."""
+    disturbance: tuple[str, ...] = tuple(DISTURBANCES)
+    """What to disturb; each is held against the undisturbed world, which is driven in any case."""
+    episodes: int = 3
+    """Episodes of each disturbance, policy, floor and number of robots; all have the same seeds."""
+    seconds: float = 300.0
+    """Simulated time of an episode [s]."""
+    out: Path = Path("results/robust")
+    """Folder for the rows and the table."""
+
+    def run(self) -> None:
+        """Play everything, print the table, write rows and table."""
+        for name in self.disturbance:
+            if name not in DISTURBANCES:
+                raise unknown_name("disturbance", name, DISTURBANCES)
+        names = dict.fromkeys((UNDISTURBED, *self.disturbance))
+        self.tabulate([experiment for name in names for experiment in self.experiments(name)], robust_table)
+        print(f"wrote the rows to {self.rows_path}, the table to {self.out}")
+
+
+@dataclass(frozen=True)
+class Scenes(Drive):
+    """Drive policies through symmetric scenes (head-on, crossing, circle swap); print the share that is resolved."""
+
+    scene: tuple[str, ...] = tuple(SCENES)
+    """Scenes to play."""
+    policy: tuple[str, ...] = ("ppo",)
+    """Policies to compare: names, or folders of trained ones."""
+    seeds: int = 1000
+    """Seeds of each scene and policy."""
+    seconds: float = 120.0
+    """Simulated time within which all robots must have arrived [s]."""
+    json: Path | None = None
+    """File for the rows, one a seed, as JSON lines (OUT/rows.jsonl if left out)."""
+    out: Path = Path("results/scenes")
+    """Folder for the rows and the table."""
+
+    def run(self) -> None:
+        """Play everything, print the table, write rows and table."""
+        for name in self.scene:
+            if name not in SCENES:
+                raise unknown_name("scene", name, SCENES)
+        if not 1 <= self.seeds <= MOST:
+            raise ConfigError(f"--seeds {self.seeds} must lie between 1 and {MOST:,}")
+        make_planner(self.planner)
+        base, chosen = EnvConfig(planner=self.planner), self.chosen()
+        for policy in self.policy:  # finds what is wrong before the start
+            make_experiment(policy, base, self.seeds, self.seconds, self.seed, chosen)
+        check_writable(self.out / "table.md")
+        file = RowFile(self.json or self.out / "rows.jsonl")
+        seeds = range(self.seed, self.seed + self.seeds)
+        jobs = [
+            SceneJob(name, policy, base, self.seconds, seeds, chosen)
+            for name in dict.fromkeys(self.scene)
+            for policy in dict.fromkeys(self.policy)
+        ]
+        with Runner(file) as run:
+            rows = run(jobs)
+        table = scene_table(rows)
+        table.print()
+        write_text(self.out / "table.md", table.markdown())
+        print(f"wrote the rows to {file.path} and the table to {self.out}")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from train.advice.candidates import run_lengths
+from train.advice.candidates import cut_off, run_lengths
 from train.reporting.report import Table
 from train.reporting.rows import Row, RowFile
 from warehouse_env.checked import Checked
@@ -82,7 +82,9 @@ class Layouts(Checked):
         file = RowFile(self.json)
         file.add([facts(grid)])
         if self.png is not None:
-            _picture(grid, self.png)
+            from warehouse_env.render.charts import paths
+
+            paths(grid, {}, f"{grid.name}: {len(grid.picks)} picks, {len(grid.stations)} stations", self.png)
         if self.png is not None or self.json is not None:
             print("wrote " + " and ".join(str(path) for path in (self.json, self.png) if path is not None))
 
@@ -103,29 +105,22 @@ class Layouts(Checked):
 
 def check_connected(grid: GridMap) -> None:
     """Raise MapError, naming an endpoint, unless each endpoint can be reached from every other on a one-way floor."""
-    first, *others = grid.endpoints[2]
-    joined = grid.return_region(first)
-    for cell in others:
-        if not joined[cell]:
-            raise MapError(
-                f"one-way cells of map {grid.name!r} cut endpoints off: no robot can drive from {first} to {cell} and "
-                "back; turn or remove some arrows"
-            )
+    cell = cut_off(grid)
+    if cell is not None:
+        raise MapError(
+            f"one-way cells of map {grid.name!r} cut endpoints off: no robot can drive from {grid.endpoints[2][0]} to "
+            f"{cell} and back; turn or remove some arrows"
+        )
 
 
 def facts(grid: GridMap) -> Row:
     """Return what a list of floors says about one: sizes in cells, heights in metres."""
     rows, columns = grid.shape
     return {
-        "layout": grid.name,
-        "rows": rows,
-        "columns": columns,
-        "free": len(grid.free_cells),
-        "picks": len(grid.picks),
-        "stations": len(grid.stations),
-        "narrowest": narrowest_aisle(grid),
+        "layout": grid.name, "rows": rows, "columns": columns, "free": len(grid.free_cells), "picks": len(grid.picks),
+        "stations": len(grid.stations), "narrowest": narrowest_aisle(grid),
         "max_height_m": round(float(np.abs(grid.height).max()), 3),
-    }
+    }  # fmt: skip
 
 
 def narrowest_aisle(grid: GridMap) -> int:
@@ -134,9 +129,3 @@ def narrowest_aisle(grid: GridMap) -> int:
     free[tuple(grid.free_cells.T)] = True
     across = np.minimum(run_lengths(free), run_lengths(free.T).T)
     return int(across[free].min())
-
-
-def _picture(grid: GridMap, path: Path) -> None:
-    from warehouse_env.render.charts import paths
-
-    paths(grid, {}, f"{grid.name}: {len(grid.picks)} picks, {len(grid.stations)} stations", path)

@@ -1,4 +1,4 @@
-"""`warehouse replay`: a recorded episode, or two side by side, as a page for the browser, a video, or in a window."""
+"""`warehouse record` and `replay`: an episode into a file, and one or two out of files as a page, a video, a window."""
 
 from __future__ import annotations
 
@@ -12,10 +12,13 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from train.evaluation.recorded import shares_of
+from train.commands.evaluate import Drive
+from train.evaluation.recorded import record, shares_of
+from train.evaluation.rollout import Experiment, identity, make_experiment
 from train.reporting.report import make_progress, require_video
 from train.reporting.rows import RowFile, check_writable
 from warehouse_env.checked import Checked
+from warehouse_env.config import EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.render.extras import check_frames
 from warehouse_env.render.replay import Replay, replay_of
@@ -24,6 +27,49 @@ from warehouse_env.simulation.record.recording import Episode
 
 if TYPE_CHECKING:
     from warehouse_env.render.frame import Scene
+
+
+@dataclass(frozen=True)
+class Record(Drive):
+    """Drive a policy through one episode and keep it as a file, for `warehouse replay`."""
+
+    policy: str = "ppo"
+    """Policy to drive: a name, or the folder of a trained one."""
+    layout: str = "paper46"
+    """Layout to drive on."""
+    map: Path | None = None
+    """MovingAI .map file to drive on, instead."""
+    robots: int = 16
+    """Number of robots."""
+    seconds: float = 120.0
+    """Simulated time of the episode [s]."""
+    tasks: TaskMode = "lifelong"
+    """lifelong: a new goal after every arrival; one_shot: one goal each, then parked."""
+    json: Path | None = None
+    """Write a row about the episode to this file as JSON lines."""
+    out: Path = Path("results/episode.npz")
+    """File for the episode."""
+
+    def run(self) -> None:
+        """Drive and write; say what happened, and how to look at it."""
+        floor = {"layout": self.layout} if self.map is None else {"map_file": str(self.map)}
+        base = EnvConfig(num_agents=self.robots, planner=self.planner, tasks=self.tasks, **floor)  # type: ignore[arg-type]
+        experiment = make_experiment(self.policy, base, 1, self.seconds, self.seed, self.chosen())
+        check_writable(self.out)
+        file = RowFile(self.json)
+        with make_progress() as progress:
+            bar = progress.add_task(experiment.title, total=experiment.config.max_steps)
+            episode = record(experiment, lambda: progress.advance(bar))
+        episode.save(self.out)
+        file.add([row_of(experiment, episode) | {"out": self.out}])
+        page = self.out.with_suffix(".html")
+        print(f"wrote the episode to {self.out}; to see it: warehouse replay {self.out} --html {page}")
+
+
+def row_of(experiment: Experiment, episode: Episode) -> dict[str, object]:
+    """Return what was recorded, as a row."""
+    return identity(experiment) | {"seed": experiment.seed, "steps": len(episode.actions)}
+
 
 FLUENT = 25.0  # frames a second that a video is to come near
 
@@ -142,9 +188,8 @@ class ReplayCommand(Checked):
 def names_of(paths: Sequence[Path], episodes: Sequence[Episode]) -> list[str]:
     """Return what episodes are called: by their policies, where these differ, else by their files."""
     policies = [Path(episode.policy).name for episode in episodes]
-    if all(policies) and len(set(policies)) == len(policies):
-        return policies
-    return [path.stem for path in paths]
+    differ = all(policies) and len(set(policies)) == len(policies)
+    return policies if differ else [path.stem for path in paths]
 
 
 def seconds_of(episode: Episode) -> float:

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from train.commands.drive import Drive
-from train.evaluation import jam_film, telling
+from train.commands.evaluate import Drive
+from train.evaluation import telling
 from train.evaluation.pictures import file_name
 from train.evaluation.rollout import config_of, make_experiment
 from train.evaluation.scenes import SCENES
@@ -81,7 +81,7 @@ class Understand(Drive):
         for name, make in MOMENTS.items():
             moment = make()
             one = maps[moment.title] = telling.map_of(moment, policy, self._config(policy))
-            self._add(file, name, policy, telling.rows_of(one))
+            self._add(file, name, policy, telling.rows_of_map(one))
             title = f"{moment.title}: chances of {Path(policy).name}, by where its front axle is"
             pictures.probability_maps(one, title, self._path(name, policy))
             tick()
@@ -89,13 +89,13 @@ class Understand(Drive):
 
     def _jam(self, policy: str, file: RowFile, tick: Callable[[], None]) -> dict[str, pictures.Moments]:
         """Find a policy's worst jam that dissolves and draw it; return it by its title, nothing if there is none."""
-        found = jam_film.worst_jam(policy, self._base(), self.seconds, self.seed, tick, self.chosen())
+        found = telling.worst_jam(policy, self._base(), self.seconds, self.seed, tick, self.chosen())
         if found is None:
             print(f"no jam: under {policy} all robots arrive within {self.seconds:g} s in no scene")
             return {}
         name, film = found
-        one = jam_film.moments_of(film, self._config(policy))
-        self._add(file, name, policy, jam_film.rows_of(film))
+        one = telling.moments_of(film, self._config(policy))
+        self._add(file, name, policy, telling.rows_of_film(film))
         title = f"A jam that dissolves: {name}"
         pictures.moments(one, f"{title}, chances of {Path(policy).name} to drive on", self._path("jam", policy))
         return {title: one}

@@ -23,15 +23,12 @@ class Episodes(Job):
     traced: bool = False
     noted: bool = False
 
+    titled = "{experiment.title}"
+
     @property
     def identity(self) -> Row:
         """What their rows share."""
         return identity(self.experiment)
-
-    @property
-    def title(self) -> str:
-        """That of the experiment."""
-        return self.experiment.title
 
     @property
     def size(self) -> float:
@@ -61,14 +58,9 @@ class Episodes(Job):
 
 
 def play(
-    experiments: Sequence[Experiment],
-    file: RowFile,
-    old: Sequence[Row] = (),
-    traced: bool = False,
-    processes: int = 1,
-    notes: RowFile | None = None,
-    goes_on: str = "",
-) -> tuple[list[Row], list[Trace]]:
+    experiments: Sequence[Experiment], file: RowFile, old: Sequence[Row] = (), traced: bool = False,
+    processes: int = 1, notes: RowFile | None = None, goes_on: str = "",
+) -> tuple[list[Row], list[Trace]]:  # fmt: skip
     """Play experiments, and write the rows of each as soon as it ends.
 
     Episodes whose rows are among `old` are not played again. notes: the file for what `Places` notes of the others.

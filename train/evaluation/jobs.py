@@ -13,7 +13,7 @@ import random
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from train.reporting.report import make_progress
 from train.reporting.rows import Row, RowFile, whole_rows, write_rows
@@ -37,6 +37,8 @@ class Result(NamedTuple):
 class Job:
     """A piece of work that can be pickled; a subclass says its title and does it, and how its rows are known again."""
 
+    titled: ClassVar[str]  # with the job's fields in braces
+
     @property
     def identity(self) -> Row:
         """What its rows have in common and are known by: equal identities mean equal rows, but for the times."""
@@ -45,7 +47,7 @@ class Job:
     @property
     def title(self) -> str:
         """What the progress bar says."""
-        raise NotImplementedError
+        return self.titled.format(**vars(self))
 
     @property
     def size(self) -> float:
@@ -91,6 +93,12 @@ class Known:
             found.setdefault(_key(row, names), []).append(row)
 
 
+def of_all_runs(rows: Sequence[Row], runs: int) -> list[Row]:
+    """Return the row of each run, none at all where one is missing."""
+    own = {row["run"]: row for row in rows}
+    return [own[run] for run in range(runs)] if all(run in own for run in range(runs)) else []
+
+
 def _key(row: Row, names: Sequence[str]) -> str:
     return json.dumps([row.get(name) for name in names], sort_keys=True)
 
@@ -123,26 +131,15 @@ class Runner:
     """
 
     def __init__(
-        self,
-        file: RowFile,
-        old: Sequence[Row] = (),
-        processes: int = 1,
-        *,
-        goes_on: str = "",
-        mixed: bool = False,
-        progress: Progress | None = None,
-        hear: Callable[[int, Any], None] = lambda number, more: None,
-    ) -> None:
-        """Open.
+        self, file: RowFile, old: Sequence[Row] = (), processes: int = 1, *, goes_on: str = "", mixed: bool = False,
+        progress: Progress | None = None, hear: Callable[[int, Any], None] = lambda number, more: None,
+    ) -> None:  # fmt: skip
+        """Open with a file for the rows, and the old ones that are there already.
 
-        Args:
-            file: for the rows.
-            old: rows that are there already.
-            processes: jobs at a time, each in a process of its own; in this one if it is 1.
-            goes_on: how a stopped command goes on, if it does.
-            mixed: do jobs by chance, always the same, so that the time that is left can be told from what is done.
-            progress: hears how far the jobs are; a bar on stderr if left out.
-            hear: told a job's number and what it made besides rows, after these are written.
+        processes: jobs at a time, each in a process of its own; in this one if it is 1. goes_on: how a stopped command
+        goes on, if it does. mixed: do jobs by chance, always the same, so that the time that is left can be told from
+        what is done. progress: hears how far the jobs are; a bar on stderr if left out. hear: told a job's number and
+        what it made besides rows, after these are written.
         """
         self._file, self._known, self._processes = file, Known(old), processes
         self._goes_on, self._mixed, self._progress, self._hear = goes_on, mixed, progress, hear
@@ -174,9 +171,8 @@ class Runner:
                     self._hear(number, result.more)
                     rows[number] += result.rows
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(
-                self._file.kept(), *[self._goes_on] * bool(self._goes_on and self._file.count)
-            ) from None
+            more = [self._goes_on] * bool(self._goes_on and self._file.count)
+            raise KeyboardInterrupt(self._file.kept(), *more) from None
         return [row for number in sorted(rows) for row in rows[number]]
 
     def _done(self, missing: Sequence[tuple[int, Job]], moved: Progress) -> Iterator[tuple[int, Result]]:

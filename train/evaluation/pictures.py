@@ -54,21 +54,19 @@ def plan_pictures(grid: GridMap, runs: Sequence[Run], folder: Path) -> list[Path
     files = []
     tasks = list(dict.fromkeys(run.task for run in runs))[:_MOST_TASKS]
     for task in tasks:
-        own = [run for run in runs if run.task == task]
-        first = {run.planner: run for run in reversed(own)}
-        cells = {name: first[name].plan.cells for name in dict.fromkeys(run.planner for run in own)}
-        notes = {
-            name: f"{number(run.row['length'], 5)} cells, {run.row['turns']} turns"
-            for name, run in first.items()
-            if run.row["success"]
-        }
+        every: dict[str, list[Run]] = {}
+        for run in (run for run in runs if run.task == task):
+            every.setdefault(run.planner, []).append(run)
+        cells = {name: own[0].plan.cells for name, own in every.items()}
+        found = {name: own[0].row for name, own in every.items() if own[0].row["success"]}
+        notes = {name: f"{number(row['length'], 5)} cells, {row['turns']} turns" for name, row in found.items()}
         title = f"{task.name} on {grid.name}: {task.start} to {task.goal}"
         files.append(folder / f"paths_{file_name(task.name)}.png")
         charts.paths(grid, cells, title, files[-1], notes)
         curves = {
-            name: _side_by_side([run.plan.best_by_iteration for run in own if run.planner == name])
-            for name in cells
-            if len(first[name].plan.best_by_iteration) and any(run.row["success"] for run in own if run.planner == name)
+            name: _side_by_side([run.plan.best_by_iteration for run in own])
+            for name, own in every.items()
+            if len(own[0].plan.best_by_iteration) and any(run.row["success"] for run in own)
         }
         if curves:
             files.append(folder / f"convergence_{file_name(task.name)}.png")

@@ -19,6 +19,7 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Plan, Planner, climb, min_turns, path_length, turns, validate
 from warehouse_env.planning.plan import validate_line
 
+OPTIMAL = 1e-9  # relative excess of a length that still counts as the optimum, for rounding
 _FAR = 5.0  # [cells] clearances beyond are not told apart
 _BEND = math.radians(1.0)  # smaller changes of direction along a line are no turns
 
@@ -94,27 +95,32 @@ def plan_once(grid: GridMap, planner: Planner, task: Task, number: int, run: int
     return Run(task, row["planner"], row, plan)
 
 
+def is_optimal(row: Row) -> bool:
+    """True where the run found a shortest path."""
+    return row["gap"] is not None and row["gap"] < OPTIMAL
+
+
 def driven(plan: Plan) -> NDArray[np.float64]:
     """Return the polyline float64[K, 2] (row, col) of a found plan: its line, or the corners of its cells."""
     points = plan.cells.astype(np.float64) if plan.line is None else plan.line
-    step = np.diff(points, axis=0)
-    inner = [k for k in range(1, len(points) - 1) if _angle(step[k - 1], step[k]) > 0.0]
+    inner = [k for k, bend in enumerate(_bends(points), start=1) if bend > 0.0]
     return points[[0, *inner, len(points) - 1]] if len(points) > 1 else points
 
 
 def line_turns(line: NDArray[np.float64]) -> int:
     """Return how often the direction of a polyline float64[K, 2] changes by more than a degree."""
-    step = np.diff(line, axis=0)
-    return sum(_angle(a, b) > _BEND for a, b in itertools.pairwise(step))
+    return sum(bend > _BEND for bend in _bends(line))
 
 
 def turn_angle(line: NDArray[np.float64]) -> float:
     """Return by how many degrees in all the direction of a polyline float64[K, 2] changes."""
-    return math.degrees(sum(_angle(a, b) for a, b in itertools.pairwise(np.diff(line, axis=0))))
+    return math.degrees(sum(_bends(line)))
 
 
-def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    return abs(math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]))
+def _bends(line: NDArray[np.float64]) -> list[float]:
+    """Return by how much the direction of a polyline changes at each of its inner points [rad]."""
+    steps = itertools.pairwise(np.diff(line, axis=0))
+    return [abs(math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])) for a, b in steps]
 
 
 def least_gap(grid: GridMap, line: NDArray[np.float64]) -> float:

@@ -1,23 +1,30 @@
-"""Episodes kept to be looked at again: one of an experiment as a file, and what its policy liked at every moment."""
+"""Episodes kept to be looked at again: what a policy liked at every moment of one, and the worst of an evaluation."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import islice, zip_longest
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agents import LearnedPolicy, make_policy
-from agents.preferences import Preferring
+from agents.policy import Preferring
 from train.books import simulator_of
 from train.central import CENTRAL
 from train.evaluation.disturbances import DISTURBANCES
-from train.evaluation.rollout import Experiment, play_out
+from train.evaluation.pictures import file_name
+from train.evaluation.rollout import Experiment, identity, play_out
+from train.reporting.page import Link
+from train.reporting.report import grouped, number
+from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
-from warehouse_env.render.replay import Shares
+from warehouse_env.render.replay import Shares, replay_of
+from warehouse_env.render.replay_page import write_replay_page
 from warehouse_env.simulation.record.recording import Episode, Recorder
 
 
@@ -63,3 +70,52 @@ def shares_of(policy: str, config: EnvConfig) -> Shares | None:
         return np.asarray(1 - liked / liked.min(axis=-1, keepdims=True).clip(max=-1e-9))
 
     return shares
+
+
+FOLDER = "replays"  # beside the page
+
+
+def worst_episodes(rows: Sequence[Row], count: int) -> list[Row]:
+    """Return the worst episodes: the worst of each policy, then the second of each, and so on; worst first in a turn.
+
+    Worse is who has more collisions per km, then more robots stuck at the end, then a robot that stood longer. Central
+    planners are left out: their episodes cannot be recorded.
+    """
+    own = [row for row in rows if row["policy"] not in CENTRAL]
+    turns = [sorted(group, key=_badness, reverse=True) for group in grouped(own, ("policy",)).values()]
+    ranked = (row for turn in zip_longest(*turns) for row in sorted(filter(None, turn), key=_badness, reverse=True))
+    return list(islice(ranked, count))
+
+
+def _badness(row: Row) -> tuple[float, float, float]:
+    return row["collisions_per_km"] or 0.0, row["stuck"], row["longest_standing_s"]
+
+
+def why(row: Row) -> str:
+    """Say why an episode is among the worst."""
+    hits = round(row["collisions_robot"] + row["collisions_shelf"] + row.get("collisions_person", 0))
+    stuck = round(row["stuck"] * row["robots"])
+    return (
+        f"{hits or 'no'} collision{'s' * (hits != 1)}, {stuck or 'no'} robot{'s' * (stuck != 1)} stuck at the end, "
+        f"{number(row['longest_standing_s'], 2)} s the longest standing"
+    )
+
+
+def write_replays(
+    worst: Sequence[Row], experiments: Sequence[Experiment], folder: Path, tick: Callable[[], None]
+) -> list[Link]:
+    """Play the episodes again and write each as an episode file and a replay page; return links from the folder."""
+    links = []
+    for row in worst:
+        known = (one for one in experiments if row["episode"] in one.episodes)
+        made_by = next(one for one in known if all(row.get(k) == value for k, value in identity(one).items()))
+        episode = record(dataclasses.replace(made_by, episodes=(row["episode"],)))
+        policy = Path(row["policy"]).name
+        title = f"{policy}, {row['robots']} robots on {Path(row['layout']).stem}, seed {row['seed']}"
+        name = "_".join(map(file_name, (row["layout"], str(row["robots"]), row["policy"], str(row["seed"]))))
+        episode.save(folder / FOLDER / f"{name}.npz")
+        page = folder / FOLDER / f"{name}.html"
+        write_replay_page(page, [replay_of(episode, policy, shares_of(episode.policy, episode.config))], title)
+        links.append(Link(page.relative_to(folder).as_posix(), title, why(row)))
+        tick()
+    return links

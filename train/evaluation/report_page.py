@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from train.evaluation.pictures import bars
 from train.evaluation.places import KEY, PAGE, Floor, floor_of_notes
+from train.evaluation.recorded import worst_episodes, write_replays
 from train.evaluation.rollout import Experiment
 from train.evaluation.words import paragraph
-from train.evaluation.worst import worst_episodes, write_replays
 from train.reporting.page import Page, Part, Shown, made_by
 from train.reporting.report import evaluation_table, grouped, make_progress, number, short_names
-from train.reporting.rows import Row, select, write_rows
+from train.reporting.rows import Row, select, values_of, write_rows
 from warehouse_env.render.heat_maps import Panel, heat_maps
 from warehouse_env.render.report_charts import detours, over_robots
 from warehouse_env.simulation.physics.floor import load_grid
@@ -28,8 +28,8 @@ def write_report(
 
     notes: of all or some of the episodes; those of other episodes are left out.
     """
-    known = {tuple(row[name] for name in KEY) for row in rows}
-    notes = [note for note in notes if tuple(note[name] for name in KEY) in known]
+    known = {values_of(row, KEY) for row in rows}
+    notes = [note for note in notes if values_of(note, KEY) in known]
     worst = worst_episodes(rows, WORST)
     with make_progress() as progress:
         bar = progress.add_task("replays of the worst episodes", total=len(worst))
@@ -63,12 +63,8 @@ _WORST = (
 def _floors(rows: Sequence[Row], notes: Sequence[Row]) -> dict[str, Floor]:
     """Return what was noted under each policy on each floor with the most robots there, by policy@layout."""
     most = {layout: max(row["robots"] for row in own) for (layout,), own in grouped(rows, ("layout",)).items()}
-    full = [note for note in notes if note["robots"] == most[note["layout"]]]
-    return {f"{policy}@{layout}": floor_of_notes(own) for (policy, layout), own in _by_place(full).items()}
-
-
-def _by_place(notes: Sequence[Row]) -> dict[tuple[object, ...], list[Row]]:
-    return grouped(notes, ("policy", "layout"))
+    full = grouped((note for note in notes if note["robots"] == most[note["layout"]]), ("policy", "layout"))
+    return {f"{policy}@{layout}": floor_of_notes(own) for (policy, layout), own in full.items()}
 
 
 def _over_robots(rows: Sequence[Row], short: Mapping[str, str]) -> Shown:
@@ -81,21 +77,27 @@ def _over_robots(rows: Sequence[Row], short: Mapping[str, str]) -> Shown:
     return Shown(over_robots(floors, label), caption)
 
 
+def _on_floors(
+    rows: Sequence[Row], floors: Mapping[str, Floor], short: Mapping[str, str]
+) -> Iterator[tuple[str, str, dict[str, Floor]]]:
+    """Yield each layout, "on it with so many robots", and what was noted there under each policy, by its short name."""
+    for layout in dict.fromkeys(str(row["layout"]) for row in rows):
+        parts = {name.partition("@"): floor for name, floor in floors.items()}
+        own = {short[policy]: floor for (policy, _, place), floor in parts.items() if place == layout}
+        robots = max(row["robots"] for row in select(rows, layout=layout))
+        yield layout, f"on {short[layout]} with {robots} robots", own
+
+
 def _where(
     experiments: Sequence[Experiment], rows: Sequence[Row], floors: Mapping[str, Floor], short: Mapping[str, str]
 ) -> Part:
     """Return the heat maps of each floor, a panel a policy."""
     grids = {one.place: load_grid(one.config) for one in experiments}
     pictures = []
-    for layout in dict.fromkeys(str(row["layout"]) for row in rows):
-        own = {name: floor for name, floor in floors.items() if name.partition("@")[2] == layout}
-        robots = max(row["robots"] for row in select(rows, layout=layout))
-        panels = [
-            Panel(short[name.partition("@")[0]], grids[layout], floor.waiting, floor.contacts)
-            for name, floor in own.items()
-        ]
+    for layout, there, own in _on_floors(rows, floors, short):
+        panels = [Panel(name, grids[layout], floor.waiting, floor.contacts) for name, floor in own.items()]
         if panels:
-            label = f"Where robots wait and collide on {short[layout]} with {robots} robots"
+            label = f"Where robots wait and collide {there}"
             hours = number(sum(floor.hours for floor in own.values()) / len(own), 2)
             caption = (
                 f"{label}: colour is how long an hour a robot stands on a cell (its body's middle), red crosses are "
@@ -109,15 +111,10 @@ def _where(
 def _detours(rows: Sequence[Row], floors: Mapping[str, Floor], short: Mapping[str, str]) -> list[Shown]:
     """Return a chart a floor of driven over planned length."""
     pictures = []
-    for layout in dict.fromkeys(str(row["layout"]) for row in rows):
-        ratios = {
-            short[name.partition("@")[0]]: floor.ratios
-            for name, floor in floors.items()
-            if name.partition("@")[2] == layout and len(floor.ratios)
-        }
+    for _, there, own in _on_floors(rows, floors, short):
+        ratios = {name: floor.ratios for name, floor in own.items() if len(floor.ratios)}
         if ratios:
-            robots = max(row["robots"] for row in select(rows, layout=layout))
-            label = f"Driven over planned length of trips on {short[layout]} with {robots} robots"
+            label = f"Driven over planned length of trips {there}"
             trips = ", ".join(f"`{name}` {len(values):,}" for name, values in ratios.items())
             caption = (
                 f"{label}: the share of trips that are at most so many times as long as their first route was planned; "

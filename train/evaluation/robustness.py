@@ -61,15 +61,11 @@ class Measured:
 def measure(rows: Sequence[Row]) -> Measured:
     """Sum up the rows of a policy under a disturbance; at least one."""
     floors = {floor: [row["goals_per_robot_hour"] for row in group] for floor, group in grouped(rows, _FLOOR).items()}
-    km = sum(row["robot_km"] for row in rows)
-    return Measured(
-        stratified_interval(list(floors.values())),
-        {floor: mean_interval(goals).mean for floor, goals in floors.items()},
-        _ratio(sum(row["collisions_robot"] for row in rows), km),
-        _ratio(sum(row["collisions_shelf"] for row in rows), km),
-        _ratio(sum(row.get("collisions_person", 0.0) for row in rows), km),
-        mean_interval(row["longest_standing_s"] for row in rows).mean,
-    )
+    km, kinds = sum(row["robot_km"] for row in rows), ("robot", "shelf", "person")
+    robot, shelf, person = (_ratio(sum(row.get(f"collisions_{kind}", 0.0) for row in rows), km) for kind in kinds)
+    by_floor = {floor: mean_interval(goals).mean for floor, goals in floors.items()}
+    standing = mean_interval(row["longest_standing_s"] for row in rows).mean
+    return Measured(stratified_interval(list(floors.values())), by_floor, robot, shelf, person, standing)
 
 
 def verdict(found: Measured, usual: Measured) -> str:

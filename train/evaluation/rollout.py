@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents import make_policy, policy_config
-from agents.policy import Action, Observation
-from agents.preferences import Preferring, ranked
+from agents.policy import Action, Observation, Preferring, ranked
 from train.books import simulator_of
 from train.central import CENTRAL, central_config
 from train.evaluation.disturbances import DISTURBANCES, Breakdown, Senses
@@ -78,16 +77,15 @@ def make_experiment(
 
     Raises ConfigError for an unknown policy or a number out of range, WeightsError for an unusable policy folder.
     """
-    if episodes < 1:
-        raise ConfigError(f"episodes={episodes} must be at least 1")
-    if episodes > MOST:
-        raise ConfigError(f"episodes={episodes} must be at most {MOST:,}")
-    if seconds > MOST * MOST:
-        raise ConfigError(f"seconds={seconds!r} must be at most {MOST * MOST:,}")
-    if not (math.isfinite(seconds) and seconds > 0):
-        raise ConfigError(f"seconds={seconds!r} must be a finite number above 0")
-    if seed < 0:
-        raise ConfigError(f"seed={seed} must be at least 0")
+    for wrong, given, must in (
+        (episodes < 1, f"episodes={episodes}", "at least 1"),
+        (episodes > MOST, f"episodes={episodes}", f"at most {MOST:,}"),
+        (seconds > MOST * MOST, f"seconds={seconds!r}", f"at most {MOST * MOST:,}"),
+        (not (math.isfinite(seconds) and seconds > 0), f"seconds={seconds!r}", "a finite number above 0"),
+        (seed < 0, f"seed={seed}", "at least 0"),
+    ):
+        if wrong:
+            raise ConfigError(f"{given} must be {must}")
     config = config_of(policy, base, chosen)
     if disturbance is not None:
         config = DISTURBANCES[disturbance].config(config)
@@ -113,11 +111,9 @@ def run(
 
 
 def play_out(
-    experiment: Experiment,
-    simulator: Simulator,
-    watch: Sequence[Watcher] = (),
+    experiment: Experiment, simulator: Simulator, watch: Sequence[Watcher] = (),
     step: Callable[[NDArray[Any]], object] | None = None,
-) -> tuple[list[dict[str, Any]], float]:
+) -> tuple[list[dict[str, Any]], float]:  # fmt: skip
     """Drive the worlds of an experiment, which have just been reset, until all episodes are over.
 
     step: instead of the simulator's own. Returns each episode's metrics, with its deadlocks, and the median time of a
@@ -126,7 +122,8 @@ def play_out(
     decide, step = _decider(experiment), step or simulator.step
     generators = [np.random.default_rng([seed, _POLICY_STREAM]) for seed in experiment.seeds]
     metrics: dict[int, dict[str, Any]] = {}
-    watch = [*watch, *_events(experiment)]
+    after = DISTURBANCES[experiment.disturbance].breakdown if experiment.disturbance else None
+    watch = watch if after is None else [*watch, Breakdown(after, experiment.seeds)]
     log = JamLog(simulator)
     seconds: list[float] = []
     for steps in range(experiment.config.max_steps + 1):
@@ -149,14 +146,13 @@ def play_out(
 
 def _decider(experiment: Experiment) -> Decider:
     """Return what chooses the actions: a central planner from all that is known, a policy from observations alone."""
+    config, name, eyes = experiment.config, experiment.disturbance, list[Senses]()
     if experiment.policy in CENTRAL:
-        return CENTRAL[experiment.policy].make(experiment.config).act_on
-    name = experiment.disturbance
-    if name is None:
-        act, eyes = make_actor(experiment.policy, experiment.config), []
-    else:
-        act = make_actor(experiment.policy, _as_commanded(experiment))
-        eyes = [Senses(DISTURBANCES[name], experiment.config, seed) for seed in experiment.seeds]
+        return CENTRAL[experiment.policy].make(config).act_on
+    if name is not None:  # which may give other commands than the policy was made for
+        eyes = [Senses(DISTURBANCES[name], config, seed) for seed in experiment.seeds]
+        config = config.replace(speed_levels=config_of(experiment.policy, config, {}).speed_levels)
+    act = make_actor(experiment.policy, config)
 
     def decide(simulator: Simulator, generators: Sequence[np.random.Generator]) -> NDArray[Any]:
         seen = [simulator.observation[b : b + 1] for b in range(len(generators))]
@@ -168,18 +164,6 @@ def _decider(experiment: Experiment) -> Decider:
         return actions
 
     return decide
-
-
-def _as_commanded(experiment: Experiment) -> EnvConfig:
-    """Return the config that the policy was made for, as far as its commands go: a disturbance may give them others."""
-    levels = config_of(experiment.policy, experiment.config, {}).speed_levels
-    return experiment.config.replace(speed_levels=levels)
-
-
-def _events(experiment: Experiment) -> list[Watcher]:
-    """Return what befalls the robots of an experiment on the way."""
-    after = DISTURBANCES[experiment.disturbance].breakdown if experiment.disturbance else None
-    return [] if after is None else [Breakdown(after, experiment.seeds)]
 
 
 def make_actor(name: str, config: EnvConfig) -> Callable[[Observation, np.random.Generator], Action]:
@@ -223,8 +207,8 @@ class Trace:
         self._poses.append(pose)
         if steps:
             centre = centres(pose, simulator.config)
-            self._contacts += [centre[(events.hit_shelf[0] > 0) | (events.hit_person[0] > 0)]]
-            self._contacts += [pair_centres(centre[events.hit_robot[0] > 0])]
+            self._contacts.append(centre[(events.hit_shelf[0] > 0) | (events.hit_person[0] > 0)])
+            self._contacts.append(pair_centres(centre[events.hit_robot[0] > 0]))
 
     @property
     def poses(self) -> NDArray[np.float32]:

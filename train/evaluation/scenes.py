@@ -2,18 +2,28 @@
 
 A scene is a floor and a function that draws starts and goals; robots that are a body's width apart on one line, or
 meet at the same moment, are what makes reciprocal avoidance stand still. Each robot has one goal (one-shot), and the
-floors are well-formed: nobody's goal lies in another's way. A new scene is a line in SCENES.
+floors are well-formed: nobody's goal lies in another's way. A new scene is a line in SCENES. Scenes are played side by
+side, one world a seed -> one row a seed: did all robots arrive in time?
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from train.books import simulator_of
+from train.evaluation.jobs import Job, Result, Tick
+from train.evaluation.rollout import Experiment, Watcher, config_of, play_out
+from train.reporting.report import Table, grouped, number
+from train.reporting.rows import Row, plain, wilson_interval
+from warehouse_env import __version__
+from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.simulation.tasks.assignment import Assignment
 
@@ -32,9 +42,8 @@ class Scene:
     draw: Draw
 
 
-def _drawn(lines: list[str], name: str) -> GridMap:
-    """Return a floor from lines of `#` (shelf) and `.`; any free cell may be an endpoint."""
-    occupied = np.array([[mark == "#" for mark in line] for line in lines])
+def _floor(occupied: NDArray[np.bool_], name: str) -> GridMap:
+    """Return a floor of shelves bool[H, W]; any free cell may be an endpoint."""
     free = np.argwhere(~occupied)
     return GridMap(occupied, picks=free[::2], stations=free[1::2], name=name)
 
@@ -57,18 +66,12 @@ def head_on(lanes: int, passing_place: bool) -> Scene:
     lanes: width of the aisle [cells], 16 long. passing_place: a bay, 4 cells long and 1 deep, off its middle.
     The rooms are 6 x 7 cells; robots start just inside the aisle, and the goals lie in corners of the rooms.
     """
-    rows, columns, room = 7, 28, 6
-    lines = [["#"] * columns for _ in range(rows)]
-    for row in range(rows):
-        for column in (*range(room), *range(columns - room, columns)):
-            lines[row][column] = "."
-    for column in range(room, columns - room):
-        for row in range(3, 3 + lanes):
-            lines[row][column] = "."
+    columns, room = 28, 6
+    occupied = np.ones((7, columns), dtype=np.bool_)
+    occupied[:, :room] = occupied[:, -room:] = occupied[3 : 3 + lanes] = False
     if passing_place:
-        for column in range(columns // 2 - 2, columns // 2 + 2):
-            lines[2][column] = "."
-    grid = _drawn(["".join(line) for line in lines], f"head_on_{lanes}")
+        occupied[2, columns // 2 - 2 : columns // 2 + 2] = False
+    grid = _floor(occupied, f"head_on_{lanes}")
     middle = 3 + (lanes - 1) / 2
     starts = [(middle, room + 2.0, 0.0), (middle, columns - room - 3.0, math.pi)]
     return Scene(grid, 2, partial(_jittered, grid, starts, [(1, columns - 2), (1, 1)], 1.0))
@@ -80,14 +83,12 @@ def crossing() -> Scene:
     Each arm is 8 cells long and ends in a room of 6 x 4 cells, in a corner of which the goal lies.
     """
     size, first = 26, 12  # the two lanes are rows and columns 12 and 13
-    lines = [["#"] * size for _ in range(size)]
-    for k in range(size):
-        for lane in (first, first + 1):
-            lines[lane][k] = lines[k][lane] = "."
-    for k in range(first - 2, first + 4):
-        for end in (*range(4), *range(size - 4, size)):
-            lines[k][end] = lines[end][k] = "."
-    grid = _drawn(["".join(line) for line in lines], "crossing")
+    occupied = np.ones((size, size), dtype=np.bool_)
+    lanes, rooms = slice(first, first + 2), slice(first - 2, first + 4)
+    occupied[lanes] = occupied[:, lanes] = False
+    for ends in (slice(4), slice(size - 4, size)):
+        occupied[rooms, ends] = occupied[ends, rooms] = False
+    grid = _floor(occupied, "crossing")
     middle, near, far = first + 0.5, 7.0, size - 8.0
     starts = [(middle, near, 0.0), (far, middle, math.pi / 2), (middle, far, math.pi), (near, middle, -math.pi / 2)]
     low, high, side = 1, size - 2, first - 2
@@ -99,7 +100,7 @@ def swap(robots: int) -> Scene:
     """Robots on a circle on open floor, facing its middle, each bound for the place opposite; 3 m of rim for each."""
     radius = max(3.5, 3.0 * robots / (2 * math.pi))
     side = 2 * math.ceil(radius) + 7
-    grid = _drawn(["." * side] * side, f"swap_{robots}")
+    grid = _floor(np.zeros((side, side), dtype=np.bool_), f"swap_{robots}")
     angles = 2 * math.pi * np.arange(robots) / robots
     middle = (side - 1) / 2
     rows, columns = middle - radius * np.sin(angles), middle + radius * np.cos(angles)
@@ -115,3 +116,73 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "crossing": crossing,
     **{f"swap_{robots}": partial(swap, robots) for robots in range(6, 21, 2)},
 }
+
+
+WORLDS = 200  # side by side
+_FIGURES = (
+    "makespan_s", "collisions_robot", "collisions_shelf", "collisions_person", "longest_standing_s", "deadlocks",
+    "longest_deadlock_s", "deadlock_log",
+)  # fmt: skip
+NOTE = (
+    "resolved: all robots arrived within the time [95% interval by Wilson's score]; seconds: until the last one "
+    "arrived, mean over the resolved ones; collisions and deadlocks: means over all seeds."
+)
+
+
+@dataclass(frozen=True)
+class SceneJob(Job):
+    """A scene of SCENES to be played once a seed, for at most `seconds`."""
+
+    scene: str
+    policy: str
+    base: EnvConfig
+    seconds: float
+    seeds: range
+    chosen: Mapping[str, Any] = field(default_factory=dict)  # see rollout.config_of
+
+    titled = "{scene} · {policy}"
+
+    @property
+    def size(self) -> float:
+        """The number of seeds."""
+        return len(self.seeds)
+
+    def run(self, tick: Tick, watch: Sequence[Watcher] = ()) -> Result:
+        """Play; a row does not depend on the other seeds. watch: called with each Simulator."""
+        scene = SCENES[self.scene]()
+        config = config_of(self.policy, self.base.replace(num_agents=scene.robots, tasks="one_shot"), self.chosen)
+        steps = max(1, round(self.seconds / (config.time_step * config.action_repeat)))
+        config = config.replace(max_steps=steps)
+        shared = {"scene": self.scene, "policy": self.policy, "robots": scene.robots, "planner": config.planner}
+        about = {"config": config.to_dict(), "version": __version__}
+        rows: list[Row] = []
+        for first in range(0, len(self.seeds), WORLDS):
+            seeds = self.seeds[first : first + WORLDS]
+            simulator = simulator_of(config, len(seeds), scene.grid)
+            simulator.reset_to([scene.draw(np.random.default_rng([seed, 2])) for seed in seeds], list(seeds))
+            played, _ = play_out(Experiment(self.policy, config, seeds[0], tuple(range(len(seeds)))), simulator, watch)
+            for seed, metrics in zip(seeds, played, strict=True):
+                arrived = {"resolved": metrics["success_rate"] == 1.0, "arrived": round(metrics["goals"])}
+                figures = {name: metrics[name] for name in _FIGURES}
+                rows.append(plain({**shared, "seed": seed, **arrived, **figures, **about}))
+            tick(len(rows))
+        return Result(rows)
+
+
+def scene_table(rows: Sequence[Row]) -> Table:
+    """Return one line for each scene and policy."""
+    header = ("scene", "robots", "policy", "seeds", "resolved %", "seconds", "collisions", "deadlocks")
+    cells = []
+    for (name, robots, policy), group in grouped(rows, ("scene", "robots", "policy")).items():
+        resolved = [row for row in group if row["resolved"]]
+        share, low, high, _ = wilson_interval(len(resolved), len(group))
+        kinds = ("collisions_robot", "collisions_shelf", "collisions_person")
+        mean = [float(np.mean([row.get(kind, 0.0) for row in group])) for kind in kinds]
+        seconds = float(np.mean([row["makespan_s"] for row in resolved])) if resolved else float("nan")
+        deadlocks = float(np.mean([row["deadlocks"] for row in group]))
+        cells.append((
+            str(name), str(robots), str(policy), str(len(group)),
+            f"{100 * share:.1f} [{100 * low:.1f}, {100 * high:.1f}]", number(seconds), number(sum(mean)),
+            number(deadlocks),
+        ))  # fmt: skip
+    return Table("Scenes", header, tuple(cells), NOTE)

@@ -13,7 +13,6 @@ from train.reporting.rows import Interval, Row, apart, is_told, mean_interval, p
 
 _SAME_EPISODE = ("layout", "robots", "tasks", "planner", "seed")
 _NONE_SEEN = 3.0  # events that a Poisson process which has shown none is held to at 95%
-_MEASURE = {measure.name: measure for measure in MEASURES}
 
 
 def paragraph(rows: Sequence[Row], floors: Mapping[str, Floor]) -> list[str]:
@@ -41,8 +40,7 @@ CAVEAT = (
 
 def _about(rows: Sequence[Row]) -> str:
     groups = grouped(rows, ("layout", "robots", "policy"))
-    fewest, most = min(map(len, groups.values())), max(map(len, groups.values()))
-    each = f"{most}" if fewest == most else f"{fewest} to {most}"
+    each = " to ".join(map(str, sorted({min(map(len, groups.values())), max(map(len, groups.values()))})))
     seconds = "/".join(number(value) for value in sorted({round(row["seconds"], 1) for row in rows}))
     policies = len({row["policy"] for row in rows})
     return (
@@ -58,7 +56,7 @@ def _count(number: int, one: str, more: str) -> str:
 
 def ranked(rows: Sequence[Row], name: str, reverse: bool) -> list[tuple[str, Interval]]:
     """Return the policies with their interval of a measure, from least to most or the reverse; without data none."""
-    found = [(str(key[0]), _MEASURE[name].interval(own)) for key, own in grouped(rows, ("policy",)).items()]
+    found = [(str(key[0]), MEASURES[name].interval(own)) for key, own in grouped(rows, ("policy",)).items()]
     known = [one for one in found if math.isfinite(one[1].mean)]
     return sorted(known, key=lambda one: one[1].mean, reverse=reverse)
 
@@ -69,15 +67,17 @@ def _goals(rows: Sequence[Row], short: Mapping[str, str]) -> list[str]:
     if not order:
         return []
     best, interval = order[0]
-    reached = f"{with_interval(interval)} per robot-hour"
+    reached = with_interval(interval)
     if len(order) == 1:
-        return [f"`{short[best]}` reaches {reached} goals.".replace(" per robot-hour goals", " goals per robot-hour")]
-    versus = _against(rows, best, order[1][0], "goals_per_robot_hour")
-    return [f"Most goals are reached under `{short[best]}`, {reached}; the next is `{short[order[1][0]]}`, {versus}."]
+        return [f"`{short[best]}` reaches {reached} goals per robot-hour."]
+    second = order[1][0]
+    versus = _against(rows, best, second, "goals_per_robot_hour")
+    most = f"Most goals are reached under `{short[best]}`, {reached} per robot-hour"
+    return [f"{most}; the next is `{short[second]}`, {versus}."]
 
 
 def _against(rows: Sequence[Row], ours: str, other: str, name: str) -> str:
-    measure = _MEASURE[name]
+    measure = MEASURES[name]
     found = paired(select(rows, policy=ours), select(rows, policy=other), measure.value, _SAME_EPISODE)
     if found.samples < 2:
         return "of which one episode tells nothing apart"
@@ -92,7 +92,7 @@ def _load(own: Sequence[Row], full: Sequence[Row], short: Mapping[str, str]) -> 
     before = select(own, robots=fewest, policy=order[0][0]) if order else []
     if fewest == most or not before:
         return []
-    value = _MEASURE["goals_per_robot_hour"].value
+    value = MEASURES["goals_per_robot_hour"].value
     change = apart(order[0][1], mean_interval(map(value, before)))
     told = "" if is_told(change) else ", *not told apart* from none"
     return [
@@ -125,8 +125,7 @@ def _collisions(rows: Sequence[Row], short: Mapping[str, str]) -> list[str]:
 def _stuck(rows: Sequence[Row], short: Mapping[str, str]) -> list[str]:
     """Say under which policies robots are stuck at the end."""
     order = ranked(rows, "stuck", reverse=True)
-    some = [(policy, interval) for policy, interval in order if interval.mean > 0]
-    stuck = [f"{with_interval(interval, 100)}% under `{short[policy]}`" for policy, interval in some]
+    stuck = [f"{with_interval(found, 100)}% under `{short[policy]}`" for policy, found in order if found.mean > 0]
     if not stuck:
         return ["At the end no robot is stuck."] if order else []
     rest = " and none under the others" if len(stuck) < len(order) else ""

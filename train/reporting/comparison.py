@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from train.reporting.report import MEASURES, Measure, Table, difference, grouped, number, short_names, with_interval
-from train.reporting.rows import Interval, Row, is_told, paired, read_rows, select
+from train.reporting.rows import Interval, Row, is_told, paired, read_rows, select, values_of
 from warehouse_env.errors import WarehouseError
 
 EPISODE = ("layout", "robots", "tasks", "disturbance", "seed")  # what two rows must share to be of one episode
@@ -136,18 +136,14 @@ def _lines(ours: System, other: System, mine: Sequence[Row], theirs: Sequence[Ro
     lines = []
     for (layout, robots), group in grouped(mine, ("layout", "robots")).items():
         base = select(theirs, layout=layout, robots=robots)
-        common = {_key(row) for row in group} & {_key(row) for row in base}
-        group, base = ([row for row in rows if _key(row) in common] for rows in (group, base))
-        for measure in (one for name in _COMPARED for one in MEASURES if one.name == name):
+        common = {values_of(row, EPISODE) for row in group} & {values_of(row, EPISODE) for row in base}
+        group, base = ([row for row in rows if values_of(row, EPISODE) in common] for rows in (group, base))
+        for measure in (MEASURES[name] for name in _COMPARED):
             found = paired(group, base, measure.value, EPISODE)
             if found.samples:
                 means = measure.interval(group), measure.interval(base)
                 lines.append(Line(str(layout), int(str(robots)), ours, other, measure, *means, found))
     return lines
-
-
-def _key(row: Row) -> tuple[object, ...]:
-    return tuple(row.get(name) for name in EPISODE)
 
 
 def comparison_table(lines: Sequence[Line]) -> Table:
@@ -173,29 +169,20 @@ def comparison_words(lines: Sequence[Line]) -> list[str]:
     """Say for each pair and floor what is told apart, and what is not."""
     short = short_names({name for line in lines for name in (line.layout, line.ours.policy, line.other.policy)})
     texts = []
-    for (ours, other, layout, robots), own in _grouped(lines).items():
+    groups: dict[tuple[System, System, str, int], list[Line]] = {}
+    for line in lines:
+        groups.setdefault((line.ours, line.other, line.layout, line.robots), []).append(line)
+    for (ours, other, layout, robots), own in groups.items():
         told = [line for line in own if line.verdict in ("better", "worse")]
         open_ = [line.measure.heading for line in own if line.verdict == "not told apart"]
         names = " and ".join(f"**{one.run}** (`{short[one.policy]}`)" for one in (ours, other))
         text = f"{names} on {short[layout]} with {robots} robots, {own[0].difference.samples} episodes of both: "
-        said = [
-            f"{line.measure.heading} {difference(line.difference, line.measure.factor)}{_percent(line)}, {line.verdict}"
-            for line in told
-        ]
+        said = []
+        for line in told:
+            share = f" ({number(100 * line.difference.mean / line.base.mean, 2)}%)" if line.base.mean > 0 else ""
+            found = difference(line.difference, line.measure.factor)
+            said.append(f"{line.measure.heading} {found}{share}, {line.verdict}")
         text += "; ".join(said) if said else "nothing is told apart"
         rest = f". *Not told apart*: {', '.join(open_)}" if said and open_ else ""
         texts.append(f"{text}{rest}.")
     return texts
-
-
-def _percent(line: Line) -> str:
-    if not line.base.mean > 0:
-        return ""
-    return f" ({number(100 * line.difference.mean / line.base.mean, 2)}%)"
-
-
-def _grouped(lines: Sequence[Line]) -> dict[tuple[System, System, str, int], list[Line]]:
-    groups: dict[tuple[System, System, str, int], list[Line]] = {}
-    for line in lines:
-        groups.setdefault((line.ours, line.other, line.layout, line.robots), []).append(line)
-    return groups

@@ -8,13 +8,13 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table as RichTable
 
-from train.reporting.rows import Interval, Row, mean_interval
+from train.reporting.rows import Interval, Row, mean_interval, values_of
 from warehouse_env.render.extras import load
 
 _PLAIN_WIDTH = 180  # [characters] where the output is no terminal: tables go to files and pipes uncut
@@ -60,11 +60,9 @@ def make_console(file: TextIO) -> Console:
 
 def make_progress() -> Progress:
     """Return a progress bar on stderr, so that stdout stays clean for tables and pipes."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    console = Console(stderr=True)
-    return Progress(
-        *columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console, disable=not console.is_terminal
-    )
+    described, console = TextColumn("{task.description}"), Console(stderr=True)
+    columns = (described, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=console, disable=not console.is_terminal)
 
 
 def require_charts() -> None:
@@ -91,7 +89,7 @@ def number(value: float, digits: int = 3) -> str:
 
 def with_interval(interval: Interval, factor: float = 1.0, digits: int = 3) -> str:
     """Format "mean [low, high]", each times `factor`; the mean alone where there is no interval or no spread."""
-    mean, low, high = (factor * value for value in interval[:3])
+    mean, low, high, _ = interval.times(factor)
     if not math.isfinite(low) or high - low <= 1e-9 * abs(mean):
         return number(mean, digits)
     decimals = max(0, digits - 1 - math.floor(math.log10(max(abs(mean), abs(low), abs(high)))))
@@ -117,10 +115,7 @@ class Measure:
 
     def interval(self, rows: Iterable[Row]) -> Interval:
         """Return mean and 95% interval over rows, the interval cut to the values that are possible."""
-        found = mean_interval(self.value(row) for row in rows)
-        if not math.isfinite(found.low):
-            return found
-        return found._replace(low=max(found.low, 0.0), high=min(found.high, self.most))
+        return mean_interval(map(self.value, rows)).cut(self.most)
 
 
 def _field(name: str) -> Callable[[Row], float | None]:
@@ -131,7 +126,7 @@ def _per_km(name: str) -> Callable[[Row], float | None]:
     return lambda row: row[name] / row["robot_km"] if row.get("robot_km") and name in row else None
 
 
-MEASURES = (
+_COLUMNS = (
     Measure("collisions_per_km", "collisions/km", _field("collisions_per_km")),
     Measure("robot_collisions_per_km", "robot-robot/km", _per_km("collisions_robot"), shown=False),
     Measure("shelf_collisions_per_km", "of it shelves", _per_km("collisions_shelf")),
@@ -150,6 +145,7 @@ _ONE_SHOT = (
     Measure("success_rate", "success %", _field("success_rate"), factor=100.0, most=1.0),
     Measure("makespan_s", "makespan s", _field("makespan_s")),
 )
+MEASURES = {measure.name: measure for measure in _COLUMNS}
 _GROUP = ("layout", "robots", "tasks", "planner", "policy")
 EVALUATION_NOTE = (
     "Means over episodes [95% interval by Student's t over episodes, cut at what is possible]; a collision counts once "
@@ -163,33 +159,29 @@ _FREE_FLOW_NOTE = " Free flow: late goals/robot-h as a share of those of one rob
 
 def measures_for(rows: Sequence[Row]) -> tuple[Measure, ...]:
     """Return the columns that say something about these rows: success and makespan only where tasks end."""
-    return MEASURES[:-1] + (_ONE_SHOT if any(row["tasks"] == "one_shot" for row in rows) else ()) + MEASURES[-1:]
+    return _COLUMNS[:-1] + (_ONE_SHOT if any(row["tasks"] == "one_shot" for row in rows) else ()) + _COLUMNS[-1:]
 
 
 def grouped(rows: Iterable[Row], names: Sequence[str]) -> dict[tuple[object, ...], list[Row]]:
     """Split rows by the values of some fields, in the order of their first appearance."""
     groups: dict[tuple[object, ...], list[Row]] = {}
     for row in rows:
-        groups.setdefault(tuple(row.get(name) for name in names), []).append(row)
+        groups.setdefault(values_of(row, names), []).append(row)
     return groups
 
 
-def summarise(rows: Sequence[Row]) -> list[dict[str, object]]:
+def summarise(rows: Sequence[Row]) -> list[dict[str, Any]]:
     """Return for each layout, robot count, task mode, planner and policy its `Interval` of every measure."""
-    summary = []
+    summary: list[dict[str, Any]] = []
     for values, group in grouped(rows, _GROUP).items():
         intervals = {m.name: m.interval(group) for m in measures_for(rows)}
         summary.append({**dict(zip(_GROUP, values, strict=True)), "episodes": len(group), **intervals})
-    alone = {_flow_key(line): line["late_goals_per_robot_hour"] for line in summary if line["robots"] == 1}
+    shared = [name for name in _GROUP if name != "robots"]  # with a robot alone, whose goals are the free flow
+    alone = {values_of(line, shared): line["late_goals_per_robot_hour"] for line in summary if line["robots"] == 1}
     for line in summary:
-        if _flow_key(line) in alone:
-            line[FREE_FLOW] = _share(line["late_goals_per_robot_hour"], alone[_flow_key(line)])  # type: ignore[arg-type]
+        if free := alone.get(values_of(line, shared)):
+            line[FREE_FLOW] = _share(line["late_goals_per_robot_hour"], free)
     return summary
-
-
-def _flow_key(line: dict[str, object]) -> tuple[object, ...]:
-    """Return what a robot alone must share with others to be their free flow."""
-    return tuple(line[name] for name in _GROUP if name != "robots")
 
 
 def _share(part: Interval, whole: Interval) -> Interval:
@@ -223,7 +215,7 @@ def evaluation_table(rows: Sequence[Row]) -> Table:
     short = short_names({str(row[name]) for row in rows for name in names})
     cells = []
     for line in summary:
-        texts = [with_interval(line[m.name], m.factor) if m.name in line else "-" for m in shown]  # type: ignore[arg-type]
+        texts = [with_interval(line[m.name], m.factor) if m.name in line else "-" for m in shown]
         cells.append((*(short[str(line[name])] for name in names), str(line["episodes"]), *texts))
     shared = ", ".join(f"{name} {rows[0][name]}" for name in constant)
     header = (*names, "episodes", *(m.heading for m in shown))

@@ -129,6 +129,14 @@ class Interval(NamedTuple):
     high: float
     samples: int
 
+    def times(self, factor: float) -> Interval:
+        """Return it with mean and limits times a factor."""
+        return Interval(factor * self.mean, factor * self.low, factor * self.high, self.samples)
+
+    def cut(self, most: float = math.inf) -> Interval:
+        """Return it with the limits cut to the values that are possible, 0 to `most`; NaN stays NaN."""
+        return self._replace(low=max(self.low, 0.0), high=min(self.high, most))
+
 
 def mean_interval(values: Iterable[float | None]) -> Interval:
     """Return the mean with its 95% interval by Student's t; None and NaN are left out.
@@ -150,16 +158,17 @@ def paired(
     rows: Iterable[Row], other: Iterable[Row], value: Callable[[Row], float | None], names: Sequence[str]
 ) -> Interval:
     """Return the mean difference of rows from other rows that have the same named fields, with its 95% interval."""
-    known = {_values(row, names): value(row) for row in other}
+    known = {values_of(row, names): value(row) for row in other}
     differences = []
     for row in rows:
-        mine, theirs = value(row), known.get(_values(row, names))
+        mine, theirs = value(row), known.get(values_of(row, names))
         if mine is not None and theirs is not None:
             differences.append(mine - theirs)
     return mean_interval(differences)
 
 
-def _values(row: Row, names: Sequence[str]) -> tuple[object, ...]:
+def values_of(row: Row, names: Sequence[str]) -> tuple[object, ...]:
+    """Return the values of some fields of a row, None for those that it lacks."""
     return tuple(row.get(name) for name in names)
 
 
@@ -224,9 +233,7 @@ def _t_coverage(t: float, freedom: int) -> float:
     for k in range(1 + odd, freedom - 2, 2):
         term *= square * k / (k + 1)
         total += term
-    if odd:
-        return 2 / math.pi * (angle + math.sin(angle) * total)
-    return math.sin(angle) * total
+    return 2 / math.pi * (angle + math.sin(angle) * total) if odd else math.sin(angle) * total
 
 
 def select(rows: Sequence[Row], **values: Any) -> list[Row]:

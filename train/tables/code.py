@@ -10,13 +10,9 @@ from functools import cache
 from pathlib import Path
 
 _PROJECT = ("warehouse_env.", "agents.", "train.")
-PLANNING = (
-    "warehouse_env.planning.",
-    "warehouse_env.routes.",
-    "warehouse_env.traffic.",
-    "train.tables.",
-)  # what plans and their figures depend on
-DRIVING = ("train.tables.", "train.evaluation.", "train.books", "warehouse_env.", "agents.")  # what drives, too
+# What plans and their figures depend on, and what drives, too.
+PLANNING = ("warehouse_env.planning.", "warehouse_env.routes.", "warehouse_env.traffic.", "train.tables.")
+DRIVING = ("train.tables.", "train.evaluation.", "train.books", "warehouse_env.", "agents.")
 
 
 @cache

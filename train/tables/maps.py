@@ -42,6 +42,13 @@ def clutter(size: int, share: float, maps: int, start: Cell | None = None, goal:
     return Setting(f"{size}x{size} {100 * share:g}%", tasks)
 
 
+def draw_rectangle(rng: np.random.Generator, size: int, least: int, most: int) -> tuple[slice, slice]:
+    """Return rows and columns of a rectangle of `least` to `most` cells a side, anywhere on a square floor."""
+    sides = rng.integers(least, most + 1, 2).tolist()
+    row, column = (int(rng.integers(0, size - side + 1)) for side in sides)
+    return slice(row, row + sides[0]), slice(column, column + sides[1])
+
+
 def drawn_map(picture: str, name: str) -> GridMap:
     """Return the map of a drawing: a line a row, "#" a shelf, "." free; ConfigError for other signs or ragged lines."""
     lines = [line.strip() for line in picture.strip().splitlines()]

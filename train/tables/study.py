@@ -6,15 +6,14 @@ all. Lengths are in cells, times in milliseconds, shares from 0 to 1.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 
 from train.reporting.rows import Row
-from train.tables.figures import Figures
-from train.tables.measures import MEASURES
+from train.tables.measures import MEASURES, Figures
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import Planner, make_planner
@@ -79,6 +78,18 @@ class Published(NamedTuple):
     measure: str
     value: float
     ours: str = ""
+
+
+def published(
+    measures: Sequence[str], lines: Iterable[tuple[str, str, str, Sequence[float | None]]]
+) -> tuple[Published, ...]:
+    """Return the figures of printed lines (setting, system, ours, values), a value a measure, None where none is."""
+    return tuple(
+        Published(setting, system, measure, value, ours)
+        for setting, system, ours, values in lines
+        for measure, value in zip(measures, values, strict=True)
+        if value is not None
+    )
 
 
 class Verdict(NamedTuple):

@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 from train.reporting.report import number
 from train.reporting.rows import Interval
-from train.tables.figures import ROUNDING, Figures
-from train.tables.measures import MEASURES
+from train.tables.measures import MEASURES, ROUNDING, Figures
 from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Claim, Published, Verdict
 
 _PRINT_ROUNDING = 1e-5  # relative: the papers print four decimals
@@ -29,7 +28,6 @@ RULE = (
 class Judged(NamedTuple):
     """One setting's part of a verdict: the relative difference, and whether it has the claimed sign and size."""
 
-    setting: str
     relative: Interval
     clear: bool
     reaches: bool
@@ -69,7 +67,7 @@ def _judge(figures: Figures, claim: Claim, setting: str) -> Judged | None:
     ]
     unit = " points" if claim.measure.endswith("_share") else "%"
     text = f"{setting}: {shown[0]} against {shown[1]}, {percent(relative, unit)}"
-    return Judged(setting, relative, clear, reaches, text)
+    return Judged(relative, clear, reaches, text)
 
 
 def reaches_print(figures: Figures, published: Sequence[Published], ours: str) -> Verdict:

@@ -12,20 +12,22 @@ import pytest
 
 from train.advice import course
 from train.advice.answer import answer, worthwhile
-from train.advice.bottlenecks import Bottleneck, bottlenecks, passing, traffic
 from train.advice.candidates import (
     EAST,
     WEST,
+    Bottleneck,
     aisle_cells,
     aisles,
     alternating,
+    bottlenecks,
     choose,
+    cut_off,
     expected_cost,
-    joined,
     one_ways,
+    passing,
+    traffic,
 )
-from train.advice.capacity import Load, bears, loads, next_count
-from train.advice.course import FEWEST, MOST, Advice, Effect, Plan
+from train.advice.course import FEWEST, MOST, Advice, Effect, Load, Plan, bears, loads, next_count
 from train.advice.trials import Clock, Trial
 from train.cli import main
 from train.evaluation.jobs import Result, Runner, Tick
@@ -174,7 +176,7 @@ def test_one_way_goes_where_most_drive() -> None:
 
 def test_a_one_way_that_cuts_endpoints_off_is_none() -> None:
     dead_end = floor_of("######", "......", "######", picks=[(1, 5)], stations=[(1, 0)])
-    assert joined(dead_end)
+    assert cut_off(dead_end) is None
     assert one_ways(dead_end, (1, 2), np.zeros((3, 6, 8))) == []
 
 

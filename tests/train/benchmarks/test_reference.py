@@ -15,8 +15,8 @@ import pytest
 from train.benchmarks import fixed_work, reference, release
 from train.benchmarks.fixed_work import InC, InNumba, floor
 from train.benchmarks.native import compiler
-from train.benchmarks.origin import ROOT, commit
 from train.benchmarks.reference import Size, Timed, in_turns, reference_table
+from train.benchmarks.release import ROOT, commit
 from train.cli import main
 from train.commands.bench import tables
 from train.reporting.rows import Row, read_rows, write_rows

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from train.central.driving import rounded
+from train.central.pibt import rounded
 
 
 def test_corners_become_arcs() -> None:

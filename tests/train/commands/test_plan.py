@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from train.cli import main
-from train.reporting.plan_report import plan_note, plan_table
+from train.commands.plan import plan_note, plan_table
 from train.reporting.rows import read_rows
 from warehouse_env.maps.movingai import EXAMPLE_MAP
 

@@ -10,7 +10,7 @@ import pytest
 from agents import POLICIES
 from train.cli import main
 from train.commands import understand
-from train.evaluation import jam_film
+from train.evaluation import telling
 from train.evaluation.scenes import SCENES
 from train.evaluation.telling import MOMENTS
 from train.reporting.rows import read_rows, write_rows
@@ -80,7 +80,7 @@ def test_pictures_and_rows_of_a_policy(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(understand, "MOMENTS", {"leaving": MOMENTS["leaving"]})
-    monkeypatch.setattr(jam_film, "SCENES", {"crossing": SCENES["crossing"]})
+    monkeypatch.setattr(telling, "SCENES", {"crossing": SCENES["crossing"]})
     run = made_up(tmp_path / "run", "ppo", 0, [10.0, 20.0])
     options = f"--policy ppo --planner astar --seed 3 --runs {run} --out {tmp_path / 'out'}"
     assert main(["understand", *options.split()]) == 0

@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from train.evaluation import jam_film
-from train.evaluation.jam_film import Film, Frame, moments_of, rows_of, worst_jam
+from train.evaluation import telling
 from train.evaluation.jobs import Result
 from train.evaluation.rollout import config_of
-from train.evaluation.scene_runs import SceneJob
-from train.evaluation.scenes import SCENES
-from train.evaluation.telling import Asked
+from train.evaluation.scenes import SCENES, SceneJob
+from train.evaluation.telling import Asked, Film, Frame, moments_of, rows_of_film, worst_jam
 from warehouse_env.config import EnvConfig
 
 BASE = EnvConfig(planner="astar", tasks="one_shot")
@@ -33,7 +31,7 @@ def test_every_step_is_kept() -> None:
     assert ((last.chances >= 0) & (last.chances <= 1)).all()
     config = config_of("ppo", BASE, {})
     shown = moments_of(film, config)
-    rows = rows_of(film)
+    rows = rows_of_film(film)
     assert len(rows) == 4 * 4
     assert [row["stop"] for row in rows] == pytest.approx((1 - shown.chance).ravel().tolist())
     assert (shown.view.left, shown.view.high) < (first.pose[:, 0].min(), first.pose[:, 1].max())
@@ -54,7 +52,7 @@ def test_the_worst_jam_is_one_that_dissolves(monkeypatch: pytest.MonkeyPatch) ->
         watch[0].frames = [Frame(0.0, *(np.zeros(0),) * 4, np.ones(standing[job.scene][0], np.bool_))]
         return Result([{"resolved": standing[job.scene][1]}])
 
-    monkeypatch.setattr(jam_film, "SCENES", standing)
+    monkeypatch.setattr(telling, "SCENES", standing)
     monkeypatch.setattr(SceneJob, "run", play)
     ticks: list[int] = []
     found = worst_jam("ppo", BASE, 1.0, 0, lambda: ticks.append(1))

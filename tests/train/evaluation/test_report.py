@@ -11,8 +11,8 @@ import pytest
 
 from train.cli import main
 from train.evaluation.places import Floor
+from train.evaluation.recorded import why, worst_episodes
 from train.evaluation.words import half_of, paragraph
-from train.evaluation.worst import worst_episodes
 from train.reporting.rows import read_rows
 from warehouse_env.render.replay import replay_of
 from warehouse_env.simulation.record.recording import Episode
@@ -78,9 +78,9 @@ def test_the_worst_of_each_policy_come_in_turn() -> None:
         row("b", 0, 1.0), row("b", 1, 1.0, stuck=0.125), row("b", 2, 1.0, longest_standing_s=70.0),
     ]  # fmt: skip
     found = worst_episodes(rows, 5)
-    assert [(one.row["policy"], one.row["seed"]) for one in found] == [("a", 1), ("b", 1), ("a", 2), ("b", 2), ("a", 0)]
-    assert found[0].why == "8 collisions, no robots stuck at the end, 5 s the longest standing"
-    assert found[1].why == "no collisions, 2 robots stuck at the end, 5 s the longest standing"
+    assert [(row["policy"], row["seed"]) for row in found] == [("a", 1), ("b", 1), ("a", 2), ("b", 2), ("a", 0)]
+    assert why(found[0]) == "8 collisions, no robots stuck at the end, 5 s the longest standing"
+    assert why(found[1]) == "no collisions, 2 robots stuck at the end, 5 s the longest standing"
     assert worst_episodes([], 5) == []
     assert worst_episodes([row("central_pibt", 0, 1.0)], 5) == []
 

@@ -10,7 +10,7 @@ import pytest
 
 from agents import make_policy, policy_config
 from agents.learned import LearnedPolicy
-from train.evaluation.telling import CRUISE, MOMENTS, Asked, headings_along, map_of, rows_of
+from train.evaluation.telling import CRUISE, MOMENTS, Asked, headings_along, map_of, rows_of_map
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.render.probability_maps import View
@@ -64,7 +64,7 @@ def test_nobody_is_asked_in_a_shelf_or_in_another_robot() -> None:
         assert chance[asked].max() <= 1
     total = stop + one.chances["pass on the right"] + one.chances["pass on the left"]
     assert total[asked].max() <= 1 + 1e-9
-    rows = rows_of(one)
+    rows = rows_of_map(one)
     assert len(rows) == asked.sum()
     r, c = np.argwhere(asked)[7]
     assert (rows[7]["x"], rows[7]["y"], rows[7]["stop"]) == (one.x[c], one.y[r], stop[r, c])

@@ -8,17 +8,17 @@ import types
 import pytest
 
 from tests.train.tables.toy import STUDY
-from train.tables import catalogue
+from train.tables import command
 from train.tables.study import Study
 
 
 @pytest.fixture
 def toy(monkeypatch: pytest.MonkeyPatch) -> Study:
     """Make the toy study the only one of the catalogue."""
-    catalogue.studies_of.cache_clear()
-    catalogue.settings_of.cache_clear()
+    command.studies_of.cache_clear()
+    command.settings_of.cache_clear()
     module = types.ModuleType("toy_paper")
     module.STUDIES = (STUDY,)  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "toy_paper", module)
-    monkeypatch.setattr(catalogue, "MODULES", {"toy": "toy_paper"})
+    monkeypatch.setattr(command, "MODULES", {"toy": "toy_paper"})
     return STUDY

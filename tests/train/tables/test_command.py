@@ -13,7 +13,7 @@ import pytest
 from train.cli import main
 from train.evaluation.jobs import Result, Tick
 from train.reporting.rows import Row, read_rows
-from train.tables.blocks import Block, blocks_of
+from train.tables.command import Block, blocks_of
 from train.tables.study import Study
 
 pytestmark = pytest.mark.usefixtures("toy")

@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.train.tables.toy import STUDY, row
-from train.tables.figures import Figures
-from train.tables.measures import MEASURES
+from train.tables.measures import MEASURES, Figures
 from train.tables.study import Claim, Published, System
 from train.tables.verdicts import judge, percent, reaches_print
 from warehouse_env.errors import ConfigError, WarehouseError

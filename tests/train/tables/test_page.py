@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from tests.train.tables.toy import STUDY, row
-from train.tables.figures import Figures
-from train.tables.page import study_table, write_pages
-from train.tables.pictures import study_pictures
+from train.tables.measures import Figures
+from train.tables.page import study_pictures, study_table, write_pages
 from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Claim, Verdict
 from train.tables.verdicts import judge, verdict_counts
 

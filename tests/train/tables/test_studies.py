@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tests.train.tables.toy import row
-from train.tables.catalogue import MODULES, chosen, settings_of
-from train.tables.figures import Figures
+from train.tables.command import MODULES, chosen, settings_of
 from train.tables.maps import clutter, clutter_task, drawn_map
+from train.tables.measures import Figures
 from train.tables.study import FAILS, HOLDS, Study, Verdict
 from train.tables.verdicts import judge
 from warehouse_env.errors import ConfigError

@@ -22,15 +22,9 @@ from warehouse_env.planning import PLANNERS
 from warehouse_env.planning.ants.system import AntSystem
 
 _FAMILIES = {
-    "dijkstra": "exact search",
-    "astar": "exact search",
-    "astar_turns": "exact search",
-    "theta_star": "any-angle search",
-    "apf": "potential field",
-    "apf_improved": "potential field",
-    "pso": "swarm",
-    "afsa": "swarm",
-}
+    "exact search": ("dijkstra", "astar", "astar_turns"), "any-angle search": ("theta_star",),
+    "potential field": ("apf", "apf_improved"), "swarm": ("pso", "afsa"),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -117,4 +111,5 @@ def family(planner: str) -> str:
     made = PLANNERS.get(name)
     if isinstance(made, type) and issubclass(made, AntSystem):
         return "ant colony"
-    return "another library" if planner in PEERS else _FAMILIES.get(name, "other")
+    ours = (family for family, names in _FAMILIES.items() if name in names)
+    return "another library" if planner in PEERS else next(ours, "other")

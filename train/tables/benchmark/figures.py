@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from train.reporting.plan_report import is_optimal
+from train.evaluation.planning_runs import is_optimal
 from train.reporting.report import Table, grouped, number, with_interval
 from train.reporting.rows import Interval, Row, mean_interval
 from train.tables.benchmark.peers import PEERS
@@ -64,30 +64,17 @@ def _summary(name: str, planner: str, rows: Sequence[Row]) -> Summary:
     ms = _repeated([row["ms"] for row in rows], weight)
     lines = [row["line_gap"] for row in found if row["line_gap"] is not None]
     return Summary(
-        map=name,
-        planner=planner,
-        pairs=len({row["pair"] for row in rows}),
-        runs=int(weight.sum()),
-        failed=1.0 - found_weight.sum() / weight.sum(),
-        gap=_interval(means, gaps),
+        map=name, planner=planner, pairs=len({row["pair"] for row in rows}), runs=int(weight.sum()),
+        failed=1.0 - found_weight.sum() / weight.sum(), gap=mean_interval(means).cut()._replace(mean=_mean(gaps)),
         quantiles=tuple(np.quantile(gaps, _QUANTILES).tolist()) if len(gaps) else (math.nan,) * len(_QUANTILES),
         optimal=sum(row["stands_for"] for row in found if is_optimal(row)) / int(weight.sum()),
         turns=turned / fewest if fewest else math.nan,
         clearance=min((row["clearance"] for row in found), default=math.nan),
         mean_clearance=_mean(_repeated([row["mean_clearance"] for row in found], found_weight)),
-        ms=float(np.median(ms)),
-        ms95=float(np.quantile(ms, 0.95)),
-        line_gap=statistics.fmean(lines) if lines else math.nan,
-        anytime=anytime,
+        ms=float(np.median(ms)), ms95=float(np.quantile(ms, 0.95)),
+        line_gap=statistics.fmean(lines) if lines else math.nan, anytime=anytime,
         arrived=known.sum(axis=0) / weight.sum(),
-    )
-
-
-def _interval(means: Sequence[float], gaps: NDArray[np.float64]) -> Interval:
-    """Return the mean of all gaps, with the interval of the pairs' means, cut at what is possible."""
-    spread = mean_interval(means)
-    low = max(spread.low, 0.0) if math.isfinite(spread.low) else math.nan
-    return Interval(_mean(gaps), low, spread.high, spread.samples)
+    )  # fmt: skip
 
 
 def _repeated(values: Sequence[float], times: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -99,22 +86,9 @@ def _mean(values: NDArray[np.float64]) -> float:
 
 
 _HEADER = (
-    "planner",
-    "pairs",
-    "runs",
-    "failed",
-    "gap % [95%]",
-    "95th %",
-    "99th %",
-    "worst %",
-    "optimal",
-    "turns / T*",
-    "least clearance",
-    "mean clearance",
-    "line %",
-    "median ms",
-    "95th ms",
-)
+    "planner", "pairs", "runs", "failed", "gap % [95%]", "95th %", "99th %", "worst %", "optimal", "turns / T*",
+    "least clearance", "mean clearance", "line %", "median ms", "95th ms",
+)  # fmt: skip
 NOTE = (
     "Gap: length over the shortest path by legal moves, minus 1, of the runs that found a path; mean with its 95% "
     "interval over pairs (Student's t), percentiles over runs. Optimal and failed: shares of all runs. T*: the fewest "
@@ -130,21 +104,13 @@ def table_of(name: str, summaries: Sequence[Summary]) -> Table:
     cells = tuple(
         (
             one.planner + (" (cuts corners)" if one.planner in PEERS and PEERS[one.planner].cuts_corners else ""),
-            str(one.pairs),
-            str(one.runs),
-            _share(one.failed),
-            with_interval(one.gap, 100.0),
-            *(_percent(quantile) for quantile in one.quantiles[1:]),
-            _share(one.optimal),
-            number(one.turns),
-            number(one.clearance, 2),
-            number(one.mean_clearance),
-            _percent(one.line_gap),
-            number(one.ms),
+            str(one.pairs), str(one.runs), _share(one.failed), with_interval(one.gap, 100.0),
+            *(_percent(quantile) for quantile in one.quantiles[1:]), _share(one.optimal), number(one.turns),
+            number(one.clearance, 2), number(one.mean_clearance), _percent(one.line_gap), number(one.ms),
             number(one.ms95),
         )
         for one in own
-    )
+    )  # fmt: skip
     return Table(f"Benchmark on {name}", _HEADER, cells)
 
 
@@ -161,13 +127,9 @@ def overview(summaries: Sequence[Summary]) -> Table:
         turns = [one.turns for one in own if math.isfinite(one.turns)]
         failed, gap = max(one.failed for one in own), max(gaps, default=math.nan)
         texts = (
-            planner,
-            _share(failed),
-            _percent(gap),
-            _share(min(one.optimal for one in own)),
-            number(max(turns, default=math.nan)),
-            *(number(pick(one.ms for one in own)) for pick in (min, max)),
-        )
+            planner, _share(failed), _percent(gap), _share(min(one.optimal for one in own)),
+            number(max(turns, default=math.nan)), *(number(pick(one.ms for one in own)) for pick in (min, max)),
+        )  # fmt: skip
         lines.append(((failed > 0, gap if gaps else math.inf, max(one.ms for one in own)), texts))
     header = ("planner", "failed", "gap %", "optimal", "turns / T*", "least ms", "most ms")
     title = "All planners, each figure that of its worst map"

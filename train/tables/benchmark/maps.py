@@ -33,18 +33,9 @@ def movingai_warehouse(aisle: int = 2) -> GridMap:
     around: 161 x 63 or 170 x 84 cells.
     """
     inner = blocks(
-        40 + 21 * aisle,
-        150 + 9 * aisle,
-        block_rows=2,
-        block_columns=10,
-        aisle=aisle,
-        cross=aisle,
-        zone_rows=20,
-        zone_columns=10,
-        rim_rows=aisle,
-        rim_columns=25,
-        corridor_stations=False,
-    )
+        40 + 21 * aisle, 150 + 9 * aisle, block_rows=2, block_columns=10, aisle=aisle, cross=aisle, zone_rows=20,
+        zone_columns=10, rim_rows=aisle, rim_columns=25, corridor_stations=False,
+    )  # fmt: skip
     return GridMap(np.pad(inner.occupied, 1, constant_values=True), name=f"warehouse-10-20-10-2-{aisle}")
 
 

@@ -44,17 +44,10 @@ class Peer(BasePlanner):
         """Name and version."""
         return f"{self.package}=={metadata.version(self.package)}"
 
-    def plan(
-        self,
-        grid: GridMap,
-        start: Cell,
-        goal: Cell,
-        rng: np.random.Generator,
-        cost: NDArray[np.float64] | None = None,
-    ) -> Plan:
+    def plan(self, grid: GridMap, *task: Any, **options: Any) -> Plan:
         """Prepare the map, which is not timed, and search."""
         self.ready(grid)
-        return super().plan(grid, start, goal, rng, cost)
+        return super().plan(grid, *task, **options)
 
     def find(
         self, grid: GridMap, start: Cell, goal: Cell, rng: np.random.Generator, cost: NDArray[np.float64] | None
@@ -88,8 +81,7 @@ def _prepared(prepare: Callable[[GridMap], Any], grid: GridMap) -> Any:
 class Pathfinding(Peer):
     """A* of python-pathfinding."""
 
-    name = "pathfinding"
-    package = "pathfinding"
+    name = package = "pathfinding"
     needs = ("pathfinding",)
     note = "A* in Python; diagonals only where both neighbours are free"
 
@@ -110,8 +102,7 @@ class Pathfinding(Peer):
 class PyAStar2D(Peer):
     """A* of pyastar2d."""
 
-    name = "pyastar2d"
-    package = "pyastar2d"
+    name = package = "pyastar2d"
     needs = ("pyastar2d",)
     note = "A* in C++; cuts shelf corners, and a diagonal costs 1 there: it minimises moves, not length"
     cuts_corners = True
@@ -130,8 +121,7 @@ class PyAStar2D(Peer):
 class NetworkX(Peer):
     """A* of NetworkX on the graph of legal moves."""
 
-    name = "networkx"
-    package = "networkx"
+    name = package = "networkx"
     needs = ("networkx",)
     note = "astar_path in Python on our graph of legal moves, octile heuristic"
 
@@ -142,15 +132,13 @@ class NetworkX(Peer):
 
     def search(self, prepared: Any, start: Cell, goal: Cell, rng: np.random.Generator) -> Sequence[Sequence[int]]:
         """Search."""
-        path: list[Cell] = importlib.import_module("networkx").astar_path(prepared, start, goal, heuristic=_octile)
-        return path
+        return list(importlib.import_module("networkx").astar_path(prepared, start, goal, heuristic=_octile))
 
 
 class AcoRouting(Peer):
     """The ant colony of aco-routing, with as many ants and iterations as ours."""
 
-    name = "aco-routing"
-    package = "aco-routing"
+    name = package = "aco-routing"
     needs = ("aco_routing", "networkx", "matplotlib")
     note = f"ants in Python, 50 x 100, at most {_ANT_STEPS} steps, from the start; a greedy last ant gives the path"
     most_pairs = 10

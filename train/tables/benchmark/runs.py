@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from train.evaluation.jobs import Job, Result, Tick
+from train.evaluation.jobs import Job, Result, Tick, of_all_runs
 from train.evaluation.planning_runs import Task
 from train.reporting.rows import Row
 from train.tables.benchmark.maps import clearance_field, make_map, make_tasks
@@ -53,30 +53,23 @@ class Pair(Job):
     runs: int
     seed: int
 
+    titled = "{map} · {planner}"
+
     @property
     def identity(self) -> Row:
         """What its rows are known by."""
         made = made_by(self.planner, self.map, self.seed)
         return {"map": self.map, "planner": self.planner, "pair": self.pair, "made": made}
 
-    @property
-    def title(self) -> str:
-        """Its map and planner."""
-        return f"{self.map} · {self.planner}"
-
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Pair | None]:
         """Return the rows of all runs, if none is missing."""
         if rows and rows[0]["stands_for"] > 1:
             return [{**rows[0], "stands_for": self.runs}], None
-        own = {row["run"]: row for row in rows}
-        whole = all(run in own for run in range(self.runs))
-        return ([own[run] for run in range(self.runs)], None) if whole else ([], self)
+        whole = of_all_runs(rows, self.runs)
+        return (whole, None) if whole else ([], self)
 
     def run(self, tick: Tick) -> Result:
-        """Plan all runs, warmed up.
-
-        A run that drew no random number would give the same path again; it then stands for all runs.
-        """
+        """Plan all runs, warmed up; a run that drew no random number stands for all, which would give the same."""
         planner, grid, tasks = planner_of(self.planner), make_map(self.map), make_tasks(self.map, self.pairs, self.seed)
         warm_up(self.planner, self.map, tasks[0])
         task, rows = tasks[self.pair], []
@@ -127,13 +120,10 @@ def measure(name: str, planner: Planner, task: Task, plan: Plan, seconds: float)
     grid, cuts = make_map(name), isinstance(planner, Peer) and planner.cuts_corners
     optimum = cutting_length(grid, task.start, task.goal) if cuts else task.optimal_length
     row: Row = {
-        "success": plan.found,
-        "optimal_length": round(optimum, 6),
-        "min_turns": None if cuts else task.min_turns,
-        "ms": round(1000 * seconds, 4),
-        "iterations": len(plan.best_by_iteration),
+        "success": plan.found, "optimal_length": round(optimum, 6), "min_turns": None if cuts else task.min_turns,
+        "ms": round(1000 * seconds, 4), "iterations": len(plan.best_by_iteration),
         "anytime": anytime(plan, optimum, seconds),
-    }
+    }  # fmt: skip
     if not plan.found:
         return row
     _check(grid, task, plan, cuts)

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 from train.reporting.report import Table, with_interval
 from train.reporting.rows import Interval, Row, apart, is_told, mean_interval, select
-from train.tables.learning.trainings import START
+
+START = "start"  # the policy before its first update
 
 
 class Setting(NamedTuple):

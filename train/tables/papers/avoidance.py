@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from train.reporting.rows import Row
-from train.tables.papers.coordinator import TOUCH, Path, duration, nearest
+from train.tables.papers.coordinator import TOUCH, Path, duration, nearest, path_of
 from train.tables.study import System, TableTask
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning import Planner, make_planner, min_turns, path_length, turns
@@ -51,7 +51,7 @@ def obstacle_path(task: TableTask) -> Path:
 def cells_of(planner: Planner, grid: GridMap, start: Cell, goal: Cell) -> Path:
     """Return the cells of a plan; the planners used here draw nothing."""
     cells = planner.plan(grid, start, goal, np.random.default_rng(0)).cells
-    return [(int(row), int(column)) for row, column in cells]
+    return path_of(cells)
 
 
 def avoid(task: TableTask, system: System, rng: np.random.Generator) -> Row:
@@ -65,18 +65,12 @@ def avoid(task: TableTask, system: System, rng: np.random.Generator) -> Row:
     kept = [cell for k, cell in enumerate(walked.cells) if k == 0 or cell != walked.cells[k - 1]]
     length = path_length(np.array(kept))
     return {
-        "success": good,
-        "length": length if good else None,
-        "last": duration(walked.cells) if good else None,
-        "contacts": float(walked.apart < TOUCH),
-        "apart": walked.apart,
-        "optimal_length": optimum,
-        "gap": length / optimum - 1 if good else None,
-        "turns": turns(np.array(kept)) if good else None,
+        "success": good, "length": length if good else None, "last": duration(walked.cells) if good else None,
+        "contacts": float(walked.apart < TOUCH), "apart": walked.apart, "optimal_length": optimum,
+        "gap": length / optimum - 1 if good else None, "turns": turns(np.array(kept)) if good else None,
         "min_turns": min_turns(task.grid, task.start, task.goal),
-        "cells": [list(cell) for cell in kept] if good else None,
-        "line": None,
-    }
+        "cells": [list(cell) for cell in kept] if good else None, "line": None,
+    }  # fmt: skip
 
 
 class Robot:
@@ -120,7 +114,7 @@ class Robot:
 
     def _free(self, obstacle: Cell) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Return bool[8], the legal moves but those onto the obstacle."""
-        into = (MOVES + np.array(self.at) == np.array(obstacle)).all(axis=1)
+        into = (MOVES + self.at == obstacle).all(axis=1)
         return np.asarray(self.grid.legal_moves[self.at] & ~into)
 
 
@@ -135,11 +129,8 @@ def _heedless(robot: Robot, obstacle: Cell) -> Cell:
 def _wait(robot: Robot, obstacle: Cell) -> Cell:
     """Stand while the next cell is the obstacle's or one beside it."""
     to = robot.follow()
-    return robot.at if _beside(to, obstacle) else to
-
-
-def _beside(cell: Cell, obstacle: Cell) -> bool:
-    return max(abs(cell[0] - obstacle[0]), abs(cell[1] - obstacle[1])) <= 1
+    beside = max(abs(to[0] - obstacle[0]), abs(to[1] - obstacle[1])) <= 1
+    return robot.at if beside else to
 
 
 def _new_route(robot: Robot, obstacle: Cell) -> Cell:
@@ -220,10 +211,8 @@ def _foreseen(task: TableTask, obstacle: Path) -> Walked:
             continue
         closed.add((at, step))
         here, there = (obstacle[min(k, len(obstacle) - 1)] for k in (step, step + 1))
-        moves = [(int(MOVES[m, 0]), int(MOVES[m, 1])) for m in np.flatnonzero(legal[at])]
-        for d_row, d_column in [(0, 0), *moves]:
-            to = (at[0] + d_row, at[1] + d_column)
+        for to in path_of([at, *(MOVES[legal[at]] + at)]):
             if nearest(at, to, here, there) >= TOUCH:
-                cost = driven + max(1.0, math.hypot(d_row, d_column))
+                cost = driven + max(1.0, math.dist(at, to))
                 heapq.heappush(heap, (cost + float(left[to]), cost, step + 1, [*cells, to]))
     return Walked([task.start], False, math.inf)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -33,6 +33,11 @@ Tracks = NDArray[np.int64]  # [T + 1, N, 2] cells (row, column) of all robots af
 Path = list[Cell]
 
 TOUCH = 0.7  # [cells] between two centres, below which they clash
+
+
+def path_of(cells: Iterable[Iterable[int]]) -> Path:
+    """Return cells (row, column) of any kind as tuples of Python's own integers."""
+    return [(int(row), int(column)) for row, column in cells]
 
 
 def nearest(a: Cell, to_a: Cell, b: Cell, to_b: Cell) -> float:
@@ -64,7 +69,7 @@ class Driven(NamedTuple):
         """Return each robot's cells, with its waits, up to its last arrival."""
         paths = []
         for robot in range(self.tracks.shape[1]):
-            track = [(int(row), int(column)) for row, column in self.tracks[:, robot]]
+            track = path_of(self.tracks[:, robot])
             end = len(track)
             while end > 1 and track[end - 2] == track[-1]:
                 end -= 1
@@ -73,15 +78,13 @@ class Driven(NamedTuple):
 
     def clashes(self) -> int:
         """Return how many pairs clash at some time."""
-        paths, count = np.swapaxes(self.tracks, 0, 1).tolist(), 0
-        for j, other in enumerate(paths):
-            for own in paths[:j]:
-                count += any(clash(*a, *b) for a, b in zip(_steps(own), _steps(other), strict=True))
-        return count
+        pairs = itertools.combinations(np.swapaxes(self.tracks, 0, 1).tolist(), 2)
+        return sum(_touch(own, other) for own, other in pairs)
 
 
-def _steps(track: Sequence[Cell]) -> list[tuple[Cell, Cell]]:
-    return list(itertools.pairwise(track))
+def _touch(own: Sequence[Cell], theirs: Sequence[Cell]) -> bool:
+    steps = zip(itertools.pairwise(own), itertools.pairwise(theirs), strict=True)
+    return any(clash(*a, *b) for a, b in steps)
 
 
 def drive_alone(routes: Sequence[Route]) -> Driven:
@@ -99,7 +102,7 @@ class Coordinator:
 
     def drive(self, grid: GridMap, routes: Sequence[Route]) -> Driven:
         """Drive a fleet along routes int64[L, 2] planned alone, until all have arrived or all comes again (stuck)."""
-        fleet = _Fleet(self, grid, [[(int(row), int(column)) for row, column in route] for route in routes])
+        fleet = _Fleet(self, grid, list(map(path_of, routes)))
         tracks, known = [list(fleet.at)], set()
         while any(fleet.ahead) and (now := (tuple(fleet.at), tuple(map(tuple, fleet.ahead)))) not in known:
             known.add(now)
@@ -169,8 +172,7 @@ class _Fleet:
         return ways
 
     def _neighbours(self, cell: Cell) -> Path:
-        legal = np.flatnonzero(self.grid.legal_moves[cell]).tolist()
-        return [(cell[0] + int(MOVES[move, 0]), cell[1] + int(MOVES[move, 1])) for move in legal]
+        return path_of(MOVES[self.grid.legal_moves[cell]] + cell)
 
     def _new_routes(self, robot: int, other: int) -> list[Path]:
         """Return the shortest route without parked robots and the cells before both, as a list of one; or none."""
@@ -181,7 +183,7 @@ class _Fleet:
         goal = self.ahead[robot][-1]
         occupied[self.at[robot]] = occupied[goal] = False
         plan = make_planner("astar").plan(GridMap(occupied), self.at[robot], goal, np.random.default_rng(0))
-        return [[(int(row), int(column)) for row, column in plan.cells[1:]]] if plan.found else []
+        return [path_of(plan.cells[1:])] if plan.found else []
 
     def _hold(self, order: Sequence[int], moves: dict[int, Cell]) -> None:
         """Let those wait whose move would touch another's, until none does; all standing still never clash."""
@@ -195,5 +197,4 @@ class _Fleet:
 def _meet(own: Path, theirs: Path) -> bool:
     """Tell whether two clash along their paths; who has arrived stays."""
     steps = max(len(own), len(theirs))
-    own, theirs = (path + [path[-1]] * (steps - len(path)) for path in (own, theirs))
-    return any(clash(*a, *b) for a, b in zip(_steps(own), _steps(theirs), strict=True))
+    return _touch(*(path + [path[-1]] * (steps - len(path)) for path in (own, theirs)))

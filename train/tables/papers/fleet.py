@@ -59,15 +59,10 @@ def drive_fleet(task: TableTask, system: System, rng: np.random.Generator) -> Ro
     optimum = sum(float(task.grid.distance_to(goal)[start]) for start, goal in tasks)
     done = outcome.arrived
     return {
-        "success": done,
-        "length": outcome.length if done else None,
-        "last": outcome.last if done else None,
-        "contacts": outcome.contacts,
-        "optimal_length": optimum,
-        "gap": outcome.length / optimum - 1 if done else None,
-        "turns": sum(map(turns, routes)),
-        "min_turns": sum(min_turns(task.grid, *one) for one in tasks),
-    }
+        "success": done, "length": outcome.length if done else None, "last": outcome.last if done else None,
+        "contacts": outcome.contacts, "optimal_length": optimum, "gap": outcome.length / optimum - 1 if done else None,
+        "turns": sum(map(turns, routes)), "min_turns": sum(min_turns(task.grid, *one) for one in tasks),
+    }  # fmt: skip
 
 
 def _drive(grid: GridMap, tasks: Sequence[Task], routes: Sequence[Route], planner: Planner, mode: str) -> Outcome:

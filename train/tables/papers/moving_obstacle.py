@@ -21,6 +21,10 @@ START: Cell = (0, 0)
 GOAL: Cell = (29, 27)
 OURS, CLASSICAL, WITH_POINT = "improved field", "classical field", "improved field, intermediate point"
 HEEDLESS, WAITING, NEW_ROUTE, BEST = "follows its path", "waits", "new route", "knows the obstacle's way"
+_MODES = {
+    HEEDLESS: "heedless", CLASSICAL: "classical field", OURS: "improved field", WITH_POINT: "improved field, point",
+    WAITING: "wait", NEW_ROUTE: "new route", BEST: FORESIGHT,
+}  # fmt: skip
 
 
 def met_at(path: Path, other: Path) -> int | None:
@@ -67,25 +71,13 @@ MOVING_OBSTACLE = Study(
     paper="Paper 002 (about 2023), ant colony and improved artificial potential field for agricultural robots",
     title="Paper 002: an obstacle that the global path does not know",
     settings=settings,
-    systems=(
-        System(HEEDLESS, "astar_turns", mode="heedless"),
-        System(CLASSICAL, "astar_turns", mode="classical field"),
-        System(OURS, "astar_turns", mode="improved field"),
-        System(WITH_POINT, "astar_turns", mode="improved field, point"),
-        System(WAITING, "astar_turns", mode="wait"),
-        System(NEW_ROUTE, "astar_turns", mode="new route"),
-        System(BEST, "astar_turns", mode=FORESIGHT),
-    ),
+    systems=tuple(System(label, "astar_turns", mode=mode) for label, mode in _MODES.items()),
     runs=1,
     measures=("found_share", "mean", "gap", "last", "apart", "turns"),
     claims=(
-        Claim(
-            "The robot avoids temporary obstacles",
-            check=partial(resolves_all, ours=WITH_POINT, settings=(STANDING,)),
-        ),
-        Claim(
-            "The robot avoids dynamic obstacles",
-            check=partial(resolves_all, ours=WITH_POINT, settings=(CROSSING, ONCOMING)),
+        *(
+            Claim(f"The robot avoids {what} obstacles", check=partial(resolves_all, ours=WITH_POINT, settings=kinds))
+            for what, kinds in (("temporary", (STANDING,)), ("dynamic", (CROSSING, ONCOMING)))
         ),
         Claim("The improved repulsion avoids more obstacles than the classical", OURS, CLASSICAL, "found_share"),
         Claim("The intermediate point avoids more of them", WITH_POINT, OURS, "found_share"),

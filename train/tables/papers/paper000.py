@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from train.tables.study import Claim, Published, Setting, Study, System, TableTask
+from train.tables.study import Claim, Published, Setting, Study, System, TableTask, published
 from train.tables.verdicts import reaches_print
 from warehouse_env.maps.grid_map import Cell
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
@@ -27,16 +27,9 @@ SYSTEMS = (
     System("dijkstra", "dijkstra"),
 )
 MEASURES = (
-    "best_of_10",
-    "best_of_10_turns",
-    "best_of_10_converged_at",
-    "mean",
-    "turns",
-    "converged_at",
-    "optimal_share",
-    "found_share",
-    "ms",
-)
+    "best_of_10", "best_of_10_turns", "best_of_10_converged_at", "mean", "turns", "converged_at", "optimal_share",
+    "found_share", "ms",
+)  # fmt: skip
 # Length, turns and convergence of each path: table 1, then table 2; the potential field colony, then the traditional.
 _TABLE_1 = {
     "path 1": ((26.9706, 6, 76), (28.7872, 15, 90)),
@@ -62,16 +55,15 @@ _BASELINES = (
 
 
 def _published(table: dict[str, tuple[tuple[float, int, int], tuple[float, int, int]]]) -> tuple[Published, ...]:
-    measures = MEASURES[:3]
-    return tuple(
-        Published(setting, name, measure, value, ours)
+    lines = (
+        (setting, *system, line)
         for setting, both in table.items()
-        for name, ours, line in zip((_PF, _TRADITIONAL), (PAPER_MODE, NEXT), both, strict=True)
-        for measure, value in zip(measures, line, strict=True)
+        for system, line in zip(((_PF, PAPER_MODE), (_TRADITIONAL, NEXT)), both, strict=True)
     )
+    return published(MEASURES[:3], lines)
 
 
-def _claims(published: tuple[Published, ...], length: float, turned: float, converged: float) -> tuple[Claim, ...]:
+def _claims(printed: tuple[Published, ...], length: float, turned: float, converged: float) -> tuple[Claim, ...]:
     """Return the claims of a table; the least relative gains of its lines are the claimed sizes."""
     rows = []
     for other, which in ((GOAL, "with 1/d to the goal"), (NEXT, "with 1/d to the next cell")):
@@ -85,56 +77,38 @@ def _claims(published: tuple[Published, ...], length: float, turned: float, conv
     start = "The gradient of the initial pheromone greatly reduces the iterations (no figure given)"
     rows.append(Claim(start, PAPER_MODE, NO_GRADIENT, "converged_at"))
     reach = "Our potential field colony, as in the paper, reaches or beats every figure that the paper prints for it"
-    return (*rows, Claim(reach, check=partial(reaches_print, published=published, ours=PAPER_MODE)))
+    return (*rows, Claim(reach, check=partial(reaches_print, published=printed, ours=PAPER_MODE)))
 
 
-def _settings(**tasks: tuple[Cell, Cell]) -> tuple[Setting, ...]:
-    grid = make_layout("paper46")
-    return tuple(Setting(name.replace("_", " "), (TableTask(grid, *ends),)) for name, ends in tasks.items())
-
-
-def _ends(name: str) -> tuple[Cell, Cell]:
-    task = NAMED_TASKS["paper46"][name]
-    return task.start, task.goal
+def _settings(*tasks: str | tuple[Cell, Cell]) -> tuple[Setting, ...]:
+    """Return "path 1", "path 2" and so on: named tasks of paper46, or a start and a goal there."""
+    grid, named = make_layout("paper46"), NAMED_TASKS["paper46"]
+    ends = [(named[task].start, named[task].goal) if isinstance(task, str) else task for task in tasks]
+    return tuple(Setting(f"path {k}", (TableTask(grid, *one),)) for k, one in enumerate(ends, start=1))
 
 
 def in_zone() -> tuple[Setting, ...]:
     """Return the four tasks within a zone, in the order of table 1."""
-    return _settings(
-        path_1=_ends("in_zone_2"), path_2=_ends("in_zone_1"), path_3=_ends("in_zone_3"), path_4=_PATH_4
-    )  # fmt: skip
+    return _settings("in_zone_2", "in_zone_1", "in_zone_3", _PATH_4)
 
 
 def cross_zone() -> tuple[Setting, ...]:
     """Return the two tasks across zones, in the order of table 2."""
-    return _settings(path_1=_ends("cross_zone_1"), path_2=_ends("cross_zone_2"))
+    return _settings("cross_zone_1", "cross_zone_2")
 
 
+_table = partial(Study, paper=PAPER, systems=SYSTEMS, runs=_RUNS, measures=MEASURES)
 STUDIES = (
-    Study(
-        name="000_table_1",
-        paper=PAPER,
-        title="Table 1 of paper 000: paths within a zone of the warehouse",
-        settings=in_zone,
-        systems=SYSTEMS,
-        runs=_RUNS,
-        measures=MEASURES,
-        published=_published(_TABLE_1),
-        claims=_claims(_published(_TABLE_1), -0.058, -0.38, -0.12),
+    _table(
+        name="000_table_1", title="Table 1 of paper 000: paths within a zone of the warehouse", settings=in_zone,
+        published=_published(_TABLE_1), claims=_claims(_published(_TABLE_1), -0.058, -0.38, -0.12),
         note=_RECONSTRUCTION + "The printed 26.6820 of path 4 is no lattice length; our task for it is 26.5563 long, "
         "the longest length below that two cells of one zone have on our map. " + _BASELINES,
     ),
-    Study(
-        name="000_table_2",
-        paper=PAPER,
-        title="Table 2 of paper 000: paths across the zones of the warehouse",
-        settings=cross_zone,
-        systems=SYSTEMS,
-        runs=_RUNS,
-        measures=MEASURES,
-        published=_published(_TABLE_2),
-        claims=_claims(_published(_TABLE_2), -0.055, -0.5, -0.158),
+    _table(
+        name="000_table_2", title="Table 2 of paper 000: paths across the zones of the warehouse", settings=cross_zone,
+        published=_published(_TABLE_2), claims=_claims(_published(_TABLE_2), -0.055, -0.5, -0.158),
         note=_RECONSTRUCTION + _BASELINES + "The printed convergences of the traditional colony, 101 and 106, need "
         "more than the 100 iterations that we give every colony; the paper does not say how many it took.",
     ),
-)
+)  # fmt: skip

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from train.tables.maps import clutter
+from train.tables.papers import paper001
 from train.tables.papers.moving_obstacle import MOVING_OBSTACLE
-from train.tables.papers.paper001 import BESIDE, IN_FRONT, LIGHT, STRONG, WAREHOUSE, walker_settings
+from train.tables.papers.paper001 import BESIDE, IN_FRONT, LIGHT, WAREHOUSE, walker_claim, walker_settings
 from train.tables.study import Claim, Setting, Study, System
 from warehouse_env.maps.grid_map import Cell
 
@@ -22,8 +23,9 @@ _RUNS = 6
 # What the paper prints: 100 ants, beta 3, rho 0.5, Q 1; its alpha of 1.5 is that of the fusion.
 _PRINTED = {"ants": 100, "exponent": 3, "evaporation": 0.5, "strength": 1.0}
 _FIELD = {"repulsion_gain": 0.3, "repulsion_reach": 2.0}
-STRONG_CLASSICAL, STRONG_DISTANCE = "apf, strong repulsion", "apf_improved, relative distance only, strong repulsion"
+_DISTANCE = {"exponent": 1.0, "intermediate_point": False}
 _POINT_ONLY, _DISTANCE_ONLY = "apf_improved, intermediate point only", "apf_improved, relative distance only"
+STRONG_DISTANCE = f"{_DISTANCE_ONLY}, strong repulsion"
 
 SYSTEMS = (
     System(OURS, "fusion_aco", {"dead_end": "die", "intermediate_point": True}),
@@ -63,12 +65,8 @@ def _claims() -> tuple[Claim, ...]:
 
 STUDIES = (
     Study(
-        name="002_comparison",
-        paper=PAPER,
-        title="Paper 002: 30 x 30 cells from (1, 1) to (30, 28)",
-        settings=settings,
-        systems=SYSTEMS,
-        runs=_RUNS,
+        name="002_comparison", paper=PAPER, title="Paper 002: 30 x 30 cells from (1, 1) to (30, 28)", settings=settings,
+        systems=SYSTEMS, runs=_RUNS,
         measures=("worst", "best", "ms", "converged_at", "mean", "gap", "turns", "optimal_share", "found_share"),
         claims=(
             *_claims(),
@@ -81,42 +79,28 @@ STUDIES = (
         "Its alpha of 1.5 is used in the fusion alone; the fusion without field is a traditional colony with it.",
     ),
     Study(
-        name="002_walkers",
-        paper=PAPER,
-        title="Paper 002: the walker along the force and its two repairs",
+        name="002_walkers", paper=PAPER, title="Paper 002: the walker along the force and its two repairs",
         settings=walker_settings,
         systems=(
             System(CLASSICAL, "apf", _FIELD),
-            System(_DISTANCE_ONLY, "apf_improved", {"exponent": 1.0, "intermediate_point": False, **_FIELD}),
+            System(_DISTANCE_ONLY, "apf_improved", {**_DISTANCE, **_FIELD}),
             System(_POINT_ONLY, "apf_improved", {"relative_distance": False, **_FIELD}),
             System(REPAIRED, "apf_improved", {"exponent": 1.0, **_FIELD}),
-            System(STRONG_CLASSICAL, "apf", STRONG),
-            System(STRONG_DISTANCE, "apf_improved", {"exponent": 1.0, "intermediate_point": False, **STRONG}),
+            System(paper001.STRONG_CLASSICAL, "apf", paper001.STRONG),
+            System(STRONG_DISTANCE, "apf_improved", {**_DISTANCE, **paper001.STRONG}),
             System("dijkstra", "dijkstra"),
         ),
-        runs=1,
-        measures=("found_share", "gap", "turns", "clearance", "ms"),
+        runs=1, measures=paper001.WALKER_MEASURES,
         claims=(
-            Claim(
-                "The intermediate point leads out of local minima",
-                _POINT_ONLY,
-                CLASSICAL,
-                "found_share",
-                settings=(IN_FRONT, LIGHT, WAREHOUSE),
+            walker_claim(
+                "The intermediate point leads out of local minima", _POINT_ONLY, CLASSICAL, IN_FRONT, LIGHT, WAREHOUSE
             ),
-            Claim(
+            walker_claim(
                 "The relative distance makes goals beside obstacles reachable",
-                STRONG_DISTANCE,
-                STRONG_CLASSICAL,
-                "found_share",
-                settings=(BESIDE,),
+                STRONG_DISTANCE, paper001.STRONG_CLASSICAL, BESIDE,
             ),
-            Claim(
-                "Beyond the claim: it makes other goals reachable, too",
-                _DISTANCE_ONLY,
-                CLASSICAL,
-                "found_share",
-                settings=(LIGHT, WAREHOUSE),
+            walker_claim(
+                "Beyond the claim: it makes other goals reachable, too", _DISTANCE_ONLY, CLASSICAL, LIGHT, WAREHOUSE
             ),
         ),
         note="The paper prints no figures of the walker; the maps and the gain of 0.3 within 2 cells are ours. At that "
@@ -125,4 +109,4 @@ STUDIES = (
         pictured=(IN_FRONT, LIGHT),
     ),
     MOVING_OBSTACLE,
-)
+)  # fmt: skip

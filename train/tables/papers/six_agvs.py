@@ -8,20 +8,15 @@ from functools import partial
 
 import numpy as np
 
-from train.tables.figures import ROUNDING, Figures
+from train.tables.measures import ROUNDING, Figures
 from train.tables.papers.fleet import ALONE, BODIES, BODIES_ALONE, SECONDS, drive_fleet
-from train.tables.study import Claim, Published, Setting, Study, System, TableTask, Verdict
+from train.tables.study import Claim, Setting, Study, System, TableTask, Verdict, published
 from train.tables.verdicts import percent
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import make_layout
 
-PRINTED, SAME_FLOOR, PAPER46, NARROW, DENSE = (
-    "as printed",
-    "its floor, other tasks",
-    "paper46",
-    "narrow",
-    "narrow, 24 robots",
-)
+PRINTED, SAME_FLOOR = "as printed", "its floor, other tasks"
+PAPER46, NARROW, DENSE = "paper46", "narrow", "narrow, 24 robots"
 SIX = (PRINTED, SAME_FLOOR, PAPER46, NARROW)
 OURS, PLANNED = "coordinator", "alone"
 NO_ASIDE, NO_ROUTE = "coordinator, no step aside", "coordinator, no new route"
@@ -36,13 +31,9 @@ _CROSS_AISLES = ((4, 6), (9, 12), (16, 18))  # columns from, to
 
 # AGV_0 to AGV_5: start, goal.
 _TASKS: tuple[tuple[Cell, Cell], ...] = (
-    ((16, 1), (19, 21)),
-    ((4, 14), (14, 4)),
-    ((21, 16), (6, 9)),
-    ((16, 14), (4, 8)),
-    ((16, 19), (20, 9)),
-    ((7, 21), (20, 5)),
-)
+    ((16, 1), (19, 21)), ((4, 14), (14, 4)), ((21, 16), (6, 9)),
+    ((16, 14), (4, 8)), ((16, 19), (20, 9)), ((7, 21), (20, 5)),
+)  # fmt: skip
 
 
 def printed_task() -> TableTask:
@@ -63,9 +54,8 @@ def _drawn(name: str, grid: GridMap, robots: int) -> Setting:
     """Return draws of tasks between endpoints, all of them different cells; starts two cells apart, room for bodies."""
     fleets = []
     for draw in range(DRAWS):
-        cells = [
-            grid.endpoints[2][k] for k in np.random.default_rng([robots, draw]).permutation(len(grid.endpoints[2]))
-        ]
+        order = np.random.default_rng([robots, draw]).permutation(len(grid.endpoints[2]))
+        cells = [grid.endpoints[2][k] for k in order]
         starts: list[Cell] = []
         for row, column in cells:
             if all(max(abs(row - r), abs(column - c)) > 1 for r, c in starts) and len(starts) < robots:
@@ -116,35 +106,23 @@ def resolves_all(figures: Figures, ours: str, settings: Sequence[str] = SIX) -> 
 
 def _claims() -> tuple[Claim, ...]:
     length, time = (after / before - 1 for before, after in (LENGTH, TIME))
+    cost = partial(partial, cost_is_small, ours=OURS, other=PLANNED)
+    resolves = partial(partial, resolves_all)
+    fewer = "To step aside where that is quicker saves length over new routes alone"
     return (
-        Claim(
-            "Its rules for conflicts cost six AGVs 1.5% of length",
-            check=partial(cost_is_small, ours=OURS, other=PLANNED, measure="mean", most=length),
-        ),
-        Claim(
-            "Its rules for conflicts cost six AGVs 3% of time",
-            check=partial(cost_is_small, ours=OURS, other=PLANNED, measure="last", most=time),
-        ),
-        Claim("Its rules resolve every conflict of six AGVs", check=partial(resolves_all, ours=OURS)),
-        Claim(
-            "To step aside where that is quicker saves length over new routes alone",
-            OURS,
-            NO_ASIDE,
-            "mean",
-            settings=(SAME_FLOOR, PAPER46, NARROW),
-        ),
+        Claim("Its rules for conflicts cost six AGVs 1.5% of length", check=cost(measure="mean", most=length)),
+        Claim("Its rules for conflicts cost six AGVs 3% of time", check=cost(measure="last", most=time)),
+        Claim("Its rules resolve every conflict of six AGVs", check=resolves(ours=OURS)),
+        Claim(fewer, OURS, NO_ASIDE, "mean", settings=(SAME_FLOOR, PAPER46, NARROW)),
         Claim(
             "Beyond the claim: they resolve every conflict of 24 robots in narrow aisles",
-            check=partial(resolves_all, ours=OURS, settings=(DENSE,)),
+            check=resolves(ours=OURS, settings=(DENSE,)),
         ),
         Claim(
             "Beyond the claim: six bodies that see only what is near pay 3% of time at the most",
-            check=partial(cost_is_small, ours=DRIVEN, other=DRIVEN_ALONE, measure="last", most=time),
+            check=cost(ours=DRIVEN, other=DRIVEN_ALONE, measure="last", most=time),
         ),
-        Claim(
-            "Beyond the claim: six such bodies all arrive, and none touch",
-            check=partial(resolves_all, ours=DRIVEN),
-        ),
+        Claim("Beyond the claim: six such bodies all arrive, and none touch", check=resolves(ours=DRIVEN)),
     )
 
 
@@ -165,11 +143,12 @@ SIX_AGVS = Study(
     ),
     runs=1,
     measures=("mean", "last", "contacts", "found_share"),
-    published=(
-        Published(PRINTED, "without its rules", "mean", LENGTH[0], PLANNED),
-        Published(PRINTED, "without its rules", "last", TIME[0], PLANNED),
-        Published(PRINTED, "with its rules", "mean", LENGTH[1], OURS),
-        Published(PRINTED, "with its rules", "last", TIME[1], OURS),
+    published=published(
+        ("mean", "last"),
+        (
+            (PRINTED, "without its rules", PLANNED, (LENGTH[0], TIME[0])),
+            (PRINTED, "with its rules", OURS, (LENGTH[1], TIME[1])),
+        ),
     ),
     claims=_claims(),
     note="The paper shows its floor as a picture only. Its text gives: cells 279, 301 and 323 one below the other, so "
@@ -184,6 +163,5 @@ SIX_AGVS = Study(
     f"grid; touches of bodies, shelves included. Found: all arrived, bodies within {SECONDS:g} s; who has arrived "
     "stays. Bodies have the policy `rules`, together or each in a world of its own, where in aisles of one cell some "
     "do not arrive either.",
-    pictured=(),
     experiment=drive_fleet,
 )

@@ -11,7 +11,7 @@ import numpy as np
 
 from train.evaluation.jobs import Job, Result, Tick
 from train.reporting.report import Table, require_charts
-from train.reporting.rows import Row, mean_interval, select
+from train.reporting.rows import Row, mean_interval, select, values_of
 from train.tables.code import DRIVING, PLANNING, code_of
 from train.tables.options import StudyOptions
 from train.tables.traffic.driving import DRIVEN, DRIVEN_ROBOTS, measure_driving
@@ -24,9 +24,8 @@ from train.tables.traffic.figures import (
     routes_table,
 )
 from train.tables.traffic.jobs import MAPS, Piece, floor
-from train.tables.traffic.k_shortest import require_networkx
 from train.tables.traffic.replanning import measure_replanning
-from train.tables.traffic.routes import PRICE, measure_routes
+from train.tables.traffic.routes import PRICE, measure_routes, require_networkx
 from warehouse_env import __version__
 from warehouse_env.planning import make_planner
 from warehouse_env.traffic.expected import endpoint_tasks
@@ -44,17 +43,14 @@ class Measurement(Job):
 
     piece: Piece
 
+    titled = "{piece.part} · {piece.map}"
+
     @property
     def identity(self) -> Row:
         """What its rows are known by."""
         part = self.piece.part
         code = code_of(f"train.tables.traffic.{part}", within=DRIVING if part == "driving" else PLANNING)
         return {"job": {**self.piece._asdict(), "version": __version__, "code": code}}
-
-    @property
-    def title(self) -> str:
-        """Its part and map."""
-        return f"{self.piece.part} · {self.piece.map}"
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Measurement | None]:
         """Return the rows, if there are as many as they say."""
@@ -98,7 +94,9 @@ class Traffic(StudyOptions):
             require_charts()
         self.check_writable()
         begin = time.perf_counter()
-        rows = self._rows([Measurement(piece) for piece in self.pieces(maps)])
+        pieces = self.pieces(maps)
+        asked, jobs = set(pieces), [Measurement(piece) for piece in pieces]
+        rows = self.rows_of(jobs, lambda row: values_of(row.get("job", {}), Piece._fields) in asked)
         drawn = list(_draw(rows, maps, self.folder, self.seed)) if self.pictures else []
         shown = "".join(f"![{path.stem}]({path.name})\n\n" for path in drawn)
         self.write("What can a colony do that A* cannot?", report(rows, maps), shown)
@@ -117,15 +115,6 @@ class Traffic(StudyOptions):
                 for system in DRIVEN
             ]
         return pieces
-
-    def _rows(self, jobs: Sequence[Measurement]) -> list[Row]:
-        asked = {job.piece for job in jobs}
-        names = Piece._fields
-
-        def ours(row: Row) -> bool:
-            return tuple(row.get("job", {}).get(name) for name in names) in asked
-
-        return self.rows_of(jobs, ours)
 
 
 def report(rows: Sequence[Row], maps: Sequence[str]) -> list[Table]:

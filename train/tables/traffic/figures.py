@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from train.reporting.report import Table, grouped, with_interval
+from train.reporting.report import Table, grouped, number, with_interval
 from train.reporting.rows import Interval, Row, is_told, mean_interval, paired, select
 from train.tables.traffic.driving import DRIVEN_PRICE, POLICY
 from train.tables.traffic.routes import PRICE
@@ -36,11 +36,6 @@ DRIVING_NOTE = (
 )
 
 
-def _possible(found: Interval, share: bool) -> Interval:
-    """Cut the interval of a share to the values that are possible."""
-    return found._replace(low=max(found.low, 0.0), high=min(found.high, 1.0)) if share else found
-
-
 def conflicts_of(row: Row) -> float:
     """All expected conflicts of a robot and task."""
     return float(row["crossings"] + row["opposing"])
@@ -50,6 +45,15 @@ def _field(name: str) -> Value:
     return lambda row: row.get(name)
 
 
+def _means(group: Sequence[Row], **factors: float) -> list[str]:
+    """Return the means of fields with their intervals, each times its factor."""
+    return [with_interval(mean_interval(row[name] for row in group), factor) for name, factor in factors.items()]
+
+
+def _ms(group: Sequence[Row]) -> str:
+    return number(mean_interval(row["ms"] for row in group).mean)
+
+
 def routes_table(name: str, rows: Sequence[Row]) -> Table:
     """Return the conflicts of every system's routes on a map."""
     lines = []
@@ -57,10 +61,8 @@ def routes_table(name: str, rows: Sequence[Row]) -> Table:
     own = [row for row in own if row["price"] in (0.0, PRICE)]
     for (robots, system), group in grouped(own, ("robots", "system")).items():
         against = paired(group, select(own, robots=robots, system="astar"), conflicts_of, SAMPLE)
-        measured = [mean_interval(row[m] for row in group) for m in ("crossings", "opposing", "paid")]
-        texts = [with_interval(measured[0]), with_interval(measured[1]), with_interval(measured[2], 100)]
-        ms = with_interval(mean_interval(row["ms"] for row in group)._replace(low=float("nan")))
-        lines.append((str(robots), str(system), str(len(group)), *texts, with_interval(against), ms))
+        texts = [*_means(group, crossings=1, opposing=1, paid=100), with_interval(against), _ms(group)]
+        lines.append((str(robots), str(system), str(len(group)), *texts))
     lines.sort(key=lambda line: int(line[0]))
     header = ("robots", "system", "n", "crossings", "opposing", "paid %", "against astar", "ms")
     return Table(f"Routes on {name}", header, tuple(lines), ROUTES_NOTE)
@@ -71,12 +73,8 @@ def alternatives_table(rows: Sequence[Row]) -> Table:
     own = [row for row in rows if row["part"] == "routes" and "difference" in row and row["robots"] == 16]
     lines = []
     for (name, system), group in grouped(own, ("map", "system")).items():
-        texts = [
-            with_interval(mean_interval(row[m] for row in group), factor)
-            for m, factor in (("alternatives", 1), ("difference", 1), ("alternatives_paid", 100))
-        ]
-        ms = with_interval(mean_interval(row["ms"] for row in group)._replace(low=float("nan")))
-        lines.append((str(name), str(system), str(len(group)), *texts, ms))
+        texts = [*_means(group, alternatives=1, difference=1, alternatives_paid=100), _ms(group)]
+        lines.append((str(name), str(system), str(len(group)), *texts))
     header = ("map", "system", "n", "routes", "difference", "longer %", "ms")
     return Table("Several routes for one task", header, tuple(lines), ALTERNATIVES_NOTE)
 
@@ -86,12 +84,14 @@ def replanning_table(rows: Sequence[Row]) -> Table:
     own = [row for row in rows if row["part"] == "replanning"]
     lines = []
     for (case, system), group in grouped(own, ("case", "system")).items():
+        optimal = with_interval(mean_interval(float(row["optimal"]) for row in group).cut(1.0), 100)
         texts = [
-            with_interval(_possible(mean_interval(float(row[m]) for row in group), m == "optimal"), factor)
-            for m, factor in (("first_gap", 100), ("gap", 100), ("optimal", 100), ("settled_at", 1), ("settled_ms", 1))
+            *_means(group, first_gap=100, gap=100),
+            optimal,
+            *_means(group, settled_at=1, settled_ms=1),
+            _ms(group),
         ]
-        ms = with_interval(mean_interval(row["ms"] for row in group)._replace(low=float("nan")))
-        lines.append((str(case), str(system), str(len(group)), *texts, ms))
+        lines.append((str(case), str(system), str(len(group)), *texts))
     header = ("case", "system", "n", "first %", "gap %", "optimal %", "settled at", "settled ms", "ms in all")
     lines.sort(key=lambda line: line[0])
     return Table("Planning again after a change", header, tuple(lines), REPLANNING_NOTE)
@@ -105,21 +105,12 @@ def driving_table(rows: Sequence[Row]) -> Table:
         base = select(own, map=name, robots=robots, system="astar_turns")
         texts = []
         for measure, factor in (("collisions_per_km", 1), ("goals_per_robot_hour", 1), ("stuck", 100)):
-            texts.append(with_interval(mean_interval(row[measure] for row in group), factor))
+            texts += _means(group, **{measure: factor})
             texts.append(with_interval(paired(group, base, _field(measure), SAMPLE), factor))
         lines.append((str(name), str(robots), str(system), str(len(group)), *texts))
     header = (
-        "map",
-        "robots",
-        "routes",
-        "n",
-        "collisions/km",
-        "against",
-        "goals/robot-h",
-        "against",
-        "stuck %",
-        "against",
-    )
+        "map", "robots", "routes", "n", "collisions/km", "against", "goals/robot-h", "against", "stuck %", "against",
+    )  # fmt: skip
     return Table("Driven", header, tuple(lines), DRIVING_NOTE)
 
 

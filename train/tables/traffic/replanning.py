@@ -95,12 +95,7 @@ def _again(label: str, case: str, plan: Plan, optimum: float) -> Row:
     settled = max(plan.converged_at, 1)
     ms = 1000 * float(plan.elapsed[settled - 1]) if len(plan.elapsed) else 1000 * plan.seconds
     return {
-        "system": label,
-        "case": case,
-        "first_gap": float(gap[0]),
-        "gap": float(path_length(plan.cells) / optimum - 1),
-        "optimal": bool(path_length(plan.cells) <= optimum + 1e-9),
-        "settled_at": settled,
-        "settled_ms": ms,
+        "system": label, "case": case, "first_gap": float(gap[0]), "gap": float(path_length(plan.cells) / optimum - 1),
+        "optimal": bool(path_length(plan.cells) <= optimum + 1e-9), "settled_at": settled, "settled_ms": ms,
         "ms": 1000 * plan.seconds,
-    }
+    }  # fmt: skip

@@ -11,9 +11,9 @@ import pytest
 from agents.weights_folder import read_record
 from train.cli import main
 from train.reporting.rows import Row, read_rows
-from train.tables.learning import command, trainings
-from train.tables.learning.figures import SETTINGS, learning_tables, samples, setting_of
-from train.tables.learning.trainings import START, configs, train_missing
+from train.tables.learning import command
+from train.tables.learning.command import configs, train_missing
+from train.tables.learning.figures import SETTINGS, START, learning_tables, samples, setting_of
 from warehouse_env.errors import ConfigError
 
 SMALL: dict[str, Any] = {
@@ -105,7 +105,7 @@ def test_a_training_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest
 def test_the_study_from_the_command_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    made = trainings.configs
+    made = command.configs
     monkeypatch.setattr(
         command, "configs",
         lambda *given: {name: [replace(one, **SMALL) for one in group] for name, group in made(*given).items()},

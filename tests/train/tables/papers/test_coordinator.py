@@ -10,20 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from train.tables.figures import Figures
 from train.tables.maps import drawn_map
+from train.tables.measures import Figures
 from train.tables.papers.coordinator import TOUCH, Coordinator, Driven, clash, drive_alone, duration, nearest
 from train.tables.papers.fleet import ALONE, BODIES, BODIES_ALONE, drive_fleet
-from train.tables.papers.six_agvs import (
-    DRAWS,
-    LENGTH,
-    OURS,
-    PLANNED,
-    TIME,
-    cost_is_small,
-    printed_task,
-    resolves_all,
-)
+from train.tables.papers.six_agvs import DRAWS, LENGTH, OURS, PLANNED, TIME, cost_is_small, printed_task, resolves_all
 from train.tables.papers.six_agvs import settings as six_settings
 from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, System, TableTask
 from warehouse_env.maps.grid_map import GridMap

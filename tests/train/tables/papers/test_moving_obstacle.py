@@ -10,9 +10,8 @@ import pytest
 
 from train.evaluation.jobs import Known
 from train.reporting.rows import Row
-from train.tables.blocks import Block
-from train.tables.catalogue import MODULES
 from train.tables.code import DRIVING, _closure
+from train.tables.command import MODULES, Block
 from train.tables.papers.avoidance import FORESIGHT, GAIN, MODES, REACH, Robot, avoid, cells_of, obstacle_path
 from train.tables.papers.coordinator import duration
 from train.tables.papers.moving_obstacle import CROSSING, MAPS, ONCOMING, STANDING, met_at

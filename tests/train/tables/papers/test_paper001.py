@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from train.tables.figures import Figures
+from train.tables.measures import Figures
 from train.tables.papers import paper001
 from train.tables.papers.paper001 import BESIDE, IN_BLOCKS, MAPS, SCATTERED, STUDIES, block_task
 from train.tables.study import OPEN, Setting, Study

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from train.tables.figures import Figures
+from train.tables.measures import Figures
 from train.tables.papers.paper004 import (
     BLOCKS_20,
     MAPS,

@@ -14,7 +14,7 @@ from train.tables.traffic import command as traffic
 from train.tables.traffic.command import Measurement, Traffic, report
 from train.tables.traffic.figures import SAMPLE, answers, conflicts_of
 from train.tables.traffic.jobs import Piece
-from train.tables.traffic.k_shortest import k_shortest
+from train.tables.traffic.routes import k_shortest
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning import path_length, validate
