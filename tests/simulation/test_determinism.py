@@ -90,6 +90,14 @@ def test_one_thread_equals_two(monkeypatch: pytest.MonkeyPatch) -> None:
     assert results[0] == results[1] == results[2]
 
 
+def test_worlds_do_not_depend_on_the_parts_in_which_they_are_stepped(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = run(7, 150, 4, "discrete", drawn(MAP), sensor=LEAN)
+    monkeypatch.setattr(simulator, "_MOST", 8)
+    made = Simulator(EnvConfig(num_agents=4, planner="astar"), 7, grid=drawn(MAP))
+    assert made._blocks == [(0, 2), (2, 4), (4, 6), (6, 7)]
+    assert run(7, 150, 4, "discrete", drawn(MAP), sensor=LEAN) == whole
+
+
 def test_many_robots_take_the_threads_by_themselves() -> None:
     if get_num_threads() < 2:
         pytest.skip("one thread only")
