@@ -31,7 +31,7 @@ kernel: _Decorator = _compiled(**_EACH, _nrt=True)  # said, or it would take ove
 part: _Decorator = _compiled(**_EACH, _nrt=False)
 inline: _Decorator = _compiled(**_EACH, forceinline=True, _nrt=False)
 
-whole: Any = np.int64
+whole: Any = np.int64  # see above
 
 
 def compiled_for(kernel: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:

@@ -287,7 +287,7 @@ def _straighten_at(look, trails, count, i, cell, arrived):
     row, column = cell // columns, cell % columns
     rest, at, before, cost = rest_from(look, row, column), cell, arrived, 0
     gain, end = 0, 0
-    slanted = gain > end
+    slanted = gain > end  # False, but for Numba no constant (kernel.py)
     for j in range(i + 1, min(i + _RUNS, count) + 1):
         at, more = _move_cost(look, at, before, whole(walk[j - 1]))
         before = whole(walk[j - 1])

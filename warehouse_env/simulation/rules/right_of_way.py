@@ -163,6 +163,7 @@ def _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, clearance)
             continue
         count = meet(i, trial, want, ways, p)
         goal = many - 1 if at_end else NOWHERE
+        # want < 0: False, but for Numba no constant (kernel.py)
         free, _ = _grant(count, whole(0), numbers[MUST, i], want, want, goal, want < 0, ways)
         if free >= want:
             r["side"] = side
