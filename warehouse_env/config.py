@@ -153,6 +153,7 @@ class EnvConfig(Checked):
     right_of_way_after: float = 0.0  # [s] of standing, now in a ring, from which it steps in near it; 0: always
     people: int = 0  # on foot, among the robots (simulation/physics/people.py)
     message_loss: float = 0.0  # share of env steps in which nobody hears of a robot (simulation/senses/messages.py)
+    message_burst: float = 0.0  # [s] for which nobody does each time; an env step at the least
     reroute: bool = False  # route robots anew around others that stand, and against the stream of all others
     reroute_spec: RerouteSpec = field(default_factory=RerouteSpec)  # when, and by which planner
     robot: RobotSpec = field(default_factory=RobotSpec)  # its body and limits
@@ -172,6 +173,7 @@ class EnvConfig(Checked):
         self._between(0.0, 10.0, "field_margin")
         self._between(0, 1000, "people")
         self._between(0.0, 1.0, "message_loss")
+        self._between(0.0, 3600.0, "message_burst")
         for name in ("speed_levels", "lateral_offsets"):
             self._between(-_MOST, _MOST, name)
             self._require(1 <= len(getattr(self, name)) <= _COMMANDS, name, f"1 to {_COMMANDS} numbers")

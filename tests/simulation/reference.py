@@ -54,6 +54,22 @@ def _point_to_segment(p: Points, a: Points, b: Points) -> float:
     return float(np.linalg.norm(p - (a + t * along)))
 
 
+def on_arcs(pose: Points, speed: Points, steer: Points, seconds: float, count: int) -> Points:
+    """Poses [count + 1, ..., 3] of the front axle at even times of a substep, from pose [..., 3] on.
+
+    speed, steer: [..., 2], at its beginning and its end; the speed changes evenly, the wheels stand at their mean.
+    """
+    t = np.linspace(0.0, seconds, count + 1).reshape(-1, *([1] * speed[..., 0].ndim))
+    way = speed[..., 0] * t + (speed[..., 1] - speed[..., 0]) * t * t / (2 * seconds)
+    bend = -np.tan(steer.mean(-1)) / WHEELBASE
+    heading = pose[..., 2] + way * bend
+    straight = np.abs(bend) < 1e-12
+    radius = 1.0 / np.where(straight, 1.0, bend)
+    dx = np.where(straight, way * np.cos(pose[..., 2]), radius * (np.sin(heading) - np.sin(pose[..., 2])))
+    dy = np.where(straight, way * np.sin(pose[..., 2]), radius * (np.cos(pose[..., 2]) - np.cos(heading)))
+    return np.stack([pose[..., 0] + dx, pose[..., 1] + dy, heading], axis=-1)
+
+
 def polygon_distance(a: Points, b: Points) -> float:
     """Distance [m] of two convex polygons [K, 2]: every corner of one against every edge of the other."""
     if separation(a, b) <= 0:

@@ -99,7 +99,7 @@ class Simulator(Portable):
         self._reward_weights = config.reward
         self.robots = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
         self.dispatcher = Dispatcher(config, routes, self.robots, self._params)
-        self._messages = Messages(config.message_loss)
+        self._messages = Messages(config, num_worlds)
         self.people = People(config, self.grid, num_worlds)
         self._make_arrays()
 

@@ -48,7 +48,7 @@ ROBOT = np.dtype(
         ("hits_robot", I), ("hits_shelf", I), ("hits_person", I), ("near_misses", I), ("goals", I), ("finish_time", F),
         ("lived", I), ("waited", I),  # physics steps alive; of those, standing
         # protective field
-        ("age", I),  # physics steps on the way to its goal
+        ("age", I), ("longest_age", I),  # physics steps on the way to its goal; to any that it has reached
         ("held", I), ("held_by", I), ("held_time", F),  # refused in the last env step; by whom; [s] without a break
         ("silent", B),  # its messages of this env step are lost (messages.py)
         # manoeuvre (simulation/driver/driving.py): in one of `arcs` arcs if that is not 0, on number `arc`
@@ -87,7 +87,7 @@ PARAMETERS = np.dtype(
         ("half_length", F), ("half_width", F), ("offset", F), ("radius", F),  # [m]; offset: front axle to centre
         ("wheelbase", F), ("min_speed", F), ("max_speed", F), ("max_acceleration", F),
         ("max_steer", F), ("max_steer_rate", F),
-        ("arrival_radius", F), ("near_miss_gap", F), ("pair_range", F), ("stride", F),
+        ("arrival_radius", F), ("near_miss_gap", F), ("pair_range", F), ("stride", F), ("blur", F),
         ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
         ("predictions", B),
         ("most_pairs", I), ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator
@@ -123,6 +123,7 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
         "max_steer": robot.max_steering, "max_steer_rate": robot.max_steering_rate,
         "arrival_radius": config.arrival_radius, "near_miss_gap": config.near_miss_gap,
         "pair_range": 2 * radius + GAP_HORIZON + 2 * stride, "stride": stride,
+        "blur": robot.max_acceleration * (config.time_step / config.substeps) ** 2 / 8,
         "cell": cell, "lidar_range": sensor.lidar_range, "rays": sensor.rays, "neighbours": sensor.neighbours,
         "route_points": sensor.route_points, "route_spacing": sensor.route_spacing,
         "predictions": sensor.predictions,

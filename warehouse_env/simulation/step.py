@@ -137,15 +137,15 @@ def _sights(p):
 
 
 @inline
-def _move(robots, persons, near, motions, walking, p, solid, clearance):
+def _move(robots, persons, near, motions, walking, guarded, p, solid, clearance):
     """Carry out the motions of one physics step, but for those that would end in a shelf, a person or another robot."""
     pairs, motion, flags, lanes = motions
     for _ in range(p["substeps"]):
         contact.try_motion(motion, flags, lanes, p)
-        contact.keep_off_shelves(robots, motion, flags, p, solid, clearance)
+        contact.keep_off_shelves(robots, motion, flags, guarded, p, solid, clearance)
         if walking is not None:
             people.keep_off_people(robots, persons, motion, flags, p)
-        contact.keep_off_robots(motion, flags, pairs, near, p)
+        contact.keep_off_robots(motion, flags, pairs, near, guarded, p)
         contact.accept_motion(robots, motion)
     contact.store(robots, motion)
 
@@ -166,7 +166,7 @@ def _drive(
         contact.load(robots, i, first, second, p, clearance, motion)
     if guarded is not None:
         field.guard(robots, persons, motion, guards, places, walking, p, solid, clearance)
-    _move(robots, persons, near, motions, walking, p, solid, clearance)
+    _move(robots, persons, near, motions, walking, guarded, p, solid, clearance)
     if guarded is not None:
         field.settle(robots)
 

@@ -193,7 +193,7 @@ def test_under_the_field_a_robot_stops_before_a_person(away: float) -> None:
         assert gap_to(simulator) > 0.02
     assert simulator.robots["speed"][0, 0] == 0
     # one step of .1 m/s and a stop take .2 s and .01 m: nearer than that nobody may be
-    assert 0.2 * PACE < gap_to(simulator) < 0.2 * PACE + 0.1 + 0.02
+    assert 0.2 * PACE < gap_to(simulator) < 0.2 * PACE + 0.1 + 0.05
 
 
 @settings(max_examples=25, deadline=None)

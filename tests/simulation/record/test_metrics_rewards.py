@@ -83,6 +83,8 @@ def test_a_robots_row_by_hand() -> None:
         waited=[1500, 0],
         late_goals=[6, 0],
         longest_standing=[12.5, 0.0],
+        age=[300, 450],
+        longest_age=[900, 0],
         reroutes=[2, 0],
     )
     config = EnvConfig(num_agents=2, max_steps=6000)
@@ -92,7 +94,8 @@ def test_a_robots_row_by_hand() -> None:
         "collisions_person": 4.0,
         "min_clearance_m": 0.0, "goals": 10.0, "goals_per_robot_hour": 60.0, "success_rate": 1.0,
         "path_length_m": 48.0, "path_length_ratio": 1.2, "stuck": 0.0, "waiting_share": 0.25,
-        "late_goals_per_robot_hour": 72.0, "longest_standing_s": 12.5, "reroutes": 2.0,
+        "late_goals_per_robot_hour": 72.0, "longest_standing_s": 12.5, "longest_without_goal_s": pytest.approx(90.0),
+        "reroutes": 2.0,
     }  # fmt: skip
     without = ("min_clearance_m", "path_length_m", "path_length_ratio", "waiting_share", "late_goals_per_robot_hour")
     nothing = dict.fromkeys(without, math.nan)

@@ -183,10 +183,10 @@ def test_the_field_samples_the_poses_that_bodies_take(seed: int, substeps: int, 
     contact.load(body, 0, *np.float32(command), p, simulator._floor.clearance, motion)
     rates = motion[contact.ACCELERATION, 0], motion[contact.STEER_RATE, 0]
     stops.sample(1, 0, *rates, substeps, motion, paths, outlines, marks, p)
-    for n in range(substeps, marks[stops.SAMPLES, 1] + 1, substeps):
+    for n in range(substeps, marks[stops.SAMPLES, 1], substeps):
         simulator.step(raw(simulator, command if n == substeps else (float(braking(body["speed"][0], p)), 0.0)))
         centre = [body["x"] - p["offset"] * body["cos"], body["y"] - p["offset"] * body["sin"]]
-        assert paths[1, n - 1] == pytest.approx(np.concatenate([*centre, body["cos"], body["sin"]]), abs=ROUNDING)
+        assert paths[1, n] == pytest.approx(np.concatenate([*centre, body["cos"], body["sin"]]), abs=ROUNDING)
 
 
 @settings(max_examples=60)

@@ -1,4 +1,4 @@
-"""Messages lost: who is silent is seen by lidar alone, and commits unheard; nothing else changes, and nothing by 0."""
+"""Messages lost: who is silent is seen by lidar alone, and keeps the stop that it has published; by 0 nothing changes."""
 
 from __future__ import annotations
 
@@ -9,13 +9,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from tests.simulation.physics.test_no_overlap import crowd
 from tests.simulation.rights import World
 from tests.simulation.test_determinism import MAP, actions_for, bits
 from tests.simulation.worlds import drawn, plain_python, raw, room, stage
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.errors import ConfigError
+from warehouse_env.simulation.rules.audit import SWITCH
 from warehouse_env.simulation.simulator import Simulator
 
 STANDING = ((5.0, 5.0, 0.0), (7.0, 5.0, math.pi))
@@ -43,14 +47,37 @@ def test_a_silent_robot_is_seen_by_lidar_alone() -> None:
         np.testing.assert_array_equal(unheard[:, of[name]], heard[:, of[name]])
 
 
-@pytest.mark.parametrize(("loss", "held"), [(0.0, False), (1.0, True)])
-def test_who_follows_close_behind_brakes_if_it_does_not_hear_who_is_ahead(loss: float, held: bool) -> None:
-    """Both stop within the same way, so what is 0.1 m ahead is in the way only if it might stop now."""
+@pytest.mark.parametrize(("silent", "held"), [((0, 0), [0, 0]), ((0, 1), [1, 1]), ((1, 0), [1, 0])])
+def test_who_is_not_heard_keeps_its_stop_and_others_count_on_it(silent: tuple[int, int], held: list[int]) -> None:
+    """Both stop within the same way, so who is 0.1 m ahead is in the way only if it stops now, as unheard it does."""
     poses = (2.0, 1.5, 0.0, 1.5), (3.0, 1.5, 0.0, 1.5)
-    simulator = stage(room(3, 30), *poses, protective_field=True, message_loss=loss)
+    simulator = stage(room(3, 30), *poses, protective_field=True)
     simulator.robots["age"][0, 1] = 1
+    simulator.robots["silent"][0] = silent
     simulator.step(raw(simulator, (1.0, 0.0), (1.0, 0.0)))
-    assert simulator.robots["held"][0].tolist() == [held, False]
+    assert simulator.robots["held"][0].tolist() == held
+    np.testing.assert_allclose(simulator.state.speed[0], np.where(held, 1.4, 1.5), atol=1e-6)
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 10**6), st.sampled_from([0.1, 0.3, 0.9]), st.sampled_from([0.0, 0.5, 5.0]))
+def test_whatever_is_lost_nobody_touches_anything(seed: int, loss: float, burst: float) -> None:
+    """In a crowd told to drive at random, each of whom must be able to stop clear of all others after every step."""
+    rng = np.random.default_rng(seed)
+    grid = room(9, 9)
+    changes = {"protective_field": True, "message_loss": loss, "message_burst": burst}
+    with pytest.MonkeyPatch.context() as environment:
+        environment.setenv(SWITCH, "1")
+        simulator = stage(grid, *crowd(rng, grid, 12, 0.05), **changes)
+    simulator._messages.begin(0, [seed])
+    commands = np.zeros((1, simulator.num_agents, 2))
+    for _ in range(80):
+        fresh = rng.choice([-1.0, 0.0, 1.0], commands.shape, p=[0.2, 0.1, 0.7])
+        commands = np.where(rng.random((*commands.shape[:2], 1)) < 0.3, fresh, commands)
+        simulator.step(commands)
+    assert not simulator.robots["hits_robot"].any()
+    assert not simulator.robots["hits_shelf"].any()
+    assert simulator.robots["distance"].sum() > 0.1
 
 
 def test_what_a_silent_robot_is_granted_the_others_learn_a_decision_later() -> None:
@@ -131,6 +158,19 @@ def test_as_many_are_lost_as_asked_for() -> None:
         simulator.step(actions)
         lost.append(simulator.robots["silent"].copy())
     assert np.mean(lost) == pytest.approx(0.25, abs=4 * math.sqrt(0.25 * 0.75 / 4000))
+
+
+def test_bursts_last_as_long_as_asked_for_and_lose_as_much() -> None:
+    simulator = small(0.25, 8, message_burst=2.0)  # ten decisions of 0.2 s
+    simulator.reset(2)
+    lost = []
+    for actions in actions_for("discrete", 400, 8, 5):
+        simulator.step(actions)
+        lost.append(simulator.robots["silent"].reshape(-1).copy())
+    lasted = [len(run) for robot in np.array(lost).T for run in "".join(map(str, robot)).strip("1").split("0") if run]
+    assert min(lasted) == 10
+    assert all(run % 10 == 0 for run in lasted)  # one may begin when another ends
+    assert np.mean(lost) == pytest.approx(0.25, abs=0.05)
 
 
 @pytest.mark.parametrize("loss", [-0.1, 1.5, math.nan])

@@ -1,7 +1,8 @@
 """Who touches whom: trial motion, exact contact, put-back, and the episodes that are counted.
 
-All robots move at once; whoever runs into something is put back to the substep's start with zero speed, and this
-is repeated until nothing overlaps: at worst all stand where they stood. So no body ever overlaps another.
+All robots move at once; whoever runs into something, at the substep's end or on the way there (sweep.py), is put back to
+its start with zero speed, and this is repeated until nothing overlaps: at worst all stand where they stood. So no body
+ever overlaps another. Under the protective field, which has looked at the way, the ends are looked at alone.
 A contact episode begins with a touch and ends when the gap is wider than `near_miss_gap`: a robot that keeps
 pushing another is counted once, however often it is put back. A near miss is a gap under `near_miss_gap` that
 opened again untouched.
@@ -13,10 +14,11 @@ import numpy as np
 
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, bucket_at
-from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at
-from warehouse_env.simulation.physics.geometry import rectangle_gap, rectangles_touch
-from warehouse_env.simulation.physics.kinematics import drive
-from warehouse_env.simulation.physics.trigonometry import ONE, ZERO, sin_cos
+from warehouse_env.simulation.physics.footprint import body_room, body_touches_shelf, clearance_at
+from warehouse_env.simulation.physics.geometry import rectangle_gap, rectangles_touch, separation
+from warehouse_env.simulation.physics.kinematics import curvature, drive
+from warehouse_env.simulation.physics.sweep import sweeps_shelf, touch_between, turn_bound, turns_back, way_bound
+from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 from warehouse_env.simulation.state import GAP_HORIZON
 
 _HORIZON = np.float32(GAP_HORIZON)
@@ -141,14 +143,49 @@ def put_back(motion, flags, i):
 
 
 @inline
-def keep_off_shelves(robots, motion, flags, p, solid, clearance):
-    """Put back the robots whose trial pose touches a shelf."""
+def _way(motion, i, p):
+    """Return at least how far [m] any point of robot i's body moves on trial."""
+    turn = turn_bound(motion[COS, i], motion[SIN, i], motion[TRY_COS, i], motion[TRY_SIN, i])
+    return way_bound(motion[TRY_X, i] - motion[X, i], motion[TRY_Y, i] - motion[Y, i], turn, p)
+
+
+@inline
+def _back(motion, i, p):
+    """Return how far robot i may leave its arc [m] on trial, where it turns back."""
+    bend = curvature(motion[STEER, i] - HALF * motion[STEER_RATE, i] * p["dt"], p["wheelbase"])
+    return turns_back(motion[SPEED, i] - motion[ACCELERATION, i] * p["dt"], motion[SPEED, i], bend, p)
+
+
+@inline
+def _tries_a_shelf(motion, i, guarded, p, solid, clearance):
+    """Whether robot i on trial touches a shelf, where it comes to or, unless guarded, on the way."""
+    half_length, half_width, cell = p["half_length"], p["half_width"], p["cell"]
+    c1, s1 = motion[TRY_COS, i], motion[TRY_SIN, i]
+    x1, y1 = motion[TRY_X, i] - p["offset"] * c1, motion[TRY_Y, i] - p["offset"] * s1
+    if guarded is not None:
+        return body_touches_shelf(x1, y1, c1, s1, half_length, half_width, solid, clearance, cell)
+    way, room = _way(motion, i, p), body_room(x1, y1, c1, s1, half_length, half_width, clearance, cell)
+    if room > way:
+        return False
+    if room <= ZERO and body_touches_shelf(x1, y1, c1, s1, half_length, half_width, solid, clearance, cell):
+        return True
+    c0, s0 = motion[COS, i], motion[SIN, i]
+    x0, y0 = motion[X, i] - p["offset"] * c0, motion[Y, i] - p["offset"] * s0
+    before = body_room(x0, y0, c0, s0, half_length, half_width, clearance, cell)
+    if max(room, ZERO) + max(before, ZERO) > way:
+        return False
+    return sweeps_shelf(x0, y0, c0, s0, x1, y1, c1, s1, _back(motion, i, p), p, solid) and (
+        before > ZERO or not body_touches_shelf(x0, y0, c0, s0, half_length, half_width, solid, clearance, cell)
+    )  # who was put into a shelf may leave it
+
+
+@inline
+def keep_off_shelves(robots, motion, flags, guarded, p, solid, clearance):
+    """Put back the robots that touch a shelf on trial; guarded: see step.Features, whose field has looked between."""
     for i in range(robots.shape[0]):
         if flags[MOVING, i] == 0 or motion[ROOM, i] > p["stride"]:  # too far off for this physics step
             continue
-        c, s = motion[TRY_COS, i], motion[TRY_SIN, i]
-        cx, cy = motion[TRY_X, i] - p["offset"] * c, motion[TRY_Y, i] - p["offset"] * s
-        if body_touches_shelf(cx, cy, c, s, p["half_length"], p["half_width"], solid, clearance, p["cell"]):
+        if _tries_a_shelf(motion, i, guarded, p, solid, clearance):
             put_back(motion, flags, i)
             r = robots[i]
             r["touching"] = 1
@@ -158,16 +195,36 @@ def keep_off_shelves(robots, motion, flags, p, solid, clearance):
 
 
 @inline
-def _tried_bodies_touch(motion, i, j, p):
-    """Whether the trial poses of robots i and j touch."""
+def _try_a_touch(motion, i, j, guarded, p):
+    """Whether robots i and j touch on trial, where they come to or, unless guarded, on the way."""
     offset, half_length, half_width = p["offset"], p["half_length"], p["half_width"]
-    c, s, other_c, other_s = motion[TRY_COS, i], motion[TRY_SIN, i], motion[TRY_COS, j], motion[TRY_SIN, j]
-    dx = (motion[TRY_X, j] - offset * other_c) - (motion[TRY_X, i] - offset * c)
-    dy = (motion[TRY_Y, j] - offset * other_s) - (motion[TRY_Y, i] - offset * s)
+    c1, s1, other_c1, other_s1 = motion[TRY_COS, i], motion[TRY_SIN, i], motion[TRY_COS, j], motion[TRY_SIN, j]
+    x1, y1 = motion[TRY_X, i] - offset * c1, motion[TRY_Y, i] - offset * s1
+    other_x1, other_y1 = motion[TRY_X, j] - offset * other_c1, motion[TRY_Y, j] - offset * other_s1
+    dx, dy = other_x1 - x1, other_y1 - y1
     reach = p["radius"] + p["radius"]
-    return dx * dx + dy * dy <= reach * reach and rectangles_touch(
-        dx, dy, c, s, half_length, half_width, other_c, other_s, half_length, half_width
-    )
+    if guarded is not None:
+        return dx * dx + dy * dy <= reach * reach and rectangles_touch(
+            dx, dy, c1, s1, half_length, half_width, other_c1, other_s1, half_length, half_width
+        )
+    reach += p["stride"] + p["stride"]
+    if dx * dx + dy * dy > reach * reach:
+        return False
+    gap = separation(dx, dy, c1, s1, other_c1, other_s1, half_length, half_width)
+    if gap <= ZERO:
+        return True
+    way = _way(motion, i, p) + _way(motion, j, p)
+    if gap > way:
+        return False
+    c0, s0, other_c0, other_s0 = motion[COS, i], motion[SIN, i], motion[COS, j], motion[SIN, j]
+    x0, y0 = motion[X, i] - offset * c0, motion[Y, i] - offset * s0
+    other_x0, other_y0 = motion[X, j] - offset * other_c0, motion[Y, j] - offset * other_s0
+    before = separation(other_x0 - x0, other_y0 - y0, c0, s0, other_c0, other_s0, half_length, half_width)
+    return ZERO < before <= way - gap and touch_between(
+        x0, y0, c0, s0, x1, y1, c1, s1,
+        other_x0, other_y0, other_c0, other_s0, other_x1, other_y1, other_c1, other_s1,
+        half_length, half_width, offset, _back(motion, i, p), _back(motion, j, p), p,
+    )  # fmt: skip
 
 
 @inline
@@ -181,10 +238,10 @@ def _runs_into(motion, i, j, p):
 
 
 @inline
-def keep_off_robots(motion, flags, pairs, count, p):
-    """Put back the robots whose trial poses touch, at once, again and again until none do.
+def keep_off_robots(motion, flags, pairs, count, guarded, p):
+    """Put back the robots that touch on trial, at once, again and again until none do.
 
-    Of two that touch, the one that ran into where the other stood is put back, so that nobody is held by a robot
+    Of two that touch, the one that comes to where the other stood is put back, so that nobody is held by a robot
     that pushes it; both are if both did, or if they met half-way.
     """
     again = count > 0
@@ -193,7 +250,7 @@ def keep_off_robots(motion, flags, pairs, count, p):
         again = False
         for k in range(count):
             i, j = pairs[k, 0], pairs[k, 1]
-            if (flags[MOVING, i] == 0 and flags[MOVING, j] == 0) or not _tried_bodies_touch(motion, i, j, p):
+            if (flags[MOVING, i] == 0 and flags[MOVING, j] == 0) or not _try_a_touch(motion, i, j, guarded, p):
                 continue
             first, second = _runs_into(motion, i, j, p), _runs_into(motion, j, i, p)
             if first or not second:

@@ -242,7 +242,8 @@ def end_contacts(robots, persons, p):
 @inline
 def anybody_near(persons, x, y, sweep, p):
     """Whether anybody could come within `sweep` [m] of a point while a robot drives on for a step and stops."""
-    reach = sweep + RADIUS + p["field_margin"] + PACE * np.float32(p["stop_samples"]) * p["dt"]
+    keep = max(p["field_margin"], p["stride"] + PACE * p["dt"])
+    reach = sweep + RADIUS + keep + PACE * np.float32(p["stop_samples"]) * p["dt"]
     for o in persons:
         dx, dy = o["x"] - x, o["y"] - y
         if dx * dx + dy * dy <= reach * reach:
@@ -251,14 +252,18 @@ def anybody_near(persons, x, y, sweep, p):
 
 
 @inline
-def could_meet(persons, path, samples, p):
-    """Whether anybody could be where the body will be, at a substep of a motion float32[T, PLACE] (see stops.py)."""
+def could_meet(persons, path, samples, pace, p):
+    """Whether anybody could be where the body will be, at any time of a motion float32[T + 1, PLACE] (see stops.py).
+
+    pace: how far any point of the body moves at most in a substep [m].
+    """
+    keep = max(p["field_margin"], HALF * (pace + PACE * p["dt"]))  # at samples, so that between them it is not touched
     for o in persons:
-        for n in range(samples):
+        for n in range(1, samples):
             gap = distance_to_body(
                 o["x"], o["y"], path[n, CENTRE_X], path[n, CENTRE_Y], path[n, BODY_COS], path[n, BODY_SIN], p
             )
-            if gap <= RADIUS + p["field_margin"] + PACE * np.float32(n + 1) * p["dt"]:
+            if gap <= RADIUS + keep + PACE * np.float32(n) * p["dt"]:
                 return True
     return False
 

@@ -1,7 +1,8 @@
 """Motions of the protective field: a step as commanded and then a full stop; outlined, sampled, compared.
 
 Most motions are far from everything, which their outlines tell. Those that are not are sampled at every substep, by the
-same arithmetic with which contact.py moves the bodies.
+same arithmetic with which contact.py moves the bodies; between two samples sweep.py looks, where one could touch what it
+does not at either.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from warehouse_env.simulation.physics.contact import COS, HEADING, SIN, SPEED, S
 from warehouse_env.simulation.physics.footprint import body_room, body_touches_shelf
 from warehouse_env.simulation.physics.geometry import rectangles_touch, separation
 from warehouse_env.simulation.physics.kinematics import braking, curvature, roll
+from warehouse_env.simulation.physics.sweep import sweeps_shelf, touch_between, turns_back
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 
 REST = np.float32(1e-6)  # [m/s] under which a stop is over: what rounding leaves of a speed
@@ -22,18 +24,17 @@ _OVER_120 = np.float32(1.0 / 120.0)
 _SHORT = np.float32(0.2)  # [rad] up to which a series gives the chord of an arc
 _ROOT_2 = np.float32(1.4142137)
 SLACK = np.float32(1e-3)  # [m] for what rounding adds up to where poses are not the samples themselves
-# The field's arrays (see field.scratch). paths float32[N + 1, T, PLACE]: the body's centre and heading at each substep
-# of the committed motions; the last row is that of the motion on trial.
+# The field's arrays (see field.scratch). paths float32[N + 1, T + 1, PLACE]: the body's centre and heading now and after
+# each substep of the committed motions; the last row is that of the motion on trial.
 CENTRE_X, CENTRE_Y, BODY_COS, BODY_SIN = range(4)
 PLACE = 4
 # outlines float32[OUTLINE, N + 1]: a rectangle around all that a motion sweeps [m], half its diagonal; if the motion
-# has been sampled, how far any point of the body moves at most in one of its substeps [m].
-MIDDLE_X, MIDDLE_Y, AXIS_COS, AXIS_SIN, LONG, WIDE, REACH, PACE = range(8)
-OUTLINE = 8
-# marks int32[MARK, N + 1]: samples of a path, 0 where it has not been needed yet; do the others know what the robot has
-# committed in this step; does nobody hear of it?
-SAMPLES, COMMITTED, SILENT = 0, 1, 2
-MARK = 3
+# has been sampled, how far any point of the body moves at most in one of its substeps, and leaves its arc [m].
+MIDDLE_X, MIDDLE_Y, AXIS_COS, AXIS_SIN, LONG, WIDE, REACH, PACE, TURNS_BACK = range(9)
+OUTLINE = 9
+# marks int32[MARK, N + 1]: samples of a path, 0 where it has not been needed yet; has the robot committed in this step?
+SAMPLES, COMMITTED = 0, 1
+MARK = 2
 
 
 @inline
@@ -85,10 +86,10 @@ def sample(row, i, acceleration, steer_rate, commanded, motion, paths, outlines,
     slowest, fastest, offset, far = p["min_speed"], p["max_speed"], p["offset"], p["far"]
     substeps, wheelbase = p["substeps"], p["wheelbase"]
     mean, bend = steer, curvature(steer, wheelbase)
-    pace, n = ZERO, 0
+    pace, back, n = ZERO, ZERO, 0
     paths[row, 0, CENTRE_X], paths[row, 0, CENTRE_Y] = x - offset * c, y - offset * s
     paths[row, 0, BODY_COS], paths[row, 0, BODY_SIN] = c, s
-    while n + substeps <= paths.shape[1]:
+    while n + substeps < paths.shape[1]:
         if n >= commanded:
             if abs(speed) < REST:
                 break
@@ -104,12 +105,13 @@ def sample(row, i, acceleration, steer_rate, commanded, motion, paths, outlines,
                 x, y, heading = roll(x, y, heading, distance, bend)
                 s, c = sin_cos(heading)
                 pace = max(pace, abs(distance) * (ONE + far * abs(bend)))
+                back = max(back, turns_back(speed, next_speed, bend, p))
             speed, steer = next_speed, next_steer
+            n += 1
             paths[row, n, CENTRE_X], paths[row, n, CENTRE_Y] = x - offset * c, y - offset * s
             paths[row, n, BODY_COS], paths[row, n, BODY_SIN] = c, s
-            n += 1
-    outlines[PACE, row] = pace
-    marks[SAMPLES, row] = max(n, 1)
+    outlines[PACE, row], outlines[TURNS_BACK, row] = pace + p["blur"], back
+    marks[SAMPLES, row] = n + 1
 
 
 @inline
@@ -119,16 +121,30 @@ def outlines_meet(dx, dy, c1, s1, l1, w1, r1, c2, s2, l2, w2, r2, gap):
     return dx * dx + dy * dy <= reach * reach and rectangles_touch(dx, dy, c1, s1, l1 + gap, w1 + gap, c2, s2, l2, w2)
 
 
+@inline
+def _touch_before(a, k, b, m, paths, outlines, moves_a, moves_b, p):
+    """Whether two motions touch between their samples k and m and those before; who moves not has none before."""
+    i, j = k - 1 if moves_a else k, m - 1 if moves_b else m
+    return touch_between(
+        paths[a, i, CENTRE_X], paths[a, i, CENTRE_Y], paths[a, i, BODY_COS], paths[a, i, BODY_SIN],
+        paths[a, k, CENTRE_X], paths[a, k, CENTRE_Y], paths[a, k, BODY_COS], paths[a, k, BODY_SIN],
+        paths[b, j, CENTRE_X], paths[b, j, CENTRE_Y], paths[b, j, BODY_COS], paths[b, j, BODY_SIN],
+        paths[b, m, CENTRE_X], paths[b, m, CENTRE_Y], paths[b, m, BODY_COS], paths[b, m, BODY_SIN],
+        p["half_length"], p["half_width"], p["offset"], outlines[TURNS_BACK, a], outlines[TURNS_BACK, b], p,
+    )  # fmt: skip
+
+
 @part
 def least_separation(a, b, paths, outlines, marks, p):
     """Return the least separation [m] of two motions at equal times; one over the margin may not be the least.
 
     Substeps in which they cannot come within the margin are passed over: a separation is at least 0.7 of the distance.
+    Where they touch between two samples it is not over 0: the least that it can have been.
     """
     half_length, half_width = p["half_length"], p["half_width"]
     most = outlines[PACE, a] + outlines[PACE, b]
     last_a, last_b = marks[SAMPLES, a] - 1, marks[SAMPLES, b] - 1
-    last, n, least = max(last_a, last_b), 0, np.float32(np.inf)
+    last, n, least, before = max(last_a, last_b), 0, np.float32(np.inf), np.float32(np.inf)
     while n <= last:
         k, m = min(n, last_a), min(n, last_b)
         dx = paths[b, m, CENTRE_X] - paths[a, k, CENTRE_X]
@@ -137,11 +153,15 @@ def least_separation(a, b, paths, outlines, marks, p):
             dx, dy, paths[a, k, BODY_COS], paths[a, k, BODY_SIN], paths[b, m, BODY_COS], paths[b, m, BODY_SIN],
             half_length, half_width,
         )  # fmt: skip
-        least = min(least, gap)
-        n += 1
+        if n > 0 or last == 0:  # where they are now is no motion's doing
+            least = min(least, gap)
+        if ZERO < before <= most - gap and _touch_before(a, k, b, m, paths, outlines, n <= last_a, n <= last_b, p):
+            least = min(least, HALF * (before + gap - most))
+        n, before = n + 1, gap
         spare = gap - _ROOT_2 * p["field_margin"] - SLACK
         if spare > most:
-            n += last if most == ZERO else int(min(spare / most, np.float32(last)))
+            passed = last if most == ZERO else int(min(spare / most, np.float32(last)))
+            n, before = n + passed, before - np.float32(passed) * most
     return least
 
 
@@ -149,16 +169,24 @@ def least_separation(a, b, paths, outlines, marks, p):
 def meets_shelf(row, paths, outlines, marks, p, solid, clearance):
     """Whether the body touches a shelf anywhere along a sampled motion."""
     half_length, half_width, cell, pace = p["half_length"], p["half_width"], p["cell"], outlines[PACE, row]
-    n, count = 0, marks[SAMPLES, row]
+    n, count, before = 0, marks[SAMPLES, row], np.float32(np.inf)
     while n < count:
         cx, cy = paths[row, n, CENTRE_X], paths[row, n, CENTRE_Y]
         c, s = paths[row, n, BODY_COS], paths[row, n, BODY_SIN]
         room = body_room(cx, cy, c, s, half_length, half_width, clearance, cell) - SLACK
-        if room <= ZERO and body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, cell):
+        if n > 0 and room <= ZERO:
+            if body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, cell):
+                return True
+        room = max(room, ZERO)
+        if before + room <= pace and sweeps_shelf(
+            paths[row, n - 1, CENTRE_X], paths[row, n - 1, CENTRE_Y], paths[row, n - 1, BODY_COS],
+            paths[row, n - 1, BODY_SIN], cx, cy, c, s, outlines[TURNS_BACK, row], p, solid,
+        ):  # fmt: skip
             return True
-        n += 1
+        n, before = n + 1, room
         if room > pace:
-            n += count if pace == ZERO else int(min(room / pace, np.float32(count)))
+            passed = count if pace == ZERO else int(min(room / pace, np.float32(count)))
+            n, before = n + passed, before - np.float32(passed) * pace
     return False
 
 

@@ -20,7 +20,7 @@ def episode_row(robots: NDArray[Any], seconds: float, config: EnvConfig) -> dict
     their route.
     `path_length_m`: driven per goal reached; `path_length_ratio`: driven over planned, over reached goals.
     `waiting_share`: of the robots' time until they were parked, standing; `longest_standing_s`: that any robot stayed
-    within a metre of one place, rocking there or not.
+    within a metre of one place, rocking there or not; `longest_without_goal_s`: that any was on the way to one goal.
     `late_goals_per_robot_hour`: in the second half of `max_steps`, when jams have built up; `reroutes`: routes planned
     anew under way.
     Without a reached goal, or with a robot that has not arrived, the figures that need it are nan.
@@ -58,6 +58,7 @@ def episode_row(robots: NDArray[Any], seconds: float, config: EnvConfig) -> dict
         "stuck": float(stuck.mean()),
         "waiting_share": float(robots["waited"].sum()) / lived if lived else math.nan,
         "longest_standing_s": float(robots["longest_standing"].max()),
+        "longest_without_goal_s": float(_without_goal(robots, config).max()),
         "reroutes": float(robots["reroutes"].sum()),
     }
 
@@ -94,12 +95,18 @@ def robot_rows(robots: NDArray[Any], seconds: NDArray[np.float64], config: EnvCo
         "stuck": ((robots["stalled_time"] > config.stuck_after) & (robots["alive"] != 0)).astype(np.float64),
         "waiting_share": _ratio(robots["waited"], robots["lived"]),
         "longest_standing_s": robots["longest_standing"].astype(np.float64),
+        "longest_without_goal_s": _without_goal(robots, config),
         "reroutes": robots["reroutes"].astype(np.float64),
     }
     return [
         dict(zip(columns, row, strict=True))
         for row in zip(*(column.tolist() for column in columns.values()), strict=True)
     ]
+
+
+def _without_goal(robots: NDArray[Any], config: EnvConfig) -> NDArray[np.float64]:
+    """Return the longest time [s] that each robot was on the way to one goal, reached or not."""
+    return np.asarray(np.maximum(robots["longest_age"], robots["age"]) * config.time_step, dtype=np.float64)
 
 
 def _ratio(part: NDArray[Any], whole: NDArray[Any]) -> NDArray[np.float64]:

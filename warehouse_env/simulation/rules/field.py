@@ -7,8 +7,11 @@ keeps `field_margin` from what all others have committed, and off the shelves; e
 committed, which the others kept off. So by induction a safe stop for all exists after every step. Where people walk,
 its stop must also be over before anybody could be where it ends, wherever they go (people.py).
 
-Motions are sampled at every substep, by the same arithmetic with which contact.py moves the bodies; where two have
-come nearer than the margin already (put there by a user), a motion that brings them no nearer is taken.
+Motions are sampled at every substep, by the same arithmetic with which contact.py moves the bodies, and looked at
+between two samples where they could touch there (sweep.py); where two have come nearer than the margin already (put
+there by a user), a motion that brings them no nearer is taken.
+
+Whose messages are lost keeps what it has published: it brakes along the stop that the others count on (messages.py).
 """
 
 from __future__ import annotations
@@ -30,11 +33,11 @@ from warehouse_env.simulation.physics.stops import (
     MIDDLE_X,
     MIDDLE_Y,
     OUTLINE,
+    PACE,
     PLACE,
     REACH,
     REST,
     SAMPLES,
-    SILENT,
     SLACK,
     WIDE,
     draw_outline,
@@ -58,7 +61,7 @@ def scratch(count, p):
     """Return the arrays of a world's field: paths, outlines, marks, and the order int32[N] in which robots commit."""
     if p["field"] == 0:
         count = 0
-    paths = np.empty((count + 1, p["stop_samples"], PLACE), np.float32)
+    paths = np.empty((count + 1, p["stop_samples"] + 1, PLACE), np.float32)
     return (
         paths,
         np.empty((OUTLINE, count + 1), np.float32),
@@ -68,7 +71,7 @@ def scratch(count, p):
 
 
 @inline
-def begin(robots, motion, field, p):
+def begin(motion, field, p):
     """Begin a physics step: nobody has committed to more than its stop, of which only an outline is known."""
     _, outlines, marks, _ = field
     for i in range(motion.shape[1]):
@@ -79,7 +82,6 @@ def begin(robots, motion, field, p):
         draw_outline(i, x, y, heading, c, s, stopping_distance(speed, p), bend, ZERO, ZERO, outlines, p)
         marks[SAMPLES, i] = 0
         marks[COMMITTED, i] = 0
-        marks[SILENT, i] = robots[i]["silent"]
 
 
 @inline
@@ -160,14 +162,13 @@ def commit(i, persons, acceleration, steer_rate, motion, field, places, walking,
         if walking is not None and people.anybody_near(persons, x, y, reach, p):
             if marks[SAMPLES, trial] == 0:
                 sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)
-            if people.could_meet(persons, paths[trial], marks[SAMPLES, trial], p):
+            if people.could_meet(persons, paths[trial], marks[SAMPLES, trial], outlines[PACE, trial], p):
                 return PERSON
         refuser = _who_refuses(i, acceleration, steer_rate, motion, field, places, p)
         if refuser != FREE:
             return refuser
-        if marks[SILENT, i] == 0:
-            _publish(i, trial, paths, outlines, marks)
-    marks[COMMITTED, i] = 1 - marks[SILENT, i]
+        _publish(i, trial, paths, outlines, marks)
+    marks[COMMITTED, i] = 1
     motion[ACCELERATION, i], motion[STEER_RATE, i] = acceleration, steer_rate
     return FREE
 
@@ -185,14 +186,16 @@ def hold(i, motion, field, p):
 @inline
 def guard(robots, persons, motion, field, places, walking, p, solid, clearance):
     """Let the robots commit, in the order of priority, to the commands that `motion` holds; who may not, brakes."""
-    begin(robots, motion, field, p)
+    begin(motion, field, p)
     for i in field[3]:
         r = robots[i]
-        acceleration, steer_rate = motion[ACCELERATION, i], motion[STEER_RATE, i]
-        refuser = commit(i, persons, acceleration, steer_rate, motion, field, places, walking, p, solid, clearance)
-        if refuser == FREE:
-            r["held_time"] = ZERO
-            continue
+        refuser = FREE
+        if r["silent"] == 0:
+            acceleration, steer_rate = motion[ACCELERATION, i], motion[STEER_RATE, i]
+            refuser = commit(i, persons, acceleration, steer_rate, motion, field, places, walking, p, solid, clearance)
+            if refuser == FREE:
+                r["held_time"] = ZERO
+                continue
         hold(i, motion, field, p)
         r["held"] += 1
         r["held_time"] += p["time_step"]

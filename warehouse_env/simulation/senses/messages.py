@@ -1,15 +1,19 @@
 """Messages lost: what a robot tells the others in an env step reaches nobody, and they go on with what they knew.
 
+The protocol, as vehicles would speak it: in each physics step a robot says which motion it commits to, one step as
+commanded and then a full stop, and drives it once all near have acknowledged it. Silence means that it keeps what it
+said last: whoever hears no acknowledgement brakes along that stop, on which the others count, and stands at its end
+until it is heard again. So nobody takes ground that the others do not know of, whatever is lost and for how long, and
+losses cost time, never a contact.
+
 A robot whose messages are lost (`silent` of its record)
 
+- brakes within its stop, under the protective field (rules/field.py);
 - is in no other's observation but by lidar: not among the neighbours, and so in no prediction;
-- commits under the protective field unheard: the others count on the stop that they last knew of, and learn where it
-  is, and the stop from there, a physics step later;
 - is granted its stretch by right of way unheard: the others know of the one it had in the decision before.
 
-Its place and the poses ahead of it stay known to the field and to right of way: a robot that stays unheard for long is
-not modelled. Whose messages are lost is drawn before each env step from a stream of the world's own, apart from its
-tasks', so that the same seed has the same tasks whatever is lost.
+Whose messages are lost is drawn before each env step from a stream of the world's own, apart from its tasks', so that
+the same seed has the same tasks whatever is lost.
 """
 
 from __future__ import annotations
@@ -20,25 +24,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.config import EnvConfig
+
 _STREAM = 1  # behind the world's own entropy
 
 
 class Messages:
-    """Draws who is silent; `share` of the robots of an env step, in the mean."""
+    """Draws who is silent: a share `message_loss` of the robots in the mean, each for `message_burst` [s] at a time."""
 
-    def __init__(self, share: float) -> None:
-        self._share = share
+    def __init__(self, config: EnvConfig, worlds: int) -> None:
+        loss = config.message_loss
+        self._lasts = max(1, round(config.message_burst / (config.time_step * config.action_repeat)))  # env steps
+        self._begins = loss / (loss + self._lasts * (1.0 - loss))  # the chance in an env step of who is heard
+        self._left = np.zeros((worlds, config.num_agents), np.int64)  # env steps for which each is silent yet
         # made when first used, as the Dispatcher's
         self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
 
     def begin(self, world: int, entropy: list[int] | None) -> None:
         """Begin a world's episode; entropy: what its generator is seeded with; None: it goes on."""
+        self._left[world] = 0
         if entropy is not None:
             self._rngs[world] = np.random.default_rng(np.random.SeedSequence([*entropy, _STREAM]))
 
     def lose(self, robots: NDArray[Any]) -> None:
         """Write who of robots ROBOT[B, N] is silent in the env step to come."""
-        if self._share == 0:
+        if self._begins == 0:
             return
+        self._left = np.maximum(self._left - 1, 0)
         for world in range(len(robots)):
-            robots["silent"][world] = self._rngs[world].random(robots.shape[1]) < self._share
+            begins = self._rngs[world].random(robots.shape[1]) < self._begins
+            self._left[world, begins & (self._left[world] == 0)] = self._lasts
+        robots["silent"] = self._left > 0

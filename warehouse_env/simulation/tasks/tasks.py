@@ -34,6 +34,7 @@ def book_arrival(robots, world, robot, seconds, late):
     driven, planned = r["distance"] - r["distance_at_goal"], r["task_length"]
     r["goals"] += 1
     r["late_goals"] += 1 if late else 0
+    r["longest_age"] = max(r["longest_age"], r["age"])
     r["age"] = 0
     r["planned"] += planned
     r["driven_to_goals"] += driven

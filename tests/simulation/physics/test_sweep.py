@@ -1,0 +1,128 @@
+"""Nobody touches anything between two samples either: judged by float64 polygons on the true arcs."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from tests.simulation.physics.test_no_overlap import DEEP, MAZE, crowd
+from tests.simulation.reference import OFFSET, bodies, deepest_overlap, on_arcs, separation, shelves
+from tests.simulation.worlds import drawn, raw, room, stage
+from warehouse_env.config import RobotSpec
+from warehouse_env.simulation.physics.sweep import touch_between
+from warehouse_env.simulation.simulator import Simulator
+
+BETWEEN = 40  # samples of a substep
+FARTHEST = 4.0  # times the blur [m] of each of two bodies, within which ones that pass may be taken to touch
+
+
+def in_between(simulator: Simulator, actions: Any) -> NDArray[np.float64]:
+    """Step once, a physics step of one substep; return the poses [BETWEEN + 1, N, 3] on the way."""
+    before = [np.copy(simulator.state[k][0]).astype(np.float64) for k in range(3)]
+    simulator.step(actions)
+    after = [np.copy(simulator.state[k][0]).astype(np.float64) for k in range(3)]
+    speed, steer = (np.stack([before[k], after[k]], axis=-1) for k in (1, 2))
+    poses = on_arcs(before[0], speed, steer, simulator.config.time_step, BETWEEN)
+    stopped = (after[0] == before[0]).all(-1)  # put back to where it was
+    poses[:, stopped] = before[0][stopped]
+    arrived = np.abs(poses[-1, :, :2] - after[0][:, :2]).max()
+    assert arrived < DEEP, "the reference drives otherwise than the simulator"
+    return poses
+
+
+@settings(max_examples=400)
+@given(st.integers(0, 10**9), st.floats(-0.1, 0.1), st.sampled_from([0.05, 0.2]))
+def test_bodies_touch_between_samples_where_dense_sampling_says_so(seed: int, gap: float, dt: float) -> None:
+    """Two that are about to pass each other closely, in the middle of a substep."""
+    rng = np.random.default_rng(seed)
+    p = stage(room(9, 9), (3.0, 3.0, 0.0), time_step=dt, substeps=1)._params[0]
+    speed = rng.uniform(-1.5, 1.5, (2, 1)) + [[0.0, 1.0]] * rng.uniform(-dt, dt, (2, 1))
+    if (speed[:, 0] * speed[:, 1] < 0).any():
+        return  # turns back
+    steer = rng.uniform(-1.0, 1.0, (2, 1)) * rng.choice([0.0, 1.0], (2, 1)) + np.zeros((2, 2))
+    pose = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, rng.uniform(-math.pi, math.pi)]])
+    middle = bodies(*on_arcs(pose, speed, steer, dt, 2)[1].T)
+    away = rng.uniform(-math.pi, math.pi)
+    for _ in range(40):  # pushed apart until they are `gap` apart half-way
+        short = gap - float(separation(middle[0], middle[1]))
+        if short < 1e-3:
+            break
+        push = max(short, 1e-3) * np.array([math.cos(away), math.sin(away)])
+        pose[1, :2] += push
+        middle[1] += push
+    poses = on_arcs(pose, speed, steer, dt, 400)
+    apart = separation(bodies(*poses[:, 0].T), bodies(*poses[:, 1].T))
+    if min(apart[0], apart[-1]) <= DEEP:
+        return
+    ends = []
+    for robot in (0, 1):
+        for x, y, heading in poses[[0, -1], robot]:
+            c, s = math.cos(heading), math.sin(heading)
+            ends += [x - OFFSET * c, y - OFFSET * s, c, s]
+    numbers = np.array(ends, dtype=np.float32)
+    found = touch_between(*numbers, p["half_length"], p["half_width"], p["offset"], *np.float32([0.0, 0.0]), p)
+    if apart.min() < -DEEP:
+        assert found
+    if apart.min() > FARTHEST * 2 * p["blur"] + DEEP:
+        assert not found
+
+
+def test_two_that_rush_past_a_corner_touch_without_the_field_though_no_sample_says_so() -> None:
+    """Half a metre each in a step: the nose of one is where the tail of the other was, which has left by its end."""
+    fast = RobotSpec(max_speed=2.5)
+    poses = (5.75, 6.0, 0.0, 2.5), (4.9, 5.5, math.pi / 2, 2.5)
+    simulator = stage(room(12, 12), *poses, robot=fast, substeps=1, time_step=0.2)
+    pose = simulator.state.pose[0].astype(np.float64)
+    robots = bodies(*np.moveaxis(on_arcs(pose, np.full((2, 2), 2.5), np.zeros((2, 2)), 0.2, BETWEEN), -1, 0))
+    apart = separation(robots[:, 0], robots[:, 1])
+    assert min(apart[0], apart[-1]) > 0 > apart.min()
+    simulator.step(raw(simulator, (0.0, 0.0), (0.0, 0.0)))
+    assert simulator.robots["hit_robot"][0].tolist() == [1, 1]
+    assert simulator.state.speed[0].min() == 0.0  # who ran into the other is put back
+
+
+def test_bodies_that_turn_beside_a_corner_touch_it_where_dense_sampling_says_so() -> None:
+    """Some only between the ends of their arcs."""
+    grid, rng, hits = drawn([".....", ".....", "..#..", ".....", "....."]), np.random.default_rng(1), 0
+    walls = shelves(grid.occupied)
+    for _ in range(600):
+        pose = (rng.uniform(1.0, 4.0), rng.uniform(1.0, 4.0), rng.uniform(-3.0, 3.0))
+        speed, steer = rng.choice([-0.5, 1.5]), rng.choice([-1.0, 1.0])
+        poses = on_arcs(np.array(pose), np.full(2, speed), np.full(2, steer), 0.2, BETWEEN)
+        apart = separation(bodies(*poses.T)[:, None], walls[None]).min(-1)
+        if min(apart[0], apart[-1]) <= DEEP or apart.min() > 0.1:
+            continue
+        simulator = stage(grid, (*pose, speed, steer), substeps=1, time_step=0.2)
+        simulator.step(raw(simulator, (0.0, 0.0)))
+        hit = bool(simulator.robots["hit_shelf"][0, 0])
+        if abs(apart.min()) > DEEP:
+            assert hit == (apart.min() < 0)
+        hits += hit
+    assert hits > 3
+
+
+@pytest.mark.parametrize("guarded", [False, True], ids=["contact", "field"])
+@settings(max_examples=12)
+@given(st.integers(0, 10**6), st.sampled_from([(0.1, 1.5), (0.1, 3.0), (0.2, 1.5)]))
+def test_fast_crossings(guarded: bool, seed: int, pace: tuple[float, float]) -> None:
+    """Robots that rush about a crowded maze with long substeps and no margin never overlap, at any instant."""
+    (dt, fastest), rng, grid = pace, np.random.default_rng(seed), drawn(MAZE)
+    fast = RobotSpec(max_speed=fastest, max_acceleration=2.0 * fastest)
+    settings_ = {"time_step": dt, "substeps": 1, "robot": fast, "protective_field": guarded, "field_margin": 0.0}
+    simulator = stage(grid, *crowd(rng, grid, 8, 0.05), **settings_)
+    walls = shelves(grid.occupied)
+    commands = rng.choice([-1.0, 0.0, 1.0], (1, simulator.num_agents, 2))
+    for _ in range(30):
+        fresh = rng.choice([-1.0, 0.0, 1.0], commands.shape, p=[0.2, 0.1, 0.7])
+        commands = np.where(rng.random((1, simulator.num_agents, 1)) < 0.3, fresh, commands)
+        for pose in in_between(simulator, commands)[:: BETWEEN // 10]:
+            assert deepest_overlap(*pose.T, walls) < DEEP
+    if guarded:
+        assert not simulator.robots["hits_robot"].any()
+        assert not simulator.robots["hits_shelf"].any()

@@ -1,0 +1,184 @@
+"""Do bodies touch between two samples of their motion, in which each drives on an arc as kinematics.roll drives it?
+
+Bodies that are apart at both ends along one and the same axis are apart in between: a corner leaves its chord by the
+arc's bow at most, and where both move it is before or behind where it would be at even speed by the blur at most. Where
+no axis says so, the arcs are cut into ever shorter pieces.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline, part
+from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
+
+_EIGHTH = np.float32(0.125)
+_TWO = np.float32(2.0)
+_TINY = np.float32(1e-9)
+_ROUNDING = np.float32(2e-6)  # [m]
+_LEVELS = 4  # of pieces of the arcs, each a quarter of those before, until bodies that seem to touch do
+
+
+@inline
+def turn_bound(c0, s0, c1, s1):
+    """Return at least the angle [rad] between two headings, and little more of a small one."""
+    return _TWO * abs(c0 * s1 - s0 * c1) / max(ONE + c0 * c1 + s0 * s1, _TINY)
+
+
+@inline
+def way_bound(dx, dy, turn, p):
+    """Return at least the way [m] of any point of a body whose axle comes (dx, dy) [m] further while it turns."""
+    return np.sqrt(dx * dx + dy * dy) * (ONE + _EIGHTH * turn * turn) + p["far"] * turn + p["blur"]
+
+
+@inline
+def _gap_along(ux, uy, d0x, d0y, d1x, d1y, a0c, a0s, a1c, a1s, b0c, b0s, b1c, b1s, la, wa, lb, wb):
+    """Return the lesser of the gaps [m] along a unit axis at both ends; negative where they are on different sides."""
+    first, second = d0x * ux + d0y * uy, d1x * ux + d1y * uy
+    if first < ZERO:
+        first, second = -first, -second
+    first -= la * abs(ux * a0c + uy * a0s) + wa * abs(uy * a0c - ux * a0s)
+    first -= lb * abs(ux * b0c + uy * b0s) + wb * abs(uy * b0c - ux * b0s)
+    second -= la * abs(ux * a1c + uy * a1s) + wa * abs(uy * a1c - ux * a1s)
+    second -= lb * abs(ux * b1c + uy * b1s) + wb * abs(uy * b1c - ux * b1s)
+    return min(first, second)
+
+
+@part
+def _are_apart(d0x, d0y, d1x, d1y, a0c, a0s, a1c, a1s, b0c, b0s, b1c, b1s, la, wa, lb, wb, blurs, bow):
+    """Whether an axis shows that two bodies are apart all along a piece of their arcs.
+
+    The axes of both bodies at both ends are tried, and the one across their relative motion, which settles whatever
+    does not turn. blurs: (x, y, all ways) [m] of a, then of b.
+    """
+    mx, my = d1x - d0x, d1y - d0y
+    norm = max(np.sqrt(mx * mx + my * my), _TINY)
+    mx, my = mx / norm, my / norm
+    for k in range(9):
+        if k == 0:
+            ux, uy = -my, mx
+        elif k < 5:
+            ux, uy = (a0c, a0s) if k < 3 else (b0c, b0s)
+        else:
+            ux, uy = (a1c, a1s) if k < 7 else (b1c, b1s)
+        if k % 2 == 0 and k > 0:
+            ux, uy = -uy, ux
+        blur = abs(blurs[0] * ux + blurs[1] * uy) + blurs[2] + abs(blurs[3] * ux + blurs[4] * uy) + blurs[5]
+        gap = _gap_along(ux, uy, d0x, d0y, d1x, d1y, a0c, a0s, a1c, a1s, b0c, b0s, b1c, b1s, la, wa, lb, wb)
+        if gap > blur + bow + _ROUNDING:
+            return True
+    return False
+
+
+@inline
+def _halve(c, s, x, y):
+    """Return (cosine and sine of half the angle, chord of the first half) of an arc.
+
+    c, s: of half the angle by which an arc turns; (x, y): its chord [m].
+    """
+    half_c = np.sqrt(max(HALF + HALF * c, _TINY))
+    half_s = HALF * s / half_c
+    scale = HALF / half_c
+    return half_c, half_s, scale * (x * half_c + y * half_s), scale * (y * half_c - x * half_s)
+
+
+@inline
+def turns_back(speed, next_speed, bend, p):
+    """Return how far a point of a body goes beyond the ends of its arc [m] in a substep in which it turns back, else 0.
+
+    bend: the arc's curvature [1/m].
+    """
+    if speed * next_speed >= ZERO:
+        return ZERO
+    beyond = HALF * p["dt"] * min(speed * speed, next_speed * next_speed) / abs(next_speed - speed)
+    return beyond * (ONE + p["far"] * abs(bend))
+
+
+@inline
+def _blur(x, y, turn, back, other_moves, p):
+    """Return how far a body may be before or behind where it would be at even speed, along x, y, and all ways [m].
+
+    Beside one that stands it does not matter when it is where.
+    """
+    way, blur = max(np.sqrt(x * x + y * y), _TINY), p["blur"] if other_moves else ZERO
+    return blur * x / way, blur * y / way, min(blur * turn * (ONE + p["far"] / way), p["far"] * turn) + back
+
+
+@part
+def touch_between(
+    ax0, ay0, ac0, as0, ax1, ay1, ac1, as1, bx0, by0, bc0, bs0, bx1, by1, bc1, bs1, lb, wb, b_offset,
+    a_back, b_back, p
+):  # fmt: skip
+    """Whether a robot's body a and a body b touch between two samples of their motions, at which they do not.
+
+    x, y: their centres [m] at the first and the second sample; c, s: their headings; lb, wb: half length and half width
+    of b [m]; b_offset: from the point of b that moves on an arc along b's heading, back to its centre [m]; back: see
+    `turns_back`.
+    """
+    la, wa, offset = p["half_length"], p["half_width"], p["offset"]
+    # chords of the axles, and cosine and sine of half the angle by which each body turns
+    ax, ay = ax1 - ax0 + offset * (ac1 - ac0), ay1 - ay0 + offset * (as1 - as0)
+    bx, by = bx1 - bx0 + b_offset * (bc1 - bc0), by1 - by0 + b_offset * (bs1 - bs0)
+    a_turn, b_turn = turn_bound(ac0, as0, ac1, as1), turn_bound(bc0, bs0, bc1, bs1)
+    a_moves, b_moves = ax != ZERO or ay != ZERO, bx != ZERO or by != ZERO
+    blurs = (*_blur(ax, ay, a_turn, a_back, b_moves, p), *_blur(bx, by, b_turn, b_back, a_moves, p))
+    a_half_c = np.sqrt(max(HALF + HALF * (ac0 * ac1 + as0 * as1), _TINY))
+    b_half_c = np.sqrt(max(HALF + HALF * (bc0 * bc1 + bs0 * bs1), _TINY))
+    a_half_s, b_half_s = HALF * (ac0 * as1 - as0 * ac1) / a_half_c, HALF * (bc0 * bs1 - bs0 * bc1) / b_half_c
+    for level in range(_LEVELS):
+        ac, as_, qax, qay = a_half_c, a_half_s, ax, ay
+        bc, bs, qbx, qby = b_half_c, b_half_s, bx, by
+        for _ in range(2 * level):
+            ac, as_, qax, qay = _halve(ac, as_, qax, qay)
+            bc, bs, qbx, qby = _halve(bc, bs, qbx, qby)
+        a_turn, b_turn = _TWO * abs(as_) / max(ac, _TINY), _TWO * abs(bs) / max(bc, _TINY)
+        bow = _EIGHTH * (
+            a_turn * (np.sqrt(qax * qax + qay * qay) + p["far"] * a_turn)
+            + b_turn * (np.sqrt(qbx * qbx + qby * qby) + p["far"] * b_turn)
+        )
+        # each piece turns the chord, and the body, by as much again
+        a_c, a_s, b_c, b_s = ac * ac - as_ * as_, _TWO * ac * as_, bc * bc - bs * bs, _TWO * bc * bs
+        dx, dy = bx0 - ax0 + b_offset * bc0 - offset * ac0, by0 - ay0 + b_offset * bs0 - offset * as0  # of the axles
+        c1, s1, c2, s2 = ac0, as0, bc0, bs0
+        apart, pieces = True, 1 << (2 * level)
+        for _ in range(pieces):
+            next_c1, next_s1 = c1 * a_c - s1 * a_s, s1 * a_c + c1 * a_s
+            next_c2, next_s2 = c2 * b_c - s2 * b_s, s2 * b_c + c2 * b_s
+            next_dx, next_dy = dx + qbx - qax, dy + qby - qay
+            apart = _are_apart(
+                dx - b_offset * c2 + offset * c1, dy - b_offset * s2 + offset * s1,
+                next_dx - b_offset * next_c2 + offset * next_c1, next_dy - b_offset * next_s2 + offset * next_s1,
+                c1, s1, next_c1, next_s1, c2, s2, next_c2, next_s2, la, wa, lb, wb, blurs, bow,
+            )  # fmt: skip
+            if not apart:
+                break
+            dx, dy, c1, s1, c2, s2 = next_dx, next_dy, next_c1, next_s1, next_c2, next_s2
+            qax, qay = qax * a_c - qay * a_s, qay * a_c + qax * a_s
+            qbx, qby = qbx * b_c - qby * b_s, qby * b_c + qbx * b_s
+        if apart:
+            return False
+    return True
+
+
+@part
+def sweeps_shelf(x0, y0, c0, s0, x1, y1, c1, s1, back, p, solid):
+    """Whether a robot's body touches a shelf or the rim between two samples of its motion, at which it does not.
+
+    x, y: its centre [m]; c, s: its heading; back: see `turns_back`.
+    """
+    cell, half = p["cell"], HALF * p["cell"]
+    reach = p["radius"] + way_bound(x1 - x0, y1 - y0, turn_bound(c0, s0, c1, s1), p)
+    rows, columns = solid.shape
+    first_row = max(int(np.ceil((y0 - reach) / cell)), 0)
+    last_row = min(int(np.floor((y0 + reach) / cell)) + 1, rows - 1)
+    first_column = max(int(np.ceil((x0 - reach) / cell)), 0)
+    last_column = min(int(np.floor((x0 + reach) / cell)) + 1, columns - 1)
+    for row in range(first_row, last_row + 1):
+        for column in range(first_column, last_column + 1):
+            if solid[row, column] != 0:
+                x, y = (np.float32(column) - HALF) * cell, (np.float32(row) - HALF) * cell
+                if touch_between(
+                    x0, y0, c0, s0, x1, y1, c1, s1, x, y, ONE, ZERO, x, y, ONE, ZERO, half, half, ZERO, back, ZERO, p
+                ):  # fmt: skip
+                    return True
+    return False
