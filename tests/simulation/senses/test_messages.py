@@ -1,4 +1,4 @@
-"""Messages lost: who is silent is seen by lidar alone, and keeps the stop that it has published; by 0 nothing changes."""
+"""Messages lost: who is silent is seen by lidar alone, and keeps the stop that it has published; 0 changes nothing."""
 
 from __future__ import annotations
 

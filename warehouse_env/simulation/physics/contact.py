@@ -1,8 +1,8 @@
 """Who touches whom: trial motion, exact contact, put-back, and the episodes that are counted.
 
-All robots move at once; whoever runs into something, at the substep's end or on the way there (sweep.py), is put back to
-its start with zero speed, and this is repeated until nothing overlaps: at worst all stand where they stood. So no body
-ever overlaps another. Under the protective field, which has looked at the way, the ends are looked at alone.
+All robots move at once; whoever runs into something, at the substep's end or on the way there (sweep.py), is put back
+to its start with zero speed, and this is repeated until nothing overlaps: at worst all stand where they stood. So no
+body ever overlaps another. Under the protective field, which has looked at the way, the ends are looked at alone.
 A contact episode begins with a touch and ends when the gap is wider than `near_miss_gap`: a robot that keeps
 pushing another is counted once, however often it is put back. A near miss is a gap under `near_miss_gap` that
 opened again untouched.

@@ -1,8 +1,8 @@
 """Motions of the protective field: a step as commanded and then a full stop; outlined, sampled, compared.
 
 Most motions are far from everything, which their outlines tell. Those that are not are sampled at every substep, by the
-same arithmetic with which contact.py moves the bodies; between two samples sweep.py looks, where one could touch what it
-does not at either.
+same arithmetic with which contact.py moves the bodies; between two samples sweep.py looks, where one could touch what
+it does not at either.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ _OVER_120 = np.float32(1.0 / 120.0)
 _SHORT = np.float32(0.2)  # [rad] up to which a series gives the chord of an arc
 _ROOT_2 = np.float32(1.4142137)
 SLACK = np.float32(1e-3)  # [m] for what rounding adds up to where poses are not the samples themselves
-# The field's arrays (see field.scratch). paths float32[N + 1, T + 1, PLACE]: the body's centre and heading now and after
-# each substep of the committed motions; the last row is that of the motion on trial.
+# The field's arrays (see field.scratch). paths float32[N + 1, T + 1, PLACE]: the body's centre and heading now, and
+# after each substep of the committed motions; the last row is that of the motion on trial.
 CENTRE_X, CENTRE_Y, BODY_COS, BODY_SIN = range(4)
 PLACE = 4
 # outlines float32[OUTLINE, N + 1]: a rectangle around all that a motion sweeps [m], half its diagonal; if the motion
@@ -174,9 +174,12 @@ def meets_shelf(row, paths, outlines, marks, p, solid, clearance):
         cx, cy = paths[row, n, CENTRE_X], paths[row, n, CENTRE_Y]
         c, s = paths[row, n, BODY_COS], paths[row, n, BODY_SIN]
         room = body_room(cx, cy, c, s, half_length, half_width, clearance, cell) - SLACK
-        if n > 0 and room <= ZERO:
-            if body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, cell):
-                return True
+        if (
+            n > 0
+            and room <= ZERO
+            and body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, cell)
+        ):
+            return True
         room = max(room, ZERO)
         if before + room <= pace and sweeps_shelf(
             paths[row, n - 1, CENTRE_X], paths[row, n - 1, CENTRE_Y], paths[row, n - 1, BODY_COS],
