@@ -1,7 +1,7 @@
 """How far two bodies are apart, or how deep one reaches into the other: by corners and edges.
 
 Two rectangles that are apart are as far apart as a corner of one is from the other. Where they overlap, a corner of one
-lies in the other, or, where both pass right through each other, an edge of one runs through the other.
+lies in the other or, where they lie in one line or pass right through each other, an edge of one runs through the other.
 """
 
 from __future__ import annotations
@@ -103,14 +103,13 @@ def gap(dx, dy, c, s, half_length, half_width, other_c, other_s, other_length, o
         _nearest_corner(back_u, back_v, turned_c, -turned_s, half_length, half_width, other_length, other_width),
     )
     most = max(half_length, half_width) + max(other_length, other_width)
-    if found > 0.0 and u * u + v * v < most * most:
-        a, b, p, q = other_length * turned_c, other_length * turned_s, -other_width * turned_s, other_width * turned_c
-        through = min(
-            min(_edge_gap(u + p, v + q, a, b, half_length, half_width),
-                _edge_gap(u - p, v - q, a, b, half_length, half_width)),
-            min(_edge_gap(u + a, v + b, p, q, half_length, half_width),
-                _edge_gap(u - a, v - b, p, q, half_length, half_width)),
-        )  # fmt: skip
-        if through < 0.0:
-            return through
-    return found
+    if u * u + v * v >= most * most:
+        return found
+    a, b, p, q = other_length * turned_c, other_length * turned_s, -other_width * turned_s, other_width * turned_c
+    sides = min(_edge_gap(u + p, v + q, a, b, half_length, half_width),
+                _edge_gap(u - p, v - q, a, b, half_length, half_width))  # fmt: skip
+    ends = min(_edge_gap(u + a, v + b, p, q, half_length, half_width),
+               _edge_gap(u - a, v - b, p, q, half_length, half_width))  # fmt: skip
+    middle = point_gap(u, v, half_length, half_width)  # where one lies on the other, all corners and edges may touch
+    inside = min(min(sides, ends), middle)
+    return min(found, inside) if inside < 0.0 else found
