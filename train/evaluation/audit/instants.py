@@ -158,10 +158,10 @@ def trace(arc, before, after, slack, body):
     fair = min(max(fair, body.slowest - _ALLOWED), body.fastest + _ALLOWED)
     turned = _within(steer, before[STAND_STEER], after[STAND_STEER], body.steering_rate, early, late)
     turned = min(max(turned, -body.steering - _ALLOWED), body.steering + _ALLOWED)
-    if drives.size(drives.lay(arc, before, after, fair, turned, body), body) <= slack:
+    miss = drives.size(drives.lay(arc, before, after, fair, turned, body), body)
+    if miss <= slack:
         return NONE, 0.0
-    miss = drives.size(drives.lay(arc, before, after, speed, steer, body), body)
-    if miss > slack:
+    if drives.size(drives.lay(arc, before, after, speed, steer, body), body) > slack:
         drives.stand(arc, before)
         return JUMP, miss
     faster, further = abs(speed - fair) / early, abs(steer - turned) / early
@@ -232,7 +232,8 @@ def _look_at_pairs(faults, count, world, seen, least, scene, body):
                 break
             if abs(seen[1, j] - seen[1, i]) <= apart + speed * end:
                 known = min(seen[3, i], seen[3, j])
-                count, least = _look(faults, count, world, ROBOT, i, j, speed, known, least, scene, body)
+                first, second = min(i, j), max(i, j)
+                count, least = _look(faults, count, world, ROBOT, first, second, speed, known, least, scene, body)
     return count, least
 
 

@@ -36,8 +36,8 @@ def audit_table(rows: Sequence[Row]) -> Table:
     if len(lines) > 1:
         lines.append(("all", "", "", *_figures(rows)))
     header = (
-        *_GROUP, "episodes", "robot-km", *(f"with {kind}s" for kind in ("robot", "shelve")), "with people", "limits",
-        "jumps", "deepest mm", "closest mm", "other poses",
+        *_GROUP, "episodes", "robot-km", "with robots", "with shelves", "with people", "limits", "jumps",
+        "deepest mm", "closest mm", "other poses",
     )  # fmt: skip
     return Table("Audit", header, tuple(lines), NOTE)
 
