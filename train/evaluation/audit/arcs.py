@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.kernel import inline, part
 
 # Columns of arcs float64[N, pieces, ARC]: a piece's pose, its speed at the beginning, what changes it, its curvature.
 X, Y, HEADING, COS, SIN, SPEED, ACCELERATION, BEND = range(8)
@@ -21,6 +19,7 @@ STATE = 5
 
 _EPSILON = 2.0**-23  # of float32, in which poses are kept
 _ROUNDS = 6  # of Newton's method
+_TINY = 1e-5  # [m/s], [rad] for its slopes
 
 
 @inline
@@ -68,7 +67,7 @@ def _between(first, knot, last, n, pieces):
     return knot + (last - knot) * (n - middle) / (pieces - middle)
 
 
-@inline
+@part
 def lay(arc, before, after, speed, steer, body):
     """Write the pieces of a step that has this speed [m/s] and steering [rad] in its middle; return how it misses.
 
@@ -109,30 +108,40 @@ def size(miss, body):
     return math.sqrt(dx * dx + dy * dy) + body.far * abs(turn)
 
 
+@inline
+def _slope(miss, other, scale, body):
+    """Return by how much a miss shrinks, each of its three parts, times scale."""
+    return (
+        (miss[0] - other[0]) * scale, (miss[1] - other[1]) * scale, wrapped(miss[2] - other[2]) * scale * body.far,
+    )  # fmt: skip
+
+
+@inline
+def _times(a, b):
+    """Return the product of two vectors of three."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
 @part
 def solve(arc, before, after, slack, body):
     """Return the speed [m/s] and steering [rad] in the middle of a step that make it hit `after`, as nearly as can be.
 
-    Newton's method for least squares, each in units of slack [m]; what makes no difference stays as it was.
+    Newton's method for least squares, in units of slack [m]. Each counts itself, too, in m/s and rad from the mean of
+    both ends: what makes no difference, as steering does where a robot stands, stays there.
     """
-    first_speed = 0.5 * (before[STAND_SPEED] + after[STAND_SPEED])
-    first_steer = 0.5 * (before[STAND_STEER] + after[STAND_STEER])
-    speed, steer, small = first_speed, first_steer, 1e-5
+    mean_speed = 0.5 * (before[STAND_SPEED] + after[STAND_SPEED])
+    mean_steer = 0.5 * (before[STAND_STEER] + after[STAND_STEER])
+    speed, steer, scale = mean_speed, mean_steer, 1.0 / (_TINY * slack)
     for _ in range(_ROUNDS):
-        miss_x, miss_y, miss_turn = lay(arc, before, after, speed, steer, body)
-        x, y, turn = lay(arc, before, after, speed + small, steer, body)
-        scale = 1.0 / (small * slack)
-        v_x, v_y, v_turn = (miss_x - x) * scale, (miss_y - y) * scale, wrapped(miss_turn - turn) * scale * body.far
-        x, y, turn = lay(arc, before, after, speed, steer + small, body)
-        s_x, s_y, s_turn = (miss_x - x) * scale, (miss_y - y) * scale, wrapped(miss_turn - turn) * scale * body.far
-        miss_x, miss_y, miss_turn = miss_x / slack, miss_y / slack, miss_turn * body.far / slack
-        vv, vs, ss = v_x * v_x + v_y * v_y + v_turn * v_turn + 1.0, v_x * s_x + v_y * s_y + v_turn * s_turn, 0.0
-        ss = s_x * s_x + s_y * s_y + s_turn * s_turn + 1.0
-        v = v_x * miss_x + v_y * miss_y + v_turn * miss_turn + first_speed - speed
-        s = s_x * miss_x + s_y * miss_y + s_turn * miss_turn + first_steer - steer
-        scale = 1.0 / (vv * ss - vs * vs)
-        speed += (v * ss - s * vs) * scale
-        steer += (s * vv - v * vs) * scale
+        miss = lay(arc, before, after, speed, steer, body)
+        by_speed = _slope(miss, lay(arc, before, after, speed + _TINY, steer, body), scale, body)
+        by_steer = _slope(miss, lay(arc, before, after, speed, steer + _TINY, body), scale, body)
+        off = miss[0] / slack, miss[1] / slack, miss[2] * body.far / slack
+        a, b, c = _times(by_speed, by_speed) + 1.0, _times(by_speed, by_steer), _times(by_steer, by_steer) + 1.0
+        p = _times(by_speed, off) + mean_speed - speed
+        q = _times(by_steer, off) + mean_steer - steer
+        speed += (p * c - q * b) / (a * c - b * b)
+        steer += (q * a - p * b) / (a * c - b * b)
     return speed, steer
 
 

@@ -1,7 +1,7 @@
 """How far two bodies are apart, or how deep one reaches into the other: by corners and edges.
 
 Two rectangles that are apart are as far apart as a corner of one is from the other. Where they overlap, a corner of one
-lies in the other or, where they lie in one line or pass right through each other, an edge of one runs through the other.
+lies in the other or, where they lie in one line or pass right through each other, an edge of one runs through it.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import math
 from typing import NamedTuple
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.kernel import inline
+from warehouse_env.kernel import inline, part
 
 
 class Body(NamedTuple):
@@ -88,7 +88,7 @@ def _edge_gap(u, v, a, b, half_length, half_width):
     return point_gap(u + middle * a, v + middle * b, half_length, half_width)
 
 
-@inline
+@part
 def gap(dx, dy, c, s, half_length, half_width, other_c, other_s, other_length, other_width):
     """Return the gap [m] between two rectangles, negative where they overlap: how deep one reaches into the other.
 

@@ -18,6 +18,8 @@ from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.state import PERSON_RADIUS
 
 ROBOT, SHELF, PERSON, SPEED, ACCELERATION, STEERING, STEERING_RATE, JUMP = range(8)  # kinds of faults
+KINDS = ("robot", "shelf", "person", "speed", "acceleration", "steering", "steering rate", "jump")  # by their numbers
+OVERLAPS, LIMITS = KINDS[:SPEED], KINDS[SPEED:JUMP]
 NONE = -1
 # Columns of faults float64[K, FAULT]: what and who, the other robot or person, when in the step [s], how much and where
 # [m]. How much: the depth [m], what is over a limit (SI), the miss [m].
@@ -38,7 +40,7 @@ class Scene(NamedTuple):
     walked: Any  # float64[M, 2] [m/s], straight on
     solid: Any  # bool[H, W]: shelves, by columns and rows of cells counted from x = y = 0
     cell: float  # [m]
-    slack: float  # [m] that rounding may make
+    slack: float  # [m] that rounding may make of one body's place
 
 
 @inline
@@ -89,13 +91,13 @@ def first_overlap(kind, i, j, speed, end, least, scene, body):
     speed: of any two of their points past each other, at the most [m/s]; end: what of the step is looked at [s], 0 for
     its beginning alone; least: the least gap [m] of interest, found to _FINE.
     """
-    t = 0.0
+    t, deep = 0.0, 2.0 * scene.slack  # an overlap is more than what rounding makes of two
     while True:
         found = gap_at(kind, i, j, t, scene, body)
         least = min(least, found)
-        if found < -scene.slack:
+        if found < -deep:
             return t, least
-        sure = found - max(least - _FINE, -2.0 * scene.slack)  # that the gap can shrink by, and be of no interest
+        sure = found - max(least - _FINE, -2.0 * deep)  # that the gap can shrink by, and be of no interest
         if sure >= speed * (end - t):
             return float(NONE), least
         t += sure / speed

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from train.evaluation.audit.watcher import OVERLAPS
+from train.evaluation.audit.instants import OVERLAPS
 from train.reporting.report import Table, grouped, number, short_names
 from train.reporting.rows import Row
 
 _GROUP = ("layout", "robots", "policy")
 _COUNTS = (*(f"overlaps_{kind}" for kind in OVERLAPS), "limits", "jumps")
-_UNITS = {
-    "speed": "m/s", "acceleration": "m/s^2", "steering": "rad", "steering rate": "rad/s",
-}  # fmt: skip
+_UNITS = {"speed": "m/s", "acceleration": "m/s^2", "steering": "rad", "steering rate": "rad/s"}
 NOTE = (
     "Overlaps at any instant, of bodies with each other, with shelves or the rim, and with people; limits: speed, "
     "acceleration, steering or its rate beyond the robot's; jumps: no motion leads from one pose to the next; closest: "

@@ -9,30 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from train.evaluation.audit import instants
 from train.evaluation.audit.arcs import STATE
 from train.evaluation.audit.bodies import Body
-from train.evaluation.audit.instants import (
-    ACCELERATION,
-    AT_X,
-    AT_Y,
-    FAULT,
-    FIRST,
-    HORIZON,
-    JUMP,
-    KIND,
-    NONE,
-    PERSON,
-    ROBOT,
-    SECOND,
-    SHELF,
-    SIZE,
-    SPEED,
-    STEERING,
-    STEERING_RATE,
-    TIME,
-    WORLD,
-    audit_step,
-)
+from train.evaluation.audit.instants import HORIZON, KINDS, LIMITS, OVERLAPS
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
@@ -41,12 +21,6 @@ from warehouse_env.simulation.simulator import Simulator
 
 MOST_REPEAT = 2  # physics steps in an env step whose motion can be told from its ends
 _ROOM = 256  # faults of a step that are kept; what has more of them needs no more to be looked at
-KINDS = {
-    ROBOT: "robot", SHELF: "shelf", PERSON: "person", SPEED: "speed", ACCELERATION: "acceleration",
-    STEERING: "steering", STEERING_RATE: "steering rate", JUMP: "jump",
-}  # fmt: skip
-OVERLAPS = ("robot", "shelf", "person")
-LIMITS = ("speed", "acceleration", "steering", "steering rate")
 
 
 class _Looks(NamedTuple):
@@ -88,7 +62,7 @@ class Audit:
         self._config, self._body = config, Body.of(config)
         self._step_time = config.time_step * config.action_repeat
         self._last: _Looks | None = None
-        self._faults = np.empty((_ROOM, FAULT))
+        self._faults = np.empty((_ROOM, instants.FAULT))
         self._steps = 0
         self.found: list[list[Row]] = []  # faults of each world
 
@@ -113,10 +87,8 @@ class Audit:
         walked = (after.people - before.people) / self._step_time
         self._look(before, after, touching | parked, walked)
 
-    def _look(
-        self, before: _Looks, after: _Looks, put_back: NDArray[np.bool_], walked: NDArray[np.float64]
-    ) -> None:
-        count = audit_step(
+    def _look(self, before: _Looks, after: _Looks, put_back: NDArray[np.bool_], walked: NDArray[np.float64]) -> None:
+        count = instants.audit_step(
             before.states, after.states, put_back, before.people, walked, self._solid, self._cell, self._body,
             self._closest, self._ways, self._faults,
         )  # fmt: skip
@@ -125,17 +97,18 @@ class Audit:
 
     def _keep(self, fault: Sequence[float]) -> None:
         """Keep a fault; what goes on from the last step, between the same two, is one with it."""
-        known = self.found[int(fault[WORLD])]
-        other = None if fault[SECOND] == NONE else int(fault[SECOND])
-        what = {"kind": KINDS[int(fault[KIND])], "robot": int(fault[FIRST]), "other": other}
+        world, kind, robot, other, time, size, x, y = fault
+        known = self.found[int(world)]
+        who = {"robot": int(robot), "other": None if other == instants.NONE else int(other)}
+        what = {"kind": KINDS[int(kind)], **who}
         for old in reversed(known):
             if old["last_step"] < self._steps - 1:
                 break
             if old.items() >= what.items():
-                old["last_step"], old["size"] = self._steps, max(old["size"], fault[SIZE])
+                old["last_step"], old["size"] = self._steps, max(old["size"], size)
                 return
-        step = {"step": self._steps, "last_step": self._steps, "time": fault[TIME]}
-        known.append({**what, **step, "size": fault[SIZE], "x": fault[AT_X], "y": fault[AT_Y]})
+        when = {"step": self._steps, "last_step": self._steps, "time": time}
+        known.append({**what, **when, "size": size, "x": x, "y": y})
 
     def rows(self) -> list[Row]:
         """Return the figures of each world; the end of the last step is looked at now."""
