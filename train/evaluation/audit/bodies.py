@@ -12,6 +12,8 @@ from typing import NamedTuple
 from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import inline, part
 
+_NO_REACH = 1e-12  # [m] that an edge goes towards a side: it is parallel to it
+
 
 class Body(NamedTuple):
     """A robot's body, its limits, and how an env step is divided."""
@@ -70,7 +72,7 @@ def _nearest_corner(u, v, c, s, length, width, half_length, half_width):
 @inline
 def _between(middle, reach, half):
     """Return the part of an edge, from -1 to 1 along it, that lies between two parallel sides at -half and half."""
-    if reach == 0.0:
+    if abs(reach) < _NO_REACH:
         return (-1.0, 1.0) if abs(middle) < half else (1.0, -1.0)
     one, other = (-half - middle) / reach, (half - middle) / reach
     return max(min(one, other), -1.0), min(max(one, other), 1.0)

@@ -184,7 +184,7 @@ def test_speed_that_is_clipped_in_the_middle_of_a_step() -> None:
     assert audited([before], [moved(half, 1.5, 0.3, STEP / 2)[-1]])[0] == []
 
 
-SPEEDS, STEERS = st.floats(-0.5, 1.5), st.floats(-1.0, 1.0)
+SPEEDS, STEERS = st.floats(-0.5, 1.5), st.floats(-0.85, 0.85)
 DRIVES = st.tuples(st.floats(-math.pi, math.pi), SPEEDS, STEERS, st.floats(-0.1, 0.1), st.floats(-0.15, 0.15))
 
 
