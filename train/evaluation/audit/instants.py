@@ -50,7 +50,7 @@ def _is_solid(solid, column, row):
     return not inside or solid[column, row]
 
 
-@inline
+@part
 def _shelf_gap(x, y, c, s, scene, body):
     """Return the gap [m] between a body and the shelf nearest to it, at most a cell."""
     size, half = scene.cell, 0.5 * scene.cell
@@ -126,7 +126,7 @@ def _note(faults, count, world, kind, first, second, time, size, x, y):
     return min(count + 1, faults.shape[0])
 
 
-@inline
+@part
 def _look(faults, count, world, kind, i, j, speed, end, least, scene, body):
     """Look for an overlap of two bodies in a step, and write it down; return (faults, least gap [m])."""
     t, least = first_overlap(kind, i, j, speed, end, least, scene, body)
