@@ -68,6 +68,11 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "train.books": BELOW_TRAIN,
     "train.learning": (*BELOW_TRAIN, "train.books", "train.reporting", "train.learning"),
     "train.central": (*BELOW_TRAIN, "train.central"),
+    # what audits the engine takes none of its geometry and motion
+    **dict.fromkeys(
+        (f"train.evaluation.audit.{module}" for module in ("bodies", "arcs", "instants")),
+        (*BASE, "warehouse_env.simulation.state", "train.evaluation.audit"),
+    ),
     "train.evaluation": (*BELOW_TRAIN, "train.books", "train.reporting", "train.central", "train.evaluation"),
     "train.tables.learning": (
         *BELOW_TRAIN,

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import warehouse_env
+from train.evaluation.audit.watcher import Audit
 from train.evaluation.jobs import Job, Result, Runner, Tick
 from train.evaluation.rollout import make_experiment, run
 from train.reporting.report import Table, number
@@ -89,6 +90,12 @@ def _motion(seed: int) -> None:
     Simulator(_BARE).step(np.zeros((1, _BARE.num_agents), np.int64))
 
 
+def _audit(seed: int) -> None:
+    simulator, audit = Simulator(_BARE), Audit(_BARE)
+    for step in range(2):
+        audit(simulator, step)
+
+
 def _plans(seed: int) -> None:
     grid = make_layout(_BARE.layout)
     cells = [(row, column) for row, column in grid.free_cells.tolist()]
@@ -122,4 +129,5 @@ PARTS: dict[str, Callable[[int], None]] = {
     "right of way, live routes, predictions": _traffic,
     "all options off": _bare,
     "the environment": _environment,
+    "the audit": _audit,
 }

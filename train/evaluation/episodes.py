@@ -12,7 +12,7 @@ from train.evaluation.rollout import Experiment, Trace, Watcher, identity, run
 from train.reporting.rows import Row, RowFile
 from warehouse_env.simulation.simulator import Simulator
 
-_TICK = 50  # steps between two notes of progress
+TICK = 50  # steps between two notes of progress
 
 
 @dataclass(frozen=True)
@@ -43,16 +43,21 @@ class Episodes(Job):
         rest = dataclasses.replace(self, experiment=dataclasses.replace(one, episodes=missing)) if missing else None
         return [found[k] for k in one.episodes if k in found], rest
 
-    def run(self, tick: Tick) -> Result:
-        """Play; more: the trace, if there is one, and the notes."""
+    @staticmethod
+    def ticking(tick: Tick) -> Watcher:
+        """Return a watcher that notes progress."""
 
         def watch(simulator: Simulator, steps: int) -> None:
-            if steps % _TICK == 0:
+            if steps % TICK == 0:
                 tick(steps)
 
+        return watch
+
+    def run(self, tick: Tick) -> Result:
+        """Play; more: the trace, if there is one, and the notes."""
         trace = Trace(self.experiment) if self.traced else None
         places = Places(self.experiment) if self.noted else None
-        watchers: list[Watcher] = [watch, *(one for one in (trace, places) if one is not None)]
+        watchers: list[Watcher] = [self.ticking(tick), *(one for one in (trace, places) if one is not None)]
         rows = run(self.experiment, watchers)
         return Result(rows, (trace, [] if places is None else places.rows()))
 

@@ -1,0 +1,215 @@
+"""Steps with answers worked out by hand, and against samples a millisecond apart; default robots on a wide floor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from tests.simulation.reference import WHEELBASE, bodies, polygon_distance, separation
+from train.evaluation.audit import instants
+from train.evaluation.audit.arcs import STATE
+from train.evaluation.audit.bodies import Body
+from train.evaluation.audit.instants import HORIZON, audit_step
+from warehouse_env.config import EnvConfig
+
+Floats = NDArray[np.float64]
+State = tuple[float, float, float, float, float]  # x, y [m], heading [rad], speed [m/s], steering [rad]
+
+STEP = 0.1  # [s]
+FREE = np.zeros((40, 40), dtype=np.bool_)  # cells of a metre
+SLACK = 2e-5  # [m] that rounding may make there
+
+
+def moved(state: State, speed: float, steer: float, seconds: float = STEP, looks: int = 2) -> list[State]:
+    """The states at `looks` instants, evenly, of a physics step of two arcs, by tiny steps; the last one at its end."""
+    x, y, heading, speed_0, steer_0 = state
+    tiny = 2000
+    share = (np.arange(tiny) + 0.5) / tiny
+    distance = (speed_0 + (speed - speed_0) * share) * seconds / tiny
+    turn = -np.tan(steer_0 + (steer - steer_0) * np.where(share < 0.5, 0.25, 0.75)) / WHEELBASE * distance
+    middle = heading + np.cumsum(turn) - turn / 2
+    ways = np.cumsum(distance * np.cos(middle)), np.cumsum(distance * np.sin(middle)), np.cumsum(turn)
+    done = np.arange(1, looks + 1) / looks
+    at = (done * tiny).astype(int) - 1
+    motion = speed_0 + (speed - speed_0) * done, steer_0 + (steer - steer_0) * done
+    columns = x + ways[0][at], y + ways[1][at], heading + ways[2][at], *motion
+    return list(zip(*(column.tolist() for column in columns), strict=True))
+
+
+def audited(
+    before: Sequence[State], after: Sequence[State], *, put_back: Sequence[bool] = (), people: Floats | None = None,
+    walked: Floats | None = None, solid: NDArray[np.bool_] = FREE, repeat: int = 1,
+) -> tuple[list[list[float]], float, float]:  # fmt: skip
+    """Audit a step; return its faults, the closest approach and the way of all [m]."""
+    faults, closest, way = np.empty((20, instants.FAULT)), np.full(1, HORIZON), np.zeros(1)
+    body, nobody = Body.of(EnvConfig(action_repeat=repeat)), np.empty((1, 0, 2))
+    count = audit_step(
+        np.array(before).reshape(1, -1, STATE), np.array(after).reshape(1, -1, STATE),
+        np.array([list(put_back) or [False] * len(before)]), nobody if people is None else people,
+        nobody if walked is None else walked, solid, 1.0, body, closest, way, faults,
+    )  # fmt: skip
+    return faults[:count].tolist(), float(closest[0]), float(way[0])
+
+
+def kinds(faults: list[list[float]]) -> list[int]:
+    """What is wrong."""
+    return [int(fault[instants.KIND]) for fault in faults]
+
+
+def straight(x: float, y: float, heading: float, speed: float) -> tuple[State, State]:
+    """Where a robot is before and after a step straight on."""
+    before = (x, y, heading, speed, 0.0)
+    return before, (x + STEP * speed * math.cos(heading), y + STEP * speed * math.sin(heading), heading, speed, 0.0)
+
+
+def corner_pass(ahead: float, above: float) -> list[tuple[State, State]]:
+    """Two at 1.5 m/s, one east, one south, whose front left corner passes the first one's rear left one.
+
+    ahead, above: from where that corner is at first, as seen from this one [m].
+    """
+    return [straight(10.0, 10.0, 0.0, 1.5), straight(8.95 + ahead, 10.45 + above, -math.pi / 2, 1.5)]
+
+
+def test_corners_that_cut_each_other_between_samples() -> None:
+    pair = corner_pass(ahead=0.06, above=0.03)
+    faults, closest, way = audited(*zip(*pair, strict=True))
+    assert kinds(faults) == [instants.ROBOT]
+    fault: Any = faults[0]
+    assert {fault[instants.FIRST], fault[instants.SECOND]} == {0, 1}
+    assert fault[instants.TIME] == pytest.approx(0.02, abs=1e-4)  # 0.03 m to come at 1.5 m/s
+    assert fault[instants.SIZE] == pytest.approx(0.015, abs=1e-4)  # as deep from behind as from above
+    assert closest == pytest.approx(-0.015, abs=1e-4)
+    assert way == pytest.approx(0.3)
+
+
+def test_corners_that_pass_with_a_gap() -> None:
+    faults, closest, _ = audited(*zip(*corner_pass(ahead=0.03, above=0.06), strict=True))
+    assert faults == []
+    assert closest == pytest.approx(0.03 / math.sqrt(2), abs=1.01e-4)
+
+
+def test_who_is_put_back_is_looked_at_as_the_step_begins() -> None:
+    cut, late = corner_pass(0.06, 0.03), [straight(10.0, 10.0, 0.0, 0.0), straight(10.8, 10.0, 0.0, 0.0)]
+    assert audited(*zip(*cut, strict=True), put_back=[False, True])[0] == []
+    faults, _, _ = audited(*zip(*late, strict=True), put_back=[True, True])
+    assert kinds(faults) == [instants.ROBOT]
+    assert faults[0][instants.TIME] == 0
+    assert faults[0][instants.SIZE] == pytest.approx(0.1)
+
+
+def tail_by_a_shelf(deep: float) -> tuple[State, State]:
+    """A robot on a tight circle whose outer rear corner is at the middle of the step `deep` metres beyond x = 20."""
+    steer, speed = 1.0, 1.4
+    bend = -math.tan(steer) / WHEELBASE
+    swept = bend * speed * STEP  # [rad]
+    out, back = 0.3 - 1 / bend, 0.75  # of the corner from the circle's centre, across and behind
+    heading = -math.atan2(out, -back) - swept / 2  # half a step before the corner is due east of the circle's centre
+    east = 20.0 + deep - math.hypot(out, back)  # the circle's centre
+    x, y = east + 1 / bend * math.sin(heading), 20.5 - 1 / bend * math.cos(heading)
+    before = (x, y, heading, speed, steer)
+    return before, moved(before, speed, steer)[-1]
+
+
+@pytest.mark.parametrize("deep", [0.004, -0.004])
+def test_a_tail_that_swings_into_a_shelf_between_samples(deep: float) -> None:
+    solid = FREE.copy()
+    solid[20] = True
+    before, after = tail_by_a_shelf(deep)
+    ends = [bodies(*np.array(state[:3])) for state in (before, after)]
+    assert max(corners[:, 0].max() for corners in ends) < 20 - 0.005  # at both ends it is clear
+    faults, _, _ = audited([before], [after], solid=solid)
+    assert kinds(faults) == ([instants.SHELF] if deep > 0 else [])
+    for fault in faults:
+        assert fault[instants.SIZE] == pytest.approx(deep, abs=1e-4)
+        assert 0 < fault[instants.TIME] < STEP / 2
+
+
+def test_the_rim_is_solid() -> None:
+    assert kinds(audited(*zip(straight(39.8, 20.0, 0.0, 1.0), strict=True))[0]) == [instants.SHELF]
+    assert audited(*zip(straight(39.7, 20.0, 0.0, 1.0), strict=True))[0] == []
+
+
+def test_a_person_walks_into_a_robot_in_the_middle_of_a_step() -> None:
+    people, walked = np.array([[[10.0, 10.58]]]), np.array([[[0.0, -1.0]]])  # 0.03 m from a standing robot's side
+    faults, _, _ = audited(*zip(straight(10.0, 10.0, 0.0, 0.0), strict=True), people=people, walked=walked)
+    assert kinds(faults) == [instants.PERSON]
+    assert faults[0][instants.TIME] == pytest.approx(0.03, abs=1e-4)
+    assert faults[0][instants.SIZE] == pytest.approx(0.07, abs=1e-4)
+
+
+def test_a_jump() -> None:
+    before, (x, y, *rest) = straight(10.0, 10.0, 0.3, 1.0)
+    faults, _, _ = audited([before], [(x, y + 0.005, *rest)])  # type: ignore[list-item]
+    assert kinds(faults) == [instants.JUMP]
+    assert faults[0][instants.SIZE] == pytest.approx(0.005, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "expected"),
+    [
+        ((1.6, 0.0), (1.6, 0.0), {instants.SPEED: 0.1}),
+        ((-0.6, 0.0), (-0.5, 0.0), {}),
+        ((0.0, 0.0), (0.2, 0.0), {instants.ACCELERATION: 1.0}),
+        ((0.5, 1.0), (0.5, 1.1), {instants.STEERING: 1.1 - math.pi / 3}),
+        ((0.5, 0.0), (0.5, 0.3), {instants.STEERING_RATE: 1.5}),
+        ((1.4, 0.85), (1.5, 1.0), {}),
+    ],
+)
+def test_limits(first: tuple[float, float], last: tuple[float, float], expected: dict[int, float]) -> None:
+    before = (10.0, 10.0, 0.5, *first)
+    faults, _, _ = audited([before], [moved(before, *last)[-1]])
+    assert {int(f[instants.KIND]): f[instants.SIZE] for f in faults} == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize(("knot", "expected"), [((1.1, 0.15), []), ((1.2, 0.0), [instants.ACCELERATION])])
+def test_a_step_of_two_physics_steps(knot: tuple[float, float], expected: list[int]) -> None:
+    before = (10.0, 10.0, 0.5, 1.0, 0.0)
+    middle = moved(before, *knot)[-1]
+    after = moved(middle, 1.0, 0.1)[-1]
+    faults, _, way = audited([before], [after], repeat=2)
+    assert kinds(faults) == expected
+    assert way == pytest.approx((1.0 + knot[0]) * STEP, abs=2e-5)
+
+
+def test_speed_that_is_clipped_in_the_middle_of_a_step() -> None:
+    before = (10.0, 10.0, 0.5, 1.45, 0.3)
+    half = moved(before, 1.5, 0.3, STEP / 2)[-1]
+    assert audited([before], [moved(half, 1.5, 0.3, STEP / 2)[-1]])[0] == []
+
+
+SPEEDS, STEERS = st.floats(-0.5, 1.5), st.floats(-0.85, 0.85)
+DRIVES = st.tuples(st.floats(-math.pi, math.pi), SPEEDS, STEERS, st.floats(-0.1, 0.1), st.floats(-0.15, 0.15))
+
+
+@given(DRIVES, DRIVES, st.floats(0.5, 1.3), st.floats(-math.pi, math.pi))
+@settings(max_examples=60, deadline=None)
+def test_nothing_is_missed_between_samples(
+    one: tuple[float, ...], two: tuple[float, ...], distance: float, bearing: float
+) -> None:
+    states = []
+    places = ((10.0, 10.0), (10.0 + distance * math.cos(bearing), 10.0 + distance * math.sin(bearing)))
+    for (x, y), (heading, speed, steer, faster, further) in zip(places, (one, two), strict=True):
+        start = (x, y, heading, speed, steer)
+        end = min(max(speed + faster, -0.5), 1.5), steer + further
+        states.append([start, *moved(start, *end, looks=100)])
+    track = np.array(states)
+    a, b = (bodies(*one[:, :3].T) for one in track)
+    between = separation(a, b)
+    faults, closest, _ = audited([s[0] for s in states], [s[-1] for s in states])
+    deep = between < -4 * SLACK
+    if deep.any():
+        assert kinds(faults) == [instants.ROBOT]
+        assert faults[0][instants.TIME] <= int(deep.argmax()) * STEP / 100 + 1e-9
+    elif faults:  # between two samples: at the most as deep as the two come in half a millisecond
+        assert between.min() < 0.004
+    else:
+        least = min(polygon_distance(a[k], b[k]) for k in np.argsort(between)[:5])
+        assert closest <= max(least, 0.0) + 1.01e-4 or least > HORIZON
+        assert closest > least - 0.004 or least > HORIZON

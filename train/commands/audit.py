@@ -1,0 +1,71 @@
+"""`warehouse audit`: is what robots drove free of overlaps at every instant? Of recordings, or while they drive."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from train.commands.evaluate import GOES_ON, Episodes
+from train.evaluation.audit.jobs import DrivenEpisodes, RecordedEpisode
+from train.evaluation.audit.table import audit_table, faults_of, sentences
+from train.evaluation.audit.watcher import Audit
+from train.evaluation.jobs import Job, Runner
+from train.reporting.rows import RowFile, check_writable, read_rows, write_text
+from warehouse_env.errors import ConfigError
+from warehouse_env.simulation.record.recording import Episode
+
+_SHOWN = 20  # faults in words; the rows have them all
+
+
+@dataclass(frozen=True)
+class AuditCommand(Episodes):
+    """Check at every instant what robots drove, apart from the engine: overlaps, limits, jumps; exit code 1 if any.
+
+    Of episode files (`warehouse record`), which are driven again, or with --policy of episodes as they are driven.
+    """
+
+    files: tyro.conf.Positional[tuple[Path, ...]] = ()
+    """Files of `warehouse record`; none with --policy."""
+    policy: tuple[str, ...] = ()
+    """Policies to drive and audit: names, or folders of trained ones."""
+    out: Path = Path("results/audit")
+    """Folder for the rows and the table."""
+
+    def run(self) -> None:
+        """Audit all, print the table and the faults, write the rows and the table; exit with 1 if there is a fault."""
+        jobs = self._jobs()
+        check_writable(self.out / "table.md")
+        old = read_rows(self.rows_path) if self.resume and self.rows_path.exists() else []
+        with Runner(RowFile(self.rows_path, keep=self.resume), old, self.processes, goes_on=GOES_ON) as run:
+            rows = run(jobs)
+        table = audit_table(rows)
+        table.print()
+        write_text(self.out / "table.md", table.markdown())
+        faults = sum(map(faults_of, rows))
+        for sentence in itertools.islice(sentences(rows), _SHOWN):
+            print(sentence)
+        more = f", the first {_SHOWN} above" if faults > _SHOWN else ""
+        print(f"{faults or 'no'} fault{'s' * (faults != 1)}{more}; wrote the rows to {self.rows_path}")
+        if faults:
+            raise SystemExit(1)
+
+    def _jobs(self) -> Sequence[Job]:
+        if bool(self.files) == bool(self.policy):
+            raise ConfigError("name episode files to audit, or policies to drive with --policy")
+        if self.files and self.resume:
+            raise ConfigError("--resume must be left out with episode files")
+        if self.files:
+            episodes = [(path, Episode.load(path)) for path in self.files]
+            configs = [episode.config for _, episode in episodes]
+            jobs: list[Job] = [RecordedEpisode(path, len(episode.actions)) for path, episode in episodes]
+        else:
+            experiments = self.experiments()
+            configs = [one.config for one in experiments]
+            jobs = [DrivenEpisodes(one) for one in experiments]
+        for config in configs:  # what cannot be audited is said before anything drives
+            Audit(config)
+        return jobs

@@ -1,0 +1,10 @@
+"""An independent check of what robots drove, at every instant, in float64 and in other words than the engine's.
+
+Nothing here is taken from the simulation's geometry, contact, motion or field: only what its state and config say.
+"""
+
+from pathlib import Path
+
+from warehouse_env.compiled import drop_stale_kernels
+
+drop_stale_kernels(Path(__file__).parent)

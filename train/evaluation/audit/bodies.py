@@ -1,0 +1,117 @@
+"""How far two bodies are apart, or how deep one reaches into the other: by corners and edges.
+
+Two rectangles that are apart are as far apart as a corner of one is from the other. Where they overlap, a corner of one
+lies in the other or, where they lie in one line or pass right through each other, an edge of one runs through it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.kernel import inline, part
+
+_NO_REACH = 1e-12  # [m] that an edge goes towards a side: it is parallel to it
+
+
+class Body(NamedTuple):
+    """A robot's body, its limits, and how an env step is divided."""
+
+    half_length: float  # [m]
+    half_width: float  # [m]
+    back: float  # [m] that the body's centre lies behind the fixed axle
+    radius: float  # [m] of the circle around the body
+    far: float  # [m] that the body reaches from the fixed axle, ahead or behind
+    wheelbase: float  # [m]
+    slowest: float  # [m/s]
+    fastest: float  # [m/s]
+    acceleration: float  # [m/s^2]
+    steering: float  # [rad]
+    steering_rate: float  # [rad/s]
+    pieces: int  # arcs of an env step: its substeps
+    piece: float  # [s]
+
+    @classmethod
+    def of(cls, config: EnvConfig) -> Body:
+        """Return what a config says."""
+        robot = config.robot
+        return cls(
+            robot.length / 2, robot.width / 2, robot.rear_reach - robot.length / 2,
+            math.hypot(robot.length, robot.width) / 2, max(robot.rear_reach, robot.front_overhang), robot.wheelbase,
+            robot.min_speed, robot.max_speed, robot.max_acceleration, robot.max_steering, robot.max_steering_rate,
+            config.substeps * config.action_repeat, config.time_step / config.substeps,
+        )  # fmt: skip
+
+
+@inline
+def point_gap(u, v, half_length, half_width):
+    """Return how far [m] the point (u, v), seen from a rectangle's centre, is from it; inside, how deep, negative."""
+    beyond, aside = abs(u) - half_length, abs(v) - half_width
+    if beyond <= 0.0 or aside <= 0.0:
+        return max(beyond, aside)
+    return math.sqrt(beyond * beyond + aside * aside)
+
+
+@inline
+def _nearest_corner(u, v, c, s, length, width, half_length, half_width):
+    """Return the least `point_gap` of the corners of a body at (u, v), turned by (c, s), from a rectangle."""
+    a, b, p, q = length * c, length * s, width * s, width * c
+    return min(
+        min(
+            point_gap(u + a - p, v + b + q, half_length, half_width),
+            point_gap(u + a + p, v + b - q, half_length, half_width),
+        ),
+        min(
+            point_gap(u - a - p, v - b + q, half_length, half_width),
+            point_gap(u - a + p, v - b - q, half_length, half_width),
+        ),
+    )
+
+
+@inline
+def _between(middle, reach, half):
+    """Return the part of an edge, from -1 to 1 along it, that lies between two parallel sides at -half and half."""
+    if abs(reach) < _NO_REACH:
+        return (-1.0, 1.0) if abs(middle) < half else (1.0, -1.0)
+    one, other = (-half - middle) / reach, (half - middle) / reach
+    return max(min(one, other), -1.0), min(max(one, other), 1.0)
+
+
+@inline
+def _edge_gap(u, v, a, b, half_length, half_width):
+    """Return the `point_gap` of the middle of what of the edge (u, v) -+ (a, b) runs through a rectangle, else 0."""
+    first, last = _between(u, a, half_length)
+    enters, leaves = _between(v, b, half_width)
+    first, last = max(first, enters), min(last, leaves)
+    if first >= last:
+        return 0.0
+    middle = 0.5 * (first + last)
+    return point_gap(u + middle * a, v + middle * b, half_length, half_width)
+
+
+@part
+def gap(dx, dy, c, s, half_length, half_width, other_c, other_s, other_length, other_width):
+    """Return the gap [m] between two rectangles, negative where they overlap: how deep one reaches into the other.
+
+    dx, dy: from the first one's centre to the other's [m]; (c, s) and (other_c, other_s): their headings; half sides
+    [m]. It changes no faster than any point of the one moves as seen from the other.
+    """
+    turned_c, turned_s = c * other_c + s * other_s, c * other_s - s * other_c
+    u, v = dx * c + dy * s, dy * c - dx * s
+    back_u, back_v = -dx * other_c - dy * other_s, dx * other_s - dy * other_c
+    found = min(
+        _nearest_corner(u, v, turned_c, turned_s, other_length, other_width, half_length, half_width),
+        _nearest_corner(back_u, back_v, turned_c, -turned_s, half_length, half_width, other_length, other_width),
+    )
+    most = max(half_length, half_width) + max(other_length, other_width)
+    if u * u + v * v >= most * most:
+        return found
+    a, b, p, q = other_length * turned_c, other_length * turned_s, -other_width * turned_s, other_width * turned_c
+    sides = min(_edge_gap(u + p, v + q, a, b, half_length, half_width),
+                _edge_gap(u - p, v - q, a, b, half_length, half_width))  # fmt: skip
+    ends = min(_edge_gap(u + a, v + b, p, q, half_length, half_width),
+               _edge_gap(u - a, v - b, p, q, half_length, half_width))  # fmt: skip
+    middle = point_gap(u, v, half_length, half_width)  # where one lies on the other, all corners and edges may touch
+    inside = min(min(sides, ends), middle)
+    return min(found, inside) if inside < 0.0 else found

@@ -1,0 +1,277 @@
+"""Every instant of an env step: who overlaps whom, which limits are broken, who jumped.
+
+Between two instants at which a gap is looked at lies no more time than the faster of all points of the bodies would
+need to close it (conservative advancement; Mirtich 1996), so that nothing is missed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from train.evaluation.audit import arcs as drives
+from train.evaluation.audit.arcs import STAND_SPEED, STAND_STEER, body_at
+from train.evaluation.audit.bodies import gap, point_gap
+from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.simulation.state import PERSON_RADIUS
+
+ROBOT, SHELF, PERSON, SPEED, ACCELERATION, STEERING, STEERING_RATE, JUMP = range(8)  # kinds of faults
+KINDS = ("robot", "shelf", "person", "speed", "acceleration", "steering", "steering rate", "jump")  # by their numbers
+OVERLAPS, LIMITS = KINDS[:SPEED], KINDS[SPEED:JUMP]
+NONE = -1
+# Columns of faults float64[K, FAULT]: what and who, the other robot or person, when in the step [s], how much and where
+# [m]. How much: the depth [m], what is over a limit (SI), the miss [m].
+WORLD, KIND, FIRST, SECOND, TIME, SIZE, AT_X, AT_Y = range(8)
+FAULT = 8
+
+HORIZON = 0.5  # [m] beyond which nobody asks how far two bodies are apart
+_FINE = 1e-4  # [m] to which the closest approach is found
+_ALLOWED = 1e-5  # [m/s], [rad] over a limit that rounding may make
+_LOOKS = 64  # of an overlap, for where it is deepest
+
+
+class Scene(NamedTuple):
+    """One world in one env step."""
+
+    arcs: Any  # float64[N, pieces, ARC], see arcs.py
+    people: Any  # float64[M, 2] [m] as the step begins
+    walked: Any  # float64[M, 2] [m/s], straight on
+    solid: Any  # bool[H, W]: shelves, by columns and rows of cells counted from x = y = 0
+    cell: float  # [m]
+    slack: float  # [m] that rounding may make of one body's place
+
+
+@inline
+def _is_solid(solid, column, row):
+    """Whether a cell is a shelf; all is, beyond the rim."""
+    inside = 0 <= column < solid.shape[0] and 0 <= row < solid.shape[1]
+    return not inside or solid[column, row]
+
+
+@part
+def _shelf_gap(x, y, c, s, scene, body):
+    """Return the gap [m] between a body and the shelf nearest to it, at most a cell."""
+    size, half = scene.cell, 0.5 * scene.cell
+    least, reach = size, body.radius + size
+    for column in range(math.floor((x - reach) / size), math.floor((x + reach) / size) + 1):
+        for row in range(math.floor((y - reach) / size), math.floor((y + reach) / size) + 1):
+            if _is_solid(scene.solid, column, row):
+                dx, dy = (column + 0.5) * size - x, (row + 0.5) * size - y
+                if point_gap(dx, dy, half, half) - body.radius < least:
+                    found = gap(dx, dy, c, s, body.half_length, body.half_width, 1.0, 0.0, half, half)
+                    least = min(least, found)
+    return least
+
+
+@part
+def gap_at(kind, i, j, t, scene, body):
+    """Return the gap [m] at t [s] of robot i to robot or person j, or to the shelf nearest to it; negative: overlap."""
+    x, y, c, s = body_at(scene.arcs, i, t, body)
+    if kind == SHELF:
+        return _shelf_gap(x, y, c, s, scene, body)
+    if kind == PERSON:
+        dx = scene.people[j, 0] + t * scene.walked[j, 0] - x
+        dy = scene.people[j, 1] + t * scene.walked[j, 1] - y
+        return point_gap(dx * c + dy * s, dy * c - dx * s, body.half_length, body.half_width) - PERSON_RADIUS
+    to_x, to_y, to_c, to_s = body_at(scene.arcs, j, t, body)
+    dx, dy = to_x - x, to_y - y
+    circles = math.sqrt(dx * dx + dy * dy) - 2.0 * body.radius
+    if circles > HORIZON:
+        return circles
+    length, width = body.half_length, body.half_width
+    return gap(dx, dy, c, s, length, width, to_c, to_s, length, width)
+
+
+@part
+def first_overlap(kind, i, j, speed, end, least, scene, body):
+    """Return (when [s] two bodies first overlap within a step, or NONE; the least gap [m] until then).
+
+    speed: of any two of their points past each other, at the most [m/s]; end: what of the step is looked at [s], 0 for
+    its beginning alone; least: the least gap [m] of interest, found to _FINE.
+    """
+    t, deep = 0.0, 2.0 * scene.slack  # an overlap is more than what rounding makes of two
+    while True:
+        found = gap_at(kind, i, j, t, scene, body)
+        least = min(least, found)
+        if found < -deep:
+            return t, least
+        sure = found - max(least - _FINE, -2.0 * deep)  # that the gap can shrink by, and be of no interest
+        if sure >= speed * (end - t):
+            return float(NONE), least
+        t += sure / speed
+
+
+@inline
+def _deepest(kind, i, j, t, end, scene, body):
+    """Return the depth [m] of an overlap that begins at t [s], and the place of its first robot where it is deepest."""
+    depth, at = -np.inf, t
+    for look in range(_LOOKS + 1):
+        now = t + (end - t) * look / _LOOKS
+        deep = -gap_at(kind, i, j, now, scene, body)
+        if deep > depth:
+            depth, at = deep, now
+    x, y, _, _ = body_at(scene.arcs, i, at, body)
+    return depth, x, y
+
+
+@inline
+def _note(faults, count, world, kind, first, second, time, size, x, y):
+    """Write a fault down, as long as there is room; return how many there are."""
+    if count < faults.shape[0]:
+        f = faults[count]
+        f[WORLD], f[KIND], f[FIRST], f[SECOND] = world, kind, first, second
+        f[TIME], f[SIZE], f[AT_X], f[AT_Y] = time, size, x, y
+    return min(count + 1, faults.shape[0])
+
+
+@part
+def _look(faults, count, world, kind, i, j, speed, end, least, scene, body):
+    """Look for an overlap of two bodies in a step, and write it down; return (faults, least gap [m])."""
+    t, least = first_overlap(kind, i, j, speed, end, least, scene, body)
+    if t != NONE:
+        depth, x, y = _deepest(kind, i, j, t, end, scene, body)
+        least = min(least, -depth)
+        count = _note(faults, count, world, kind, i, j, t, depth, x, y)
+    return count, least
+
+
+@inline
+def _within(knot, first, last, rate, before, after):
+    """Return the value nearest to a knot that can be reached from `first` in time and from which `last` can be."""
+    low, high = max(first - rate * before, last - rate * after), min(first + rate * before, last + rate * after)
+    return min(max(knot, low - _ALLOWED), high + _ALLOWED)
+
+
+@part
+def trace(arc, before, after, slack, body):
+    """Write the arcs of a robot's step; return (JUMP, ACCELERATION, STEERING_RATE or NONE, by how much).
+
+    Where no motion fits, the robot is taken to stand.
+    """
+    speed, steer = 0.5 * (before[STAND_SPEED] + after[STAND_SPEED]), 0.5 * (before[STAND_STEER] + after[STAND_STEER])
+    if drives.size(drives.lay(arc, before, after, speed, steer, body), body) <= slack:
+        return NONE, 0.0
+    speed, steer = drives.solve(arc, before, after, slack, body)
+    early = body.pieces // 2 * body.piece
+    late = body.pieces * body.piece - early
+    fair = _within(speed, before[STAND_SPEED], after[STAND_SPEED], body.acceleration, early, late)
+    fair = min(max(fair, body.slowest - _ALLOWED), body.fastest + _ALLOWED)
+    turned = _within(steer, before[STAND_STEER], after[STAND_STEER], body.steering_rate, early, late)
+    turned = min(max(turned, -body.steering - _ALLOWED), body.steering + _ALLOWED)
+    miss = drives.size(drives.lay(arc, before, after, fair, turned, body), body)
+    if miss <= slack:
+        return NONE, 0.0
+    if drives.size(drives.lay(arc, before, after, speed, steer, body), body) > slack:
+        drives.stand(arc, before)
+        return JUMP, miss
+    faster, further = abs(speed - fair) / early, abs(steer - turned) / early
+    return (ACCELERATION, faster) if faster > further else (STEERING_RATE, further)
+
+
+@inline
+def _check_limits(faults, count, world, i, before, after, put_back, body):
+    """Write down which limits a robot's step breaks, put back by a contact or not; return the number of faults."""
+    x, y, end = after[0], after[1], body.pieces * body.piece
+    speed, steer = after[STAND_SPEED], after[STAND_STEER]
+    over = max(speed - body.fastest, body.slowest - speed)
+    if over > _ALLOWED:
+        count = _note(faults, count, world, SPEED, i, NONE, end, over, x, y)
+    if abs(steer) - body.steering > _ALLOWED:
+        count = _note(faults, count, world, STEERING, i, NONE, end, abs(steer) - body.steering, x, y)
+    over = abs(speed - before[STAND_SPEED]) - body.acceleration * end
+    if over > _ALLOWED and not put_back:
+        count = _note(faults, count, world, ACCELERATION, i, NONE, end, over / end, x, y)
+    over = abs(steer - before[STAND_STEER]) - body.steering_rate * end
+    if over > _ALLOWED and not put_back:
+        count = _note(faults, count, world, STEERING_RATE, i, NONE, end, over / end, x, y)
+    return count
+
+
+@kernel
+def _drive_all(faults, count, world, before, after, put_back, seen, scene, body):
+    """Write all robots' arcs, and what is wrong with them; return the number of faults and the way [m] of all.
+
+    seen float64[4, N]: where the centre is as the step begins [m], the greatest speed of a point [m/s], and how long
+    the motion is known [s].
+    """
+    way, end = 0.0, body.pieces * body.piece
+    for i in range(before.shape[0]):
+        arc = scene.arcs[i]
+        seen[3, i] = end
+        if put_back[i]:
+            drives.stand(arc, before[i])
+            seen[3, i] = 0.0
+        else:
+            kind, over = trace(arc, before[i], after[i], scene.slack, body)
+            if kind != NONE:
+                count = _note(faults, count, world, kind, i, NONE, end, over, after[i, 0], after[i, 1])
+            if kind == JUMP:
+                seen[3, i] = 0.0
+        count = _check_limits(faults, count, world, i, before[i], after[i], put_back[i], body)
+        x, y, _, _ = body_at(scene.arcs, i, 0.0, body)
+        seen[0, i], seen[1, i], seen[2, i] = x, y, drives.top_speed(arc, body)
+        way += drives.driven(arc, body)
+    return count, way
+
+
+@kernel
+def _look_at_pairs(faults, count, world, seen, least, scene, body):
+    """Write down which robots overlap; return (faults, the least gap of two [m], at most `least`).
+
+    Robots are gone through from west to east, each with those of whom its circle and their own motion may touch.
+    """
+    order, end = np.argsort(seen[0]), body.pieces * body.piece
+    apart = 2.0 * body.radius + min(least, HORIZON)
+    most = seen[2].max() * end
+    for n in range(order.size):
+        i = order[n]
+        for m in range(n + 1, order.size):
+            j = order[m]
+            speed = seen[2, i] + seen[2, j]
+            if seen[0, j] - seen[0, i] > apart + seen[2, i] * end + most:
+                break
+            if abs(seen[1, j] - seen[1, i]) <= apart + speed * end:
+                known = min(seen[3, i], seen[3, j])
+                first, second = min(i, j), max(i, j)
+                count, least = _look(faults, count, world, ROBOT, first, second, speed, known, least, scene, body)
+    return count, least
+
+
+@kernel
+def _look_around(faults, count, world, seen, scene, body):
+    """Write down which robots overlap shelves or people; return the number of faults."""
+    end = body.pieces * body.piece
+    for i in range(seen.shape[1]):
+        speed = seen[2, i]
+        count, _ = _look(faults, count, world, SHELF, i, NONE, speed, seen[3, i], -np.inf, scene, body)
+        for j in range(scene.people.shape[0]):
+            pace = math.sqrt(scene.walked[j, 0] ** 2 + scene.walked[j, 1] ** 2)
+            dx, dy = scene.people[j, 0] - seen[0, i], scene.people[j, 1] - seen[1, i]
+            near = body.radius + PERSON_RADIUS + (speed + pace) * end
+            if dx * dx + dy * dy <= near * near:
+                known = seen[3, i]
+                count, _ = _look(faults, count, world, PERSON, i, j, speed + pace, known, -np.inf, scene, body)
+    return count
+
+
+@kernel
+def audit_step(before, after, put_back, people, walked, solid, cell, body, closest, ways, faults):
+    """Check one env step of all worlds; return how many faults were written.
+
+    before, after float64[B, N, STATE]; put_back bool[B, N]: whose motion within the step is not known; people, walked
+    float64[B, M, 2]; solid bool[W, H]: see Scene; closest float64[B] [m] and ways float64[B] [m], of each world so far,
+    are brought up to date; faults float64[K, FAULT].
+    """
+    worlds, robots = before.shape[:2]
+    count, seen = 0, np.empty((4, robots))
+    arcs = np.empty((robots, body.pieces, drives.ARC))
+    slack = drives.rounding(max(solid.shape) * cell, body)
+    for b in range(worlds):
+        scene = Scene(arcs, people[b], walked[b], solid, cell, slack)
+        count, way = _drive_all(faults, count, b, before[b], after[b], put_back[b], seen, scene, body)
+        ways[b] += way
+        count, closest[b] = _look_at_pairs(faults, count, b, seen, closest[b], scene, body)
+        count = _look_around(faults, count, b, seen, scene, body)
+    return count
