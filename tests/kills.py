@@ -33,6 +33,7 @@ os.environ["MPLBACKEND"] = "Agg"
 import tyro  # noqa: E402
 
 from train.cli import main as warehouse  # noqa: E402
+from train.learning.progress import LINE_SECONDS, tell  # noqa: E402
 from train.reporting.report import make_progress  # noqa: E402
 from train.reporting.rows import read_rows  # noqa: E402
 
@@ -183,10 +184,14 @@ def main(kills: int = 1000, seed: int = 0, only: tuple[str, ...] = tuple(COMMAND
     folder = Path(tempfile.mkdtemp(prefix="warehouse-kills-"))
     os.environ["WAREHOUSE_CACHE_DIR"] = str(folder / "cache")
     trials = [Trial(name, folder) for name in only]
+    told = time.monotonic()
     with make_progress() as progress:
         bar = progress.add_task("kills", total=kills)
         while (done := sum(trial.kills for trial in trials)) < kills:
             progress.update(bar, completed=done)
+            if progress.disable and time.monotonic() - told > LINE_SECONDS:
+                tell(f"{done} of {kills} kills")
+                told = time.monotonic()
             min(trials, key=lambda trial: trial.kills).disturb(rng)
     for trial in trials:
         trial.finish()
