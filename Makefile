@@ -6,6 +6,7 @@ VENV ?= .venv
 EXTRAS ?= render,train,orca,onnx,docs,dev
 CONSTRAINTS ?= constraints.txt
 TESTS ?= -n auto --maxprocesses 8
+KILLS ?= 1000
 DEMO ?= results/demo
 BENCH ?= results/bench.jsonl
 
@@ -19,7 +20,7 @@ COMPILING := setuptools numba gymnasium pettingzoo safetensors platformdirs tyro
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test docs clients lint format bench clean missing
+.PHONY: help setup demo test kills docs clients lint format bench clean missing
 
 help: ## list what make can do (the default)
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -32,6 +33,9 @@ demo: $(STAMP) ## compare the shipped policies: 16 robots, a table, pictures and
 
 test: $(STAMP) ## run all tests
 	$(RUN)/python -m pytest $(TESTS)
+
+kills: $(STAMP) ## kill commands KILLS times at random moments, go on, and compare what they come to
+	$(RUN)/python -m tests.kills --kills $(KILLS)
 
 docs: $(STAMP) ## build the documentation in build/docs; a warning is an error
 	$(RUN)/python -m sphinx --quiet --fail-on-warning --keep-going --fresh-env docs build/docs

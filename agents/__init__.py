@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +16,7 @@ from agents.reciprocal import Reciprocal
 from agents.rules import Rules
 from agents.weights_folder import CONFIG, Network, PolicyRecord, save_policy
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import WeightsError, unknown_name
+from warehouse_env.errors import WeightsError, shown, unknown_name
 
 __all__ = [
     "POLICIES", "WEIGHTS_FOLDER", "LearnedPolicy", "Network", "Policy", "PolicyEntry", "PolicyRecord", "make_policy",
@@ -65,10 +66,10 @@ def _entry(name_or_dir: str | Path) -> PolicyEntry:
     if name in POLICIES:
         return POLICIES[name]
     path = Path(name).expanduser()
-    if path.is_dir():
+    if os.path.isdir(path):  # which Path.is_dir raises about where a name is too long
         return PolicyEntry("a policy folder", weights=path)
     if len(path.parts) > 1 or isinstance(name_or_dir, Path):
-        raise WeightsError(f"{path} is no folder; a policy folder holds {CONFIG} and its weights")
+        raise WeightsError(f"{shown(str(path))} is no folder; a policy folder holds {CONFIG} and its weights")
     raise unknown_name("policy", name, POLICIES)
 
 

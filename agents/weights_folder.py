@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load_file, save
 
 from warehouse_env.checked import Checked, from_plain
 from warehouse_env.config import EnvConfig
@@ -75,7 +75,7 @@ def save_policy(directory: Path | str, record: PolicyRecord, tensors: Tensors) -
     directory.mkdir(parents=True, exist_ok=True)
     arrays = {name: np.ascontiguousarray(array, dtype=np.float32) for name, array in tensors.items()}
     with complete_file(directory / WEIGHTS) as part:
-        save_file(arrays, part)
+        part.write_bytes(save(arrays))  # the library's own file would be readable by its owner alone
     write_text(directory / CONFIG, json.dumps(record.to_dict(), indent=2) + "\n")
     return directory
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -48,3 +51,22 @@ def test_importing_the_package_looks() -> None:
     import warehouse_env
 
     assert (Path(warehouse_env.__file__).parent / "__pycache__" / "kernels.stamp").is_file()
+
+
+def test_where_no_folder_can_be_written_kernels_are_compiled_and_not_kept(tmp_path: Path) -> None:
+    """Root may write anywhere, so a file stands where each of Numba's folders would be."""
+    import warehouse_env
+
+    package = tmp_path / "warehouse_env"
+    shutil.copytree(Path(warehouse_env.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    for folder in [package, *(path for path in package.rglob("*") if path.is_dir())]:
+        (folder / "__pycache__").touch()
+    homes = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "IPYTHONDIR"), "/dev/null")
+    body = "import warehouse_env.simulation.simulator"
+    environment = {**os.environ, **homes, "PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", body], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("compiled kernels cannot be kept") == 1
+    assert "NUMBA_CACHE_DIR" in done.stderr

@@ -8,14 +8,18 @@ from __future__ import annotations
 import importlib
 import itertools
 import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Annotated, Any, NamedTuple, Union, get_type_hints
 
-from warehouse_env.errors import WarehouseError, unknown_name
+from warehouse_env.errors import LostError, WarehouseError, unknown_name
 
 PROGRAM = "warehouse"
-STOPPED = 130  # exit code after Ctrl-C, as shells use it
+LOST = 3  # exit code where jobs were lost
+STOPPED, TERMINATED = 130, 143  # exit codes after Ctrl-C and SIGTERM, as shells use them
 SHELLS = ("bash", "zsh", "fish")  # in which words can be completed
 
 
@@ -75,18 +79,22 @@ COMMANDS = {name: Command(*line) for name, line in _COMMANDS.items()}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command line; returns the exit code: 0, 2 for bad input (one sentence on stderr), 130 after Ctrl-C."""
+    """Run one command line; returns the exit code.
+
+    That is 0, 2 for bad input (one sentence on stderr), 3 if a job was lost, 130 after Ctrl-C, and 143 after SIGTERM.
+    """
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
-        return _run(arguments)
+        with _terminable():
+            return _run(arguments)
     except SystemExit as stop:  # tyro's own: 0 or None after --help and the like, 2 after a wrong option
         return stop.code if isinstance(stop.code, int) else 2 * (stop.code is not None)
     except KeyboardInterrupt as stop:
         print(f"{PROGRAM}: stopped" + "".join(f"; {text}" for text in stop.args), file=sys.stderr)
-        return STOPPED
+        return TERMINATED if isinstance(stop, _TerminationError) else STOPPED
     except WarehouseError as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr)
-        return 2
+        return LOST if isinstance(error, LostError) else 2
     except BrokenPipeError:  # the reader, say `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -94,6 +102,27 @@ def main(argv: Sequence[str] | None = None) -> int:
         where = f"{error.filename}: " if error.filename else ""
         print(f"{PROGRAM}: {where}{error.strerror or error}", file=sys.stderr)
         return 2
+
+
+class _TerminationError(KeyboardInterrupt):
+    """SIGTERM, by which a machine that goes down or a queue whose time is up ends a command: it stops as by Ctrl-C."""
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """Have SIGTERM stop what runs, in the main thread, where alone Python takes signals."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(number: int, frame: object) -> None:
+        raise _TerminationError
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _run(arguments: list[str]) -> int:

@@ -33,6 +33,10 @@ class WeightsError(WarehouseError):
     """A weights folder is incomplete, damaged, or made for another observation or action."""
 
 
+class LostError(WarehouseError):
+    """Jobs were lost with the processes that did them; all others are kept. The command line exits with code 3."""
+
+
 class UnsafeError(RuntimeError):
     """A robot cannot stop without touching anything, though the protective field is on: no bad input, but a fault."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import glob
 import os
 import tempfile
 from collections.abc import Iterator
@@ -26,13 +27,15 @@ def path_of(given: object, error: type[WarehouseError] = WarehouseError) -> Path
 def part_file(path: Path) -> Path:
     """Create an empty file beside `path`, with its suffix, to be written and then moved over it.
 
-    Makes missing folders; raises WarehouseError where `path` cannot be written.
+    Makes missing folders, and removes what a killed process left of an earlier attempt; raises WarehouseError where
+    `path` cannot be written.
     """
     try:
         if path.is_dir():
             raise IsADirectoryError(None, "it is a folder")
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+        _sweep(path)
+        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-{os.getpid()}-", suffix=path.suffix, dir=path.parent)
     except OSError as error:
         raise WarehouseError(f"cannot write {path}: {error.strerror or error}") from error
     # mkstemp makes the file private; a picture gets the rights of any other new file.
@@ -41,6 +44,25 @@ def part_file(path: Path) -> Path:
     os.fchmod(handle, 0o666 & ~mask)
     os.close(handle)
     return Path(name)
+
+
+def _sweep(path: Path) -> None:
+    """Remove the parts of `path` whose writers are gone."""
+    before, after = f".{path.stem}-", path.suffix
+    for part in path.parent.glob(f"{glob.escape(before)}*-*{glob.escape(after)}"):
+        writer = part.name.removeprefix(before).partition("-")[0]
+        if writer.isdecimal() and not _lives(int(writer)):
+            part.unlink(missing_ok=True)
+
+
+def _lives(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:  # of another user
+        return True
+    return True
 
 
 @contextlib.contextmanager

@@ -10,6 +10,7 @@ callers say `whole(...)` where one would give the number 0 and another an int32 
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
@@ -24,12 +25,30 @@ class _Decorator(Protocol):
         """Return what calls the compiled function."""
 
 
-_compiled: Any = numba.njit  # whose stubs leave `_nrt` out
-_EACH = {"cache": True, "error_model": "numpy", "nogil": True}
+_njit: Any = numba.njit  # whose stubs leave `_nrt` out
+_UNKEPT = (
+    "compiled kernels cannot be kept, so every start compiles them anew, for minutes: name a folder that can be "
+    "written in NUMBA_CACHE_DIR"
+)
 
-kernel: _Decorator = _compiled(**_EACH, _nrt=True)  # said, or it would take over its caller's
-part: _Decorator = _compiled(**_EACH, _nrt=False)
-inline: _Decorator = _compiled(**_EACH, forceinline=True, _nrt=False)
+
+def _compiled(**options: bool) -> _Decorator:
+    """Return a decorator that compiles, and keeps what is compiled where any folder for it can be written."""
+    each = {**options, "error_model": "numpy", "nogil": True}
+
+    def decorate(function: Function) -> Function:
+        try:
+            return _njit(**each, cache=True)(function)  # type: ignore[no-any-return]
+        except RuntimeError:  # Numba's, where neither the package's folder nor the user's can be written
+            warnings.warn(_UNKEPT, RuntimeWarning, stacklevel=1)  # once, for all have this line
+            return _njit(**each)(function)  # type: ignore[no-any-return]
+
+    return decorate
+
+
+kernel: _Decorator = _compiled(_nrt=True)  # said, or it would take over its caller's
+part: _Decorator = _compiled(_nrt=False)
+inline: _Decorator = _compiled(forceinline=True, _nrt=False)
 
 whole: Any = np.int64  # see above
 

@@ -173,6 +173,10 @@ def test_a_config_that_is_no_json_is_refused(folder: Path) -> None:
 def test_what_is_no_policy_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="unknown policy 'folow'; did you mean follow"):
         make_policy("folow", EnvConfig())
+    with pytest.raises(ConfigError, match=r"unknown policy 'xxx.*known: "):
+        make_policy("x" * 5000, EnvConfig())
+    with pytest.raises(WeightsError, match="is no folder"):
+        make_policy(Path("x" * 5000), EnvConfig())
     with pytest.raises(WeightsError, match="is no folder"):
         make_policy("runs/nothing", EnvConfig())
     with pytest.raises(WeightsError, match="not a policy folder"):

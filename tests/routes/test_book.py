@@ -414,3 +414,24 @@ def test_a_plan_that_was_damaged_on_disk_is_made_anew(middle: Cell) -> None:
     book._store.put(book._key((0, 0), (4, 4), None), np.array([(0, 0), middle, (4, 4)]))
     book._store.flush()
     assert np.array_equal(book.cells((0, 0), (4, 4)), right)
+
+
+def test_a_store_that_grows_too_large_loses_its_oldest_plans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(route_book, "LARGEST_STORE", 200_000)
+    store, cells, sizes = route_book.PlanStore(tmp_path), np.zeros((100, 2), np.int64), []
+    for number in range(20 * route_book.PENDING):  # a megabyte
+        store.put(f"plan {number}", cells)
+        if number % route_book.PENDING == 0:
+            sizes.append(sum(path.stat().st_size for path in tmp_path.iterdir()))
+    kept = [number for number in range(20 * route_book.PENDING) if store.get(f"plan {number}") is not None]
+    assert 100 < len(kept) < 220
+    assert kept == list(range(kept[0], 20 * route_book.PENDING))
+    assert max(sizes) < 300_000
+
+
+def test_stores_of_earlier_formats_are_removed(tmp_path: Path) -> None:
+    (tmp_path / "plans-1.sqlite").touch()
+    store = route_book.PlanStore(tmp_path)
+    store.put("plan", np.zeros((2, 2), np.int64))
+    store.flush()
+    assert [path.name for path in tmp_path.iterdir()] == [f"plans-{route_book.CACHE_FORMAT}.sqlite"]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -12,8 +14,10 @@ import pytest
 
 from train import cli
 from train.cli import COMMANDS, main
-from train.reporting.rows import read_rows
+from train.evaluation.jobs import Job, Result, Runner, Tick
+from train.reporting.rows import RowFile, read_rows
 from warehouse_env import __version__
+from warehouse_env.errors import LostError
 from warehouse_env.maps.layouts import LAYOUTS
 from warehouse_env.maps.movingai import EXAMPLE_MAP, read_map
 
@@ -232,6 +236,37 @@ def test_ctrl_c_ends_with_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     monkeypatch.setattr(cli, "_run", stopped)
     assert main(["plan"]) == 130
     assert capsys.readouterr().err == "warehouse: stopped\n"
+
+
+def test_a_termination_stops_as_ctrl_c_does(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def ended(arguments: list[str]) -> int:
+        with RowFile(None) as file, Runner(file) as run:
+            run([Ended()])
+        return 0
+
+    class Ended(Job):
+        titled = "ended"
+
+        def run(self, tick: Tick) -> Result:
+            os.kill(os.getpid(), signal.SIGTERM)
+            return Result([])
+
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr(cli, "_run", ended)
+    assert main(["plan"]) == 143
+    assert capsys.readouterr().err == "warehouse: stopped; no rows were kept\n"
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_lost_jobs_end_with_3(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def lost(arguments: list[str]) -> int:
+        raise LostError("a job is lost")
+
+    monkeypatch.setattr(cli, "_run", lost)
+    assert main(["plan"]) == 3
+    assert capsys.readouterr().err == "warehouse: a job is lost\n"
 
 
 def test_layouts_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

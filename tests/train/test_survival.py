@@ -108,7 +108,7 @@ def test_a_full_disk_is_one_sentence_and_the_last_checkpoint_stays(
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(checkpoint, "save_file", full)
+    monkeypatch.setattr(Path, "write_bytes", full)
     config = settings(resume=folder, progress=False)
     with pytest.raises(WarehouseError, match=r"cannot write .*No space left on device"):
         trainer.train(config)

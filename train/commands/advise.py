@@ -18,7 +18,7 @@ from train.commands.evaluate import GOES_ON
 from train.commands.layouts import check_connected
 from train.evaluation.jobs import Progress, Runner
 from train.reporting.report import make_console, make_progress, require_charts
-from train.reporting.rows import RowFile, check_writable, whole_rows
+from train.reporting.rows import RowFile, check_writable
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
@@ -81,15 +81,13 @@ class Advise(Checked):
         page = self.out / "index.html"
         check_writable(page)
         require_charts()
-        path = self.json or self.out / "rows.jsonl"
-        old = whole_rows(path) if self.resume else []
-        file = RowFile(path, keep=self.resume)
         most = min(self.most, len(grid.endpoints[2]) - 1, len(grid.free_cells) // 4)
         plan = Plan(grid, self.planner, self.seconds, self.seed, self.episodes, max(1, most))
         clock, begin = Clock(None if self.episodes else self.minutes), time.monotonic()
         with (
+            RowFile(self.json or self.out / "rows.jsonl", keep=self.resume) as file,
             self._bar(clock, file) as moved,
-            Runner(file, old, self.processes, goes_on=GOES_ON, progress=moved) as drive,
+            Runner(file, file.old(), self.processes, goes_on=GOES_ON, progress=moved) as drive,
         ):
             advice = advise(plan, drive, clock)
         loads_table(advice).print()
@@ -100,7 +98,7 @@ class Advise(Checked):
         for text in answer(advice):
             console.print(text.replace("*", "").replace("`", ""), highlight=False, soft_wrap=not console.is_terminal)
         advice_page(advice).write(page)
-        print(f"wrote {file.count:,} rows to {path} and the page to {page} in {time.monotonic() - begin:.0f} s")
+        print(f"wrote {file.count:,} rows to {file.path} and the page to {page} in {time.monotonic() - begin:.0f} s")
 
     def _floor(self) -> GridMap:
         if (self.map is None) == (self.layout is None):

@@ -16,7 +16,7 @@ from train.evaluation.rollout import MOST, Experiment, Trace, make_experiment
 from train.evaluation.scenes import SCENES, SceneJob, scene_table
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import Table, evaluation_table, require_charts
-from train.reporting.rows import Row, RowFile, check_writable, read_rows, write_text
+from train.reporting.rows import Row, RowFile, check_writable, whole_rows, write_text
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError, unknown_name
@@ -97,11 +97,10 @@ class Episodes(Drive):
         notes: RowFile | None = None,
     ) -> tuple[list[Row], list[Trace]]:  # fmt: skip
         """Play the experiments, print the table of their rows and write both; return what `play` does."""
-        path, table_path = self.rows_path, self.out / "table.md"
+        table_path = self.out / "table.md"
         check_writable(table_path)
-        old = read_rows(path) if self.resume and path.exists() else []
-        file = RowFile(path, keep=self.resume)
-        rows, traces = play(experiments, file, old, traced, self.processes, notes, GOES_ON)
+        with RowFile(self.rows_path, keep=self.resume) as file:
+            rows, traces = play(experiments, file, file.old(), traced, self.processes, notes, GOES_ON)
         table = table_of(rows)
         table.print()
         write_text(table_path, table.markdown())
@@ -143,13 +142,14 @@ class Evaluate(Episodes):
 
     def run(self) -> None:
         """Play all experiments, print the table, write rows, pictures and the report."""
-        experiments, notes = self.experiments(), None
+        experiments = self.experiments()
         if self.pictures or self.report is not None:
             require_charts()
         if self.report is not None:
             check_writable(self.report / PAGE)
-            notes = RowFile(self.report / NOTES, keep=self.resume)
-        rows, traces = self.tabulate(experiments, evaluation_table, self.pictures, notes)
+        with RowFile(self.report and self.report / NOTES, keep=self.resume) as notes:
+            noting = None if self.report is None else notes
+            rows, traces = self.tabulate(experiments, evaluation_table, self.pictures, noting)
         if self.pictures:
             from train.evaluation.pictures import evaluation_pictures
 
@@ -159,7 +159,7 @@ class Evaluate(Episodes):
         if self.report is not None:
             from train.evaluation.report_page import write_report
 
-            noted = read_rows(self.report / NOTES) if (self.report / NOTES).exists() else []
+            noted = whole_rows(self.report / NOTES)
             page = f", the report to {write_report(rows, noted, experiments, self.report, self.rows_path)}"
         print(f"wrote the rows to {self.rows_path}, the table{drawn} to {self.out}{page}")
 
@@ -222,14 +222,13 @@ class Scenes(Drive):
         for policy in self.policy:  # finds what is wrong before the start
             make_experiment(policy, base, self.seeds, self.seconds, self.seed, chosen)
         check_writable(self.out / "table.md")
-        file = RowFile(self.json or self.out / "rows.jsonl")
         seeds = range(self.seed, self.seed + self.seeds)
         jobs = [
             SceneJob(name, policy, base, self.seconds, seeds, chosen)
             for name in dict.fromkeys(self.scene)
             for policy in dict.fromkeys(self.policy)
         ]
-        with Runner(file) as run:
+        with RowFile(self.json or self.out / "rows.jsonl") as file, Runner(file) as run:
             rows = run(jobs)
         table = scene_table(rows)
         table.print()

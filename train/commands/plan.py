@@ -74,7 +74,7 @@ class PlanCommand(Checked):
             for number, task in enumerate(tasks)
             for run in range(self.runs)
         ]
-        with Runner(RowFile(self.json), hear=lambda number, run: kept.append(run)) as run:
+        with RowFile(self.json) as file, Runner(file, hear=lambda number, run: kept.append(run)) as run:
             rows = run(jobs)
         table = plan_table(rows, plan_note(rows))
         table.print()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,8 +63,8 @@ class Record(Drive):
             episode = record(experiment, lambda: progress.advance(bar))
         episode.save(self.out)
         file.add([row_of(experiment, episode) | {"out": self.out}])
-        page = self.out.with_suffix(".html")
-        print(f"wrote the episode to {self.out}; to see it: warehouse replay {self.out} --html {page}")
+        show = shlex.join(["warehouse", "replay", str(self.out), "--html", str(self.out.with_suffix(".html"))])
+        print(f"wrote the episode to {self.out}; to see it: {show}")
 
 
 def row_of(experiment: Experiment, episode: Episode) -> dict[str, object]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import shlex
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -68,7 +69,8 @@ def _end(directory: Path, json: Path | None) -> str:
     """Return the closing line: figures of the training, and what lies where."""
     training = read_record(directory).training
     command = read_record(directory).algorithm
-    rest = "" if training["spent"] >= 1 else f"; go on with `warehouse train {command} --resume {directory}`"
+    again = shlex.join(["warehouse", "train", command, "--resume", str(directory)])
+    rest = "" if training["spent"] >= 1 else f"; go on with `{again}`"
     rows = "" if json is None else f", the rows to {json}"
     return (
         f"{training['steps']:,} agent-steps in {training['seconds']:.0f} s; wrote the policy, its card and its log to "

@@ -38,7 +38,9 @@ class Episodes(Job):
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Episodes | None]:
         """Return the rows that stand, and the experiment of the missing episodes."""
         one = self.experiment
-        found = {row["episode"]: row for row in rows if row["seed"] == one.seed + row["episode"]}
+        by_seed = {row.get("seed"): row for row in rows}
+        drawn = ((k, by_seed.get(one.seed + k, {})) for k in one.episodes)
+        found = {k: row for k, row in drawn if row.get("episode") == k}
         missing = tuple(k for k in one.episodes if k not in found)
         rest = dataclasses.replace(self, experiment=dataclasses.replace(one, episodes=missing)) if missing else None
         return [found[k] for k in one.episodes if k in found], rest
@@ -68,9 +70,9 @@ def play(
 ) -> tuple[list[Row], list[Trace]]:  # fmt: skip
     """Play experiments, and write the rows of each as soon as it ends.
 
-    Episodes whose rows are among `old` are not played again. notes: the file for what `Places` notes of the others.
-    goes_on: see `Runner`. Returns all rows in the order of the experiments, and if `traced` the traces of the first
-    episodes played.
+    Episodes whose rows are among `old` are not played again. notes: the file for what `Places` notes of the others,
+    where a stop may leave some without their rows. goes_on: see `Runner`. Returns all rows in the order of the
+    experiments, and if `traced` the traces of the first episodes played.
     """
     traces: dict[int, Trace] = {}
 

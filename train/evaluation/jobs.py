@@ -9,14 +9,20 @@ from __future__ import annotations
 import contextlib
 import json
 import multiprocessing
+import os
 import random
 import signal
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
+import threading
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import Connection
 from typing import Any, ClassVar, NamedTuple
 
 from train.reporting.report import make_progress
-from train.reporting.rows import Row, RowFile, whole_rows, write_rows
+from train.reporting.rows import Row, RowFile, write_rows
+from warehouse_env.errors import LostError
 
 _WAIT = 0.2  # [s] between two looks at the processes
 
@@ -63,6 +69,9 @@ class Job:
         raise NotImplementedError
 
 
+_Numbered = tuple[int, Job]
+
+
 class Known:
     """Rows by what they have in common, to find those of a job again."""
 
@@ -95,7 +104,7 @@ class Known:
 
 def of_all_runs(rows: Sequence[Row], runs: int) -> list[Row]:
     """Return the row of each run, none at all where one is missing."""
-    own = {row["run"]: row for row in rows}
+    own = {row.get("run"): row for row in rows}
     return [own[run] for run in range(runs)] if all(run in own for run in range(runs)) else []
 
 
@@ -103,31 +112,31 @@ def _key(row: Row, names: Sequence[str]) -> str:
     return json.dumps([row.get(name) for name in names], sort_keys=True)
 
 
-def go_on(
-    path: Path, jobs: Sequence[Job], ours: Callable[[Row], bool], fresh: bool = False
-) -> tuple[RowFile, list[Row]]:
-    """Return the file at `path` and its rows that stand, as a `Runner` takes them; say how many jobs are done.
+def go_on(file: RowFile, jobs: Sequence[Job], ours: Callable[[Row], bool], fresh: bool = False) -> list[Row]:
+    """Return the rows of a file that stand, as a `Runner` takes them; say how many jobs are done.
 
     Rows that are `ours` but of no job, made by other code or from other seeds, are taken out of the file; fresh: all
     that are ours.
     """
-    old = whole_rows(path)
+    old = file.old()
     known = Known([] if fresh else old)
     done = [job.left(known.of(job)) for job in jobs]
     kept = [row for rows, _ in done for row in rows]
     good = [*(row for row in old if not ours(row)), *kept]
-    if len(good) < len(old):
-        write_rows(path, good)
+    if file.path is not None and len(good) < len(old):
+        write_rows(file.path, good)
     whole = sum(left is None for _, left in done)
     if whole:
-        print(f"{whole} of {len(jobs)} jobs are kept from {path}; --fresh does them again")
-    return RowFile(path, keep=True), kept
+        print(f"{whole} of {len(jobs)} jobs are kept from {file.path}; --fresh does them again")
+    return kept
 
 
 class Runner:
     """Does jobs whose rows are not there yet, and writes them as each ends; a context, which ends the processes.
 
-    Errors of a job are raised as they are. On Ctrl-C the KeyboardInterrupt says which rows are kept.
+    Errors of a job are raised as they are. On Ctrl-C the KeyboardInterrupt says which rows are kept. A job whose
+    process is killed, say for its memory, is done once more with nothing beside it; if that is killed as well,
+    LostError names it, after all other jobs.
     """
 
     def __init__(
@@ -139,23 +148,22 @@ class Runner:
         processes: jobs at a time, each in a process of its own; in this one if it is 1. goes_on: how a stopped command
         goes on, if it does. mixed: do jobs by chance, always the same, so that the time that is left can be told from
         what is done. progress: hears how far the jobs are; a bar on stderr if left out. hear: told a job's number and
-        what it made besides rows, after these are written.
+        what it made besides rows, before these are written, so that no rows stand without it.
         """
         self._file, self._known, self._processes = file, Known(old), processes
         self._goes_on, self._mixed, self._progress, self._hear = goes_on, mixed, progress, hear
-        self._pool = contextlib.ExitStack()
-        self._workers: _Workers | None = None
+        self._workers = _Workers(processes)
 
     def __enter__(self) -> Runner:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._pool.close()
+        self._workers.close()
 
     def __call__(self, jobs: Sequence[Job]) -> list[Row]:
         """Return the rows of all jobs, in their order."""
         rows: dict[int, list[Row]] = {}
-        missing: list[tuple[int, Job]] = []
+        missing: list[_Numbered] = []
         for number, job in enumerate(jobs):
             stand, left = job.left(self._known.of(job))
             rows[number] = list(stand)
@@ -166,23 +174,21 @@ class Runner:
         try:
             with _shown(sum(job.size for _, job in missing), self._progress) as moved:
                 for number, result in self._done(missing, moved):
+                    self._hear(number, result.more)
                     self._file.add(result.rows)
                     self._known.add(result.rows)
-                    self._hear(number, result.more)
                     rows[number] += result.rows
-        except KeyboardInterrupt:
-            more = [self._goes_on] * bool(self._goes_on and self._file.count)
-            raise KeyboardInterrupt(self._file.kept(), *more) from None
+        except KeyboardInterrupt as stop:
+            raise type(stop)(*self._left_behind()) from None
+        except LostError as error:
+            raise LostError("; ".join([str(error), *self._left_behind()])) from None
         return [row for number in sorted(rows) for row in rows[number]]
 
-    def _done(self, missing: Sequence[tuple[int, Job]], moved: Progress) -> Iterator[tuple[int, Result]]:
-        count = min(self._processes, len(missing))
-        if count <= 1:
-            return _in_turn(missing, moved)
-        if self._workers is None or self._workers.processes < count:
-            self._pool.close()
-            self._workers = self._pool.enter_context(_workers(count))
-        return self._workers.each(missing, moved)
+    def _left_behind(self) -> list[str]:
+        return [self._file.kept(), *([self._goes_on] if self._goes_on and self._file.count else [])]
+
+    def _done(self, missing: Sequence[_Numbered], moved: Progress) -> Iterator[tuple[int, Result]]:
+        return _in_turn(missing, moved) if self._processes == 1 else self._workers.each(missing, moved)
 
 
 @contextlib.contextmanager
@@ -195,7 +201,7 @@ def _shown(size: float, progress: Progress | None) -> Iterator[Progress]:
         yield lambda done, title: bars.update(bar, completed=done, description=title)
 
 
-def _in_turn(jobs: Sequence[tuple[int, Job]], moved: Progress) -> Iterator[tuple[int, Result]]:
+def _in_turn(jobs: Sequence[_Numbered], moved: Progress) -> Iterator[tuple[int, Result]]:
     done = 0.0
     for number, job in jobs:
         moved(done, job.title)
@@ -204,61 +210,99 @@ def _in_turn(jobs: Sequence[tuple[int, Job]], moved: Progress) -> Iterator[tuple
         moved(done, job.title)
 
 
-class _Workers(NamedTuple):
-    """A pool of processes, and what they share: the size that is done."""
+class _Workers:
+    """Processes that do jobs, begun when they are needed, and anew after one was killed, which ends the others, too."""
 
-    pool: Any
-    done: Any
-    processes: int
+    def __init__(self, processes: int) -> None:
+        self._processes = processes
+        self._done = 0.0  # size of the jobs that are over
+        self._parts: Any = None  # how much of its job each has done, shared with them
+        self._pool: ProcessPoolExecutor | None = None
+        self._opened = contextlib.ExitStack()
 
-    def each(self, jobs: Sequence[tuple[int, Job]], moved: Progress) -> Iterator[tuple[int, Result]]:
-        """Yield number and result of each job as it ends."""
-        self.done.value = 0.0
-        results = self.pool.imap_unordered(_work, jobs)
-        titles = {number: job.title for number, job in jobs}
+    def close(self) -> None:
+        """End all processes, whatever they are at."""
+        self._pool = None
+        self._opened.close()
+
+    def each(self, jobs: Sequence[_Numbered], moved: Progress) -> Iterator[tuple[int, Result]]:
+        """Yield number and result of each job as it ends; after all, LostError names those that killed a process."""
+        waiting, lost = deque(jobs), list[_Numbered]()
+        self._done = 0.0
+        while waiting:
+            suspects = yield from self._together(waiting, self._processes, moved)
+            for suspect in suspects:
+                lost += yield from self._together(deque([suspect]), 1, moved)
+        if lost:
+            named = "; ".join(job.title for _, job in lost)
+            raise LostError(f"{len(lost)} of {len(jobs)} jobs killed their process twice, at last done alone: {named}")
+
+    def _together(
+        self, waiting: deque[_Numbered], most: int, moved: Progress
+    ) -> Generator[tuple[int, Result], None, list[_Numbered]]:
+        """Do what waits, up to `most` at a time, until a process is killed; return what was under way then."""
+        free, broken = list(range(most)), list[_Numbered]()
+        under_way: dict[Future[Result], tuple[int, _Numbered]] = {}
         title = ""
-        while True:
-            with contextlib.suppress(multiprocessing.TimeoutError):
+        while under_way or (waiting and not broken):
+            while free and waiting and not broken:
+                slot, one = free.pop(), waiting.popleft()
                 try:
-                    number, result = results.next(timeout=_WAIT)
-                except StopIteration:
-                    return
-                title = titles[number]
+                    under_way[self._begun().submit(_work, one[1], slot)] = slot, one
+                except BrokenProcessPool:
+                    broken.append(one)
+            for future in wait(under_way, _WAIT, FIRST_COMPLETED).done:
+                slot, (number, job) = under_way.pop(future)
+                self._parts[slot] = 0.0
+                try:
+                    result = future.result()
+                except BrokenProcessPool:
+                    broken.append((number, job))
+                    continue
+                free.append(slot)
+                self._done += job.size
+                title = job.title
                 yield number, result
-            moved(self.done.value, f"{self.processes} processes · {title}")
+            moved(self._done + sum(self._parts), f"{self._processes} processes · {title}")
+        if broken:
+            self.close()
+        return broken
+
+    def _begun(self) -> ProcessPoolExecutor:
+        if self._pool is None:
+            context = multiprocessing.get_context("spawn")  # a fork would inherit locks and threads in an unknown state
+            self._parts = context.RawArray("d", self._processes)  # no lock, which a killed process could keep
+            end, ours = context.Pipe(duplex=False)
+            pool = ProcessPoolExecutor(self._processes, context, _set_up, (self._parts, end))
+            for close in (end.close, pool.shutdown, ours.close):  # in the end the last one comes first
+                self._opened.callback(close)
+            self._pool = pool
+        return self._pool
 
 
-@contextlib.contextmanager
-def _workers(count: int) -> Iterator[_Workers]:
-    context = multiprocessing.get_context("spawn")  # a fork would inherit locks and threads in an unknown state
-    done = context.Value("d", 0.0)
-    with context.Pool(count, _set_up, (done,)) as pool:
-        yield _Workers(pool, done, count)
+_parts: Any = None  # of a worker process: `_Workers._parts`
 
 
-_done: Any = None  # of a worker process: the size that is done, shared by all
-
-
-def _set_up(done: Any) -> None:
+def _set_up(parts: Any, end: Connection) -> None:
     """Begin a worker process: one thread, and Ctrl-C is left to the parent, which then ends all."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(end,), daemon=True).start()
     from warehouse_env.threads import set_num_threads
 
-    global _done
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    global _parts
     set_num_threads(1)
-    _done = done
+    _parts = parts
 
 
-def _work(numbered: tuple[int, Job]) -> tuple[int, Result]:
-    number, job = numbered
-    counted = 0.0
+def _end_with(end: Connection) -> None:
+    """End this process when the parent closes its end of the pipe, be it that it was killed."""
+    with contextlib.suppress(EOFError, OSError):
+        end.recv_bytes()
+    os._exit(1)
 
+
+def _work(job: Job, slot: int) -> Result:
     def tick(part: float) -> None:
-        nonlocal counted
-        with _done.get_lock():
-            _done.value += part - counted
-        counted = part
+        _parts[slot] = part
 
-    result = job.run(tick)
-    tick(job.size)
-    return number, result
+    return job.run(tick)

@@ -26,10 +26,10 @@ def write_report(
 ) -> Path:
     """Write the page, the replays beside it, and a copy of the rows where they are elsewhere; return the page.
 
-    notes: of all or some of the episodes; those of other episodes are left out.
+    notes: of all or some of the episodes; those of other episodes are left out, and all but one of the same episode.
     """
-    known = {values_of(row, KEY) for row in rows}
-    notes = [note for note in notes if values_of(note, KEY) in known]
+    known, noted = {values_of(row, KEY) for row in rows}, {values_of(note, KEY): note for note in notes}
+    notes = [note for key, note in noted.items() if key in known]
     worst = worst_episodes(rows, WORST)
     with make_progress() as progress:
         bar = progress.add_task("replays of the worst episodes", total=len(worst))

@@ -9,6 +9,7 @@ from typing import Any
 
 from agents.weights_folder import PolicyRecord, read_record
 from train.learning.config import HELD_OUT_SEED
+from train.reporting.report import no_html
 from train.reporting.rows import Row, mean_interval, write_text
 
 CARD = "CARD.md"
@@ -82,7 +83,8 @@ def _action(record: PolicyRecord) -> str:
 def _settings(record: PolicyRecord) -> str:
     training = record.training
     lines = ["## How it was trained", "", "| option | value |", "|---|---|"]
-    lines += [f"| {name} | {value} |" for name, value in training.get("config", {}).items() if name not in ("out",)]
+    config = training.get("config", {})
+    lines += [f"| {name} | {no_html(str(value))} |" for name, value in config.items() if name not in ("out",)]
     lines += [f"| {name} (version) | {value} |" for name, value in training.get("versions", {}).items()]
     figures = training.get("last_figures", {})
     if figures:
@@ -102,7 +104,7 @@ def _measured(rows: Sequence[Row]) -> str:
     lines = [head, "", "Held-out seeds; means over episodes with 95% intervals.", ""]
     lines += ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
     for key, group in groups.items():
-        cells = [Path(str(value)).name for value in key] + [str(len(group))]  # a map by its file's name
+        cells = [no_html(Path(str(value)).name) for value in key] + [str(len(group))]  # a map by its file's name
         cells += [_cell([row.get(name) for row in group]) for name in _FIGURES]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
@@ -117,7 +119,7 @@ def _cell(values: list[Any]) -> str:
 
 
 def _list(values: Any) -> str:
-    return ", ".join(str(value) for value in values or ("?",))
+    return ", ".join(no_html(str(value)) for value in values or ("?",))
 
 
 def _limits(record: PolicyRecord) -> str:

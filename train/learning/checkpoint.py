@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load_file, save
 
 from train.reporting.rows import write_text
 from warehouse_env.errors import WeightsError, shown
@@ -47,10 +47,10 @@ def write(directory: Path, arrays: Arrays, data: Mapping[str, Any]) -> None:
     """
     name = f"arrays-{data['update']}.safetensors"
     with complete_file(directory / name) as part:
-        save_file({key: np.ascontiguousarray(array) for key, array in arrays.items()}, part)
+        part.write_bytes(save({key: np.ascontiguousarray(array) for key, array in arrays.items()}))
     write_text(directory / _STATE, json.dumps({"format": FORMAT, "arrays": name, **data}, indent=2) + "\n")
-    for old in directory.glob("arrays-*.safetensors"):
-        if old.name != name:
+    for old in directory.iterdir():  # also what was left of one that was being written
+        if old.suffix == ".safetensors" and old.name != name:
             old.unlink(missing_ok=True)
 
 

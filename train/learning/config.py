@@ -127,7 +127,7 @@ class TrainingConfig(Checked):
         self._between(1, _MOST_SAMPLES, "minibatch")
         for name, most in (("layouts", 100), ("robots", 100), ("hidden", 16)):
             self._require(1 <= len(getattr(self, name)) <= most, name, f"1 to {most} values")
-        plain = bool(self.name) and Path(self.name).name == self.name
+        plain = Path(self.name).name == self.name not in ("", "..")
         self._require(plain, "name", "a plain folder name; the folder around it is --out")
 
     @property

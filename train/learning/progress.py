@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any, Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from train.reporting.rows import RowFile, read_rows
+from train.reporting.rows import RowFile, whole_rows, write_rows
 
 ROWS = "progress.jsonl"
 LOG_SECONDS = 5.0  # between two rows
@@ -33,9 +34,8 @@ class ProgressLog:
     def __init__(self, directory: Path, show: bool, steps: int) -> None:
         """Open the log of the run in `directory`; `steps` are those done before, later rows of a broken run go."""
         path = directory / ROWS
-        before = [row for row in read_rows(path) if row["steps"] <= steps] if path.is_file() and steps else []
-        self._rows = RowFile(path)
-        self._rows.add(before)
+        write_rows(path, [row for row in whole_rows(path) if row.get("steps", math.inf) <= steps])
+        self._rows = RowFile(path, keep=True)
         self.last: dict[str, float] = {}
         self._console = Console(stderr=True)
         self._bare = not (show and self._console.is_terminal)

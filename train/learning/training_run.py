@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import importlib.metadata
 import os
+import shlex
 import signal
 import threading
 import time
@@ -23,11 +24,14 @@ from train.learning.card import write_card
 from train.learning.config import TrainingConfig
 from train.learning.progress import ProgressLog, tell
 from train.learning.timing import Split
+from train.reporting.lock import held
+from train.reporting.rows import check_writable
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, WeightsError
 from warehouse_env.simulation.simulator import Simulator
 
 CHECKPOINT = "checkpoint"
+_LOCK = ".lock"  # in a run's folder, while it is trained in
 _FREE_ON_RESUME = ("resume", "progress")  # what may differ without changing the schedule
 
 ConfigT = TypeVar("ConfigT", bound=TrainingConfig)
@@ -106,16 +110,21 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
     """Train until the budget is used or a stop is asked for; return the run's folder, which is a policy folder.
 
     Raises ConfigError if the folder holds a run already and `resume` is not given, WeightsError if the run to go on
-    with has no usable checkpoint or is of another algorithm.
+    with has no usable checkpoint or is of another algorithm, WarehouseError if another process trains in the folder or
+    it cannot be written.
     """
-    config, saved = _begin(config, algorithm)
-    tell(_beginning(config))
-    trainer = make(config)
-    position = Position()
-    if saved is not None:
-        trainer.load(saved.arrays)
-        position = Position(**{f.name: saved.data[f.name] for f in dataclasses.fields(Position)})
     with ExitStack() as stack:
+        if config.resume is None:
+            check_writable(config.directory / CONFIG)
+        if config.resume is None or config.resume.is_dir():  # else there is nothing to go on with, which _begin says
+            stack.enter_context(held(config.directory / _LOCK, config.directory))
+        config, saved = _begin(config, algorithm)
+        tell(_beginning(config))
+        trainer = make(config)
+        position = Position()
+        if saved is not None:
+            trainer.load(saved.arrays)
+            position = Position(**{f.name: saved.data[f.name] for f in dataclasses.fields(Position)})
         stop = stack.enter_context(_stop_signal())
         log = stack.enter_context(ProgressLog(config.directory, config.progress, position.steps))
         if saved is None:
@@ -149,7 +158,8 @@ def _begin(config: ConfigT, algorithm: str) -> tuple[ConfigT, checkpoint.Checkpo
     directory = config.directory
     if config.resume is None:
         if checkpoint.exists(directory / CHECKPOINT) or (directory / CONFIG).exists():
-            raise ConfigError(f"{directory} holds a training already: go on with --resume {directory}, or use --name")
+            again = shlex.quote(str(directory))
+            raise ConfigError(f"{directory} holds a training already: go on with --resume {again}, or use --name")
         return config, None
     saved = checkpoint.read(directory / CHECKPOINT)
     try:

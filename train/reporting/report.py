@@ -44,13 +44,19 @@ class Table:
     def markdown(self) -> str:
         """Return the table as Markdown."""
         rule = ["--:" if self.numeric(index) else "---" for index in range(len(self.header))]
-        lines = [" | ".join(row) for row in (self.header, rule, *self.cells)]
+        lines = [" | ".join(map(no_html, row)) for row in (self.header, rule, *self.cells)]
         body = "\n".join(f"| {line} |" for line in lines)
-        return f"### {self.title}\n\n{body}\n" + ("".join(f"\n{line.strip()}\n" for line in self.note.splitlines()))
+        note = "".join(f"\n{line.strip()}\n" for line in self.note.splitlines())
+        return f"### {no_html(self.title)}\n\n{body}\n{note}"
 
     def numeric(self, index: int) -> bool:
         """Return whether a column holds numbers, which are read from the right."""
         return any(row[index][:1] in "-+0123456789" for row in self.cells if row[index])
+
+
+def no_html(text: str) -> str:
+    """Return text for a cell of a Markdown table in which names are no tags and end no cell."""
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace("|", "\\|")
 
 
 def make_console(file: TextIO) -> Console:

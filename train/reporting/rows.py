@@ -9,11 +9,13 @@ import json
 import math
 import os
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from train.reporting.lock import held
 from warehouse_env.errors import WarehouseError
 from warehouse_env.files import complete_file
 
@@ -38,21 +40,37 @@ def plain(value: Any) -> Any:
 class RowFile:
     """A JSON-lines file that grows by whole rows; it is opened at the first row, so bad input leaves it as it was.
 
-    With `path` None the rows are only counted. With `keep` rows that stand there already stay.
+    With `path` None the rows are only counted. With `keep` rows that stand there already stay. A command that adds rows
+    over some time does so in its context, in which no other command can: WarehouseError says who is at it.
     """
 
     def __init__(self, path: Path | None, keep: bool = False) -> None:
         self.path = path
         self.count = 0
         self._keep = keep
+        self._lock = ExitStack()
         if path is not None:
             check_writable(path)
+
+    def __enter__(self) -> Self:
+        if self.path is not None:
+            self._lock.enter_context(held(self.path.with_name(f".{self.path.name}.lock"), self.path))
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._lock.close()
+
+    def old(self) -> list[Row]:
+        """Return the rows that stand there already and stay (errors: `whole_rows`)."""
+        return whole_rows(self.path) if self._keep and self.path is not None else []
 
     def add(self, rows: Iterable[Row]) -> None:
         """Append `rows` in one write and hand them to the disk."""
         lines = [json.dumps(plain(row), allow_nan=False) + "\n" for row in rows]
         if self.path is not None and lines:
             self.path.parent.mkdir(parents=True, exist_ok=True)
+            if self._keep and not self.count:
+                _cut_torn_line(self.path)  # else its rest and the first row would become one line
             with self.path.open("a" if self._keep or self.count else "w", encoding="utf-8") as file:
                 file.write("".join(lines))
         self.count += len(lines)
@@ -104,10 +122,15 @@ def whole_rows(path: Path) -> list[Row]:
     """Return the rows of a file and cut off a last line that a stop left unfinished; none where there is no file."""
     if not path.exists():
         return []
-    text = _read_text(path)
-    if not text.endswith("\n"):
-        write_text(path, text[: text.rfind("\n") + 1])
+    _cut_torn_line(path)
     return read_rows(path)
+
+
+def _cut_torn_line(path: Path) -> None:
+    if path.is_file():
+        content = path.read_bytes()
+        if not content.endswith(b"\n"):
+            os.truncate(path, content.rfind(b"\n") + 1)
 
 
 def write_rows(path: Path, rows: Iterable[Row]) -> None:

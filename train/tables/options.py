@@ -13,7 +13,7 @@ from train.evaluation.episodes import play
 from train.evaluation.jobs import Job, Runner, go_on
 from train.evaluation.rollout import MOST, Experiment
 from train.reporting.report import Table
-from train.reporting.rows import Row, RowFile, check_writable, whole_rows, write_text
+from train.reporting.rows import Row, RowFile, check_writable, write_text
 from warehouse_env.checked import Checked
 
 PAGE = "README.md"
@@ -59,18 +59,18 @@ class StudyOptions(Checked):
 
     def drive(self, experiments: Sequence[Experiment]) -> list[Row]:
         """Return the rows of experiments, in their order; those that the file holds are not driven again."""
-        file = RowFile(self.rows_path, keep=not self.fresh)
-        old = [] if self.fresh else whole_rows(self.rows_path)
-        return play(experiments, file, old, processes=self.processes, goes_on=GOES_ON)[0]
+        with RowFile(self.rows_path, keep=not self.fresh) as file:
+            return play(experiments, file, file.old(), processes=self.processes, goes_on=GOES_ON)[0]
 
     def rows_of(self, jobs: Sequence[Job], ours: Callable[[Row], bool]) -> list[Row]:
         """Return the rows of jobs, in their order; those that the file holds are not done again.
 
         ours: which rows of the file go where no job has them, for they were made by other code or from other seeds.
         """
-        file, kept = go_on(self.rows_path, jobs, ours, self.fresh)
-        with Runner(file, kept, self.processes, goes_on=GOES_ON, mixed=True) as run:
-            return run(jobs)
+        with RowFile(self.rows_path, keep=True) as file:
+            kept = go_on(file, jobs, ours, self.fresh)
+            with Runner(file, kept, self.processes, goes_on=GOES_ON, mixed=True) as run:
+                return run(jobs)
 
     def written(self, begin: float) -> str:
         """Say what was written in the time since `begin`, as time.perf_counter counts."""

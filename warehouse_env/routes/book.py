@@ -29,7 +29,8 @@ from warehouse_env.portable import Portable
 from warehouse_env.routes.lanes import drivable_line
 from warehouse_env.threads import get_num_threads
 
-CACHE_FORMAT = 2  # raised whenever a planner's result changes for the same key
+CACHE_FORMAT = 3  # raised whenever a planner's result changes for the same key, and when the table does
+LARGEST_STORE = 256 * 2**20  # [bytes] of plans on disk, about 200,000; a quarter of them, the oldest, then goes
 WORTH_KEEPING = 0.002  # [s] a plan must have taken to be kept on disk
 MEMORY = 200_000  # routes kept in memory
 PENDING = 64  # plans written to disk at once
@@ -78,12 +79,14 @@ class _Database:
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             file = self._folder / f"plans-{CACHE_FORMAT}.sqlite"
+            for former in set(self._folder.glob("plans-*.sqlite")) - {file}:
+                former.unlink(missing_ok=True)
             connection = sqlite3.connect(file, timeout=5.0, check_same_thread=False)
         except (OSError, ValueError, sqlite3.Error):  # ValueError: an error that is no UTF-8
             return None
         try:
             connection.execute("PRAGMA synchronous=OFF")
-            connection.execute("CREATE TABLE IF NOT EXISTS plan (key TEXT PRIMARY KEY, cells BLOB) WITHOUT ROWID")
+            connection.execute("CREATE TABLE IF NOT EXISTS plan (age INTEGER PRIMARY KEY, key TEXT UNIQUE, cells BLOB)")
         except (ValueError, sqlite3.Error):
             connection.close()
             return None
@@ -128,7 +131,17 @@ def _write(database: _Database, pending: list[tuple[str, bytes]]) -> None:
     with database.connection() as connection:
         if connection is not None:
             with contextlib.suppress(ValueError, sqlite3.Error), connection:
-                connection.executemany("INSERT OR REPLACE INTO plan VALUES (?, ?)", plans)
+                connection.executemany("INSERT OR REPLACE INTO plan (key, cells) VALUES (?, ?)", plans)
+                _evict(connection)
+
+
+def _evict(connection: sqlite3.Connection) -> None:
+    """Drop the oldest plans of a store that has grown too large; what comes next takes their place in the file."""
+    pages, free, size = (
+        connection.execute(f"PRAGMA {what}").fetchone()[0] for what in ("page_count", "freelist_count", "page_size")
+    )
+    if (pages - free) * size > LARGEST_STORE:
+        connection.execute("DELETE FROM plan WHERE age <= (SELECT min(age) + (max(age) - min(age)) / 4 FROM plan)")
 
 
 def _finish(database: _Database, pending: list[tuple[str, bytes]]) -> None:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
+import tracemalloc
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.lib import format as npy
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WarehouseError
@@ -135,3 +139,21 @@ def test_a_missing_file_and_a_pickle_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "pickle.npz", about=np.array([{"format": 1}], dtype=object))
     with pytest.raises(WarehouseError, match="no complete episode file"):
         Episode.load(tmp_path / "pickle.npz")
+
+
+@pytest.mark.parametrize("name", ["about", "occupied", "height", "picks", "one_way", "seeds", "actions", "pose"])
+def test_what_claims_too_much_is_refused_before_it_is_inflated(name: str, tmp_path: Path) -> None:
+    """Gigabytes of zeros would be megabytes in the file; here it ends where they begin."""
+    _recorded("discrete", 20)[0].save(tmp_path / "good.npz")
+    claimed = io.BytesIO()
+    npy.write_array_header_1_0(claimed, {"descr": "|u1", "fortran_order": False, "shape": (3_000_000, 1_000)})
+    with zipfile.ZipFile(tmp_path / "good.npz") as good, zipfile.ZipFile(tmp_path / "bad.npz", "w") as bad:
+        for member in good.namelist():
+            bad.writestr(member, claimed.getvalue() if member == f"{name}.npy" else good.read(member))
+    tracemalloc.start()
+    try:
+        with pytest.raises(WarehouseError, match=r"no complete episode file: .*(shape|array)"):
+            Episode.load(tmp_path / "bad.npz")
+        assert tracemalloc.get_traced_memory()[1] < 8_000_000
+    finally:
+        tracemalloc.stop()

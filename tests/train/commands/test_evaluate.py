@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -175,6 +176,36 @@ def test_resume_plays_only_what_is_missing(tmp_path: Path, monkeypatch: pytest.M
     resumed = read_rows(tmp_path / "rows.jsonl")
     assert main(command(tmp_path / "fresh", "--policy", "brake", "follow", "--episodes", "2")) == 0
     assert timeless(resumed) == timeless(read_rows(tmp_path / "fresh" / "rows.jsonl"))
+
+
+@pytest.mark.parametrize("damage", ["a byte", "half a row", "a row and a half", "a row without its episode", "all"])
+def test_a_cut_file_is_resumed_to_the_same_rows(damage: str, tmp_path: Path) -> None:
+    options = ["--policy", "brake", "follow", "--episodes", "2"]
+    assert main(command(tmp_path, *options)) == 0
+    path = tmp_path / "rows.jsonl"
+    whole, rows = path.read_text(), read_rows(path)
+    lines = whole.splitlines(keepends=True)
+    path.write_text({
+        "a byte": whole[:-1],
+        "half a row": whole[: -len(lines[3]) // 2],
+        "a row and a half": whole[: len(lines[0]) + len(lines[1]) // 2],
+        "a row without its episode": whole.replace('"episode": 1, ', "", 1),
+        "all": "",
+    }[damage])  # fmt: skip
+    assert main(command(tmp_path, *options, "--resume")) == 0
+    resumed = [row for row in read_rows(path) if "episode" in row]
+    assert sorted(timeless(resumed), key=str) == sorted(timeless(rows), key=str)
+    assert (tmp_path / "table.md").read_text().count("| 2 |") == 4  # robots, and episodes, of two policies
+
+
+def test_a_file_that_another_command_writes_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with RowFile(tmp_path / "rows.jsonl") as file:
+        file.add([{"its": 1}])
+        for options in ([], ["--resume"]):
+            assert main(command(tmp_path, "--policy", "brake", *options)) == 2
+            said = f"warehouse: {tmp_path / 'rows.jsonl'} is in use by process {os.getpid()}, since"
+            assert capsys.readouterr().err.startswith(said)
+    assert read_rows(tmp_path / "rows.jsonl") == [{"its": 1}]
 
 
 def test_processes_give_the_same_rows(tmp_path: Path) -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import signal
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,6 +15,9 @@ from train.cli import main
 from train.commands.training import TrainReinforce
 from train.learning import checkpoint, progress
 from train.learning.config import ReinforceConfig
+from train.reinforce import Reinforce
+from train.reporting.lock import held
+from warehouse_env.errors import ConfigError
 from warehouse_env.maps.movingai import EXAMPLE_MAP
 
 SMALL = (
@@ -73,3 +79,67 @@ def test_a_map_file_is_a_floor_to_train_on(tmp_path: Path, capsys: pytest.Captur
     record = read_record(tmp_path / "reinforce")
     assert record.env.map_file == str(floor)
     assert record.training["config"]["layouts"] == [str(floor), "open"]
+
+
+def test_one_process_trains_in_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    train(capsys, "--layouts", "open", "--steps", "24", "--out", str(tmp_path), "--name", "mine")
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    with held(tmp_path / "mine" / ".lock", tmp_path / "mine"):
+        for again in (["--resume", str(tmp_path / "mine")], ["--out", str(tmp_path), "--name", "mine"]):
+            assert main(["train", "reinforce", *again]) == 2
+            said = f"warehouse: {tmp_path / 'mine'} is in use by process {os.getpid()}, since"
+            assert capsys.readouterr().err.startswith(said)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+def test_stopped_before_the_first_row_it_says_how_to_go_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The stop comes in the first update, as the row would after 5 s or at the end."""
+    update = Reinforce.update
+
+    def stopped(*arguments: Any) -> dict[str, float]:
+        os.kill(os.getpid(), signal.SIGINT)
+        return update(*arguments)
+
+    monkeypatch.setattr(Reinforce, "update", stopped)
+    out, _ = train(capsys, "--layouts", "open", "--steps", "96", "--out", str(tmp_path / "of us"), "--name", "mine")
+    assert out[0].endswith(f"go on with `warehouse train reinforce --resume '{tmp_path / 'of us' / 'mine'}'`")
+    monkeypatch.undo()
+    assert main(["train", "reinforce", "--resume", str(tmp_path / "of us" / "mine")]) == 0
+    assert capsys.readouterr().out.startswith("96 agent-steps")
+
+
+def test_a_torn_row_of_the_progress_is_cut_off(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    train(capsys, "--layouts", "open", "--steps", "24", "--out", str(tmp_path), "--name", "mine")
+    rows = tmp_path / "mine" / "progress.jsonl"
+    whole = rows.read_text()
+    rows.write_text(whole + whole[:20])
+    assert main(["train", "reinforce", "--resume", str(tmp_path / "mine")]) == 0
+    assert rows.read_text() == whole
+
+
+def test_where_nothing_can_be_written_it_is_said_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Reinforce, "__init__", lambda *_: pytest.fail("it plans and compiles first"))
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != tmp_path)
+    for out in (tmp_path / "file", tmp_path / "new"):
+        assert main(["train", "reinforce", "--out", str(out)]) == 2
+        assert "is no folder that can be written to" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("name", ["..", ".", "", "a/b", "../a"])
+def test_a_name_is_that_of_a_folder_in_out(name: str) -> None:
+    with pytest.raises(ConfigError, match="plain folder name"):
+        ReinforceConfig(name=name)
+
+
+def test_all_files_of_a_run_have_the_rights_of_any_new_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "new").touch()
+    train(capsys, "--layouts", "open", "--steps", "24", "--out", str(tmp_path), "--name", "mine")
+    files = {path.name: path.stat().st_mode for path in tmp_path.rglob("*") if path.is_file()}
+    assert len(files) > 6
+    assert set(files.values()) == {files["new"]}

@@ -19,6 +19,7 @@ def test_a_page_holds_all_that_it_is_given(tmp_path: Path) -> None:
     for text in (
         "<title>A &amp; B</title>", "<p><b>bold</b> &lt;i&gt;</p>", "<p>some <i>text</i></p>", "<svg></svg>",
         "a <code>caption</code>", "<td>a&lt;b</td>", '<td class="number">-2</td>', '<a href="a%20b.html">', "a note",
+        "default-src 'none'; style-src 'unsafe-inline'; img-src data:",
         '<span class="better">better</span>', "<dt>Seeds</dt><dd>1</dd>", "prefers-color-scheme: dark",
     ):  # fmt: skip
         assert text in page, text

@@ -146,3 +146,10 @@ def test_share_of_free_flow_by_hand() -> None:
     column = table.header.index("free flow %")
     assert [line[column].split(" ")[0] for line in table.cells] == ["100", "75", "-"]
     assert "free flow %" not in evaluation_table(rows[2:]).header
+
+
+def test_names_are_no_html_in_markdown_and_end_no_cell() -> None:
+    table = Table("<b>", ("policy",), (("<img src=x onerror=alert(1)>",), ("a|b & c",)))
+    assert table.markdown() == (
+        "### &lt;b>\n\n| policy |\n| --- |\n| &lt;img src=x onerror=alert(1)> |\n| a\\|b &amp; c |\n"
+    )

@@ -63,7 +63,7 @@ class Pair(Job):
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Pair | None]:
         """Return the rows of all runs, if none is missing."""
-        if rows and rows[0]["stands_for"] > 1:
+        if rows and rows[0].get("stands_for", 1) > 1:
             return [{**rows[0], "stands_for": self.runs}], None
         whole = of_all_runs(rows, self.runs)
         return (whole, None) if whole else ([], self)

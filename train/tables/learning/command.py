@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.weights_folder import CONFIG
+from agents.weights_folder import CONFIG, read_record
 from train.evaluation.rollout import Experiment, make_experiment
 from train.learning import checkpoint
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
@@ -67,7 +67,8 @@ def _is_done(config: TrainingConfig) -> bool:
     stored = type(config).from_dict(saved["config"])
     if dataclasses.replace(stored, resume=None) != config:
         raise ConfigError(f"{config.directory} was trained with other options: name another --out, or remove it")
-    return bool(config.steps is not None and saved["steps"] >= config.steps)
+    steps = read_record(config.directory).training["steps"]  # of the weights, which are written after the checkpoint
+    return bool(config.steps is not None and steps >= config.steps)
 
 
 FLOORS = ("paper46", "narrow")

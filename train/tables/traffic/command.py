@@ -54,7 +54,7 @@ class Measurement(Job):
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Measurement | None]:
         """Return the rows, if there are as many as they say."""
-        return (rows, None) if rows and len(rows) == rows[0]["rows"] else ([], self)
+        return (rows, None) if rows and len(rows) == rows[0].get("rows") else ([], self)
 
     def run(self, tick: Tick) -> Result:
         """Measure; every row has the identity, and says how many there are."""

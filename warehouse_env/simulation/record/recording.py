@@ -6,6 +6,7 @@ One compressed file of arrays, without pickle: the config as JSON, the map, the 
 from __future__ import annotations
 
 import json
+import math
 import struct
 import tokenize
 import zipfile
@@ -13,9 +14,10 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, NamedTuple
 
 import numpy as np
+from numpy.lib import format as npy
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import EnvConfig
@@ -27,6 +29,8 @@ from warehouse_env.simulation.given import listed, whole_seed
 from warehouse_env.simulation.simulator import Simulator
 
 FORMAT = 1
+_LONGEST_TEXT = 2**20  # [bytes] of the config and all else that is no array
+_MOST_CELLS = 10**8  # of a floor
 # What NumPy, zip and JSON raise where bytes are not what they were.
 _DAMAGE = (
     OSError, KeyError, ValueError, AttributeError, TypeError, EOFError, OverflowError, MemoryError, RecursionError,
@@ -63,19 +67,8 @@ class Episode:
         """Read a file of `save`; WarehouseError with one sentence if it is missing, damaged or of another format."""
         path = path_of(path)
         try:
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-                about = json.loads(data["about"].tobytes())
-                if about.get("format") != FORMAT:
-                    raise WarehouseError(f"it has episode format {shown(about.get('format'))}, not {FORMAT}")
-                ends = (data["picks"], data["stations"])
-                # None in files of versions that had no one-way cells
-                floor = (data["occupied"], data["height"], about["cell_size"], *ends, about["map"], data.get("one_way"))
-                grid = GridMap(*floor)
-                seeds = tuple(data["seeds"].tolist())
-                config, policy = EnvConfig.from_dict(about["config"]), str(about.get("policy", ""))
-                episode = cls(config, grid, seeds, data["actions"], data["pose"], policy)
-                episode._check_shapes()
-                return episode
+            with path.open("rb") as file, zipfile.ZipFile(file) as archive:
+                return cls._read(_Arrays(archive))
         except FileNotFoundError:
             raise WarehouseError(f"episode file {path} does not exist") from None
         except WarehouseError as error:
@@ -83,21 +76,24 @@ class Episode:
         except _DAMAGE as error:
             raise WarehouseError(f"{path} is no complete episode file: {shown(error)}") from None
 
-    def _check_shapes(self) -> None:
-        """Raise WarehouseError unless seeds, actions and poses are of one length and of the config's robots."""
-        worlds, robots = len(self.seeds), self.config.num_agents
-        steps = self.actions.shape[0] if self.actions.ndim else 0
-        config = self.config
-        each: tuple[int, ...] = (2,)
-        if config.action_type == "discrete":
-            liked = len(config.speed_levels) * len(config.lateral_offsets)
-            each = (liked,) if self.actions.ndim == 4 else ()
-        if not worlds or not all(isinstance(seed, int) and seed >= 0 for seed in self.seeds):
-            raise WarehouseError(f"the seeds {shown(self.seeds)} must be one whole number a world, none negative")
-        if steps and self.actions.shape != (steps, worlds, robots, *each):
-            raise WarehouseError(f"actions of shape {self.actions.shape} do not fit {worlds} worlds of {robots} robots")
-        if self.pose.shape != (steps + 1, worlds, robots, 3) or self.pose.dtype.kind != "f":
-            raise WarehouseError(f"poses of shape {self.pose.shape} do not fit {steps} steps of {robots} robots")
+    @classmethod
+    def _read(cls, arrays: _Arrays) -> Episode:
+        """Read an episode; what it is to hold is known, and its size checked, before any large array is inflated."""
+        about = json.loads(arrays.read("about", most=_LONGEST_TEXT).tobytes())
+        if about.get("format") != FORMAT:
+            raise WarehouseError(f"it has episode format {shown(about.get('format'))}, not {FORMAT}")
+        config, policy = EnvConfig.from_dict(about["config"]), str(about.get("policy", ""))
+        _check_shapes(config, *(arrays.header(name) for name in ("seeds", "actions", "pose")))
+        cells = arrays.read("occupied", most=_MOST_CELLS)
+        of_cells = [name for name in ("height", "one_way") if name in arrays]  # earlier versions had no one-way cells
+        each = {name: arrays.read(name, most=cells.size) for name in of_cells}
+        picks, stations = (arrays.read(name, most=2 * cells.size) for name in ("picks", "stations"))
+        floor = (cells, each["height"], about["cell_size"], picks, stations, about["map"])
+        grid = GridMap(*floor, one_way=each.get("one_way"))  # type: ignore[arg-type]  # None: none given
+        seeds = tuple(arrays.read("seeds").tolist())
+        if not all(isinstance(seed, int) and seed >= 0 for seed in seeds):
+            raise WarehouseError(f"the seeds {shown(seeds)} must be one whole number a world, none negative")
+        return cls(config, grid, seeds, arrays.read("actions"), arrays.read("pose"), policy)
 
     def replay(self) -> Iterator[Simulator]:
         """Run the episode again: yield the simulator after the reset and after every step."""
@@ -107,6 +103,60 @@ class Episode:
         for actions in self.actions:
             simulator.step(actions)
             yield simulator
+
+
+class _Header(NamedTuple):
+    """What an array in a file will be."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+
+
+class _Arrays:
+    """The arrays of an .npz file. A few kilobytes may claim gigabytes, so each is asked what it will be before."""
+
+    def __init__(self, archive: zipfile.ZipFile) -> None:
+        self._archive = archive
+
+    def __contains__(self, name: str) -> bool:
+        return f"{name}.npy" in self._archive.namelist()
+
+    def header(self, name: str) -> _Header:
+        """Return what an array will be; ValueError for a format that NumPy does not write for plain numbers."""
+        with self._archive.open(f"{name}.npy") as file:
+            return _header(file)
+
+    def read(self, name: str, most: int | None = None) -> NDArray[Any]:
+        """Return an array; WarehouseError if it has more than `most` entries, or other than numbers."""
+        shape, dtype = self.header(name)
+        if dtype.kind not in "biuf" or (most is not None and math.prod(shape) > most):
+            raise WarehouseError(f"its array {name} of {dtype.name}{list(shape)} is not what such a file holds")
+        with self._archive.open(f"{name}.npy") as file:
+            return np.asarray(npy.read_array(file, allow_pickle=False))
+
+
+def _header(file: IO[bytes]) -> _Header:
+    read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(npy.read_magic(file))
+    if read is None:
+        raise ValueError("it has arrays of an unknown format")
+    shape, _, dtype = read(file)
+    return _Header(shape, dtype)
+
+
+def _check_shapes(config: EnvConfig, seeds: _Header, actions: _Header, pose: _Header) -> None:
+    """Raise WarehouseError unless seeds, actions and poses are of one length and of the config's robots."""
+    worlds, robots = seeds.shape[0] if len(seeds.shape) == 1 else 0, config.num_agents
+    steps = actions.shape[0] if actions.shape else 0
+    each: tuple[int, ...] = (2,)
+    if config.action_type == "discrete":
+        liked = len(config.speed_levels) * len(config.lateral_offsets)
+        each = (liked,) if len(actions.shape) == 4 else ()
+    if not worlds:
+        raise WarehouseError(f"seeds of shape {seeds.shape} are not one or more, one a world")
+    if steps and actions.shape != (steps, worlds, robots, *each):
+        raise WarehouseError(f"actions of shape {actions.shape} do not fit {worlds} worlds of {robots} robots")
+    if pose.shape != (steps + 1, worlds, robots, 3) or pose.dtype.kind != "f":
+        raise WarehouseError(f"poses of shape {pose.shape} do not fit {steps} steps of {robots} robots")
 
 
 class Recorder:

@@ -1,0 +1,203 @@
+"""Kill commands at random moments and go on with them, again and again: in the end the same files as without.
+
+    python -m tests.kills --kills 1000      # what `make kills` does
+
+A command runs in a fork of this process, which has loaded all that it needs, so that a kill meets its work and seldom
+its imports. It is killed with its process group by SIGKILL, at a time drawn evenly from all that it usually takes, and
+gone on with as its user would. Once it gets through its files are held against those of a run that nobody disturbed,
+and it begins anew. What says how long something took is left out, and so is TensorBoard's log, which has a file a
+start.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import json
+import os
+import random
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ[_name] = "1"
+os.environ["MPLBACKEND"] = "Agg"
+
+import tyro  # noqa: E402
+
+from train.cli import main as warehouse  # noqa: E402
+from train.learning.progress import LINE_SECONDS, tell  # noqa: E402
+from train.reporting.report import make_progress  # noqa: E402
+from train.reporting.rows import read_rows  # noqa: E402
+
+LONGEST = 120.0  # [s] after which a command counts as hanging
+TIMES = {"ms", "cpu_ms", "ms_per_step", "seconds", "plan_seconds", "steps_per_second", "last_figures"}
+UNEQUAL = {".md", ".csv", ".html", ".png"}  # they show times; that they are there is enough
+_FLOOR = "--layout open --robots 3 --planner astar"
+COMMANDS = {
+    "train": (
+        "train reinforce --name run --out . --no-progress --layouts open --robots 2 4 --rows 8 --planner astar "
+        "--rollout 6 --minibatch 24 --hidden 24 --episode-seconds 3 --checkpoint-seconds 0.02 --threads 1 --steps 7200"
+    ),
+    "evaluate": (
+        f"evaluate --policy brake follow ppo greedy {_FLOOR} --episodes 3 --seconds 10 --out . --report report "
+        "--no-pictures --resume"
+    ),
+    "record": f"record --policy ppo {_FLOOR} --seconds 100 --out episode.npz --json rows.jsonl",
+    "tables": "tables papers --tables 000_table_1 --runs 1 --processes 1 --no-pictures --out . --json rows.jsonl",
+}
+
+
+class Trial:
+    """A command in a folder of its own, and what it is to come to."""
+
+    def __init__(self, name: str, folder: Path) -> None:
+        self.name, self.kills, self.rounds = name, 0, 0
+        self._whole, self._folder, self._log = folder / "whole" / name, folder / name, folder / f"{name}.log"
+        for one in (self._whole, self._folder):
+            one.mkdir(parents=True)
+        if name != "train":  # whose threads a fork would miss
+            with _inside(self._whole, self._log):
+                warehouse(COMMANDS[name].split())
+            shutil.rmtree(self._whole)
+            self._whole.mkdir()
+        begin = time.monotonic()
+        self._run(self._whole, LONGEST)
+        self._usual = time.monotonic() - begin
+        self._wanted = content(self._whole)
+
+    def disturb(self, rng: random.Random) -> bool:
+        """Run it and kill it, unless it gets through; return whether it was killed."""
+        if self._run(self._folder, rng.uniform(0.0, 1.1 * self._usual)):
+            self.kills += 1
+            return True
+        self._check()
+        return False
+
+    def finish(self) -> None:
+        """Run it to its end."""
+        if self._run(self._folder, LONGEST):
+            sys.exit(f"{self.name} does not come to an end: {self._folder} is as it left it")
+        self._check()
+
+    def _check(self) -> None:
+        """Hold its files against those of the undisturbed run, and begin anew."""
+        found = content(self._folder)
+        wrong = [file for file in sorted({*found, *self._wanted}) if found.get(file) != self._wanted.get(file)]
+        if wrong:
+            sys.exit(f"{self.name} came to other files after kills: {', '.join(wrong)}; see {self._folder}")
+        shutil.rmtree(self._folder)
+        self._folder.mkdir()
+        self.rounds += 1
+
+    def _run(self, folder: Path, seconds: float) -> bool:
+        """Begin it, or go on with it, in a folder; kill it after some time; return whether it was killed."""
+        words = COMMANDS[self.name].split()
+        if (folder / "run" / "checkpoint" / "state.json").exists():
+            words = [*words[:2], "--resume", "run", "--no-progress"]
+        process = os.fork()
+        if not process:
+            os.setsid()
+            with _inside(folder, self._log):
+                os._exit(warehouse(words))
+        deadline = time.monotonic() + seconds
+        while not (status := os.waitpid(process, os.WNOHANG))[0] and time.monotonic() < deadline:
+            time.sleep(0.001)
+        if not status[0]:
+            _kill(process)
+            status = os.waitpid(process, 0)
+        code = os.waitstatus_to_exitcode(status[1])
+        if code not in (0, -signal.SIGKILL):
+            sys.exit(f"{self.name} ended with {code} in {folder}: {self._log.read_text()}")
+        return code != 0
+
+
+def _kill(process: int) -> None:
+    try:
+        os.killpg(process, signal.SIGKILL)
+    except ProcessLookupError:  # it has no group of its own yet
+        os.kill(process, signal.SIGKILL)
+
+
+@contextmanager
+def _inside(folder: Path, log: Path) -> Iterator[None]:
+    """Work in a folder, with all that is printed in a file."""
+    before, outputs = Path.cwd(), (os.dup(1), os.dup(2))
+    with log.open("w") as file:
+        os.chdir(folder)
+        for output in (1, 2):
+            os.dup2(file.fileno(), output)
+        try:
+            yield
+        finally:
+            sys.stdout.flush()
+            os.chdir(before)
+            for output, kept in zip((1, 2), outputs, strict=True):
+                os.dup2(kept, output)
+                os.close(kept)
+
+
+def content(folder: Path) -> dict[str, Any]:
+    """Return what a folder's files hold by their names, without times."""
+    files = (path for path in folder.rglob("*") if path.is_file() and path.parent.name != "tensorboard")
+    return {str(path.relative_to(folder)): _content(path) for path in files}
+
+
+def _content(path: Path) -> Any:
+    if path.suffix in UNEQUAL:
+        return None
+    if path.name == "progress.jsonl":  # a row every few seconds, and one at the end
+        return read_rows(path)[-1]["steps"]
+    if path.suffix == ".jsonl":
+        rows = sorted(json.dumps(_timeless(row), sort_keys=True) for row in read_rows(path))
+        return sorted(set(rows)) if path.name == "places.jsonl" else rows
+    if path.suffix == ".json":
+        return _timeless(json.loads(path.read_text()))
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _timeless(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_timeless(one) for one in value]
+    if isinstance(value, dict):
+        return {name: _timeless(one) for name, one in value.items() if name not in TIMES}
+    return value
+
+
+def main(kills: int = 1000, seed: int = 0, only: tuple[str, ...] = tuple(COMMANDS)) -> None:
+    """Kill commands at random moments, and check what they come to.
+
+    Args:
+        kills: how often, over all commands.
+        seed: of the moments, as far as a clock allows.
+        only: commands to kill.
+    """
+    importlib.import_module("train.reinforce")
+    rng = random.Random(seed)
+    folder = Path(tempfile.mkdtemp(prefix="warehouse-kills-"))
+    os.environ["WAREHOUSE_CACHE_DIR"] = str(folder / "cache")
+    trials = [Trial(name, folder) for name in only]
+    told = time.monotonic()
+    with make_progress() as progress:
+        bar = progress.add_task("kills", total=kills)
+        while (done := sum(trial.kills for trial in trials)) < kills:
+            progress.update(bar, completed=done)
+            if progress.disable and time.monotonic() - told > LINE_SECONDS:
+                tell(f"{done} of {kills} kills")
+                told = time.monotonic()
+            min(trials, key=lambda trial: trial.kills).disturb(rng)
+    for trial in trials:
+        trial.finish()
+        print(f"{trial.name}: {trial.kills} kills, {trial.rounds} times to the same files as undisturbed")
+    shutil.rmtree(folder)
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
