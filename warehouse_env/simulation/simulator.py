@@ -98,9 +98,9 @@ class Simulator(Portable):
         self._weights = weight_vector(config.reward)
         self._reward_weights = config.reward
         self.robots = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
-        self.dispatcher = Dispatcher(config, routes, self.robots, self._params)
-        self._messages = Messages(config, num_worlds)
         self.people = People(config, self.grid, num_worlds)
+        self.dispatcher = Dispatcher(config, routes, self.robots, self.people.persons, self._params)
+        self._messages = Messages(config, num_worlds)
         self._make_arrays()
 
     def _make_spaces(self) -> None:
@@ -248,6 +248,7 @@ class Simulator(Portable):
         robots["alive"] = 1
         robots["gap"] = robots["min_gap"] = state.GAP_HORIZON
         robots["held_by"] = robots["yields_to"] = state.NOBODY
+        self.people.leave(world)
         self.dispatcher.begin(world, entropy, assignment, self._floor)
         self._messages.begin(world, entropy)
         self.people.begin(world, entropy, robots)

@@ -21,6 +21,7 @@ from warehouse_env.maps.grid_map import Cell
 from warehouse_env.simulation.physics.people import AT_GOAL, GIVEN_UP, KEEP, PACE, PASS, PATIENCE, RADIUS, RESTS, START
 from warehouse_env.simulation.rules import audit
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.assignment import Assignment
 
 STEP = 0.1 * float(PACE)  # [m]
 FAR = (18.0, 5.0, 0.0)
@@ -194,6 +195,37 @@ def test_under_the_field_a_robot_stops_before_a_person(away: float) -> None:
     assert simulator.robots["speed"][0, 0] == 0
     # one step of .1 m/s and a stop take .2 s and .01 m: nearer than that nobody may be
     assert 0.2 * PACE < gap_to(simulator) < 0.2 * PACE + 0.1 + 0.05
+
+
+@pytest.mark.parametrize("rests", [False, True])
+def test_routes_lead_round_people_who_stand(rests: bool) -> None:
+    grid = drawn(["............", ".####.#####.", "............", ".####.#####.", "............"])
+    config = EnvConfig(num_agents=1, people=1, planner="astar_turns", protective_field=True, reroute=True)
+    simulator = Simulator(config, grid=grid)
+    simulator.reset_to([Assignment(np.array([[1.5, 2.5, 0.0]]), np.array([[2, 11]]))], seed=0)
+    still(simulator, 7.5, 2.5)
+    simulator.people.persons[0, 0]["rest"] = 1e6 * rests
+    simulator.people.persons[0, 0]["goal_x"] = 7.5  # or it stands there for a moment only
+    for _ in range(45):  # a look comes every 4 s
+        simulator.step(np.full((1, 1), simulator.cruise_action))
+        simulator.people.persons["rest"] = 1e6 * rests
+        simulator.people.persons["x"], simulator.people.persons["y"] = 7.5, 2.5
+        simulator.people.persons["blocked"] = 0.0
+    line = simulator.routes[0, 0, : simulator.state.route_points[0, 0]]
+    passes = bool((np.hypot(*(line - [7.5, 2.5]).T) < 0.7).any())
+    assert passes != rests
+
+
+def test_who_turns_away_goes_past_no_robot() -> None:
+    """A robot stands in the doorway between a person and its goal; so it goes the long way round, or elsewhere."""
+    grid = drawn(["............", ".####.#####.", "............"])
+    simulator = with_people(grid, (5.6, 1.5, 0.0))
+    o = simulator.people.persons[0, 0]
+    o["x"], o["y"], o["wants"] = 5.5, 2.5, GIVEN_UP
+    simulator.people.send_on(simulator.robots)
+    way = simulator.people.ways[0, 0]  # rows from the south
+    assert not np.isfinite(way[1, 5])
+    assert np.isfinite(way[2, 5])
 
 
 @settings(max_examples=25, deadline=None)

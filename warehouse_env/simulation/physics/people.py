@@ -4,9 +4,9 @@ They walk from one endpoint to the next by the shortest way, rest there, keep th
 right of those in their way. Where there is no way past they stand, or step back from who has come too near, and after a
 few seconds turn away. Nobody walks into a robot, so each contact is a robot's doing; people do not heed each other.
 
-Robots have them in their lidar and nowhere else. The protective field knows where they are, but not where they will go:
-it lets a robot drive only if, wherever they walk, it stands before anybody can be where its body will be (passive
-motion safety: Bouraine, Fraichard and Salhi 2012). Of right of way and live routes they are unknown.
+Robots have them in their lidar. The protective field knows where they are, but not where they will go: it lets a robot
+drive only if, wherever they walk, it stands before anybody can be where its body will be (passive motion safety:
+Bouraine, Fraichard and Salhi 2012). Live routes lead round those who stand; right of way does not know of them.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class People:
         """
         if entropy is not None:
             self._rngs[world] = np.random.default_rng(np.random.SeedSequence([*entropy, _STREAM]))
-        self.persons[world] = np.zeros((), dtype=PERSON)
+        self.leave(world)
         for person in range(self.persons.shape[1]):
             goal = self._send(world, person)
             cells = self._rngs[world].permutation(np.argwhere(np.isfinite(self._grid.distance_to(goal))))
@@ -81,6 +81,10 @@ class People:
             o["x"], o["y"] = points[free[0]]
             o["cos"] = ONE
 
+    def leave(self, world: int) -> None:
+        """Take all people off the floor, so that the first routes of a new episode do not go round those of the last."""
+        self.persons[world] = np.zeros((), dtype=PERSON)
+
     def send_on(self, robots: NDArray[np.void]) -> None:
         """Give another goal to all who want one: who has arrived rests first, who has given up turns away from the
         robots ROBOT[B, N] that bar the way.
@@ -93,26 +97,30 @@ class People:
             if not turns_away:
                 o["rest"] = self._rngs[world].uniform(*RESTS)
             o["wants"] = NOTHING
-            self._send(world, person, self._this_side(o, robots[world]) if turns_away else None)
+            if turns_away:
+                floor = self._past_robots(o, robots[world])
+                region = label_regions(~floor.occupied)
+                row, column = self._grid.cell(np.array([o["x"], o["y"]])).tolist()
+                cells = [(int(r), int(c)) for r, c in np.argwhere(region == region[row, column])]
+                self._send(world, person, cells, floor)
+            else:
+                self._send(world, person)
 
-    def _this_side(self, o: np.void, robots: NDArray[np.void]) -> list[Cell] | None:
-        """Return the cells to which a person can go past no robot, None where it has no cell to itself."""
-        free = ~self._grid.occupied
+    def _past_robots(self, o: np.void, robots: NDArray[np.void]) -> GridMap:
+        """Return the floor for a person to go past no robot: the cells that robots are on are none, but its own."""
+        occupied = self._grid.occupied.copy()
         for back in (0.0, self._reach / 2, self._reach):
             points = np.stack([robots["x"] - back * robots["cos"], robots["y"] - back * robots["sin"]], axis=-1)
-            free[tuple(self._grid.cell(points).T)] = False
-        region = label_regions(free)
-        row, column = self._grid.cell(np.array([o["x"], o["y"]])).tolist()
-        if region[row, column] == 0:
-            return None
-        return [(int(r), int(c)) for r, c in np.argwhere(region == region[row, column])]
+            occupied[tuple(self._grid.cell(points).T)] = True
+        occupied[tuple(self._grid.cell(np.array([o["x"], o["y"]])))] = False
+        return GridMap(occupied, cell_size=self._grid.cell_size)
 
-    def _send(self, world: int, person: int, cells: list[Cell] | None = None) -> Cell:
-        """Give a person one of these cells as its goal by chance, of all endpoints if None, and return it."""
+    def _send(self, world: int, person: int, cells: list[Cell] | None = None, floor: GridMap | None = None) -> Cell:
+        """Give a person one of these cells as its goal by chance, and return it; None: of all endpoints, of the map."""
         if cells is None:
             _, _, cells = self._grid.endpoints
         goal = cells[int(self._rngs[world].integers(len(cells)))]
-        self.ways[world, person] = self._grid.distance_to(goal)[::-1]
+        self.ways[world, person] = (self._grid if floor is None else floor).distance_to(goal)[::-1]
         o = self.persons[world, person]
         o["goal_x"], o["goal_y"] = self._grid.centre(np.array(goal))
         o["left"], o["blocked"] = np.inf, 0.0
@@ -237,6 +245,12 @@ def end_contacts(robots, persons, p):
             for o in persons:
                 if _gap(o["x"], o["y"], r, p) <= p["near_miss_gap"]:
                     r["person_contact"] = 1
+
+
+@inline
+def bars_ways(o):
+    """Whether a person stands: rests at its goal, or has not come on for a while."""
+    return o["rest"] > ZERO or o["blocked"] > HURRY
 
 
 @inline

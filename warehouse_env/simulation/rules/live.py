@@ -4,7 +4,8 @@ Every few seconds of its world's clock a robot looks for a better route from whe
 trainings, only if its own leads through a cell in or beside which another has not moved a metre for some seconds), at
 prices:
 
-- entering the cell of a robot that stands, or one beside it, costs, the more the longer one stands oneself;
+- entering the cell of a robot or a person that stands, or one beside it, costs, the more the longer one stands
+  oneself;
 - a move against one of another's route ahead costs, so that streams part, and the more in an aisle of one cell, where
   the two could not pass (traffic/conflicts.py prices expected conflicts of whole routes; here the routes are on their
   way, and only the opposing moves of the next metres count);
@@ -107,17 +108,21 @@ def _is_barred(passing, b, me, r, route, look_ahead, size, rows, columns):
 
 
 @kernel
-def keep_barred(passing, robots, routes, laid, steps, stood_for, look_ahead, behind, size, rows, columns, looks):
+def keep_barred(
+    passing, robots, persons, routes, laid, steps, stood_for, look_ahead, behind, size, rows, columns, looks
+):  # fmt: skip
     """Let only those look whose way is barred, or runs out; return how many.
 
-    robots: ROBOT[B, N]; routes: float32[B, N, R, 2] [m]; laid: float32[B, N] [m]; steps: int64[B]; looks: bool[B, N];
+    robots: ROBOT[B, N]; persons: PERSON[B, M]; routes: float32[B, N, R, 2] [m]; laid: float32[B, N] [m]; steps: int64[B]; looks: bool[B, N];
     all else: keep_all_up.
     """
     found = 0
     for b in range(robots.shape[0]):
         for i in range(robots.shape[1]):
             if looks[b, i]:
-                keep_all_up(passing, b, steps[b], robots[b], routes[b], stood_for, behind, size, rows, columns)
+                keep_all_up(
+                    passing, b, steps[b], robots[b], persons[b], routes[b], stood_for, behind, size, rows, columns
+                )
                 looks[b, i] = runs_out_of(robots[b, i], laid[b, i]) or _is_barred(
                     passing, b, i, robots[b, i], routes[b, i], look_ahead, size, rows, columns
                 )
@@ -146,8 +151,9 @@ class LiveRoutes(Portable):
 
     bound = ("_fields", "_asked")
 
-    def __init__(self, config: EnvConfig, book: RouteBook, worlds: int) -> None:
-        """Take the configuration's `reroute_spec`; ConfigError as `live_planner`."""
+    def __init__(self, config: EnvConfig, book: RouteBook, persons: NDArray[Any]) -> None:
+        """Take the configuration's `reroute_spec`; persons: PERSON[B, M] of all worlds; ConfigError as `live_planner`."""
+        self._persons, worlds = persons, len(persons)
         spec, grid = config.reroute_spec, book.grid
         planner = live_planner(config)
         self.finder: Finder = FINDERS[planner.name](grid.shape)
@@ -166,7 +172,7 @@ class LiveRoutes(Portable):
             (round(UNIT * (getattr(planner, "hairpin", 0.0) or HAIRPIN)), UNIT * HORIZON),
             round(UNIT * spec.saving),
         )
-        self._passing = make_passing(worlds, config.num_agents, grid.occupied.size, SLOTS)
+        self._passing = make_passing(worlds, config.num_agents, grid.occupied.size, SLOTS, config.people)
         self._laid = np.full((worlds, config.num_agents), np.inf, np.float32)  # [m] of routes that are drivable
         fastest = max(config.robot.max_speed, -config.robot.min_speed)
         self._reach = LAID if spec.every * fastest < _NEAR / 2 else np.inf
@@ -184,6 +190,7 @@ class LiveRoutes(Portable):
         """Forget all that is known of a world: its robots begin anew."""
         passing = self._passing
         passing.first[world] = passing.stands_on[world] = passing.known_at[world] = passing.cell[world] = NOTHING
+        passing.person_on[world] = NOTHING
         passing.low[world] = passing.high[world] = passing.standing[world] = 0
         passing.waited[world] = passing.waited_in[world] = passing.period[world] = 0
         self._laid[world] = np.inf
@@ -218,7 +225,9 @@ class LiveRoutes(Portable):
         stood_for, behind, size = self._floor
         note_waiting(self._passing, robots, looks, steps, self._every, behind, size, *self._book.grid.shape)
         floor = (stood_for, self._look_ahead, behind, size, *self._book.grid.shape)
-        if self._only_barred and not keep_barred(self._passing, robots, routes, self._laid, steps, *floor, looks):
+        if self._only_barred and not keep_barred(
+            self._passing, robots, self._persons, routes, self._laid, steps, *floor, looks
+        ):
             return []
         found: list[list[int]] = np.argwhere(looks).tolist()
         return found
@@ -239,7 +248,8 @@ class LiveRoutes(Portable):
             return None
         stood_for, behind, size = self._floor
         if self._passing.known_at[world] != step:
-            keep_all_up(self._passing, world, step, robots, routes, stood_for, behind, size, *self._book.grid.shape)
+            floor = stood_for, behind, size, *self._book.grid.shape
+            keep_all_up(self._passing, world, step, robots, self._persons[world], routes, *floor)
         field, box = self._field(world, me, (row, column), goal)
         look = Look(
             self._passing, self._asked, robots, self._fields.steps, PRICES, size, world, me, row, column,

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, kernel, whole
+from warehouse_env.simulation.physics.people import bars_ways
 from warehouse_env.simulation.rules.waits import bars_routes, gets_nowhere
 
 HORIZON = 40.0  # [m] of a route that counts for others
@@ -40,14 +41,15 @@ class Passing(NamedTuple):
     high: NDArray[np.int32]  # [B, N], that after the last
     spacing: NDArray[np.float32]  # [B, N] [m] between them
     stands_on: NDArray[np.int32]  # [B, N], the cell on which a robot is counted as standing, or NOTHING
-    standing: NDArray[np.int16]  # [B, C, 2], robots that stand on a cell; and on those beside it
+    person_on: NDArray[np.int32]  # [B, M], so of people
+    standing: NDArray[np.int16]  # [B, C, 2], robots and people that stand on a cell; and on those beside it
     known_at: NDArray[np.int64]  # [B], the env step of which the table is
     waited: NDArray[np.int32]  # [B, C], looks of late at which one waited on a cell, times ONCE; see `note_waiting`
     waited_in: NDArray[np.int32]  # [B, C], the period of which that is
     period: NDArray[np.int32]  # [B], the present one
 
 
-def make_passing(worlds: int, robots: int, cells: int, slots: int) -> Passing:
+def make_passing(worlds: int, robots: int, cells: int, slots: int, people: int = 0) -> Passing:
     """Return an empty table."""
 
     def nothing(*shape: int) -> NDArray[np.int32]:
@@ -57,7 +59,7 @@ def make_passing(worlds: int, robots: int, cells: int, slots: int) -> Passing:
     return Passing(
         nothing(worlds, cells), nothing(*each), nothing(*each), nothing(*each), np.zeros(each, np.int8),
         np.zeros((worlds, robots), np.int32), np.zeros((worlds, robots), np.int32),
-        np.zeros((worlds, robots), np.float32), nothing(worlds, robots),
+        np.zeros((worlds, robots), np.float32), nothing(worlds, robots), nothing(worlds, people),
         np.zeros((worlds, cells, 2), np.int16), np.full(worlds, NOTHING, np.int64),
         np.zeros((worlds, cells), np.int32), np.zeros((worlds, cells), np.int32), np.zeros(worlds, np.int32),
     )  # fmt: skip
@@ -134,6 +136,17 @@ def _count_standing(passing, b, cell, change, rows, columns):
             passing.standing[b, i * columns + j, 0 if i == row and j == column else 1] += change
 
 
+@inline
+def _stands_now(passing, b, on, k, cell, rows, columns):
+    """Count robot or person k, of those in `on` int32[B, K], as standing on a cell, or nowhere."""
+    if cell != on[b, k]:
+        if on[b, k] != NOTHING:
+            _count_standing(passing, b, whole(on[b, k]), whole(-1), rows, columns)
+        if cell != NOTHING:
+            _count_standing(passing, b, cell, whole(1), rows, columns)
+        on[b, k] = cell
+
+
 @kernel
 def keep_up(passing, b, i, r, route, stood_for, behind, size, rows, columns):
     """Bring what the table of world b says of robot i up to where it is now; see `keep_all_up`."""
@@ -162,25 +175,26 @@ def keep_up(passing, b, i, r, route, stood_for, behind, size, rows, columns):
     if bars_routes(r, stood_for):
         row, column = body_cell(r, behind, size, rows, columns)
         stands = row * columns + column
-    if stands != passing.stands_on[b, i]:
-        if passing.stands_on[b, i] != NOTHING:
-            _count_standing(passing, b, whole(passing.stands_on[b, i]), whole(-1), rows, columns)
-        if stands != NOTHING:
-            _count_standing(passing, b, stands, whole(1), rows, columns)
-        passing.stands_on[b, i] = stands
+    _stands_now(passing, b, passing.stands_on, i, stands, rows, columns)
 
 
 @kernel
-def keep_all_up(passing, b, step, robots, routes, stood_for, behind, size, rows, columns):
+def keep_all_up(passing, b, step, robots, persons, routes, stood_for, behind, size, rows, columns):
     """Bring the table of world b up to env step `step`, unless it is already.
 
-    robots: ROBOT[N]; routes: float32[N, R, 2] [m]; stood_for [s]: from when on a robot counts as standing; behind [m]:
+    robots: ROBOT[N]; persons: PERSON[M]; routes: float32[N, R, 2] [m]; stood_for [s]: from when on a robot counts as standing; behind [m]:
     a body's centre, behind its front axle; size [m]: of a cell of the floor with so many rows and columns.
     """
     if passing.known_at[b] == step:
         return
     for i in range(robots.shape[0]):
         keep_up(passing, b, i, robots[i], routes[i], stood_for, behind, size, rows, columns)
+    for m in range(persons.shape[0]):
+        stands = NOTHING
+        if bars_ways(persons[m]):
+            row, column = cell_of(persons[m]["x"], persons[m]["y"], size, rows, columns)
+            stands = row * columns + column
+        _stands_now(passing, b, passing.person_on, m, stands, rows, columns)
     passing.known_at[b] = step
 
 

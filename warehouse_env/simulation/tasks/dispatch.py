@@ -58,20 +58,23 @@ def _take_goal(robots, routes, world, robot, row, column):
 class Dispatcher(Portable):
     """Gives the robots of all worlds their tasks and routes.
 
-    `robots` ROBOT[B, N] and `params` PARAMETERS[1] are the Simulator's. Of `routes` float32[B, N, R, 2] [m] the first
+    `robots` ROBOT[B, N], `persons` PERSON[B, M] and `params` PARAMETERS[1] are the Simulator's. Of `routes` float32[B, N, R, 2] [m] the first
     state.route_points of each robot are valid; a longer route puts a larger array in its place. `book` may be replaced
     by another of the same floor.
     """
 
     bound = ("_find_astray",)
 
-    def __init__(self, config: EnvConfig, book: RouteBook, robots: NDArray[np.void], params: NDArray[np.void]) -> None:
+    def __init__(
+        self, config: EnvConfig, book: RouteBook, robots: NDArray[np.void], persons: NDArray[np.void],
+        params: NDArray[np.void],
+    ) -> None:  # fmt: skip
         """Make each world's tasks; ConfigError where they, or live routes, cannot be had."""
         self.book, self.robots = book, robots
         self.routes = np.zeros((*robots.shape, ROUTE_BLOCK, 2), dtype=np.float32)
         self._config, self._params = config, params
         self._astray, self._far = np.empty(robots.shape, dtype=np.bool_), far_off(config, book.grid.cell_size)
-        self.live = LiveRoutes(config, book, len(robots)) if config.reroute else None
+        self.live = LiveRoutes(config, book, persons) if config.reroute else None
         tasks = OneShotTasks if config.tasks == "one_shot" else Tasks
         self.tasks = [tasks(book.grid, config) for _ in range(len(robots))]
         # made when first used: never seeded copies of a Simulator that has not begun go their own ways
