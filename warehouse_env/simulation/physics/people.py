@@ -20,7 +20,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import inline, part
 from warehouse_env.maps.distance import label_regions
-from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.simulation.physics.contact import MOVING, TRY_COS, TRY_SIN, TRY_X, TRY_Y, put_back
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.stops import BODY_COS, BODY_SIN, CENTRE_X, CENTRE_Y
@@ -37,6 +37,7 @@ HURRY = np.float32(1.0)  # [s]
 AT_GOAL = np.float32(0.2)  # [m] from the goal's centre
 PATIENCE = np.float32(3.0)  # [s] without coming on until they want to be elsewhere
 RESTS = (5.0, 15.0)  # [s] at a goal, evenly drawn
+_TURNS_AWAY, _TOWARDS = 1.3, 0.5  # [m] from points of a robot, and cosine to them, that a person walks no more then
 START = 2.0  # [m] from the centre of any robot, at the beginning
 _DIAGONAL = np.float32(np.sqrt(0.5))
 # ways tried around what is in the way, as (cosine, sine): straight on, half right, half left, right, left; then back
@@ -107,12 +108,21 @@ class People:
                 self._send(world, person)
 
     def _past_robots(self, o: np.void, robots: NDArray[np.void]) -> GridMap:
-        """Return the floor for a person to go past no robot: the cells that robots are on are none, but its own."""
-        occupied = self._grid.occupied.copy()
+        """Return the floor for a person to go past no robot, and first away from those that are near.
+
+        The cells that robots are on are none of it, nor those beside the person's own towards a robot.
+        """
+        occupied, here = self._grid.occupied.copy(), np.array([o["x"], o["y"]], dtype=np.float64)
+        own = self._grid.cell(here)
+        beside = own + MOVES[((own + MOVES >= 0) & (own + MOVES < occupied.shape)).all(axis=-1)]
+        ways = self._grid.centre(beside) - here
         for back in (0.0, self._reach / 2, self._reach):
             points = np.stack([robots["x"] - back * robots["cos"], robots["y"] - back * robots["sin"]], axis=-1)
             occupied[tuple(self._grid.cell(points).T)] = True
-        occupied[tuple(self._grid.cell(np.array([o["x"], o["y"]])))] = False
+            to = points[np.hypot(*(points - here).T) < _TURNS_AWAY] - here
+            ahead = ways @ to.T > _TOWARDS * np.hypot(*ways.T)[:, None] * np.hypot(*to.T)
+            occupied[tuple(beside[ahead.any(axis=1)].T)] = True
+        occupied[tuple(own)] = False
         return GridMap(occupied, cell_size=self._grid.cell_size)
 
     def _send(self, world: int, person: int, cells: list[Cell] | None = None, floor: GridMap | None = None) -> Cell:
