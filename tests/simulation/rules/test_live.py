@@ -73,7 +73,8 @@ def barred(robots: Any, routes: Any, look_ahead: float = 25.0, **when: int) -> l
     out = looks(robots, **when)
     table, laid = make_passing(1, robots.shape[1], ROWS * COLUMNS, SLOTS), np.full(robots.shape, np.inf, np.float32)
     stood_for, *floor = STANDS
-    count = keep_barred(table, robots, NOBODY_WALKS[None], routes, laid, np.array([0]), stood_for, look_ahead, *floor, out)
+    now = np.array([0])
+    count = keep_barred(table, robots, NOBODY_WALKS[None], routes, laid, now, stood_for, look_ahead, *floor, out)
     assert count == out.sum()
     return [bool(found) for found in out[0]]
 

@@ -83,7 +83,7 @@ class People:
             o["cos"] = ONE
 
     def leave(self, world: int) -> None:
-        """Take all people off the floor, so that the first routes of a new episode do not go round those of the last."""
+        """Take all people off the floor: the first routes of an episode do not go round those of the last one."""
         self.persons[world] = np.zeros((), dtype=PERSON)
 
     def send_on(self, robots: NDArray[np.void]) -> None:

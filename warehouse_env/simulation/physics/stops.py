@@ -174,11 +174,7 @@ def meets_shelf(row, paths, outlines, marks, p, solid, clearance):
         cx, cy = paths[row, n, CENTRE_X], paths[row, n, CENTRE_Y]
         c, s = paths[row, n, BODY_COS], paths[row, n, BODY_SIN]
         room = body_room(cx, cy, c, s, half_length, half_width, clearance, cell) - SLACK
-        if (
-            n > 0
-            and room <= ZERO
-            and body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, cell)
-        ):
+        if n > 0 and room <= ZERO and body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, cell):
             return True
         room = max(room, ZERO)
         if before + room <= pace and sweeps_shelf(

@@ -113,8 +113,8 @@ def keep_barred(
 ):  # fmt: skip
     """Let only those look whose way is barred, or runs out; return how many.
 
-    robots: ROBOT[B, N]; persons: PERSON[B, M]; routes: float32[B, N, R, 2] [m]; laid: float32[B, N] [m]; steps: int64[B]; looks: bool[B, N];
-    all else: keep_all_up.
+    robots: ROBOT[B, N]; persons: PERSON[B, M]; routes: float32[B, N, R, 2] [m]; laid: float32[B, N] [m]; steps:
+    int64[B]; looks: bool[B, N]; all else: keep_all_up.
     """
     found = 0
     for b in range(robots.shape[0]):
@@ -152,7 +152,7 @@ class LiveRoutes(Portable):
     bound = ("_fields", "_asked")
 
     def __init__(self, config: EnvConfig, book: RouteBook, persons: NDArray[Any]) -> None:
-        """Take the configuration's `reroute_spec`; persons: PERSON[B, M] of all worlds; ConfigError as `live_planner`."""
+        """Take the configuration's `reroute_spec`; persons: PERSON[B, M]; ConfigError as `live_planner`."""
         self._persons, worlds = persons, len(persons)
         spec, grid = config.reroute_spec, book.grid
         planner = live_planner(config)

@@ -182,8 +182,9 @@ def keep_up(passing, b, i, r, route, stood_for, behind, size, rows, columns):
 def keep_all_up(passing, b, step, robots, persons, routes, stood_for, behind, size, rows, columns):
     """Bring the table of world b up to env step `step`, unless it is already.
 
-    robots: ROBOT[N]; persons: PERSON[M]; routes: float32[N, R, 2] [m]; stood_for [s]: from when on a robot counts as standing; behind [m]:
-    a body's centre, behind its front axle; size [m]: of a cell of the floor with so many rows and columns.
+    robots: ROBOT[N]; persons: PERSON[M]; routes: float32[N, R, 2] [m]; stood_for [s]: from when on a robot counts as
+    standing; behind [m]: a body's centre, behind its front axle; size [m]: of a cell of the floor with so many rows and
+    columns.
     """
     if passing.known_at[b] == step:
         return

@@ -58,9 +58,9 @@ def _take_goal(robots, routes, world, robot, row, column):
 class Dispatcher(Portable):
     """Gives the robots of all worlds their tasks and routes.
 
-    `robots` ROBOT[B, N], `persons` PERSON[B, M] and `params` PARAMETERS[1] are the Simulator's. Of `routes` float32[B, N, R, 2] [m] the first
-    state.route_points of each robot are valid; a longer route puts a larger array in its place. `book` may be replaced
-    by another of the same floor.
+    `robots` ROBOT[B, N], `persons` PERSON[B, M] and `params` PARAMETERS[1] are the Simulator's. Of `routes` float32[B,
+    N, R, 2] [m] the first state.route_points of each robot are valid; a longer route puts a larger array in its place.
+    `book` may be replaced by another of the same floor.
     """
 
     bound = ("_find_astray",)
