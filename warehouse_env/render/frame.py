@@ -34,6 +34,8 @@ _CAPTION_GROUND: RGB = (38, 44, 52)
 _CAPTION_INK: RGB = (236, 238, 240)
 _CAPTION_DIM: RGB = (168, 176, 186)
 _NUMBERS_FROM = 32  # [px/m] from which robots show their number
+SHOWN = 60.0  # [m] of a route ahead of its robot
+_HAIR, _FINEST = 0.35, 2.0  # [px], half the width of a route that one line shows; between two of its points
 
 
 class Scene(NamedTuple):
@@ -89,14 +91,14 @@ def _count(number: int, what: str) -> str:
 
 
 def route_ahead(route: NDArray[np.float32], driven: float) -> NDArray[np.float32]:
-    """Return what remains of a route[R, 2] [m] after `driven` metres along it -> float32[K, 2], K <= R."""
+    """Return what is shown of a route[R, 2] [m] after `driven` metres along it -> float32[K, 2], K <= R."""
     if len(route) < 2:
         return np.array(route, dtype=np.float32).reshape(-1, 2)
     step = np.hypot(*np.diff(route.astype(np.float64), axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(step)])
     driven = min(max(driven, 0.0), float(along[-1]))
     here = [np.interp(driven, along, route[:, axis]) for axis in (0, 1)]
-    return np.concatenate([[here], route[along > driven]]).astype(np.float32)
+    return np.concatenate([[here], route[(along > driven) & (along <= driven + SHOWN)]]).astype(np.float32)
 
 
 def draw(scene: Scene, pixels_per_metre: float = 16) -> NDArray[np.uint8]:
@@ -143,18 +145,26 @@ def _draw_routes(pygame: Any, canvas: Any, scene: Scene, top: float, scale: floa
     shown = [i for i, route in enumerate(scene.routes) if len(route) > 1 and scene.alive[i]]
     if not shown:
         return
-    ends = np.cumsum([len(scene.routes[i]) for i in shown])
-    way = np.concatenate([scene.routes[i] for i in shown]).astype(np.float64)
+    routes = [_thinned(scene.routes[i], scale) for i in shown]
+    ends = np.cumsum([len(route) for route in routes])
+    way = np.concatenate(routes).astype(np.float64)
     points = np.stack([way[:, 0], top - way[:, 1]], axis=1) * scale - 0.5
     ahead = np.diff(points, axis=0, append=points[-1:])
     ahead[ends - 1] = ahead[ends - 2]  # not to where the next route begins
     aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1) / np.hypot(*ahead.T).clip(1e-9)[:, None]
-    radius = max(0.35, 0.03 * scale)  # [px]
-    shifts = np.linspace(-radius, radius, max(2, math.ceil(1.6 * radius) + 1))
-    hairs = [(points + shift * aside).tolist() for shift in shifts]
+    radius = 0.03 * scale  # [px]
+    shifts = np.linspace(-radius, radius, math.ceil(1.6 * radius) + 1) if radius > _HAIR else [0.0]
+    hairs = [points + shift * aside for shift in shifts]
     for i, begin, end in zip(shown, (0, *ends[:-1].tolist()), ends.tolist(), strict=True):
         for hair in hairs:
-            pygame.draw.aalines(canvas, mix(robot_colour(i), FLOOR, 0.35), False, hair[begin:end])
+            pygame.draw.aalines(canvas, mix(robot_colour(i), FLOOR, 0.35), False, hair[begin:end].tolist())
+
+
+def _thinned(route: NDArray[np.float32], scale: float) -> NDArray[np.float32]:
+    """Leave out points of a route[K, 2] [m] that are nearer to each other than can be seen; its last one stays."""
+    apart = scale * float(np.hypot(*(route[-1] - route[-2])))  # [px]
+    every = int(_FINEST / max(apart, 1e-9))
+    return route if every < 2 else np.concatenate([route[:-1:every], route[-1:]])
 
 
 def _draw_goals(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float) -> None:
