@@ -26,9 +26,9 @@ NOTE = (
     f"{JAMMED:g} s longer or more; slower: under {100 * SLOWER:g}% of its goals; else holds. "
     "Lidar and delay spoil what the policy sees, nothing else: the path follower, the field and right of way know each "
     "robot's own state exactly, and greedy looks at nothing. A robot whose message is lost is seen by lidar alone, and "
-    "what it commits to or is granted the others learn a step later. The one that breaks down, after 60 s in an aisle, "
-    "still counts among the robots, and nobody takes over its goal or avoids goals that it stands on. People are seen "
-    "by lidar alone, and known to the field, which lets a robot drive only where it stands before anybody can be there."
+    "keeps under the field the stop that it said last. The one that breaks down, after 60 s in an aisle, still counts "
+    "among the robots, and nobody takes over its goal or avoids goals that it stands on. People are seen by lidar; the "
+    "field lets a robot drive only where it stands before anybody can be there, and live routes lead round who stands."
 )
 
 
