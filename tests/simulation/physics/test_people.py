@@ -228,6 +228,17 @@ def test_who_turns_away_goes_past_no_robot() -> None:
     assert np.isfinite(way[2, 5])
 
 
+def test_who_is_shut_in_between_robots_does_not_stay_for_good() -> None:
+    """Beside a shelf, with robots in front and to both sides: where turning away leaves nothing, it goes anywhere."""
+    grid = drawn(["#########", ".........", "........."])
+    simulator = with_people(grid, (3.4, 1.6, 0.0), (5.3, 1.2, 0.0), (6.6, 1.6, 0.0))
+    o = simulator.people.persons[0, 0]
+    o["x"], o["y"], o["wants"] = 4.6, 1.7, GIVEN_UP
+    simulator.people.send_on(simulator.robots)
+    goal = simulator.grid.cell(np.array([o["goal_x"], o["goal_y"]]))
+    assert tuple(goal) != tuple(simulator.grid.cell(np.array([o["x"], o["y"]])))
+
+
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**31 - 1))
 def test_whatever_people_and_robots_do_the_field_lets_nobody_be_hit(seed: int) -> None:

@@ -99,18 +99,26 @@ class People:
                 o["rest"] = self._rngs[world].uniform(*RESTS)
             o["wants"] = NOTHING
             if turns_away:
-                floor = self._past_robots(o, robots[world])
-                region = label_regions(~floor.occupied)
-                row, column = self._grid.cell(np.array([o["x"], o["y"]])).tolist()
-                cells = [(int(r), int(c)) for r, c in np.argwhere(region == region[row, column])]
-                self._send(world, person, cells, floor)
+                self._turn_away(world, person, robots[world])
             else:
                 self._send(world, person)
 
-    def _past_robots(self, o: np.void, robots: NDArray[np.void]) -> GridMap:
-        """Return the floor for a person to go past no robot, and first away from those that are near.
+    def _turn_away(self, world: int, person: int, robots: NDArray[np.void]) -> None:
+        """Send a person somewhere past no robot, first away from those that are near; else past them; else anywhere."""
+        o = self.persons[world, person]
+        row, column = self._grid.cell(np.array([o["x"], o["y"]])).tolist()
+        for away in (True, False):
+            floor = self._past_robots(o, robots, away)
+            region = label_regions(~floor.occupied)
+            cells = [(int(r), int(c)) for r, c in np.argwhere(region == region[row, column])]
+            if len(cells) > 1:
+                self._send(world, person, cells, floor)
+                return
+        self._send(world, person)
 
-        The cells that robots are on are none of it, nor those beside the person's own towards a robot.
+    def _past_robots(self, o: np.void, robots: NDArray[np.void], away: bool) -> GridMap:
+        """Return the floor for a person to go past no robot: the cells that robots are on are none of it, nor if it
+        goes `away` those beside its own towards a robot that is near.
         """
         occupied, here = self._grid.occupied.copy(), np.array([o["x"], o["y"]], dtype=np.float64)
         own = self._grid.cell(here)
@@ -119,7 +127,7 @@ class People:
         for back in (0.0, self._reach / 2, self._reach):
             points = np.stack([robots["x"] - back * robots["cos"], robots["y"] - back * robots["sin"]], axis=-1)
             occupied[tuple(self._grid.cell(points).T)] = True
-            to = points[np.hypot(*(points - here).T) < _TURNS_AWAY] - here
+            to = points[np.hypot(*(points - here).T) < (_TURNS_AWAY if away else 0.0)] - here
             ahead = ways @ to.T > _TOWARDS * np.hypot(*ways.T)[:, None] * np.hypot(*to.T)
             occupied[tuple(beside[ahead.any(axis=1)].T)] = True
         occupied[tuple(own)] = False
