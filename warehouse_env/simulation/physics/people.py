@@ -39,13 +39,12 @@ PATIENCE = np.float32(3.0)  # [s] without coming on until they want to be elsewh
 RESTS = (5.0, 15.0)  # [s] at a goal, evenly drawn
 _TURNS_AWAY, _TOWARDS = 1.3, 0.5  # [m] from points of a robot, and cosine to them, that a person walks no more then
 START = 2.0  # [m] from the centre of any robot, at the beginning
-_DIAGONAL = np.float32(np.sqrt(0.5))
-# ways tried around what is in the way, as (cosine, sine): straight on, half right, half left, right, left; then back
+# ways tried around what is in the way, as (cosine, sine): straight on, then more and more to the right or the left, at
+# last back, and about
 _TURNS = np.array([
-    (1, 0), (_DIAGONAL, -_DIAGONAL), (_DIAGONAL, _DIAGONAL), (0, -1), (0, 1),
-    (-1, 0), (-_DIAGONAL, -_DIAGONAL), (-_DIAGONAL, _DIAGONAL),
+    (np.cos(eighths * np.pi / 8), np.sin(eighths * np.pi / 8)) for eighths in (0, -1, 1, -2, 2, -4, 4, 8, -7, 7, -6, 6)
 ], dtype=np.float32)  # fmt: skip
-_ONWARD = 5  # of them
+_ONWARD = 7  # of them
 _STREAM = 2  # behind the world's own entropy; 1 is that of messages.py
 
 
