@@ -99,10 +99,8 @@ def test_a_robots_row_by_hand() -> None:
     }  # fmt: skip
     without = ("min_clearance_m", "path_length_m", "path_length_ratio", "waiting_share", "late_goals_per_robot_hour")
     nothing = dict.fromkeys(without, math.nan)
-    np.testing.assert_equal(
-        second,
-        {**dict.fromkeys(first, 0.0), "seconds": 300.0, "distance_m": 31.0, "stuck": 1.0, **nothing},
-    )
+    expected = {**dict.fromkeys(first, 0.0), "seconds": 300.0, "distance_m": 31.0, "stuck": 1.0, **nothing}
+    np.testing.assert_equal(second, {**expected, "longest_without_goal_s": 45.0})
 
 
 def test_late_goals_are_those_after_the_middle() -> None:

@@ -127,7 +127,8 @@ class People:
             points = np.stack([robots["x"] - back * robots["cos"], robots["y"] - back * robots["sin"]], axis=-1)
             occupied[tuple(self._grid.cell(points).T)] = True
             to = points[np.hypot(*(points - here).T) < (_TURNS_AWAY if away else 0.0)] - here
-            ahead = ways @ to.T > _TOWARDS * np.hypot(*ways.T)[:, None] * np.hypot(*to.T)
+            along = (ways[:, None] * to).sum(axis=-1)
+            ahead = along > _TOWARDS * np.hypot(*ways.T)[:, None] * np.hypot(*to.T)
             occupied[tuple(beside[ahead.any(axis=1)].T)] = True
         occupied[tuple(own)] = False
         return GridMap(occupied, cell_size=self._grid.cell_size)
