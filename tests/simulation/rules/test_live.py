@@ -31,7 +31,7 @@ from warehouse_env.simulation.state import PERSON, ROBOT
 ROOT = Path(__file__).parents[3]
 EAST, NORTH, WEST, SOUTH = 0, 2, 4, 6
 ROWS, COLUMNS = 5, 9
-NOBODY_WALKS = np.zeros(0, PERSON)
+NOBODY_WALKS, ON_NOTHING = np.zeros(0, PERSON), np.zeros((2, 0), np.int32)
 
 
 def record(*robots: dict[str, Any]) -> Any:
@@ -65,7 +65,7 @@ STANDS = (6.0, ON_AXLE, ONE, ROWS, COLUMNS)  # after 6 s; bodies' centres on the
 
 def table_of(robots: Any, routes: Any) -> Passing:
     table = make_passing(1, robots.shape[1], ROWS * COLUMNS, SLOTS)
-    keep_all_up(table, 0, 0, robots[0], NOBODY_WALKS, routes[0], *STANDS)
+    keep_all_up(table, 0, 0, robots[0], NOBODY_WALKS, ON_NOTHING, routes[0], *STANDS)
     return table
 
 
@@ -74,7 +74,9 @@ def barred(robots: Any, routes: Any, look_ahead: float = 25.0, **when: int) -> l
     table, laid = make_passing(1, robots.shape[1], ROWS * COLUMNS, SLOTS), np.full(robots.shape, np.inf, np.float32)
     stood_for, *floor = STANDS
     now = np.array([0])
-    count = keep_barred(table, robots, NOBODY_WALKS[None], routes, laid, now, stood_for, look_ahead, *floor, out)
+    count = keep_barred(
+        table, robots, NOBODY_WALKS[None], ON_NOTHING, routes, laid, now, stood_for, look_ahead, *floor, out
+    )
     assert count == out.sum()
     return [bool(found) for found in out[0]]
 
@@ -437,7 +439,7 @@ def crowd(layout: str, robots: int, steps: int = 0, seed: int = 3) -> tuple[Simu
     records["standing_time"][:2] = 7.7
     size, floor, looks = np.float32(grid.cell_size), CostToGo(grid), []
     table, asked = make_passing(1, robots, grid.occupied.size, SLOTS), make_asked(grid.occupied.size)
-    keep_all_up(table, 0, 0, records, NOBODY_WALKS, routes, 6.0, np.float32(0.3), size, *grid.shape)
+    keep_all_up(table, 0, 0, records, NOBODY_WALKS, ON_NOTHING, routes, 6.0, np.float32(0.3), size, *grid.shape)
     for me, r in enumerate(records):
         field, cell = floor.field((int(r["goal_row"]), int(r["goal_col"])), floor.whole()), grid.cell([r["x"], r["y"]])
         where = (me, *cell.tolist(), field, 0, 0, 10 * UNIT, 40 * UNIT)

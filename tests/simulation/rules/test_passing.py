@@ -13,7 +13,7 @@ from warehouse_env.simulation.rules.passing import NOTHING, Passing, forget_rout
 from warehouse_env.simulation.state import PERSON, ROBOT
 
 ROWS, COLUMNS, SLOTS, ROBOTS = 9, 11, 16, 5
-NOBODY_WALKS = np.zeros(0, PERSON)
+NOBODY_WALKS, ON_NOTHING = np.zeros(0, PERSON), np.zeros((2, 0), np.int32)
 FLOOR = (6.0, np.float32(0.2), np.float32(1.0), ROWS, COLUMNS)
 
 
@@ -57,9 +57,9 @@ def test_a_table_that_is_kept_up_says_what_a_new_one_says(seed: int) -> None:
             r["position"] = np.clip(r["position"] + rng.normal(0.4, 0.8), 0.0, max(r["points"] - 1, 0) * 0.5)
             r["x"], r["y"] = rng.uniform(0, COLUMNS), rng.uniform(0, ROWS)
             r["cos"], r["standing_time"], r["alive"] = 1.0, rng.uniform(0.0, 12.0), rng.random() < 0.9
-        keep_all_up(kept, 1, step, robots, NOBODY_WALKS, routes, *FLOOR)
+        keep_all_up(kept, 1, step, robots, NOBODY_WALKS, ON_NOTHING, routes, *FLOOR)
         new = make_passing(2, ROBOTS, ROWS * COLUMNS, SLOTS)
-        keep_all_up(new, 1, step, robots, NOBODY_WALKS, routes, *FLOOR)
+        keep_all_up(new, 1, step, robots, NOBODY_WALKS, ON_NOTHING, routes, *FLOOR)
         assert listed(kept, 1) == listed(new, 1)
         np.testing.assert_array_equal(kept.standing, new.standing)
         np.testing.assert_array_equal(kept.stands_on, new.stands_on)
@@ -71,6 +71,6 @@ def test_what_is_listed_by_hand() -> None:
     robots["alive"], robots["points"], robots["spacing"], robots["position"] = 1, 7, 0.5, 0.6
     routes[0, :7, 0], routes[0, :7, 1] = 0.25 + 0.5 * np.arange(7), 8.5  # along the first row, two points a cell
     table = make_passing(1, 1, ROWS * COLUMNS, SLOTS)
-    keep_all_up(table, 0, 0, robots, NOBODY_WALKS, routes, *FLOOR)
+    keep_all_up(table, 0, 0, robots, NOBODY_WALKS, ON_NOTHING, routes, *FLOOR)
     west = 4
     assert listed(table, 0) == {(1, 0, 0, west): 1, (2, 0, 2, west): 1, (3, 0, 4, west): 1}

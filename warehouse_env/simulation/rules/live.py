@@ -109,7 +109,7 @@ def _is_barred(passing, b, me, r, route, look_ahead, size, rows, columns):
 
 @kernel
 def keep_barred(
-    passing, robots, persons, routes, laid, steps, stood_for, look_ahead, behind, size, rows, columns, looks
+    passing, robots, persons, person_on, routes, laid, steps, stood_for, look_ahead, behind, size, rows, columns, looks,
 ):  # fmt: skip
     """Let only those look whose way is barred, or runs out; return how many.
 
@@ -121,8 +121,9 @@ def keep_barred(
         for i in range(robots.shape[1]):
             if looks[b, i]:
                 keep_all_up(
-                    passing, b, steps[b], robots[b], persons[b], routes[b], stood_for, behind, size, rows, columns
-                )
+                    passing, b, steps[b], robots[b], persons[b], person_on, routes[b],
+                    stood_for, behind, size, rows, columns,
+                )  # fmt: skip
                 looks[b, i] = runs_out_of(robots[b, i], laid[b, i]) or _is_barred(
                     passing, b, i, robots[b, i], routes[b, i], look_ahead, size, rows, columns
                 )
@@ -154,6 +155,7 @@ class LiveRoutes(Portable):
     def __init__(self, config: EnvConfig, book: RouteBook, persons: NDArray[Any]) -> None:
         """Take the configuration's `reroute_spec`; persons: PERSON[B, M]; ConfigError as `live_planner`."""
         self._persons, worlds = persons, len(persons)
+        self._person_on = np.full(persons.shape, NOTHING, np.int32)  # see keep_all_up
         spec, grid = config.reroute_spec, book.grid
         planner = live_planner(config)
         self.finder: Finder = FINDERS[planner.name](grid.shape)
@@ -172,7 +174,7 @@ class LiveRoutes(Portable):
             (round(UNIT * (getattr(planner, "hairpin", 0.0) or HAIRPIN)), UNIT * HORIZON),
             round(UNIT * spec.saving),
         )
-        self._passing = make_passing(worlds, config.num_agents, grid.occupied.size, SLOTS, config.people)
+        self._passing = make_passing(worlds, config.num_agents, grid.occupied.size, SLOTS)
         self._laid = np.full((worlds, config.num_agents), np.inf, np.float32)  # [m] of routes that are drivable
         fastest = max(config.robot.max_speed, -config.robot.min_speed)
         self._reach = LAID if spec.every * fastest < _NEAR / 2 else np.inf
@@ -190,7 +192,7 @@ class LiveRoutes(Portable):
         """Forget all that is known of a world: its robots begin anew."""
         passing = self._passing
         passing.first[world] = passing.stands_on[world] = passing.known_at[world] = passing.cell[world] = NOTHING
-        passing.person_on[world] = NOTHING
+        self._person_on[world] = NOTHING
         passing.low[world] = passing.high[world] = passing.standing[world] = 0
         passing.waited[world] = passing.waited_in[world] = passing.period[world] = 0
         self._laid[world] = np.inf
@@ -226,7 +228,7 @@ class LiveRoutes(Portable):
         note_waiting(self._passing, robots, looks, steps, self._every, behind, size, *self._book.grid.shape)
         floor = (stood_for, self._look_ahead, behind, size, *self._book.grid.shape)
         if self._only_barred and not keep_barred(
-            self._passing, robots, self._persons, routes, self._laid, steps, *floor, looks
+            self._passing, robots, self._persons, self._person_on, routes, self._laid, steps, *floor, looks
         ):
             return []
         found: list[list[int]] = np.argwhere(looks).tolist()
@@ -249,7 +251,7 @@ class LiveRoutes(Portable):
         stood_for, behind, size = self._floor
         if self._passing.known_at[world] != step:
             floor = stood_for, behind, size, *self._book.grid.shape
-            keep_all_up(self._passing, world, step, robots, self._persons[world], routes, *floor)
+            keep_all_up(self._passing, world, step, robots, self._persons[world], self._person_on, routes, *floor)
         field, box = self._field(world, me, (row, column), goal)
         look = Look(
             self._passing, self._asked, robots, self._fields.steps, PRICES, size, world, me, row, column,

@@ -29,6 +29,8 @@ PERIOD = 10  # looks of a robot, after which what was noted before counts half
 class Passing(NamedTuple):
     """The table of B worlds with N robots on C cells, each with S slots for the way-points that are listed.
 
+    What prices do not ask for is kept elsewhere: each array more that a look carries makes a search slower.
+
     Way-point k of robot i is in slot i * S + k % S, if from its first one ahead it is one of the next S.
     """
 
@@ -41,7 +43,6 @@ class Passing(NamedTuple):
     high: NDArray[np.int32]  # [B, N], that after the last
     spacing: NDArray[np.float32]  # [B, N] [m] between them
     stands_on: NDArray[np.int32]  # [B, N], the cell on which a robot is counted as standing, or NOTHING
-    person_on: NDArray[np.int32]  # [B, M], so of people
     standing: NDArray[np.int16]  # [B, C, 2], robots and people that stand on a cell; and on those beside it
     known_at: NDArray[np.int64]  # [B], the env step of which the table is
     waited: NDArray[np.int32]  # [B, C], looks of late at which one waited on a cell, times ONCE; see `note_waiting`
@@ -49,7 +50,7 @@ class Passing(NamedTuple):
     period: NDArray[np.int32]  # [B], the present one
 
 
-def make_passing(worlds: int, robots: int, cells: int, slots: int, people: int = 0) -> Passing:
+def make_passing(worlds: int, robots: int, cells: int, slots: int) -> Passing:
     """Return an empty table."""
 
     def nothing(*shape: int) -> NDArray[np.int32]:
@@ -59,7 +60,7 @@ def make_passing(worlds: int, robots: int, cells: int, slots: int, people: int =
     return Passing(
         nothing(worlds, cells), nothing(*each), nothing(*each), nothing(*each), np.zeros(each, np.int8),
         np.zeros((worlds, robots), np.int32), np.zeros((worlds, robots), np.int32),
-        np.zeros((worlds, robots), np.float32), nothing(worlds, robots), nothing(worlds, people),
+        np.zeros((worlds, robots), np.float32), nothing(worlds, robots),
         np.zeros((worlds, cells, 2), np.int16), np.full(worlds, NOTHING, np.int64),
         np.zeros((worlds, cells), np.int32), np.zeros((worlds, cells), np.int32), np.zeros(worlds, np.int32),
     )  # fmt: skip
@@ -179,12 +180,12 @@ def keep_up(passing, b, i, r, route, stood_for, behind, size, rows, columns):
 
 
 @kernel
-def keep_all_up(passing, b, step, robots, persons, routes, stood_for, behind, size, rows, columns):
+def keep_all_up(passing, b, step, robots, persons, person_on, routes, stood_for, behind, size, rows, columns):
     """Bring the table of world b up to env step `step`, unless it is already.
 
-    robots: ROBOT[N]; persons: PERSON[M]; routes: float32[N, R, 2] [m]; stood_for [s]: from when on a robot counts as
-    standing; behind [m]: a body's centre, behind its front axle; size [m]: of a cell of the floor with so many rows and
-    columns.
+    robots: ROBOT[N]; persons: PERSON[M]; person_on: int32[B, M], the cell on which a person is counted as standing, or
+    NOTHING; routes: float32[N, R, 2] [m]; stood_for [s]: from when on a robot counts as standing; behind [m]: a body's
+    centre, behind its front axle; size [m]: of a cell of the floor with so many rows and columns.
     """
     if passing.known_at[b] == step:
         return
@@ -195,7 +196,7 @@ def keep_all_up(passing, b, step, robots, persons, routes, stood_for, behind, si
         if bars_ways(persons[m]):
             row, column = cell_of(persons[m]["x"], persons[m]["y"], size, rows, columns)
             stands = row * columns + column
-        _stands_now(passing, b, passing.person_on, m, stands, rows, columns)
+        _stands_now(passing, b, person_on, m, stands, rows, columns)
     passing.known_at[b] = step
 
 
