@@ -14,7 +14,7 @@ from train.evaluation.audit.jobs import DrivenEpisodes, RecordedEpisode
 from train.evaluation.audit.table import audit_table, faults_of, sentences
 from train.evaluation.audit.watcher import Audit
 from train.evaluation.jobs import Job, Runner
-from train.reporting.rows import RowFile, check_writable, read_rows, write_text
+from train.reporting.rows import RowFile, check_writable, write_text
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.record.recording import Episode
 
@@ -39,8 +39,10 @@ class AuditCommand(Episodes):
         """Audit all, print the table and the faults, write the rows and the table; exit with 1 if there is a fault."""
         jobs = self._jobs()
         check_writable(self.out / "table.md")
-        old = read_rows(self.rows_path) if self.resume and self.rows_path.exists() else []
-        with Runner(RowFile(self.rows_path, keep=self.resume), old, self.processes, goes_on=GOES_ON) as run:
+        with (
+            RowFile(self.rows_path, keep=self.resume) as file,
+            Runner(file, file.old(), self.processes, goes_on=GOES_ON) as run,
+        ):
             rows = run(jobs)
         table = audit_table(rows)
         table.print()

@@ -55,7 +55,8 @@ def test_what_is_shipped_is_clean_as_it_drives(tmp_path: Path, capsys: pytest.Ca
     rows = read_rows(tmp_path / "rows.jsonl")
     assert [(row["policy"], row["seed"]) for row in rows] == [("greedy", 4), ("greedy", 5), ("ppo", 4), ("ppo", 5)]
     assert all(row["goals_per_robot_hour"] is not None for row in rows)
-    (tmp_path / "rows.jsonl").write_text("".join((tmp_path / "rows.jsonl").read_text().splitlines(keepends=True)[:3]))
+    text = (tmp_path / "rows.jsonl").read_text()
+    (tmp_path / "rows.jsonl").write_text(text[: len(text) - 5])  # cut off within a row, as a kill leaves it
     capsys.readouterr()
     assert audit(tmp_path, *words, "--resume") == 0
     assert len(read_rows(tmp_path / "rows.jsonl")) == 4
