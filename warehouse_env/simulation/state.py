@@ -87,7 +87,7 @@ PARAMETERS = np.dtype(
         ("half_length", F), ("half_width", F), ("offset", F), ("radius", F),  # [m]; offset: front axle to centre
         ("wheelbase", F), ("min_speed", F), ("max_speed", F), ("max_acceleration", F),
         ("max_steer", F), ("max_steer_rate", F),
-        ("arrival_radius", F), ("near_miss_gap", F), ("pair_range", F), ("stride", F), ("blur", F),
+        ("arrival_radius", F), ("near_miss_gap", F), ("pair_range", F), ("stride", F), ("pace", F), ("blur", F),
         ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
         ("predictions", B),
         ("most_pairs", I), ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator
@@ -112,9 +112,13 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
     swing = (robot.rear_reach - half_length) * math.tan(robot.max_steering) / robot.wheelbase
     wide = math.hypot(1.0, swing)  # metres of the centre, at most, for each of the front axle
     stride = fastest * wide * config.time_step  # of the centre, at most, in one physics step
+    far = math.hypot(max(robot.rear_reach, robot.front_overhang), half_width)
+    dt = config.time_step / config.substeps
+    blur = robot.max_acceleration * dt**2 / 8  # of a body from where it would be in a substep at even speed, at most
+    pace = fastest * dt * (1.0 + far * math.tan(robot.max_steering) / robot.wheelbase) + blur  # of any point, at most
     stop = 0.5 * (fastest**2 / robot.max_acceleration + robot.max_acceleration * config.time_step**2)
     values = {
-        "dt": config.time_step / config.substeps, "time_step": config.time_step,
+        "dt": dt, "time_step": config.time_step,
         "substeps": config.substeps, "repeat": config.action_repeat,
         "half_length": half_length, "half_width": half_width,
         "offset": robot.rear_reach - half_length, "radius": radius,
@@ -122,15 +126,14 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
         "max_acceleration": robot.max_acceleration,
         "max_steer": robot.max_steering, "max_steer_rate": robot.max_steering_rate,
         "arrival_radius": config.arrival_radius, "near_miss_gap": config.near_miss_gap,
-        "pair_range": 2 * radius + GAP_HORIZON + 2 * stride, "stride": stride,
-        "blur": robot.max_acceleration * (config.time_step / config.substeps) ** 2 / 8,
+        "pair_range": 2 * radius + GAP_HORIZON + 2 * stride, "stride": stride, "pace": pace, "blur": blur,
         "cell": cell, "lidar_range": sensor.lidar_range, "rays": sensor.rays, "neighbours": sensor.neighbours,
         "route_points": sensor.route_points, "route_spacing": sensor.route_spacing,
         "predictions": sensor.predictions,
         "right_of_way": config.right_of_way, "right_of_way_after": config.right_of_way_after,
         "field": config.protective_field, "field_margin": config.field_margin,
         "stop_samples": stop_samples(config), "swing": wide,
-        "far": math.hypot(max(robot.rear_reach, robot.front_overhang), half_width),
+        "far": far,
         "field_range": 2 * (radius + stride + wide * stop) + config.field_margin,
         "action_type": ACTION_TYPES.index(config.action_type), "one_shot": config.tasks == "one_shot",
         "collision_ends": config.terminate_on_collision, "max_steps": config.max_steps,

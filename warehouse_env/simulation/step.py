@@ -18,7 +18,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.observation import EGO, NEIGHBOUR
 from warehouse_env.simulation.driver import line, tracking
-from warehouse_env.simulation.physics import buckets, contact, people
+from warehouse_env.simulation.physics import buckets, contact, contact_episodes, people
 from warehouse_env.simulation.physics.kinematics import approach, braking
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 from warehouse_env.simulation.rules import audit, field, right_of_way, waits
@@ -251,8 +251,8 @@ def advance(
                 people.walk(persons[b], ways[b], robots[b], p, solid, clearance)
             if checked is not None:
                 audit.find_fault(robots[b], persons[b], clock, p, solid, clearance, faults[b])
-            contact.judge_pairs(robots[b], motion, pairs, near, stamps[b], clock, p)
-            contact.end_shelf_contacts(robots[b], p, solid, clearance)
+            contact_episodes.judge_pairs(robots[b], motion, pairs, near, stamps[b], clock, p)
+            contact_episodes.end_shelf_contacts(robots[b], p, solid, clearance)
             if walking is not None:
                 people.end_contacts(robots[b], persons[b], p)
             for i in range(count):

@@ -1,28 +1,22 @@
-"""Who touches whom: trial motion, exact contact, put-back, and the episodes that are counted.
+"""Who touches whom: trial motion, exact contact, put-back.
 
 All robots move at once; whoever runs into something, at the substep's end or on the way there (sweep.py), is put back
 to its start with zero speed, and this is repeated until nothing overlaps: at worst all stand where they stood. So no
 body ever overlaps another. Under the protective field, which has looked at the way, the ends are looked at alone.
-A contact episode begins with a touch and ends when the gap is wider than `near_miss_gap`: a robot that keeps
-pushing another is counted once, however often it is put back. A near miss is a gap under `near_miss_gap` that
-opened again untouched.
+What is counted of it: contact_episodes.py.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, bucket_at
-from warehouse_env.simulation.physics.footprint import body_room, body_touches_shelf, clearance_at
-from warehouse_env.simulation.physics.geometry import rectangle_gap, rectangles_touch, separation
+from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, disc_room, meets_cell
+from warehouse_env.simulation.physics.geometry import rectangles_touch, separation
 from warehouse_env.simulation.physics.kinematics import curvature, drive
-from warehouse_env.simulation.physics.sweep import sweeps_shelf, touch_between, turn_bound, turns_back, way_bound
+from warehouse_env.simulation.physics.sweep import sweeps_shelf, touch_between, turns_back, way_bound
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
-from warehouse_env.simulation.state import GAP_HORIZON
-
-_HORIZON = np.float32(GAP_HORIZON)
-NEAR, CONTACT = 1, 2  # status of a pair: near and untouched, in a contact episode; 0 = apart
 
 # Rows of `motion` float32[MOTION, N], the robots' motion within one physics step, field by field side by side: the
 # present pose, what changes it, the pose that is tried, and the room [m] that a robot has to the nearest shelf.
@@ -144,39 +138,47 @@ def put_back(motion, flags, i):
 
 @inline
 def _way(motion, i, p):
-    """Return at least how far [m] any point of robot i's body moves on trial."""
-    turn = turn_bound(motion[COS, i], motion[SIN, i], motion[TRY_COS, i], motion[TRY_SIN, i])
-    return way_bound(motion[TRY_X, i] - motion[X, i], motion[TRY_Y, i] - motion[Y, i], turn, p)
+    """Return at least how far [m] any point of robot i's body moves on trial; see `way_bound`."""
+    return way_bound(
+        motion[TRY_X, i] - motion[X, i], motion[TRY_Y, i] - motion[Y, i],
+        motion[COS, i], motion[SIN, i], motion[TRY_COS, i], motion[TRY_SIN, i], p,
+    )  # fmt: skip
 
 
 @inline
 def _back(motion, i, p):
     """Return how far robot i may leave its arc [m] on trial, where it turns back."""
+    speed, next_speed = motion[SPEED, i] - motion[ACCELERATION, i] * p["dt"], motion[SPEED, i]
+    if speed * next_speed >= ZERO:
+        return ZERO
     bend = curvature(motion[STEER, i] - HALF * motion[STEER_RATE, i] * p["dt"], p["wheelbase"])
-    return turns_back(motion[SPEED, i] - motion[ACCELERATION, i] * p["dt"], motion[SPEED, i], bend, p)
+    return turns_back(speed, next_speed, bend, p)
+
+
+@part
+def _meets_shelf_on_the_way(motion, i, p, solid, clearance):
+    """Whether robot i on trial touches a shelf on the way."""
+    c0, s0, c1, s1 = motion[COS, i], motion[SIN, i], motion[TRY_COS, i], motion[TRY_SIN, i]
+    x0, y0 = motion[X, i] - p["offset"] * c0, motion[Y, i] - p["offset"] * s0
+    x1, y1 = motion[TRY_X, i] - p["offset"] * c1, motion[TRY_Y, i] - p["offset"] * s1
+    return sweeps_shelf(x0, y0, c0, s0, x1, y1, c1, s1, _back(motion, i, p), p, solid) and not body_touches_shelf(
+        x0, y0, c0, s0, p["half_length"], p["half_width"], solid, clearance, p["cell"]
+    )  # who was put into a shelf may leave it
 
 
 @inline
 def _tries_a_shelf(motion, i, guarded, p, solid, clearance):
     """Whether robot i on trial touches a shelf, where it comes to or, unless guarded, on the way."""
     half_length, half_width, cell = p["half_length"], p["half_width"], p["cell"]
-    c1, s1 = motion[TRY_COS, i], motion[TRY_SIN, i]
-    x1, y1 = motion[TRY_X, i] - p["offset"] * c1, motion[TRY_Y, i] - p["offset"] * s1
+    c, s = motion[TRY_COS, i], motion[TRY_SIN, i]
+    x, y = motion[TRY_X, i] - p["offset"] * c, motion[TRY_Y, i] - p["offset"] * s
     if guarded is not None:
-        return body_touches_shelf(x1, y1, c1, s1, half_length, half_width, solid, clearance, cell)
-    way, room = _way(motion, i, p), body_room(x1, y1, c1, s1, half_length, half_width, clearance, cell)
-    if room > way:
-        return False
-    if room <= ZERO and body_touches_shelf(x1, y1, c1, s1, half_length, half_width, solid, clearance, cell):
+        return body_touches_shelf(x, y, c, s, half_length, half_width, solid, clearance, cell)
+    room, before = disc_room(x, y, c, s, half_length, half_width, clearance, cell), max(motion[ROOM, i], ZERO)
+    if room <= ZERO and meets_cell(x, y, c, s, half_length, half_width, solid, cell):
         return True
-    c0, s0 = motion[COS, i], motion[SIN, i]
-    x0, y0 = motion[X, i] - p["offset"] * c0, motion[Y, i] - p["offset"] * s0
-    before = body_room(x0, y0, c0, s0, half_length, half_width, clearance, cell)
-    if max(room, ZERO) + max(before, ZERO) > way:
-        return False
-    return sweeps_shelf(x0, y0, c0, s0, x1, y1, c1, s1, _back(motion, i, p), p, solid) and (
-        before > ZERO or not body_touches_shelf(x0, y0, c0, s0, half_length, half_width, solid, clearance, cell)
-    )  # who was put into a shelf may leave it
+    motion[ROOM, i], room = room, max(room, ZERO)
+    return before + room <= _way(motion, i, p) and _meets_shelf_on_the_way(motion, i, p, solid, clearance)
 
 
 @inline
@@ -194,37 +196,45 @@ def keep_off_shelves(robots, motion, flags, guarded, p, solid, clearance):
             r["shelf_contact"] = 1
 
 
-@inline
-def _try_a_touch(motion, i, j, guarded, p):
-    """Whether robots i and j touch on trial, where they come to or, unless guarded, on the way."""
-    offset, half_length, half_width = p["offset"], p["half_length"], p["half_width"]
-    c1, s1, other_c1, other_s1 = motion[TRY_COS, i], motion[TRY_SIN, i], motion[TRY_COS, j], motion[TRY_SIN, j]
-    x1, y1 = motion[TRY_X, i] - offset * c1, motion[TRY_Y, i] - offset * s1
-    other_x1, other_y1 = motion[TRY_X, j] - offset * other_c1, motion[TRY_Y, j] - offset * other_s1
-    dx, dy = other_x1 - x1, other_y1 - y1
-    reach = p["radius"] + p["radius"]
-    if guarded is not None:
-        return dx * dx + dy * dy <= reach * reach and rectangles_touch(
-            dx, dy, c1, s1, half_length, half_width, other_c1, other_s1, half_length, half_width
-        )
-    reach += p["stride"] + p["stride"]
-    if dx * dx + dy * dy > reach * reach:
-        return False
-    gap = separation(dx, dy, c1, s1, other_c1, other_s1, half_length, half_width)
-    if gap <= ZERO:
-        return True
+@part
+def _touch_on_the_way(motion, i, j, gap, p):
+    """Whether robots i and j, whose trial poses are `gap` [m] apart, touch on the way to these."""
     way = _way(motion, i, p) + _way(motion, j, p)
     if gap > way:
         return False
+    offset, half_length, half_width = p["offset"], p["half_length"], p["half_width"]
     c0, s0, other_c0, other_s0 = motion[COS, i], motion[SIN, i], motion[COS, j], motion[SIN, j]
     x0, y0 = motion[X, i] - offset * c0, motion[Y, i] - offset * s0
     other_x0, other_y0 = motion[X, j] - offset * other_c0, motion[Y, j] - offset * other_s0
     before = separation(other_x0 - x0, other_y0 - y0, c0, s0, other_c0, other_s0, half_length, half_width)
-    return ZERO < before <= way - gap and touch_between(
-        x0, y0, c0, s0, x1, y1, c1, s1,
-        other_x0, other_y0, other_c0, other_s0, other_x1, other_y1, other_c1, other_s1,
+    if before <= ZERO or before > way - gap:  # who were put into each other may part
+        return False
+    c1, s1, other_c1, other_s1 = motion[TRY_COS, i], motion[TRY_SIN, i], motion[TRY_COS, j], motion[TRY_SIN, j]
+    return touch_between(
+        x0, y0, c0, s0, motion[TRY_X, i] - offset * c1, motion[TRY_Y, i] - offset * s1, c1, s1,
+        other_x0, other_y0, other_c0, other_s0,
+        motion[TRY_X, j] - offset * other_c1, motion[TRY_Y, j] - offset * other_s1, other_c1, other_s1,
         half_length, half_width, offset, _back(motion, i, p), _back(motion, j, p), p,
     )  # fmt: skip
+
+
+@inline
+def _try_a_touch(motion, i, j, guarded, p):
+    """Whether robots i and j touch on trial, where they come to or, unless guarded, on the way."""
+    offset, half_length, half_width = p["offset"], p["half_length"], p["half_width"]
+    c, s, other_c, other_s = motion[TRY_COS, i], motion[TRY_SIN, i], motion[TRY_COS, j], motion[TRY_SIN, j]
+    dx = (motion[TRY_X, j] - offset * other_c) - (motion[TRY_X, i] - offset * c)
+    dy = (motion[TRY_Y, j] - offset * other_s) - (motion[TRY_Y, i] - offset * s)
+    reach = p["radius"] + p["radius"]
+    if guarded is not None:
+        return dx * dx + dy * dy <= reach * reach and rectangles_touch(
+            dx, dy, c, s, half_length, half_width, other_c, other_s, half_length, half_width
+        )
+    near = p["pace"] + p["pace"]
+    if dx * dx + dy * dy > (reach + near) * (reach + near):
+        return False
+    gap = separation(dx, dy, c, s, other_c, other_s, half_length, half_width)
+    return gap <= ZERO or (gap <= near and _touch_on_the_way(motion, i, j, gap, p))
 
 
 @inline
@@ -276,79 +286,3 @@ def accept_motion(robots, motion):
         r["distance"] += np.float64(way)
         for k in range(5):
             motion[X + k, i] = motion[TRY_X + k, i]
-
-
-@inline
-def _known(stamps, j, clock):
-    """Return (the place for what is known of robot j, its status when last looked at: 0 if it was not near).
-
-    The first place that is free is taken, so that behind one that was never taken there are none.
-    """
-    free = -1
-    for slot in range(stamps.shape[0]):
-        age = clock - (stamps[slot, 1] >> 2)
-        if age == 1 and stamps[slot, 0] == j:
-            return slot, stamps[slot, 1] & 3
-        never = stamps[slot, 1] == 0
-        if (age > 1 or never) and free < 0:
-            free = slot
-        if never:
-            break
-    return max(free, 0), 0
-
-
-@inline
-def judge_pairs(robots, motion, pairs, count, stamps, clock, p):
-    """Measure the gaps, and begin and end contact episodes and near misses.
-
-    stamps int32[N, K, 2]: the pairs in which a robot comes first, listed with the lower number of robots (see
-    state.most_near): the other's, and 4 x clock + status when they were last near, so that nothing must be cleared.
-    """
-    offset, half_length, half_width = p["offset"], p["half_length"], p["half_width"]
-    reach = p["radius"] + p["radius"] + _HORIZON
-    for k in range(count):
-        i, j = pairs[k, 0], pairs[k, 1]
-        c, s, other_c, other_s = motion[COS, i], motion[SIN, i], motion[COS, j], motion[SIN, j]
-        dx = (motion[X, j] - offset * other_c) - (motion[X, i] - offset * c)
-        dy = (motion[Y, j] - offset * other_s) - (motion[Y, i] - offset * s)
-        if dx * dx + dy * dy > reach * reach:
-            continue
-        gap = rectangle_gap(dx, dy, c, s, half_length, half_width, other_c, other_s, half_length, half_width)
-        r, o = robots[i], robots[j]
-        if pairs[k, 2] != 0:
-            gap = ZERO
-        r["gap"] = min(r["gap"], gap)
-        o["gap"] = min(o["gap"], gap)
-        slot, before = _known(stamps[i], j, clock)
-        now = before
-        if pairs[k, 2] != 0:
-            r["touching"] = 1
-            o["touching"] = 1
-            now = CONTACT
-            if before != CONTACT:
-                r["hit_robot"] += 1
-                o["hit_robot"] += 1
-        elif gap >= p["near_miss_gap"]:
-            now = 0
-            if before == NEAR:
-                r["near_miss"] += 1
-                o["near_miss"] += 1
-        elif before == 0:
-            now = NEAR
-        if now != 0:
-            stamps[i, slot, 0], stamps[i, slot, 1] = j, 4 * clock + now
-
-
-@inline
-def end_shelf_contacts(robots, p, solid, clearance):
-    """A shelf episode ends when the body, widened by near_miss_gap, is free again."""
-    wide = p["near_miss_gap"]
-    for i in range(robots.shape[0]):
-        r = robots[i]
-        if r["shelf_contact"] != 0:
-            c, s = r["cos"], r["sin"]
-            cx, cy = r["x"] - p["offset"] * c, r["y"] - p["offset"] * s
-            if not body_touches_shelf(
-                cx, cy, c, s, p["half_length"] + wide, p["half_width"] + wide, solid, clearance, p["cell"]
-            ):
-                r["shelf_contact"] = 0

@@ -47,6 +47,12 @@ def body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, 
         and clearance_at(cx - shift * c, cy - shift * s, clearance, cell) > radius
     ):
         return False
+    return meets_cell(cx, cy, c, s, half_length, half_width, solid, cell)
+
+
+@inline
+def meets_cell(cx, cy, c, s, half_length, half_width, solid, cell):
+    """Return whether the closed rectangle at (cx, cy) [m] with heading (c, s) touches a cell of a shelf or the rim."""
     ex = half_length * abs(c) + half_width * abs(s)
     ey = half_length * abs(s) + half_width * abs(c)
     half = HALF * cell
@@ -69,8 +75,12 @@ def body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, 
 def body_room(cx, cy, c, s, half_length, half_width, clearance, cell):
     """Return metres that no point of the body at (cx, cy) can be moved into a shelf; none or negative: not known."""
     room = clearance_at(cx, cy, clearance, cell) - np.sqrt(half_length * half_length + half_width * half_width)
-    if room > ZERO:
-        return room
+    return room if room > ZERO else disc_room(cx, cy, c, s, half_length, half_width, clearance, cell)
+
+
+@inline
+def disc_room(cx, cy, c, s, half_length, half_width, clearance, cell):
+    """Return the room [m] as `body_room` does of a body near shelves: that of three discs which cover it."""
     third = half_length * _THIRD
     shift = half_length * _TWO_THIRDS
     nearest = min(

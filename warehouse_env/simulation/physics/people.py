@@ -131,7 +131,8 @@ class People:
             ahead = along > _TOWARDS * np.hypot(*ways.T)[:, None] * np.hypot(*to.T)
             occupied[tuple(beside[ahead.any(axis=1)].T)] = True
         occupied[tuple(own)] = False
-        return GridMap(occupied, cell_size=self._grid.cell_size)
+        one_way = np.where(occupied, 0, self._grid.one_way)
+        return GridMap(occupied, cell_size=self._grid.cell_size, one_way=one_way)
 
     def _send(self, world: int, person: int, cells: list[Cell] | None = None, floor: GridMap | None = None) -> Cell:
         """Give a person one of these cells as its goal by chance, and return it; None: of all endpoints, of the map."""

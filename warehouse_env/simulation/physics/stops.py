@@ -14,7 +14,7 @@ from warehouse_env.simulation.physics.contact import COS, HEADING, SIN, SPEED, S
 from warehouse_env.simulation.physics.footprint import body_room, body_touches_shelf
 from warehouse_env.simulation.physics.geometry import rectangles_touch, separation
 from warehouse_env.simulation.physics.kinematics import braking, curvature, roll
-from warehouse_env.simulation.physics.sweep import sweeps_shelf, touch_between, turns_back
+from warehouse_env.simulation.physics.sweep import sweeps_shelf, touch_between, turns_back, way_bound
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 
 REST = np.float32(1e-6)  # [m/s] under which a stop is over: what rounding leaves of a speed
@@ -122,8 +122,25 @@ def outlines_meet(dx, dy, c1, s1, l1, w1, r1, c2, s2, l2, w2, r2, gap):
 
 
 @inline
-def _touch_before(a, k, b, m, paths, outlines, moves_a, moves_b, p):
-    """Whether two motions touch between their samples k and m and those before; who moves not has none before."""
+def _way(row, n, paths, p):
+    """Return at least how far [m] any point of the body moves between a sample and the one before; see `way_bound`."""
+    return way_bound(
+        paths[row, n, CENTRE_X] - paths[row, n - 1, CENTRE_X], paths[row, n, CENTRE_Y] - paths[row, n - 1, CENTRE_Y],
+        paths[row, n - 1, BODY_COS], paths[row, n - 1, BODY_SIN], paths[row, n, BODY_COS], paths[row, n, BODY_SIN], p,
+    )  # fmt: skip
+
+
+@inline
+def _touch_before(a, k, b, m, gaps, paths, outlines, moves_a, moves_b, p):
+    """Whether two motions touch between their samples k and m and those before; who moves not has none before.
+
+    gaps [m]: at these samples and at those before, together.
+    """
+    way = _way(a, k, paths, p) if moves_a else ZERO
+    if moves_b:
+        way += _way(b, m, paths, p)
+    if gaps > way:
+        return False
     i, j = k - 1 if moves_a else k, m - 1 if moves_b else m
     return touch_between(
         paths[a, i, CENTRE_X], paths[a, i, CENTRE_Y], paths[a, i, BODY_COS], paths[a, i, BODY_SIN],
@@ -155,7 +172,9 @@ def least_separation(a, b, paths, outlines, marks, p):
         )  # fmt: skip
         if n > 0 or last == 0:  # where they are now is no motion's doing
             least = min(least, gap)
-        if ZERO < before <= most - gap and _touch_before(a, k, b, m, paths, outlines, n <= last_a, n <= last_b, p):
+        if ZERO < before <= most - gap and _touch_before(
+            a, k, b, m, before + gap, paths, outlines, n <= last_a, n <= last_b, p
+        ):
             least = min(least, HALF * (before + gap - most))
         n, before = n + 1, gap
         spare = gap - _ROOT_2 * p["field_margin"] - SLACK
@@ -177,7 +196,8 @@ def meets_shelf(row, paths, outlines, marks, p, solid, clearance):
         if n > 0 and room <= ZERO and body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, cell):
             return True
         room = max(room, ZERO)
-        if before + room <= pace and sweeps_shelf(
+        near = before + room <= pace and before + room <= _way(row, n, paths, p)
+        if near and sweeps_shelf(
             paths[row, n - 1, CENTRE_X], paths[row, n - 1, CENTRE_Y], paths[row, n - 1, BODY_COS],
             paths[row, n - 1, BODY_SIN], cx, cy, c, s, outlines[TURNS_BACK, row], p, solid,
         ):  # fmt: skip

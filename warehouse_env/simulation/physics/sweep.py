@@ -15,8 +15,10 @@ from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
 _EIGHTH = np.float32(0.125)
 _TWO = np.float32(2.0)
 _TINY = np.float32(1e-9)
-_ROUNDING = np.float32(2e-6)  # [m]
-_LEVELS = 4  # of pieces of the arcs, each a quarter of those before, until bodies that seem to touch do
+_ARC, _SINE, _GENTLE = np.float32(1.05), np.float32(1.1), np.float32(0.83)
+_INFINITE = np.float32(np.inf)
+_ROUNDING = np.float32(2e-7)  # [m], of gaps
+_LEVELS = 3  # of pieces of the arcs, each a quarter of those before, until bodies that seem to touch do
 
 
 @inline
@@ -26,9 +28,14 @@ def turn_bound(c0, s0, c1, s1):
 
 
 @inline
-def way_bound(dx, dy, turn, p):
-    """Return at least the way [m] of any point of a body whose axle comes (dx, dy) [m] further while it turns."""
-    return np.sqrt(dx * dx + dy * dy) * (ONE + _EIGHTH * turn * turn) + p["far"] * turn + p["blur"]
+def way_bound(dx, dy, c0, s0, c1, s1, p):
+    """Return at least the way [m] of any point of a body that comes (dx, dy) [m] further, inf if it turns sharply.
+
+    c, s: its headings before and after. 2 tan(t / 2) is at most 1.1 sin(t), and an arc 1.05 chords, as long as cos(t)
+    is over 0.83.
+    """
+    way = _ARC * (abs(dx) + abs(dy)) + _SINE * p["far"] * abs(c0 * s1 - s0 * c1) + p["blur"]
+    return way if c0 * c1 + s0 * s1 > _GENTLE else _INFINITE
 
 
 @inline
@@ -51,17 +58,16 @@ def _are_apart(d0x, d0y, d1x, d1y, a0c, a0s, a1c, a1s, b0c, b0s, b1c, b1s, la, w
     The axes of both bodies at both ends are tried, and the one across their relative motion, which settles whatever
     does not turn. blurs: (x, y, all ways) [m] of a, then of b.
     """
-    mx, my = d1x - d0x, d1y - d0y
-    norm = max(np.sqrt(mx * mx + my * my), _TINY)
-    mx, my = mx / norm, my / norm
     for k in range(9):
-        if k == 0:
-            ux, uy = -my, mx
-        elif k < 5:
-            ux, uy = (a0c, a0s) if k < 3 else (b0c, b0s)
+        if k < 4:
+            ux, uy = (a0c, a0s) if k < 2 else (a1c, a1s)
+        elif k < 8:
+            ux, uy = (b0c, b0s) if k < 6 else (b1c, b1s)
         else:
-            ux, uy = (a1c, a1s) if k < 7 else (b1c, b1s)
-        if k % 2 == 0 and k > 0:
+            mx, my = d1x - d0x, d1y - d0y
+            norm = max(np.sqrt(mx * mx + my * my), _TINY)
+            ux, uy = -my / norm, mx / norm
+        if k % 2 == 1:
             ux, uy = -uy, ux
         blur = abs(blurs[0] * ux + blurs[1] * uy) + blurs[2] + abs(blurs[3] * ux + blurs[4] * uy) + blurs[5]
         gap = _gap_along(ux, uy, d0x, d0y, d1x, d1y, a0c, a0s, a1c, a1s, b0c, b0s, b1c, b1s, la, wa, lb, wb)
@@ -104,6 +110,41 @@ def _blur(x, y, turn, back, other_moves, p):
     return blur * x / way, blur * y / way, min(blur * turn * (ONE + p["far"] / way), p["far"] * turn) + back
 
 
+@inline
+def _bow(x, y, turn, p):
+    """Return how far any point of a body leaves its chord [m], of whose axle the chord is (x, y) [m]."""
+    return _EIGHTH * turn * (np.sqrt(x * x + y * y) + p["far"] * turn)
+
+
+@part
+def _keep_apart(halvings, dx, dy, c1, s1, ax, ay, ac, as_, c2, s2, bx, by, bc, bs, lb, wb, b_offset, blurs, p):
+    """Whether two bodies are apart in each of 2^halvings pieces of their arcs.
+
+    dx, dy: from the axle of a to that of b [m]; c1, s1 and c2, s2: their headings; ax, ay: the chord of a [m]; ac, as_:
+    cosine and sine of half the angle by which it turns; so of b; all else: `touch_between`.
+    """
+    la, wa, offset = p["half_length"], p["half_width"], p["offset"]
+    for _ in range(halvings):
+        ac, as_, ax, ay = _halve(ac, as_, ax, ay)
+        bc, bs, bx, by = _halve(bc, bs, bx, by)
+    bow = _bow(ax, ay, _TWO * abs(as_) / max(ac, _TINY), p) + _bow(bx, by, _TWO * abs(bs) / max(bc, _TINY), p)
+    # each piece turns the chord, and the body, by as much again
+    a_c, a_s, b_c, b_s = ac * ac - as_ * as_, _TWO * ac * as_, bc * bc - bs * bs, _TWO * bc * bs
+    for _ in range(1 << halvings):
+        next_c1, next_s1 = c1 * a_c - s1 * a_s, s1 * a_c + c1 * a_s
+        next_c2, next_s2 = c2 * b_c - s2 * b_s, s2 * b_c + c2 * b_s
+        next_dx, next_dy = dx + bx - ax, dy + by - ay
+        if not _are_apart(
+            dx - b_offset * c2 + offset * c1, dy - b_offset * s2 + offset * s1,
+            next_dx - b_offset * next_c2 + offset * next_c1, next_dy - b_offset * next_s2 + offset * next_s1,
+            c1, s1, next_c1, next_s1, c2, s2, next_c2, next_s2, la, wa, lb, wb, blurs, bow,
+        ):  # fmt: skip
+            return False
+        dx, dy, c1, s1, c2, s2 = next_dx, next_dy, next_c1, next_s1, next_c2, next_s2
+        ax, ay, bx, by = ax * a_c - ay * a_s, ay * a_c + ax * a_s, bx * b_c - by * b_s, by * b_c + bx * b_s
+    return True
+
+
 @part
 def touch_between(
     ax0, ay0, ac0, as0, ax1, ay1, ac1, as1, bx0, by0, bc0, bs0, bx1, by1, bc1, bs1, lb, wb, b_offset,
@@ -115,47 +156,25 @@ def touch_between(
     of b [m]; b_offset: from the point of b that moves on an arc along b's heading, back to its centre [m]; back: see
     `turns_back`.
     """
-    la, wa, offset = p["half_length"], p["half_width"], p["offset"]
-    # chords of the axles, and cosine and sine of half the angle by which each body turns
-    ax, ay = ax1 - ax0 + offset * (ac1 - ac0), ay1 - ay0 + offset * (as1 - as0)
+    offset = p["offset"]
+    ax, ay = ax1 - ax0 + offset * (ac1 - ac0), ay1 - ay0 + offset * (as1 - as0)  # chords of the axles
     bx, by = bx1 - bx0 + b_offset * (bc1 - bc0), by1 - by0 + b_offset * (bs1 - bs0)
-    a_turn, b_turn = turn_bound(ac0, as0, ac1, as1), turn_bound(bc0, bs0, bc1, bs1)
     a_moves, b_moves = ax != ZERO or ay != ZERO, bx != ZERO or by != ZERO
+    a_turn, b_turn = turn_bound(ac0, as0, ac1, as1), turn_bound(bc0, bs0, bc1, bs1)
     blurs = (*_blur(ax, ay, a_turn, a_back, b_moves, p), *_blur(bx, by, b_turn, b_back, a_moves, p))
-    a_half_c = np.sqrt(max(HALF + HALF * (ac0 * ac1 + as0 * as1), _TINY))
-    b_half_c = np.sqrt(max(HALF + HALF * (bc0 * bc1 + bs0 * bs1), _TINY))
-    a_half_s, b_half_s = HALF * (ac0 * as1 - as0 * ac1) / a_half_c, HALF * (bc0 * bs1 - bs0 * bc1) / b_half_c
+    if _are_apart(
+        bx0 - ax0, by0 - ay0, bx1 - ax1, by1 - ay1, ac0, as0, ac1, as1, bc0, bs0, bc1, bs1,
+        p["half_length"], p["half_width"], lb, wb, blurs, _bow(ax, ay, a_turn, p) + _bow(bx, by, b_turn, p),
+    ):  # fmt: skip
+        return False
+    a_c = np.sqrt(max(HALF + HALF * (ac0 * ac1 + as0 * as1), _TINY))
+    b_c = np.sqrt(max(HALF + HALF * (bc0 * bc1 + bs0 * bs1), _TINY))
+    a_s, b_s = HALF * (ac0 * as1 - as0 * ac1) / a_c, HALF * (bc0 * bs1 - bs0 * bc1) / b_c
+    dx, dy = bx0 - ax0 + b_offset * bc0 - offset * ac0, by0 - ay0 + b_offset * bs0 - offset * as0
     for level in range(_LEVELS):
-        ac, as_, qax, qay = a_half_c, a_half_s, ax, ay
-        bc, bs, qbx, qby = b_half_c, b_half_s, bx, by
-        for _ in range(2 * level):
-            ac, as_, qax, qay = _halve(ac, as_, qax, qay)
-            bc, bs, qbx, qby = _halve(bc, bs, qbx, qby)
-        a_turn, b_turn = _TWO * abs(as_) / max(ac, _TINY), _TWO * abs(bs) / max(bc, _TINY)
-        bow = _EIGHTH * (
-            a_turn * (np.sqrt(qax * qax + qay * qay) + p["far"] * a_turn)
-            + b_turn * (np.sqrt(qbx * qbx + qby * qby) + p["far"] * b_turn)
-        )
-        # each piece turns the chord, and the body, by as much again
-        a_c, a_s, b_c, b_s = ac * ac - as_ * as_, _TWO * ac * as_, bc * bc - bs * bs, _TWO * bc * bs
-        dx, dy = bx0 - ax0 + b_offset * bc0 - offset * ac0, by0 - ay0 + b_offset * bs0 - offset * as0  # of the axles
-        c1, s1, c2, s2 = ac0, as0, bc0, bs0
-        apart, pieces = True, 1 << (2 * level)
-        for _ in range(pieces):
-            next_c1, next_s1 = c1 * a_c - s1 * a_s, s1 * a_c + c1 * a_s
-            next_c2, next_s2 = c2 * b_c - s2 * b_s, s2 * b_c + c2 * b_s
-            next_dx, next_dy = dx + qbx - qax, dy + qby - qay
-            apart = _are_apart(
-                dx - b_offset * c2 + offset * c1, dy - b_offset * s2 + offset * s1,
-                next_dx - b_offset * next_c2 + offset * next_c1, next_dy - b_offset * next_s2 + offset * next_s1,
-                c1, s1, next_c1, next_s1, c2, s2, next_c2, next_s2, la, wa, lb, wb, blurs, bow,
-            )  # fmt: skip
-            if not apart:
-                break
-            dx, dy, c1, s1, c2, s2 = next_dx, next_dy, next_c1, next_s1, next_c2, next_s2
-            qax, qay = qax * a_c - qay * a_s, qay * a_c + qax * a_s
-            qbx, qby = qbx * b_c - qby * b_s, qby * b_c + qbx * b_s
-        if apart:
+        if _keep_apart(
+            2 * level + 2, dx, dy, ac0, as0, ax, ay, a_c, a_s, bc0, bs0, bx, by, b_c, b_s, lb, wb, b_offset, blurs, p
+        ):  # fmt: skip
             return False
     return True
 
@@ -164,15 +183,19 @@ def touch_between(
 def sweeps_shelf(x0, y0, c0, s0, x1, y1, c1, s1, back, p, solid):
     """Whether a robot's body touches a shelf or the rim between two samples of its motion, at which it does not.
 
-    x, y: its centre [m]; c, s: its heading; back: see `turns_back`.
+    x, y: its centre [m]; c, s: its heading; back: see `turns_back`. Along the axes of the floor a body is apart from
+    all cells but those that the box around it at both ends meets.
     """
-    cell, half = p["cell"], HALF * p["cell"]
-    reach = p["radius"] + way_bound(x1 - x0, y1 - y0, turn_bound(c0, s0, c1, s1), p)
-    rows, columns = solid.shape
-    first_row = max(int(np.ceil((y0 - reach) / cell)), 0)
-    last_row = min(int(np.floor((y0 + reach) / cell)) + 1, rows - 1)
-    first_column = max(int(np.ceil((x0 - reach) / cell)), 0)
-    last_column = min(int(np.floor((x0 + reach) / cell)) + 1, columns - 1)
+    cell, half, length, width = p["cell"], HALF * p["cell"], p["half_length"], p["half_width"]
+    chord_x, chord_y = x1 - x0 + p["offset"] * (c1 - c0), y1 - y0 + p["offset"] * (s1 - s0)
+    spare = _bow(chord_x, chord_y, turn_bound(c0, s0, c1, s1), p) + back + _ROUNDING
+    ex0, ey0 = length * abs(c0) + width * abs(s0) + spare, length * abs(s0) + width * abs(c0) + spare
+    ex1, ey1 = length * abs(c1) + width * abs(s1) + spare, length * abs(s1) + width * abs(c1) + spare
+    (rows, columns), scale = solid.shape, ONE / cell
+    first_row = max(int(min(y0 - ey0, y1 - ey1) * scale + ONE), 0)  # what is below 0 is rounded up, to the rim
+    last_row = min(int(max(y0 + ey0, y1 + ey1) * scale) + 1, rows - 1)
+    first_column = max(int(min(x0 - ex0, x1 - ex1) * scale + ONE), 0)
+    last_column = min(int(max(x0 + ex0, x1 + ex1) * scale) + 1, columns - 1)
     for row in range(first_row, last_row + 1):
         for column in range(first_column, last_column + 1):
             if solid[row, column] != 0:

@@ -1,0 +1,96 @@
+"""What is counted of contact: episodes and near misses of pairs of robots, and episodes with shelves.
+
+A contact episode begins with a touch and ends when the gap is wider than `near_miss_gap`: a robot that keeps pushing
+another is counted once, however often it is put back. A near miss is a gap under `near_miss_gap` that opened again
+untouched.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline
+from warehouse_env.simulation.physics.contact import COS, SIN, X, Y
+from warehouse_env.simulation.physics.footprint import body_touches_shelf
+from warehouse_env.simulation.physics.geometry import rectangle_gap
+from warehouse_env.simulation.physics.trigonometry import ZERO
+from warehouse_env.simulation.state import GAP_HORIZON
+
+_HORIZON = np.float32(GAP_HORIZON)
+NEAR, CONTACT = 1, 2  # status of a pair: near and untouched, in a contact episode; 0 = apart
+
+
+@inline
+def _known(stamps, j, clock):
+    """Return (the place for what is known of robot j, its status when last looked at: 0 if it was not near).
+
+    The first place that is free is taken, so that behind one that was never taken there are none.
+    """
+    free = -1
+    for slot in range(stamps.shape[0]):
+        age = clock - (stamps[slot, 1] >> 2)
+        if age == 1 and stamps[slot, 0] == j:
+            return slot, stamps[slot, 1] & 3
+        never = stamps[slot, 1] == 0
+        if (age > 1 or never) and free < 0:
+            free = slot
+        if never:
+            break
+    return max(free, 0), 0
+
+
+@inline
+def judge_pairs(robots, motion, pairs, count, stamps, clock, p):
+    """Measure the gaps, and begin and end contact episodes and near misses.
+
+    stamps int32[N, K, 2]: the pairs in which a robot comes first, listed with the lower number of robots (see
+    state.most_near): the other's, and 4 x clock + status when they were last near, so that nothing must be cleared.
+    """
+    offset, half_length, half_width = p["offset"], p["half_length"], p["half_width"]
+    reach = p["radius"] + p["radius"] + _HORIZON
+    for k in range(count):
+        i, j = pairs[k, 0], pairs[k, 1]
+        c, s, other_c, other_s = motion[COS, i], motion[SIN, i], motion[COS, j], motion[SIN, j]
+        dx = (motion[X, j] - offset * other_c) - (motion[X, i] - offset * c)
+        dy = (motion[Y, j] - offset * other_s) - (motion[Y, i] - offset * s)
+        if dx * dx + dy * dy > reach * reach:
+            continue
+        gap = rectangle_gap(dx, dy, c, s, half_length, half_width, other_c, other_s, half_length, half_width)
+        r, o = robots[i], robots[j]
+        if pairs[k, 2] != 0:
+            gap = ZERO
+        r["gap"] = min(r["gap"], gap)
+        o["gap"] = min(o["gap"], gap)
+        slot, before = _known(stamps[i], j, clock)
+        now = before
+        if pairs[k, 2] != 0:
+            r["touching"] = 1
+            o["touching"] = 1
+            now = CONTACT
+            if before != CONTACT:
+                r["hit_robot"] += 1
+                o["hit_robot"] += 1
+        elif gap >= p["near_miss_gap"]:
+            now = 0
+            if before == NEAR:
+                r["near_miss"] += 1
+                o["near_miss"] += 1
+        elif before == 0:
+            now = NEAR
+        if now != 0:
+            stamps[i, slot, 0], stamps[i, slot, 1] = j, 4 * clock + now
+
+
+@inline
+def end_shelf_contacts(robots, p, solid, clearance):
+    """A shelf episode ends when the body, widened by near_miss_gap, is free again."""
+    wide = p["near_miss_gap"]
+    for i in range(robots.shape[0]):
+        r = robots[i]
+        if r["shelf_contact"] != 0:
+            c, s = r["cos"], r["sin"]
+            cx, cy = r["x"] - p["offset"] * c, r["y"] - p["offset"] * s
+            if not body_touches_shelf(
+                cx, cy, c, s, p["half_length"] + wide, p["half_width"] + wide, solid, clearance, p["cell"]
+            ):
+                r["shelf_contact"] = 0
