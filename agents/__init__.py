@@ -65,7 +65,10 @@ def _entry(name_or_dir: str | Path) -> PolicyEntry:
     name = str(name_or_dir)
     if name in POLICIES:
         return POLICIES[name]
-    path = Path(name).expanduser()
+    try:
+        path = Path(os.path.expanduser(name))  # which leaves the home of nobody as it is
+    except UnicodeEncodeError:
+        raise unknown_name("policy", name, POLICIES) from None
     if os.path.isdir(path):  # which Path.is_dir raises about where a name is too long
         return PolicyEntry("a policy folder", weights=path)
     if len(path.parts) > 1 or isinstance(name_or_dir, Path):

@@ -127,7 +127,7 @@ def parse_named(text: Any, kind: str, example: str) -> tuple[Any, dict[str, Any]
     for part in rest.split(",") if rest else ():
         key, equals, value = (piece.strip() for piece in part.partition("="))
         if not (key and equals and value):
-            raise ConfigError(f"{kind} {name}: {shown(part)} must be PARAMETER=VALUE, as in {example}")
+            raise ConfigError(f"{kind} {shown(name)[1:-1]}: {shown(part)} must be PARAMETER=VALUE, as in {example}")
         try:
             found[key] = json.loads(value)
         except (ValueError, RecursionError):  # a word, or nothing that JSON can hold

@@ -11,12 +11,16 @@ from pathlib import Path
 
 from warehouse_env.errors import WarehouseError, shown
 
+_LONGEST_NAME, _LONGEST_PATH = 255, 4095  # [bytes]
+
 
 def path_of(given: object, error: type[WarehouseError] = WarehouseError) -> Path:
     """Return what a user gives as the name of a file as a Path; raises `error` for what names none."""
     try:
         path = Path(given)  # type: ignore[arg-type]
-        named = b"\0" not in os.fsencode(path)
+        encoded = os.fsencode(path)
+        named = not set(encoded) & set(b"\0\r\n") and max(map(len, encoded.split(b"/"))) <= _LONGEST_NAME
+        named = named and len(encoded) <= _LONGEST_PATH
     except (TypeError, UnicodeEncodeError):
         named = False
     if not named:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +17,24 @@ _NEEDED = ("policy", "layout", "robots", "tasks", "planner", "seed", "robot_km",
 _COMPARED = (
     "goals_per_robot_hour", "collisions_per_km", "stuck", "waiting_share", "longest_standing_s", "path_length_ratio",
 )  # fmt: skip
+
+
+def _text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _whole(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _measured(value: object) -> bool:
+    return value is None or (isinstance(value, (int, float)) and abs(value) < 1e150)  # whose squares can be added
+
+
+_FITS: dict[str, Callable[[object], bool]] = {
+    **dict.fromkeys(("policy", "layout", "tasks"), _text), **dict.fromkeys(("robots", "seed"), _whole),
+    "disturbance": lambda value: value is None or _text(value), **dict.fromkeys(_COMPARED, _measured),
+}  # fmt: skip
 _MORE_IS_BETTER = ("goals_per_robot_hour",)
 NOTE = (
     "Over the episodes that both have: the same floor, number of robots and seed. Difference: mean of the paired "
@@ -95,6 +113,9 @@ def _rows(file: Path) -> list[Row]:
     if not rows or missing:
         lack = f"its rows lack {missing[0]!r}" if missing else "it is empty"
         raise WarehouseError(f"{file} holds no rows of `warehouse evaluate`: {lack}")
+    wrong = next((name for row in rows for name in _FITS if not _FITS[name](row.get(name))), None)
+    if wrong is not None:
+        raise WarehouseError(f"{file} holds no rows of `warehouse evaluate`: a {wrong} is none")
     for key, own in grouped(rows, ("policy", *EPISODE)).items():
         if len(own) > 1:
             raise WarehouseError(f"{file} holds {len(own)} rows of {key[0]} with seed {key[-1]} on {key[1]}; keep one")

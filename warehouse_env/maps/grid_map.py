@@ -277,7 +277,7 @@ def _checked_height(height: ArrayLike | None, shape: tuple[int, ...]) -> NDArray
     if height is None:
         return np.zeros(shape, dtype=np.float32)
     try:
-        with np.errstate(over="ignore"):  # too large for float32 becomes inf, and is refused below
+        with np.errstate(over="ignore", invalid="ignore"):  # too large for float32 becomes inf: refused below
             array = np.array(np.asarray(height).astype(np.float64, casting="same_kind"), dtype=np.float32, order="C")
     except (ValueError, TypeError, OverflowError):
         raise MapError("height must be a table of numbers [m]") from None

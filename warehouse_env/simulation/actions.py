@@ -105,6 +105,8 @@ class ActionDecoder:
             raise ActionError(
                 f"discrete actions must be whole numbers of shape {shape}, not {given.dtype} {given.shape}"
             )
+        if not given.dtype.isnative:  # as a file of another machine holds them
+            given = given.astype(given.dtype.newbyteorder("="))
         if not _look_up(self.table, given, commands):
             raise ActionError(
                 f"discrete actions must lie in 0..{len(self.table) - 1}, not {given.min()}..{given.max()}"

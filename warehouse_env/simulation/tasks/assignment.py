@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError, shown
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.given import listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,8 @@ class Assignment:
 
 def check_assignments(assignments: Sequence[Assignment], worlds: int, robots: int, grid: GridMap) -> None:
     """Raise ConfigError or MapError unless there is one for each world, of its robots and on its floor."""
-    if len(assignments) != worlds or not all(isinstance(one, Assignment) for one in assignments):
+    given = listed(assignments)
+    if given is None or len(given) != worlds or not all(isinstance(one, Assignment) for one in given):
         raise ConfigError(f"assignments must be {worlds} of type Assignment, one for each world")
     for one in assignments:
         if len(one.pose) != robots:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, shown
 from warehouse_env.kernel import kernel, part
 from warehouse_env.simulation.driver import line
 from warehouse_env.simulation.physics.floor import Floor
@@ -82,11 +83,29 @@ def _put_all(robots, routes, pose, speed, params, solid, clearance):
 def put_all(
     robots: NDArray[Any], routes: NDArray[np.float32], pose: ArrayLike, speed: ArrayLike, p: NDArray[Any], floor: Floor
 ) -> NDArray[np.bool_]:
-    """Put robots ROBOT[B, N] at poses [B, N, 3] with speeds [B, N] or one for all; see `_put_all`."""
-    poses, speeds = np.empty((*robots.shape, 3), np.float32), np.empty(robots.shape, np.float32)
-    poses[:], speeds[:] = pose, speed
+    """Put robots ROBOT[B, N] at poses [B, N, 3] with speeds [B, N] or one for all; see `_put_all`.
+
+    ConfigError for what are no such numbers, and for a front axle that is not on the floor.
+    """
+    poses, speeds = (_numbers(*one) for one in (("pose", pose, (*robots.shape, 3)), ("speed", speed, robots.shape)))
+    rows, columns = floor.solid.shape
+    wrong = (poses[..., :2] < 0) | (poses[..., :2] > floor.cell * np.float32([columns - 2, rows - 2]))
+    if wrong.any():
+        x, y, _ = poses[wrong.any(axis=-1)][0].tolist()
+        raise ConfigError(f"pose: ({x:g}, {y:g}) is not on the floor")
     free: NDArray[np.bool_] = _put_all(robots, routes, poses, speeds, p, floor.solid, floor.clearance)
     return free
+
+
+def _numbers(name: str, given: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Return float32 of a shape; ConfigError where it cannot be made of what is given, or is not finite."""
+    numbers = np.full(shape, np.nan, np.float32)
+    with contextlib.suppress(TypeError, ValueError, OverflowError, RecursionError), np.errstate(all="ignore"):
+        found = np.asarray(given)
+        numbers[:] = found if found.dtype.kind in "biuf" else np.nan
+    if not np.isfinite(numbers).all():
+        raise ConfigError(f"{name}={shown(given)} must be finite numbers of shape {shape}")
+    return numbers
 
 
 def place(

@@ -1,0 +1,387 @@
+"""All that reads files or takes values from outside, each with what makes hostile inputs for it."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import functools
+import inspect
+import io
+import json
+import tempfile
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+from typing import Any, NamedTuple
+
+import numpy as np
+from safetensors.numpy import save
+
+from agents import POLICIES, WEIGHTS_FOLDER, Network, PolicyRecord, make_policy, policy_config
+from agents.weights_folder import CONFIG, WEIGHTS, read_record, read_tensors
+from tests.hostile import making
+from tests.hostile.making import damaged, json_bytes, json_lines, options, value
+from train import cli
+from train.learning import checkpoint
+from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig
+from train.learning.curves import read_run
+from train.reporting.comparison import compare, read_runs
+from train.reporting.rows import read_rows, whole_rows
+from warehouse_env.checked import from_plain, parse_named
+from warehouse_env.config import EnvConfig, RerouteSpec, RewardWeights, RobotSpec, SensorSpec
+from warehouse_env.envs.parallel import parallel_env
+from warehouse_env.envs.single import single_env
+from warehouse_env.envs.vector import vec_env
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.layouts import LAYOUTS, make_layout
+from warehouse_env.maps.movingai import EXAMPLE_SCEN, Scenario, read_map, read_scen, write_map, write_scen
+from warehouse_env.planning import PLANNERS, make_planner
+from warehouse_env.routes.book import PlanStore
+from warehouse_env.simulation.record.recording import Episode, Recorder
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.assignment import Assignment
+
+
+class Target(NamedTuple):
+    """One reader or constructor."""
+
+    make: Callable[[Random], Any]  # an input
+    take: Callable[[Any, Path], Any]  # what is tried with it, in a folder that may be written to
+    each: int  # inputs of it in a round, the more the faster it is
+
+
+SMALL: dict[str, Any] = {"num_agents": 2, "planner": "astar", "layout": "open", "max_steps": 6}
+CONFIGS = (EnvConfig, RobotSpec, SensorSpec, RerouteSpec, RewardWeights, ReinforceConfig, PPOConfig, ThreadedPPOConfig)
+MAP = b"type octile\nheight 4\nwidth 5\nmap\n.@...\n.....\n..@..\n.....\n"
+ONE_WAY = b".....\n.>>>.\n.....\n..v..\n"
+SCEN = EXAMPLE_SCEN.read_bytes()[:300]
+RECORD = json.loads((WEIGHTS_FOLDER / "threaded_ppo" / CONFIG).read_text())
+NETWORK = Network(3, 2, True, (2,))
+EVALUATED = [
+    {"policy": policy, "layout": "open", "robots": 2, "tasks": "lifelong", "planner": "astar", "episode": seed,
+     "seed": seed, "seconds": 9.0, "robot_km": 0.1, "collisions_robot": 0.0, "collisions_shelf": 1.0,
+     "collisions_person": 0.0, "collisions_per_km": 1.0, "near_misses": 0.0, "min_clearance_m": None, "goals": 3.0,
+     "goals_per_robot_hour": 60.0, "stuck": 0.0, "waiting_share": 0.1, "longest_standing_s": 1.0, "deadlocks": 0.0,
+     "longest_deadlock_s": 0.0, "success_rate": 1.0, "path_length_ratio": 1.1, "ms_per_step": 0.2, "config": {}}
+    for policy in ("follow", "ppo") for seed in (1, 2)
+]  # fmt: skip
+PROGRESS = [{"steps": n, "seconds": 1.0, "reward": 0.1, "goals_per_robot_hour": 9.0, "entropy": 1.0} for n in (1, 2)]
+
+
+def _written(content: bytes, folder: Path, name: str) -> Path:
+    path = folder / name
+    path.write_bytes(content)
+    return path
+
+
+def _map(given: tuple[bytes, bytes], folder: Path) -> None:
+    _written(given[1], folder, "f.oneway")
+    grid = read_map(_written(given[0], folder, "f.map"))
+    _use(grid)
+    write_map(grid, folder / "g.map")
+
+
+def _use(grid: GridMap) -> None:
+    """Ask a floor for all that is worked out when it is first asked for."""
+    _ = grid.text(), grid.key, grid.legal_moves, repr(grid), len(grid.free_cells), len(grid.endpoints)
+
+
+@functools.cache
+def an_episode() -> bytes:
+    """Return the file of a short episode."""
+    recorder = Recorder(Simulator(EnvConfig(**SMALL)), (3,))
+    for _ in range(2):
+        recorder.step(np.zeros((1, 2), int))
+    with tempfile.TemporaryDirectory() as folder:
+        recorder.episode.save(Path(folder, "e.npz"))
+        return Path(folder, "e.npz").read_bytes()
+
+
+@functools.cache
+def _members() -> dict[str, bytes]:
+    with zipfile.ZipFile(io.BytesIO(an_episode())) as file:
+        return {name: file.read(name) for name in file.namelist()}
+
+
+def _replayed(content: bytes, folder: Path) -> None:
+    for _ in Episode.load(_written(content, folder, "e.npz")).replay():
+        pass
+
+
+def _rows(content: bytes, folder: Path) -> None:
+    path = _written(content, folder, "rows.jsonl")
+    whole_rows(path)
+    read_rows(path)
+
+
+def _compared(content: bytes, folder: Path) -> None:
+    good = _written("\n".join(map(json.dumps, EVALUATED)).encode(), folder, "good.jsonl")
+    compare(read_runs([good, _written(content, folder, "other.jsonl")]))
+
+
+def _run(given: tuple[bytes, bytes], folder: Path) -> None:
+    _written(given[0], folder, CONFIG)
+    _written(given[1], folder, "progress.jsonl")
+    read_run(folder).rows()
+
+
+def _record(content: bytes, folder: Path) -> None:
+    _written(content, folder, CONFIG)
+    read_record(folder)
+    policy_config(folder, EnvConfig(**SMALL))
+
+
+def _policy(content: bytes, folder: Path) -> None:
+    _written((WEIGHTS_FOLDER / "threaded_ppo" / WEIGHTS).read_bytes(), folder, WEIGHTS)
+    _written(content, folder, CONFIG)
+    make_policy(folder, policy_config(folder, EnvConfig(**SMALL)))
+
+
+@functools.cache
+def _weights() -> bytes:
+    return save({name: np.ones(shape, np.float32) for name, shape in NETWORK.shapes().items()})
+
+
+@functools.cache
+def _state() -> dict[str, bytes]:
+    with tempfile.TemporaryDirectory() as folder:
+        checkpoint.write(Path(folder), {"x": np.zeros(3)}, {"update": 1})
+        return {path.name: path.read_bytes() for path in Path(folder).iterdir()}
+
+
+def _make_checkpoint(rng: Random) -> dict[str, bytes]:
+    files = dict(_state())
+    name = rng.choice(sorted(files))
+    files[name] = json_bytes(rng, json.loads(files[name])) if name.endswith(".json") else damaged(rng, files[name])
+    return files
+
+
+def _checkpoint(files: dict[str, bytes], folder: Path) -> None:
+    for name, content in files.items():
+        _written(content, folder, name)
+    checkpoint.read(folder)
+
+
+@functools.cache
+def _plans() -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        store = PlanStore(Path(folder))
+        for k in range(40):
+            store.put(f"key {k}", np.arange(2 * (k % 7 + 1)).reshape(-1, 2))
+        store.flush()
+        return next(Path(folder).glob("*.sqlite")).read_bytes()
+
+
+def _store(content: bytes, folder: Path) -> None:
+    _written(content, folder, "plans-3.sqlite")
+    store = PlanStore(folder)
+    for k in range(10):
+        cells = store.get(f"key {k}")
+        assert cells is None or (cells.ndim, cells.shape[1], cells.dtype) == (2, 2, np.int64)
+        store.put(f"new {k}", np.zeros((2, 2), np.int64))
+    store.flush()
+
+
+def _make_config(rng: Random) -> tuple[type, dict[str, Any]]:
+    kind = rng.choice([*CONFIGS, Network, PolicyRecord])
+    return kind, options(rng, [*(field.name for field in dataclasses.fields(kind)), "zz"])
+
+
+def _config(given: tuple[type, dict[str, Any]], folder: Path) -> None:
+    kind, parts = given
+    needed: dict[Any, dict[str, Any]] = {
+        Network: {"observation_size": 3, "actions": 2, "discrete": True},
+        PolicyRecord: {"algorithm": "a", "network": NETWORK, "env": EnvConfig()},
+    }
+    made = from_plain(kind, {**needed.get(kind, {}), **parts})
+    hash(made) if kind is not PolicyRecord else repr(made)
+
+
+def _make_plain(rng: Random) -> tuple[type, bytes]:
+    kind = rng.choice(CONFIGS)
+    made: Any = kind()
+    data = made.to_dict() if hasattr(made, "to_dict") else dataclasses.asdict(made)
+    return kind, json_bytes(rng, data)
+
+
+def _plain(given: tuple[type, bytes], folder: Path) -> None:
+    with contextlib.suppress(UnicodeDecodeError, json.JSONDecodeError, RecursionError):
+        data = json.loads(given[1])
+        if isinstance(data, dict):
+            again: Any = from_plain(given[0], data)
+            json.dumps(again.to_dict() if hasattr(again, "to_dict") else dataclasses.asdict(again), allow_nan=False)
+
+
+def _grid(parts: dict[str, Any], folder: Path) -> None:
+    _use(GridMap(**{"occupied": np.zeros((4, 5)), **parts}))
+
+
+def _make_layout(rng: Random) -> tuple[Any, dict[str, Any]]:
+    name = rng.choice(sorted(LAYOUTS))
+    names = [*inspect.signature(LAYOUTS[name]).parameters, "zz"]
+    sized = {rng.choice(names): rng.choice([rng.randrange(60), value(rng)]) for _ in range(rng.randrange(3))}
+    words = [f"{name}:{rng.choice(names)}={making.text(rng)}", f"{name}:{rng.choice(names)}={rng.randrange(50)}"]
+    return rng.choice([name, name, *words, value(rng)]), sized
+
+
+def _planned(given: tuple[Any, tuple[Any, Any]], folder: Path) -> None:
+    make_planner(given[0])
+    grid = _grids()
+    grid.distance_to(given[1][0])
+    make_planner("astar").plan(grid, *given[1], np.random.default_rng(0))
+
+
+@functools.cache
+def _grids() -> GridMap:
+    return GridMap(np.zeros((4, 5)))
+
+
+def _make_planned(rng: Random) -> tuple[Any, tuple[Any, Any]]:
+    name = rng.choice([value(rng), rng.choice(sorted(PLANNERS)), f"{rng.choice(sorted(PLANNERS))}:{making.text(rng)}"])
+    return name, tuple(rng.choice([value(rng), (rng.randrange(6), rng.randrange(6))]) for _ in range(2))
+
+
+def _scenarios(given: tuple[Any, Any, dict[str, Any]], folder: Path) -> None:
+    path = folder / "m.scen"
+    good = Scenario(1, "m.map", 7, 6, (0, 0), (1, 1), 2.0)
+    write_scen([good._replace(**given[2])], path)
+    assert len(read_scen(path)) == 1
+
+
+ENVS = (parallel_env, single_env, vec_env)
+OPTIONS = [*(field.name for field in dataclasses.fields(EnvConfig)), "grid", "config", "render_mode", "zz"]
+
+
+def _env(given: tuple[int, dict[str, Any]], folder: Path) -> None:
+    make: Any = ENVS[given[0]]
+    make(**{**({"num_worlds": 1} if make is vec_env else {}), **SMALL, **given[1]})
+
+
+@functools.cache
+def _envs(action_type: str) -> tuple[Any, ...]:
+    config = EnvConfig(action_type=action_type, **SMALL)  # type: ignore[arg-type]
+    return parallel_env(config), single_env(config), vec_env(2, config), Simulator(config, 2)
+
+
+ACTS = ("parallel", "single", "vector", "step", "put", "reset", "reset_world", "seed", "reset_to", "recorder")
+
+
+def _make_act(rng: Random) -> tuple[str, str, Any]:
+    given = value(rng)
+    if rng.random() < 0.3:
+        shape = tuple(rng.choice([0, 1, 2, 2, 3, 20]) for _ in range(rng.randint(1, 4)))
+        with np.errstate(all="ignore"):
+            numbers = np.random.default_rng(rng.getrandbits(32)).normal(size=shape) * 10.0 ** rng.randrange(-3, 40)
+            numbers = numbers if rng.random() < 0.9 else np.full(shape, rng.choice([np.nan, np.inf, 2.0**63]))
+            given = numbers.astype(rng.choice(["f4", "f8", "i8", "u1", "c8", "?", ">i8", ">f4", "f2"]))
+    return rng.choice(["discrete", "raw", "continuous"]), rng.choice(ACTS), given
+
+
+def _act(given: tuple[str, str, Any], folder: Path) -> None:
+    action_type, act, what = given
+    parallel, single, vector, simulator = _envs(action_type)
+    with np.errstate(all="ignore"):
+        if act == "parallel":
+            parallel.reset(seed=1)
+            parallel.step({"robot_0": what} if isinstance(what, (int, float, np.ndarray)) else what)
+        elif act in ("single", "vector", "step"):
+            env = {"single": single, "vector": vector, "step": simulator}[act]
+            env.reset(seed=1) if act == "single" else env.reset()
+            env.step(what)
+        elif act == "put":
+            simulator.reset(1)
+            simulator.put(what, what if isinstance(what, (int, float)) else np.zeros((2, 2)))
+        elif act == "reset_to":
+            simulator.reset_to([Assignment(what, what)] * 2 if isinstance(what, np.ndarray) else what)
+        elif act == "recorder":
+            Recorder(simulator, what)
+        else:
+            {
+                "reset": simulator.reset,
+                "reset_world": functools.partial(simulator.reset_world, 0),
+                "seed": vector.seed,
+            }[act](what)
+        assert np.isfinite(simulator.observation).all()
+
+
+@functools.cache
+def _words() -> dict[str, list[str]]:
+    """Return the options of all commands."""
+    return {name: sorted(_names(cli._options_of(name))) for name in cli.COMMANDS}
+
+
+def _names(kind: Any) -> set[str]:
+    return {f"--{field.name.replace('_', '-')}" for field in dataclasses.fields(kind)}
+
+
+def _make_line(rng: Random) -> tuple[str, list[str]]:
+    name = rng.choice(sorted(cli.COMMANDS))
+    odd = ["--", "-", "", "--help", "--seed", "-1", "1e999", "None", "True", "@x", "=", "--x=1", "99999999999999999999"]
+    words = [
+        rng.choice([rng.choice(_words()[name]), rng.choice(odd), making.text(rng), str(rng.randrange(-5, 50))])
+        for _ in range(rng.randrange(6))
+    ]
+    return name, words
+
+
+def _line(given: tuple[str, list[str]], folder: Path) -> None:
+    name, words = given
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        try:
+            cli._options(cli._options_of(name), name, cli.with_values(cli._options_of(name), words))
+        except SystemExit as stop:
+            assert stop.code in (0, 2, None)
+
+
+def _make_name(rng: Random) -> Any:
+    names = [*sorted(POLICIES), str(WEIGHTS_FOLDER)]
+    return rng.choice([value(rng), making.text(rng), damaged(rng, rng.choice(names).encode()).decode("latin-1")])
+
+
+def _name(name: Any, folder: Path) -> None:
+    make_policy(name, policy_config(name, EnvConfig(**SMALL)))
+
+
+def _paths(path: Any, folder: Path) -> None:
+    for read in (read_map, read_scen, Episode.load):
+        with contextlib.suppress(ValueError):
+            read(path)
+    Episode.load(path)
+
+
+def _named(words: bytes, folder: Path) -> None:
+    parse_named(words.decode("latin-1"), "layout", "aisles:seed=7")
+
+
+TARGETS: dict[str, Target] = {
+    "map": Target(lambda rng: (damaged(rng, MAP), rng.choice([ONE_WAY, damaged(rng, ONE_WAY)])), _map, 500),
+    "scen": Target(lambda rng: damaged(rng, SCEN), lambda given, f: read_scen(_written(given, f, "s")), 1000),
+    "episode": Target(lambda rng: making.archive(rng, _members()), _replayed, 120),
+    "episode bytes": Target(lambda rng: damaged(rng, an_episode()), _replayed, 200),
+    "rows": Target(lambda rng: json_lines(rng, EVALUATED), _rows, 200),
+    "row bytes": Target(lambda rng: damaged(rng, b'{"a": 1, "b": [1, 2]}\n{"a": 2}\n'), _rows, 1000),
+    "compared": Target(lambda rng: json_lines(rng, EVALUATED), _compared, 40),
+    "run": Target(lambda rng: (json_bytes(rng, RECORD) if rng.random() < 0.3 else json.dumps(RECORD).encode(),
+                               json_lines(rng, PROGRESS)), _run, 100),
+    "record": Target(lambda rng: json_bytes(rng, RECORD), _record, 200),
+    "policy": Target(lambda rng: json_bytes(rng, RECORD), _policy, 60),
+    "weights": Target(lambda rng: damaged(rng, _weights()),
+                      lambda given, f: read_tensors(_written(given, f, WEIGHTS).parent, NETWORK), 1000),
+    "checkpoint": Target(_make_checkpoint, _checkpoint, 400),
+    "plan store": Target(lambda rng: damaged(rng, _plans()), _store, 20),
+    "config": Target(_make_config, _config, 800),
+    "plain config": Target(_make_plain, _plain, 500),
+    "named": Target(lambda rng: damaged(rng, b"aisles:seed=7,rows=40"), _named, 1500),
+    "grid map": Target(lambda rng: options(rng, ["occupied", "height", "cell_size", "picks", "stations", "name",
+                                                 "one_way"]), _grid, 500),
+    "layout": Target(_make_layout, lambda given, f: make_layout(given[0], **given[1]), 60),
+    "planner": Target(_make_planned, _planned, 500),
+    "scenario": Target(lambda rng: (0, 0, options(rng, list(Scenario._fields))), _scenarios, 500),
+    "env": Target(lambda rng: (rng.randrange(3), options(rng, OPTIONS)), _env, 60),
+    "act": Target(_make_act, _act, 120),
+    "command line": Target(_make_line, _line, 6),
+    "policy name": Target(_make_name, _name, 300),
+    "path": Target(value, _paths, 600),
+}  # fmt: skip
+
