@@ -1,0 +1,104 @@
+"""A few of the hostile inputs that `make hostile` tries by the million, how it goes on, and what it found."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agents import make_policy
+from tests.hostile.__main__ import Hunt, attempt, guarded
+from tests.hostile.targets import EVALUATED, SMALL, TARGETS, Target
+from train.reporting.comparison import compare, read_runs
+from warehouse_env.checked import parse_named
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import WarehouseError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.movingai import read_map
+from warehouse_env.simulation.record.recording import Episode
+from warehouse_env.simulation.simulator import Simulator
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_a_few_inputs(name: str) -> None:
+    with guarded() as folder:
+        for number in range(max(4, TARGETS[name].each // 10)):
+            assert attempt(name, 0, number, folder) is None
+
+
+def test_it_goes_on_where_it_stopped_and_keeps_what_failed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[float] = []
+
+    def take(given: float, folder: Path) -> None:
+        tried.append(given)
+        (folder / "left").write_text("by an input")
+        assert given < 0.5
+
+    monkeypatch.setitem(TARGETS, "half", Target(lambda rng: rng.random(), take, 10))
+    with guarded() as folder:
+        Hunt(tmp_path, 3, ("half",)).round(folder, 10)
+        hunt = Hunt(tmp_path, 3, ("half",))
+        hunt.round(folder, 7)
+        assert not list(folder.iterdir())
+    assert hunt.done == {"half": 17}
+    assert len(set(tried)) == 17
+    assert sum(hunt.failures.values()) == sum(given >= 0.5 for given in tried)
+    kept = sorted(tmp_path.glob("failure-*.txt"))
+    assert len(kept) == 3
+    assert '--only "half" --input' in kept[0].read_text()
+
+
+def _simulator() -> Simulator:
+    simulator = Simulator(EnvConfig(**SMALL))
+    simulator.reset(1)
+    return simulator
+
+
+@pytest.mark.parametrize("pose", [3.0, np.nan, "x", [[[1, 2]]], [[[1e30, 1, 0]] * 2], [[[-1, 1, 0]] * 2], None])
+def test_robots_are_put_on_the_floor_alone(pose: object) -> None:
+    """The lidar read memory that is not its own, and the process ended."""
+    with pytest.raises(WarehouseError, match="pose"):
+        _simulator().put(pose if pose != 3.0 else [[[3.0, 99.0, 0.0]] * 2], 0.0)  # type: ignore[arg-type]
+
+
+def test_actions_in_the_order_of_another_machine_are_the_same() -> None:
+    ours, theirs = _simulator(), _simulator()
+    actions = np.array([[3, 16]])
+    assert np.array_equal(ours.step(actions), theirs.step(actions.astype(">i8")))
+
+
+@pytest.mark.parametrize(("field", "value"), [("layout", []), ("robots", "x"), ("seed", None), ("stuck", "a"), ("stuck", 1e300)])
+def test_rows_of_other_values_are_not_compared(tmp_path: Path, field: str, value: object) -> None:
+    for name, rows in (("a", EVALUATED), ("b", [{**EVALUATED[0], field: value}, *EVALUATED[1:]])):
+        (tmp_path / f"{name}.jsonl").write_text("\n".join(map(json.dumps, rows)))
+    with pytest.raises(WarehouseError, match=f"a {field} is none"):
+        compare(read_runs([tmp_path / "a.jsonl", tmp_path / "b.jsonl"]))
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda: parse_named(f"{'x' * 5000}:a", "layout", "b"), r"layout x{70,80}.* must be PARAMETER=VALUE"),
+        (lambda: _simulator().reset_to(3), "assignments must be 1 of type Assignment"),  # type: ignore[arg-type]
+        (lambda: make_policy("~nobody-of-this-name", EnvConfig()), "unknown policy"),
+        (lambda: make_policy("~\ud800", EnvConfig()), "unknown policy"),
+        (lambda: read_map("a\nb.map"), "is no file name"),
+        (lambda: Episode.load("a" * 300), "is no file name"),
+        (lambda: Episode.load("a/" * 3000), "is no file name"),
+    ],
+)
+def test_what_was_found(make: Callable[[], object], sentence: str) -> None:
+    """Each ended in another error, or in more than a sentence, once."""
+    with pytest.raises(WarehouseError, match=sentence) as raised:
+        make()
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.filterwarnings("error")
+def test_heights_that_signal_are_refused_without_a_warning() -> None:
+    heights = np.full((2, 2), 0x7FA00000, np.uint32).view(np.float32)
+    with pytest.raises(WarehouseError, match="height at cell"):
+        GridMap(np.zeros((2, 2)), height=heights)
