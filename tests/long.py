@@ -190,7 +190,9 @@ def main(decisions: int, keep: Path, robots: int = 32, people: int = 5, seed: in
     keep.mkdir(parents=True, exist_ok=True)
     for time_ in range(TIMES):
         path = keep / f"{robots}-{people}-{seed}-{decisions}-{time_}.pickle"
-        process = multiprocessing.get_context("spawn").Process(target=drive, args=(env, seed, path, f"time {time_ + 1}"))
+        process = multiprocessing.get_context("spawn").Process(
+            target=drive, args=(env, seed, path, f"time {time_ + 1}")
+        )
         process.start()
         process.join()
         if process.exitcode:

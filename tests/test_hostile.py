@@ -70,7 +70,9 @@ def test_actions_in_the_order_of_another_machine_are_the_same() -> None:
     assert np.array_equal(ours.step(actions), theirs.step(actions.astype(">i8")))
 
 
-@pytest.mark.parametrize(("field", "value"), [("layout", []), ("robots", "x"), ("seed", None), ("stuck", "a"), ("stuck", 1e300)])
+@pytest.mark.parametrize(
+    ("field", "value"), [("layout", []), ("robots", "x"), ("seed", None), ("stuck", "a"), ("stuck", 1e300)]
+)
 def test_rows_of_other_values_are_not_compared(tmp_path: Path, field: str, value: object) -> None:
     for name, rows in (("a", EVALUATED), ("b", [{**EVALUATED[0], field: value}, *EVALUATED[1:]])):
         (tmp_path / f"{name}.jsonl").write_text("\n".join(map(json.dumps, rows)))

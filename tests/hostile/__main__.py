@@ -30,7 +30,7 @@ for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 
 import tyro  # noqa: E402
 
-from tests.hostile.targets import TARGETS  # noqa: E402
+from tests.hostile.targets import TARGETS, warm  # noqa: E402
 from tests.odd import works_or_says  # noqa: E402
 from train.learning.progress import LINE_SECONDS, tell  # noqa: E402
 from train.reporting.report import make_progress  # noqa: E402
@@ -122,6 +122,7 @@ def guarded() -> Iterator[Path]:
     shared = Path("/dev/shm")
     folder = Path(tempfile.mkdtemp(prefix="warehouse-hostile-", dir=shared if os.access(shared, os.W_OK) else None))
     try:
+        warm(folder)
         yield folder
     finally:
         shutil.rmtree(folder)

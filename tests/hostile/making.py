@@ -92,7 +92,9 @@ def _other_number(rng: Random, content: bytes) -> bytes:
     if not found:
         return content
     at = rng.choice(found)
-    new = rng.choice([b"0", b"-1", b"7", b"4294967296", b"9" * 30, b"1e400", b"nan", b"65536", str(rng.randrange(99)).encode()])
+    new = rng.choice(
+        [b"0", b"-1", b"7", b"4294967296", b"9" * 30, b"1e400", b"nan", b"65536", str(rng.randrange(99)).encode()]
+    )
     return content[: at.start()] + new + content[at.end() :]
 
 

@@ -23,11 +23,15 @@ from agents.weights_folder import CONFIG, WEIGHTS, read_record, read_tensors
 from tests.hostile import making
 from tests.hostile.making import damaged, json_bytes, json_lines, options, value
 from train import cli
+from train.evaluation.episodes import Episodes
+from train.evaluation.jobs import go_on
+from train.evaluation.rollout import make_experiment
 from train.learning import checkpoint
-from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig
+from train.learning.config import HELD_OUT_SEED, PPOConfig, ReinforceConfig, ThreadedPPOConfig
 from train.learning.curves import read_run
+from train.learning.progress import ProgressLog
 from train.reporting.comparison import compare, read_runs
-from train.reporting.rows import read_rows, whole_rows
+from train.reporting.rows import RowFile, read_rows, whole_rows
 from warehouse_env.checked import from_plain, parse_named
 from warehouse_env.config import EnvConfig, RerouteSpec, RewardWeights, RobotSpec, SensorSpec
 from warehouse_env.envs.parallel import parallel_env
@@ -120,6 +124,29 @@ def _compared(content: bytes, folder: Path) -> None:
     compare(read_runs([good, _written(content, folder, "other.jsonl")]))
 
 
+def _logged(content: bytes, folder: Path) -> None:
+    _written(content, folder, "progress.jsonl")
+    log = ProgressLog(folder, show=False, steps=1)
+    log.__exit__(None, None, None)
+
+
+@functools.cache
+def _jobs() -> list[Episodes]:
+    base = EnvConfig(**SMALL)
+    return [Episodes(make_experiment("follow", base, 2, 1.0, HELD_OUT_SEED))]
+
+
+@functools.cache
+def _played() -> list[Any]:
+    rows: list[Any] = json.loads(json.dumps(_jobs()[0].run(lambda part: None).rows))
+    return rows
+
+
+def _kept(content: bytes, folder: Path) -> None:
+    """Look for what an evaluation need not do again."""
+    go_on(RowFile(_written(content, folder, "rows.jsonl"), keep=True), _jobs(), lambda row: row.get("policy") == "x")
+
+
 def _run(given: tuple[bytes, bytes], folder: Path) -> None:
     _written(given[0], folder, CONFIG)
     _written(given[1], folder, "progress.jsonl")
@@ -206,11 +233,11 @@ def _make_plain(rng: Random) -> tuple[type, bytes]:
 
 
 def _plain(given: tuple[type, bytes], folder: Path) -> None:
-    with contextlib.suppress(UnicodeDecodeError, json.JSONDecodeError, RecursionError):
+    data = None
+    with contextlib.suppress(ValueError, RecursionError):
         data = json.loads(given[1])
-        if isinstance(data, dict):
-            again: Any = from_plain(given[0], data)
-            json.dumps(again.to_dict() if hasattr(again, "to_dict") else dataclasses.asdict(again), allow_nan=False)
+    made: Any = from_plain(given[0], data)
+    json.dumps(made.to_dict() if hasattr(made, "to_dict") else dataclasses.asdict(made), allow_nan=False)
 
 
 def _grid(parts: dict[str, Any], folder: Path) -> None:
@@ -364,6 +391,8 @@ TARGETS: dict[str, Target] = {
     "compared": Target(lambda rng: json_lines(rng, EVALUATED), _compared, 40),
     "run": Target(lambda rng: (json_bytes(rng, RECORD) if rng.random() < 0.3 else json.dumps(RECORD).encode(),
                                json_lines(rng, PROGRESS)), _run, 100),
+    "progress": Target(lambda rng: json_lines(rng, PROGRESS), _logged, 20),
+    "kept rows": Target(lambda rng: json_lines(rng, _played()), _kept, 100),
     "record": Target(lambda rng: json_bytes(rng, RECORD), _record, 200),
     "policy": Target(lambda rng: json_bytes(rng, RECORD), _policy, 60),
     "weights": Target(lambda rng: damaged(rng, _weights()),
@@ -385,3 +414,22 @@ TARGETS: dict[str, Target] = {
     "path": Target(value, _paths, 600),
 }  # fmt: skip
 
+
+def warm(folder: Path) -> None:
+    """Compile what inputs need, which takes longer than any input may."""
+    _replayed(an_episode(), folder)
+    _kept(b"", folder)
+    for action_type in ("discrete", "raw", "continuous"):
+        for act in ("single", "vector", "step", "put", "parallel"):
+            with contextlib.suppress(ValueError):
+                _act((action_type, act, np.zeros((2, 2, 3)) if act == "put" else _good(action_type, act)), folder)
+
+
+def _good(action_type: str, act: str) -> Any:
+    one = 0 if action_type == "discrete" else [0.0, 0.0]
+    return {
+        "single": one,
+        "vector": [one] * 4,
+        "step": [[one] * 2] * 2,
+        "parallel": dict.fromkeys(("robot_0", "robot_1"), one),
+    }[act]

@@ -38,7 +38,7 @@ class Episodes(Job):
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Episodes | None]:
         """Return the rows that stand, and the experiment of the missing episodes."""
         one = self.experiment
-        by_seed = {row.get("seed"): row for row in rows}
+        by_seed = {row["seed"]: row for row in rows if isinstance(row.get("seed"), int)}
         drawn = ((k, by_seed.get(one.seed + k, {})) for k in one.episodes)
         found = {k: row for k, row in drawn if row.get("episode") == k}
         missing = tuple(k for k in one.episodes if k not in found)

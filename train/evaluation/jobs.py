@@ -104,7 +104,7 @@ class Known:
 
 def of_all_runs(rows: Sequence[Row], runs: int) -> list[Row]:
     """Return the row of each run, none at all where one is missing."""
-    own = {row.get("run"): row for row in rows}
+    own = {row["run"]: row for row in rows if isinstance(row.get("run"), int)}
     return [own[run] for run in range(runs)] if all(run in own for run in range(runs)) else []
 
 

@@ -44,5 +44,6 @@ def read_run(folder: Path) -> Run:
         raise WeightsError(f"{path} holds rows that are none of a training") from None
     if not len(steps) or not (np.diff(steps) > 0).all():
         raise WeightsError(f"{path} holds no rows whose steps grow")
-    seed = record.training.get("config", {}).get("seed")
+    config = record.training.get("config")
+    seed = config.get("seed") if isinstance(config, dict) else None
     return Run(folder, seed, Curve(record.algorithm, steps, values))

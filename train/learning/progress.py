@@ -12,7 +12,7 @@ from typing import Any, Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from train.reporting.rows import RowFile, whole_rows, write_rows
+from train.reporting.rows import Row, RowFile, whole_rows, write_rows
 
 ROWS = "progress.jsonl"
 LOG_SECONDS = 5.0  # between two rows
@@ -22,6 +22,12 @@ LINE_SECONDS = 60.0  # between two lines where no bar is shown
 def tell(text: str, console: Console | None = None) -> None:
     """Print one line on stderr, above the bar where the console has one."""
     (console or Console(stderr=True)).print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+def _steps(row: Row) -> float:
+    """Return the agent-steps of a row, inf where it tells none."""
+    steps = row.get("steps")
+    return steps if isinstance(steps, (int, float)) else math.inf
 
 
 class ProgressLog:
@@ -34,7 +40,7 @@ class ProgressLog:
     def __init__(self, directory: Path, show: bool, steps: int) -> None:
         """Open the log of the run in `directory`; `steps` are those done before, later rows of a broken run go."""
         path = directory / ROWS
-        write_rows(path, [row for row in whole_rows(path) if row.get("steps", math.inf) <= steps])
+        write_rows(path, [row for row in whole_rows(path) if _steps(row) <= steps])
         self._rows = RowFile(path, keep=True)
         self.last: dict[str, float] = {}
         self._console = Console(stderr=True)

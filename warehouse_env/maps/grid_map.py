@@ -211,9 +211,8 @@ class GridMap:
         row, column = whole_cell(cell, what, MapError)
         rows, columns = self.shape
         if not (0 <= row < rows and 0 <= column < columns):
-            raise MapError(
-                f"{what} ({row}, {column}) is outside map {self.name!r}: rows 0..{rows - 1}, columns 0..{columns - 1}"
-            )
+            given = shown((row, column))
+            raise MapError(f"{what} {given} is outside map {self.name!r}: rows 0..{rows - 1}, columns 0..{columns - 1}")
         if self.occupied[row, column]:
             raise MapError(f"{what} ({row}, {column}) is on a shelf of map {self.name!r}; choose a free cell")
         return row, column

@@ -9,6 +9,7 @@ import json
 import math
 import struct
 import tokenize
+import warnings
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -33,9 +34,8 @@ _LONGEST_TEXT = 2**20  # [bytes] of the config and all else that is no array
 _MOST_CELLS = 10**8  # of a floor
 # What NumPy, zip and JSON raise where bytes are not what they were.
 _DAMAGE = (
-    OSError, KeyError, ValueError, AttributeError, TypeError, EOFError, OverflowError, MemoryError, RecursionError,
-    NotImplementedError, SyntaxError, zipfile.BadZipFile, zlib.error, struct.error,
-    tokenize.TokenError,
+    OSError, KeyError, ValueError, AttributeError, TypeError, EOFError, OverflowError, MemoryError, RuntimeError,
+    SyntaxError, zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError,
 )  # fmt: skip
 
 
@@ -67,7 +67,8 @@ class Episode:
         """Read a file of `save`; WarehouseError with one sentence if it is missing, damaged or of another format."""
         path = path_of(path)
         try:
-            with path.open("rb") as file, zipfile.ZipFile(file) as archive:
+            with path.open("rb") as file, zipfile.ZipFile(file) as archive, warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # NumPy's, of headers as Python 2 wrote them
                 return cls._read(_Arrays(archive))
         except FileNotFoundError:
             raise WarehouseError(f"episode file {path} does not exist") from None
