@@ -7,6 +7,9 @@ EXTRAS ?= render,train,orca,onnx,docs,dev
 CONSTRAINTS ?= constraints.txt
 TESTS ?= -n auto --maxprocesses 8
 KILLS ?= 1000
+INPUTS ?= 10000000
+DECISIONS ?= 1000000
+NIGHT ?= results/night
 DEMO ?= results/demo
 BENCH ?= results/bench.jsonl
 
@@ -20,7 +23,7 @@ COMPILING := setuptools numba gymnasium pettingzoo safetensors platformdirs tyro
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test kills docs clients lint format bench clean missing
+.PHONY: help setup demo test kills hostile long docs clients lint format bench clean missing
 
 help: ## list what make can do (the default)
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -36,6 +39,12 @@ test: $(STAMP) ## run all tests
 
 kills: $(STAMP) ## kill commands KILLS times at random moments, go on, and compare what they come to
 	$(RUN)/python -m tests.kills --kills $(KILLS)
+
+hostile: $(STAMP) ## try INPUTS hostile inputs on all readers and constructors; goes on where it stopped
+	$(RUN)/python -m tests.hostile --inputs $(INPUTS) --keep $(NIGHT)/hostile
+
+long: $(STAMP) ## drive one world with everything on for DECISIONS decisions, twice; goes on where it stopped
+	$(RUN)/python -m tests.long --decisions $(DECISIONS) --keep $(NIGHT)/long
 
 docs: $(STAMP) ## build the documentation in build/docs; a warning is an error
 	$(RUN)/python -m sphinx --quiet --fail-on-warning --keep-going --fresh-env docs build/docs

@@ -11,8 +11,14 @@ import pytest
 
 from agents import make_policy
 from tests.hostile.__main__ import Hunt, attempt, guarded
-from tests.hostile.targets import EVALUATED, SMALL, TARGETS, Target
+from tests.hostile.targets import EVALUATED, PROGRESS, RECORD, SMALL, TARGETS, Target, an_episode
+from train.evaluation.episodes import Episodes
+from train.evaluation.jobs import of_all_runs
+from train.evaluation.rollout import make_experiment
+from train.learning.curves import read_run
+from train.learning.progress import ProgressLog
 from train.reporting.comparison import compare, read_runs
+from train.reporting.rows import read_rows
 from warehouse_env.checked import parse_named
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WarehouseError
@@ -87,6 +93,7 @@ def test_rows_of_other_values_are_not_compared(tmp_path: Path, field: str, value
         (lambda: _simulator().reset_to(3), "assignments must be 1 of type Assignment"),  # type: ignore[arg-type]
         (lambda: make_policy("~nobody-of-this-name", EnvConfig()), "unknown policy"),
         (lambda: make_policy("~\ud800", EnvConfig()), "unknown policy"),
+        (lambda: GridMap(np.zeros((2, 2))).check_cell((10**400, 0), "goal"), r"goal \(10{70,80}"),
         (lambda: read_map("a\nb.map"), "is no file name"),
         (lambda: Episode.load("a" * 300), "is no file name"),
         (lambda: Episode.load("a/" * 3000), "is no file name"),
@@ -104,3 +111,26 @@ def test_heights_that_signal_are_refused_without_a_warning() -> None:
     heights = np.full((2, 2), 0x7FA00000, np.uint32).view(np.float32)
     with pytest.raises(WarehouseError, match="height at cell"):
         GridMap(np.zeros((2, 2)), height=heights)
+
+
+def test_an_archive_that_says_it_is_encrypted_is_one_sentence(tmp_path: Path) -> None:
+    content = bytearray(an_episode())
+    content[content.index(b"PK\1\2") + 8] |= 1  # of the first entry in the directory at the end
+    (tmp_path / "e.npz").write_bytes(content)
+    with pytest.raises(WarehouseError, match="encrypted"):
+        Episode.load(tmp_path / "e.npz")
+
+
+def test_rows_of_a_training_or_an_evaluation_with_odd_values_are_made_again(tmp_path: Path) -> None:
+    (tmp_path / "progress.jsonl").write_text('{"steps": 1}\n{"steps": "x"}\n{"steps": [1]}\n')
+    ProgressLog(tmp_path, show=False, steps=5).__exit__(None, None, None)
+    assert read_rows(tmp_path / "progress.jsonl") == [{"steps": 1}]
+    job = Episodes(make_experiment("follow", EnvConfig(**SMALL), 1, 1.0, 1))
+    assert job.left([{"seed": [1], "episode": 0}]) == ([], job)
+    assert of_all_runs([{"run": {}}, {"run": 0}], 1) == [{"run": 0}]
+
+
+def test_a_run_whose_record_tells_no_seed_is_drawn_without(tmp_path: Path) -> None:
+    (tmp_path / "config.json").write_text(json.dumps({**RECORD, "training": {"config": "x"}}))
+    (tmp_path / "progress.jsonl").write_text("\n".join(map(json.dumps, PROGRESS)))
+    assert read_run(tmp_path).seed is None

@@ -135,9 +135,12 @@ def _peak() -> float:
 
 
 def main(
-    inputs: int = 10_000_000, seed: int = 0, keep: Path = Path("results/hostile"), only: tuple[str, ...] = tuple(TARGETS),
-    input: int | None = None,  # noqa: A002
-) -> None:  # fmt: skip
+    inputs: int = 10_000_000,
+    seed: int = 0,
+    keep: Path = Path("results/hostile"),
+    only: tuple[str, ...] = tuple(TARGETS),
+    input: int | None = None,
+) -> None:
     """Try hostile inputs, and say how many and what failed.
 
     Args:

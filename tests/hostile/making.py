@@ -21,12 +21,14 @@ NUMBERS: list[Any] = [
     np.bool_(True), np.float16(1e4), np.longdouble(1),
 ]  # fmt: skip
 OTHERS: list[Any] = [
-    None, "", "x", "\0", "\ud800", "\u202e", "a" * 5000, "../..", "/", "/dev/null", "~", "a/b", ".", "é\n", b"a", object(),
-    {}, {"a": 1}, {1: 2}, [], (), set(), 1j, np.zeros(2), np.zeros((2, 2)), np.array(1.0), np.array(["a"]), [[1]],
+    None, "", "x", "\0", "\ud800", "\u202e", "a" * 5000, "../..", "/", "/dev/null", "~", "a/b", ".", "é\n", b"a",
+    object(), {}, {"a": 1}, {1: 2}, [], (), set(), 1j, np.zeros(2), np.zeros((2, 2)), np.array(1.0), np.array(["a"]),
+    [[1]],
     [[0, 1], [1]], [(0, 0)], [[2**70, 0]], Path("p"), EnvConfig, EnvConfig(), SensorSpec(), "lifelong", "raw", range(3),
     np.zeros((0, 2), int), np.array([[0, 2**64 - 1]], np.uint64), np.array([object()]), np.datetime64("2020"),
     np.full((4, 2), 1e300), np.full((2, 2), 2**63, np.uint64), [1, [2]], [0, 1], lambda: 3,
-    GridMap(np.zeros((3, 3))), bytearray(b"x"), memoryview(b"xy"), "open", "astar", "paper46:seed=1", "open:rows=99999999",
+    GridMap(np.zeros((3, 3))), bytearray(b"x"), memoryview(b"xy"), "open", "astar", "paper46:seed=1",
+    "open:rows=99999999",
 ]  # fmt: skip
 PLAIN: list[Any] = [
     None, True, False, 0, -1, 2, 2.5, 1e30, 10**30, float("inf"), float("nan"), "", "x", "\0", "\ud800", "raw", [], {},

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError, shown
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.simulation.given import listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +37,8 @@ class Assignment:
 
 def check_assignments(assignments: Sequence[Assignment], worlds: int, robots: int, grid: GridMap) -> None:
     """Raise ConfigError or MapError unless there is one for each world, of its robots and on its floor."""
-    given = listed(assignments)
-    if given is None or len(given) != worlds or not all(isinstance(one, Assignment) for one in given):
+    several = isinstance(assignments, Sequence) and len(assignments) == worlds
+    if not several or not all(isinstance(one, Assignment) for one in assignments):
         raise ConfigError(f"assignments must be {worlds} of type Assignment, one for each world")
     for one in assignments:
         if len(one.pose) != robots:

@@ -89,7 +89,7 @@ def put_all(
     """
     poses, speeds = (_numbers(*one) for one in (("pose", pose, (*robots.shape, 3)), ("speed", speed, robots.shape)))
     rows, columns = floor.solid.shape
-    wrong = (poses[..., :2] < 0) | (poses[..., :2] > floor.cell * np.float32([columns - 2, rows - 2]))
+    wrong = (poses[..., :2] < 0) | (poses[..., :2] > floor.cell * np.array([columns - 2, rows - 2], np.float32))
     if wrong.any():
         x, y, _ = poses[wrong.any(axis=-1)][0].tolist()
         raise ConfigError(f"pose: ({x:g}, {y:g}) is not on the floor")
