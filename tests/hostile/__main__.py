@@ -37,6 +37,7 @@ from train.reporting.report import make_progress  # noqa: E402
 from train.reporting.rows import write_text  # noqa: E402
 
 LONGEST = 10.0  # [s] for an input
+COMPILING = 300.0  # [s] for one that may compile a kernel first
 LARGEST = 2e9  # [bytes] of address space beyond what is used at first
 GROWTH = 300.0  # [MB] that the most memory ever used may be above that after the first round
 SHOWN = 3
@@ -47,18 +48,26 @@ class HangError(BaseException):
 
 
 def attempt(name: str, seed: int, number: int, folder: Path) -> str | None:
-    """Try one input of a target; return the traceback of a failure."""
-    target = TARGETS[name]
-    given = target.make(Random(f"{seed} {name} {number}"))
-    signal.setitimer(signal.ITIMER_REAL, LONGEST)
-    try:
-        works_or_says(lambda: target.take(given, folder))
-    except (Exception, HangError):
-        return traceback.format_exc()
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        _clear(folder)
-    return None
+    """Try one input of a target; return the traceback of a failure.
+
+    One that takes too long is tried again, with time to compile, and then once more: it may have met a kernel first.
+    """
+    trace = None
+    for seconds in (LONGEST, COMPILING, LONGEST):
+        target = TARGETS[name]
+        given = target.make(Random(f"{seed} {name} {number}"))
+        signal.setitimer(signal.ITIMER_REAL, seconds)
+        try:
+            works_or_says(lambda target=target, given=given: target.take(given, folder))
+            return None
+        except Exception:
+            return traceback.format_exc()
+        except HangError:
+            trace = traceback.format_exc()
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+            _clear(folder)
+    return trace
 
 
 def _clear(folder: Path) -> None:

@@ -145,9 +145,8 @@ def _played() -> list[Any]:
 def _kept(content: bytes, folder: Path) -> None:
     """Look for what an evaluation need not do again."""
     with contextlib.redirect_stdout(io.StringIO()):
-        go_on(
-            RowFile(_written(content, folder, "rows.jsonl"), keep=True), _jobs(), lambda row: row.get("policy") == "x"
-        )
+        file = RowFile(_written(content, folder, "rows.jsonl"), keep=True)
+        go_on(file, _jobs(), lambda row: row.get("policy") == "x")
 
 
 def _run(given: tuple[bytes, bytes], folder: Path) -> None:
@@ -357,9 +356,9 @@ def _make_line(rng: Random) -> tuple[str, list[str]]:
 
 def _line(given: tuple[str, list[str]], folder: Path) -> None:
     name, words = given
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        with contextlib.suppress(SystemExit):
-            cli._options(cli._options_of(name), name, cli.with_values(cli._options_of(name), words))
+    aside, options = io.StringIO(), cli._options_of(name)
+    with contextlib.redirect_stdout(aside), contextlib.redirect_stderr(aside), contextlib.suppress(SystemExit):
+        cli._options(options, name, cli.with_values(options, words))
 
 
 def _make_name(rng: Random) -> Any:
