@@ -67,7 +67,7 @@ def _entry(name_or_dir: str | Path) -> PolicyEntry:
         return POLICIES[name]
     try:
         path = Path(os.path.expanduser(name))  # which leaves the home of nobody as it is
-    except UnicodeEncodeError:
+    except ValueError:  # half of a character, or the one that ends names
         raise unknown_name("policy", name, POLICIES) from None
     if os.path.isdir(path):  # which Path.is_dir raises about where a name is too long
         return PolicyEntry("a policy folder", weights=path)

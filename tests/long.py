@@ -3,7 +3,7 @@
     python -m tests.long --decisions 1000000 --keep results/long      # what `make long` does
 
 Each time is a process of its own, which keeps its world at every tenth in KEEP and goes on from there. A robot that
-stands for PATIENCE, or is on the way to one goal for ENDLESS, is recorded: a page of the last ten to twenty minutes,
+stands for --patience, or is on the way to one goal for ENDLESS, is recorded: a page of the last ten to twenty minutes,
 and beside it the world before, pickled, which `driven_on` drives to the same end.
 """
 
@@ -68,11 +68,11 @@ def config(robots: int, people: int, decisions: int) -> EnvConfig:
 class Drive:
     """One world under way; it can be pickled, and goes on to the bit."""
 
-    def __init__(self, env: EnvConfig, seed: int) -> None:
+    def __init__(self, env: EnvConfig, seed: int, patience: float = PATIENCE) -> None:
         self.simulator, self.rng = simulator_of(env, 1), np.random.default_rng([seed, 1])
         self.simulator.reset([seed])
         self.digest, self.done, self.parts = b"", 0, list[Part]()
-        self._late = np.zeros(env.num_agents, dtype=np.bool_)
+        self._patience, self._late = patience, np.zeros(env.num_agents, dtype=np.bool_)
 
     def step(self, act: Any) -> list[int]:
         """Drive one decision; return the robots that have just run out of patience."""
@@ -82,7 +82,7 @@ class Drive:
         state = (self.digest, simulator.robots, simulator.people.persons, simulator.reward)
         self.digest = hashlib.blake2b(b"".join(bytes(part) for part in state)).digest()
         robots = simulator.robots[0]
-        late = (robots["standing_time"] > PATIENCE) | (robots["age"] > ENDLESS / simulator.config.time_step)
+        late = (robots["standing_time"] > self._patience) | (robots["age"] > ENDLESS / simulator.config.time_step)
         new: list[int] = np.flatnonzero(late & ~self._late).tolist() if late.any() else []
         self._late = late
         return new
@@ -137,9 +137,9 @@ def record(before: bytes, decisions: int, robot: int, path: Path) -> None:
     write_replay_page(path.with_suffix(".html"), [replay], path.stem, robot)
 
 
-def drive(env: EnvConfig, seed: int, path: Path, title: str) -> None:
+def drive(env: EnvConfig, seed: int, path: Path, title: str, patience: float = PATIENCE) -> None:
     """Drive all decisions, or go on with them, and keep what came of it in a file."""
-    drive: Drive = pickle.loads(path.read_bytes()) if path.exists() else Drive(env, seed)
+    drive: Drive = pickle.loads(path.read_bytes()) if path.exists() else Drive(env, seed, patience)
     act, copies = make_actor(POLICY, env), [(drive.done, pickle.dumps(drive))]
     each, told = max(1, env.max_steps // PARTS), time.monotonic()
     begin, since = time.process_time(), drive.done
@@ -176,7 +176,9 @@ def part_table(parts: list[Part]) -> Table:
     return Table("One world with everything on", header, tuple(cells))
 
 
-def main(decisions: int, keep: Path, robots: int = 32, people: int = 5, seed: int = 0) -> None:
+def main(
+    decisions: int, keep: Path, robots: int = 32, people: int = 5, seed: int = 0, patience: float = PATIENCE
+) -> None:
     """Drive one world twice, and say whether both came to the same and what grew.
 
     Args:
@@ -185,14 +187,14 @@ def main(decisions: int, keep: Path, robots: int = 32, people: int = 5, seed: in
         robots: in the world.
         people: among them.
         seed: of the world.
+        patience: time for which a robot may stand until it is recorded [s].
     """
     env, drives = config(robots, people, decisions), list[Drive]()
     keep.mkdir(parents=True, exist_ok=True)
     for time_ in range(TIMES):
         path = keep / f"{robots}-{people}-{seed}-{decisions}-{time_}.pickle"
-        process = multiprocessing.get_context("spawn").Process(
-            target=drive, args=(env, seed, path, f"time {time_ + 1}")
-        )
+        given = env, seed, path, f"time {time_ + 1}", patience
+        process = multiprocessing.get_context("spawn").Process(target=drive, args=given)
         process.start()
         process.join()
         if process.exitcode:

@@ -92,6 +92,8 @@ def test_rows_of_other_values_are_not_compared(tmp_path: Path, field: str, value
         (lambda: parse_named(f"{'x' * 5000}:a", "layout", "b"), r"layout x{70,80}.* must be PARAMETER=VALUE"),
         (lambda: _simulator().reset_to(3), "assignments must be 1 of type Assignment"),  # type: ignore[arg-type]
         (lambda: make_policy("~nobody-of-this-name", EnvConfig()), "unknown policy"),
+        (lambda: make_policy("~\0", EnvConfig()), "unknown policy"),
+        (lambda: GridMap(np.zeros((2, 2)), name="a" * 5000).check_cell((9, 9), "goal"), r"outside map 'a{70,80}"),
         (lambda: make_policy("~\ud800", EnvConfig()), "unknown policy"),
         (lambda: GridMap(np.zeros((2, 2))).check_cell((10**400, 0), "goal"), r"goal \(10{70,80}"),
         (lambda: read_map("a\nb.map"), "is no file name"),

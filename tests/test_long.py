@@ -5,8 +5,6 @@ from __future__ import annotations
 import pickle
 from pathlib import Path
 
-import pytest
-
 from tests import long
 
 
@@ -25,9 +23,8 @@ def test_two_drives_one_of_them_pickled_half_way_come_to_the_same(tmp_path: Path
     assert len(long.part_table(whole.parts).cells) == long.PARTS
 
 
-def test_who_stands_is_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(long, "PATIENCE", 1.0)
-    long.drive(long.config(8, 2, 40), 1, tmp_path / "run", "short")
+def test_who_stands_is_recorded(tmp_path: Path) -> None:
+    long.drive(long.config(8, 2, 40), 1, tmp_path / "run", "short", patience=1.0)
     page = next(tmp_path.glob("run-*.html"))
     *_, last = long.driven_on(page.with_suffix(".pickle").read_bytes(), int(page.stem.split("-")[-1]))
     assert last.simulator.robots["standing_time"].max() > 1.0
