@@ -212,7 +212,9 @@ class GridMap:
         rows, columns = self.shape
         if not (0 <= row < rows and 0 <= column < columns):
             given = shown((row, column))
-            raise MapError(f"{what} {given} is outside map {shown(self.name)}: rows 0..{rows - 1}, columns 0..{columns - 1}")
+            raise MapError(
+                f"{what} {given} is outside map {shown(self.name)}: rows 0..{rows - 1}, columns 0..{columns - 1}"
+            )
         if self.occupied[row, column]:
             raise MapError(f"{what} ({row}, {column}) is on a shelf of map {shown(self.name)}; choose a free cell")
         return row, column
