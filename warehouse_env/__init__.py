@@ -15,7 +15,7 @@ import gymnasium
 from warehouse_env.compiled import drop_stale_kernels
 
 if TYPE_CHECKING:
-    from warehouse_env.config import EnvConfig, RerouteSpec, RewardWeights, RobotSpec, SensorSpec
+    from warehouse_env.config import EnvConfig, FieldSpec, RerouteSpec, RewardWeights, RobotSpec, SensorSpec
     from warehouse_env.envs.callback import MetricsCallback
     from warehouse_env.envs.parallel import WarehouseParallelEnv, aec_env, parallel_env
     from warehouse_env.envs.single import WarehouseSingleEnv, single_env
@@ -33,6 +33,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "EnvConfig": "config",
+    "FieldSpec": "config",
     "RerouteSpec": "config",
     "RewardWeights": "config",
     "RobotSpec": "config",
@@ -71,6 +72,7 @@ __all__ = [
     "ActionError",
     "ConfigError",
     "EnvConfig",
+    "FieldSpec",
     "GridMap",
     "MapError",
     "MetricsCallback",

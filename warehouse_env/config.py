@@ -126,6 +126,27 @@ class RerouteSpec(Checked):
 
 
 @dataclass(frozen=True)
+class FieldSpec(Checked):
+    """Bounds within which the protective field keeps its promise: what robots are declared to be (docs/traffic.md)."""
+
+    latency: float = 0.0  # [s] after which whatever a robot says has been heard by all near; what it says comes into
+    # force that much later, and what is heard later still counts as lost
+    pose_error: float = 0.0  # [m] that a robot is at most from where it believes to be
+    heading_error: float = 0.0  # [rad], so of its heading
+    actuation_error: float = 0.0  # share by which it accelerates and steers more or less than it is told to
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(0.0, 10.0, "latency")
+        self._between(0.0, 1.0, "pose_error")
+        self._between(0.0, 0.5, "heading_error", "actuation_error")
+
+    def _called(self, name: str) -> str:
+        """Return what errors call a bound; EnvConfig has some of the same names."""
+        return f"FieldSpec.{name}"
+
+
+@dataclass(frozen=True)
 class EnvConfig(Checked):
     """One warehouse with its robots: all that defines an episode but the seed."""
 
@@ -149,6 +170,11 @@ class EnvConfig(Checked):
     keep_right: float = 0.5  # [m] that routes move to the right of the planned path where there is room
     protective_field: bool = False  # robots brake, whatever they are told, where they could not stop clear of others
     field_margin: float = 0.02  # [m] that the field keeps between robots
+    field_spec: FieldSpec = field(default_factory=FieldSpec)  # bounds of what the next four may be
+    message_latency: float = 0.0  # [s] after which messages are heard at the latest, evenly drawn from 0 on
+    pose_error: float = 0.0  # [m] that robots are at most from where they believe to be (physics/deviation.py)
+    heading_error: float = 0.0  # [rad], so of their heading
+    actuation_error: float = 0.0  # share by which they accelerate and steer more or less than they mean to
     right_of_way: bool = False  # who goes first is settled early, and who is in the way makes room
     right_of_way_after: float = 0.0  # [s] of standing, now in a ring, from which it steps in near it; 0: always
     people: int = 0  # on foot, among the robots (simulation/physics/people.py)
@@ -174,6 +200,9 @@ class EnvConfig(Checked):
         self._between(0, 1000, "people")
         self._between(0.0, 1.0, "message_loss")
         self._between(0.0, 3600.0, "message_burst")
+        self._between(0.0, 60.0, "message_latency")
+        self._between(0.0, 1.0, "pose_error")
+        self._between(0.0, 0.5, "heading_error", "actuation_error")
         for name in ("speed_levels", "lateral_offsets"):
             self._between(-_MOST, _MOST, name)
             self._require(1 <= len(getattr(self, name)) <= _COMMANDS, name, f"1 to {_COMMANDS} numbers")

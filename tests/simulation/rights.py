@@ -49,13 +49,13 @@ class World:
         """Grant paths; everybody cruises unless told otherwise."""
         sim = self.simulator
         told = np.full((1, len(self.robots)), int(sim.cruise_action)) if actions is None else actions
-        sim._actions.decode(told, sim._commands, sim._choices)
+        sim._actions.decode(told, sim._commands[0], sim._choices)
         p = sim._params[0]
         self.ways = meetings.scratch(sim._paths[0])
         self.step_in()
         right_of_way.rank(self.robots, self.order)
         right_of_way.decide(
-            self.robots, sim.routes[0], sim.arcs[0], sim._commands[0], sim._choices[0], self.order, self.ways, p,
+            self.robots, sim.routes[0], sim.arcs[0], sim._commands[0, 0], sim._choices[0], self.order, self.ways, p,
             sim._floor.clearance,
         )  # fmt: skip
         return self
@@ -63,7 +63,7 @@ class World:
     def step_in(self) -> bool:
         """Say who is settled; whether anybody is."""
         sim, found = self.simulator, waits.scratch(len(self.robots))
-        return bool(stepping_in.step_in(self.robots, sim.routes[0], sim._commands[0], found, sim._params[0]))
+        return bool(stepping_in.step_in(self.robots, sim.routes[0], sim._commands[0, 0], found, sim._params[0]))
 
     def granted(self, robot: int) -> int:
         """Number of the last pose that a robot has been granted."""

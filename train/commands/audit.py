@@ -13,6 +13,7 @@ from train.commands.evaluate import GOES_ON, Episodes
 from train.evaluation.audit.jobs import DrivenEpisodes, RecordedEpisode
 from train.evaluation.audit.table import audit_table, faults_of, sentences
 from train.evaluation.audit.watcher import Audit
+from train.evaluation.disturbances import known
 from train.evaluation.jobs import Job, Runner
 from train.reporting.rows import RowFile, check_writable, write_text
 from warehouse_env.errors import ConfigError
@@ -32,6 +33,8 @@ class AuditCommand(Episodes):
     """Files of `warehouse record`; none with --policy."""
     policy: tuple[str, ...] = ()
     """Policies to drive and audit: names, or folders of trained ones."""
+    disturbance: tuple[str, ...] = ()
+    """With --policy, what to disturb: names of `warehouse robust`; nothing if left out."""
     out: Path = Path("results/audit")
     """Folder for the rows and the table."""
 
@@ -55,9 +58,14 @@ class AuditCommand(Episodes):
         if faults:
             raise SystemExit(1)
 
+    def _disturbances(self) -> tuple[str | None, ...]:
+        return tuple(map(known, self.disturbance)) or (None,)
+
     def _jobs(self) -> Sequence[Job]:
         if bool(self.files) == bool(self.policy):
             raise ConfigError("name episode files to audit, or policies to drive with --policy")
+        if self.files and self.disturbance:
+            raise ConfigError("--disturbance must be left out with episode files, which say what disturbed them")
         if self.files and self.resume:
             raise ConfigError("--resume must be left out with episode files")
         if self.files:
@@ -65,7 +73,7 @@ class AuditCommand(Episodes):
             configs = [episode.config for _, episode in episodes]
             jobs: list[Job] = [RecordedEpisode(path, len(episode.actions)) for path, episode in episodes]
         else:
-            experiments = self.experiments()
+            experiments = [one for name in self._disturbances() for one in self.experiments(name)]
             configs = [one.config for one in experiments]
             jobs = [DrivenEpisodes(one) for one in experiments]
         for config in configs:  # what cannot be audited is said before anything drives

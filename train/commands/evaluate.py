@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED
+from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED, known
 from train.evaluation.episodes import play
 from train.evaluation.jobs import Runner
 from train.evaluation.places import NOTES, PAGE
@@ -185,10 +185,7 @@ class Robust(Episodes):
 
     def run(self) -> None:
         """Play everything, print the table, write rows and table."""
-        for name in self.disturbance:
-            if name not in DISTURBANCES:
-                raise unknown_name("disturbance", name, DISTURBANCES)
-        names = dict.fromkeys((UNDISTURBED, *self.disturbance))
+        names = dict.fromkeys((UNDISTURBED, *map(known, self.disturbance)))
         self.tabulate([experiment for name in names for experiment in self.experiments(name)], robust_table)
         print(f"wrote the rows to {self.rows_path}, the table to {self.out}")
 

@@ -1,13 +1,14 @@
 """What is unlike the undisturbed world: other bodies, worse sensors, lost messages, a robot that breaks down, people.
 
-Bodies, speeds, lost messages and people are fields of EnvConfig. Lidar and delay spoil the observation that the policy
-sees, and nothing else: the path follower, the field and the right of way know a robot's own state exactly and at once.
+Bodies, speeds, messages, errors and people are fields of EnvConfig. Lidar and delay spoil what the policy observes
+and nothing else: the path follower, the field and the right of way know a robot's own state exactly and at once.
 A new disturbance is a line in DISTURBANCES, and every table has its row.
 """
 
 from __future__ import annotations
 
 import itertools
+import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.policy import Observation
-from warehouse_env.config import EnvConfig, RobotSpec
+from warehouse_env.config import EnvConfig, FieldSpec, RobotSpec
+from warehouse_env.errors import unknown_name
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.observation import observation_layout
 from warehouse_env.simulation.simulator import Simulator
@@ -60,6 +62,10 @@ def body(length: float, front_steered: bool = False) -> RobotSpec:
     return RobotSpec(length=length, wheelbase=scale * usual.wheelbase, front_overhang=overhang)
 
 
+# Errors of poses and actuators as localisation by lidar and worn drives have them.
+ERRORS: dict[str, float] = {"pose_error": 0.02, "heading_error": math.radians(1.0), "actuation_error": 0.05}
+LATE = 0.3  # [s]
+
 DISTURBANCES: dict[str, Disturbance] = {
     UNDISTURBED: Disturbance("undisturbed"),
     "short": Disturbance("body 0.7 m long", {"robot": body(0.7)}),
@@ -77,10 +83,30 @@ DISTURBANCES: dict[str, Disturbance] = {
     "message_loss": Disturbance("messages lost, 10%", {"message_loss": 0.1}),
     "much_message_loss": Disturbance("messages lost, 30%", {"message_loss": 0.3}),
     "message_bursts": Disturbance("lost for 5 s, 10%", {"message_loss": 0.1, "message_burst": 5.0}),
+    "latency": Disturbance("heard 0.3 s late", {"message_latency": LATE, "field_spec": FieldSpec(latency=LATE)}),
+    "errors": Disturbance("off 2 cm, 1 deg, drives 5%", {**ERRORS, "field_spec": FieldSpec(**ERRORS)}),
+    "undeclared_errors": Disturbance("the same, not declared", ERRORS),
+    "all_at_once": Disturbance(
+        "lost, late and off",
+        {
+            "message_loss": 0.1,
+            "message_burst": 5.0,
+            "message_latency": LATE,
+            **ERRORS,
+            "field_spec": FieldSpec(latency=LATE, **ERRORS),
+        },
+    ),
     "breakdown": Disturbance("one broken down", breakdown=60.0),
     "people": Disturbance("4 people walk", {"people": 4}),
     "many_people": Disturbance("12 people walk", {"people": 12}),
 }
+
+
+def known(name: str) -> str:
+    """Return the name of a disturbance; WarehouseError that lists them all for any other."""
+    if name not in DISTURBANCES:
+        raise unknown_name("disturbance", name, DISTURBANCES)
+    return name
 
 
 class Senses:

@@ -24,6 +24,7 @@ from warehouse_env.simulation.driver import rejoin
 from warehouse_env.simulation.driver.manoeuvre import ARCS
 from warehouse_env.simulation.driver.turning import turning_metric
 from warehouse_env.simulation.physics.buckets import bucket_grid
+from warehouse_env.simulation.physics.deviation import Deviation, errs, planned_config
 from warehouse_env.simulation.physics.floor import floor_of, load_grid
 from warehouse_env.simulation.physics.people import People
 from warehouse_env.simulation.record import metrics
@@ -88,30 +89,33 @@ class Simulator(Portable):
             planner = planner if planner is not None else make_planner(config.planner)
             routes = RouteBook(self.grid, planner, keep_right=config.keep_right)
         given.check_pace(config, self.grid.cell_size)
-        given.check_stop(config, state.stop_samples(config))
+        planned = planned_config(config)
+        given.check_stop(config, state.stop_samples(planned))
         self.layout = observation_layout(config)
         each = state.ROBOT.itemsize + 8 * ROUTE_BLOCK
         cells = self.grid.occupied.size
         given.check_memory(num_worlds, config.num_agents, self.layout.size, each, config.people, cells)
-        self._params = state.parameters_of(config, self.grid.cell_size)
-        self._make_spaces()
+        self._params = state.parameters_of(planned, self.grid.cell_size)
+        self._make_spaces(planned)
         self._weights = weight_vector(config.reward)
         self._reward_weights = config.reward
-        self.robots = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
-        self.people = People(config, self.grid, num_worlds)
-        self.dispatcher = Dispatcher(config, routes, self.robots, self.people.persons, self._params)
+        self._planned = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
+        self.robots = self._planned.copy() if errs(config) else self._planned  # where they are, in truth
+        self.people = People(planned, self.grid, num_worlds)
+        self.dispatcher = Dispatcher(planned, routes, self._planned, self.people.persons, self._params)
+        self._deviation = Deviation(config, num_worlds)
         self._messages = Messages(config, num_worlds)
-        self._make_arrays()
+        self._make_arrays(planned)
 
-    def _make_spaces(self) -> None:
+    def _make_spaces(self, planned: EnvConfig) -> None:
         config = self.config
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32)
-        self._actions = ActionDecoder(config)
+        self._actions = ActionDecoder(planned)
         self.action_space = self._actions.space
         angles = 2 * math.pi * np.arange(config.sensor.rays) / config.sensor.rays
         self._rays = np.stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
 
-    def _make_arrays(self) -> None:
+    def _make_arrays(self, planned: EnvConfig) -> None:
         b, n, p = self.num_worlds, self.num_agents, self._params
         self.arcs = np.zeros((b, n, ARCS, 2), dtype=np.float32)  # [m], [rad]; the robots' manoeuvres
         self._paths = np.zeros((b, n + 1 if self.config.right_of_way else 0, POSES, COLUMNS), dtype=np.float32)
@@ -122,10 +126,11 @@ class Simulator(Portable):
         self.truncated = np.zeros(b, dtype=np.bool_)
         self.steps = np.zeros(b, dtype=np.int64)  # env steps since each world's reset
         self.arrivals: list[Arrival] = []
-        self._commands = np.zeros((b, n, 2), dtype=np.float32)
+        said = math.ceil(int(p["latency"][0]) / self.config.action_repeat)  # env steps ago, what comes into force now
+        self._commands = np.zeros((1 + said, b, n, 2), dtype=np.float32)
         self._choices = self._actions.no_choices(b, n)
         reach = float(p["pair_range"][0])
-        p["most_pairs"] = state.most_pairs(n, reach, float(p["radius"][0]), self.config)
+        p["most_pairs"] = state.most_pairs(n, reach, float(p["radius"][0]), planned)
         self._stamps = np.zeros((b, n, state.most_near(n, self.config), 2), dtype=np.int32)
         rows, columns = self.grid.shape
         size = self.grid.cell_size
@@ -135,6 +140,11 @@ class Simulator(Portable):
         )
         bucket_rows, bucket_columns, side = bucket_grid(n, columns * size, rows * size, look)
         p["bucket_rows"], p["bucket_columns"], p["bucket"] = bucket_rows, bucket_columns, side
+        self._true_params = p  # of the bodies, where these are not what is planned
+        if self.robots is not self._planned:
+            self._true_params = state.parameters_of(self.config, size)
+            for name in ("most_pairs", "bucket_rows", "bucket_columns", "bucket"):
+                self._true_params[name] = p[name]
         self._waiting = np.zeros(b, dtype=np.int32)
         self._faults = np.zeros((b, 3), dtype=np.int32)
         self._features = step.Features.of(self.config)
@@ -162,13 +172,14 @@ class Simulator(Portable):
         persons, features = self.people.persons, self._features
         self._advance_arguments = (
             persons, self.people.ways, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
-            self.terminated, self._waiting, self._faults, *features, self._params, *floor,
+            self.terminated, self._waiting, self._faults, self._deviation.bodies, self._deviation.errors,
+            *features, self._params, self._true_params, *floor,
         )  # fmt: skip
         self._agree_arguments = (
-            self.arcs, self._commands, self._paths, self._params, self._choices, self._floor.clearance,
+            self.arcs, self._commands[0], self._paths, self._params, self._choices, self._floor.clearance,
         )  # fmt: skip
         self._room_arguments = (self.arcs, self._paths, self._params, *floor)
-        self._observe_arguments = (persons, self._waiting, features.walking, self._params, *seen)
+        self._observe_arguments = (persons, self._waiting, features.walking, self._true_params, *seen)
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:
         """Write observations into this array [B, N, D] from now on; the last one stays as it is, its holder's own."""
@@ -221,6 +232,7 @@ class Simulator(Portable):
         """
         for world, entropy in enumerate(given.seeds_of(seed, self.num_worlds)):
             self._reset_world(world, entropy)
+        self._show()
         self._observe()
         return self.observation
 
@@ -231,18 +243,20 @@ class Simulator(Portable):
         check_assignments(assignments, self.num_worlds, self.num_agents, self.grid)
         for world, entropy in enumerate(given.seeds_of(seed, self.num_worlds)):
             self._reset_world(world, entropy, assignments[world])
+        self._show()
         self._observe()
         return self.observation
 
     def reset_world(self, world: int, seed: int | None = None) -> None:
         """Start one world anew; its row of `observation` is updated. seed None: its generator goes on."""
         self._reset_world(world, None if seed is None else [given.whole_seed(seed), 0])
+        self._show()
         self._observe(world)
 
     def _reset_world(self, world: int, entropy: list[int] | None, assignment: Assignment | None = None) -> None:
-        robots = self.robots[world]
+        robots = self._planned[world]
         robots[...] = np.zeros((), dtype=state.ROBOT)
-        self._stamps[world] = self._faults[world] = self._commands[world] = self.steps[world] = 0
+        self._stamps[world] = self._faults[world] = self._commands[:, world] = self.steps[world] = 0
         self.arrivals = [arrival for arrival in self.arrivals if arrival.world != world]
         self.truncated[world] = self.terminated[world] = False
         robots["alive"] = 1
@@ -253,18 +267,29 @@ class Simulator(Portable):
         self._messages.begin(world, entropy)
         self.people.begin(world, entropy, robots)
         robots["anchor_x"], robots["anchor_y"] = robots["x"], robots["y"]
+        if self.robots is not self._planned:
+            self._deviation.begin(world, entropy, robots)
+
+    def _show(self) -> None:
+        """Show outsiders where the bodies are, where that is not as planned."""
+        if self.robots is not self._planned:
+            self._deviation.show(self.robots, self._planned)
 
     def put(self, pose: ArrayLike, speed: ArrayLike) -> NDArray[np.bool_]:
         """Put robots at poses float[B, N, 3] (x [m], y [m], heading [rad]) with speeds float[B, N] [m/s] beside their
         routes, and observe; return bool[B]: whether no body of a world touches anything. Call after a reset.
         """
-        free = put_all(self.robots, self.routes, pose, speed, self._params, self._floor)
+        free = put_all(self._planned, self.routes, pose, speed, self._params, self._floor)
+        if self.robots is not self._planned:
+            for world in range(self.num_worlds):
+                self._deviation.stand(world, self._planned[world])
+            self._show()
         self._observe()
         return free
 
     def break_down(self, world: int, robot: int) -> None:
         """Take a robot out of service until its world's reset: it brakes, and stands in the others' way for good."""
-        self.robots["alive"][world, robot] = 0
+        self.robots["alive"][world, robot] = self._planned["alive"][world, robot] = 0
         self.terminated[world, robot] = True
 
     def step(self, actions: ArrayLike) -> NDArray[np.float32]:
@@ -273,24 +298,29 @@ class Simulator(Portable):
         actions: int[B, N] of a discrete config, or preferences float[B, N, A] (preferences.py); else float[B, N, 2]
         in [-1, 1] (clipped). ActionError if of another shape, out of range or not finite.
         """
-        self._actions.decode(actions, self._commands, self._choices)
-        self._messages.lose(self.robots)
+        if len(self._commands) > 1:
+            self._commands[1:] = self._commands[:-1]
+        self._actions.decode(actions, self._commands[0], self._choices)
+        self._messages.lose(self._planned)
+        if self.robots is not self._planned:
+            self._deviation.draw()
         arrivals = sum(self._each(self._advance))
         if self._features.checked:
             raise_fault(self._faults)
-        self.people.send_on(self.robots)
+        self.people.send_on(self._planned)
         self.arrivals = self.dispatcher.arrive(self.steps) if arrivals else []
         rerouted = self.dispatcher.reroute(self.steps)
         if self.dispatcher.all_look:
             self._observe()
         elif arrivals or rerouted:
             self._observe(rerouted)
+        self._show()
         return self.observation
 
     def _code(self) -> _Code:
         """Return the code of `advance` and of `observe` for the arguments at hand, whose types never change."""
         if self._compiled is None:
-            arrays = (self.robots, self.routes)
+            arrays = (self._planned, self.routes)
             self._compiled = (
                 compiled_for(step.advance, 0, 0, *arrays, *self._advance_arguments),
                 compiled_for(step.observe, 0, 0, False, *arrays, *self._observe_arguments),
@@ -303,14 +333,14 @@ class Simulator(Portable):
         Where all robots look for better routes, a world waits with its observation until they have done so.
         """
         advance, observe = self._code()
-        where = (begin, end, self.robots, self.dispatcher.routes)
+        where = (begin, end, self._planned, self.dispatcher.routes)
         if self.config.right_of_way and agreement.agree(*where, *self._agree_arguments):
             making_room.make_room(*where, *self._room_arguments, self._metric)
         arrivals, seeking = advance(*where, *self._advance_arguments)
         if seeking:
             rejoin.seek(*where, self.arcs, self._params, self._floor.solid, self._floor.clearance, self._metric)
         if not self.dispatcher.all_look:
-            observe(begin, end, False, self.robots, self.dispatcher.routes, *self._observe_arguments)
+            observe(begin, end, False, self._planned, self.dispatcher.routes, *self._observe_arguments)
         return arrivals
 
     @property
@@ -331,7 +361,7 @@ class Simulator(Portable):
 
     def _observe_waiting(self, begin: int, end: int) -> int:
         _, observe = self._code()
-        observe(begin, end, True, self.robots, self.routes, *self._observe_arguments)
+        observe(begin, end, True, self._planned, self.routes, *self._observe_arguments)
         return 0
 
     def episode_metrics(self, world: int = 0) -> dict[str, float]:

@@ -51,6 +51,7 @@ ROBOT = np.dtype(
         ("age", I), ("longest_age", I),  # physics steps on the way to its goal; to any that it has reached
         ("held", I), ("held_by", I), ("held_time", F),  # refused in the last env step; by whom; [s] without a break
         ("silent", B),  # its messages of this env step are lost (messages.py)
+        ("off_plan", B),  # it is not where it has planned to be (physics/deviation.py)
         # manoeuvre (simulation/driver/driving.py): in one of `arcs` arcs if that is not 0, on number `arc`
         ("arcs", B), ("arc", B), ("arc_x", F), ("arc_y", F), ("arc_heading", F),  # the reference pose on that arc,
         ("arc_left", F),  # [m] of it to go, negative backwards
@@ -83,7 +84,7 @@ PERSON_RADIUS = 0.25  # [m]
 
 PARAMETERS = np.dtype(
     [
-        ("dt", F), ("time_step", F), ("substeps", I), ("repeat", I),
+        ("dt", F), ("time_step", F), ("substeps", I), ("repeat", I), ("latency", I),  # latency: in physics steps
         ("half_length", F), ("half_width", F), ("offset", F), ("radius", F),  # [m]; offset: front axle to centre
         ("wheelbase", F), ("min_speed", F), ("max_speed", F), ("max_acceleration", F),
         ("max_steer", F), ("max_steer_rate", F),
@@ -119,7 +120,7 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
     stop = 0.5 * (fastest**2 / robot.max_acceleration + robot.max_acceleration * config.time_step**2)
     values = {
         "dt": dt, "time_step": config.time_step,
-        "substeps": config.substeps, "repeat": config.action_repeat,
+        "substeps": config.substeps, "repeat": config.action_repeat, "latency": latency_steps(config),
         "half_length": half_length, "half_width": half_width,
         "offset": robot.rear_reach - half_length, "radius": radius,
         "wheelbase": robot.wheelbase, "min_speed": robot.min_speed, "max_speed": robot.max_speed,
@@ -141,6 +142,11 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
     for name, value in values.items():
         p[name] = value
     return p
+
+
+def latency_steps(config: EnvConfig) -> int:
+    """Return the physics steps from when a robot says what it will do until it does it."""
+    return math.ceil(config.field_spec.latency / config.time_step - 1e-9) if config.protective_field else 0
 
 
 def stop_samples(config: EnvConfig) -> int:

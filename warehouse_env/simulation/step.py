@@ -18,7 +18,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.observation import EGO, NEIGHBOUR
 from warehouse_env.simulation.driver import line, tracking
-from warehouse_env.simulation.physics import buckets, contact, contact_episodes, people
+from warehouse_env.simulation.physics import buckets, contact, contact_episodes, deviation, people
 from warehouse_env.simulation.physics.kinematics import approach, braking
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 from warehouse_env.simulation.rules import audit, field, right_of_way, waits
@@ -36,12 +36,14 @@ class Features(NamedTuple):
     walking: Literal[True] | None  # people
     guarded: Literal[True] | None  # the protective field
     checked: Literal[True] | None  # and looked for faults (audit.py)
+    erring: Literal[True] | None  # bodies that are not quite where their robots have planned to be (deviation.py)
 
     @classmethod
     def of(cls, config: EnvConfig) -> Features:
         """Return the features of a config."""
         field = config.protective_field
-        has = (config.action_type != "raw", config.people > 0, field, field and audit.is_wanted())
+        checked = field and audit.is_wanted()
+        has = (config.action_type != "raw", config.people > 0, field, checked, deviation.errs(config))
         return cls(*(True if one else None for one in has))
 
 
@@ -147,15 +149,13 @@ def _move(robots, persons, near, motions, walking, guarded, p, solid, clearance)
             people.keep_off_people(robots, persons, motion, flags, p)
         contact.keep_off_robots(motion, flags, pairs, near, guarded, p)
         contact.accept_motion(robots, motion)
-    contact.store(robots, motion)
 
 
 @inline
-def _drive(
-    robots, persons, routes, arcs, commands, places, motions, guards, near, followed, walking, guarded, p,
-    solid, clearance,
-):  # fmt: skip
-    """Choose each robot's motion of one physics step and carry it out; near: the number of pairs that may meet."""
+def _choose(
+    robots, persons, routes, arcs, commands, places, motions, guards, followed, walking, guarded, p, solid, clearance
+):
+    """Choose each robot's motion of one physics step."""
     _, motion, _, _ = motions
     for i in range(robots.shape[0]):
         first, second = commands[i, 0], commands[i, 1]
@@ -166,7 +166,25 @@ def _drive(
         contact.load(robots, i, first, second, p, clearance, motion)
     if guarded is not None:
         field.guard(robots, persons, motion, guards, places, walking, p, solid, clearance)
-    _move(robots, persons, near, motions, walking, guarded, p, solid, clearance)
+
+
+@inline
+def _carry_out(
+    robots, persons, actual, errors, near, motions, own, walking, guarded, erring, p, true, solid, clearance
+):
+    """Carry out the motions chosen, with bodies that err as well as they can.
+
+    near: the number of pairs that may meet; actual BODY[N], errors, own, true: see deviation.py.
+    """
+    pairs, motion, flags, lanes = motions
+    if erring is None:
+        _move(robots, persons, near, motions, walking, guarded, p, solid, clearance)
+        contact.store(robots, motion)
+    else:
+        deviation.plan(motion, flags, lanes, p)
+        deviation.load(robots, actual, motion, errors, own, true, clearance)
+        _move(robots, persons, near, (pairs, own, flags, lanes), walking, None, true, solid, clearance)
+        deviation.store(robots, actual, motion, errors, own, guarded, true)
     if guarded is not None:
         field.settle(robots)
 
@@ -217,22 +235,24 @@ def _count_step(robots, steps, b, truncated, terminated, p):
 @kernel
 def advance(
     begin, end, robots, routes, persons, ways, arcs, commands, stamps, steps, truncated, terminated, waiting, faults,
-    followed, walking, guarded, checked, params, solid, clearance,
+    actual, errors, followed, walking, guarded, checked, erring, params, true_params, solid, clearance,
 ):  # fmt: skip
     """Move the worlds from `begin` to before `end` on by one env step; return (arrivals, robots that seek a manoeuvre).
 
     robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; persons, ways: see people.People; arcs float32[B, N,
-    ARCS, 2]: their manoeuvres (manoeuvre.py); commands float32[B, N, 2]: speed [m/s] and offset [m], or raw
-    acceleration and steering rate; stamps int32[B, N, K, 2]; steps int64[B] since the reset, truncated bool[B],
-    terminated bool[B, N];
+    ARCS, 2]: their manoeuvres (manoeuvre.py); commands float32[S, B, N, 2], the latest first: speed [m/s] and offset
+    [m], or raw acceleration and steering rate; stamps int32[B, N, K, 2]; steps int64[B] since the reset, truncated
+    bool[B], terminated bool[B, N];
     waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator has given out new tasks;
-    faults int32[B, 3]: see audit.find_fault; followed, walking, guarded, checked: see Features.
+    faults int32[B, 3]: see audit.find_fault; actual BODY[B, N], errors, true_params: see deviation.py; followed to
+    erring: see Features.
     """
-    p = params[0]
+    p, true = params[0], true_params[0]
     arrivals, seeking, count = 0, 0, robots.shape[1]
     places, motions, guards = buckets.scratch(count, p), contact.scratch(count, p), field.scratch(count, p)
     order, starts, bodies = places
-    pairs, motion, _, _ = motions
+    pairs, moved, _, _ = motions
+    own = moved if erring is None else np.empty_like(moved)
     for b in range(begin, end):
         waiting[b] = 0
         if guarded is not None:
@@ -243,16 +263,21 @@ def advance(
             clock = steps[b] * p["repeat"] + 1 + repeat
             buckets.sort(robots[b], p, starts, order, bodies)
             near = contact.list_pairs(bodies, order, starts, p, pairs)
-            _drive(
-                robots[b], persons[b], routes[b], arcs[b], commands[b], places, motions, guards, near,
+            said = max(p["latency"] - repeat + p["repeat"] - 1, 0) // p["repeat"]  # env steps ago
+            _choose(
+                robots[b], persons[b], routes[b], arcs[b], commands[said, b], places, motions, guards,
                 followed, walking, guarded, p, solid, clearance,
+            )  # fmt: skip
+            _carry_out(
+                robots[b], persons[b], actual[b], errors[b, repeat], near, motions, own, walking, guarded, erring, p,
+                true, solid, clearance,
             )  # fmt: skip
             if walking is not None:
                 people.walk(persons[b], ways[b], robots[b], p, solid, clearance)
             if checked is not None:
                 audit.find_fault(robots[b], persons[b], clock, p, solid, clearance, faults[b])
-            contact_episodes.judge_pairs(robots[b], motion, pairs, near, stamps[b], clock, p)
-            contact_episodes.end_shelf_contacts(robots[b], p, solid, clearance)
+            contact_episodes.judge_pairs(robots[b], own, pairs, near, stamps[b], clock, true)
+            contact_episodes.end_shelf_contacts(robots[b], true, solid, clearance)
             if walking is not None:
                 people.end_contacts(robots[b], persons[b], p)
             for i in range(count):

@@ -122,7 +122,7 @@ def test_sides_are_tried_in_the_order_of_preference(liked: float) -> None:
     preferences[0, :, np.flatnonzero((table == np.array((0.5, liked), np.float32)).all(axis=1))] = 2.0
     world = World((5.0, 10.0, 0.0, 1.0), (11.6, 10.0, math.pi, 1.0), ages=[9, 0]).decide(preferences)
     assert world.robots["side"][1] == np.float32(liked)
-    assert world.simulator._commands[0, :, 0].tolist() == [1.5, 0.5]  # the speed that it likes there
+    assert world.simulator._commands[0, 0, :, 0].tolist() == [1.5, 0.5]  # the speed that it likes there
 
 
 def test_the_liked_side_is_taken_back_when_it_is_free() -> None:

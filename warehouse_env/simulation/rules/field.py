@@ -190,7 +190,7 @@ def guard(robots, persons, motion, field, places, walking, p, solid, clearance):
     for i in field[3]:
         r = robots[i]
         refuser = FREE
-        if r["silent"] == 0:
+        if r["silent"] == 0 and r["off_plan"] == 0:
             acceleration, steer_rate = motion[ACCELERATION, i], motion[STEER_RATE, i]
             refuser = commit(i, persons, acceleration, steer_rate, motion, field, places, walking, p, solid, clearance)
             if refuser == FREE:

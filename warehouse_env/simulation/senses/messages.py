@@ -35,6 +35,8 @@ class Messages:
     def __init__(self, config: EnvConfig, worlds: int) -> None:
         loss = config.message_loss
         self._lasts = max(1, round(config.message_burst / (config.time_step * config.action_repeat)))  # env steps
+        late = config.message_latency - config.field_spec.latency
+        self._late = max(late, 0.0) / config.message_latency if config.message_latency else 0.0
         self._begins = loss / (loss + self._lasts * (1.0 - loss))  # the chance in an env step of who is heard
         self._left = np.zeros((worlds, config.num_agents), np.int64)  # env steps for which each is silent yet
         # made when first used, as the Dispatcher's
@@ -48,10 +50,10 @@ class Messages:
 
     def lose(self, robots: NDArray[Any]) -> None:
         """Write who of robots ROBOT[B, N] is silent in the env step to come."""
-        if self._begins == 0:
+        if self._begins == self._late == 0:
             return
         self._left = np.maximum(self._left - 1, 0)
         for world in range(len(robots)):
-            begins = self._rngs[world].random(robots.shape[1]) < self._begins
-            self._left[world, begins & (self._left[world] == 0)] = self._lasts
-        robots["silent"] = self._left > 0
+            chances = self._rngs[world].random((2 if self._late else 1, robots.shape[1]))
+            self._left[world, (chances[0] < self._begins) & (self._left[world] == 0)] = self._lasts
+            robots["silent"][world] = (self._left[world] > 0) | (chances[-1] < self._late)
