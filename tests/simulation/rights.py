@@ -25,8 +25,9 @@ class World:
     """Robots at poses, each with a straight route ahead of it, and what has been decided last."""
 
     def __init__(
-        self, *poses: Pose, ages: Sequence[int] | None = None, length: float = 8.0, grid: GridMap | None = None
-    ) -> None:
+        self, *poses: Pose, ages: Sequence[int] | None = None, length: float = 8.0, grid: GridMap | None = None,
+        people: int = 0,
+    ) -> None:  # fmt: skip
         self.simulator = stage(
             room(24, 24) if grid is None else grid,
             *poses,
@@ -34,6 +35,7 @@ class World:
             action_repeat=2,
             protective_field=True,
             right_of_way=True,
+            people=people,
         )
         self.robots = self.simulator.robots[0]
         self.robots["yields_to"] = self.robots["held_by"] = NOBODY
@@ -55,8 +57,8 @@ class World:
         self.step_in()
         right_of_way.rank(self.robots, self.order)
         right_of_way.decide(
-            self.robots, sim.routes[0], sim.arcs[0], sim._commands[0, 0], sim._choices[0], self.order, self.ways, p,
-            sim._floor.clearance,
+            self.robots, sim.people.persons[0], sim.routes[0], sim.arcs[0], sim._commands[0, 0], sim._choices[0],
+            self.order, self.ways, p, sim._floor.clearance,
         )  # fmt: skip
         return self
 

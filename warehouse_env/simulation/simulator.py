@@ -176,7 +176,7 @@ class Simulator(Portable):
             *features, self._params, self._true_params, *floor,
         )  # fmt: skip
         self._agree_arguments = (
-            self.arcs, self._commands[0], self._paths, self._params, self._choices, self._floor.clearance,
+            persons, self.arcs, self._commands[0], self._paths, self._params, self._choices, self._floor.clearance,
         )  # fmt: skip
         self._room_arguments = (self.arcs, self._paths, self._params, *floor)
         self._observe_arguments = (persons, self._waiting, features.walking, self._true_params, *seen)

@@ -309,3 +309,23 @@ def test_of_two_whose_paths_end_on_each_others_the_first_goes_to_its_goal() -> N
     world = World((9.25, 10.0, 0.0), (10.0, 9.25, math.pi / 2), ages=[9, 0], length=1.0).decide()
     assert world.robots["yields_to"].tolist() == [NOBODY, 0]
     assert (world.robots["authority"][0], world.robots["side"][0]) == (math.inf, 0.0)  # straight there, not beside it
+
+
+@pytest.mark.parametrize(("x", "walks", "ends"), [(11.6, 0.0, 11.6), (20.0, 0.0, 20.0), (12.8, -1.0, 11.6)])
+def test_a_grant_ends_before_a_person_and_where_one_is_about_to_walk(x: float, walks: float, ends: float) -> None:
+    """A person is .25 m wide to each side; .4 m stay free before it, and poses are at most .5 m apart."""
+    world = World((10.0, 10.0, 0.0, 0.5), people=1)
+    person = world.simulator.people.persons[0, 0]
+    person["x"], person["y"], person["cos"], person["rest"] = x, 10.0, walks, 0.0 if walks else 5.0
+    world.decide()
+    front = float(world.path(0, world.granted(0))[-1, 0]) + 0.45  # of the body, whose centre the path has
+    free = ends - 0.25 - 0.4
+    assert front <= max(free, 10.15) + 1e-3
+    assert front > min(free, 11.0) - 0.5
+
+
+def test_who_is_beside_a_person_may_go_away_from_it() -> None:
+    world = World((10.0, 10.0, 0.0, 0.0), people=1)
+    person = world.simulator.people.persons[0, 0]
+    person["x"], person["y"], person["rest"] = 9.1, 10.0, 5.0  # a hand behind the body, which ends at 9.25
+    assert world.decide().granted(0) > 0

@@ -6,7 +6,7 @@ few seconds turn away. Nobody walks into a robot, so each contact is a robot's d
 
 Robots have them in their lidar. The protective field knows where they are, but not where they will go: it lets a robot
 drive only if, wherever they walk, it stands before anybody can be where its body will be (passive motion safety:
-Bouraine, Fraichard and Salhi 2012). Live routes lead round those who stand; right of way does not know of them.
+Bouraine, Fraichard and Salhi 2012). Live routes lead round those who stand; right of way grants nothing across people.
 """
 
 from __future__ import annotations

@@ -6,7 +6,8 @@ touches what another has been granted, as AGVs reserve zones ahead of them. The 
 
 - it is never where one would soon cross the robot (do not stop on a crossing, nor in a lane that others come along);
 - who waits for another does so off all of that one's path, so no two wait for each other;
-- what has been granted is kept, unless another could not stop before it any more.
+- what has been granted is kept, unless another could not stop before it any more;
+- it is never beside a person, nor where one will be a second later, so who waits for people bars nobody else's way.
 
 If what bars the way stands or comes the other way, the robot's other lateral offsets are tried, in the order of its
 preferences. What robots would have to tell each other for it, within 16 m: the poses ahead (path_ahead.py), how far
@@ -23,6 +24,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline, part, whole
 from warehouse_env.simulation.driver.line import forget_path
+from warehouse_env.simulation.physics.people import PACE, RADIUS, bars_ways, distance_to_body
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO
 from warehouse_env.simulation.rules.meetings import (
     ASKED,
@@ -37,7 +39,17 @@ from warehouse_env.simulation.rules.meetings import (
     enlist,
     meet,
 )  # fmt: skip
-from warehouse_env.simulation.rules.path_ahead import COS, DRIVEN, POSES, SIN, begin_path, keep_path, write_path
+from warehouse_env.simulation.rules.path_ahead import (
+    CENTRE_X,
+    CENTRE_Y,
+    COS,
+    DRIVEN,
+    POSES,
+    SIN,
+    begin_path,
+    keep_path,
+    write_path,
+)
 from warehouse_env.simulation.rules.waits import SLOW, is_urged, refuser
 from warehouse_env.simulation.senses.preferences import SIDE, speed_of
 from warehouse_env.simulation.state import NOBODY
@@ -50,6 +62,8 @@ AGAINST = np.float32(-0.5)  # ... and from which it comes the other way
 BACK = 4  # poses more that must be free to go back to the commanded offset
 TRIED = 5  # decisions after which a robot tries other offsets again while the same one bars its way
 NOWHERE = -1  # no pose
+ROOM_FOR_PEOPLE = np.float32(0.4)  # [m] before a person at which a grant ends: from less the field lets none back out
+LOOKS_AHEAD = np.float32(1.0)  # [s] of a person's way
 _ROUNDING = np.float32(1e-3)  # [m] of an odometer
 
 
@@ -132,6 +146,30 @@ def _comes_against(row, granted, end, count, barrier, ways):
 
 
 @inline
+def _before_people(row, must, granted, persons, paths, p):
+    """Return the last pose of a grant before any that comes near to a person, or to where one will be, by now.
+
+    Who is near already may go on as long as it comes no nearer.
+    """
+    for o in persons:
+        walks = PACE * LOOKS_AHEAD if o["rest"] == ZERO and not bars_ways(o) else ZERO
+        for x, y in ((o["x"], o["y"]), (o["x"] + walks * o["cos"], o["y"] + walks * o["sin"])):
+            before = _to_person(x, y, paths[row, must], p)
+            for k in range(must + 1, granted + 1):
+                gap = _to_person(x, y, paths[row, k], p)
+                if gap < ROOM_FOR_PEOPLE and gap < before:
+                    granted = k - 1
+                    break
+    return granted
+
+
+@inline
+def _to_person(x, y, pose, p):
+    """Return the gap [m] between a body at a pose of a path and a person at (x, y) [m]."""
+    return distance_to_body(x, y, pose[CENTRE_X], pose[CENTRE_Y], pose[COS], pose[SIN], p) - RADIUS
+
+
+@inline
 def _write(i, r, route, arcs, ways, p, clearance):
     """Write a robot's path anew."""
     paths, _, _, _, numbers = ways
@@ -202,7 +240,7 @@ def _begin(i, r, route, arcs, ways, p, clearance):
 
 
 @inline
-def _ask(i, robots, route, arcs, choices, ways, p, clearance):
+def _ask(i, robots, persons, route, arcs, choices, ways, p, clearance):
     """Grant robot i what it may have of its path."""
     paths, _, _, _, numbers = ways
     r = robots[i]
@@ -223,6 +261,7 @@ def _ask(i, robots, route, arcs, choices, ways, p, clearance):
         again = barrier != before or (r["age"] // p["repeat"] + i) % TRIED == 0
         if (stuck and again) or (barrier == NOBODY and r["side"] != choices[0, SIDE]):
             granted, barrier = _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, clearance)
+    granted = _before_people(i, must, granted, persons, paths, p)
     if r["silent"] == 0:
         numbers[GRANT, i] = granted
     r["authority"] = paths[i, granted, DRIVEN]
@@ -275,12 +314,12 @@ def rank(robots, order):
 
 
 @part
-def decide(robots, routes, arcs, commands, choices, order, ways, p, clearance):
+def decide(robots, persons, routes, arcs, commands, choices, order, ways, p, clearance):
     """Grant all robots of a world a stretch of their paths: `authority` [m], `side` [m] and `yields_to` of the records.
 
-    commands float32[N, 2]: speed [m/s] and lateral offset [m] of each, of which the speed becomes the one liked with
-    the offset taken; choices float32[N, K, 3]: see preferences.py; order int[N]: robots as `rank` has sorted them;
-    ways: see meetings.scratch.
+    persons PERSON[M]; commands float32[N, 2]: speed [m/s] and lateral offset [m] of each, of which the speed becomes
+    the one liked with the offset taken; choices float32[N, K, 3]: see preferences.py; order int[N]: robots as `rank`
+    has sorted them; ways: see meetings.scratch.
     """
     count = robots.shape[0]
     for i in range(count):
@@ -288,7 +327,7 @@ def decide(robots, routes, arcs, commands, choices, order, ways, p, clearance):
     enlist(ways, p)
     for n in range(count):
         i = whole(order[n])
-        _ask(i, robots, routes[i], arcs[i], choices[i], ways, p, clearance)
+        _ask(i, robots, persons, routes[i], arcs[i], choices[i], ways, p, clearance)
         if robots[i]["settled"] > ZERO:
             commands[i, 0] = speed_of(robots[i], choices[i], commands[i, 0], is_urged(robots[i]))
 
