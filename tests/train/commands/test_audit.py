@@ -63,6 +63,15 @@ def test_what_is_shipped_is_clean_as_it_drives(tmp_path: Path, capsys: pytest.Ca
     assert "no faults" in capsys.readouterr().out
 
 
+def test_what_is_disturbed_is_audited_as_it_is_then(tmp_path: Path) -> None:
+    words = ["--policy", "greedy", *DRIVE.split(), "--episodes", "1", "--disturbance", "none", "all_at_once"]
+    assert audit(tmp_path, *words) == 0
+    undisturbed, disturbed = read_rows(tmp_path / "rows.jsonl")
+    assert (undisturbed["disturbance"], disturbed["disturbance"]) == ("none", "all_at_once")
+    assert disturbed["config"]["pose_error"] == disturbed["config"]["field_spec"]["pose_error"] == 0.02
+    assert disturbed["robot_km"] != undisturbed["robot_km"]
+
+
 @pytest.mark.parametrize(
     ("layout", "robots", "seed", "seconds"),
     [("narrow", 16, 1_000_001, 5), ("random", 64, 1_000_100, 5), ("paper46", 8, 1_000_000, 65)],
@@ -83,6 +92,8 @@ def test_where_a_field_that_looked_at_samples_alone_let_bodies_overlap(
         ("{recorded} --resume", "--resume must be left out"),
         ("nothing.npz", "nothing.npz does not exist"),
         ("--policy nobody", "nobody"),
+        ("--policy greedy --disturbance lateness", "unknown disturbance 'lateness'"),
+        ("{recorded} --disturbance latency", "--disturbance must be left out"),
     ],
 )
 def test_what_is_refused(
