@@ -2,6 +2,7 @@
 
 Bodies, speeds, messages, errors and people are fields of EnvConfig. Lidar and delay spoil what the policy observes
 and nothing else: the path follower, the field and the right of way know a robot's own state exactly and at once.
+Latency is the field's, and changes nothing for policies without one.
 A new disturbance is a line in DISTURBANCES, and every table has its row.
 """
 
