@@ -52,6 +52,11 @@ class RobotSpec(Checked):
         return self.length - self.front_overhang
 
     @property
+    def farthest(self) -> float:
+        """How far the farthest point of the body is from the fixed axle's centre [m]."""
+        return math.hypot(max(self.rear_reach, self.front_overhang), self.width / 2)
+
+    @property
     def front_steered(self) -> bool:
         """Whether the steered wheels are those ahead: the fixed axle is then under the rear half of the body."""
         return self.front_overhang > self.rear_reach
@@ -129,8 +134,7 @@ class RerouteSpec(Checked):
 class FieldSpec(Checked):
     """Bounds within which the protective field keeps its promise: what robots are declared to be (docs/traffic.md)."""
 
-    latency: float = 0.0  # [s] after which whatever a robot says has been heard by all near; what it says comes into
-    # force that much later, and what is heard later still counts as lost
+    latency: float = 0.0  # [s] after which what a robot says has been heard, and comes into force; later, it is lost
     pose_error: float = 0.0  # [m] that a robot is at most from where it believes to be
     heading_error: float = 0.0  # [rad], so of its heading
     actuation_error: float = 0.0  # share by which it accelerates and steers more or less than it is told to

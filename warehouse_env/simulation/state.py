@@ -113,7 +113,7 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
     swing = (robot.rear_reach - half_length) * math.tan(robot.max_steering) / robot.wheelbase
     wide = math.hypot(1.0, swing)  # metres of the centre, at most, for each of the front axle
     stride = fastest * wide * config.time_step  # of the centre, at most, in one physics step
-    far = math.hypot(max(robot.rear_reach, robot.front_overhang), half_width)
+    far = robot.farthest
     dt = config.time_step / config.substeps
     blur = robot.max_acceleration * dt**2 / 8  # of a body from where it would be in a substep at even speed, at most
     pace = fastest * dt * (1.0 + far * math.tan(robot.max_steering) / robot.wheelbase) + blur  # of any point, at most

@@ -64,9 +64,8 @@ def errs(config: EnvConfig) -> bool:
 
 def tube(config: EnvConfig) -> float:
     """Return how far [m] any point of a body is at most from where it is planned, by the declared bounds."""
-    robot, spec = config.robot, config.field_spec
-    far = math.hypot(max(robot.rear_reach, robot.front_overhang), robot.width / 2)
-    return spec.pose_error + (far + _TRUSTS) * spec.heading_error + OFF_PLAN
+    spec = config.field_spec
+    return spec.pose_error + (config.robot.farthest + _TRUSTS) * spec.heading_error + OFF_PLAN
 
 
 def planned_config(config: EnvConfig) -> EnvConfig:
