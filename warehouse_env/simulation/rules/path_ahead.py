@@ -12,6 +12,7 @@ import numpy as np
 from warehouse_env.kernel import inline, part, whole
 from warehouse_env.simulation.driver.line import look_ahead, point_at, pursue, room_beside
 from warehouse_env.simulation.physics.kinematics import curvature
+from warehouse_env.simulation.physics.people import PACE, RADIUS, bars_ways, distance_to_body
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO, sin_cos
 
 POSES = 32  # of a path at most: 15.5 m; as many as there are bits
@@ -27,6 +28,8 @@ RENEWED = 2.0  # [m] of driving after which a path is written anew,
 OFF, TURNED = np.float32(0.05), np.float32(0.15)  # [m] beside a pose just passed, or sine of the angle to it: too
 _JOIN = 40  # way-points in which the route is searched for the end of a manoeuvre
 _TWO = np.float32(2.0)
+ROOM_FOR_PEOPLE = np.float32(0.4)  # [m] before a person at which a grant ends: from less the field lets none back out
+_SOON = np.float32(1.0)  # [s] of a person's way that are looked at
 
 
 @inline
@@ -170,3 +173,32 @@ def write_path(r, route, arcs, side, many, p, clearance, path):
             _put(path, k, x, y, heading, driven, p)
             k, to_next = k + 1, APART
     return k, False
+
+
+@inline
+def _to_person(x, y, pose, p):
+    """Return the gap [m] between a body at a pose of a path and a person at (x, y) [m]."""
+    return distance_to_body(x, y, pose[CENTRE_X], pose[CENTRE_Y], pose[COS], pose[SIN], p) - RADIUS
+
+
+@inline
+def before_people(path, must, granted, persons, p):
+    """Return the last pose of a grant before any that comes near to a person PERSON[M], or to where one soon will be.
+
+    Who is near already may go on as long as it comes no nearer; `must`: the pose up to which it cannot stop.
+    """
+    reach = p["swing"] * (path[granted, DRIVEN] - path[must, DRIVEN]) + p["radius"] + RADIUS + ROOM_FOR_PEOPLE
+    reach += PACE * _SOON
+    for o in persons:
+        dx, dy = o["x"] - path[must, CENTRE_X], o["y"] - path[must, CENTRE_Y]
+        if dx * dx + dy * dy > reach * reach:
+            continue
+        walks = PACE * _SOON if o["rest"] == ZERO and not bars_ways(o) else ZERO
+        for x, y in ((o["x"], o["y"]), (o["x"] + walks * o["cos"], o["y"] + walks * o["sin"])):
+            before = _to_person(x, y, path[must], p)
+            for k in range(must + 1, granted + 1):
+                gap = _to_person(x, y, path[k], p)
+                if gap < ROOM_FOR_PEOPLE and gap < before:
+                    granted = k - 1
+                    break
+    return granted

@@ -24,7 +24,6 @@ import numpy as np
 
 from warehouse_env.kernel import inline, part, whole
 from warehouse_env.simulation.driver.line import forget_path
-from warehouse_env.simulation.physics.people import PACE, RADIUS, bars_ways, distance_to_body
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO
 from warehouse_env.simulation.rules.meetings import (
     ASKED,
@@ -40,16 +39,15 @@ from warehouse_env.simulation.rules.meetings import (
     meet,
 )  # fmt: skip
 from warehouse_env.simulation.rules.path_ahead import (
-    CENTRE_X,
-    CENTRE_Y,
     COS,
     DRIVEN,
     POSES,
     SIN,
+    before_people,
     begin_path,
     keep_path,
     write_path,
-)
+)  # fmt: skip
 from warehouse_env.simulation.rules.waits import SLOW, is_urged, refuser
 from warehouse_env.simulation.senses.preferences import SIDE, speed_of
 from warehouse_env.simulation.state import NOBODY
@@ -62,8 +60,6 @@ AGAINST = np.float32(-0.5)  # ... and from which it comes the other way
 BACK = 4  # poses more that must be free to go back to the commanded offset
 TRIED = 5  # decisions after which a robot tries other offsets again while the same one bars its way
 NOWHERE = -1  # no pose
-ROOM_FOR_PEOPLE = np.float32(0.4)  # [m] before a person at which a grant ends: from less the field lets none back out
-LOOKS_AHEAD = np.float32(1.0)  # [s] of a person's way
 _ROUNDING = np.float32(1e-3)  # [m] of an odometer
 
 
@@ -143,30 +139,6 @@ def _comes_against(row, granted, end, count, barrier, ways):
                         < AGAINST
                     )
     return False
-
-
-@inline
-def _before_people(row, must, granted, persons, paths, p):
-    """Return the last pose of a grant before any that comes near to a person, or to where one will be, by now.
-
-    Who is near already may go on as long as it comes no nearer.
-    """
-    for o in persons:
-        walks = PACE * LOOKS_AHEAD if o["rest"] == ZERO and not bars_ways(o) else ZERO
-        for x, y in ((o["x"], o["y"]), (o["x"] + walks * o["cos"], o["y"] + walks * o["sin"])):
-            before = _to_person(x, y, paths[row, must], p)
-            for k in range(must + 1, granted + 1):
-                gap = _to_person(x, y, paths[row, k], p)
-                if gap < ROOM_FOR_PEOPLE and gap < before:
-                    granted = k - 1
-                    break
-    return granted
-
-
-@inline
-def _to_person(x, y, pose, p):
-    """Return the gap [m] between a body at a pose of a path and a person at (x, y) [m]."""
-    return distance_to_body(x, y, pose[CENTRE_X], pose[CENTRE_Y], pose[COS], pose[SIN], p) - RADIUS
 
 
 @inline
@@ -261,7 +233,7 @@ def _ask(i, robots, persons, route, arcs, choices, ways, p, clearance):
         again = barrier != before or (r["age"] // p["repeat"] + i) % TRIED == 0
         if (stuck and again) or (barrier == NOBODY and r["side"] != choices[0, SIDE]):
             granted, barrier = _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, clearance)
-    granted = _before_people(i, must, granted, persons, paths, p)
+    granted = before_people(paths[i], must, granted, persons, p)
     if r["silent"] == 0:
         numbers[GRANT, i] = granted
     r["authority"] = paths[i, granted, DRIVEN]
