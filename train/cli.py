@@ -60,6 +60,10 @@ _COMMANDS = {
     "train threaded_ppo": ("commands.training:TrainThreadedPPO", "train our PPO, in threads"),
     "evaluate": ("commands.evaluate:Evaluate", "drive policies over held-out episodes and count collisions"),
     "compare": ("commands.compare:Compare", "hold runs of evaluate against each other, in pairs"),
+    "benchmark": (
+        "commands.benchmark:Benchmark",
+        "drive a policy through the fixed set that all drive, and show the board",
+    ),
     "advise": ("commands.advise:Advise", "say how many robots a floor bears, where they wait, what a change brings"),
     "record": ("commands.replay:Record", "drive a policy through one episode and keep it as a file"),
     "replay": ("commands.replay:ReplayCommand", "show recorded episodes: a page for the browser, a video, a window"),

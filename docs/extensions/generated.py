@@ -17,6 +17,8 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from train.cli import COMMANDS, main
+from train.leaderboard.board import board
+from train.leaderboard.entry import SHIPPED, read_entry
 
 COLUMNS = "100"  # characters of a line of help
 
@@ -104,6 +106,16 @@ class Commands(SphinxDirective):
         return self.parse_text_to_nodes("\n".join(parts), allow_section_headings=True)
 
 
+class Board(SphinxDirective):
+    """The tables of the benchmark's shipped entries."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return a table for each track."""
+        tables = board([read_entry(path) for path in sorted(SHIPPED.glob("*.json"))])
+        parts = [f"**{one.title}**\n\n{table(one.header, list(one.cells))}\n" for one in tables]
+        return self.parse_text_to_nodes("\n".join([*parts, tables[0].note]))
+
+
 def _adapted(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
     """Make reStructuredText of a plain docstring: signs stand for themselves, hanging paragraphs keep their lines."""
     paragraphs = "\n".join(lines).split("\n\n")
@@ -125,5 +137,6 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.add_directive("options", Options)
     app.add_directive("parameters", Parameters)
     app.add_directive("commands", Commands)
+    app.add_directive("board", Board)
     app.connect("autodoc-process-docstring", _adapted, priority=100)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

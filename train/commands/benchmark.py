@@ -1,0 +1,86 @@
+"""`warehouse benchmark`: a policy on the fixed set that every entry drives -> one file, and its place on the board."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from train.commands.evaluate import GOES_ON
+from train.evaluation.episodes import play
+from train.leaderboard.board import board
+from train.leaderboard.cases import experiments
+from train.leaderboard.entry import SHIPPED, Entry, drive_again, faults, make_entry, read_entry, write_entry
+from train.reporting.rows import RowFile, check_writable
+from warehouse_env.checked import Checked
+from warehouse_env.errors import ConfigError, WarehouseError
+
+
+@dataclass(frozen=True)
+class Benchmark(Checked):
+    """Drive a policy through the fixed set of floors, fleets and seeds that every entry drives; show the board.
+
+    With --policy it writes one file with the version of the set, its hash and one of what the policy is made of.
+    Without, it shows the board: the shipped entries and those in --entries. Example:
+    warehouse benchmark --policy runs/mine
+    """
+
+    policy: str | None = None
+    """Policy to drive: a name, or a folder of a trained one."""
+    name: str | None = None
+    """What it is called on the board (the policy's name, or its folder's, if left out)."""
+    entries: tuple[Path, ...] = ()
+    """Files of other entries to show beside the shipped ones."""
+    check: bool = False
+    """Check the files of --entries: hashes, all episodes there; with --policy some episodes are driven again."""
+    again: int = 4
+    """With --check and --policy, episodes to drive again."""
+    out: Path = Path("results/benchmark")
+    """Folder for the entry's file, and for its rows while it drives."""
+    resume: bool = False
+    """Keep the episodes that were driven before a stop."""
+    processes: int = field(default_factory=lambda: min(os.cpu_count() or 1, 8))
+    """Episodes to drive at a time, each in a process of its own; the entry stays the same."""
+
+    def run(self) -> None:
+        """Drive or check what is asked for, then show the board."""
+        if self.processes < 1:
+            raise ConfigError(f"--processes {self.processes} must be at least 1")
+        entries = [read_entry(path) for path in self.entries]
+        if self.check:
+            self._check(entries)
+            return
+        if self.policy is not None:
+            entries.append(self._drive(self.policy))
+        shown = [read_entry(path) for path in sorted(SHIPPED.glob("*.json"))] + entries
+        for table in board([entry for entry in shown if not any(faults(entry))]):
+            table.print()
+        for fault in (fault for entry in shown for fault in faults(entry)):
+            print(f"not on the board: {fault}")
+
+    def _drive(self, policy: str) -> Entry:
+        name = self.name or Path(policy).stem or policy
+        path, rows_path = self.out / f"{name}.json", self.out / f"{name}.rows.jsonl"
+        listed = list(experiments(policy))  # what is wrong is said before anything drives
+        check_writable(path)
+        tracks = [track for track, one in listed for _ in one.episodes]
+        with RowFile(rows_path, keep=self.resume) as file:
+            rows, _ = play([one for _, one in listed], file, file.old(), False, self.processes, None, GOES_ON)
+        entry = make_entry(name, "", zip(tracks, rows, strict=True))
+        write_entry(entry, path)
+        print(f"wrote the entry to {path}")
+        return entry
+
+    def _check(self, entries: Sequence[Entry]) -> None:
+        if not entries:
+            raise ConfigError("--check needs the files of --entries")
+        found = [fault for entry in entries for fault in faults(entry)]
+        if self.policy is not None and not found:
+            found = [fault for entry in entries for fault in drive_again(entry, self.policy, self.again)]
+        for fault in found:
+            print(fault)
+        if found:
+            raise WarehouseError(f"{len(found)} faults in {len(entries)} entries")
+        again = f", {self.again} episodes driven again are the same" if self.policy is not None else ""
+        print(f"{len(entries)} entries: whole, of this version's set{again}")

@@ -1,0 +1,90 @@
+"""The fixed set: floors, fleets, seeds and tracks that every entry drives. A change of any is another version."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+from train.evaluation.rollout import Experiment, config_of, make_experiment
+from warehouse_env.config import EnvConfig
+from warehouse_env.maps.layouts import make_layout
+
+VERSION = 1
+SECONDS = 600.0  # of an episode
+SEED = 50_000_000  # of the first episode of each case: from here on nothing may be trained or chosen on
+PLANNER = "pf_aco"
+
+
+class Case(NamedTuple):
+    """A floor with its robots; what is reported together is a group."""
+
+    group: str
+    layout: str
+    robots: int
+    episodes: int
+
+
+class Track(NamedTuple):
+    """What an entry cannot choose: fields of EnvConfig."""
+
+    summary: str
+    fixed: dict[str, Any]
+
+
+CASES: tuple[Case, ...] = (
+    *(Case(f"named, {n}", layout, n, 3) for n in (32, 64) for layout in ("paper46", "narrow")),
+    Case("named, 128", "paper46", 128, 2),
+    *(Case(f"drawn, {n}", f"aisles:seed={seed}", n, 1) for n in (32, 64) for seed in range(801, 813)),
+    Case("large, 256", "blocks:rows=92,columns=92", 256, 2),
+)
+TRACKS: dict[str, Track] = {
+    "field": Track(
+        "under the protective field, with right of way and live routes",
+        {"protective_field": True, "right_of_way": True, "reroute": True},
+    ),
+    "bare": Track(
+        "with live routes alone: nothing keeps robots off each other but the policy",
+        {"protective_field": False, "right_of_way": False, "reroute": True},
+    ),
+}
+_BODIES = ("robot", "time_step", "substeps", "arrival_radius", "near_miss_gap", "keep_right", "field_margin")
+RIGHT_OF_WAY_AFTER = 12.0  # [s], on the track under the field, for policies that do not say themselves
+
+
+def options(policy: str, track: str) -> dict[str, Any]:
+    """Return the fields of EnvConfig that are set against a policy's own on a track.
+
+    Right of way, where the track has it, steps in when the policy asks for it. Raw actions follow no route, so there
+    is no right of way for them.
+    """
+    own, fixed = config_of(policy, EnvConfig(), {}), TRACKS[track].fixed
+    if own.action_type == "raw":
+        return {**fixed, "right_of_way": False}
+    if fixed["right_of_way"] and not own.right_of_way:
+        return {**fixed, "right_of_way_after": RIGHT_OF_WAY_AFTER}
+    return fixed
+
+
+def experiments(policy: str, cases: Sequence[Case] = CASES) -> Iterator[tuple[str, Experiment]]:
+    """Yield the track and the experiment of each case; errors as of `make_experiment`."""
+    for track in TRACKS:
+        chosen = options(policy, track)
+        for number, case in enumerate(cases):
+            base = EnvConfig(layout=case.layout, num_agents=case.robots, planner=PLANNER)
+            yield track, make_experiment(policy, base, case.episodes, SECONDS, SEED + 1000 * number, chosen)
+
+
+def set_hash(cases: Sequence[Case] = CASES) -> str:
+    """Return 16 hex digits for the whole set, with the floors cell by cell and what robots are."""
+    content = hashlib.sha256()
+    defaults = EnvConfig().to_dict()
+    bodies = {name: defaults[name] for name in _BODIES}
+    said = [VERSION, SECONDS, SEED, PLANNER, RIGHT_OF_WAY_AFTER, cases, TRACKS, bodies]
+    content.update(json.dumps(said, sort_keys=True).encode())
+    for layout in dict.fromkeys(case.layout for case in cases):
+        grid = make_layout(layout)
+        picks, stations, _ = grid.endpoints
+        content.update(grid.occupied.tobytes() + json.dumps([picks, stations]).encode())
+    return content.hexdigest()[:16]
