@@ -24,6 +24,7 @@ from stable_baselines3.common.vec_env import VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 from agents.networks import first_actor_critic, tensors_of
+from train.held_out import held_out
 from train.learning import checkpoint
 from train.learning.config import PPOConfig
 from train.learning.timing import Split, set_threads
@@ -149,7 +150,7 @@ class Ppo:
 
 def train(config: PPOConfig) -> Path:
     """Train by `config`; return the run's folder, a policy folder (errors: `run_training`)."""
-    return run_training(config, Ppo.algorithm, Ppo)
+    return run_training(config, Ppo.algorithm, Ppo, held_out)
 
 
 if __name__ == "__main__":

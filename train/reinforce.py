@@ -13,6 +13,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from train.held_out import held_out
 from train.learning.config import ReinforceConfig
 from train.learning.threaded import ThreadedTrainer
 from train.learning.training_run import run_training
@@ -35,7 +36,7 @@ def policy_loss(log_probability: Tensor, advantage: Tensor) -> Tensor:
 
 def train(config: ReinforceConfig) -> Path:
     """Train by `config`; return the run's folder, a policy folder (errors: `run_training`)."""
-    return run_training(config, Reinforce.algorithm, Reinforce)
+    return run_training(config, Reinforce.algorithm, Reinforce, held_out)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from train.held_out import held_out
 from train.learning.config import ThreadedPPOConfig
 from train.learning.threaded import ThreadedTrainer
 from train.learning.training_run import run_training
@@ -44,7 +45,7 @@ def clipped_loss(log_ratio: Tensor, advantage: Tensor, clip: float) -> tuple[Ten
 
 def train(config: ThreadedPPOConfig) -> Path:
     """Train by `config`; return the run's folder, a policy folder (errors: `run_training`)."""
-    return run_training(config, ThreadedPpo.algorithm, ThreadedPpo)
+    return run_training(config, ThreadedPpo.algorithm, ThreadedPpo, held_out)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,6 @@ from train.learning.worlds import Tally, TrainingSimulator, TrainingWorlds
 from train.reinforce import Reinforce, policy_loss
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError
-from warehouse_env.simulation.simulator import Simulator
 
 
 @pytest.fixture
@@ -110,6 +109,8 @@ def test_a_training_leaves_a_policy_that_acts(config: ReinforceConfig) -> None:
         "goals_per_robot_hour",
         "collisions_per_km",
         "path_length_ratio",
+        "stuck",
+        "worlds_jammed",
         "entropy",
     } <= set(row)
     card = (folder / "CARD.md").read_text()
@@ -183,7 +184,8 @@ def test_the_mix_shares_the_rows(config: ReinforceConfig) -> None:
 
 
 def test_the_tally_counts_what_the_episode_counts() -> None:
-    simulator = Simulator(EnvConfig(layout="open", num_agents=8, planner="astar", max_steps=10**6))
+    config = EnvConfig(layout="open", num_agents=8, planner="astar", max_steps=10**6)
+    simulator = TrainingSimulator(config, 1, jam_seconds=1e6, shared=0.0)
     simulator.reset(seed=1)
     tally = Tally([simulator])
     for _ in range(400):
@@ -194,6 +196,26 @@ def test_the_tally_counts_what_the_episode_counts() -> None:
         assert figures[name] == pytest.approx(metrics[name], rel=1e-5)
         assert figures[name] > 0
     assert set(tally.take().figures(0.1).values()) == {0.0}
+
+
+def test_robots_that_are_stuck_and_worlds_that_jam_are_told_apart_from_goals() -> None:
+    """Nobody moves: after a second all are stuck, after two a world has jammed; the last ends before, by its age."""
+    config = EnvConfig(layout="open", num_agents=5, planner="astar", max_steps=100, stuck_after=1.05)
+    worlds = TrainingWorlds([(config, 4)], [0, 0], jam_seconds=2.05)
+    simulator = worlds.simulators[0]
+    stand = np.full(worlds.rows, 5)  # 0 m/s
+    simulator.steps[:] = [0, 0, 0, 95]  # the last world has five steps left
+    for _ in range(10):
+        worlds.step(stand)
+    young = worlds.tally.take().figures(0.1)
+    assert (young["stuck"], young["worlds_jammed"]) == (0.0, 0.0)
+    for _ in range(12):
+        worlds.step(stand)
+    figures = worlds.tally.take().figures(0.1)
+    # steps 11 to 21 of three worlds of four count as stuck (the 21st ends them), 6 to 12 of the other
+    assert figures["stuck"] == pytest.approx((3 * 11 + 7) / (4 * 12))
+    assert figures["worlds_jammed"] == pytest.approx(3 / 4)
+    assert worlds.tally.take().figures(0.1)["worlds_jammed"] == pytest.approx(3 / 4)  # of the last that ended
 
 
 def test_training_worlds_end_spread_and_draw_seeds_below_the_held_out_ones(config: ReinforceConfig) -> None:
@@ -251,7 +273,7 @@ def test_the_policy_decides_twice_as_often_as_in_its_training(config: ReinforceC
     ("changes", "sentence"),
     [
         ({"minutes": -1.0}, "minutes=-1.0"),
-        ({"right_of_way_after": 6.0}, "left out without --protective-field"),
+        ({"right_of_way_after": 6.0}, "None without --protective-field"),
         ({"shared": 1.5}, "shared=1.5"),
         ({"layouts": ("aisles:sed=3",)}, "did you mean seed"),
         ({"gamma": 1.5}, "gamma=1.5"),

@@ -1,4 +1,4 @@
-"""The trainers at their defaults, in turns: agent-steps/s of the whole loop, and where the time goes."""
+"""The trainers by their recipe `bare`, in turns: agent-steps/s of the whole loop, and where the time goes."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from train.learning import config as configs
+from train.learning.recipes import by_recipe
 from train.learning.timing import PARTS
 from train.learning.training_run import Trainer, profile
 from train.reporting.rows import Row
@@ -32,7 +33,7 @@ def training(seconds: float, seed: int) -> Iterator[Row]:
     """Yield a row for each trainer, measured for about `seconds` each in turns with the others."""
     measured = {}
     for name, (module, trainer, config) in TRAINERS.items():
-        chosen = config(seed=seed)
+        chosen = by_recipe(config, "bare", seed=seed)
         made = getattr(importlib.import_module(module), trainer)(chosen)
         update = profile(made, 1, _WARM_UP)["seconds"]
         measured[name] = _Measured(made, chosen, max(1, round(seconds / _TURNS / update)), [])

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import importlib
 import shlex
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, make_dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar, Self, get_type_hints
 
 import tyro
 
 from agents.weights_folder import read_record
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
 from train.learning.curves import read_run
+from train.learning.recipes import Recipe, ThreadedPPORecipe, by_recipe
 from train.reporting.report import require_charts
 from train.reporting.rows import RowFile, check_writable, read_rows
 from warehouse_env.checked import Checked
@@ -30,15 +32,36 @@ class _Train:
 
     module: ClassVar[str]  # with a function `train`, imported when it is called, for it needs torch
 
+    recipe: Recipe = "shipped"
+    """What the other options are where they are left out. shipped: those of the shipped weights; bare: without field,
+    live routes and shared rewards, as in the papers. `--recipe NAME --help` shows them."""
+
     json: Path | None = None
     """Also write the rows of the training's progress to this file as JSON lines."""
 
+    @classmethod
+    def usual(cls, arguments: Sequence[str]) -> Self:
+        """Return the options by the recipe that a command line names; what else it says overrides them."""
+        kinds = get_type_hints(cls)
+        named = make_dataclass("named", [("recipe", kinds["recipe"], cls.recipe)])
+        words = [word for word in arguments if word not in ("-h", "--help")]
+        recipe: Any = tyro.cli(named, args=words, return_unknown_args=True, add_help=False)[0].recipe
+        return cls(config=by_recipe(kinds["config"], recipe), recipe=recipe)
+
     def run(self) -> None:
-        """Train; the last line says what was written and where."""
-        file = RowFile(self.json)
-        directory = importlib.import_module(self.module).train(self.config)
-        file.add(read_rows(directory / _ROWS))
-        print(_end(directory, self.json))
+        """Train; the last line says what was written and where, after Ctrl-C as well."""
+        file, directory = RowFile(self.json), self.config.directory
+        try:
+            importlib.import_module(self.module).train(self.config)
+        except KeyboardInterrupt:
+            if (directory / _ROWS).exists():  # else nothing was begun
+                self._close(file)
+            raise
+        self._close(file)
+
+    def _close(self, file: RowFile) -> None:
+        file.add(read_rows(self.config.directory / _ROWS))
+        print(_end(self.config.directory, self.json))
 
 
 @dataclass(frozen=True)
@@ -62,6 +85,10 @@ class TrainThreadedPPO(_Train):
     """Train proximal policy optimisation of our own, in threads as REINFORCE is."""
 
     module = "train.threaded_ppo"
+    recipe: ThreadedPPORecipe = "shipped"  # type: ignore[assignment]
+    """What the other options are where they are left out. shipped: those of the shipped weights; bare: without field,
+    live routes and shared rewards, as in the papers; unshielded: those of that policy, without field and right of way,
+    with dear contacts. `--recipe NAME --help` shows them."""
     config: Annotated[ThreadedPPOConfig, tyro.conf.arg(name="")] = field(default_factory=ThreadedPPOConfig)
 
 

@@ -1,5 +1,7 @@
 """Every choice of a training, once: the dataclass is the command line, the record in the checkpoint and on the card.
 
+Defaults are the recipe of the shipped weights of each trainer; recipes.py has the others.
+
 Seeds: the worlds of a training are reset with seeds below HELD_OUT_SEED, an evaluation uses seeds from there on, so no
 measured episode was ever trained on.
 """
@@ -17,6 +19,7 @@ from warehouse_env.checked import Checked, from_plain
 from warehouse_env.config import ActionType, EnvConfig, RerouteSpec, RewardWeights, SensorSpec
 
 HELD_OUT_SEED = 1_000_000
+DRAWN = tuple(f"aisles:seed={seed}" for seed in range(1, 17))  # floors drawn at random, which are trained on
 _MOST_SAMPLES = 100_000_000  # decisions of all rows between two updates; with 112 numbers each they fill 45 GB
 
 _Config = TypeVar("_Config", bound="TrainingConfig")
@@ -41,16 +44,16 @@ class TrainingConfig(Checked):
     minutes: float | None = None
     """Budget of wall-clock time; with both this and STEPS, whichever ends first."""
     steps: int | None = None
-    """Budget of agent-steps (one decision of one robot); 20 million if MINUTES is not given either."""
-    layouts: tuple[str, ...] = ("paper46", "narrow")
+    """Budget of agent-steps (one decision of one robot); 45 million if MINUTES is not given either."""
+    layouts: tuple[str, ...] = ("paper46", "narrow", "single_lane", *DRAWN[:4])
     """Layouts to train on, by name, or MovingAI .map files; each is mixed with each robot count."""
-    robots: tuple[int, ...] = (12, 16, 24)
+    robots: tuple[int, ...] = (16, 32)
     """Robots in a world."""
-    rows: int = 384
+    rows: int = 1056
     """Robots trained with at a time, over all worlds; rounded so that every mix has at least one world."""
-    planner: str | None = None
-    """Planner of the routes in training; left out, pf_aco with live routes and else astar_turns, whose routes are
-    nearly the same and take a fraction of the time."""
+    planner: str | None = "astar_turns"
+    """Planner of the routes in training; None: pf_aco with live routes and else astar_turns, whose routes are nearly
+    the same and take a fraction of the time."""
     keep_right: float = EnvConfig.keep_right
     """How far routes keep to the right of the planned path where there is room [m]."""
     action_type: ActionType = "discrete"
@@ -65,11 +68,11 @@ class TrainingConfig(Checked):
     """Weight of longer returns in the advantage; 1 is the plain truncated return with the baseline."""
     collision_first: float = -1.0
     """Reward of a contact at the start: dear contacts there teach to park."""
-    collision_last: float = -30.0
+    collision_last: float = -150.0
     """Reward of a contact at the end; between, it changes linearly with the share of the budget spent."""
     contact: float = -0.5
     """Reward of every decision in touch, unless told to stand: dear enough that pushing on does not pay."""
-    shared: float = 0.0
+    shared: float = 0.3
     """Share of a robot's reward that is the mean over all within 6 m, so that giving way can pay."""
     reward_scale: float = 0.1
     """Factor on all rewards."""
@@ -89,7 +92,7 @@ class TrainingConfig(Checked):
     """Let the robot predict, for every action, the time to a conflict; the untrained policy then avoids conflicts."""
     protective_field: bool = False
     """Train under the protective field: contacts are refused, what is learned is not to stand in each other's way."""
-    reroute: bool = False
+    reroute: bool = True
     """Route robots anew around those that stand while they train; driven, all robots look for better routes."""
     right_of_way_after: float | None = None
     """Have the policy driven with right of way that steps in around robots that have stood for so long [s] and wait
@@ -103,6 +106,9 @@ class TrainingConfig(Checked):
     """Rows of one gradient step."""
     checkpoint_seconds: float = 60.0
     """Time between checkpoints [s]."""
+    evaluation_seconds: float = 120.0
+    """Time between two evaluations on held-out seeds [s], or longer, so that they take at most a fiftieth of the time;
+    0: none. What is learned does not depend on them."""
     threads: int = field(default_factory=_cores)
     """Threads of torch and of the simulator."""
     progress: bool = True
@@ -114,11 +120,12 @@ class TrainingConfig(Checked):
         self._between(1, 1_000_000, "rows", "robots", "action_repeat")
         self._between(1, 1024, "threads")
         self._between(0, 2**32 - 1, "seed")
-        self._between(0.0, 1e9, "entropy_first", "entropy_last", "cruise_bias", "keep_right", "checkpoint_seconds")
+        self._between(0.0, 1e9, "entropy_first", "entropy_last", "cruise_bias", "keep_right")
+        self._between(0.0, 1e9, "checkpoint_seconds", "evaluation_seconds")
         self._between(1e-9, 1e9, "minutes", "episode_seconds", "jam_seconds")
         self._between(0.0, 1e4, "right_of_way_after")
         under = self.protective_field or self.right_of_way_after is None
-        self._require(under, "right_of_way_after", "left out without --protective-field")
+        self._require(under, "right_of_way_after", "None without --protective-field")
         self._between(1e-30, 1e9, "reward_scale", "learning_rate", "gradient_clip")
         self._between(0.0, 1.0, "gamma", "gae_lambda", "shared")
         self._between(-1e9, 1e9, "collision_first", "collision_last", "contact")
@@ -138,7 +145,7 @@ class TrainingConfig(Checked):
     @property
     def total_steps(self) -> int | None:
         """Budget of agent-steps; None if only time limits the run."""
-        return 20_000_000 if self.steps is None and self.minutes is None else self.steps
+        return 45_000_000 if self.steps is None and self.minutes is None else self.steps
 
     @property
     def router(self) -> str:
@@ -210,12 +217,6 @@ class TrainingConfig(Checked):
 class ThreadedConfig(TrainingConfig):
     """What the trainers share whose threads have worlds of their own (threaded.py)."""
 
-    rows: int = 768
-    """Robots trained with at a time, over all worlds; rounded so that every mix has at least one world."""
-    robots: tuple[int, ...] = (16, 24, 32)
-    """Robots in a world."""
-    hidden: tuple[int, ...] = (64, 64)
-    """Widths of the hidden tanh layers, of the actor and of the critic."""
     critic_factor: float = 4.0
     """The critic's step size, as a multiple of the actor's."""
 
@@ -264,6 +265,25 @@ class ThreadedPPOConfig(ThreadedConfig, ClippedConfig):
 
     name: str = "threaded_ppo"
     """Name of the run; its folder is OUT/NAME."""
+    layouts: tuple[str, ...] = ("paper46", "narrow", "single_lane", *DRAWN)
+    """Layouts to train on, by name, or MovingAI .map files; each is mixed with each robot count."""
+    robots: tuple[int, ...] = (64,)
+    """Robots in a world."""
+    rows: int = 1216
+    """Robots trained with at a time, over all worlds; rounded so that every mix has at least one world."""
+    planner: str | None = None
+    """Planner of the routes in training; None: pf_aco with live routes and else astar_turns, whose routes are nearly
+    the same and take a fraction of the time."""
+    collision_last: float = -30.0
+    """Reward of a contact at the end; between, it changes linearly with the share of the budget spent."""
+    hidden: tuple[int, ...] = (64, 64)
+    """Widths of the hidden tanh layers, of the actor and of the critic."""
+    protective_field: bool = True
+    """Train under the protective field: contacts are refused, what is learned is not to stand in each other's way."""
+    right_of_way_after: float | None = 12.0
+    """Have the policy driven with right of way that steps in around robots that have stood for so long [s] and wait
+    in a ring, or for five times as long, 0: everywhere; None: without. The training goes without it in any case: that
+    is quicker, and what is learned could not be told apart."""
     learning_rate: float = 5e-4
     """Adam's first step size, decayed linearly to a twentieth of it."""
     epochs: int = 3
@@ -278,5 +298,3 @@ class PPOConfig(ClippedConfig):
     """Name of the run; its folder is OUT/NAME."""
     learning_rate: float = 2e-4
     """Adam's first step size, decayed linearly to a twentieth of it."""
-    rollout: int = 48
-    """Decisions of every robot between two updates."""

@@ -1,10 +1,10 @@
-"""How a training shows itself: a bar or a line a minute, rows in progress.jsonl, and TensorBoard if it is installed."""
+"""How a training shows itself: a bar or a line a minute, rows in progress.jsonl, and TensorBoard (board.py)."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -12,6 +12,7 @@ from typing import Any, Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
+from train.learning.board import Board
 from train.reporting.rows import Row, RowFile, whole_rows, write_rows
 
 ROWS = "progress.jsonl"
@@ -37,8 +38,15 @@ class ProgressLog:
         last: figures of the last row.
     """
 
-    def __init__(self, directory: Path, show: bool, steps: int) -> None:
-        """Open the log of the run in `directory`; `steps` are those done before, later rows of a broken run go."""
+    def __init__(self, directory: Path, show: bool, steps: int, settings: Mapping[str, Any] = {}) -> None:
+        """Open the log of the run in `directory`.
+
+        Args:
+            directory: of the run.
+            show: the bar, where there is a terminal.
+            steps: agent-steps done before; later rows of a broken run go.
+            settings: of the training, for TensorBoard.
+        """
         path = directory / ROWS
         write_rows(path, [row for row in whole_rows(path) if _steps(row) <= steps])
         self._rows = RowFile(path, keep=True)
@@ -48,17 +56,11 @@ class ProgressLog:
         columns = (BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("{task.fields[text]}"))
         self._bar = Progress(*columns, console=self._console, disable=self._bare)
         self._task = self._bar.add_task("training", total=1.0, text="first rollout")
-        self._board = self._open_board(directory / "tensorboard")
+        self._board = Board(directory / "tensorboard", settings, steps)
+        if not self._board.is_open:
+            tell('no TensorBoard log: for one, pip install "warehouse-env[train]"', self._console)
         self._since, self._steps, self._losses = time.monotonic(), steps, []  # type: tuple[float, int, list[dict[str, float]]]
         self._told = self._since
-
-    def _open_board(self, directory: Path) -> Any:
-        try:
-            from torch.utils.tensorboard import SummaryWriter
-        except ImportError:
-            tell('no TensorBoard log: for one, pip install "warehouse-env[train]"', self._console)
-            return None
-        return SummaryWriter(str(directory))
 
     def __enter__(self) -> Self:
         self._bar.start()
@@ -68,8 +70,7 @@ class ProgressLog:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._bar.stop()
-        if self._board is not None:
-            self._board.close()
+        self._board.close()
 
     def update(
         self,
@@ -97,15 +98,22 @@ class ProgressLog:
         means = {key: sum(one[key] for one in self._losses) / len(self._losses) for key in losses}
         self.last = {"steps_per_second": rate, **figures(), **means}
         self._rows.add([{"steps": steps, "seconds": seconds, "spent": spent, **self.last}])
-        if self._board is not None:
-            for key, value in self.last.items():
-                self._board.add_scalar(f"train/{key}", value, steps)
+        self._board.add("train", self.last, steps)
         self._since, self._steps, self._losses = now, steps, []
-        text = (
-            f"{steps / 1e6:.2f} M, {rate:,.0f} steps/s, reward {self.last['reward']:.3f}, "
-            f"{self.last['goals_per_robot_hour']:.0f} goals/h, {self.last['collisions_per_km']:.1f} collisions/km"
-        )
+        text = f"{steps / 1e6:.2f} M, {rate:,.0f} steps/s, {_in_words(self.last)}"
+        text += f", {100 * self.last['worlds_jammed']:.0f}% of worlds reset for a jam"
         self._bar.update(self._task, text=text)
         if self._bare and now - self._told >= LINE_SECONDS:
             tell(f"{100 * spent:.0f}% after {seconds:.0f} s: {text}", self._console)
             self._told = now
+
+    def evaluated(self, figures: Mapping[str, float], steps: int, seconds: float) -> None:
+        """Note how the policy of so many agent-steps drove on held-out seeds, which took some seconds."""
+        self._since += seconds  # of which none are the training's
+        self._board.add("held_out", figures, steps)
+        tell(f"held-out seeds after {steps / 1e6:.2f} M: {_in_words(figures)}", self._console)
+
+
+def _in_words(figures: Mapping[str, float]) -> str:
+    goals, contacts, stuck = (figures[name] for name in ("goals_per_robot_hour", "collisions_per_km", "stuck"))
+    return f"{goals:.0f} goals/robot-h, {contacts:.2f} collisions/km, {100 * stuck:.1f}% stuck"

@@ -22,6 +22,7 @@ from agents.weights_folder import CONFIG, Network, PolicyRecord, save_policy
 from train.learning import checkpoint
 from train.learning.card import write_card
 from train.learning.config import TrainingConfig
+from train.learning.evaluations import Drive, Evaluations
 from train.learning.progress import ProgressLog, tell
 from train.learning.timing import Split
 from train.reporting.lock import held
@@ -32,6 +33,7 @@ from warehouse_env.simulation.simulator import Simulator
 
 CHECKPOINT = "checkpoint"
 _LOCK = ".lock"  # in a run's folder, while it is trained in
+_NAMED = 3  # floors that the first line names
 _FREE_ON_RESUME = ("resume", "progress")  # what may differ without changing the schedule
 
 ConfigT = TypeVar("ConfigT", bound=TrainingConfig)
@@ -106,12 +108,15 @@ def network_of(simulator: Simulator, hidden: tuple[int, ...]) -> Network:
     return Network(simulator.layout.size, actions, discrete, hidden)
 
 
-def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trainer]) -> Path:
+def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trainer], drive: Drive) -> Path:
     """Train until the budget is used or a stop is asked for; return the run's folder, which is a policy folder.
 
-    Raises ConfigError if the folder holds a run already and `resume` is not given, WeightsError if the run to go on
-    with has no usable checkpoint or is of another algorithm, WarehouseError if another process trains in the folder or
-    it cannot be written.
+    make: the trainer. drive: see `Evaluations`.
+
+    SIGINT and SIGTERM stop it, and take their usual effect once all is saved: KeyboardInterrupt, or what the caller has
+    set. Raises ConfigError if the folder holds a run already and `resume` is not given, WeightsError if the run to go
+    on with has no usable checkpoint or is of another algorithm, WarehouseError if another process trains in the folder
+    or it cannot be written.
     """
     with ExitStack() as stack:
         if config.resume is None:
@@ -126,11 +131,15 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
             trainer.load(saved.arrays)
             position = Position(**{f.name: saved.data[f.name] for f in dataclasses.fields(Position)})
         stop = stack.enter_context(_stop_signal())
-        log = stack.enter_context(ProgressLog(config.directory, config.progress, position.steps))
+        log = stack.enter_context(ProgressLog(config.directory, config.progress, position.steps, config.to_dict()))
+        evaluations = Evaluations(config, drive, None if saved is None else position.update)
         if saved is None:
             _save(config, trainer, position, log.last)  # from here on --resume goes on, whenever it is killed
-        _loop(config, trainer, position, log, stop)
+            evaluations.run(position.update, position.steps, log)
+        _loop(config, trainer, position, log, evaluations, stop)
         _save(config, trainer, position, log.last)
+        if not stop.is_set():
+            evaluations.run(position.update, position.steps, log)
         if config.progress:
             tell(_split(trainer))
     return config.directory
@@ -182,15 +191,20 @@ def _beginning(config: TrainingConfig) -> str:
         return f"goes on with {config.resume}; Ctrl-C stops and keeps what is learned"
     budget = [f"{config.minutes:g} minutes"] if config.minutes is not None else []
     budget += [f"{config.total_steps:,} agent-steps"] if config.total_steps is not None else []
+    more = len(config.layouts) - _NAMED
+    floors = ", ".join(config.layouts[:_NAMED]) + (f" and {more} more" if more > 0 else "")
+    field = "under the protective field" if config.protective_field else "without a protective field"
+    routes = f"{'with' if config.reroute else 'without'} live routes"
     return (
-        f"trains for {' or '.join(budget)} on {', '.join(config.layouts)} with {', '.join(map(str, config.robots))} "
-        f"robots, into {config.directory}; Ctrl-C stops and keeps what is learned"
+        f"trains for {' or '.join(budget)} on {floors} with {', '.join(map(str, config.robots))} robots, {field} and "
+        f"{routes}, into {config.directory}; Ctrl-C stops and keeps what is learned"
     )
 
 
 def _loop(
-    config: TrainingConfig, trainer: Trainer, position: Position, log: ProgressLog, stop: threading.Event
-) -> None:
+    config: TrainingConfig, trainer: Trainer, position: Position, log: ProgressLog, evaluations: Evaluations,
+    stop: threading.Event,
+) -> None:  # fmt: skip
     begun, saved = time.monotonic() - position.seconds, time.monotonic()
     while (spent := position.spent(config)) < 1.0 and not stop.is_set():
         losses = _update(config, trainer, position, spent)
@@ -198,9 +212,11 @@ def _loop(
         position.steps += trainer.rows * trainer.rollout
         position.seconds = time.monotonic() - begun
         log.update(position.steps, position.seconds, position.spent(config), trainer.take_figures, losses)
-        if time.monotonic() - saved >= config.checkpoint_seconds:
+        if (due := evaluations.due) or time.monotonic() - saved >= config.checkpoint_seconds:
             _save(config, trainer, position, log.last)
             saved = time.monotonic()
+        if due:  # of what was just saved
+            evaluations.run(position.update, position.steps, log)
 
 
 def _update(config: TrainingConfig, trainer: Trainer, position: Position, spent: float) -> dict[str, float]:
@@ -249,15 +265,21 @@ def _split(trainer: Trainer) -> str:
 
 @contextmanager
 def _stop_signal() -> Iterator[threading.Event]:
-    """Yield an event that Ctrl-C or a termination sets, so that the running update ends well; a second one is hard."""
+    """Yield an event that Ctrl-C or a termination sets, so that the running update ends well; a second one is hard.
+
+    At the end the signal is raised once more, and then does what it would have done.
+    """
     stop = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield stop
         return
 
+    asked: list[signal.Signals] = []
+
     def ask(number: int, frame: object) -> None:
-        if stop.is_set():
+        if asked:
             os._exit(130)
+        asked.append(signal.Signals(number))
         stop.set()
 
     before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
@@ -266,3 +288,5 @@ def _stop_signal() -> Iterator[threading.Event]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+    if asked:
+        signal.raise_signal(asked[0])

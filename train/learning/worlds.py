@@ -24,11 +24,17 @@ from warehouse_env.simulation.simulator import Simulator
 
 _COLLISION, _CONTACT = REWARD_TERMS.index("collision"), REWARD_TERMS.index("contact")
 _JAM_SHARE = 0.2  # of a world's robots
+_ENDS = 50  # worlds that ended last, of which the share of jammed ones is told
 NEAR = np.float32(6.0)  # [m] within which robots share rewards
 
 
 class TrainingSimulator(Simulator):
-    """Worlds whose episodes end at different times, and early when they jam: little is learned in a jam."""
+    """Worlds whose episodes end at different times, and early when they jam: little is learned in a jam.
+
+    Attributes:
+        stuck: robots that in the last step had not come forward for `stuck_after` of the config.
+        ends: for each world that ended with the last step, whether it had jammed.
+    """
 
     def __init__(self, config: EnvConfig, num_worlds: int, jam_seconds: float, shared: float) -> None:
         """Make the worlds.
@@ -42,6 +48,7 @@ class TrainingSimulator(Simulator):
         super().__init__(config, num_worlds, routes=book_of(config))
         self._shared = np.float32(shared)
         self._jam_seconds = jam_seconds
+        self.stuck, self.ends = 0, list[bool]()
 
     def reset(self, seed: int | Sequence[int] | None = None) -> NDArray[np.float32]:
         """Start all worlds as `Simulator.reset` does, but spread the ends of their first episodes evenly."""
@@ -63,7 +70,10 @@ class TrainingSimulator(Simulator):
         self.reward[hit] -= self.reward_terms[hit, _COLLISION]
         if self._shared > 0.0:
             self.reward += self._shared * (self._mean_near() - self.reward)
-        self.truncated |= (self.robots["stalled_time"] > self._jam_seconds).mean(axis=1) > _JAM_SHARE
+        stalled = self.robots["stalled_time"]
+        jammed = (stalled > self._jam_seconds).mean(axis=1) > _JAM_SHARE
+        self.truncated |= jammed
+        self.stuck, self.ends = int((stalled > self.config.stuck_after).sum()), jammed[self.truncated].tolist()
         return observation
 
     def _mean_near(self) -> NDArray[np.float32]:
@@ -86,6 +96,8 @@ class Counts:
     driven: float = 0.0  # [m], for the goals reached
     planned: float = 0.0  # [m], likewise
     reward: float = 0.0
+    stuck: int = 0
+    ends: tuple[bool, ...] = ()  # of the last worlds that ended, whether each had jammed
 
     def __add__(self, other: Counts) -> Counts:
         return Counts(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
@@ -98,15 +110,18 @@ class Counts:
             "goals_per_robot_hour": self.goals / hours if hours else 0.0,
             "collisions_per_km": 1000.0 * self.collisions / max(self.metres, 1.0),
             "path_length_ratio": self.driven / max(self.planned, 1.0),
+            "stuck": self.stuck / max(self.steps, 1),
+            "worlds_jammed": sum(self.ends) / max(len(self.ends), 1),
         }
 
 
 class Tally:
     """Counts what happens in some simulators; the cost is a few sums a step."""
 
-    def __init__(self, simulators: Sequence[Simulator]) -> None:
+    def __init__(self, simulators: Sequence[TrainingSimulator]) -> None:
         self._simulators = simulators
         self._counts = Counts()
+        self._ends = deque[bool](maxlen=_ENDS)
 
     def add(self) -> None:
         """Count the step just made."""
@@ -121,10 +136,13 @@ class Tally:
             counts.reward += float(simulator.reward.sum())
             counts.driven += sum(arrival.driven for arrival in simulator.arrivals)
             counts.planned += sum(arrival.planned for arrival in simulator.arrivals)
+            counts.stuck += simulator.stuck
+            self._ends.extend(simulator.ends)
 
     def take(self) -> Counts:
         """Return the counts since the last call, and start anew."""
         counts, self._counts = self._counts, Counts()
+        counts.ends = tuple(self._ends)  # few end between two calls, so the last ones of before count again
         return counts
 
 

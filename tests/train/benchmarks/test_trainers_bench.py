@@ -7,8 +7,9 @@ from typing import Any
 import pytest
 
 from train.benchmarks import trainers
-from train.benchmarks.trainers import TRAINERS, training
+from train.benchmarks.trainers import training
 from train.commands.bench import ratios
+from train.learning.recipes import by_recipe
 
 SMALL: dict[str, Any] = {
     "layouts": ("open",), "robots": (2,), "rows": 8, "planner": "astar", "rollout": 4, "hidden": (20,), "threads": 1,
@@ -16,11 +17,7 @@ SMALL: dict[str, Any] = {
 
 
 def test_every_trainer_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    small = {
-        name: (module, trainer, lambda config=config, **given: config(**SMALL, **given))
-        for name, (module, trainer, config) in TRAINERS.items()
-    }
-    monkeypatch.setattr(trainers, "TRAINERS", small)
+    monkeypatch.setattr(trainers, "by_recipe", lambda kind, recipe, **given: by_recipe(kind, recipe, **given | SMALL))
     rows = list(training(0.05, 3))
     assert [row["what"] for row in rows] == ["train_reinforce", "train_threaded_ppo", "train_ppo"]
     for row in rows:

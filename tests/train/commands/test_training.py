@@ -37,7 +37,8 @@ def test_without_a_bar_it_says_what_it_begins_and_what_it_wrote(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, err = train(capsys, "--layouts", "open", "--steps", "48", "--out", str(tmp_path), "--name", "one")
-    assert err[0].startswith(f"trains for 48 agent-steps on open with 2 robots, into {tmp_path / 'one'}; Ctrl-C")
+    assert err[0].startswith("trains for 48 agent-steps on open with 2 robots, without a protective field and ")
+    assert err[0].endswith(f"with live routes, into {tmp_path / 'one'}; Ctrl-C stops and keeps what is learned")
     assert len(out) == 1
     assert out[0].startswith("48 agent-steps in ")
     assert out[0].endswith(f"wrote the policy, its card and its log to {tmp_path / 'one'}")
@@ -92,22 +93,43 @@ def test_one_process_trains_in_a_folder(tmp_path: Path, capsys: pytest.CaptureFi
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_stopped_before_the_first_row_it_says_how_to_go_on(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    number: int, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The stop comes in the first update, as the row would after 5 s or at the end."""
     update = Reinforce.update
 
     def stopped(*arguments: Any) -> dict[str, float]:
-        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), number)
         return update(*arguments)
 
     monkeypatch.setattr(Reinforce, "update", stopped)
-    out, _ = train(capsys, "--layouts", "open", "--steps", "96", "--out", str(tmp_path / "of us"), "--name", "mine")
+    words = ["--layouts", "open", "--steps", "96", "--out", str(tmp_path / "of us"), "--name", "mine"]
+    assert main(["train", "reinforce", *SMALL.split(), *words]) == code
+    shown = capsys.readouterr()
+    assert shown.err.endswith("\nwarehouse: stopped\n")
+    out = shown.out.splitlines()
+    assert len(out) == 1
     assert out[0].endswith(f"go on with `warehouse train reinforce --resume '{tmp_path / 'of us' / 'mine'}'`")
     monkeypatch.undo()
     assert main(["train", "reinforce", "--resume", str(tmp_path / "of us" / "mine")]) == 0
     assert capsys.readouterr().out.startswith("96 agent-steps")
+
+
+def test_a_resumed_training_keeps_its_own_settings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Also one of before there were recipes and evaluations, whose checkpoint says nothing of them."""
+    bare = ["--recipe", "bare", "--layouts", "open", "--steps", "24", "--out", str(tmp_path), "--name", "mine"]
+    train(capsys, *bare)
+    folder = tmp_path / "mine"
+    saved = checkpoint.read(folder / "checkpoint")
+    old = {name: value for name, value in saved.data["config"].items() if name != "evaluation_seconds"}
+    checkpoint.write(folder / "checkpoint", saved.arrays, saved.data | {"config": old | {"steps": 48}})
+    assert main(["train", "reinforce", "--resume", str(folder)]) == 0
+    config = read_record(folder).training["config"]
+    assert (config["shared"], config["reroute"], config["steps"]) == (0.0, False, 48)
+    assert main(["train", "reinforce", "--resume", str(folder), "--shared", "0.6"]) == 2
+    assert "leave out shared=0.6" in capsys.readouterr().err
 
 
 def test_a_torn_row_of_the_progress_is_cut_off(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,6 +15,7 @@ from train.evaluation.rollout import Experiment, make_experiment
 from train.learning import checkpoint
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
 from train.learning.curves import read_run
+from train.learning.recipes import by_recipe
 from train.learning.training_run import CHECKPOINT
 from train.tables.learning.figures import SETTINGS, START, learning_tables
 from train.tables.options import StudyOptions
@@ -31,16 +32,21 @@ ALGORITHMS: dict[str, tuple[str, type[TrainingConfig]]] = {  # name -> module wi
 
 
 def configs(folder: Path, seeds: range, steps: int) -> dict[str, list[TrainingConfig]]:
-    """Return the trainings by algorithm, and as START the one that ends before it has learned anything.
+    """Return the trainings by algorithm, and as START the one that ends before it has learned anything: all by the
+    recipe `bare`, for what options add is told by driving.
 
     steps: agent-steps of each training. Each has one thread, for what is learned depends on how many there are: so the
     table is the same whatever the machine's cores.
     """
     made: dict[str, list[TrainingConfig]] = {
-        name: [config(name=f"{name}-{seed}", out=folder, seed=seed, steps=steps, threads=1) for seed in seeds]
+        name: [
+            by_recipe(config, "bare", name=f"{name}-{seed}", out=folder, seed=seed, steps=steps, threads=1)
+            for seed in seeds
+        ]
         for name, (_, config) in ALGORITHMS.items()
     }
-    return {START: [ReinforceConfig(name=START, out=folder, steps=1, learning_rate=1e-12, threads=1)], **made}
+    start = by_recipe(ReinforceConfig, "bare", name=START, out=folder, steps=1, learning_rate=1e-12, threads=1)
+    return {START: [start], **made}
 
 
 def train_missing(trainings: dict[str, list[TrainingConfig]]) -> Iterator[str]:
@@ -55,9 +61,11 @@ def train_missing(trainings: dict[str, list[TrainingConfig]]) -> Iterator[str]:
                 continue
             yield f"training {config.name}: {config.steps:,} agent-steps"
             begun = checkpoint.exists(config.directory / CHECKPOINT)
-            module.train(type(config)(resume=config.directory, progress=config.progress) if begun else config)
-            if not _is_done(config):
-                raise KeyboardInterrupt(f"the same command goes on with {config.directory}")
+            try:
+                module.train(type(config)(resume=config.directory, progress=config.progress) if begun else config)
+            except KeyboardInterrupt as stop:
+                stop.args = (f"the same command goes on with {config.directory}",)
+                raise
 
 
 def _is_done(config: TrainingConfig) -> bool:

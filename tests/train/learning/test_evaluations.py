@@ -1,0 +1,83 @@
+"""Evaluations in the course of a training: on seeds of their own, now and then, and without a trace in the weights."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from train import held_out, ppo, reinforce, threaded_ppo
+from train.commands.evaluate import Evaluate
+from train.held_out import SEED
+from train.learning import evaluations
+from train.learning.config import HELD_OUT_SEED, PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
+from train.learning.evaluations import Evaluations
+
+SMALL: dict[str, Any] = {
+    "layouts": ("open", "narrow"), "robots": (2, 4), "rows": 12, "steps": 12 * 6 * 6, "rollout": 6, "minibatch": 24,
+    "hidden": (24,), "episode_seconds": 6.0, "checkpoint_seconds": 1e6, "threads": 1, "progress": False,
+}  # fmt: skip
+TRAINERS = [(reinforce, ReinforceConfig), (threaded_ppo, ThreadedPPOConfig), (ppo, PPOConfig)]
+
+
+@pytest.mark.parametrize(("module", "options"), TRAINERS, ids=lambda one: getattr(one, "__name__", ""))
+def test_what_is_learned_does_not_depend_on_them(
+    module: ModuleType, options: type[TrainingConfig], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(evaluations, "SHARE", 1e9)  # one after every update
+    drive, driven = held_out.held_out, []
+
+    def counted(config: TrainingConfig) -> dict[str, float]:
+        driven.append(config.name)
+        return drive(config)
+
+    monkeypatch.setattr(module, "held_out", counted)
+    config = options(out=tmp_path, **SMALL)
+    without = module.train(replace(config, name="without", evaluation_seconds=0.0))
+    assert driven == []
+    often = module.train(replace(config, name="often", evaluation_seconds=1e-9))
+    assert len(driven) == 1 + 6
+    assert (often / "weights.safetensors").read_bytes() == (without / "weights.safetensors").read_bytes()
+
+
+def test_their_seeds_are_those_of_no_training_and_no_usual_evaluation() -> None:
+    assert Evaluate().seed == HELD_OUT_SEED
+    assert SEED - Evaluate().seed > 10 * 1_000_000  # episodes are counted from there on
+
+
+def test_they_give_the_same_figures_again(tmp_path: Path) -> None:
+    config = ReinforceConfig(out=tmp_path, **SMALL | {"evaluation_seconds": 0.0})
+    reinforce.train(config)
+    figures = held_out.held_out(config)
+    assert figures == held_out.held_out(config)
+    assert figures["goals_per_robot_hour"] >= 0.0
+
+
+class Log:
+    def evaluated(self, figures: dict[str, float], steps: int, seconds: float) -> None: ...
+
+
+def test_one_that_takes_long_waits_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr(evaluations.time, "monotonic", lambda: now[0])
+
+    def drive(config: TrainingConfig) -> dict[str, float]:
+        now[0] += 6.0
+        return {}
+
+    made = Evaluations(ReinforceConfig(evaluation_seconds=100.0), drive, None)
+    waits = []
+    for update in range(3):
+        made.run(update, 0, Log())  # type: ignore[arg-type]
+        ended = now[0]
+        while not made.due:
+            now[0] += 1.0
+        waits.append(now[0] - ended)
+    assert waits == [100.0, 300.0, 300.0]  # the first one loads besides
+    before = now[0]
+    made.run(2, 0, Log())  # type: ignore[arg-type]
+    assert now[0] == before  # driven already
+    assert not Evaluations(ReinforceConfig(evaluation_seconds=0.0), drive, None).due

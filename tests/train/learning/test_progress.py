@@ -1,0 +1,71 @@
+"""What a training shows: the line of its progress, and what TensorBoard finds in its log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from train import reinforce
+from train.learning import progress
+from train.learning.board import FIGURES, Board
+from train.learning.config import ReinforceConfig
+from train.learning.progress import ProgressLog
+
+events = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+
+ROW = {
+    "reward": 0.1, "goals_per_robot_hour": 122.0, "collisions_per_km": 0.236, "stuck": 0.3754, "worlds_jammed": 0.5,
+    "path_length_ratio": 1.1,
+}  # fmt: skip
+
+
+def log_of(folder: Path) -> events.EventAccumulator:
+    log = events.EventAccumulator(str(folder))
+    log.Reload()
+    return log
+
+
+def test_the_line_tells_standing_touching_and_jams_beside_goals(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "LOG_SECONDS", 0.0)
+    monkeypatch.setattr(progress, "LINE_SECONDS", 0.0)
+    with ProgressLog(tmp_path, False, 0) as log:
+        log.update(1_500_000, 60.0, 0.5, lambda: ROW, {"entropy": 1.0})
+        log.evaluated({"goals_per_robot_hour": 99.6, "collisions_per_km": 0.0, "stuck": 0.0625}, 1_500_000, 2.0)
+    first, second = capsys.readouterr().err.splitlines()
+    assert first.startswith("50% after 60 s: 1.50 M, ")
+    assert first.endswith("122 goals/robot-h, 0.24 collisions/km, 37.5% stuck, 50% of worlds reset for a jam")
+    assert second == "held-out seeds after 1.50 M: 100 goals/robot-h, 0.00 collisions/km, 6.2% stuck"
+
+
+def test_tensorboard_has_figures_evaluations_and_settings(tmp_path: Path) -> None:
+    config = ReinforceConfig(
+        out=tmp_path, layouts=("open",), robots=(2, 4), rows=8, planner="astar", steps=8 * 6 * 4, rollout=6,
+        minibatch=24, hidden=(24,), episode_seconds=3.0, threads=1, progress=False,
+    )  # fmt: skip
+    log = log_of(reinforce.train(config) / "tensorboard")
+    tags = set(log.Tags()["scalars"])
+    assert {f"train/{name}" for name in (*ROW, "entropy", "steps_per_second")} <= tags
+    assert {f"held_out/{name}" for name in FIGURES} <= tags
+    assert [event.step for event in log.Scalars("held_out/stuck")] == [0, 192]  # the start, and what was learned
+    plugin = pytest.importorskip("tensorboard.plugins.hparams.plugin_data_pb2")
+    settings, stored = {}, log.summary_metadata["_hparams_/session_start_info"].plugin_data.content
+    for name, value in plugin.HParamsPluginData.FromString(stored).session_start_info.hparams.items():
+        settings[name] = getattr(value, value.WhichOneof("kind"))
+    assert settings["protective_field"] == "False"
+    assert settings["shared"] == 0.3
+    assert settings["robots"] == "(2, 4)"
+    assert settings.keys() == config.to_dict().keys()
+    assert "_hparams_/session_end_info" in log.summary_metadata
+
+
+def test_what_a_broken_run_wrote_of_later_steps_is_hidden(tmp_path: Path) -> None:
+    for done, values in ((0, ((10, 1.0), (20, 2.0), (30, 3.0))), (20, ((30, 4.0),))):
+        board = Board(tmp_path, {"seed": 0}, done)
+        for step, value in values:
+            board.add("train", {"reward": value}, step)
+        board.close()
+    found = [(event.step, event.value) for event in log_of(tmp_path).Scalars("train/reward")]
+    assert found == [(10, 1.0), (20, 2.0), (30, 4.0)]

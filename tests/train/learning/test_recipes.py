@@ -1,0 +1,75 @@
+"""Recipes: what is shipped is what is trained by default, and the command line says and overrides it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agents import weights_folder
+from agents.weights_folder import read_record
+from train.cli import main
+from train.commands.training import TrainPPO, TrainReinforce, TrainThreadedPPO
+from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
+from train.learning.recipes import RECIPES, by_recipe
+
+WEIGHTS = Path(weights_folder.__file__).parent / "weights"
+SHIPPED: dict[str, tuple[type[TrainingConfig], str]] = {
+    "reinforce": (ReinforceConfig, "shipped"),
+    "ppo": (PPOConfig, "shipped"),
+    "threaded_ppo": (ThreadedPPOConfig, "shipped"),
+    "unshielded": (ThreadedPPOConfig, "unshielded"),
+}
+# What a user chooses anew: where it goes, for how long, on what machine, and what shows itself or is judged.
+FREE = {"out", "seed", "minutes", "threads", "progress", "resume", "evaluation_seconds"}
+
+
+def test_every_shipped_policy_has_a_recipe() -> None:
+    assert {path.parent.name for path in WEIGHTS.glob("*/config.json")} == set(SHIPPED)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_recipe_is_what_the_shipped_weights_were_trained_by(name: str) -> None:
+    kind, recipe = SHIPPED[name]
+    config = by_recipe(kind, recipe)
+    given, made = read_record(WEIGHTS / name).training["config"], config.to_dict()
+    made = {key: list(value) if isinstance(value, tuple) else value for key, value in made.items()}
+    made["steps"] = config.total_steps  # left out where a default says them
+    assert {key for key in made if key not in FREE} == {key for key in given if key not in FREE}
+    assert {key: made[key] for key in made.keys() - FREE} == {key: given[key] for key in given.keys() - FREE}
+
+
+@pytest.mark.parametrize("kind", RECIPES)
+def test_bare_leaves_all_to_the_policy(kind: type[TrainingConfig]) -> None:
+    bare = by_recipe(kind, "bare")
+    env = bare.driven(bare.env("open", 2))
+    assert (env.protective_field, env.reroute, env.right_of_way, bare.shared) == (False, False, False, 0.0)
+    assert by_recipe(kind, "bare", shared=0.5).shared == 0.5
+
+
+@pytest.mark.parametrize("command", [TrainReinforce, TrainPPO, TrainThreadedPPO])
+def test_every_recipe_can_be_named_on_the_command_line(
+    command: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kind, ran = type(command().config), []
+    monkeypatch.setattr(command, "run", lambda self: ran.append(self))
+    word = command.module.removeprefix("train.")
+    for recipe in RECIPES[kind]:
+        assert main(["train", word, "--recipe", recipe]) == 0
+        assert main(["train", word, f"--recipe={recipe}", "--robots", "3", "5", "--shared", "0.25"]) == 0
+        plain, chosen = ran[-2:]
+        assert (plain.recipe, plain.config) == (recipe, by_recipe(kind, recipe))
+        assert chosen.config == by_recipe(kind, recipe, robots=(3, 5), shared=0.25)
+    assert main(["train", word]) == 0
+    assert ran[-1].config == kind()
+    assert main(["train", word, "--recipe", "brae"]) == 2
+    assert "--recipe" in capsys.readouterr().err
+
+
+def test_help_shows_what_holds_by_the_recipe(capsys: pytest.CaptureFixture[str]) -> None:
+    for recipe, default in (("shipped", "True"), ("bare", "False")):
+        assert main(["train", "threaded_ppo", "--recipe", recipe, "--help"]) == 0
+        shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
+        (after,) = shown.split("--protective-field, --no-protective-field")[1:]
+        assert after.split("(default: ")[1].startswith(default)

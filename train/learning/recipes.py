@@ -1,0 +1,35 @@
+"""Named settings of the trainers: what each changes of its options' defaults, which are the recipe `shipped`."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, TypeVar
+
+from train.learning.config import DRAWN, PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
+
+Config = TypeVar("Config", bound=TrainingConfig)
+Recipe = Literal["shipped", "bare"]
+ThreadedPPORecipe = Literal["shipped", "bare", "unshielded"]
+
+# Avoiding is all the policy's, as in the papers: without field, live routes and shared rewards.
+_BARE: dict[str, Any] = {
+    "layouts": ("paper46", "narrow"), "planner": None, "collision_last": -30.0, "shared": 0.0,
+    "protective_field": False, "reroute": False, "right_of_way_after": None,
+}  # fmt: skip
+_THREADED = {"robots": (16, 24, 32), "rows": 768, "hidden": (64, 64)}
+# Of the shipped policy of this name: live routes alone, and dear contacts.
+_UNSHIELDED = {
+    "name": "unshielded", "steps": 100_000_000, "layouts": ("paper46", "narrow", "single_lane", *DRAWN[:4]),
+    "robots": (16, 32), "rows": 1056, "planner": "astar_turns", "collision_last": -300.0, "hidden": (128, 128),
+    "protective_field": False, "right_of_way_after": None,
+}  # fmt: skip
+
+RECIPES: dict[type[TrainingConfig], dict[str, dict[str, Any]]] = {
+    ReinforceConfig: {"shipped": {}, "bare": _BARE | _THREADED},
+    PPOConfig: {"shipped": {}, "bare": _BARE | {"robots": (12, 16, 24), "rows": 384, "rollout": 48}},
+    ThreadedPPOConfig: {"shipped": {}, "bare": _BARE | _THREADED, "unshielded": _UNSHIELDED},
+}
+
+
+def by_recipe(kind: type[Config], recipe: str, **options: Any) -> Config:
+    """Return a trainer's options by one of its recipes; those that are given override it."""
+    return kind(**(RECIPES[kind][recipe] | options))
