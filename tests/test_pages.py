@@ -19,11 +19,12 @@ from agents import POLICIES
 from tests.pages import PAGES, ROOT, SHORTER, Block, command_lines, fenced, python_blocks
 from train.cli import COMMANDS, main, with_values
 from train.commands.layouts import check_connected
+from train.learning.config import TrainingConfig
 from train.reporting.rows import read_rows
 from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, SensorSpec, Simulator, observation_layout, read_map
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS
 
-PROGRAMS = ("warehouse", "make", "pip", "python")
+PROGRAMS = ("warehouse", "make", "pip", "python", "tensorboard")
 PYTHON = python_blocks()
 MODEL = PAGES["docs/model.md"]
 
@@ -99,6 +100,8 @@ def test_every_command_is_understood(line: str, capsys: pytest.CaptureFixture[st
         assert words[0] == "-m"
         assert find_spec(words[1]) is not None
         assert "__main__" in Path(str(find_spec(words[1]).origin)).read_text(encoding="utf-8")  # type: ignore[union-attr]
+    elif program == "tensorboard":
+        assert words == ["--logdir", str(TrainingConfig().out)]
     elif words[0].startswith("--") or "--help" in words:
         assert main(words) == 0
     else:

@@ -111,7 +111,7 @@ class ProgressLog:
         """Note how the policy of so many agent-steps drove on held-out seeds, which took some seconds."""
         self._since += seconds  # of which none are the training's
         self._board.add("held_out", figures, steps)
-        tell(f"held-out seeds after {steps / 1e6:.2f} M: {_in_words(figures)}", self._console)
+        tell(f"held-out seeds after {steps / 1e6:.2f} M, in {seconds:.1f} s: {_in_words(figures)}", self._console)
 
 
 def _in_words(figures: Mapping[str, float]) -> str:

@@ -17,7 +17,7 @@ from train.learning.config import HELD_OUT_SEED, PPOConfig, ReinforceConfig, Thr
 from train.learning.evaluations import Evaluations
 
 SMALL: dict[str, Any] = {
-    "layouts": ("open", "narrow"), "robots": (2, 4), "rows": 12, "steps": 12 * 6 * 6, "rollout": 6, "minibatch": 24,
+    "layouts": ("open", "narrow"), "robots": (2, 4), "rows": 16, "steps": 16 * 6 * 6, "rollout": 6, "minibatch": 24,
     "hidden": (24,), "episode_seconds": 6.0, "checkpoint_seconds": 1e6, "threads": 1, "progress": False,
 }  # fmt: skip
 TRAINERS = [(reinforce, ReinforceConfig), (threaded_ppo, ThreadedPPOConfig), (ppo, PPOConfig)]

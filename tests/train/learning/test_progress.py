@@ -37,7 +37,7 @@ def test_the_line_tells_standing_touching_and_jams_beside_goals(
     first, second = capsys.readouterr().err.splitlines()
     assert first.startswith("50% after 60 s: 1.50 M, ")
     assert first.endswith("122 goals/robot-h, 0.24 collisions/km, 37.5% stuck, 50% of worlds reset for a jam")
-    assert second == "held-out seeds after 1.50 M: 100 goals/robot-h, 0.00 collisions/km, 6.2% stuck"
+    assert second == "held-out seeds after 1.50 M, in 2.0 s: 100 goals/robot-h, 0.00 collisions/km, 6.2% stuck"
 
 
 def test_tensorboard_has_figures_evaluations_and_settings(tmp_path: Path) -> None:
