@@ -1,7 +1,6 @@
 """Every choice of a training, once: the dataclass is the command line, the record in the checkpoint and on the card.
 
 Defaults are the recipe of the shipped weights of each trainer; recipes.py has the others.
-
 Seeds: the worlds of a training are reset with seeds below HELD_OUT_SEED, an evaluation uses seeds from there on, so no
 measured episode was ever trained on.
 """
@@ -120,9 +119,9 @@ class TrainingConfig(Checked):
         self._between(1, 1_000_000, "rows", "robots", "action_repeat")
         self._between(1, 1024, "threads")
         self._between(0, 2**32 - 1, "seed")
-        self._between(0.0, 1e9, "entropy_first", "entropy_last", "cruise_bias", "keep_right")
-        self._between(0.0, 1e9, "checkpoint_seconds", "evaluation_seconds")
+        self._between(0.0, 1e9, "entropy_first", "entropy_last", "checkpoint_seconds", "evaluation_seconds")
         self._between(1e-9, 1e9, "minutes", "episode_seconds", "jam_seconds")
+        self._between(0.0, 1e9, "cruise_bias", "keep_right")
         self._between(0.0, 1e4, "right_of_way_after")
         under = self.protective_field or self.right_of_way_after is None
         self._require(under, "right_of_way_after", "None without --protective-field")

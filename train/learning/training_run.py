@@ -113,10 +113,11 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
 
     make: the trainer. drive: see `Evaluations`.
 
-    SIGINT and SIGTERM stop it, and take their usual effect once all is saved: KeyboardInterrupt, or what the caller has
-    set. Raises ConfigError if the folder holds a run already and `resume` is not given, WeightsError if the run to go
-    on with has no usable checkpoint or is of another algorithm, WarehouseError if another process trains in the folder
-    or it cannot be written.
+    SIGINT and SIGTERM stop it, and take their usual effect once all is saved, or raise KeyboardInterrupt.
+
+    Raises ConfigError if the folder holds a run already and `resume` is not given, WeightsError if the run to go on
+    with has no usable checkpoint or is of another algorithm, WarehouseError if another process trains in the folder or
+    it cannot be written.
     """
     with ExitStack() as stack:
         if config.resume is None:
@@ -290,3 +291,4 @@ def _stop_signal() -> Iterator[threading.Event]:
             signal.signal(number, handler)
     if asked:
         signal.raise_signal(asked[0])
+        raise KeyboardInterrupt  # where the signal is ignored, as it is in the background of a shell

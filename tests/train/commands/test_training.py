@@ -93,12 +93,21 @@ def test_one_process_trains_in_a_folder(tmp_path: Path, capsys: pytest.CaptureFi
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("number", "usual", "code"),
+    [
+        (signal.SIGINT, signal.default_int_handler, 130),
+        (signal.SIGINT, signal.SIG_IGN, 130),  # as in the background of a shell
+        (signal.SIGTERM, signal.SIG_DFL, 143),
+    ],
+)
 def test_stopped_before_the_first_row_it_says_how_to_go_on(
-    number: int, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+    number: signal.Signals, usual: Any, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest,
+) -> None:  # fmt: skip
     """The stop comes in the first update, as the row would after 5 s or at the end."""
-    update = Reinforce.update
+    before, update = signal.signal(number, usual), Reinforce.update
+    request.addfinalizer(lambda: signal.signal(number, before))
 
     def stopped(*arguments: Any) -> dict[str, float]:
         os.kill(os.getpid(), number)
