@@ -33,7 +33,7 @@ def training(seconds: float, seed: int) -> Iterator[Row]:
     """Yield a row for each trainer, measured for about `seconds` each in turns with the others."""
     measured = {}
     for name, (module, trainer, config) in TRAINERS.items():
-        chosen = by_recipe(config, "bare", seed=seed)
+        chosen: configs.TrainingConfig = by_recipe(config, "bare", seed=seed)
         made = getattr(importlib.import_module(module), trainer)(chosen)
         update = profile(made, 1, _WARM_UP)["seconds"]
         measured[name] = _Measured(made, chosen, max(1, round(seconds / _TURNS / update)), [])

@@ -106,8 +106,8 @@ class TrainingConfig(Checked):
     checkpoint_seconds: float = 60.0
     """Time between checkpoints [s]."""
     evaluation_seconds: float = 120.0
-    """Time between two evaluations on held-out seeds [s], or longer, so that they take at most a fiftieth of the time;
-    0: none. What is learned does not depend on them."""
+    """Time between two evaluations on held-out seeds [s], or longer, so that they take at most 3% of the processor
+    time; 0: none. What is learned does not depend on them."""
     threads: int = field(default_factory=_cores)
     """Threads of torch and of the simulator."""
     progress: bool = True

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from train.learning.config import TrainingConfig
 from train.learning.progress import ProgressLog
 
-SHARE = 0.02  # of the time, at most, once it is known how long one takes
+SHARE = 0.03  # of the processor time, at most, from one to the next
 
 Drive = Callable[[TrainingConfig], dict[str, float]]
 """Drives the policy in the folder of a training; returns FIGURES of board.py."""
@@ -20,23 +20,21 @@ class Evaluations:
     def __init__(self, config: TrainingConfig, drive: Drive, update: int | None) -> None:
         """Begin to wait for the next one; update: after which the policy was driven last, if it was."""
         self._config, self._drive, self._update = config, drive, update
-        self._ended, self._took = time.monotonic(), 0.0
-        self._first = True
+        self._ended, self._took = (time.monotonic(), time.process_time()), 0.0
 
     @property
     def due(self) -> bool:
         """Whether it is time for the next one."""
-        every = self._config.evaluation_seconds
-        return every > 0.0 and time.monotonic() - self._ended >= max(every, self._took / SHARE)
+        every, (since, worked_since) = self._config.evaluation_seconds, self._ended
+        worked = time.process_time() - worked_since  # of all threads; where others take the cores, it grows slowly
+        return every > 0.0 and time.monotonic() - since >= every and worked * SHARE >= self._took
 
     def run(self, update: int, steps: int, log: ProgressLog) -> None:
         """Drive the policy that was saved after an update and so many agent-steps, unless it was driven before."""
         if self._config.evaluation_seconds == 0.0 or update == self._update:
             return
-        begun = time.monotonic()
+        begun, worked = time.monotonic(), time.process_time()
         figures = self._drive(self._config)
-        self._ended, self._update = time.monotonic(), update
-        log.evaluated(figures, steps, self._ended - begun)
-        if not self._first:  # which loads and plans besides
-            self._took = self._ended - begun
-        self._first = False
+        self._ended, self._update = (time.monotonic(), time.process_time()), update
+        self._took = self._ended[1] - worked
+        log.evaluated(figures, steps, self._ended[0] - begun)

@@ -61,22 +61,26 @@ class Log:
 
 
 def test_one_that_takes_long_waits_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = [0.0]
+    """Two threads work all the time, and the evaluations take one of them 6 s, the first 3 s more."""
+    now, worked = [0.0], [0.0]
     monkeypatch.setattr(evaluations.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(evaluations.time, "process_time", lambda: worked[0])
+    costs = [9.0, 6.0, 0.75]
 
     def drive(config: TrainingConfig) -> dict[str, float]:
-        now[0] += 6.0
+        worked[0] += costs[0]
+        now[0] += costs.pop(0)
         return {}
 
-    made = Evaluations(ReinforceConfig(evaluation_seconds=100.0), drive, None)
+    made = Evaluations(ReinforceConfig(evaluation_seconds=60.0), drive, None)
     waits = []
     for update in range(3):
         made.run(update, 0, Log())  # type: ignore[arg-type]
         ended = now[0]
         while not made.due:
-            now[0] += 1.0
+            now[0], worked[0] = now[0] + 1.0, worked[0] + 2.0
         waits.append(now[0] - ended)
-    assert waits == [100.0, 300.0, 300.0]  # the first one loads besides
+    assert waits == [150.0, 100.0, 60.0]  # 3% of 300 and of 200 s of work; the last as often as was asked for
     before = now[0]
     made.run(2, 0, Log())  # type: ignore[arg-type]
     assert now[0] == before  # driven already
