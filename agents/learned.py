@@ -54,8 +54,8 @@ class LearnedPolicy:
         if self.record.env.protective_field and not config.protective_field:
             raise WeightsError(f"{directory} was trained under the protective field, and needs protective_field=True")
         # the field's slice, which comes last, is no news to a policy that was trained without: it reads what it knows
-        without = {"protective_field": False, "right_of_way": False}  # right of way needs the field
-        seen = config if self.record.env.protective_field else config.replace(**without)
+        fielded = self.record.env.protective_field
+        seen = config if fielded else config.replace(protective_field=False, right_of_way=False)  # which needs it
         size, network = observation_layout(seen).size, self.record.network
         if network.observation_size != size:
             given = f"observations of {network.observation_size} values"

@@ -20,6 +20,7 @@ PACKAGES = ("warehouse_env", "agents", "train")
 BASE = (
     "warehouse_env.errors",
     "warehouse_env.checked",
+    "warehouse_env.field_notes",
     "warehouse_env.config",
     "warehouse_env.files",
     "warehouse_env.kernel",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import dataclasses
+import json
 import re
 import shlex
 import sys
@@ -45,7 +47,7 @@ def registries() -> Any:
 def test_the_python_runs(
     block: Block, registries: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    if "render" in block.source or "matplotlib" in block.source:
+    if re.search("render|matplotlib|draw|VideoWriter", block.source):
         pytest.importorskip("matplotlib")
         pytest.importorskip("pygame")
     monkeypatch.chdir(tmp_path)
@@ -79,6 +81,31 @@ def test_the_recipes_work_together_from_the_command_line(
     assert 0 < polite["robot_km"] < follow["robot_km"] * 1.5
     assert main(["layouts"]) == 0
     assert layout in capsys.readouterr().out
+
+
+def imported() -> list[tuple[str, str]]:
+    """Return (module, name) of all that the pages' Python and the notebooks take from our packages."""
+    sources = [block.source for block in PYTHON]
+    for path in sorted((ROOT / "examples").glob("*.ipynb")):
+        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+        sources += ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    found: set[tuple[str, str]] = set()
+    for node in (node for source in sources for node in ast.walk(ast.parse(source))):
+        if isinstance(node, ast.ImportFrom):
+            found |= {(str(node.module), alias.name) for alias in node.names}
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            found.add((node.value.id, node.attr))
+    return sorted(pair for pair in found if pair[0].split(".")[0] in ("warehouse_env", "agents", "train"))
+
+
+@pytest.mark.parametrize(("module", "name"), imported())
+def test_what_the_pages_import_is_public_and_by_its_shortest_path(module: str, name: str) -> None:
+    assert hasattr(import_module(module), name) or find_spec(f"{module}.{name}")
+    for top in (import_module("warehouse_env"), import_module("agents")):
+        if module == top.__name__:
+            assert name in top.__all__
+        elif module.startswith(top.__name__):
+            assert name not in top.__all__, f"from {top.__name__} import {name} is shorter"
 
 
 @pytest.mark.parametrize("line", sorted(set().union(*map(command_lines, PAGES.values()))))

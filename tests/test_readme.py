@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 
 import pytest
 
@@ -24,6 +26,13 @@ def test_it_is_short() -> None:
     assert "parallel_env" in example
     assert len(example.splitlines()) <= 10
     assert {"make demo", "make test"} <= command_lines(README)
+
+
+def test_its_python_prints_what_it_says_each_time() -> None:
+    (example,) = fenced(README, "python")
+    runs = [subprocess.run([sys.executable, "-c", example], cwd=ROOT, capture_output=True, text=True) for _ in range(2)]
+    assert runs[0].stdout == runs[1].stdout
+    assert f"`{runs[0].stdout.strip()}`" in README, runs[0].stderr
 
 
 def test_its_figures_are_rows_of_docs() -> None:

@@ -25,7 +25,10 @@ if TYPE_CHECKING:
     from warehouse_env.maps.layouts import LAYOUTS, make_layout
     from warehouse_env.maps.movingai import read_map, read_scen, write_map, write_scen
     from warehouse_env.observation import observation_layout
-    from warehouse_env.planning import PLANNERS, make_planner
+    from warehouse_env.planning import PLANNERS, BasePlanner, make_planner
+    from warehouse_env.planning.plan import Plan, Planner
+    from warehouse_env.render.frame import Scene, draw, scene_of
+    from warehouse_env.render.video import VideoWriter
     from warehouse_env.simulation.simulator import Simulator
     from warehouse_env.threads import set_num_threads
 
@@ -61,7 +64,14 @@ _HOME = {
     "write_scen": "maps.movingai",
     "observation_layout": "observation",
     "PLANNERS": "planning",
+    "BasePlanner": "planning",
     "make_planner": "planning",
+    "Plan": "planning.plan",
+    "Planner": "planning.plan",
+    "Scene": "render.frame",
+    "draw": "render.frame",
+    "scene_of": "render.frame",
+    "VideoWriter": "render.video",
     "Simulator": "simulation.simulator",
     "set_num_threads": "threads",
 }
@@ -70,18 +80,23 @@ __all__ = [
     "LAYOUTS",
     "PLANNERS",
     "ActionError",
+    "BasePlanner",
     "ConfigError",
     "EnvConfig",
     "FieldSpec",
     "GridMap",
     "MapError",
     "MetricsCallback",
+    "Plan",
     "PlanError",
+    "Planner",
     "RerouteSpec",
     "RewardWeights",
     "RobotSpec",
+    "Scene",
     "SensorSpec",
     "Simulator",
+    "VideoWriter",
     "WarehouseError",
     "WarehouseParallelEnv",
     "WarehouseSingleEnv",
@@ -89,12 +104,14 @@ __all__ = [
     "WeightsError",
     "__version__",
     "aec_env",
+    "draw",
     "make_layout",
     "make_planner",
     "observation_layout",
     "parallel_env",
     "read_map",
     "read_scen",
+    "scene_of",
     "set_num_threads",
     "single_env",
     "vec_env",

@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, TypedDict, Unpack
 
 from warehouse_env.checked import Checked, check_names, from_plain
+from warehouse_env.field_notes import documented
 
 ActionType = Literal["discrete", "continuous", "raw"]
 TaskMode = Literal["lifelong", "one_shot"]
@@ -17,6 +18,7 @@ _LEAST, _MOST = 1e-3, 1e4  # [m], [s], [m/s] ...
 _COMMANDS = 4096  # of discrete actions: speed levels x lateral offsets
 
 
+@documented
 @dataclass(frozen=True)
 class RobotSpec(Checked):
     """Four wheels, rear steer, rear drive; the pose is the centre of the fixed front axle (paper 000, eq. 2).
@@ -62,6 +64,7 @@ class RobotSpec(Checked):
         return self.front_overhang > self.rear_reach
 
 
+@documented
 @dataclass(frozen=True)
 class SensorSpec(Checked):
     """What a robot perceives: lidar, its nearest robots, and the route ahead."""
@@ -79,6 +82,7 @@ class SensorSpec(Checked):
         self._between(_LEAST, _MOST, "lidar_range", "route_spacing")
 
 
+@documented
 @dataclass(frozen=True)
 class RewardWeights(Checked):
     """Weights of the named reward terms (see simulation/senses/rewards.py); a term is per robot and step."""
@@ -103,6 +107,7 @@ class RewardWeights(Checked):
         return f"RewardWeights.{name}"
 
 
+@documented
 @dataclass(frozen=True)
 class RerouteSpec(Checked):
     """When a robot is routed anew on its way (simulation/rules/live.py); at what prices: simulation/rules/prices.py."""
@@ -130,6 +135,7 @@ class RerouteSpec(Checked):
         return f"RerouteSpec.{name}"
 
 
+@documented
 @dataclass(frozen=True)
 class FieldSpec(Checked):
     """Bounds within which the protective field keeps its promise: what robots are declared to be (docs/traffic.md)."""
@@ -150,6 +156,7 @@ class FieldSpec(Checked):
         return f"FieldSpec.{name}"
 
 
+@documented
 @dataclass(frozen=True)
 class EnvConfig(Checked):
     """One warehouse with its robots: all that defines an episode but the seed."""
@@ -224,7 +231,7 @@ class EnvConfig(Checked):
         sound = self.protective_field and self.action_type != "raw"
         self._require(sound or not self.right_of_way, "right_of_way", rule)
 
-    def replace(self, **changes: Any) -> EnvConfig:
+    def replace(self, **changes: Unpack[ConfigChanges]) -> EnvConfig:
         """Return a copy with some fields changed; unknown names raise ConfigError."""
         check_names("EnvConfig parameter", changes, self)
         return dataclasses.replace(self, **changes)
@@ -237,3 +244,50 @@ class EnvConfig(Checked):
     def from_dict(cls, data: dict[str, Any]) -> EnvConfig:
         """Build from `to_dict`'s result; raises ConfigError on unknown names and wrong values."""
         return from_plain(cls, data)
+
+
+# For type checkers and editors, which cannot read keyword arguments off a dataclass; tests hold them to its fields.
+
+
+class EnvOptions(TypedDict, total=False):
+    """Fields of EnvConfig as the env functions take them by name; `planner` may be an object there."""
+
+    layout: str
+    map_file: str | None
+    num_agents: int
+    tasks: TaskMode
+    action_type: ActionType
+    max_steps: int
+    time_step: float
+    substeps: int
+    action_repeat: int
+    arrival_radius: float
+    near_miss_gap: float
+    stuck_after: float
+    terminate_on_collision: bool
+    speed_levels: tuple[float, ...]
+    lateral_offsets: tuple[float, ...]
+    keep_right: float
+    protective_field: bool
+    field_margin: float
+    field_spec: FieldSpec
+    message_latency: float
+    pose_error: float
+    heading_error: float
+    actuation_error: float
+    right_of_way: bool
+    right_of_way_after: float
+    people: int
+    message_loss: float
+    message_burst: float
+    reroute: bool
+    reroute_spec: RerouteSpec
+    robot: RobotSpec
+    sensor: SensorSpec
+    reward: RewardWeights
+
+
+class ConfigChanges(EnvOptions, total=False):
+    """Every field of EnvConfig."""
+
+    planner: str

@@ -12,13 +12,13 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 from unittest import mock
 
 from docutils import nodes
-from field_notes import default_of, field_notes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from train.cli import COMMANDS, main
 from train.leaderboard.board import board
 from train.leaderboard.entry import SHIPPED, read_entry
+from warehouse_env.field_notes import default_of, field_notes
 
 COLUMNS = "100"  # characters of a line of help
 

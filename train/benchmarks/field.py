@@ -16,7 +16,7 @@ from agents import make_policy, policy_config
 from train.benchmarks.slip import Noise, slip
 from train.reporting.report import Table, number
 from train.reporting.rows import Row, select
-from warehouse_env.config import EnvConfig
+from warehouse_env.config import ActionType, EnvConfig
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.simulation.simulator import Simulator
 
@@ -79,7 +79,8 @@ def _towards_nearest(robots: NDArray[Any]) -> NDArray[np.float64]:
     return np.asarray(-2.0 * np.angle(nearest * np.exp(-1j * robots["heading"].astype(np.float64))))
 
 
-DRIVERS: dict[str, tuple[str, Callable[[EnvConfig, np.random.Generator], Driver]]] = {  # name -> action type, maker
+# name -> action type, maker
+DRIVERS: dict[str, tuple[ActionType, Callable[[EnvConfig, np.random.Generator], Driver]]] = {
     "ppo": ("discrete", lambda config, rng: _learned("ppo", config, rng)),
     "reinforce": ("discrete", lambda config, rng: _learned("reinforce", config, rng)),
     "greedy": ("discrete", lambda config, rng: _learned("greedy", config, rng)),  # by right of way, with live routes

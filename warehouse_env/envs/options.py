@@ -5,15 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from warehouse_env.config import EnvConfig
+from warehouse_env.config import EnvConfig, EnvOptions
 from warehouse_env.errors import ConfigError, shown
+from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.simulation.simulator import Simulator
 
 
+class WorldOptions(EnvOptions, total=False):
+    """What every env of one world takes by name."""
+
+    render_mode: str | None  # "rgb_array", "human" or None
+    grid: GridMap | None  # instead of the layout or map file that the config names
+    planner: Planner | str | None  # an object, or a name of PLANNERS
+
+
 def build_simulator(
     config: EnvConfig | None,
-    changes: dict[str, Any],
+    changes: EnvOptions,
     *,
     num_worlds: int = 1,
     planner: Planner | str | None = None,
@@ -26,9 +35,10 @@ def build_simulator(
     """
     if config is not None and not isinstance(config, EnvConfig):
         raise ConfigError(f"config={shown(config)} must be of type EnvConfig")
+    chosen: dict[str, Any] = {**changes}
     if isinstance(planner, str):
-        changes, planner = {**changes, "planner": planner}, None
-    return Simulator((config or EnvConfig()).replace(**changes), num_worlds, planner=planner, **parts)
+        chosen["planner"], planner = planner, None
+    return Simulator((config or EnvConfig()).replace(**chosen), num_worlds, planner=planner, **parts)
 
 
 def share_routes(simulators: Sequence[Simulator]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 from gymnasium import spaces
@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils import parallel_to_aec
 
-from warehouse_env.config import EnvConfig
+from warehouse_env.config import EnvConfig, EnvOptions
 from warehouse_env.envs.actions import ActionPacker
 from warehouse_env.envs.camera import RENDER_MODES, Camera, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, RobotInfos, final_metrics
-from warehouse_env.envs.options import build_simulator
+from warehouse_env.envs.options import WorldOptions, build_simulator
 from warehouse_env.errors import ActionError, shown
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
@@ -49,7 +49,7 @@ class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pett
         render_mode: str | None = None,
         grid: GridMap | None = None,
         planner: Planner | str | None = None,
-        **changes: Any,
+        **changes: Unpack[EnvOptions],
     ) -> None:
         """Build one world from `config` with `changes` put in; ConfigError or MapError says what cannot be used."""
         self.simulator = build_simulator(config, changes, grid=grid, planner=planner)
@@ -172,7 +172,7 @@ class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pett
         self._camera.close()
 
 
-def parallel_env(config: EnvConfig | None = None, **options: Any) -> WarehouseParallelEnv:
+def parallel_env(config: EnvConfig | None = None, **options: Unpack[WorldOptions]) -> WarehouseParallelEnv:
     """Return the PettingZoo parallel env, e.g. `parallel_env(num_agents=8, layout="narrow")`.
 
     Takes render_mode, grid and planner as `WarehouseParallelEnv` does, and any EnvConfig field by name.
@@ -180,6 +180,6 @@ def parallel_env(config: EnvConfig | None = None, **options: Any) -> WarehousePa
     return WarehouseParallelEnv(config, **options)
 
 
-def aec_env(config: EnvConfig | None = None, **options: Any) -> AECEnv:
+def aec_env(config: EnvConfig | None = None, **options: Unpack[WorldOptions]) -> AECEnv:
     """Return the same env for PettingZoo's turn-by-turn interface; the world moves once all have chosen."""
     return parallel_to_aec(parallel_env(config, **options))

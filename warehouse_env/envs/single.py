@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Unpack
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.config import EnvConfig
+from warehouse_env.config import EnvConfig, EnvOptions
 from warehouse_env.envs.actions import ActionPacker
 from warehouse_env.envs.camera import RENDER_MODES, Camera, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, RobotInfos, final_metrics
-from warehouse_env.envs.options import build_simulator
+from warehouse_env.envs.options import WorldOptions, build_simulator
 from warehouse_env.errors import ActionError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
@@ -21,6 +21,12 @@ from warehouse_env.portable import Portable
 from warehouse_env.simulation.given import whole_seed
 
 Others = Callable[[NDArray[np.float32]], Any]
+
+
+class SingleOptions(WorldOptions, total=False):
+    """What the env of one robot takes by name."""
+
+    others: Others | None  # float32[N-1, D] of the other robots -> their actions
 
 
 class WarehouseSingleEnv(Portable, gymnasium.Env[NDArray[np.float32], Any]):
@@ -44,7 +50,7 @@ class WarehouseSingleEnv(Portable, gymnasium.Env[NDArray[np.float32], Any]):
         render_mode: str | None = None,
         grid: GridMap | None = None,
         planner: Planner | str | None = None,
-        **changes: Any,
+        **changes: Unpack[EnvOptions],
     ) -> None:
         """Build one world from `config` with `changes` put in.
 
@@ -118,6 +124,6 @@ class WarehouseSingleEnv(Portable, gymnasium.Env[NDArray[np.float32], Any]):
         self._camera.close()
 
 
-def single_env(config: EnvConfig | None = None, **options: Any) -> WarehouseSingleEnv:
+def single_env(config: EnvConfig | None = None, **options: Unpack[SingleOptions]) -> WarehouseSingleEnv:
     """Return the Gymnasium env, e.g. `single_env(num_agents=4, layout="open")`; options as `WarehouseSingleEnv`."""
     return WarehouseSingleEnv(config, **options)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
-from warehouse_env.config import EnvConfig
+from warehouse_env.config import EnvConfig, EnvOptions
 from warehouse_env.envs.camera import Camera, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, final_metrics, finished_task
 from warehouse_env.envs.options import build_simulator, share_routes
@@ -261,7 +261,7 @@ def vec_env(
     render_mode: str | None = None,
     grid: GridMap | None = None,
     planner: Planner | str | None = None,
-    **changes: Any,
+    **changes: Unpack[EnvOptions],
 ) -> WarehouseVecEnv:
     """Return a VecEnv of `num_worlds` worlds, e.g. `vec_env(64, num_agents=16, layout="narrow")`.
 

@@ -8,7 +8,38 @@ import inspect
 import io
 import textwrap
 import tokenize
-from typing import Any
+from functools import cached_property
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+
+def documented(options: type[T]) -> type[T]:
+    """Let `help()` of a dataclass say, after its docstring, what its source says about each field.
+
+    The source is read when somebody asks: importing pays nothing.
+    """
+    options.__doc__ = _Documentation(options, options.__doc__ or "")  # type: ignore[assignment]
+    return options
+
+
+class _Documentation:
+    """A class's `__doc__`, put together on first use; without the source, and for subclasses, the docstring alone."""
+
+    def __init__(self, options: type, docstring: str) -> None:
+        self._options, self._docstring = options, docstring
+
+    def __get__(self, instance: object, owner: type | None = None) -> str:
+        return self._whole
+
+    @cached_property
+    def _whole(self) -> str:
+        try:
+            notes = field_notes(self._options)
+        except OSError:
+            return self._docstring
+        fields = (f"{one.name} = {default_of(one)}: {notes[one.name]}" for one in dataclasses.fields(self._options))
+        return "\n".join([inspect.cleandoc(self._docstring), "", *fields])
 
 
 def field_notes(options: type) -> dict[str, str]:

@@ -1,0 +1,78 @@
+"""The options: what type checkers know of them, and what `help` says."""
+
+from __future__ import annotations
+
+import dataclasses
+import pydoc
+import subprocess
+import sys
+from pathlib import Path
+from typing import get_type_hints
+
+import pytest
+
+from warehouse_env.config import ConfigChanges, EnvConfig, FieldSpec, RerouteSpec, RewardWeights, RobotSpec, SensorSpec
+
+ROOT = Path(__file__).parent.parent
+
+
+def test_type_checkers_know_every_option_by_its_type() -> None:
+    fields = {field.name: get_type_hints(EnvConfig)[field.name] for field in dataclasses.fields(EnvConfig)}
+    assert get_type_hints(ConfigChanges) == fields, "EnvOptions in config.py is to name the fields of EnvConfig"
+
+
+RIGHT = """
+import warehouse_env
+from warehouse_env import EnvConfig, SensorSpec
+
+rows = warehouse_env.vec_env(4, num_agents=8, layout="open", planner=warehouse_env.make_planner("astar"))
+env = warehouse_env.parallel_env(num_agents=8, sensor=SensorSpec(rays=16), planner="astar", render_mode="rgb_array")
+turns = warehouse_env.aec_env(EnvConfig(), tasks="one_shot", grid=warehouse_env.make_layout("open"))
+one = warehouse_env.single_env(num_agents=2, others=lambda observation: [0])
+other = env.config.replace(planner="astar", people=2)
+"""
+SLIPS = {
+    "warehouse_env.parallel_env(num_agnts=8)": 'Unexpected keyword argument "num_agnts"',
+    "warehouse_env.aec_env(num_agnts=8)": 'Unexpected keyword argument "num_agnts"',
+    "warehouse_env.single_env(num_agnts=8)": 'Unexpected keyword argument "num_agnts"',
+    "warehouse_env.vec_env(4, num_agnts=8)": 'Unexpected keyword argument "num_agnts"',
+    "warehouse_env.WarehouseParallelEnv(num_agnts=8)": 'Unexpected keyword argument "num_agnts"',
+    "EnvConfig().replace(num_agnts=8)": 'Unexpected keyword argument "num_agnts"',
+    'warehouse_env.parallel_env(num_agents="8")': 'incompatible type "str"; expected "int"',
+    'EnvConfig().replace(tasks="one_shots")': "incompatible type \"Literal['one_shots']\"",
+}
+
+
+def test_mypy_refuses_slips_and_lets_right_calls_pass(tmp_path: Path) -> None:
+    pytest.importorskip("mypy")
+    snippet = tmp_path / "snippet.py"
+    snippet.write_text("\n".join([RIGHT, *SLIPS]), encoding="utf-8")
+    command = [sys.executable, "-m", "mypy", "--no-color-output", "--no-error-summary", str(snippet)]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    errors = [line for line in run.stdout.splitlines() if ": error: " in line]
+    first = RIGHT.count("\n") + 2
+    assert [int(line.split(":")[1]) - first for line in errors] == list(range(len(SLIPS))), run.stdout + run.stderr
+    assert [line for line, said in zip(errors, SLIPS.values(), strict=True) if said not in line] == []
+
+
+@pytest.mark.parametrize("options", [EnvConfig, RobotSpec, SensorSpec, RewardWeights, RerouteSpec, FieldSpec])
+def test_help_says_what_every_option_is(options: type) -> None:
+    said = pydoc.plain(pydoc.render_doc(options))
+    assert said.count("\n |  \n") > 1
+    for field in dataclasses.fields(options):
+        (line,) = (line for line in said.splitlines() if line.startswith(f" |  {field.name} = ") and ": " in line)
+        assert len(line.partition(": ")[2]) >= 3, line
+
+
+def test_help_tells_defaults_and_comments() -> None:
+    assert EnvConfig.__doc__ is not None
+    assert EnvConfig.__doc__.startswith("One warehouse with its robots")
+    assert "\nnum_agents = 8: robots\n" in EnvConfig.__doc__
+    assert "\nspeed_levels = (-0.4, 0.0, 0.5, 1.5): [m/s], of discrete actions\n" in EnvConfig.__doc__
+    assert EnvConfig().__doc__ == EnvConfig.__doc__
+
+
+def test_the_source_is_read_only_when_somebody_asks() -> None:
+    script = "import inspect; inspect.getsource = None; import warehouse_env.config as c; c.EnvConfig(); print('made')"
+    run = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert run.stdout == "made\n"
