@@ -17,14 +17,10 @@ class Policy(Protocol):
     name: str
 
     def act(self, observation: Observation, rng: np.random.Generator) -> Action:
-        """Choose the next action command of every robot.
+        """Return the next action command of every robot: int64[B, N] if discrete, else float32[B, N, 2] in [-1, 1].
 
-        Args:
-            observation: float32[B, N, D], laid out as `observation_layout` of the env config it was made for.
-            rng: the only source of chance; the same generator state gives the same actions.
-
-        Returns:
-            int64[B, N] for discrete actions, float32[B, N, 2] in [-1, 1] otherwise.
+        `observation` is float32[B, N, D], laid out as `observation_layout` of the env config it was made for; `rng` is
+        the only source of chance: the same generator state gives the same actions.
         """
         ...
 

@@ -15,7 +15,7 @@ author = "warehouse_env contributors"
 copyright = author
 version = release = warehouse_env.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml", "generated"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_copybutton", "mathml", "generated"]
 exclude_patterns = ["extensions"]
 nitpicky = True
 nitpick_ignore_regex = [("py:.*", ".*")]  # types of other libraries have no page here
@@ -24,10 +24,13 @@ myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
 suppress_warnings = ["myst.xref_missing_local"]
 
-autodoc_typehints = "none"  # signatures show them
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
+maximum_signature_line_length = 90  # characters; a longer one has a line for each argument
+autoclass_content = "both"  # what __init__ says, too
 autodoc_member_order = "bysource"
 default_role = "literal"  # what docstrings have in backticks
-napoleon_numpy_docstring = False
 
 html_math_renderer = "mathml"
 html_theme = "furo"

@@ -8,10 +8,12 @@ import importlib
 import inspect
 import io
 import os
+import re
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 from unittest import mock
 
 from docutils import nodes
+from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
@@ -21,6 +23,13 @@ from train.leaderboard.entry import SHIPPED, read_entry
 from warehouse_env.field_notes import default_of, field_notes
 
 COLUMNS = "100"  # characters of a line of help
+# Types as Sphinx spells them out -> as the source has them.
+_TYPES = (
+    (r"[\w.~]*ndarray\[tuple\[[\w.~]*Any, \.\.\.\], [\w.~]*dtype\[[\w.~]*?(\w+)\]\]", r"NDArray[\1]"),
+    (r"[\w.~]*_?Buffer \| .*?complex \| bytes \| str\]", "ArrayLike"),
+    (r"<factory>", "..."),
+    (r"^\(\*args, \*\*kwargs\)$", ""),  # of a protocol
+)
 
 
 def looked_up(path: str) -> Any:
@@ -71,6 +80,13 @@ def _plain(text: str) -> str:
     return "".join(a + (f"`{b}`" if b is not None else "") for a, b in zip(escaped, [*parts[1::2], None], strict=True))
 
 
+def _marked(found: list[nodes.Node]) -> list[nodes.Node]:
+    """Let the style know the tables of options."""
+    for one in (one for node in found for one in node.findall(nodes.table)):
+        one["classes"].append("options")
+    return found
+
+
 class Options(SphinxDirective):
     """The table of a dataclass's fields, named by its path."""
 
@@ -78,7 +94,7 @@ class Options(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Return the table."""
-        return self.parse_text_to_nodes(options_table(looked_up(self.arguments[0])))
+        return _marked(self.parse_text_to_nodes(options_table(looked_up(self.arguments[0]))))
 
 
 class Parameters(SphinxDirective):
@@ -92,7 +108,7 @@ class Parameters(SphinxDirective):
         for name, one in looked_up(self.arguments[0]).items():
             parts += [f"### {name}", "", _plain(" ".join((inspect.getdoc(one) or "").split("\n\n")[0].split())), ""]
             parts += [options_table(one) if dataclasses.fields(one) else "It has no parameters.", ""]
-        return self.parse_text_to_nodes("\n".join(parts), allow_section_headings=True)
+        return _marked(self.parse_text_to_nodes("\n".join(parts), allow_section_headings=True))
 
 
 class Commands(SphinxDirective):
@@ -132,11 +148,32 @@ def _paragraph(text: str) -> str:
     return "`".join(parts)
 
 
+def _as_written(text: str) -> str:
+    for spelt, written in _TYPES:
+        text = re.sub(spelt, written, text)
+    return text
+
+
+def _typed(app: Sphinx, what: str, name: str, obj: object, options: object, *parts: str | None) -> tuple[Any, ...]:
+    """Return a signature and its result's type with types as the source writes them."""
+    return tuple(part and _as_written(part) for part in parts)
+
+
+def _typed_attribute(app: Sphinx, domain: str, kind: str, content: nodes.Element) -> None:
+    """Do the same for properties and attributes, of whose type no signature event tells."""
+    for one in content.parent.findall(addnodes.desc_annotation) if kind in ("property", "attribute") else ():
+        if one.astext() != (text := _as_written(one.astext())):
+            one.clear()
+            one += nodes.Text(text)
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the directives."""
     app.add_directive("options", Options)
     app.add_directive("parameters", Parameters)
     app.add_directive("commands", Commands)
     app.add_directive("board", Board)
-    app.connect("autodoc-process-docstring", _adapted, priority=100)
+    app.connect("autodoc-process-docstring", _adapted)
+    app.connect("autodoc-process-signature", _typed)
+    app.connect("object-description-transform", _typed_attribute)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

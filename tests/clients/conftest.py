@@ -9,7 +9,6 @@ import pytest
 
 # Left out where its package is not installed: `make clients` has an environment with all of them.
 NEEDS = {
-    "test_recorders.py": "moviepy",
     "test_rllib.py": "ray",
     "test_supersuit.py": "supersuit",
     "test_torchrl.py": "torchrl",
