@@ -44,7 +44,9 @@ def test_drawings_are_the_same_every_time() -> None:
 def test_detours_and_throughput() -> None:
     assert "greedy" in read(detours({"greedy": np.array([1.0, 1.1, 1.2])}, "label"))
     loads = [Load(8, 800.0, 700.0, 900.0, False), Load(16, 900.0, math.nan, math.nan, True)]
-    assert {"drives", "jams", "up to 8 robots"} <= set(read(throughput(loads, 100.0, 8, "label")))
+    drawn = read(throughput(loads, 100.0, loads[0], (6.0, 5.0, math.inf), "label"))
+    assert {"drives", "jams", "most goals, 8 robots", "a further one brings half, from 6"} <= set(drawn)
+    assert "a further one" not in " ".join(read(throughput(loads, 100.0, loads[0], None, "label")))
 
 
 def test_heat_maps_draw_every_panel(grid: GridMap) -> None:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from agents import POLICIES
 from train.advice.answer import answer, effect_text, told
+from train.advice.candidates import storage_lost
+from train.advice.changes import SURE
 from train.advice.course import Advice
+from train.advice.trials import BLOCK
 from train.reporting.page import Page, Part, Shown, made_by
-from train.reporting.report import Table, with_interval
+from train.reporting.report import Table, number, with_interval
 from warehouse_env.render import report_charts
 from warehouse_env.render.heat_maps import Panel, heat_maps
 
@@ -20,31 +24,42 @@ def advice_page(advice: Advice) -> Page:
         Part("What was run", facts=_facts(advice)),
     ]
     title = f"How many robots does {grid.name} bear, and what holds them up?"
-    subtitle = f"{grid.shape[0]} x {grid.shape[1]} cells, {len(grid.picks)} pick faces, {len(grid.stations)} stations"
+    high, wide = (number(side * grid.cell_size) for side in grid.shape)
+    subtitle = f"{wide} x {high} m, {len(grid.picks)} pick faces, {len(grid.stations)} stations"
     return Page(title, subtitle, answer(advice), parts)
 
 
 def _throughput(advice: Advice) -> Shown:
+    capacity = advice.capacity
     label = "Goals per hour of all robots together over their number"
-    found = [report_charts.Load(load.robots, *load.goals[:3], load.jammed) for load in advice.loads]
+    found = [report_charts.Load(load.robots, *load.goals[:3], load.jammed) for load in capacity.loads]
+    named = report_charts.Load(capacity.goals.robots, *capacity.goals.goals[:3], False)
     caption = (
-        f"{label}, in the second half of the episodes: means with 95% intervals. The dashed line is what they would "
-        "reach if each were alone on the floor."
+        f"{label}, in the second half of the episodes: means with 95% intervals. The large dot is the answer, in "
+        "episodes of its own. The dashed line is what they would reach if each were alone on the floor."
     )
-    return Shown(report_charts.throughput(found, advice.alone.mean, advice.bears, label), caption)
+    knee = capacity.knee[:3] if capacity.knee else None
+    return Shown(report_charts.throughput(found, capacity.alone.mean, named, knee, label), caption)
 
 
 def loads_table(advice: Advice) -> Table:
-    """Return a line for each number of robots."""
+    """Return a line for each number of robots, first the answer in episodes of its own."""
+    capacity = advice.capacity
+    lines = [(f"{capacity.goals.robots}, new seeds", capacity.goals)]
+    lines += [(str(load.robots), load) for load in capacity.loads]
     cells = [
         (
-            str(load.robots), str(load.episodes), with_interval(load.goals), with_interval(load.each),
+            name, str(load.episodes), with_interval(load.goals), with_interval(load.each),
             with_interval(load.waiting, 100), with_interval(load.stuck, 100), "jams" if load.jammed else "drives",
         )
-        for load in advice.loads
+        for name, load in lines
     ]  # fmt: skip
     header = ("robots", "episodes", "goals/h, all", "goals/robot-h", "waiting %", "stuck %", "")
-    return Table("Robots", header, tuple(cells))
+    note = (
+        "The first line is the answer; the others are the episodes by which it was chosen. Of those that looked worse "
+        "there are fewer. Stuck: robots that at the end have not got on for over a minute."
+    )
+    return Table(f"Robots under {capacity.crew.policy}", header, tuple(cells), note)
 
 
 def _heat(advice: Advice) -> Shown:
@@ -54,8 +69,7 @@ def _heat(advice: Advice) -> Shown:
         Panel("waiting [s per hour and cell]", grid, advice.floor.waiting, numbers=places),
         Panel("trips that pass [%]", grid, 100 * advice.visits),
     ]
-    count = advice.bears or advice.loads[0].robots
-    label = f"Where {count} robots wait, and where trips lead"
+    label = f"Where {advice.crew.robots} robots wait, and where trips lead"
     caption = (
         f"{label}. Left: how long an hour some robot stands on a cell; the numbers are the worst places. Right: the "
         "share of trips, drawn at random, whose shortest route leads over a cell. Blue squares are stations."
@@ -99,7 +113,7 @@ def _changes(advice: Advice) -> list[Shown]:
     }
     differences = "Goals per hour of all robots, difference from the floor as it is"
     below = (
-        f"{differences}: paired, with 95% intervals; blue and filled where the interval leaves out 0. The best of each "
+        f"{differences}: paired, with intervals; blue and filled where the interval leaves out 0. The best of each "
         "kind at first look was driven again with new seeds: what it was chosen by flatters it."
     )
     drawn = report_charts.differences(looks, differences, "goals per hour")
@@ -112,15 +126,17 @@ def changes_table(advice: Advice) -> Table:
         (
             effect.candidate.text, effect.candidate.kind, told(effect.first), str(effect.first.samples),
             told(effect.goals), str(effect.goals.samples) if effect.goals else "", told(effect.waiting, 100),
-            told(effect.trip),
+            told(effect.trip), f"{100 * storage_lost(advice.plan.grid, effect.candidate).share:.0f}",
         )
         for effect in advice.effects
     ]  # fmt: skip
     header = (
         "change", "kind", "goals/h, first look", "pairs", "goals/h, measured", "pairs", "waiting %", "metres a trip",
+        "storage lost %",
     )  # fmt: skip
     note = (
-        "Differences from the floor as it is, in pairs of episodes with the same seeds [95% interval by Student's t]."
+        "Differences from the floor as it is, in pairs of episodes with the same seeds [interval by Student's t: 95% "
+        f"at first look, {100 * SURE:g}% of what was measured, so that both kinds together hold with 95%]."
     )
     return Table("Changes of the floor", header, tuple(cells), note)
 
@@ -128,8 +144,12 @@ def changes_table(advice: Advice) -> Table:
 def _facts(advice: Advice) -> dict[str, str]:
     plan = advice.plan
     return made_by(**{
-        "Policy": "`greedy`: right of way by rules under the protective field, with live routes",
+        "Policies": ", ".join(f"`{policy}`: {_summary(policy)}" for policy in plan.policies),
         "Routes": f"by {plan.planner}",
-        "Episodes": f"of {plan.seconds:g} s, seeds from {plan.seed} on",
+        "Episodes": f"of {plan.seconds:g} s, seeds from {plan.seed} on, {BLOCK} for each use",
         "Rows": "`rows.jsonl` beside this page holds every episode",
     })  # fmt: skip
+
+
+def _summary(policy: str) -> str:
+    return POLICIES[policy].summary if policy in POLICIES else "a policy folder"

@@ -2,73 +2,134 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
-from train.advice.course import FELL, STUCK, Advice, Effect, Load
+from train.advice.asked import SURE, Asked
+from train.advice.candidates import Candidate, storage_lost
+from train.advice.capacity import Capacity
+from train.advice.changes import PAIRS, Effect
+from train.advice.course import Advice
+from train.advice.curve import FELL, NEAR, STUCK, Load, peak
 from train.reporting.report import difference, number, with_interval
 from train.reporting.rows import Interval, apart, is_told
+from warehouse_env.maps.grid_map import GridMap
 
 NAMED = 3  # bottlenecks named in words
 
 
 def answer(advice: Advice) -> list[str]:
     """Return the paragraphs of the answer, in Markdown's bold and italics."""
-    parts = [" ".join(_capacity(advice)), " ".join(_bottlenecks(advice))]
-    parts += [" ".join(_changes(advice, kind)) for kind in ("aisle", "one-way")]
+    capacity = advice.capacity
+    parts = [asked_text(advice.asked, capacity)] if advice.asked else []
+    parts += [" ".join(_most(advice)), knee_text(capacity), " ".join(_jam(advice)), " ".join(_policies(capacity))]
+    parts += [" ".join(_bottlenecks(advice)), *(" ".join(_changes(advice, kind)) for kind in ("aisle", "one-way"))]
     return [part for part in (*parts, _basis(advice)) if part]
 
 
-def _capacity(advice: Advice) -> Iterator[str]:
-    jams = next((load for load in advice.loads if load.jammed), None)
-    name = advice.plan.grid.name
-    if jams is None:
-        tried = advice.loads[-1].robots
-        why = "the time was over" if advice.stopped else "the most to try, or that have goals of their own"
-        yield f"**{name} bears {tried} robots at least**: no jam was seen with up to {tried} ({why})."
-    elif advice.bears == 0:
-        yield f"**{name} jams with {jams.robots} robots already**, the fewest that were tried: {_jam(advice, jams)}."
-    else:
-        yield f"**{name} bears about {advice.bears} robots.** With {jams.robots} it jams: {_jam(advice, jams)}."
-        if advice.stopped:
-            yield "The time was over before the number in between was found."
-    load = next((load for load in advice.loads if load.robots == advice.bears), None)
-    if load is not None:
-        alone = with_interval(advice.alone)
-        share = number(100 * load.each.mean / advice.alone.mean, 2) if advice.alone.mean > 0 else "-"
+def asked_text(asked: Asked, capacity: Capacity) -> str:
+    """Say how many robots make the goals that were asked for."""
+    goals, wanted = with_interval(asked.goals), f"{asked.wanted:,.0f} goals an hour"
+    if asked.robots is None:
+        most = f"the most is {goals}, with {capacity.crew.robots} robots"
+        if asked.possible:
+            return f"**Whether this floor makes {wanted} is not told**: {most}, and of no number it is sure."
+        return f"**This floor does not make {wanted}**: {most}."
+    text = (
+        f"**{wanted} take {_robots(asked.robots)}**: they make {goals}, in {asked.goals.samples} episodes that had no "
+        f"part in finding them [{100 * SURE:.0f}% interval]."
+    )
+    if asked.fewer is None:
+        return text
+    told = "are too few" if asked.fewer.goals.high < asked.wanted else "may be too few"
+    return f"{text} {_robots(asked.fewer.robots)} {told}: {with_interval(asked.fewer.goals)}."
+
+
+def _robots(count: int) -> str:
+    return f"{count} robot{'s' * (count != 1)}"
+
+
+def _most(advice: Advice) -> Iterator[str]:
+    """Say how many goals the floor makes at most, and with how many robots."""
+    found, name = advice.capacity, advice.plan.grid.name
+    goals, robots = found.goals, _robots(found.crew.robots)
+    yield (
+        f"**{name} makes the most with {robots}: {with_interval(goals.goals)} goals an hour**, in {goals.episodes} "
+        "episodes that had no part in choosing that number."
+    )
+    if found.best != found.crew.robots:
         yield (
-            f"{load.robots} robots together reach {with_interval(load.goals)} goals an hour; each of them {share}% of "
-            f"what one alone would ({alone}), waiting {with_interval(load.waiting, 100, 2)}% of its time."
+            f"In those that had, {found.best} robots made most; the smaller number is named, since it was not told "
+            f"apart and came within {100 - 100 * NEAR:.0f}%."
         )
-    worth = worthwhile(advice.loads, advice.alone.mean)
-    if worth is not None:
-        yield f"Beyond about {worth} robots, a further one brings less than half of what one alone would."
+    largest = found.loads[-1].robots
+    if found.crew.robots == largest and found.crew.robots > 1:
+        yield f"More were not tried, so it may be more: {_why(advice)}."
+    elif found.stopped:
+        yield f"The time was over before {found.stopped}."
+    if found.alone.mean > 0:
+        share = number(100 * goals.each.mean / found.alone.mean, 2)
+        waiting = with_interval(goals.waiting, 100, 2)
+        yield f"Each of them makes {share}% of what one alone does, and waits {waiting}% of its time."
 
 
-def _jam(advice: Advice, jams: Load) -> str:
+def _why(advice: Advice) -> str:
+    if advice.capacity.stopped:
+        return f"the time was over before {advice.capacity.stopped}"
+    return "it is the most to try, or as many as have goals of their own"
+
+
+def knee_text(found: Capacity) -> str:
+    """Say from how many robots on a further one is worth less than half of the first."""
+    each = f"{with_interval(found.alone)} goals an hour"
+    if found.knee is None:
+        largest = found.loads[-1].robots
+        return f"Up to {_robots(largest)}, as many as were tried, a further one brings over half of the first ({each})."
+    return (
+        f"**From about {_count(found.knee)} robots on a further one brings less than half of what the first did** "
+        f"({each})."
+    )
+
+
+def _count(knee: Interval) -> str:
+    high = f"{knee.high:.0f}" if math.isfinite(knee.high) else "more than were tried"
+    return f"{knee.mean:.0f} [{knee.low:.0f}, {high}]"
+
+
+def _jam(advice: Advice) -> Iterator[str]:
+    found, jam = advice.capacity, advice.capacity.jam
+    if jam is None:
+        yield f"No jam was seen with up to {_robots(found.loads[-1].robots)}."
+        return
+    yield f"**With {_robots(jam.robots)} it jams**: {jam_text(advice, jam)}."
+    below = [load for load in found.loads if load.robots < jam.robots]
+    if below:
+        yield f"{_robots(below[-1].robots)} still drive." if not below[-1].jammed else ""
+
+
+def jam_text(advice: Advice, jams: Load) -> str:
+    """Say what the jam with so many robots is."""
     if jams.stuck.mean >= STUCK:
-        return f"{with_interval(jams.stuck, 100)}% of the robots are stuck after {advice.plan.seconds / 60:g} minutes"
-    most = max((load for load in advice.loads if load.robots < jams.robots), key=lambda load: load.goals.mean)
+        share = with_interval(jams.stuck, 100)
+        return f"{share}% of the robots are stuck after {advice.plan.seconds / 60:g} minutes ({jams.episodes} episodes)"
+    most = peak([load for load in advice.capacity.loads if load.robots < jams.robots])
     fall = apart(jams.goals, most.goals)
     open_ = "" if is_told(fall) else "; so few episodes do *not tell* this *apart* from chance"
     return (
-        f"all together reach {with_interval(jams.goals)} goals an hour, less than {100 * FELL:g}% of what "
+        f"all together make {with_interval(jams.goals)} goals an hour, less than {100 * FELL:g}% of what "
         f"{most.robots} did (difference {difference(fall)}{open_})"
     )
 
 
-def worthwhile(loads: list[Load], alone: float) -> int | None:
-    """Return the last number of robots tried before a further robot brings less than half of `alone` [goals/h].
-
-    None where each step brought more, or the first did not.
-    """
-    worth = None
-    before, reached = 0, 0.0
-    for load in loads:
-        if load.goals.mean - reached < 0.5 * alone * (load.robots - before):
-            return worth
-        before, reached = load.robots, load.goals.mean
-        worth = load.robots
-    return None
+def _policies(found: Capacity) -> Iterator[str]:
+    """Say who drives, and what the others would make."""
+    yield f"Who drives is `{found.crew.policy}`."
+    for other in found.others:
+        gain = f"{difference(other.difference)} goals an hour in {other.difference.samples} pairs of episodes"
+        told = "" if is_told(other.difference) else ", which is *not told apart* from none"
+        yield f"Its difference from `{other.policy}` with as many robots is {gain}{told}."
+    if found.contacts.mean > 0:
+        yield f"**Its robots touch something**: {with_interval(found.contacts)} contacts a kilometre."
 
 
 def _bottlenecks(advice: Advice) -> Iterator[str]:
@@ -80,7 +141,7 @@ def _bottlenecks(advice: Advice) -> Iterator[str]:
         f"{100 * place.trips:.0f}% of all trips pass)"
         for k, place in enumerate(advice.bottlenecks[:NAMED], start=1)
     ]
-    yield f"Robots wait most at {', '.join(places)}."
+    yield f"{_robots(advice.crew.robots)} wait most at {', '.join(places)}."
     together = sum(place.share for place in advice.bottlenecks)
     if together < 0.3:
         count = len(advice.bottlenecks)
@@ -95,17 +156,28 @@ def _changes(advice: Advice, kind: str) -> Iterator[str]:
         return
     best = own[0]
     yield f"**{what}**: of {len(own)} tried the best is {best.candidate.text}; {effect_text(best)}."
+    if kind == "aisle":
+        yield f"It costs {storage_text(advice.plan.grid, best.candidate)}."
+
+
+def storage_text(grid: GridMap, one: Candidate) -> str:
+    """Say how much storage a change takes away."""
+    lost = storage_lost(grid, one)
+    cells = f"{100 * lost.share:.0f}% of the storage ({lost.cells} shelf cells)"
+    return f"{cells}; {lost.faces} of {lost.of} pick faces have no shelf left" if lost.faces else cells
 
 
 def effect_text(effect: Effect) -> str:
-    """Say what a change brings, or that nothing can be told."""
+    """Say what a change brings or may bring; it is said to bring something from PAIRS pairs on."""
     if effect.goals is None:
         return "it was not driven again"
     share = f" ({100 * effect.goals.mean / effect.base.mean:+.1f}%)" if effect.base.mean > 0 else ""
     text = f"{difference(effect.goals)} goals an hour{share} in {effect.goals.samples} pairs of episodes"
-    if not is_told(effect.goals):
-        return f"what it brings is *not told apart* from nothing: {text}"
-    return f"it {'brings' if effect.goals.mean > 0 else 'costs'} {text}"
+    if effect.told:
+        return f"it {'brings' if effect.goals.mean > 0 else 'costs'} {text}"
+    if effect.goals.samples < PAIRS:
+        return f"it may bring something, these are too few pairs to tell: {text}"
+    return f"it may bring something, *not told apart* from nothing: {text}"
 
 
 def told(interval: Interval | None, factor: float = 1.0) -> str:
@@ -116,8 +188,9 @@ def told(interval: Interval | None, factor: float = 1.0) -> str:
 def _basis(advice: Advice) -> str:
     plan = advice.plan
     return (
-        "Simulated: lifelong trips between pick faces and stations drawn at random, robots of 0.9 x 0.6 m under right "
-        f"of way by rules (`greedy`), episodes of {plan.seconds:g} s. Brackets are 95% intervals over episodes. A "
-        "change is chosen in some episodes and measured in others with new seeds, in pairs with the floor as it is; "
-        "pick faces and stations stay. Where orders favour some shelves, this may be otherwise."
+        "Simulated: lifelong trips between pick faces and stations drawn at random, robots of 0.9 x 0.6 m, episodes of "
+        f"{plan.seconds:g} s of which the second half is counted. Brackets are 95% intervals over episodes; "
+        "those of changes are so much wider that both kinds together hold with 95%. A change is chosen in some "
+        "episodes and measured in others with new seeds, in pairs with the floor as it is; pick faces and stations stay, also "
+        "where their shelf goes. Where orders favour some shelves, this may be otherwise."
     )

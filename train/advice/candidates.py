@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from train.evaluation.places import peaks
 from warehouse_env.maps.distance import label_regions
-from warehouse_env.maps.endpoints import shelves
+from warehouse_env.maps.endpoints import beside, shelves
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.graph_search import AStarTurns
 from warehouse_env.planning.plan import path_length
@@ -97,6 +97,23 @@ class Candidate(NamedTuple):
     text: str  # what is changed, in words
     grid: GridMap
     changed: NDArray[np.bool_]  # [H, W], cells opened or given a direction
+
+
+class Storage(NamedTuple):
+    """What a change takes away of the storage."""
+
+    cells: int  # of shelf
+    share: float  # of all shelf cells
+    faces: int  # pick faces that have no shelf beside them any more
+    of: int  # pick faces that have one
+
+
+def storage_lost(grid: GridMap, one: Candidate) -> Storage:
+    """Return what is lost, of shelves that are no walls."""
+    before, after = shelves(grid.occupied), shelves(grid.occupied) & ~one.changed
+    served, left = (int(beside(racks)[tuple(grid.picks.T)].sum()) for racks in (before, after))
+    cells = int(before.sum() - after.sum())
+    return Storage(cells, cells / max(1, int(before.sum())), served - left, served)
 
 
 def aisles(grid: GridMap, cell: Cell) -> list[Candidate]:

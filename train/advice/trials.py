@@ -1,4 +1,4 @@
-"""Trials: one episode each of robots under right of way by rules on a floor, which may be one that is only thought of.
+"""Trials: one episode each of a policy's robots on a floor, which may be one that is only thought of; what is asked.
 
 All trials of a seed have the same starts and first goals where floors have the same endpoints, so they pair.
 """
@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 
 from train.evaluation.jobs import Job, Result, Tick
 from train.evaluation.places import Places
@@ -18,7 +19,7 @@ from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
 
-POLICY = "greedy"  # right of way alone: no training, and no contact
+BLOCK = 1_000  # seeds of each use, so that what is confirmed has none of those it was chosen by
 AS_IS = "as it is"  # the floor without a change
 
 
@@ -28,6 +29,7 @@ class Trial(Job):
 
     floor: str  # its name among those that are tried
     grid: GridMap
+    policy: str
     robots: int
     seed: int
     seconds: float
@@ -37,15 +39,16 @@ class Trial(Job):
     def identity(self) -> Row:
         """What its row is known by."""
         return {
-            "floor": self.floor, "content": f"{self.grid.key} {self.grid.endpoints[2]}", "robots": self.robots,
-            "seed": self.seed, "planner": self.planner, "asked_seconds": self.seconds, "version": __version__,
+            "floor": self.floor, "content": f"{self.grid.key} {self.grid.endpoints[2]}", "policy": self.policy,
+            "robots": self.robots, "seed": self.seed, "planner": self.planner,
+            "asked_seconds": self.seconds, "version": __version__,
         }  # fmt: skip
 
     @property
     def title(self) -> str:
-        """Its robots, and its floor where that is changed."""
+        """Its robots and their policy, and its floor where that is changed."""
         changed = "" if self.floor == AS_IS else f", {self.floor}"
-        return f"{self.robots} robot{'s' * (self.robots > 1)}{changed}"
+        return f"{self.robots} robot{'s' * (self.robots > 1)} · {self.policy}{changed}"
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Trial | None]:
         """Return its row, if there is one."""
@@ -54,7 +57,7 @@ class Trial(Job):
     def run(self, tick: Tick) -> Result:
         """Drive an episode; its row also says what was noted of places."""
         env = EnvConfig(num_agents=self.robots, planner=self.planner)
-        experiment = make_experiment(POLICY, env, 1, self.seconds, self.seed)
+        experiment = make_experiment(self.policy, env, 1, self.seconds, self.seed)
         places = Places(experiment)
         (row,) = run(experiment, [places], self.grid)
         (note,) = places.rows()
@@ -67,11 +70,52 @@ Drive = Callable[[Sequence[Trial]], list[Row]]
 """From trials to their rows."""
 
 
+class Use(IntEnum):
+    """What episodes are for: each use has seeds of its own."""
+
+    CHOOSE = 0  # between numbers of robots and between policies
+    ALONE = 1
+    CONFIRM = 2  # what was chosen
+    LOOK = 3  # at changes of the floor
+    MEASURE = 4  # those that looked best
+    ASK = 5  # how many robots make so many goals
+    ANSWER = 6
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is asked."""
+
+    grid: GridMap
+    policies: tuple[str, ...]  # those that may drive, the first one looks for the number of robots
+    planner: str
+    seconds: float  # of an episode
+    seed: int
+    episodes: int | None  # of everything; None: what the clock allows
+    most: int  # robots
+    wanted: float | None = None  # goals per hour of all robots together
+    processes: int = 1  # episodes driven at a time
+
+    def trials(self, grid: GridMap, policy: str, robots: int, seeds: Sequence[int], floor: str = AS_IS) -> list[Trial]:
+        """Return an episode for each seed."""
+        return [Trial(floor, grid, policy, robots, seed, self.seconds, self.planner) for seed in seeds]
+
+    def seeds(self, use: Use, count: int, first: int = 0) -> range:
+        """Return seeds of a use, from its number `first` on; at most BLOCK of them are its own."""
+        begin = self.seed + BLOCK * use + first
+        return range(begin, begin + count)
+
+    def at_most(self, episodes: int) -> int:
+        """Return how many episodes to drive where there is time for so many."""
+        return episodes if self.episodes is None else self.episodes
+
+
 class Clock:
     """A budget of time, or none."""
 
     def __init__(self, minutes: float | None) -> None:
         self.restart()
+        self.minutes = minutes
         self._budget = None if minutes is None else 60.0 * minutes
 
     def restart(self) -> None:

@@ -161,8 +161,8 @@ class Interval(NamedTuple):
         return self._replace(low=max(self.low, 0.0), high=min(self.high, most))
 
 
-def mean_interval(values: Iterable[float | None]) -> Interval:
-    """Return the mean with its 95% interval by Student's t; None and NaN are left out.
+def mean_interval(values: Iterable[float | None], coverage: float = 0.95) -> Interval:
+    """Return the mean with its interval (95% unless `coverage` says otherwise) by Student's t, without None and NaN.
 
     The samples are whole episodes (or runs): robots of one episode hinder each other, so they are not independent.
     """
@@ -173,21 +173,22 @@ def mean_interval(values: Iterable[float | None]) -> Interval:
     mean = float(sample.mean())
     if count == 1:
         return Interval(mean, math.nan, math.nan, 1)
-    half = t_quantile(count - 1) * float(sample.std(ddof=1)) / math.sqrt(count)
+    half = t_quantile(count - 1, coverage) * float(sample.std(ddof=1)) / math.sqrt(count)
     return Interval(mean, mean - half, mean + half, count)
 
 
 def paired(
-    rows: Iterable[Row], other: Iterable[Row], value: Callable[[Row], float | None], names: Sequence[str]
-) -> Interval:
-    """Return the mean difference of rows from other rows that have the same named fields, with its 95% interval."""
+    rows: Iterable[Row], other: Iterable[Row], value: Callable[[Row], float | None], names: Sequence[str],
+    coverage: float = 0.95,
+) -> Interval:  # fmt: skip
+    """Return the mean difference of rows from other rows with the same named fields, as `mean_interval` gives it."""
     known = {values_of(row, names): value(row) for row in other}
     differences = []
     for row in rows:
         mine, theirs = value(row), known.get(values_of(row, names))
         if mine is not None and theirs is not None:
             differences.append(mine - theirs)
-    return mean_interval(differences)
+    return mean_interval(differences, coverage)
 
 
 def values_of(row: Row, names: Sequence[str]) -> tuple[object, ...]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.render.chart_style import FAINT, INK, empty_figure, hexed, style, svg
 from warehouse_env.render.charts import Bar, collision_scale
-from warehouse_env.render.colours import BLUE, CONTACT, GREEN, GREY, name_colours
+from warehouse_env.render.colours import BLUE, CONTACT, GREEN, GREY, RGB, name_colours
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -122,30 +122,38 @@ def differences(panels: Mapping[str, Sequence[Pair]], label: str, unit: str = ""
         return svg(figure, label)
 
 
-def throughput(loads: Sequence[Load], alone: float, bears: int, label: str) -> str:
+def throughput(
+    loads: Sequence[Load], alone: float, most: Load, knee: tuple[float, float, float] | None, label: str
+) -> str:
     """Draw the goals per hour of a whole floor over its robots; alone: those of one robot that nobody hinders.
 
-    bears: the number of robots that is marked as the most that the floor bears.
+    most: the answer, drawn large. knee: robots from which a further one is hardly worth it, with its interval.
     """
     with style():
         figure = empty_figure(7.6, 3.6)
         ax = figure.add_subplot()
         loads = sorted(loads)
         robots, means = [load.robots for load in loads], [load.mean for load in loads]
-        top = max([1e-9, *means, *(load.high for load in loads if np.isfinite(load.high))])
+        top = max([1e-9, *means, *(load.high for load in [*loads, most] if np.isfinite(load.high))])
         ax.plot([0, robots[-1]], [0, alone * robots[-1]], color=FAINT, lw=1.2, ls=(0, (4, 3)), label="none in the way")
         ax.plot(robots, means, color=hexed(BLUE), lw=1.6)
         for load in loads:
-            reach = np.nan_to_num([[load.mean - max(load.low, 0.0)], [load.high - load.mean]]).clip(0)
-            colour, marker = (CONTACT, "X") if load.jammed else (BLUE, "o")
-            ax.errorbar(
-                [load.robots], [load.mean], reach, fmt=marker, ms=7, color=hexed(colour), elinewidth=1.4, capsize=3
-            )
-        ax.axvspan(0, bears, color=hexed(GREEN), alpha=0.1, lw=0)
-        for marker, colour, text in (("o", BLUE, "drives"), ("X", CONTACT, "jams")):
+            _dot(ax, load, *((CONTACT, "X") if load.jammed else (BLUE, "o")), 6)
+        _dot(ax, most, GREEN, "o", 11)
+        if knee is not None:
+            at, low, high = knee
+            ax.axvspan(low, min(high, robots[-1]), color=hexed(GREY), alpha=0.18, lw=0)
+            ax.axvline(at, color=INK, lw=1.2, label=f"a further one brings half, from {at:.0f}")
+        shapes = (("o", GREEN, f"most goals, {most.robots} robots"), ("o", BLUE, "drives"), ("X", CONTACT, "jams"))
+        for marker, colour, text in shapes:
             ax.plot([], [], marker, color=hexed(colour), label=text)
-        ax.plot([], [], "s", color=hexed(GREEN), alpha=0.3, label=f"up to {bears} robots")
         ax.set(xlim=(0, robots[-1] * 1.05), ylim=(0, top * 1.12), xlabel="robots", ylabel="goals per hour, all robots")
         ax.grid(axis="y")
-        figure.legend(loc="outside upper left", ncols=4)
+        figure.legend(loc="outside upper left", ncols=5)
         return svg(figure, label)
+
+
+def _dot(ax: Axes, load: Load, colour: RGB, marker: str, size: float) -> None:
+    reach = np.nan_to_num([[load.mean - max(load.low, 0.0)], [load.high - load.mean]]).clip(0)
+    style_ = {"fmt": marker, "ms": size, "color": hexed(colour), "elinewidth": 1.4, "capsize": 3}
+    ax.errorbar([load.robots], [load.mean], reach, **style_)

@@ -1,0 +1,69 @@
+"""Floors that are only thought of: rows as trials give them, of robots whose goals follow a known curve with noise."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from train.advice.trials import Clock, Drive, Plan, Trial
+from warehouse_env.maps.grid_map import GridMap
+
+Curve = Callable[[float], float]
+"""From a number of robots to the goals per hour of all together."""
+
+
+def floor_of(*lines: str, **more: Any) -> GridMap:
+    return GridMap(np.array([[letter == "#" for letter in line] for line in lines]), name="hall", **more)
+
+
+def driver(
+    curves: Mapping[str, Curve], noise: float = 0.0, stuck: Callable[[float], float] = lambda robots: 0.0,
+    changed: Mapping[str, float] = {}, salt: int = 0,
+) -> Drive:  # fmt: skip
+    """Return what drives; noise: of an episode, as a share. changed: goals per hour that a floor brings, by its name."""
+
+    def row(trial: Trial) -> dict[str, Any]:
+        name = f"{trial.floor} {trial.policy} {trial.robots} {trial.seed} {salt}"
+        rng = np.random.default_rng(zlib.crc32(name.encode()))
+        goals = (curves[trial.policy](trial.robots) + changed.get(trial.floor, 0.0)) / trial.robots
+        late, whole = goals * (1 + noise * rng.standard_normal(2))
+        return {
+            "robots": trial.robots, "seed": trial.seed, "seconds": trial.seconds, "shape": list(trial.grid.shape),
+            "late_goals_per_robot_hour": late, "goals_per_robot_hour": whole, "waiting_share": 0.1,
+            "stuck": stuck(trial.robots), "waited": [], "contacts": [], "ratios": [1.0], "path_length_m": 20.0,
+            "collisions_per_km": 0.0,
+        }  # fmt: skip
+
+    return lambda trials: [row(trial) for trial in trials]
+
+
+def plan_of(grid: GridMap, **changes: Any) -> Plan:
+    """Return a plan for one policy, "ours", with six episodes of everything."""
+    asked = {"policies": ("ours",), "planner": "astar", "seconds": 300.0, "seed": 0, "episodes": 6, "most": 512}
+    return Plan(grid, **{**asked, **changes})
+
+
+class Slow(Clock):
+    """A clock by which an episode takes as many milliseconds as it has robots."""
+
+    def __init__(self, minutes: float, drive: Drive) -> None:
+        self._passed = 0.0
+        super().__init__(minutes)
+        self._drive = drive
+
+    def restart(self) -> None:
+        """Begin anew."""
+        self._passed = 0.0
+
+    @property
+    def spent(self) -> float:
+        """Seconds since it was made, or restarted."""
+        return self._passed
+
+    def drive(self, trials: Sequence[Trial]) -> list[dict[str, Any]]:
+        """Drive, which takes its time."""
+        self._passed += sum(trial.robots for trial in trials) / 1000
+        return self._drive(trials)

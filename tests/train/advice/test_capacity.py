@@ -1,0 +1,157 @@
+"""How many robots: on curves with a known peak, a plateau, a collapse and noise; and how many make so many goals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+
+from tests.train.advice.floors import Curve, Slow, driver, floor_of, plan_of
+from train.advice.asked import asked
+from train.advice.capacity import Capacity, begins_with, capacity
+from train.advice.curve import rungs
+from train.advice.study import Crew, Study
+from train.advice.trials import Clock, Trial
+
+HALL = floor_of(*["." * 48] * 48)  # 2,304 cells
+
+
+def peaked(at: float, each: float = 200.0) -> Curve:
+    """Return goals that rise with `each` of the first, are most at `at`, and fall slowly behind."""
+    return lambda robots: each * robots * math.exp(-robots / at)
+
+
+def plateau(robots: float) -> float:
+    """Rise to 4,000 goals at 20 robots, and stay."""
+    return 200.0 * min(robots, 20.0)
+
+
+def collapse(robots: float) -> float:
+    """Rise to 8,000 goals at 40 robots, and fall to next to nothing beyond."""
+    return 200.0 * robots if robots <= 40 else 500.0
+
+
+def found(curve: Curve, noise: float = 0.0, salt: int = 0, **changes: object) -> Capacity:
+    plan = plan_of(HALL, **changes)
+    return capacity(Study(plan, driver({"ours": curve}, noise, salt=salt), Clock(None)))
+
+
+@pytest.mark.parametrize("salt", range(10))
+@pytest.mark.parametrize("at", [7.0, 30.0, 200.0])
+def test_a_known_peak_is_found_through_noise(at: float, salt: int) -> None:
+    curve = peaked(at)
+    one = found(curve, 0.03, salt)
+    assert curve(one.crew.robots) >= 0.93 * curve(at)
+    assert one.crew.robots <= 2 * at
+    assert one.goals.goals.mean == pytest.approx(curve(one.crew.robots), rel=0.05)
+
+
+def test_without_noise_the_best_number_and_its_neighbours_are_told() -> None:
+    one = found(peaked(24.0))
+    assert (one.crew, one.best) == (Crew("ours", 24), 24)
+    assert one.goals.goals.mean == pytest.approx(peaked(24.0)(24))
+
+
+def test_of_a_plateau_its_beginning_is_named() -> None:
+    one = found(plateau)
+    assert one.crew.robots == 24  # the first of the numbers tried that makes most
+    assert one.knee is not None
+    assert 16 < one.knee.mean < 24
+    assert one.jam is None
+
+
+def test_a_collapse_is_not_where_the_most_is() -> None:
+    one = found(collapse)
+    assert one.crew.robots == 32
+    assert one.jam is not None
+    assert one.jam.robots == 48
+    assert one.jam.episodes == 6
+
+
+@pytest.mark.parametrize("salt", range(10))
+def test_the_policy_that_drives_best_is_chosen_and_measured_anew(salt: int) -> None:
+    curves = {"ours": peaked(30.0), "better": peaked(30.0, 230.0), "worse": peaked(30.0, 150.0)}
+    plan = plan_of(HALL, policies=tuple(curves))
+    one = capacity(Study(plan, driver(curves, 0.03, salt=salt), Clock(None)))
+    assert one.crew.policy == "better"
+    assert [other.policy for other in one.others] == ["ours", "worse"]
+    assert one.others[0].difference.mean == pytest.approx(30 / 230 * one.goals.goals.mean, rel=0.4)
+    assert one.alone.mean == pytest.approx(230.0, rel=0.1)
+
+
+def test_the_answer_is_measured_on_seeds_that_had_no_part_in_the_choice() -> None:
+    lucky = driver({"ours": peaked(30.0)})
+
+    def drive(trials: Sequence[Trial]) -> list[dict[str, Any]]:
+        """Give whoever drives a seed of the choice three times as much."""
+        rows = lucky(trials)
+        for row in rows:
+            row["late_goals_per_robot_hour"] *= 3 if row["seed"] < 1_000 else 1
+        return rows
+
+    one = capacity(Study(plan_of(HALL), drive, Clock(None)))
+    assert one.goals.goals.mean == pytest.approx(peaked(30.0)(one.crew.robots))
+
+
+def test_the_search_begins_with_as_many_robots_as_a_floor_has_room_for() -> None:
+    assert begins_with(HALL, 512) == 32
+    assert begins_with(HALL, 5) == 4
+    assert begins_with(floor_of("....", "...."), 7) == 1
+
+
+def test_on_a_large_floor_the_peak_is_found_in_little_time() -> None:
+    """An episode takes 1 ms a robot, so a second is one episode of a thousand; 512 make most."""
+    clock = Slow(0.6, driver({"ours": peaked(512.0)}, 0.01))
+    one = capacity(Study(plan_of(floor_of(*["." * 180] * 180), episodes=None, most=2048), clock.drive, clock))
+    assert one.crew.robots in (384, 512)
+    assert one.knee is not None
+    assert 100 < one.knee.mean < 250
+    assert clock.spent <= 60 * 0.6
+
+
+def test_where_time_is_short_it_says_what_is_missing() -> None:
+    clock = Slow(0.01, driver({"ours": peaked(30.0)}, 0.01))
+    one = capacity(Study(plan_of(HALL, episodes=None), clock.drive, clock))
+    assert one.stopped
+    assert one.goals.episodes >= 3
+
+
+@pytest.mark.parametrize("salt", range(10))
+def test_the_fewest_that_make_so_many_goals(salt: int) -> None:
+    curve = peaked(60.0)
+    plan = plan_of(HALL, wanted=3000.0, episodes=12)
+    study = Study(plan, driver({"ours": curve}, 0.03, salt=salt), Clock(None))
+    one = asked(study, capacity(study), 1.0)
+    fewest = next(robots for robots in range(60) if curve(robots) >= 3000.0)
+    assert one.robots is not None
+    assert fewest <= one.robots <= 1.25 * fewest
+    assert one.goals.low >= 3000.0
+
+
+def test_goals_that_a_floor_cannot_make_are_called_so() -> None:
+    study = Study(plan_of(HALL, wanted=5000.0), driver({"ours": peaked(30.0)}, 0.02), Clock(None))
+    one = asked(study, capacity(study), 1.0)  # the most is 200 * 30 / e = 2,207
+    assert (one.robots, one.possible) == (None, False)
+
+
+def test_the_fewest_are_confirmed_on_seeds_that_had_no_part_in_finding_them() -> None:
+    curve = peaked(60.0)
+    honest = driver({"ours": curve})
+
+    def drive(trials: Sequence[Trial]) -> list[dict[str, Any]]:
+        """Give a tenth more to all but the seeds of the answer."""
+        rows = honest(trials)
+        for row in rows:
+            row["late_goals_per_robot_hour"] *= 1.0 if row["seed"] >= 6_000 else 1.1
+        return rows
+
+    study = Study(plan_of(HALL, wanted=3000.0), drive, Clock(None))
+    one = asked(study, capacity(study), 1.0)
+    assert one.robots is None or curve(one.robots) >= 3000.0
+
+
+def test_rungs_are_those_tried() -> None:
+    one = found(peaked(30.0))
+    assert {load.robots for load in one.loads} <= set(rungs(1, 512))

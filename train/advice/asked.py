@@ -1,0 +1,57 @@
+"""How many robots make so many goals an hour: the fewest that do, on seeds that had no part in finding them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from train.advice.capacity import Capacity
+from train.advice.curve import Load, bracket, fewest_that, goals_of
+from train.advice.study import Crew, Study
+from train.advice.trials import Use
+from train.reporting.rows import Interval, mean_interval
+
+LOOKS = 6  # episodes of each number that is tried
+ANSWERS = 12  # episodes, with seeds of their own, of each number that may be the answer
+TRIES = 3  # of such numbers, at most
+SURE = 1 - 0.05 / TRIES  # of each interval, so that all of them together hold with 95%
+
+
+class Asked(NamedTuple):
+    """What it takes to make so many goals an hour."""
+
+    wanted: float  # goals per hour
+    robots: int | None  # that make them; None where of none it is sure
+    goals: Interval  # what those make, at SURE; else what the best do
+    fewer: Load | None  # the most robots tried below, which may not
+
+    @property
+    def possible(self) -> bool:
+        """Whether the floor may bear it."""
+        return not self.goals.high < self.wanted
+
+
+def asked(study: Study, capacity: Capacity, share: float) -> Asked:
+    """Return the fewest robots of the chosen policy that make as many goals as the plan wants, if the floor can."""
+    plan, policy = study.plan, capacity.crew.policy
+    wanted = plan.wanted or 0.0
+    none = Asked(wanted, None, capacity.goals.goals, None)
+    ends = bracket(capacity.loads, wanted)
+    if ends is None:
+        return none
+
+    def reaches(robots: int) -> bool:
+        crew, seeds = Crew(policy, robots), plan.seeds(Use.ASK, plan.at_most(LOOKS))
+        if not study.affords([crew], seeds, share):
+            return False
+        (rows,) = study.rows([crew], seeds)
+        return mean_interval(map(goals_of, rows)).low >= wanted
+
+    number = fewest_that(reaches, *ends)
+    for _ in range(TRIES):
+        (rows,) = study.rows([Crew(policy, number)], plan.seeds(Use.ANSWER, plan.at_most(ANSWERS)))
+        made = mean_interval(map(goals_of, rows), SURE)
+        if made.low >= wanted:
+            fewer = [load for load in study.loads(policy, Use.ASK) if load.robots < number]
+            return Asked(wanted, number, made, fewer[-1] if fewer else None)
+        number = min(plan.most, number + max(1, number // 16))
+    return none

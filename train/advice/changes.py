@@ -1,0 +1,147 @@
+"""What changes of the floor bring: many race in few pairs of episodes, the best of each kind is measured anew."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from train.advice import candidates
+from train.advice.candidates import Bottleneck, Candidate, Kind
+from train.advice.race import FEWEST, race
+from train.advice.study import Crew
+from train.advice.trials import AS_IS, Clock, Drive, Plan, Use
+from train.reporting.rows import Interval, Row, mean_interval, paired
+from warehouse_env.traffic.together import Task
+
+KINDS: tuple[Kind, ...] = ("aisle", "one-way")
+SOUGHT = 6  # changes of each kind that are driven at most, where there is time
+CHOSEN_AT = 3  # bottlenecks, the worst ones, that changes are sought for
+ROUNDS = 6  # of the race, at most
+PAIRS = 8  # of episodes before a change is said to bring something
+MOST_PAIRS = 40  # where there is time
+SURE = 1 - 0.05 / len(KINDS)  # of an interval: of a hundred floors where nothing helps, at most five are told otherwise
+
+
+class Effect(NamedTuple):
+    """What a change of the floor brings, in pairs of episodes with the same seeds."""
+
+    candidate: Candidate
+    first: Interval  # goals per hour of all robots, by which it was chosen among others
+    base: Interval  # goals per hour on the floor as it is, in the episodes of `goals`
+    goals: Interval | None  # the difference in episodes of their own, at SURE; None for what was not chosen
+    waiting: Interval | None  # share of time, the same
+    trip: Interval | None  # metres driven to a goal, the same
+
+    @property
+    def told(self) -> bool:
+        """Whether there were enough pairs, and their interval leaves out 0."""
+        return self.goals is not None and self.goals.samples >= PAIRS and not self.goals.low <= 0 <= self.goals.high
+
+
+def options(
+    plan: Plan, worst: Sequence[Bottleneck], trips: Sequence[Task], flow: NDArray[np.float64], robots: int, most: int
+) -> list[Candidate]:
+    """Return the changes at the worst places by which trips should cost least, up to `most` of each kind."""
+    cells = [place.cell for place in worst[:CHOSEN_AT]]
+    opened = [one for cell in cells for one in candidates.aisles(plan.grid, cell)]
+    directed = [one for cell in cells for one in candidates.one_ways(plan.grid, cell, flow)]
+    directed += candidates.alternating(plan.grid) if cells else []
+    return [one for kind in (opened, directed) for one in candidates.choose(kind, trips, robots, most)]
+
+
+def affordable(left: float, took: float) -> int:
+    """Return how many changes of each kind, 1 to SOUGHT, can be raced in the seconds that are left; took: an episode.
+
+    The best of each kind, and the floor as it is, are then driven PAIRS times.
+    """
+    episodes = min(left / max(took, 1e-9), 1e9) - PAIRS * (1 + len(KINDS))
+    return int(min(SOUGHT, max(1, (episodes / FEWEST - 1) // len(KINDS))))
+
+
+def effects(plan: Plan, chosen: Sequence[Candidate], crew: Crew, drive: Drive, clock: Clock) -> list[Effect]:
+    """Race the changes of each kind, then measure the best of each on new seeds, for what it was chosen by flatters it.
+
+    The effects are in the order of their kind, best first.
+    """
+    rounds = _Rounds(plan, crew, drive, clock)
+    order: list[tuple[Candidate, Interval]] = []
+    for kind in KINDS:
+        order += _raced([one for one in chosen if one.kind == kind], rounds)
+    best = [one for k, (one, _) in enumerate(order) if k == 0 or order[k - 1][0].kind != one.kind]
+    base, again = rounds.pairs(best)
+    found = {one.text: rows for one, rows in zip(best, again, strict=True)}
+    return [_effect(one, first, base, found.get(one.text), crew.robots) for one, first in order]
+
+
+class _Rounds:
+    """Rounds of episodes on changed floors and the one as it is, a seed a round."""
+
+    def __init__(self, plan: Plan, crew: Crew, drive: Drive, clock: Clock) -> None:
+        self.plan, self.crew, self._drive, self._clock = plan, crew, drive, clock
+        self.took = 0.0  # [s], an episode of the last round
+        self.base: dict[int, Row] = {}  # episodes on the floor as it is, by seed
+
+    def look(self, left: Sequence[Candidate], number: int) -> list[float]:
+        """Return what changes bring in a round of their race [goals/h]."""
+        seed = self.plan.seeds(Use.LOOK, 1, number)[0]
+        base, *rows = self._driven(left, seed)
+        return [self.crew.robots * (_goals(row) - _goals(base)) for row in rows]
+
+    def go_on(self, left: Sequence[Candidate], number: int) -> bool:
+        """Return whether there is time for another round beside those that measure."""
+        reserved = PAIRS * (1 + len(KINDS)) * self.took
+        return number < FEWEST or self._clock.allows((len(left) + 1) * self.took + reserved)
+
+    def pairs(self, best: Sequence[Candidate]) -> tuple[list[Row], list[list[Row]]]:
+        """Drive the floor as it is and the best changes, FEWEST times at least and as often as there is time for."""
+        base: list[Row] = []
+        found: list[list[Row]] = [[] for _ in best]
+        for done, seed in enumerate(self.plan.seeds(Use.MEASURE, self.plan.at_most(MOST_PAIRS)) if best else ()):
+            if done >= FEWEST and not self._clock.allows((1 + len(best)) * self.took):
+                break
+            row, *rows = self._driven(best, seed)
+            base.append(row)
+            for own, one in zip(found, rows, strict=True):
+                own.append(one)
+        return base, found
+
+    def _driven(self, floors: Sequence[Candidate], seed: int) -> list[Row]:
+        """Drive one seed on the floor as it is, unless that is known, and on changed ones."""
+        begin, plan = self._clock.spent, self.plan
+        asked = [] if seed in self.base else plan.trials(plan.grid, *self.crew, [seed], AS_IS)
+        asked += [trial for one in floors for trial in plan.trials(one.grid, *self.crew, [seed], one.text)]
+        rows = self._drive(asked)
+        if seed not in self.base:
+            self.base[seed], *rows = rows
+        self.took = (self._clock.spent - begin) / max(1, len(asked))
+        return [self.base[seed], *rows]
+
+
+def _raced(chosen: Sequence[Candidate], rounds: _Rounds) -> list[tuple[Candidate, Interval]]:
+    """Race changes of one kind; return them and what they brought, best first: those left, then those out."""
+    by_text = {one.text: one for one in chosen}
+    raced = race(
+        list(by_text), lambda left, number: rounds.look([by_text[text] for text in left], number),
+        rounds.plan.at_most(ROUNDS), lambda left, number: rounds.go_on([by_text[text] for text in left], number),
+    )  # fmt: skip
+    found = {text: mean_interval(values) for text, values in raced.values.items()}
+    order = sorted(found, key=lambda text: (text not in raced.left, -found[text].mean if found[text].samples else 0.0))
+    return [(by_text[text], found[text]) for text in order]
+
+
+def _effect(one: Candidate, first: Interval, base: Sequence[Row], rows: Sequence[Row] | None, robots: int) -> Effect:
+    whole = mean_interval(map(_goals, base)).times(robots)
+    if rows is None:
+        return Effect(one, first, whole, None, None, None)
+    goals, waiting, trip = (
+        paired(rows, base, value, ("seed",), SURE)
+        for value in (_goals, lambda row: row["waiting_share"], lambda row: row["path_length_m"])
+    )
+    return Effect(one, first, whole, goals.times(robots), waiting, trip)
+
+
+def _goals(row: Row) -> float:
+    return row["goals_per_robot_hour"] or 0.0
