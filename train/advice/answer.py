@@ -191,6 +191,6 @@ def _basis(advice: Advice) -> str:
         "Simulated: lifelong trips between pick faces and stations drawn at random, robots of 0.9 x 0.6 m, episodes of "
         f"{plan.seconds:g} s of which the second half is counted. Brackets are 95% intervals over episodes; "
         "those of changes are so much wider that both kinds together hold with 95%. A change is chosen in some "
-        "episodes and measured in others with new seeds, in pairs with the floor as it is; pick faces and stations stay, also "
-        "where their shelf goes. Where orders favour some shelves, this may be otherwise."
+        "episodes and measured in others with new seeds, in pairs with the floor as it is; pick faces and stations "
+        "stay, also where their shelf goes. Where orders favour some shelves, this may be otherwise."
     )

@@ -86,9 +86,8 @@ class _Rounds:
 
     def look(self, left: Sequence[Candidate], number: int) -> list[float]:
         """Return what changes bring in a round of their race [goals/h]."""
-        seed = self.plan.seeds(Use.LOOK, 1, number)[0]
-        base, *rows = self._driven(left, seed)
-        return [self.crew.robots * (_goals(row) - _goals(base)) for row in rows]
+        (base,), *rows = self._driven(left, self.plan.seeds(Use.LOOK, 1, number))
+        return [self.crew.robots * (_goals(row) - _goals(base)) for (row,) in rows]
 
     def go_on(self, left: Sequence[Candidate], number: int) -> bool:
         """Return whether there is time for another round beside those that measure."""
@@ -97,27 +96,30 @@ class _Rounds:
 
     def pairs(self, best: Sequence[Candidate]) -> tuple[list[Row], list[list[Row]]]:
         """Drive the floor as it is and the best changes, FEWEST times at least and as often as there is time for."""
-        base: list[Row] = []
-        found: list[list[Row]] = [[] for _ in best]
-        for done, seed in enumerate(self.plan.seeds(Use.MEASURE, self.plan.at_most(MOST_PAIRS)) if best else ()):
-            if done >= FEWEST and not self._clock.allows((1 + len(best)) * self.took):
+        found: list[list[Row]] = [[] for _ in range(1 + len(best))]
+        done, most = 0, self.plan.at_most(MOST_PAIRS) if best else 0
+        while done < most:
+            count = min(most - done, max(0 if done else FEWEST, self.plan.processes))
+            if done and not self._clock.allows(count * len(found) * self.took):
                 break
-            row, *rows = self._driven(best, seed)
-            base.append(row)
-            for own, one in zip(found, rows, strict=True):
-                own.append(one)
-        return base, found
+            for own, rows in zip(found, self._driven(best, self.plan.seeds(Use.MEASURE, count, done)), strict=True):
+                own += rows
+            done += count
+        base, *again = found
+        return base, again
 
-    def _driven(self, floors: Sequence[Candidate], seed: int) -> list[Row]:
-        """Drive one seed on the floor as it is, unless that is known, and on changed ones."""
+    def _driven(self, floors: Sequence[Candidate], seeds: Sequence[int]) -> list[list[Row]]:
+        """Drive the floor as it is, where that is not known, and changed ones; return the rows of each."""
         begin, plan = self._clock.spent, self.plan
-        asked = [] if seed in self.base else plan.trials(plan.grid, *self.crew, [seed], AS_IS)
-        asked += [trial for one in floors for trial in plan.trials(one.grid, *self.crew, [seed], one.text)]
+        lacking = [seed for seed in seeds if seed not in self.base]
+        asked = plan.trials(plan.grid, *self.crew, lacking, AS_IS)
+        asked += [trial for one in floors for trial in plan.trials(one.grid, *self.crew, seeds, one.text)]
         rows = self._drive(asked)
-        if seed not in self.base:
-            self.base[seed], *rows = rows
+        self.base |= zip(lacking, rows[: len(lacking)], strict=True)
+        rows = rows[len(lacking) :]
         self.took = (self._clock.spent - begin) / max(1, len(asked))
-        return [self.base[seed], *rows]
+        changed = [rows[k * len(seeds) : (k + 1) * len(seeds)] for k in range(len(floors))]
+        return [[self.base[seed] for seed in seeds], *changed]
 
 
 def _raced(chosen: Sequence[Candidate], rounds: _Rounds) -> list[tuple[Candidate, Interval]]:

@@ -9,15 +9,13 @@ from train.advice.curve import rungs
 from train.advice.race import FEWEST
 from train.advice.study import Study
 
-UPWARD = 4  # times as many robots as the search begins with: about where most goals are made
+UPWARD = 8  # times as many robots as the search begins with: about where most goals are made
 
 
 def expected(study: Study, minutes: float | None) -> str:
     """Say how long it should take to find the number of robots, and what changes bring; minutes: those given."""
-    plan = study.plan
-    first = capacity.begins_with(plan.grid, plan.most)
-    most = min(plan.most, UPWARD * first)
-    number, change = _minutes(study, _for_the_number(study, first, most)), _minutes(study, _for_changes(study, most))
+    first = capacity.begins_with(study.plan.grid, study.plan.most)
+    number, change = needed(study)
     text = (
         f"An episode of {first} robots takes {study.seconds(first):.2g} s here. The number of robots should take about "
         f"{_rounded(number)}, what changes of the floor bring {_rounded(change)} more."
@@ -29,18 +27,26 @@ def expected(study: Study, minutes: float | None) -> str:
     return f"{text} In {minutes:g} minutes it is looked for less closely, and may not be found."
 
 
+def needed(study: Study) -> tuple[float, float]:
+    """Return about how long [min] it takes to find the number of robots, and what changes bring."""
+    plan = study.plan
+    first = capacity.begins_with(plan.grid, plan.most)
+    most = min(plan.most, UPWARD * first)
+    return _minutes(study, _for_the_number(study, first, most)), _minutes(study, _for_changes(most))
+
+
 def _for_the_number(study: Study, first: int, most: int) -> Iterable[tuple[int, int]]:
     """Yield episodes and robots: on the way up, between policies, between numbers, below them, and confirmed."""
     plan, policies = study.plan, len(study.plan.policies)
     near = rungs(max(1, most // 2), min(2 * most, plan.most))
-    yield from ((capacity.SCOUTS, count) for count in (first, 2 * first, most, 2 * most) if count <= plan.most)
+    yield from ((capacity.SCOUTS, count) for count in (first, most // 4, most // 2, most, near[-1]))
     yield from (((policies - 1) * FEWEST, count) for count in (most // 2, most))
     yield from ((FEWEST, count) for count in near)
-    yield from ((capacity.STEADY, count) for count in rungs(first, most))
+    yield from ((capacity.STEADY, count) for count in rungs(max(1, most // 4), most))
     yield capacity.CONFIRMED * policies, most
 
 
-def _for_changes(study: Study, most: int) -> Iterable[tuple[int, int]]:
+def _for_changes(most: int) -> Iterable[tuple[int, int]]:
     yield FEWEST * (len(changes.KINDS) * (changes.SOUGHT + 1)), most
     yield changes.PAIRS * (1 + len(changes.KINDS)), most
 

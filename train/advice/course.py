@@ -58,12 +58,13 @@ def advise(plan: Plan, drive: Drive, clock: Clock, say: Say) -> Advice:
 
 
 def _begun(plan: Plan, drive: Drive, clock: Clock, say: Say) -> Study:
-    """Drive robots alone, then the first number of them, from which on the time counts, and say what to expect."""
+    """Drive what compiles, robots alone and the first number of them; then begin to count and say what to expect."""
     study = Study(plan, drive, clock)
+    first = [Crew(policy, begins_with(plan.grid, plan.most)) for policy in plan.policies]
     study.rows([Crew(policy, 1) for policy in plan.policies], plan.seeds(Use.ALONE, plan.at_most(ALONE)))
+    study.rows(first, plan.seeds(Use.CHOOSE, plan.at_most(SCOUTS)))
     study.restart()
-    first = begins_with(plan.grid, plan.most)
-    study.rows([Crew(policy, first) for policy in plan.policies], plan.seeds(Use.CHOOSE, plan.at_most(SCOUTS)))
+    study.rows(first, plan.seeds(Use.CHOOSE, SCOUTS, plan.at_most(SCOUTS)))
     say(expected(study, clock.minutes))
     return study
 

@@ -23,7 +23,7 @@ def driver(
     curves: Mapping[str, Curve], noise: float = 0.0, stuck: Callable[[float], float] = lambda robots: 0.0,
     changed: Mapping[str, float] = {}, salt: int = 0,
 ) -> Drive:  # fmt: skip
-    """Return what drives; noise: of an episode, as a share. changed: goals per hour that a floor brings, by its name."""
+    """Return what drives; noise: of an episode, as a share. changed: goals/h that a floor brings, by its name."""
 
     def row(trial: Trial) -> dict[str, Any]:
         name = f"{trial.floor} {trial.policy} {trial.robots} {trial.seed} {salt}"
@@ -47,10 +47,10 @@ def plan_of(grid: GridMap, **changes: Any) -> Plan:
 
 
 class Slow(Clock):
-    """A clock by which an episode takes as many milliseconds as it has robots."""
+    """A clock by which an episode takes as many milliseconds as it has robots, or a power of them."""
 
-    def __init__(self, minutes: float, drive: Drive) -> None:
-        self._passed = 0.0
+    def __init__(self, minutes: float, drive: Drive, power: float = 1.0) -> None:
+        self._passed, self._power = 0.0, power
         super().__init__(minutes)
         self._drive = drive
 
@@ -65,5 +65,5 @@ class Slow(Clock):
 
     def drive(self, trials: Sequence[Trial]) -> list[dict[str, Any]]:
         """Drive, which takes its time."""
-        self._passed += sum(trial.robots for trial in trials) / 1000
+        self._passed += sum(trial.robots**self._power for trial in trials) / 1000
         return self._drive(trials)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +38,6 @@ from train.cli import main
 from train.evaluation.jobs import Result, Runner, Tick
 from train.evaluation.places import Floor
 from train.reporting.rows import Interval, RowFile, read_rows
-from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.movingai import EXAMPLE_MAP
 
 # Two racks of 2 x 4 cells, an aisle of one cell between them, ways of one cell around.
@@ -202,8 +200,8 @@ def test_the_answer_in_words() -> None:
         "24 robots still drive."
     )
     assert policy == (
-        "Who drives is `threaded_ppo`. Its difference from `greedy` with as many robots is +100 [50, 150] goals an hour "
-        "in 8 pairs of episodes."
+        "Who drives is `threaded_ppo`. Its difference from `greedy` with as many robots is +100 [50, 150] goals an "
+        "hour in 8 pairs of episodes."
     )
     assert places == "16 robots wait most at **1** (x 3.5 m, y 3.5 m; 75% of all waiting, 25% of all trips pass)."
     assert "it brings +50.0 [40.0, 60.0] goals an hour (+5.0%) in 8 pairs of episodes." in aisle
@@ -244,8 +242,8 @@ def test_goals_that_were_asked_for_come_first() -> None:
     few = load(11, interval(700.0, 50.0))
     first, *_ = answer(advice(Asked(800.0, 12, interval(850.0, 40.0, 12), few)))
     assert first == (
-        "**800 goals an hour take 12 robots**: they make 850 [810, 890], in 12 episodes that had no part in finding them "
-        "[98% interval]. 11 robots are too few: 700 [650, 750]."
+        "**800 goals an hour take 12 robots**: they make 850 [810, 890], in 12 episodes that had no part in finding "
+        "them [98% interval]. 11 robots are too few: 700 [650, 750]."
     )
     first, *_ = answer(advice(Asked(740.0, 12, interval(850.0, 40.0, 12), few)))
     assert "11 robots may be too few" in first

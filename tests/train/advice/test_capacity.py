@@ -11,6 +11,7 @@ import pytest
 from tests.train.advice.floors import Curve, Slow, driver, floor_of, plan_of
 from train.advice.asked import asked
 from train.advice.capacity import Capacity, begins_with, capacity
+from train.advice.cost import expected, needed
 from train.advice.curve import rungs
 from train.advice.study import Crew, Study
 from train.advice.trials import Clock, Trial
@@ -116,6 +117,21 @@ def test_where_time_is_short_it_says_what_is_missing() -> None:
     one = capacity(Study(plan_of(HALL, episodes=None), clock.drive, clock))
     assert one.stopped
     assert one.goals.episodes >= 3
+
+
+@pytest.mark.parametrize("at", [150.0, 250.0])
+def test_what_it_takes_is_told_from_the_first_episodes(at: float) -> None:
+    """Where most goals are made with a robot on 9 to 15 cells, as on halls and floors drawn at random."""
+    clock = Slow(1e3, driver({"ours": peaked(at), "other": peaked(at, 190.0)}, 0.02), 1.25)
+    study = Study(plan_of(HALL, episodes=None, policies=("ours", "other")), clock.drive, clock)
+    study.rows([Crew("ours", begins_with(HALL, 512))], range(2))
+    number, change = needed(study)
+    assert f"takes {32**1.25 / 1000:.2g} s here" in expected(study, None)
+    assert "may not be found" in expected(study, 0.5 * number)
+    assert "fewer changes are tried" in expected(study, number + 0.5 * change)
+    begin = clock.spent
+    capacity(study)
+    assert 1 / 3 < number / ((clock.spent - begin) / 60) < 3
 
 
 @pytest.mark.parametrize("salt", range(10))
