@@ -13,8 +13,10 @@ from tests.render.browser import Opener, needs_chromium, until
 from tests.render.episodes import CONFIG, driven
 from tests.render.test_replay import shares
 from warehouse_env.errors import ConfigError
+from warehouse_env.render import replay_page
+from warehouse_env.render.page_text import PAGE, SHARED
 from warehouse_env.render.replay import FLAGS, Replay, replay_of
-from warehouse_env.render.replay_page import _PAGE, _SCRIPTS, write_replay_page
+from warehouse_env.render.replay_page import write_replay_page
 from warehouse_env.render.thinning import thinned
 
 
@@ -44,6 +46,17 @@ def shown(page: Any, panel: int = 0) -> np.ndarray:
     return np.array([(r["x"], r["y"], r["heading"]) for r in page.evaluate(f"replay.robots({panel})")])
 
 
+def where(page: Any, robot: int) -> dict[str, float]:
+    """Return the middle of a robot on the first canvas [CSS px]."""
+    x, y = page.evaluate(
+        "(robot) => { const { app } = replay, [x, y] = app.replays[0].centre(robot), c = app.canvases[0];"
+        " return [c.clientWidth / 2 + (x - app.view.x) * app.view.scale,"
+        " c.clientHeight / 2 - (y - app.view.y) * app.view.scale]; }",
+        robot,
+    )
+    return {"x": x, "y": y}
+
+
 def assert_at(page: Any, replay: Replay, frame: int, panel: int = 0) -> None:
     walking = np.array([(o["x"], o["y"], o["heading"]) for o in page.evaluate(f"replay.people({panel})")])
     for apart in (shown(page, panel) - replay.pose[frame], walking - replay.people[frame]):
@@ -51,8 +64,9 @@ def assert_at(page: Any, replay: Replay, frame: int, panel: int = 0) -> None:
         assert np.abs(apart).max() < 0.0012
 
 
-def test_every_script_is_in_the_page() -> None:
-    assert {path.stem for path in _PAGE.glob("*.js")} == set(_SCRIPTS)
+def test_every_script_is_in_a_page() -> None:
+    for folder, names in (("", SHARED), (replay_page.FOLDER, replay_page.SCRIPTS)):
+        assert {path.stem for path in (PAGE / folder).glob("*.js")} == set(names)
 
 
 def test_nothing_is_fetched(one: Path) -> None:
@@ -208,12 +222,7 @@ def test_a_click_chooses_a_robot_and_its_numbers_are_shown(one: Path, replay: Re
     page = open_page(one)
     page.evaluate("replay.seek(40)")
     shown(page)  # so that they are there now
-    place = page.evaluate(
-        "(() => { const { app } = replay, [x, y] = app.replays[0].centre(3), c = app.canvases[0];"
-        " return [c.clientWidth / 2 + (x - app.view.x) * app.view.scale,"
-        " c.clientHeight / 2 - (y - app.view.y) * app.view.scale]; })()"
-    )
-    page.click(".floor canvas", position={"x": place[0], "y": place[1]})
+    page.click(".floor canvas", position=where(page, 3))
     assert page.inner_text("#robot-name") == "Robot 3"
     until(page, "document.querySelector('.chart output').textContent !== ''")
     said = page.inner_text(".chart output").replace("−", "-")

@@ -96,11 +96,11 @@ def replay_of(
     """
     if not 0 <= world < len(episode.seeds):
         raise ConfigError(f"world={world} must be one of the episode's {len(episode.seeds)}, which count from 0")
-    lines = _Lines()
+    lines = Lines()
     moments: dict[str, list[NDArray[Any]]] = {}
-    stations = _station_cells(episode.grid)
+    stations = station_cells(episode.grid)
     for simulator in episode.replay():
-        moment = _moment(simulator, world, stations)
+        moment = moment_of(simulator, world, stations)
         moment["route"] = lines.numbers(simulator, world)
         if policy is not None:
             moment["liked"] = np.asarray(policy(simulator.observation[world : world + 1])[0], dtype=np.float32)
@@ -117,15 +117,18 @@ def replay_of(
     return Replay(name, episode.grid, episode.config, seed, routes=routes, **arrays)
 
 
-def _station_cells(grid: GridMap) -> NDArray[np.bool_]:
+def station_cells(grid: GridMap) -> NDArray[np.bool_]:
     """Return bool[H * W], whether a cell is a station."""
     marked = np.zeros(grid.shape, dtype=np.bool_)
     marked[tuple(grid.stations.T)] = True
     return marked.reshape(-1)
 
 
-def _moment(simulator: Any, world: int, stations: NDArray[np.bool_]) -> dict[str, NDArray[Any]]:
-    """Copy what is to be seen of one world now but its routes; loaded is who is on its way to a station."""
+def moment_of(simulator: Any, world: int, stations: NDArray[np.bool_]) -> dict[str, NDArray[Any]]:
+    """Copy what is to be seen of one world now but its routes; loaded is who is on its way to a station.
+
+    stations: bool[H * W], see `station_cells`.
+    """
     state, events, robots = simulator.state, simulator.events, simulator.robots[world]
     jams = simulator.jams()
     goal = state.goal[world, :, 0] * simulator.grid.shape[1] + state.goal[world, :, 1]
@@ -155,24 +158,37 @@ def _totals(robots: NDArray[Any]) -> NDArray[np.int32]:
     return np.array([robots["goals"].sum(), hits, int(robots["near_misses"].sum()) // 2], dtype=np.int32)
 
 
-class _Lines:
-    """The routes met so far; one that a robot stays on is kept once."""
+class Lines:
+    """The routes met so far, numbered from 0 on; one that a robot stays on is kept once."""
 
     def __init__(self) -> None:
-        self.found: list[NDArray[np.float32]] = []
+        self.found: list[NDArray[np.float32]] = []  # but for those that `take` has given away
+        self._taken = 0
         self._last: dict[int, tuple[int, NDArray[np.float32]]] = {}  # by robot: number, way-points
 
     def numbers(self, simulator: Any, world: int) -> NDArray[np.int32]:
-        """Return int32[N], the number in `found` of the route that each robot is on."""
+        """Return int32[N], the number of the route that each robot is on."""
         counts = simulator.state.route_points[world].tolist()
         return np.array(
             [self._number(i, simulator.routes[world, i, :count]) for i, count in enumerate(counts)], dtype=np.int32
         )
 
+    def take(self) -> dict[int, NDArray[np.float32]]:
+        """Return the routes found since this was last called, by number, and keep them no longer."""
+        taken = dict(enumerate(self.found, self._taken))
+        self._taken += len(self.found)
+        self.found = []
+        return taken
+
+    def current(self) -> dict[int, NDArray[np.float32]]:
+        """Return the routes that robots are on, by number."""
+        return {number: simplified(points, _STRAIGHT) for number, points in self._last.values()}
+
     def _number(self, robot: int, points: NDArray[np.float32]) -> int:
         known = self._last.get(robot)
         if known is not None and np.array_equal(known[1], points):
             return known[0]
-        self._last[robot] = (len(self.found), points.copy())
+        number = self._taken + len(self.found)
+        self._last[robot] = (number, points.copy())
         self.found.append(simplified(points, _STRAIGHT))
-        return len(self.found) - 1
+        return number

@@ -1,4 +1,4 @@
-"""Replays as few bytes: whole numbers of a unit, their differences in time, byte by byte, deflated.
+"""Replays as few bytes: whole numbers of a unit, their differences in time, byte by byte, deflated or as they are.
 
 The browser undoes it (page/data.js). Positions are kept to 2 mm or a 26,000th of the floor, headings to an 8,192nd of a
 turn; speeds, steering and rewards to a 127th of their largest value, preferences to a 63rd.
@@ -7,7 +7,7 @@ turn; speeds, steering and rewards to a 127th of their largest value, preference
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,7 +36,13 @@ class Column(NamedTuple):
 
 def packed(replay: Replay) -> tuple[list[dict[str, Any]], bytes]:
     """Return what the columns of a replay are (name, shape, order, width, unit, signed), and all deflated."""
-    columns = list(columns_of(replay))
+    about, data = laid_out(columns_of(replay))
+    return about, zlib.compress(data, 9)
+
+
+def laid_out(columns: Iterable[Column]) -> tuple[list[dict[str, Any]], bytes]:
+    """Return what columns are (name, shape, order, width, unit, signed), and their bytes one after the other."""
+    columns = list(columns)
     about = [
         {
             "name": c.name, "shape": c.values.shape, "order": c.order, "width": c.width, "unit": c.unit,
@@ -44,7 +50,7 @@ def packed(replay: Replay) -> tuple[list[dict[str, Any]], bytes]:
         }
         for c in columns
     ]  # fmt: skip
-    return about, zlib.compress(b"".join(map(_bytes, columns)), 9)
+    return about, b"".join(map(_bytes, columns))
 
 
 def position_unit(grid: GridMap) -> float:
@@ -54,6 +60,18 @@ def position_unit(grid: GridMap) -> float:
 
 def columns_of(replay: Replay) -> Iterator[Column]:
     """Yield a replay's columns: [N, F] by robot and moment, or [N, A, F]; [K] of the routes' points and the floor."""
+    yield from moment_columns(replay)
+    for k, term in enumerate(REWARD_TERMS):
+        yield _scaled(f"reward {term}", replay.rewards[..., k], 0)
+    if replay.liked is not None:
+        shares = np.moveaxis(replay.liked, 0, -1)  # [N, A, F]
+        yield Column("liked", _steps(shares, 1 / _SHARES, moved=False), 0, 1, 1 / _SHARES)
+    yield from route_columns(replay.routes, replay.grid)
+    yield from floor_columns(replay.grid)
+
+
+def moment_columns(replay: Replay) -> Iterator[Column]:
+    """Yield where robots and people are at each moment, what they do, and what has happened: [N, F]."""
     unit = position_unit(replay.grid)
     yield from (Column(name, _steps(replay.pose[..., k], unit), 2, 2, unit) for k, name in enumerate("xy"))
     turn = 2 * np.pi / _TURN
@@ -69,24 +87,18 @@ def columns_of(replay: Replay) -> Iterator[Column]:
     yield Column("person_heading", _steps(replay.people[..., 2], turn) % _TURN, 2, 2, turn)
     yield _names("flags", replay.flags.T)
     yield Column("totals", replay.totals.T.astype(np.int64), 1, 4)
-    for k, term in enumerate(REWARD_TERMS):
-        yield _scaled(f"reward {term}", replay.rewards[..., k], 0)
-    if replay.liked is not None:
-        shares = np.moveaxis(replay.liked, 0, -1)  # [N, A, F]
-        yield Column("liked", _steps(shares, 1 / _SHARES, moved=False), 0, 1, 1 / _SHARES)
-    yield from _route_columns(replay, unit)
-    yield from _floor_columns(replay.grid)
 
 
-def _route_columns(replay: Replay, unit: float) -> Iterator[Column]:
-    """How many points each route has, then the points of all."""
-    points = np.concatenate([np.empty((0, 2), dtype=np.float32), *replay.routes])
-    yield _names("route_points", np.array([len(route) for route in replay.routes], dtype=np.int64))
+def route_columns(routes: Sequence[NDArray[np.float32]], grid: GridMap) -> Iterator[Column]:
+    """Yield how many points each route float32[K, 2] [m] has, then the points of all."""
+    unit = position_unit(grid)
+    points = np.concatenate([np.empty((0, 2), dtype=np.float32), *routes])
+    yield _names("route_points", np.array([len(route) for route in routes], dtype=np.int64))
     yield from (Column(f"route_{name}", _steps(points[:, k], unit), 1, 2, unit) for k, name in enumerate("xy"))
 
 
-def _floor_columns(grid: GridMap) -> Iterator[Column]:
-    """What stands on each cell (1 shelf, 2 pick, 4 station), its direction, and its height."""
+def floor_columns(grid: GridMap) -> Iterator[Column]:
+    """Yield what stands on each cell (1 shelf, 2 pick, 4 station), its direction, and its height."""
     cells = grid.occupied.astype(np.int64)
     for cell, mark in ((grid.picks, 2), (grid.stations, 4)):
         cells[tuple(cell.T)] |= mark

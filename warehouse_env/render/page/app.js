@@ -3,12 +3,8 @@
 class App {
   constructor(about, replays) {
     Object.assign(this, { replays, colours: about.colours, terms: about.terms, layers: { ...about.layers } });
-    const finest = replays.reduce((a, b) => (a.seconds <= b.seconds ? a : b));
-    this.seconds = finest.seconds; // between two moments
-    this.every = finest.every; // steps between them
-    this.last = Math.round(Math.max(...replays.map((episode) => episode.last * episode.seconds)) / this.seconds);
-    Object.assign(this, { frame: 0, playing: false, speed: 4, active: 0, robot: -1, following: false });
-    Object.assign(this, { chartSeconds: 60, changed: true, view: new View(), timePicture: null });
+    Object.assign(this, { frame: 0, active: 0, robot: -1, following: false, chartSeconds: 60, changed: true });
+    this.view = new View();
     this.still = matchMedia("(prefers-reduced-motion: reduce)").matches;
     this.canvases = [...document.querySelectorAll(".floor canvas")];
   }
@@ -18,39 +14,11 @@ class App {
     this.changed = true;
   }
 
-  seek(frame) {
-    this.change({ frame: Math.min(Math.max(frame, 0), this.last) });
-  }
-
-  step(count) {
-    this.playing = false;
-    this.seek(Math.round(this.frame) + Math.round(count));
-  }
-
-  toggle() {
-    if (!this.playing && this.frame >= this.last) this.frame = 0;
-    this.change({ playing: !this.playing });
-  }
-
-  faster(by) {
-    const k = Math.min(Math.max(SPEEDS.indexOf(this.speed) + by, 0), SPEEDS.length - 1);
-    this.change({ speed: SPEEDS[k] });
-  }
-
-  // To the event before (-1) or after (1) this moment, of any of the episodes.
-  toEvent(way) {
-    const frames = this.replays.flatMap((episode) =>
-      episode.events.map((event) => Math.round((event.frame * episode.seconds) / this.seconds)),
-    );
-    const found = frames.filter((frame) => way * (frame - this.frame) > 0.5);
-    this.playing = false;
-    if (found.length) this.seek(way > 0 ? Math.min(...found) : Math.max(...found));
-  }
-
   choose(robot, active = this.active) {
     const most = this.replays[active].robots;
     const chosen = robot < -1 ? most - 1 : robot >= most ? -1 : robot;
     this.change({ robot: chosen, active, following: this.following && chosen >= 0 });
+    document.querySelector("#robot").classList.toggle("chosen", chosen >= 0);
     buildCharts(this);
   }
 
@@ -117,21 +85,27 @@ class App {
       ink: read("--ink"), line: read("--line"), accent: read("--accent"), waitingShare: read("--waiting-share"),
       series: [read("--series-0"), read("--series-1")], levels: [0, 1, 2, 3].map((k) => read(`--level-${k}`)),
     };
-    this.change({ dark, css, timePicture: null });
+    this.change({ dark, css });
+    buildLegend(this);
   }
 
-  // Draw everything as it is now.
-  draw(all = true) {
+  // The charts of the chosen robot, or of all where none is chosen.
+  chartsShown() {
+    return chartsOf(this);
+  }
+
+  // The part of time that the charts show [s]; of all robots together the whole of it.
+  span() {
+    const all = this.last * this.seconds;
+    if (this.robot < 0 || !this.chartSeconds || this.chartSeconds >= all) return { from: 0, to: Math.max(all, this.seconds) };
+    const now = this.frame * this.seconds;
+    return { from: now - this.chartSeconds / 2, to: now + this.chartSeconds / 2 };
+  }
+
+  // Draw the floors as they are now.
+  drawFloors() {
     for (const episode of this.replays) episode.goTo((this.frame * this.seconds) / episode.seconds);
     if (this.following) [this.view.x, this.view.y] = this.replays[this.active].centre(this.robot);
     this.canvases.forEach((canvas, k) => drawStage(canvas, this.replays[k], this));
-    drawTimeline(this);
-    document.querySelector("#clock").textContent = `${(this.frame * this.seconds).toFixed(1)} s`;
-    if (!all) return;
-    sayTime(this);
-    showControls(this);
-    showTotals(this);
-    showRobot(this);
-    showCharts(this);
   }
 }

@@ -1,12 +1,12 @@
 // Small charts of numbers over time, with the moment shown in the middle.
 
-// Paint series into a canvas. chart: { lines: [{ value(frame), last, seconds, ink }], low, high, fill }.
+// Paint series into a canvas. chart: { lines: [{ value(frame), last, seconds, ink }], low, high }.
 function drawChart(canvas, chart, app) {
   sizeCanvas(canvas);
   const context = canvas.getContext("2d");
   const { width, height } = canvas;
   const ratio = canvas.ratio;
-  const span = chartSpan(app);
+  const span = app.span();
   const paper = {
     x: (seconds) => ((seconds - span.from) / (span.to - span.from)) * width,
     y: (value) => height - 3 * ratio - ((value - chart.low) / (chart.high - chart.low || 1)) * (height - 6 * ratio),
@@ -17,14 +17,6 @@ function drawChart(canvas, chart, app) {
   const now = paper.x(app.frame * app.seconds);
   context.fillStyle = app.css.ink;
   context.fillRect(now - ratio / 2, 0, ratio, height);
-}
-
-// The part of the episode that the charts show [s]; of all robots together the whole of it.
-function chartSpan(app) {
-  const all = app.last * app.seconds;
-  if (app.robot < 0 || !app.chartSeconds || app.chartSeconds >= all) return { from: 0, to: Math.max(all, app.seconds) };
-  const now = app.frame * app.seconds;
-  return { from: now - app.chartSeconds / 2, to: now + app.chartSeconds / 2 };
 }
 
 function drawAxis(context, chart, paper, span, app, ratio) {
@@ -63,7 +55,7 @@ function drawShares(canvas, episode, levels, app) {
   sizeCanvas(canvas);
   const context = canvas.getContext("2d");
   const { width, height } = canvas;
-  const span = chartSpan(app);
+  const span = app.span();
   context.clearRect(0, 0, width, height);
   const first = Math.max(0, Math.floor(span.from / episode.seconds));
   const last = Math.min(episode.last, Math.ceil(span.to / episode.seconds));

@@ -1,21 +1,9 @@
 // Buttons, keys, mouse and fingers.
 
-const SPEEDS = [0.25, 0.5, 1, 2, 4, 8, 16];
 const LAYERS = { routes: "r", goals: "g", trails: "t", lidar: "l", waiting: "w", numbers: "n" };
 
-// Keys: what they do, as the help says it, and how.
+// Keys of every page: what they do, as the help says it, and how.
 const KEYS = [
-  { keys: [" ", "k"], shown: "Space", says: "play or pause", act: (app) => app.toggle() },
-  { keys: ["ArrowLeft"], shown: "←", says: "a step back", act: (app) => app.step(-1) },
-  { keys: ["ArrowRight"], shown: "→", says: "a step on", act: (app) => app.step(1) },
-  { keys: ["Shift+ArrowLeft"], shown: "Shift ←", says: "5 s back", act: (app) => app.step(-5 / app.seconds) },
-  { keys: ["Shift+ArrowRight"], shown: "Shift →", says: "5 s on", act: (app) => app.step(5 / app.seconds) },
-  { keys: ["Home"], shown: "Home", says: "to the start", act: (app) => app.seek(0) },
-  { keys: ["End"], shown: "End", says: "to the end", act: (app) => app.seek(app.last) },
-  { keys: ["[", "p"], shown: "[", says: "to the event before", act: (app) => app.toEvent(-1) },
-  { keys: ["]", "e"], shown: "]", says: "to the next event", act: (app) => app.toEvent(1) },
-  { keys: ["ArrowUp"], shown: "↑", says: "faster", act: (app) => app.faster(1) },
-  { keys: ["ArrowDown"], shown: "↓", says: "slower", act: (app) => app.faster(-1) },
   { keys: ["+", "="], shown: "+", says: "zoom in", act: (app) => app.zoom(1.3) },
   { keys: ["-"], shown: "−", says: "zoom out", act: (app) => app.zoom(1 / 1.3) },
   { keys: ["0"], shown: "0", says: "show the whole floor", act: (app) => app.fit() },
@@ -31,15 +19,17 @@ const KEYS = [
   { keys: ["Escape"], shown: "Esc", says: "choose no robot", act: (app) => app.choose(-1) },
 ];
 
-function buildKeys(app) {
+function buildKeys(app, keys) {
   const list = document.querySelector("#keys");
-  for (const { shown, says } of KEYS) list.append(element("kbd", "", shown), element("span", "", says));
+  for (const { shown, says } of keys) list.append(element("kbd", "", shown), element("span", "", says));
   document.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("select, input")) return;
+    const writes = event.target.matches("select, input:not([type=range])");
+    const slides = event.target.matches("input") && /^(Arrow|Home|End|Page)/.test(event.key);
+    if (event.ctrlKey || event.metaKey || event.altKey || writes || slides) return;
     if (event.key === " " && event.target.matches("button")) event.target.blur();
     const arrow = event.shiftKey && event.key.startsWith("Arrow");
     const pressed = arrow ? `Shift+${event.key}` : event.key.length === 1 ? event.key.toLowerCase() : event.key;
-    const found = KEYS.find(({ keys }) => keys.includes(pressed));
+    const found = keys.find((one) => one.keys.includes(pressed));
     const dialog = document.querySelector("#help");
     if (!found || (dialog.open && pressed !== "?" && pressed !== "h")) return;
     event.preventDefault();
@@ -47,15 +37,14 @@ function buildKeys(app) {
   });
 }
 
-function buildButtons(app) {
-  const acts = {
-    play: () => app.toggle(), back: () => app.step(-1), on: () => app.step(1),
-    before: () => app.toEvent(-1), after: () => app.toEvent(1),
+// acts: what the page's own buttons do, by their ids.
+function buildButtons(app, acts) {
+  const shared = {
     in: () => app.zoom(1.4), out: () => app.zoom(1 / 1.4), fit: () => app.fit(),
     theme: () => app.theme(!app.dark), ask: () => app.help(), follow: () => app.follow(!app.following),
     previous: () => app.choose(app.robot - 1), next: () => app.choose(app.robot + 1),
   };
-  for (const [id, act] of Object.entries(acts)) document.getElementById(id).addEventListener("click", act);
+  for (const [id, act] of Object.entries({ ...shared, ...acts })) document.getElementById(id).addEventListener("click", act);
   const find = document.querySelector("#find");
   find.addEventListener("input", () => find.setCustomValidity(""));
   find.addEventListener("change", () => {
@@ -67,9 +56,6 @@ function buildButtons(app) {
     find.setCustomValidity(found || !find.value ? "" : `robots have the numbers 0 to ${app.replays[app.active].robots - 1}`);
     find.reportValidity();
   });
-  const speed = document.querySelector("#speed");
-  for (const value of SPEEDS) speed.add(new Option(`${value}×`, value, value === app.speed, value === app.speed));
-  speed.addEventListener("change", () => (app.speed = Number(speed.value)));
   const span = document.querySelector("#span");
   span.addEventListener("change", () => app.change({ chartSeconds: Number(span.value) }));
   for (const layer of Object.keys(LAYERS)) {
@@ -81,12 +67,7 @@ function buildButtons(app) {
   }
 }
 
-function showControls(app) {
-  const play = document.querySelector("#play");
-  play.classList.toggle("playing", app.playing);
-  play.setAttribute("aria-label", app.playing ? "pause" : "play");
-  document.querySelector("#length").textContent = `of ${(app.last * app.seconds).toFixed(1)} s, step ${Math.floor(app.frame * app.every + 1e-6)}`;
-  document.querySelector("#speed").value = app.speed;
+function showLayers(app) {
   for (const button of document.querySelectorAll("[data-layer]")) {
     button.setAttribute("aria-pressed", app.layers[button.dataset.layer]);
   }

@@ -6,6 +6,25 @@ function wrapped(angle) {
   return angle - TURN * Math.round(angle / TURN);
 }
 
+// The routes in columns of all their points, one behind the other: x, y, metres from the start of each point.
+function routesOf(columns) {
+  const { route_points: counts, route_x: x, route_y: y } = columns;
+  const routes = [];
+  let start = 0;
+  for (const count of counts.values) {
+    const points = new Float32Array(3 * count);
+    for (let k = 0; k < count; k++) {
+      points[3 * k] = x.values[start + k] * x.unit;
+      points[3 * k + 1] = y.values[start + k] * y.unit;
+      const far = k ? Math.hypot(points[3 * k] - points[3 * k - 3], points[3 * k + 1] - points[3 * k - 2]) : 0;
+      points[3 * k + 2] = k ? points[3 * k - 1] + far : 0;
+    }
+    routes.push(points);
+    start += count;
+  }
+  return routes;
+}
+
 class Episode {
   constructor(about, columns, flags) {
     Object.assign(this, about);
@@ -35,22 +54,7 @@ class Episode {
   }
 
   readRoutes() {
-    const counts = this.columns.route_points.values;
-    const { route_x: x, route_y: y } = this.columns;
-    const routes = [];
-    let start = 0;
-    for (const count of counts) {
-      const points = new Float32Array(3 * count); // x, y, metres from the start
-      for (let k = 0; k < count; k++) {
-        points[3 * k] = x.values[start + k] * x.unit;
-        points[3 * k + 1] = y.values[start + k] * y.unit;
-        const far = k ? Math.hypot(points[3 * k] - points[3 * k - 3], points[3 * k + 1] - points[3 * k - 2]) : 0;
-        points[3 * k + 2] = k ? points[3 * k - 1] + far : 0;
-      }
-      routes.push(points);
-      start += count;
-    }
-    return routes;
+    return routesOf(this.columns);
   }
 
   // Fill `now`; frame may lie between two moments.

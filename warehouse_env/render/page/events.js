@@ -3,20 +3,23 @@
 const DEADLOCK_SECONDS = 1; // that a circle lasts before it counts
 
 function findEvents(episode) {
-  const events = [];
-  for (let k = 1; k < episode.frames; k++) {
-    const hit = [], near = [];
-    for (let i = 0; i < episode.robots; i++) {
-      if (episode.flag("hit_shelf", i, k)) events.push(eventOf(episode, "collision", k, [i], "a shelf"));
-      if (episode.flag("hit_person", i, k)) events.push(eventOf(episode, "collision", k, [i], "a person"));
-      if (episode.flag("hit_robot", i, k)) hit.push(i);
-      if (episode.flag("near_miss", i, k)) near.push(i);
-    }
-    for (const pair of pairsOf(episode, hit, k)) events.push(eventOf(episode, "collision", k, pair));
-    for (const pair of pairsOf(episode, near, k)) events.push(eventOf(episode, "near", k, pair));
-  }
-  events.push(...findDeadlocks(episode));
+  const events = findDeadlocks(episode);
+  for (let k = 1; k < episode.frames; k++) events.push(...contactsAt(episode, k));
   return events.sort((a, b) => a.frame - b.frame);
+}
+
+// Collisions and near misses of one moment.
+function contactsAt(episode, k) {
+  const events = [], hit = [], near = [];
+  for (let i = 0; i < episode.robots; i++) {
+    if (episode.flag("hit_shelf", i, k)) events.push(eventOf(episode, "collision", k, [i], "a shelf"));
+    if (episode.flag("hit_person", i, k)) events.push(eventOf(episode, "collision", k, [i], "a person"));
+    if (episode.flag("hit_robot", i, k)) hit.push(i);
+    if (episode.flag("near_miss", i, k)) near.push(i);
+  }
+  for (const pair of pairsOf(episode, hit, k)) events.push(eventOf(episode, "collision", k, pair));
+  for (const pair of pairsOf(episode, near, k)) events.push(eventOf(episode, "near", k, pair));
+  return events;
 }
 
 function eventOf(episode, kind, frame, robots, what) {

@@ -82,7 +82,7 @@ function meanSpeed(episode, frame) {
 function buildCharts(app) {
   const holder = document.querySelector("#charts");
   holder.replaceChildren();
-  app.charts = chartsOf(app).map((chart) => {
+  app.charts = app.chartsShown().map((chart) => {
     const box = element("div", chart.small ? "chart small" : "chart");
     const row = element("div", "row");
     const output = element("output");
@@ -112,7 +112,7 @@ function rangeOf(lines) {
 }
 
 function seekInChart(app, canvas, event) {
-  const span = chartSpan(app);
+  const span = app.span();
   const seconds = span.from + (event.offsetX / canvas.clientWidth) * (span.to - span.from);
   app.seek(Math.round(seconds / app.seconds));
 }
@@ -134,7 +134,7 @@ function showRobot(app) {
   document.querySelector("#robot-name").textContent = chosen ? `Robot ${app.robot}` : "All robots";
   document.querySelector("#robot-state").textContent = chosen
     ? stateOf(app.replays[app.active], app.robot)
-    : "Choose a robot on the floor to see what it senses, does and earns.";
+    : `Choose a robot on the floor to see what it senses${app.terms.length ? ", does and earns" : " and does"}.`;
   document.querySelector("#follow").setAttribute("aria-pressed", app.following && chosen);
   document.querySelector("#follow").disabled = !chosen;
   document.querySelector("#span").parentElement.hidden = !chosen;

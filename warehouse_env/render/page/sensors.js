@@ -76,7 +76,7 @@ function slab(from, per, half) {
 function gapsOf(episode, robot) {
   if (episode.gapsFor === robot) return episode.gaps;
   const gaps = new Float32Array(episode.frames);
-  for (let k = 0; k < episode.frames; k++) gaps[k] = gapAt(episode, robot, k);
+  for (let k = 0; k <= episode.last; k++) gaps[k] = gapAt(episode, robot, k);
   episode.gapsFor = robot;
   episode.gaps = gaps;
   return gaps;

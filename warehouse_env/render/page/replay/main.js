@@ -7,50 +7,11 @@ async function readReplays(about) {
   return Promise.all(about.replays.map(async (one, k) => {
     const episode = new Episode(one, readColumns(one.packed, await inflate(texts[k].textContent)), about.flags);
     texts[k].remove();
-    episode.colours = about.colours.robots.slice(0, episode.robots);
-    episode.edges = episode.colours.map((colour) => mixed(colour, "#000000", 0.55));
-    episode.shapes = shapesOf(episode.body);
+    dress(episode, about.colours.robots);
     episode.events = findEvents(episode);
     episode.waiting = countWaiting(episode);
     return episode;
   }));
-}
-
-// A colour #rrggbb with a share of another.
-function mixed(colour, other, share) {
-  const parts = [1, 3, 5].map((at) => {
-    const [a, b] = [colour, other].map((one) => parseInt(one.slice(at, at + 2), 16));
-    return Math.round(a + (b - a) * share).toString(16).padStart(2, "0");
-  });
-  return `#${parts.join("")}`;
-}
-
-function buildFloors(replays) {
-  const holder = document.querySelector("#floors");
-  for (const [k, episode] of replays.entries()) {
-    const figure = element("figure", "floor");
-    const caption = element("figcaption");
-    const dot = element("i", "dot");
-    dot.style.background = `var(--series-${k})`;
-    caption.append(dot, element("b", "", episode.name), element("span", "", episode.about));
-    const canvas = element("canvas");
-    canvas.setAttribute("role", "img");
-    canvas.setAttribute("aria-label", `the floor with the robots of ${episode.name}`);
-    figure.append(canvas, caption);
-    holder.append(figure);
-  }
-  holder.classList.toggle("two", replays.length > 1);
-}
-
-function buildLegend(app) {
-  for (const canvas of document.querySelectorAll("#legend canvas")) {
-    sizeCanvas(canvas);
-    const context = canvas.getContext("2d");
-    const ratio = canvas.ratio;
-    context.clearRect(0, 0, canvas.width, canvas.height);
-    const style = { ...styleOf(canvas, app.replays[0], app), ratio };
-    drawSign(context, canvas.dataset.sign, canvas.width / 2, canvas.height / 2, 0.42 * canvas.height, style);
-  }
 }
 
 // #t=12.5&robot=3&play: where to begin.
@@ -118,49 +79,18 @@ function publish(app) {
   };
 }
 
-// Keep canvases as large as they are shown, and the whole floor in view where it was.
-function watchSizes(app) {
-  let size = "";
-  const watch = new ResizeObserver(() => {
-    const [canvas] = app.canvases;
-    const now = `${canvas.clientWidth} ${canvas.clientHeight}`;
-    const whole = app.view.scale <= app.view.least * 1.001;
-    if (now !== size && whole && !app.following) app.fit();
-    size = now;
-    sizesChanged();
-    app.changed = true;
-  });
-  for (const place of ["#floors", "aside", "#charts"]) watch.observe(document.querySelector(place));
-}
-
 async function start() {
   const about = JSON.parse(document.querySelector("#about").textContent);
   const replays = await readReplays(about);
   buildFloors(replays);
-  const app = new App(about, replays);
-  const dark = matchMedia("(prefers-color-scheme: dark)");
-  buildButtons(app);
-  buildKeys(app);
+  const app = new Player(about, replays);
+  buildPlayer(app);
   buildTotals(app);
   buildTimeline(app);
-  app.canvases.forEach((canvas, k) => buildPointer(app, canvas, k));
-  app.theme(dark.matches);
-  dark.addEventListener("change", () => app.theme(dark.matches));
-  app.fit();
+  build(app);
   app.choose(about.robot ?? -1);
   readAddress(app);
-  watchSizes(app);
   document.querySelector("#loading").remove();
-  buildLegend(app);
-  document.querySelector("#legend").addEventListener("toggle", () => {
-    sizesChanged();
-    buildLegend(app);
-  });
-  const themed = app.theme.bind(app);
-  app.theme = (isDark) => {
-    themed(isDark);
-    buildLegend(app);
-  };
   publish(app);
   run(app);
 }

@@ -1,0 +1,89 @@
+"""What the replay page and the live page share: their frame, style and scripts in page/, and what these must know."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.render.chart_style import hexed
+from warehouse_env.render.colours import CONTACT, WAITING, robot_colour
+from warehouse_env.render.replay import FLAGS, REWARD_TERMS
+from warehouse_env.simulation.state import PERSON_RADIUS
+
+PAGE = Path(__file__).parent / "page"
+# in the order in which the browser reads them; each page has its own behind them
+SHARED = (
+    "data", "episode", "events", "sensors", "view", "floor", "robots", "people", "overlays", "stage", "charts",
+    "preferences", "panel", "controls", "app", "build",
+)  # fmt: skip
+_PLACE = re.compile(r"\{\{(\w+)\}\}")
+MANY = 32  # robots from which goals and trails are left out at first, so that the floor is seen
+
+
+def scripts_of(folder: str, names: Iterable[str]) -> str:
+    """Return the shared scripts and those of a page's folder as one."""
+    files = [*(f"{name}.js" for name in SHARED), *(f"{folder}/{name}.js" for name in names)]
+    text = "\n".join((PAGE / file).read_text(encoding="utf-8") for file in files)
+    return f'(() => {{\n"use strict";\n{text}\n}})();'
+
+
+def style_of(folder: str | None = None) -> str:
+    """Return the shared style, and that of a page's folder behind it."""
+    files = ["page.css"] if folder is None else ["page.css", f"{folder}/page.css"]
+    return "\n".join((PAGE / file).read_text(encoding="utf-8") for file in files)
+
+
+def assembled(folder: str, parts: Mapping[str, str]) -> str:
+    """Return a page: the shared frame, with the pieces in a page's folder and these parts in its places."""
+    pieces = {path.stem: path.read_text(encoding="utf-8") for path in (PAGE / folder).glob("*.html")}
+    text = (PAGE / "page.html").read_text(encoding="utf-8")
+    text = _PLACE.sub(lambda found: pieces.get(found[1], found[0]).rstrip("\n"), text)
+    return _PLACE.sub(lambda found: parts[found[1]], text)
+
+
+def as_json(value: Any) -> str:
+    """Return JSON that may stand within a script element."""
+    return json.dumps(value, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def about_page(robots: int) -> dict[str, Any]:
+    """Return what a page of so many robots must know, in JSON types: names of flags and terms, colours, layers."""
+    few = robots < MANY
+    return {
+        "flags": FLAGS,
+        "terms": REWARD_TERMS,
+        "colours": {
+            "robots": [hexed(robot_colour(i)) for i in range(robots)],
+            "contact": hexed(CONTACT),
+            "waiting": hexed(WAITING),
+        },
+        "layers": {"routes": True, "goals": few, "trails": few, "lidar": True, "waiting": True, "numbers": True},
+    }
+
+
+def about_world(name: str, grid: GridMap, config: EnvConfig, seed: int) -> dict[str, Any]:
+    """Return what a page must know of a world beside its arrays, in JSON types."""
+    robots, body = config.num_agents, config.robot
+    rows, across = grid.shape
+    discrete = config.action_type == "discrete"
+    return {
+        "name": name,
+        "about": f"{grid.name}, {robots} robot{'s' * (robots != 1)}, seed {seed}",
+        "robots": robots,
+        "gridRows": rows,
+        "gridColumns": across,
+        "cell": grid.cell_size,
+        "body": {
+            "length": body.length, "width": body.width, "wheelbase": body.wheelbase, "front": body.front_overhang,
+        },
+        "people": config.people,
+        "personRadius": PERSON_RADIUS,
+        "lidar": {"rays": config.sensor.rays, "range": config.sensor.lidar_range},
+        "levels": config.speed_levels if discrete else [],
+        "offsets": config.lateral_offsets if discrete else [],
+    }  # fmt: skip
