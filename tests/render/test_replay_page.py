@@ -281,3 +281,15 @@ def test_it_fits_a_phone(two: Path, scheme: str, open_page: Opener) -> None:
         assert box["height"] > 150
     page.tap("#play")
     assert page.evaluate("replay.playing()")
+
+
+@needs_chromium
+def test_on_a_phone_a_tapped_robots_charts_are_right_under_the_floor(one: Path, open_page: Opener) -> None:
+    page = open_page(one, "", 390, 844, has_touch=True, device_scale_factor=2)
+    page.tap(".floor canvas", position=where(page, 3))
+    assert page.inner_text("#robot-name") == "Robot 3"
+    floor, card, chart, footer = (
+        page.locator(what).first.bounding_box() for what in ("#stage", "#robot", "#charts canvas", "footer")
+    )
+    assert 0 <= card["y"] - floor["y"] - floor["height"] <= 20
+    assert chart["y"] + chart["height"] < footer["y"]  # in view, without scrolling
