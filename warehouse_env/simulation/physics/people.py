@@ -12,6 +12,7 @@ Bouraine, Fraichard and Salhi 2012). Live routes lead round those who stand; rig
 from __future__ import annotations
 
 from collections import defaultdict
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +81,16 @@ class People:
             o = self.persons[world, person]
             o["x"], o["y"] = points[free[0]]
             o["cos"] = ONE
+
+    def stand(self, world: int, points: NDArray[np.floating[Any]]) -> None:
+        """Stand the people of a world, who have begun, at points float[M, 2] [m] instead, each on the way elsewhere.
+
+        The caller sees to it that these are free cells of the largest region, and off robots.
+        """
+        for person, (x, y) in enumerate(points):
+            self._send(world, person)
+            o = self.persons[world, person]
+            o["x"], o["y"] = x, y
 
     def leave(self, world: int) -> None:
         """Take all people off the floor: the first routes of an episode do not go round those of the last one."""

@@ -1,0 +1,153 @@
+"""A world that is changed while it runs: what goes on, what begins anew, what is refused, and that it repeats."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from tests.train.live.worlds import world
+from train.live.commands import Leave, Make, Person, Shelves
+from train.live.world import Change, World
+from warehouse_env.errors import WarehouseError
+
+
+def driven(steps: int, changes: Mapping[int, Change], **setting: object) -> World:
+    """Return a world after so many steps, changed before some of them."""
+    one = world(**setting)
+    for step in range(steps):
+        if step in changes:
+            one.change(changes[step])
+        one.step()
+    return one
+
+
+def free_cell_far_off(one: World, metres: float = 4.0) -> tuple[int, int]:
+    """Return a free cell of no use to anybody: off all robots, endpoints and goals."""
+    cells = one.grid.free_cells
+    ends = {tuple(cell) for cell in np.concatenate([one.grid.picks, one.grid.stations]).tolist()}
+    points, pose = one.grid.centre(cells), one.simulator.state.pose[0]
+    far = np.hypot(points[:, :1] - pose[:, 0], points[:, 1:] - pose[:, 1]).min(axis=1) > metres
+    return next((r, c) for r, c in cells[far].tolist() if (r, c) not in ends)
+
+
+def test_the_same_commands_at_the_same_steps_give_the_same_bits() -> None:
+    shelf = free_cell_far_off(driven(30, {}))
+    person = free_cell_far_off(driven(50, {30: Shelves((shelf,), True)}))
+    changes: dict[int, Change] = {
+        30: Shelves((shelf,), True), 50: Person(person), 80: Make(policy="brake"), 110: Leave(0),
+        120: Shelves((shelf,), False),
+    }  # fmt: skip
+    one, again = driven(150, changes), driven(150, changes)
+    assert one.digest == again.digest
+    assert one.made == 6
+    assert driven(150, changes | {110: Make(policy="greedy")}).digest != one.digest
+    assert driven(150, changes, seed=8).digest != one.digest
+
+
+def test_with_a_shelf_the_world_goes_on() -> None:
+    one = driven(100, {})
+    cell = free_cell_far_off(one)
+    before = one.moment()
+    assert not one.change(Shelves((cell,), True))
+    assert one.grid.occupied[cell]
+    after = one.moment()
+    for name in ("pose", "goal", "totals"):
+        np.testing.assert_array_equal(after[name], before[name])
+    assert (one.steps, one.seconds) == (100, pytest.approx(10.0))
+    for _ in range(600):
+        one.step()
+    assert one.moment()["totals"][0] > before["totals"][0]
+    one.change(Shelves((cell,), False))
+    assert not one.grid.occupied[cell]
+
+
+def test_a_shelf_set_before_a_robot_that_drives_is_not_run_into() -> None:
+    one = driven(25, {})
+    state = one.simulator.state
+    robot = int(np.argmax(state.speed[0]))
+    x, y, heading = state.pose[0, robot].tolist()
+    assert state.speed[0, robot] > 1.0
+    ahead = one.grid.cell(np.array([x + 1.3 * np.cos(heading), y + 1.3 * np.sin(heading)]))
+    one.change(Shelves((tuple(ahead.tolist()),), True))
+    assert one.simulator.state.speed[0, robot] == 0
+    for _ in range(100):
+        one.step()
+    assert one.moment()["totals"][1] == 0
+
+
+def test_shelves_are_refused_where_robots_are_or_go() -> None:
+    one, same = driven(40, {}), driven(40, {})
+    pose, goal = one.simulator.state.pose[0, 2], one.simulator.state.goal[0, 1]
+    under = tuple(one.grid.cell(pose[:2]).tolist())
+    theirs = tuple(goal.tolist())
+    for cell, why in ((under, "robot 2"), (theirs, "goal of robot 1"), ((-1, 0), "no cell"), ((0, 99), "no cell")):
+        with pytest.raises(WarehouseError, match=why):
+            one.change(Shelves((cell,), True))
+    every = tuple((int(r), int(c)) for r, c in one.grid.stations)
+    with pytest.raises(WarehouseError, match="could reach no station"):
+        one.change(Shelves(every, True))
+    for _ in range(20):
+        one.step()
+        same.step()
+    assert one.digest == same.digest  # nothing was touched
+
+
+def test_people_come_and_go() -> None:
+    one = driven(10, {})
+    cell = free_cell_far_off(one)
+    assert not one.change(Person(cell))
+    people = one.moment()["people"]
+    np.testing.assert_allclose(people[0, :2], one.grid.centre(np.array(cell)), atol=1e-5)
+    for _ in range(100):
+        one.step()
+    assert np.hypot(*(one.moment()["people"][0, :2] - people[0, :2])) > 1.0  # it walks
+    here = tuple(one.grid.cell(one.moment()["people"][0, :2]).tolist())
+    with pytest.raises(WarehouseError, match=r"somebody stands there|robot \d"):
+        one.change(Shelves((here,), True))
+    with pytest.raises(WarehouseError, match="no person 1 among 1"):
+        one.change(Leave(1))
+    one.change(Leave(0))
+    assert one.simulator.config.people == 0
+
+
+def test_people_are_refused_beside_robots_and_on_shelves() -> None:
+    one = world(floor="paper46", planner="astar_turns")
+    robot = tuple(one.grid.cell(one.simulator.state.pose[0, 0, :2]).tolist())
+    shelf = tuple(np.argwhere(one.grid.occupied)[0].tolist())
+    for cell, why in ((robot, "robot 0 is within 2 m"), (shelf, "on a shelf"), ((99, 0), "outside")):
+        with pytest.raises(WarehouseError, match=why):
+            one.change(Person(cell))
+    assert one.simulator.config.people == 0
+
+
+def test_what_begins_anew_and_what_goes_on() -> None:
+    one = driven(60, {})
+    pose = one.moment()["pose"]
+    assert not one.change(Make(policy="brake"))
+    np.testing.assert_array_equal(one.moment()["pose"], pose)
+    assert one.steps == 60
+    assert one.change(Make(robots=6))
+    assert (one.steps, len(one.moment()["pose"])) == (0, 6)
+    assert one.change(Make(floor="paper46", seed=3))
+    assert one.grid.name == "paper46"
+    assert one.setting.seed == 3
+    assert one.setting.policy == "brake"
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (Make(policy="agents/weights/ppo"), "unknown policy"),
+        (Make(floor="aisles:seed=7"), "unknown floor"),
+        (Make(floor="/etc/passwd"), "unknown floor"),
+        (Make(floor="open", robots=256), "num_agents=256"),
+    ],
+)
+def test_what_cannot_be_is_refused(change: Make, why: str) -> None:
+    one, same = driven(5, {}), driven(6, {})
+    with pytest.raises(WarehouseError, match=why):
+        one.change(change)
+    one.step()
+    assert one.digest == same.digest

@@ -1,0 +1,30 @@
+"""Small live worlds, and the messages that they send, read again."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator
+from typing import Any
+
+from train.live.floors import Floors
+from train.live.world import Setting, World
+
+SETTING = Setting("greedy", "open", 4, 0, 7, "astar_turns")
+
+
+def world(**changes: Any) -> World:
+    """Return a world of four robots under right of way on the open floor, or another one."""
+    setting = Setting(**{**SETTING.__dict__, **changes})
+    return World(setting, Floors(setting.floor))
+
+
+def messages(stream: bytes) -> Iterator[tuple[dict[str, Any], bytes]]:
+    """Yield the header and the arrays of each message of a stream, all of which must be whole."""
+    while stream:
+        (size,) = struct.unpack_from("<I", stream)
+        message, stream = stream[4 : 4 + size], stream[4 + size :]
+        assert len(message) == size
+        if size:
+            (length,) = struct.unpack_from("<I", message)
+            yield json.loads(message[4 : 4 + length]), message[4 + length :]

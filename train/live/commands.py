@@ -1,0 +1,110 @@
+"""What a page may ask for: one JSON object each, held against one dataclass each; what does not fit is one sentence."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+from warehouse_env.checked import Checked, check_names, from_plain
+from warehouse_env.errors import ConfigError, shown, unknown_name
+
+MOST_BYTES = 65_536  # of a message
+MOST_CELLS = 1024  # of one stroke
+MOST_ROBOTS = 256
+SLOWEST, FASTEST = 0.25, 1000.0  # simulated seconds a second
+
+
+@dataclass(frozen=True)
+class Play(Checked):
+    """Let time go on, or stand still."""
+
+    playing: bool
+
+
+@dataclass(frozen=True)
+class Speed(Checked):
+    """How fast time goes: simulated seconds a second; None: as fast as the machine can."""
+
+    speed: float | None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.speed is not None:
+            self._between(SLOWEST, FASTEST, "speed")
+
+
+@dataclass(frozen=True)
+class Step(Checked):
+    """Stand still, after one more decision of the robots."""
+
+
+@dataclass(frozen=True)
+class Make(Checked):
+    """Have another policy, with which the world goes on; or floor, robots or seed, with which it begins anew."""
+
+    policy: str | None = None
+    floor: str | None = None
+    robots: int | None = None
+    seed: int | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.robots is not None:
+            self._between(1, MOST_ROBOTS, "robots")
+        if self.seed is not None:
+            self._between(0, 2**53, "seed")  # whole numbers of a page
+
+
+@dataclass(frozen=True)
+class Shelves(Checked):
+    """Stand shelves on free cells (row, column), or take away those that stand there; the world goes on."""
+
+    cells: tuple[tuple[int, ...], ...]
+    stand: bool
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._require(1 <= len(self.cells) <= MOST_CELLS, "cells", f"1 to {MOST_CELLS} cells")
+        self._require(all(len(cell) == 2 for cell in self.cells), "cells", "pairs of a row and a column")
+
+
+@dataclass(frozen=True)
+class Person(Checked):
+    """Stand one more person on a free cell (row, column); the world goes on."""
+
+    cell: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._require(len(self.cell) == 2, "cell", "a row and a column")
+
+
+@dataclass(frozen=True)
+class Leave(Checked):
+    """Have the person of this number leave; the world goes on."""
+
+    person: int
+
+
+Command = Play | Speed | Step | Make | Shelves | Person | Leave
+COMMANDS: dict[str, type[Command]] = {
+    "play": Play, "speed": Speed, "step": Step, "make": Make, "shelves": Shelves, "person": Person, "leave": Leave,
+}  # fmt: skip
+
+
+def read_command(message: bytes) -> Command:
+    """Return the command of a message such as {"do": "play", "playing": true}; ConfigError says what is wrong."""
+    if len(message) > MOST_BYTES:
+        raise ConfigError(f"a message has at most {MOST_BYTES:,} bytes, not {len(message):,}")
+    try:
+        data = json.loads(message)
+    except (ValueError, RecursionError):  # no UTF-8, no JSON, or brackets without end
+        raise ConfigError("a message must be a JSON object") from None
+    if not isinstance(data, dict) or not isinstance(data.get("do"), str):
+        raise ConfigError(f'a message must be a JSON object that says what to "do", not {shown(data)}')
+    name = data.pop("do")
+    if name not in COMMANDS:
+        raise unknown_name("command", name, COMMANDS)
+    kind = COMMANDS[name]
+    check_names(f"{name} parameter", data, kind)
+    return from_plain(kind, data)

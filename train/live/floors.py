@@ -1,0 +1,70 @@
+"""The floors that a live world can have, and a floor with shelves set or taken away."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.errors import ConfigError, unknown_name
+from warehouse_env.maps.endpoints import largest_region
+from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.maps.layouts import LAYOUTS, make_layout
+from warehouse_env.maps.movingai import read_map
+
+
+class Floors:
+    """The named layouts, and the floor that was asked for at the start, which may be a file's."""
+
+    def __init__(self, layout: str, map_file: Path | None = None) -> None:
+        """Read the floor to begin with; ConfigError or MapError where there is none."""
+        self.first = layout if map_file is None else map_file.name
+        self._given = make_layout(layout) if map_file is None else read_map(map_file)
+        self.names = list(dict.fromkeys([self.first, *LAYOUTS]))
+
+    def load(self, name: str) -> GridMap:
+        """Return a floor; pages name those of `names` only, no files."""
+        if name == self.first:
+            return self._given
+        if name not in self.names:
+            raise unknown_name("floor", name, self.names)
+        return make_layout(name)
+
+
+def with_shelves(grid: GridMap, cells: Sequence[Sequence[int]], stand: bool, bare: GridMap) -> GridMap:
+    """Return a floor with shelves on cells (row, column), or without them.
+
+    bare: the floor as it was first, of whose picks and stations those are kept that can be reached. Raises ConfigError
+    or MapError for cells off the floor, and where no pick or no station would be left.
+    """
+    where = tuple(_on_floor(grid, cells).T)
+    occupied = grid.occupied.copy()
+    occupied[where] = stand
+    if occupied.all():
+        raise ConfigError("the last free cell stays free")
+    reached = largest_region(~occupied)
+    picks, stations = (ends[reached[tuple(ends.T)]] for ends in (bare.picks, bare.stations))
+    if not len(picks) or not len(stations):
+        raise ConfigError(f"with shelves there, robots could reach no {'station' if len(picks) else 'pick face'}")
+    one_way = np.where(occupied, 0, bare.one_way)
+    return dataclasses.replace(grid, occupied=occupied, one_way=one_way, picks=picks, stations=stations)
+
+
+def _on_floor(grid: GridMap, cells: Sequence[Sequence[int]]) -> NDArray[np.int64]:
+    """Return int64[K, 2] of cells; ConfigError for one that is off the floor."""
+    rows, columns = grid.shape
+    for row, column in cells:
+        if not (0 <= row < rows and 0 <= column < columns):
+            raise ConfigError(f"there is no cell ({row}, {column}): rows are 0..{rows - 1}, columns 0..{columns - 1}")
+    return np.array(cells, dtype=np.int64)
+
+
+def free_cell(grid: GridMap, cell: Sequence[int]) -> Cell:
+    """Return a cell on which somebody may stand; ConfigError or MapError for one off the floor, on or among shelves."""
+    found = grid.check_cell(cell, "cell")
+    if not (grid.free_cells == found).all(axis=1).any():
+        raise ConfigError(f"cell {found} is shut in by shelves")
+    return found

@@ -1,0 +1,215 @@
+"""A world that can be changed while it runs: its simulator, its policy, and what has happened in it so far.
+
+The same setting, and the same commands at the same steps, give the same bits, at any pace and whoever looks.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents import POLICIES
+from train.evaluation.rollout import config_of, make_actor
+from train.live.commands import Leave, Make, Person, Shelves
+from train.live.floors import Floors, free_cell, with_shelves
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError, WarehouseError, unknown_name
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.render.replay import moment_of, places, station_cells
+from warehouse_env.simulation.physics.people import START
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import PERSON_RADIUS
+from warehouse_env.simulation.tasks.assignment import Assignment
+
+_POLICY_STREAM = 1  # apart from the world's own stream, as in rollout.py
+
+Change = Make | Shelves | Person | Leave
+Moment = dict[str, NDArray[Any]]
+"""What is to be seen of a world at one time: see replay.moment_of."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a world begins with."""
+
+    policy: str
+    floor: str
+    robots: int
+    people: int
+    seed: int
+    planner: str = EnvConfig.planner
+    chosen: Mapping[str, Any] = dataclasses.field(default_factory=dict)  # of EnvConfig, over what the policy needs
+
+
+class World:
+    """One world and its policy; `change` brings another one in its place, or leaves all as it is and says why."""
+
+    def __init__(self, setting: Setting, floors: Floors) -> None:
+        self.floors = floors
+        self.made = 0  # how often there was another simulator
+        self._begin(setting)
+
+    def _begin(self, setting: Setting) -> None:
+        """Begin anew; nothing is changed where that raises."""
+        grid = self.floors.load(setting.floor)
+        simulator, act = _made(setting, setting.people, grid)
+        simulator.reset([setting.seed])
+        self.setting, self.bare = setting, grid
+        self._rng = np.random.default_rng([setting.seed, _POLICY_STREAM])
+        self.steps, self._time = 0, 0.0
+        self._before = np.zeros(3, dtype=np.int64)  # totals of the simulators before
+        self._digest = hashlib.blake2b(digest_size=16)
+        self._take(simulator, act)
+
+    def _take(self, simulator: Simulator, act: Any) -> None:
+        self.simulator, self._act = simulator, act
+        self._stations = station_cells(simulator.grid)
+        self.made += 1
+        self._note()
+
+    @property
+    def grid(self) -> GridMap:
+        """The floor as it is now."""
+        return self.simulator.grid
+
+    @property
+    def seconds(self) -> float:
+        """Simulated time since the world began [s]."""
+        return round(self._time, 6)
+
+    @property
+    def step_seconds(self) -> float:
+        """Simulated time of a step [s]."""
+        config = self.simulator.config
+        return config.action_repeat * config.time_step
+
+    @property
+    def digest(self) -> str:
+        """32 hex digits that stand for all poses at all steps so far."""
+        return self._digest.hexdigest()
+
+    def step(self) -> Moment:
+        """Let all robots decide once, and return what is to be seen then."""
+        simulator = self.simulator
+        simulator.step(self._act(simulator.observation, self._rng))
+        self.steps += 1
+        self._time += self.step_seconds
+        self._note()
+        return self.moment()
+
+    def _note(self) -> None:
+        self._digest.update(self.simulator.state.pose.tobytes())
+
+    def moment(self) -> Moment:
+        """Return what is to be seen now; totals count on through changes with which the world goes on."""
+        moment = moment_of(self.simulator, 0, self._stations)
+        moment["totals"] = (moment["totals"] + self._before).astype(np.int32)
+        return moment
+
+    def change(self, change: Change) -> bool:
+        """Change the world as asked, and return whether it begins anew.
+
+        ConfigError, MapError and the like say why it is refused; the world is then as it was.
+        """
+        if isinstance(change, Make):
+            return self._make(change)
+        if isinstance(change, Shelves):
+            self._shelve(change)
+        elif isinstance(change, Person):
+            self._stand_person(free_cell(self.grid, change.cell))
+        else:
+            self._dismiss(change.person)
+        return False
+
+    def _make(self, asked: Make) -> bool:
+        given = {name: value for name, value in dataclasses.asdict(asked).items() if value is not None}
+        if asked.policy is not None and asked.policy not in {*POLICIES, self.setting.policy}:
+            raise unknown_name("policy", asked.policy, POLICIES)  # a page names no folders
+        setting = dataclasses.replace(self.setting, **given)
+        if given.keys() == {"policy"}:
+            self._go_on(setting, self.grid, self._places())
+            return False
+        self._begin(dataclasses.replace(setting, people=len(self._places())))
+        return True
+
+    def _shelve(self, asked: Shelves) -> None:
+        grid = with_shelves(self.grid, asked.cells, asked.stand, self.bare)
+        if asked.stand:
+            centres = grid.centre(np.array(asked.cells))
+            beside = np.abs(self._places()[:, None] - centres).max(axis=2)
+            if (beside < grid.cell_size / 2 + PERSON_RADIUS).any():
+                raise ConfigError("somebody stands there; shelves are set on cells that people are off")
+        try:
+            self._go_on(self.setting, grid, self._places())
+        except WarehouseError as error:
+            raise ConfigError(f"no shelf can stand there now: {error}") from error
+
+    def _stand_person(self, cell: tuple[int, int]) -> None:
+        point = self.grid.centre(np.array(cell))
+        pose = self.simulator.state.pose[0]
+        near = np.hypot(pose[:, 0] - point[0], pose[:, 1] - point[1])
+        if near.min() < START:
+            raise ConfigError(f"robot {int(near.argmin())} is within {START:g} m of there; people keep farther off")
+        self._go_on(self.setting, self.grid, np.concatenate([self._places(), point[None]]))
+
+    def _dismiss(self, person: int) -> None:
+        points = self._places()
+        if not 0 <= person < len(points):
+            raise ConfigError(f"there is no person {person} among {len(points)}")
+        self._go_on(self.setting, self.grid, np.delete(points, person, axis=0))
+
+    def _places(self) -> NDArray[np.float32]:
+        """Return float32[M, 2], where people are [m]."""
+        return places(self.simulator.people.persons[0])[:, :2]
+
+    def _go_on(self, setting: Setting, grid: GridMap, people: NDArray[np.floating[Any]]) -> None:
+        """Go on with another policy, floor or people: robots keep place, speed and goal, and get routes anew.
+
+        Who could not stop before a new shelf is stopped at once, or a click would count as its contact.
+        """
+        old = self.simulator
+        simulator, act = _made(setting, len(people), grid)
+        pose, speed, goal = (values.copy() for values in (old.state.pose, old.state.speed, old.state.goal))
+        speed[0, _too_fast(pose[0], speed[0], grid.centre(np.argwhere(grid.occupied & ~old.grid.occupied)), old)] = 0
+        assignment = Assignment(pose[0].astype(np.float64), goal[0])
+        simulator.reset_to([assignment], [_seed(setting.seed, self.made)])
+        if len(people):
+            simulator.people.stand(0, people)
+        simulator.put(pose, speed)
+        self._before = self.moment()["totals"].astype(np.int64)
+        self.setting = setting
+        self._take(simulator, act)
+
+
+def _made(setting: Setting, people: int, grid: GridMap) -> tuple[Simulator, Any]:
+    """Return a simulator that is to be reset, and what chooses its actions."""
+    base = EnvConfig(num_agents=setting.robots, planner=setting.planner, layout=setting.floor)
+    config = config_of(setting.policy, base, {**setting.chosen, "people": people})
+    return Simulator(config, grid=grid), make_actor(setting.policy, config)
+
+
+def _too_fast(
+    pose: NDArray[np.float32], speed: NDArray[np.float32], shelves: NDArray[np.float64], simulator: Simulator
+) -> NDArray[np.bool_]:
+    """Return bool[N], whether robots could touch a shelf around one of the points float[K, 2] [m] before they stop."""
+    robot, step = simulator.config.robot, simulator.config.action_repeat * simulator.config.time_step
+    beside = np.abs(pose[:, None, :2] - shelves) - simulator.grid.cell_size / 2
+    gap = np.hypot(*np.moveaxis(np.maximum(beside, 0.0), -1, 0)).min(axis=1, initial=np.inf)  # from the front axle
+    fast = np.abs(speed)
+    return np.asarray(gap < robot.farthest + fast * step + fast**2 / (2 * robot.max_acceleration))
+
+
+def _seed(seed: int, made: int) -> int:
+    """Return the seed of the tasks that follow when a world goes on for the `made`th time."""
+    return int(np.random.SeedSequence([seed, made]).generate_state(1)[0])
+
+
+def policies() -> Sequence[tuple[str, str]]:
+    """Return the names of the shipped policies, and what each does."""
+    return [(name, entry.summary) for name, entry in POLICIES.items()]
