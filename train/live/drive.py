@@ -1,0 +1,138 @@
+"""A live world in time: it is stepped at a pace, changed by commands, and told of to all pages."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from train.live.commands import Command, Play, Speed, Step
+from train.live.figures import Figures, Sample
+from train.live.listeners import Listeners
+from train.live.messages import further, note, whole
+from train.live.world import Moment, World
+from warehouse_env.errors import WarehouseError
+from warehouse_env.render.replay import Lines
+
+TELLS_EVERY = 0.04  # [s] between two messages to pages
+MOST_MOMENTS = 250  # in a message
+MAKING = "The world is being made; kernels that are new are compiled, once, for a minute or so."
+_LATE = 0.25  # [s] behind from which a pace that cannot be kept is let go
+_IDLE = 0.5  # [s] between two looks where time stands still
+
+
+class Drive:
+    """Steps a world when it is due, and tells listeners of it."""
+
+    def __init__(self, world: World, listeners: Listeners) -> None:
+        self.world, self._listeners = world, listeners
+        self._playing = True
+        self._speed: float | None = 1.0
+        self._first = 0  # number of the last moment that was told
+        self._told_at = 0.0
+        self._figures = Figures()
+        self._show_anew()
+
+    def due_in(self) -> float:
+        """Return in how many seconds there is something to do, 0 or less where it is time."""
+        return self._due() - time.perf_counter()
+
+    def turn(self) -> None:
+        """Step if it is time, and tell pages what they do not know."""
+        if self._playing and self.due_in() <= 0:
+            self._step()
+        now = time.perf_counter()
+        if now - self._told_at >= TELLS_EVERY or len(self._moments) >= MOST_MOMENTS or self.due_in() > TELLS_EVERY:
+            self._tell(now)
+        if waiting := self._listeners.waiting():
+            self._tell(now)
+            for listener in waiting:
+                listener.put(self._whole(), world=True)
+                listener.put(note(self._pace()))
+
+    def obey(self, command: Command) -> None:
+        """Carry a command out; raises what says why it is refused."""
+        if isinstance(command, Play):
+            self._play(command.playing)
+        elif isinstance(command, Speed):
+            self._speed = command.speed
+            self._play(self._playing)
+        elif isinstance(command, Step):
+            self._play(False)
+            self._step()
+        else:
+            self._change(command)
+
+    def _play(self, playing: bool) -> None:
+        self._playing = playing
+        self._set_off()
+        self._listeners.put(note(self._pace()))
+
+    def _change(self, command: Any) -> None:
+        """Change the world; pages hear first that another one is being made, for that may take a while."""
+        self._tell(time.perf_counter())
+        self._listeners.put(note(self._pace() | {"making": MAKING}))
+        try:
+            if self.world.change(command):
+                self._figures = Figures()
+        except WarehouseError:
+            self._set_off()
+            self._listeners.put(note(self._pace()))
+            raise
+        self._show_anew()
+
+    def _show_anew(self) -> None:
+        """Begin to tell of a world that pages do not know."""
+        self._lines = Lines()
+        self._moments: list[Moment] = []  # not told yet
+        self._samples: list[Sample] = []
+        self._listeners.renew()
+        self._set_off()
+
+    def _set_off(self) -> None:
+        """Count time from now on."""
+        self._since, self._since_steps = time.perf_counter(), self.world.steps
+        self._measured, self._measured_steps = self._since, self._since_steps
+        self._reached = 0.0
+
+    def _due(self) -> float:
+        """Return when the next step is due, on the clock of perf_counter [s]."""
+        if not self._playing:
+            return time.perf_counter() + _IDLE
+        if self._speed is None:
+            return 0.0
+        return self._since + (self.world.steps - self._since_steps) * self.world.step_seconds / self._speed
+
+    def _step(self) -> None:
+        if self._speed is not None and self.due_in() < -_LATE:
+            self._since, self._since_steps = time.perf_counter(), self.world.steps
+        moment = self._seen(self.world.step())
+        self._moments.append(moment)
+        sample = self._figures.add(self.world.seconds, moment)
+        if sample is not None:
+            self._samples.append(sample)
+
+    def _seen(self, moment: Moment) -> Moment:
+        """Return a moment with the numbers of the routes that robots are on."""
+        return moment | {"route": self._lines.numbers(self.world.simulator, 0)}
+
+    def _tell(self, now: float) -> None:
+        """Tell all pages of the moments since the last time, and now and then of the pace."""
+        self._told_at = now
+        if self._moments:
+            first, routes = self._first + 1, self._lines.take()
+            self._listeners.put(further(self.world, first, self._moments, routes, self._samples))
+            self._first += len(self._moments)
+            self._moments, self._samples = [], []
+        if now - self._measured >= 1.0:
+            steps = self.world.steps - self._measured_steps
+            self._reached = steps * self.world.step_seconds / (now - self._measured)
+            self._measured, self._measured_steps = now, self.world.steps
+            self._listeners.put(note(self._pace()))
+
+    def _whole(self) -> bytes:
+        """Return the message of the world as it is now."""
+        moment = self._seen(self.world.moment())
+        return whole(self.world, self._first, moment, self._lines.current(), self._figures.samples)
+
+    def _pace(self) -> dict[str, Any]:
+        return {"playing": self._playing, "speed": self._speed, "reached": round(self._reached, 3), "making": None}
