@@ -182,6 +182,7 @@ class World:
         if len(people):
             simulator.people.stand(0, people)
         simulator.put(pose, speed)
+        simulator.state.steer[...] = old.state.steer  # which `put` takes to be straight, and the field counts on
         self._before = self.moment()["totals"].astype(np.int64)
         self.setting = setting
         self._take(simulator, act)

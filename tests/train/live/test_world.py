@@ -151,3 +151,13 @@ def test_what_cannot_be_is_refused(change: Make, why: str) -> None:
         one.change(change)
     one.step()
     assert one.digest == same.digest
+
+
+def test_robots_in_their_bends_touch_nothing_when_the_world_goes_on() -> None:
+    """The protective field counts on the wheels as they are: were they put straight, robots would leave their bends."""
+    one = world(floor="paper46", robots=24)
+    for k in range(400):
+        one.step()
+        if k % 10 == 9:
+            one.change(Make(policy="greedy"))
+    assert one.moment()["totals"][1] == 0
