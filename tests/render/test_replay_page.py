@@ -13,7 +13,7 @@ from tests.render.browser import Opener, needs_chromium, until
 from tests.render.episodes import CONFIG, driven
 from tests.render.test_replay import shares
 from warehouse_env.errors import ConfigError
-from warehouse_env.render import replay_page
+from warehouse_env.render import live_page, replay_page
 from warehouse_env.render.page_text import PAGE, SHARED
 from warehouse_env.render.replay import FLAGS, Replay, replay_of
 from warehouse_env.render.replay_page import write_replay_page
@@ -65,7 +65,9 @@ def assert_at(page: Any, replay: Replay, frame: int, panel: int = 0) -> None:
 
 
 def test_every_script_is_in_a_page() -> None:
-    for folder, names in (("", SHARED), (replay_page.FOLDER, replay_page.SCRIPTS)):
+    for folder, names in (
+        ("", SHARED), (replay_page.FOLDER, replay_page.SCRIPTS), (live_page.FOLDER, live_page.SCRIPTS),
+    ):  # fmt: skip
         assert {path.stem for path in (PAGE / folder).glob("*.js")} == set(names)
 
 

@@ -1,0 +1,170 @@
+"""The server lets in its own page only, bounds what it reads, and says each refusal in one sentence."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from train.live import listeners
+from train.live.commands import Command, Play
+from train.live.listeners import Listeners
+from train.live.messages import note
+from train.live.server import Server
+from warehouse_env.errors import ConfigError
+from warehouse_env.render.live_page import live_page
+
+
+class Asked:
+    """A runner that carries nothing out."""
+
+    def __init__(self) -> None:
+        self.listeners = Listeners()
+        self.commands: list[Command] = []
+
+    def look(self) -> None: ...
+
+    def ask(self, command: Command) -> None:
+        if isinstance(command, Play) and not command.playing:
+            raise ConfigError("it never pauses")
+        self.commands.append(command)
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    with Server(Asked(), live_page("title", 0.1, {})) as running:  # type: ignore[arg-type]
+        thread = threading.Thread(target=running.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
+        thread.start()
+        yield running
+        running.shutdown()
+
+
+def answer(
+    server: Server, method: str = "GET", what: str = "", body: bytes | None = None, **headers: str
+) -> tuple[int, Any, http.client.HTTPResponse]:
+    """Ask behind the token; headers with _ for -. Returns the status, what JSON says or the text, and the response."""
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=10)
+    path = what if what.startswith("/") else f"/{server.token}/{what}"
+    connection.request(method, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
+    response = connection.getresponse()
+    text = response.read().decode()
+    connection.close()
+    return response.status, json.loads(text) if text.startswith("{") else text, response
+
+
+def test_the_page_is_given_with_all_that_keeps_others_off(server: Server) -> None:
+    status, text, response = answer(server)
+    assert status == 200
+    assert text == server.page.text
+    policy = response.headers["Content-Security-Policy"]
+    assert "default-src 'none'" in policy
+    assert "connect-src 'self'" in policy
+    assert "frame-ancestors 'none'" in policy
+    assert "unsafe" not in policy
+    assert response.headers["Cache-Control"] == "no-store"
+    assert response.headers["Referrer-Policy"] == "no-referrer"
+    assert "Access-Control-Allow-Origin" not in response.headers
+    assert "http://" not in text.replace("http://www.w3.org/2000/svg", "")
+    assert "https://" not in text
+
+
+def test_it_listens_on_loopback_alone(server: Server) -> None:
+    assert server.server_address[0] == "127.0.0.1"
+    assert server.address == f"http://127.0.0.1:{server.server_port}/{server.token}/"
+    assert len(server.token) >= 32
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"Host": "evil.example"}, 421),  # a name that was led to 127.0.0.1
+        ({"Host": "evil.example:{port}"}, 421),
+        ({"Host": "127.0.0.1"}, 421),
+        ({"Origin": "http://evil.example"}, 403),
+        ({"Origin": "http://127.0.0.1:1"}, 403),
+        ({"Origin": "https://127.0.0.1:{port}"}, 403),
+        ({"Origin": "null"}, 403),
+        ({"Host": "localhost:{port}", "Origin": "http://localhost:{port}"}, 200),
+        ({"Origin": "http://127.0.0.1:{port}", "Sec_Fetch_Site": "same-origin"}, 200),
+    ],
+)
+def test_pages_of_other_sites_are_refused(server: Server, headers: dict[str, str], status: int) -> None:
+    headers = {name: value.format(port=server.server_port) for name, value in headers.items()}
+    for method, what, body in (("GET", "", None), ("POST", "commands", b'{"do": "step"}')):
+        got, said, _ = answer(server, method, what, body, **headers, Content_Type="application/json")
+        assert got == status
+        assert status == 200 or "\n" not in said["error"]
+    assert len(server.runner.commands) == (status == 200)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])
+def test_a_link_elsewhere_leads_to_the_page_and_to_nothing_else(server: Server, site: str) -> None:
+    assert answer(server, Sec_Fetch_Site=site)[0] == 200
+    assert answer(server, "GET", "states", Sec_Fetch_Site=site)[0] == 403
+    message = {"Content_Type": "application/json", "Sec_Fetch_Site": site}
+    assert answer(server, "POST", "commands", b'{"do": "step"}', **message)[0] == 403
+    assert server.runner.commands == []  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("path", ["/", "/x", "/x/commands", "/{token}x/", "//", "/states", "/%00/", "/{token}%C3%A9/"])
+def test_without_the_token_there_is_nothing(server: Server, path: str) -> None:
+    path = path.format(token=server.token)
+    assert answer(server, "GET", path)[0] == 403
+    assert answer(server, "POST", path, b'{"do": "step"}', Content_Type="application/json")[0] == 403
+
+
+def test_other_addresses_and_methods_are_none(server: Server) -> None:
+    assert answer(server, "GET", "other")[0] == 404
+    assert answer(server, "GET", "commands")[0] == 404
+    assert answer(server, "POST", "states", b"{}", Content_Type="application/json")[0] == 404
+    for method in ("PUT", "DELETE", "OPTIONS"):  # OPTIONS: no other site's page gets leave to send JSON
+        assert answer(server, method)[0] == 501
+
+
+@pytest.mark.parametrize(
+    ("body", "headers", "status", "why"),
+    [
+        (b'{"do": "step"}', {}, 200, None),
+        (b'{"do": "step"}', {"Content_Type": "text/plain"}, 415, "application/json"),  # as a form could send
+        (b'{"do": "plai"}', {}, 400, "did you mean play"),
+        (b"\x00", {}, 400, "JSON object"),
+        (b'{"do": "play", "playing": false}', {}, 409, "it never pauses"),
+        (b" " * 65_537, {}, 413, "at most 65,536 bytes"),
+        (b"{}", {"Content_Length": "-1"}, 411, "how many bytes"),
+        (b"{}", {"Content_Length": "9" * 30}, 411, "how many bytes"),
+        (b"{}", {"Content_Length": "1e3"}, 411, "how many bytes"),
+    ],
+)
+def test_commands_are_bounded_and_answered(
+    server: Server, body: bytes, headers: dict[str, str], status: int, why: str | None
+) -> None:
+    got, said, _ = answer(server, "POST", "commands", body, **{"Content_Type": "application/json", **headers})
+    assert got == status
+    assert why is None or why in said["error"]
+
+
+def test_a_stream_gives_messages_until_the_end(server: Server) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=10)
+    connection.request("GET", f"/{server.token}/states")
+    response = connection.getresponse()
+    known = server.runner.listeners
+    (listener,) = known.waiting()
+    message = note({"playing": True})
+    listener.put(message)  # before the whole of a world nothing is of use
+    listener.put(message, world=True)
+    known.put(message)
+    assert response.read(2 * len(message)) == 2 * message
+    known.close()
+    assert response.read().strip(b"\0") == b""
+    connection.close()
+
+
+def test_no_more_pages_look_than_may(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(listeners, "MOST", 0)
+    status, said, _ = answer(server, "GET", "states")
+    assert status == 503
+    assert "close one of them" in said["error"]

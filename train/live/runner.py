@@ -1,0 +1,84 @@
+"""The thread that a live world runs in; commands come from any other."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+
+from train.live.commands import Command
+from train.live.drive import Drive
+from train.live.listeners import Listeners
+from train.live.world import World
+from warehouse_env.errors import ConfigError, WarehouseError
+
+_LOOKS_EVERY = 0.5  # [s], whether it is stopped
+
+
+class Runner(threading.Thread):
+    """Drives a world until `stop`; `listeners` hear of it, and `ask` changes it.
+
+    failed: what ended it before, for the main thread to raise.
+    """
+
+    def __init__(self, make: Callable[[], World]) -> None:
+        """make: the world to begin with; it is called in the thread, for kernels may have to be compiled first."""
+        super().__init__(name="live world", daemon=True)
+        self.listeners = Listeners()
+        self.drive: Drive | None = None
+        self.failed: BaseException | None = None
+        self._make = make
+        self._asked: queue.SimpleQueue[tuple[Command, Future[None]] | None] = queue.SimpleQueue()
+        self._stopped = threading.Event()
+
+    def ask(self, command: Command) -> None:
+        """Have a command carried out, and return when it is; raises what says why it is refused."""
+        answer: Future[None] = Future()
+        self._asked.put((command, answer))
+        while not self._stopped.is_set():
+            try:
+                return answer.result(_LOOKS_EVERY)
+            except TimeoutError:
+                continue
+        raise ConfigError("the simulation has stopped")
+
+    def look(self) -> None:
+        """Wake the thread, for somebody has joined its listeners."""
+        self._asked.put(None)
+
+    def stop(self, timeout: float) -> None:
+        """Stop, and wait for it [s] at most: who compiles is not waited for."""
+        self._stopped.set()
+        self.look()
+        self.join(timeout)
+
+    def run(self) -> None:
+        """Make the world and drive it."""
+        try:
+            self.drive = Drive(self._make(), self.listeners)
+            while not self._stopped.is_set():
+                self._take(self.drive)
+                self.drive.turn()
+        except BaseException as error:
+            self.failed = error
+        finally:
+            self._stopped.set()
+            self.listeners.close()
+
+    def _take(self, drive: Drive) -> None:
+        """Wait until something is to be done, or asked for, and answer it."""
+        wait = min(drive.due_in(), _LOOKS_EVERY)
+        try:
+            asked = self._asked.get(timeout=wait) if wait > 0 else self._asked.get_nowait()
+        except queue.Empty:
+            return
+        if asked is None:
+            return
+        command, answer = asked
+        try:
+            drive.obey(command)
+        except WarehouseError as error:
+            answer.set_exception(error)
+        else:
+            answer.set_result(None)
