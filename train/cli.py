@@ -67,6 +67,7 @@ _COMMANDS = {
     "advise": ("commands.advise:Advise", "say how many robots a floor bears, where they wait, what a change brings"),
     "record": ("commands.replay:Record", "drive a policy through one episode and keep it as a file"),
     "replay": ("commands.replay:ReplayCommand", "show recorded episodes: a page for the browser, a video, a window"),
+    "live": ("commands.live:Live", "run a simulation behind a page in the browser, and steer it there"),
     "audit": ("commands.audit:AuditCommand", "check at every instant what robots drove: overlaps, limits, jumps"),
     "robust": (
         "commands.evaluate:Robust",

@@ -1,0 +1,55 @@
+"""`warehouse live`: it says where it is, ends by Ctrl-C with one sentence, and refuses what cannot be."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+from train.cli import STOPPED, main
+from train.reporting.rows import read_rows
+
+LIVE = "live --layout open --policy greedy --planner astar_turns --robots 4 --seed 7"
+
+
+def test_ctrl_c_ends_it_with_one_sentence(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "train.cli", *LIVE.split(), "--json", str(tmp_path / "live.jsonl")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
+        assert running.stdout is not None
+        assert running.stderr is not None
+        said = running.stdout.readline()
+        address = said.split()[4]
+        assert address.startswith("http://127.0.0.1:")
+        with urllib.request.urlopen(address, timeout=60) as page:
+            assert b"<title>Live warehouse</title>" in page.read()
+        with urllib.request.urlopen(f"{address}states", timeout=600) as stream:
+            while not int.from_bytes(stream.read(4), "little"):
+                pass  # the world is being made
+        running.send_signal(signal.SIGINT)
+        _, errors = running.communicate(timeout=60)
+    assert running.returncode == STOPPED
+    assert errors.startswith("warehouse: stopped; the last world ran for ")
+    assert errors.count("\n") == 1
+    (row,) = read_rows(tmp_path / "live.jsonl")
+    assert (row["policy"], row["floor"], row["robots"], row["seed"]) == ("greedy", "open", 4, 7)
+    assert len(row["digest"]) == 32
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ("--port 70000", "from 0 to 65,535"),
+        ("--robots 257", "from 1 to 256"),
+        ("--layout opem", "did you mean open"),
+        ("--policy gredy", "did you mean greedy"),
+        ("--planner nobody", "unknown planner"),
+        ("--map none.map", "none.map"),
+    ],
+)
+def test_what_cannot_be_is_refused(options: str, why: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["live", *options.split()]) == 2
+    assert why in capsys.readouterr().err

@@ -1,0 +1,115 @@
+"""The live page in a real browser: it shows a world that goes on, and changes it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from tests.render.browser import needs_chromium, until
+from tests.train.live.test_world import free_cell_far_off
+from tests.train.live.worlds import world
+from train.commands.live import about_live
+from train.live.floors import Floors
+from train.live.runner import Runner
+from train.live.server import Server
+from warehouse_env.render.live_page import live_page
+
+Opener = Callable[..., Any]
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    """A server of four robots on the open floor, which is not ready at once."""
+    runner = Runner(world)
+    about = about_live(Floors("open"), "greedy", 4)
+    with Server(runner, live_page("Live warehouse", 0.1, about)) as running:
+        thread = threading.Thread(target=running.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
+        thread.start()
+        runner.start()
+        yield running
+        runner.stop(30.0)
+        running.shutdown()
+        assert runner.failed is None
+
+
+@pytest.fixture
+def open_live(browser: Any, server: Server) -> Iterator[Opener]:
+    """Return an opener of live pages; what they complain of, or ask of anybody else, fails the test."""
+    faults: list[str] = []
+    opened = []
+
+    def opener(width: int = 1280, height: int = 800, **options: Any) -> Any:
+        page = browser.new_page(viewport={"width": width, "height": height}, **options)
+        # a refused command is an answer with an error's status, of which the browser tells
+        page.on("console", lambda m: faults.extend([m.text] * ("Failed to load resource" not in m.text)))
+        page.on("pageerror", lambda error: faults.append(f"error: {error}"))
+        page.on("request", lambda request: faults.extend([request.url] * (not request.url.startswith(server.address))))
+        page.goto(server.address)
+        until(page, "window.live !== undefined", 6000)  # kernels may be compiled first
+        opened.append(page)
+        return page
+
+    yield opener
+    for page in opened:
+        page.close()
+    assert not [fault for fault in faults if not fault.startswith("data:")]
+
+
+@needs_chromium
+def test_it_shows_and_steers_a_world(server: Server, open_live: Opener) -> None:
+    page, other = open_live(), open_live()
+    assert page.inner_text("figcaption b") == "greedy"
+    before = page.evaluate("live.seconds()")
+    until(page, f"live.seconds() > {before} + 0.5")
+    page.fill("#speed", "8")  # as fast as it goes
+    until(page, "live.pace().speed === null")
+    until(page, "live.goals() > 0")
+    until(other, "live.goals() > 0 && live.pace().speed === null")
+
+    page.keyboard.press("Space")
+    until(page, "!live.pace().playing")
+    cell = free_cell_far_off(server.runner.drive.world)  # type: ignore[union-attr]
+    page.keyboard.press("s")
+    page.mouse.click(*page.evaluate("([r, c]) => live.place(r, c)", list(cell)))
+    for one in (page, other):
+        until(one, f"live.shelf({cell[0]}, {cell[1]})")
+    assert server.runner.drive.world.grid.occupied[cell]  # type: ignore[union-attr]
+
+    page.fill("#robots", "6")
+    for one in (page, other):
+        until(one, "live.robots() === 6")
+    until(page, "document.querySelector('#robots-said').textContent === '6'")
+    assert other.input_value("#robots") == "6"
+
+
+@needs_chromium
+def test_a_refusal_is_told_and_changes_nothing(server: Server, open_live: Opener) -> None:
+    page = open_live()
+    page.keyboard.press("Space")
+    until(page, "!live.pace().playing")
+    world = server.runner.drive.world  # type: ignore[union-attr]
+    cell = world.grid.cell(world.simulator.state.pose[0, 0, :2]).tolist()
+    page.keyboard.press("s")
+    page.mouse.click(*page.evaluate("([r, c]) => live.place(r, c)", cell))
+    until(page, "document.querySelector('#said').textContent.includes('robot 0')")
+    assert not page.evaluate("([r, c]) => live.shelf(r, c)", cell)
+    page.fill("#seed", "no")
+    page.click("#anew")
+    assert not page.evaluate("document.querySelector('#seed').checkValidity()")
+    assert world.made == 1
+
+
+@needs_chromium
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_it_fits_a_phone_and_a_robots_charts_are_seen(scheme: str, open_live: Opener) -> None:
+    page = open_live(390, 844, color_scheme=scheme, has_touch=True, device_scale_factor=2)
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    page.evaluate("live.app.choose(1)")
+    until(page, "document.querySelector('.chart output').textContent !== ''")
+    floor, card = page.locator("#stage").bounding_box(), page.locator("#robot").bounding_box()
+    assert 0 <= card["y"] - floor["y"] - floor["height"] <= 20
+    footer = page.locator("footer").bounding_box()
+    assert page.locator("#charts canvas").first.bounding_box()["y"] < footer["y"]

@@ -1,0 +1,109 @@
+"""`warehouse live`: a simulation that runs behind a page in the browser, which shows and steers it."""
+
+from __future__ import annotations
+
+import threading
+import webbrowser
+from dataclasses import dataclass
+from pathlib import Path
+
+from train.commands.evaluate import Drive
+from train.evaluation.rollout import config_of
+from train.live.commands import MOST_ROBOTS
+from train.live.floors import Floors
+from train.live.runner import Runner
+from train.live.server import Server
+from train.live.world import Setting, World, policies
+from train.reporting.rows import RowFile
+from warehouse_env.config import EnvConfig
+from warehouse_env.planning import make_planner
+from warehouse_env.render.live_page import live_page
+from warehouse_env.render.page_text import about_page
+
+_LOOKS_EVERY = 0.2  # [s], whether the simulation has failed
+_STOPS_IN = 2.0  # [s] at most
+
+
+@dataclass(frozen=True)
+class Live(Drive):
+    """Run a simulation behind a page in the browser; set pace, floor, robots, shelves and people there."""
+
+    policy: str = "threaded_ppo"
+    """Policy to begin with: a name, or the folder of a trained one."""
+    layout: str = "paper46"
+    """Layout to begin with."""
+    map: Path | None = None
+    """MovingAI .map file to begin with, instead."""
+    robots: int = 32
+    """Number of robots to begin with."""
+    port: int = 0
+    """Port of this machine to serve at; 0: any that is free."""
+    open: bool = False
+    """Open the page in the browser."""
+    json: Path | None = None
+    """Write a row about the world at the end to this file as JSON lines."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(0, 65_535, "port")
+        self._between(1, MOST_ROBOTS, "robots")
+        self._between(0, 2**53, "seed")
+
+    def run(self) -> None:
+        """Serve until Ctrl-C; say where."""
+        floors = Floors(self.layout, self.map)
+        chosen = self.chosen()
+        people = int(chosen.pop("people", 0))
+        setting = Setting(self.policy, floors.first, self.robots, people, self.seed, self.planner, chosen)
+        make_planner(self.planner)
+        config = config_of(self.policy, EnvConfig(num_agents=self.robots, people=people), chosen)
+        file = RowFile(self.json)
+        about = about_live(floors, self.policy, self.robots)
+        runner = Runner(lambda: World(setting, floors))
+        with Server(runner, live_page("Live warehouse", config.near_miss_gap, about), self.port) as server:
+            threading.Thread(target=server.serve_forever, name="server", daemon=True).start()
+            runner.start()
+            print(f"the warehouse is at {server.address} (Ctrl-C ends it)", flush=True)
+            if self.open:
+                webbrowser.open(server.address)
+            try:
+                while runner.is_alive():
+                    runner.join(_LOOKS_EVERY)
+            except KeyboardInterrupt as stop:
+                runner.stop(_STOPS_IN)
+                stop.args = (_said(runner),)
+                raise
+            finally:
+                server.shutdown()
+                file.add([row_of(runner)] if runner.drive is not None else [])
+        if runner.failed is not None:
+            raise runner.failed
+
+
+def about_live(floors: Floors, policy: str, robots: int) -> dict[str, object]:
+    """Return what the page must know of what there is to choose from, and of what the world begins with."""
+    return about_page(MOST_ROBOTS) | {
+        "layers": about_page(robots)["layers"], "terms": [], "floors": floors.names, "most": MOST_ROBOTS,
+        "policies": dict([(policy, "the one to begin with"), *policies()]),
+    }  # fmt: skip
+
+
+def row_of(runner: Runner) -> dict[str, object]:
+    """Return what a live world came to, as a row."""
+    assert runner.drive is not None
+    world = runner.drive.world
+    setting = world.setting
+    goals, contacts, near_misses = world.moment()["totals"].tolist()
+    return {
+        "policy": setting.policy, "floor": setting.floor, "robots": setting.robots, "seed": setting.seed,
+        "people": world.simulator.config.people, "seconds": world.seconds, "goals": goals, "contacts": contacts,
+        "near_misses": near_misses, "worlds": world.made, "digest": world.digest,
+    }  # fmt: skip
+
+
+def _said(runner: Runner) -> str:
+    """Say what came of a world that was stopped."""
+    if runner.drive is None:
+        return "the world was still being made"
+    row = row_of(runner)
+    return f"the last world ran for {row['seconds']:.0f} s and reached {row['goals']} goals"
