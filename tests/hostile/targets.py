@@ -30,6 +30,7 @@ from train.learning import checkpoint
 from train.learning.config import HELD_OUT_SEED, PPOConfig, ReinforceConfig, ThreadedPPOConfig
 from train.learning.curves import read_run
 from train.learning.progress import ProgressLog
+from train.live.commands import read_command
 from train.reporting.comparison import compare, read_runs
 from train.reporting.rows import RowFile, read_rows, whole_rows
 from warehouse_env.checked import from_plain, parse_named
@@ -57,6 +58,11 @@ class Target(NamedTuple):
 
 SMALL: dict[str, Any] = {"num_agents": 2, "planner": "astar", "layout": "open", "max_steps": 6}
 CONFIGS = (EnvConfig, RobotSpec, SensorSpec, RerouteSpec, RewardWeights, ReinforceConfig, PPOConfig, ThreadedPPOConfig)
+LIVE: tuple[dict[str, Any], ...] = (
+    {"do": "play", "playing": True}, {"do": "speed", "speed": 2.5}, {"do": "leave", "person": 0},
+    {"do": "make", "policy": "greedy", "floor": "open", "robots": 8, "seed": 1},
+    {"do": "shelves", "cells": [[1, 2], [3, 4]], "stand": True}, {"do": "person", "cell": [5, 6]},
+)  # fmt: skip
 MAP = b"type octile\nheight 4\nwidth 5\nmap\n.@...\n.....\n..@..\n.....\n"
 ONE_WAY = b".....\n.>>>.\n.....\n..v..\n"
 SCEN = EXAMPLE_SCEN.read_bytes()[:300]
@@ -412,6 +418,7 @@ TARGETS: dict[str, Target] = {
     "command line": Target(_make_line, _line, 6),
     "policy name": Target(_make_name, _name, 300),
     "path": Target(value, _paths, 600),
+    "live command": Target(lambda rng: json_bytes(rng, rng.choice(LIVE)), lambda given, _: read_command(given), 2000),
 }  # fmt: skip
 
 
