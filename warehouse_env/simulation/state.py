@@ -88,7 +88,7 @@ PARAMETERS = np.dtype(
         ("half_length", F), ("half_width", F), ("offset", F), ("radius", F),  # [m]; offset: front axle to centre
         ("wheelbase", F), ("min_speed", F), ("max_speed", F), ("max_acceleration", F),
         ("max_steer", F), ("max_steer_rate", F),
-        ("arrival_radius", F), ("near_miss_gap", F), ("pair_range", F), ("stride", F), ("pace", F), ("blur", F),
+        ("arrival_radius", F), ("near_miss_gap", F), ("pair_range", F), ("stride", F), ("blur", F),
         ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
         ("predictions", B),
         ("most_pairs", I), ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator
@@ -116,7 +116,6 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
     far = robot.farthest
     dt = config.time_step / config.substeps
     blur = robot.max_acceleration * dt**2 / 8  # of a body from where it would be in a substep at even speed, at most
-    pace = fastest * dt * (1.0 + far * math.tan(robot.max_steering) / robot.wheelbase) + blur  # of any point, at most
     stop = 0.5 * (fastest**2 / robot.max_acceleration + robot.max_acceleration * config.time_step**2)
     values = {
         "dt": dt, "time_step": config.time_step,
@@ -127,7 +126,7 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
         "max_acceleration": robot.max_acceleration,
         "max_steer": robot.max_steering, "max_steer_rate": robot.max_steering_rate,
         "arrival_radius": config.arrival_radius, "near_miss_gap": config.near_miss_gap,
-        "pair_range": 2 * radius + GAP_HORIZON + 2 * stride, "stride": stride, "pace": pace, "blur": blur,
+        "pair_range": 2 * radius + GAP_HORIZON + 2 * stride, "stride": stride, "blur": blur,
         "cell": cell, "lidar_range": sensor.lidar_range, "rays": sensor.rays, "neighbours": sensor.neighbours,
         "route_points": sensor.route_points, "route_spacing": sensor.route_spacing,
         "predictions": sensor.predictions,

@@ -87,6 +87,16 @@ def test_two_that_rush_past_a_corner_touch_without_the_field_though_no_sample_sa
     assert simulator.state.speed[0].min() == 0.0  # who ran into the other is put back
 
 
+def test_who_turns_back_within_a_substep_touches_what_its_tail_swings_into() -> None:
+    """It ends where it began, a centimetre further in between, and its tail two."""
+    brisk = RobotSpec(max_acceleration=2.0)
+    turns = (5.0, 5.0, 0.0, 0.2, brisk.max_steering)  # the nose to the right, the tail to the left
+    simulator = stage(room(12, 12), turns, (4.6, 5.615, 0.0), robot=brisk, substeps=1, time_step=0.2)
+    poses = in_between(simulator, raw(simulator, (-2.0, 0.0), (0.0, 0.0)))
+    assert simulator.robots["hit_robot"][0].tolist() == [1, 1]
+    assert (poses[-1] == poses[0]).all()
+
+
 def test_bodies_that_turn_beside_a_corner_touch_it_where_dense_sampling_says_so() -> None:
     """Some only between the ends of their arcs."""
     grid, rng, hits = drawn([".....", ".....", "..#..", ".....", "....."]), np.random.default_rng(1), 0

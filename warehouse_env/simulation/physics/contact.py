@@ -14,15 +14,16 @@ from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, bucket_at
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, disc_room, meets_cell
 from warehouse_env.simulation.physics.geometry import rectangles_touch, separation
-from warehouse_env.simulation.physics.kinematics import curvature, drive
-from warehouse_env.simulation.physics.sweep import sweeps_shelf, touch_between, turns_back, way_bound
+from warehouse_env.simulation.physics.kinematics import curvature, drive, way_driven
+from warehouse_env.simulation.physics.sweep import AT_END, BETWEEN, touch_between, touches_shelf, turns_back
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 
 # Rows of `motion` float32[MOTION, N], the robots' motion within one physics step, field by field side by side: the
-# present pose, what changes it, the pose that is tried, and the room [m] that a robot has to the nearest shelf.
+# present pose, what changes it, the pose that is tried, the way [m] of any point of the body to there at most, and
+# the least room [m] that a robot has to the nearest shelf.
 X, Y, HEADING, COS, SIN, SPEED, STEER, ACCELERATION, STEER_RATE = range(9)
-TRY_X, TRY_Y, TRY_HEADING, TRY_COS, TRY_SIN, ROOM = range(9, 15)
-MOTION = 15
+TRY_X, TRY_Y, TRY_HEADING, TRY_COS, TRY_SIN, WAY, ROOM = range(9, 16)
+MOTION = 16
 # `lanes` float32[MOTION x LANES] holds LANES robots of `motion` at constant distances, so that the compiler sees that
 # the rows do not overlap; whether a robot moves stands in place of its room.
 LANES, MOVES = 8, ROOM
@@ -88,7 +89,7 @@ def store(robots, motion):
 @inline
 def _drive_lanes(lanes, p):
     """Move the robots in `lanes` for a substep, on trial; without branches and calls, so in vector instructions."""
-    dt, wheelbase = p["dt"], p["wheelbase"]
+    dt, wheelbase, far = p["dt"], p["wheelbase"], p["far"]
     slowest, fastest, lock = p["min_speed"], p["max_speed"], p["max_steer"]
     for k in range(LANES):
         speed, steer = lanes[SPEED * LANES + k], lanes[STEER * LANES + k]
@@ -98,6 +99,7 @@ def _drive_lanes(lanes, p):
         c, s = lanes[COS * LANES + k], lanes[SIN * LANES + k]
         to_x, to_y, to_heading = drive(x, y, heading, speed, next_speed, steer, next_steer, wheelbase, dt)
         to_s, to_c = sin_cos(to_heading)
+        bend = curvature(HALF * (steer + next_steer), wheelbase)
         stands = (speed == ZERO) & (next_speed == ZERO)
         lanes[SPEED * LANES + k] = next_speed
         lanes[STEER * LANES + k] = next_steer
@@ -106,6 +108,7 @@ def _drive_lanes(lanes, p):
         lanes[TRY_HEADING * LANES + k] = heading if stands else to_heading
         lanes[TRY_COS * LANES + k] = c if stands else to_c
         lanes[TRY_SIN * LANES + k] = s if stands else to_s
+        lanes[WAY * LANES + k] = way_driven(speed, next_speed, bend, far, dt)
         lanes[MOVES * LANES + k] = ZERO if stands else ONE
 
 
@@ -121,7 +124,7 @@ def try_motion(motion, flags, lanes, p):
         for k in range(count):
             for row in range(SPEED, STEER + 1):
                 motion[row, begin + k] = lanes[row * LANES + k]
-            for row in range(TRY_X, TRY_SIN + 1):
+            for row in range(TRY_X, WAY + 1):
                 motion[row, begin + k] = lanes[row * LANES + k]
             flags[MOVING, begin + k] = lanes[MOVES * LANES + k] != ZERO
 
@@ -131,18 +134,10 @@ def put_back(motion, flags, i):
     """Make the present pose the one that robot i tries, and stop it."""
     motion[TRY_X, i], motion[TRY_Y, i], motion[TRY_HEADING, i] = motion[X, i], motion[Y, i], motion[HEADING, i]
     motion[TRY_COS, i], motion[TRY_SIN, i] = motion[COS, i], motion[SIN, i]
-    motion[SPEED, i] = ZERO
+    motion[ROOM, i] -= motion[WAY, i]  # if it was that of the pose that is tried no more
+    motion[SPEED, i], motion[WAY, i] = ZERO, ZERO
     flags[MOVING, i] = 0
     flags[BLOCKED, i] = 0
-
-
-@inline
-def _way(motion, i, p):
-    """Return at least how far [m] any point of robot i's body moves on trial; see `way_bound`."""
-    return way_bound(
-        motion[TRY_X, i] - motion[X, i], motion[TRY_Y, i] - motion[Y, i],
-        motion[COS, i], motion[SIN, i], motion[TRY_COS, i], motion[TRY_SIN, i], p,
-    )  # fmt: skip
 
 
 @inline
@@ -156,29 +151,35 @@ def _back(motion, i, p):
 
 
 @part
-def _meets_shelf_on_the_way(motion, i, p, solid, clearance):
-    """Whether robot i on trial touches a shelf on the way."""
+def _touches_shelf(motion, i, between, p, solid, clearance):
+    """Whether robot i on trial touches a shelf, where it comes to or, if asked, on the way there."""
     c0, s0, c1, s1 = motion[COS, i], motion[SIN, i], motion[TRY_COS, i], motion[TRY_SIN, i]
     x0, y0 = motion[X, i] - p["offset"] * c0, motion[Y, i] - p["offset"] * s0
     x1, y1 = motion[TRY_X, i] - p["offset"] * c1, motion[TRY_Y, i] - p["offset"] * s1
-    return sweeps_shelf(x0, y0, c0, s0, x1, y1, c1, s1, _back(motion, i, p), p, solid) and not body_touches_shelf(
-        x0, y0, c0, s0, p["half_length"], p["half_width"], solid, clearance, p["cell"]
+    way, back = motion[WAY, i], _back(motion, i, p)
+    where = touches_shelf(x0, y0, c0, s0, x1, y1, c1, s1, way, back, between, p, solid)
+    return where == AT_END or (
+        where == BETWEEN
+        and not body_touches_shelf(x0, y0, c0, s0, p["half_length"], p["half_width"], solid, clearance, p["cell"])
     )  # who was put into a shelf may leave it
 
 
 @inline
 def _tries_a_shelf(motion, i, guarded, p, solid, clearance):
     """Whether robot i on trial touches a shelf, where it comes to or, unless guarded, on the way."""
+    before, way = motion[ROOM, i], motion[WAY, i]
+    if before > way:
+        motion[ROOM, i] = before - way
+        return False
     half_length, half_width, cell = p["half_length"], p["half_width"], p["cell"]
     c, s = motion[TRY_COS, i], motion[TRY_SIN, i]
     x, y = motion[TRY_X, i] - p["offset"] * c, motion[TRY_Y, i] - p["offset"] * s
+    room = disc_room(x, y, c, s, half_length, half_width, clearance, cell)
+    motion[ROOM, i] = room
     if guarded is not None:
-        return body_touches_shelf(x, y, c, s, half_length, half_width, solid, clearance, cell)
-    room, before = disc_room(x, y, c, s, half_length, half_width, clearance, cell), max(motion[ROOM, i], ZERO)
-    if room <= ZERO and meets_cell(x, y, c, s, half_length, half_width, solid, cell):
-        return True
-    motion[ROOM, i], room = room, max(room, ZERO)
-    return before + room <= _way(motion, i, p) and _meets_shelf_on_the_way(motion, i, p, solid, clearance)
+        return room <= ZERO and meets_cell(x, y, c, s, half_length, half_width, solid, cell)
+    between = max(before, ZERO) + max(room, ZERO) <= way
+    return (between or room <= ZERO) and _touches_shelf(motion, i, between, p, solid, clearance)
 
 
 @inline
@@ -197,19 +198,22 @@ def keep_off_shelves(robots, motion, flags, guarded, p, solid, clearance):
 
 
 @part
-def _touch_on_the_way(motion, i, j, gap, p):
-    """Whether robots i and j, whose trial poses are `gap` [m] apart, touch on the way to these."""
-    way = _way(motion, i, p) + _way(motion, j, p)
-    if gap > way:
-        return False
+def _touch_on_the_way(motion, i, j, dx, dy, way, p):
+    """Whether robots i and j on trial touch where they come to or on the way there.
+
+    (dx, dy): from the one centre to the other at the end [m]; way: both bodies', together [m].
+    """
     offset, half_length, half_width = p["offset"], p["half_length"], p["half_width"]
+    c1, s1, other_c1, other_s1 = motion[TRY_COS, i], motion[TRY_SIN, i], motion[TRY_COS, j], motion[TRY_SIN, j]
+    gap = separation(dx, dy, c1, s1, other_c1, other_s1, half_length, half_width)
+    if gap <= ZERO or gap > way:
+        return gap <= ZERO
     c0, s0, other_c0, other_s0 = motion[COS, i], motion[SIN, i], motion[COS, j], motion[SIN, j]
     x0, y0 = motion[X, i] - offset * c0, motion[Y, i] - offset * s0
     other_x0, other_y0 = motion[X, j] - offset * other_c0, motion[Y, j] - offset * other_s0
     before = separation(other_x0 - x0, other_y0 - y0, c0, s0, other_c0, other_s0, half_length, half_width)
     if before <= ZERO or before > way - gap:  # who were put into each other may part
         return False
-    c1, s1, other_c1, other_s1 = motion[TRY_COS, i], motion[TRY_SIN, i], motion[TRY_COS, j], motion[TRY_SIN, j]
     return touch_between(
         x0, y0, c0, s0, motion[TRY_X, i] - offset * c1, motion[TRY_Y, i] - offset * s1, c1, s1,
         other_x0, other_y0, other_c0, other_s0,
@@ -225,16 +229,13 @@ def _try_a_touch(motion, i, j, guarded, p):
     c, s, other_c, other_s = motion[TRY_COS, i], motion[TRY_SIN, i], motion[TRY_COS, j], motion[TRY_SIN, j]
     dx = (motion[TRY_X, j] - offset * other_c) - (motion[TRY_X, i] - offset * c)
     dy = (motion[TRY_Y, j] - offset * other_s) - (motion[TRY_Y, i] - offset * s)
-    reach = p["radius"] + p["radius"]
-    if guarded is not None:
-        return dx * dx + dy * dy <= reach * reach and rectangles_touch(
-            dx, dy, c, s, half_length, half_width, other_c, other_s, half_length, half_width
-        )
-    near = p["pace"] + p["pace"]
-    if dx * dx + dy * dy > (reach + near) * (reach + near):
+    way = ZERO if guarded is not None else motion[WAY, i] + motion[WAY, j]
+    reach = p["radius"] + p["radius"] + way
+    if dx * dx + dy * dy > reach * reach or not rectangles_touch(
+        dx, dy, c, s, half_length + way, half_width + way, other_c, other_s, half_length, half_width
+    ):
         return False
-    gap = separation(dx, dy, c, s, other_c, other_s, half_length, half_width)
-    return gap <= ZERO or (gap <= near and _touch_on_the_way(motion, i, j, gap, p))
+    return guarded is not None or _touch_on_the_way(motion, i, j, dx, dy, way, p)
 
 
 @inline

@@ -39,6 +39,15 @@ def braking(speed, p):
 
 
 @inline
+def way_driven(speed, next_speed, bend, far, dt):
+    """Return at least the way [m] of any point of a body in a substep, and no more unless it turns back.
+
+    bend: the curvature [1/m] of the axle's way; far: the farthest point [m] from the axle.
+    """
+    return HALF * dt * (abs(speed) + abs(next_speed)) * (ONE + far * abs(bend))
+
+
+@inline
 def roll(x, y, heading, distance, bend):
     """Return the pose (x, y, heading) after `distance` [m] on an arc of curvature `bend` [1/m].
 

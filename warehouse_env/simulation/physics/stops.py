@@ -13,8 +13,8 @@ from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.physics.contact import COS, HEADING, SIN, SPEED, STEER, X, Y
 from warehouse_env.simulation.physics.footprint import body_room, body_touches_shelf
 from warehouse_env.simulation.physics.geometry import rectangles_touch, separation
-from warehouse_env.simulation.physics.kinematics import braking, curvature, roll
-from warehouse_env.simulation.physics.sweep import sweeps_shelf, touch_between, turns_back, way_bound
+from warehouse_env.simulation.physics.kinematics import braking, curvature, roll, way_driven
+from warehouse_env.simulation.physics.sweep import NOWHERE, touch_between, touches_shelf, turns_back
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 
 REST = np.float32(1e-6)  # [m/s] under which a stop is over: what rounding leaves of a speed
@@ -25,9 +25,10 @@ _SHORT = np.float32(0.2)  # [rad] up to which a series gives the chord of an arc
 _ROOT_2 = np.float32(1.4142137)
 SLACK = np.float32(1e-3)  # [m] for what rounding adds up to where poses are not the samples themselves
 # The field's arrays (see field.scratch). paths float32[N + 1, T + 1, PLACE]: the body's centre and heading now, and
-# after each substep of the committed motions; the last row is that of the motion on trial.
-CENTRE_X, CENTRE_Y, BODY_COS, BODY_SIN = range(4)
-PLACE = 4
+# after each substep of the committed motions, and the way [m] of any point of it in that substep at most; the last row
+# is that of the motion on trial.
+CENTRE_X, CENTRE_Y, BODY_COS, BODY_SIN, WAY = range(5)
+PLACE = 5
 # outlines float32[OUTLINE, N + 1]: a rectangle around all that a motion sweeps [m], half its diagonal; if the motion
 # has been sampled, how far any point of the body moves at most in one of its substeps, and leaves its arc [m].
 MIDDLE_X, MIDDLE_Y, AXIS_COS, AXIS_SIN, LONG, WIDE, REACH, PACE, TURNS_BACK = range(9)
@@ -89,6 +90,7 @@ def sample(row, i, acceleration, steer_rate, commanded, motion, paths, outlines,
     pace, back, n = ZERO, ZERO, 0
     paths[row, 0, CENTRE_X], paths[row, 0, CENTRE_Y] = x - offset * c, y - offset * s
     paths[row, 0, BODY_COS], paths[row, 0, BODY_SIN] = c, s
+    way = ZERO
     while n + substeps < paths.shape[1]:
         if n >= commanded:
             if abs(speed) < REST:
@@ -100,16 +102,17 @@ def sample(row, i, acceleration, steer_rate, commanded, motion, paths, outlines,
             if HALF * (steer + next_steer) != mean:  # also in the substep after the one that reached the lock
                 mean = HALF * (steer + next_steer)
                 bend = curvature(mean, wheelbase)
+            way = way_driven(speed, next_speed, bend, far, dt)
             if speed != ZERO or next_speed != ZERO:
                 distance = HALF * (speed + next_speed) * dt
                 x, y, heading = roll(x, y, heading, distance, bend)
                 s, c = sin_cos(heading)
-                pace = max(pace, abs(distance) * (ONE + far * abs(bend)))
+                pace = max(pace, way)
                 back = max(back, turns_back(speed, next_speed, bend, p))
             speed, steer = next_speed, next_steer
             n += 1
             paths[row, n, CENTRE_X], paths[row, n, CENTRE_Y] = x - offset * c, y - offset * s
-            paths[row, n, BODY_COS], paths[row, n, BODY_SIN] = c, s
+            paths[row, n, BODY_COS], paths[row, n, BODY_SIN], paths[row, n, WAY] = c, s, way
     outlines[PACE, row], outlines[TURNS_BACK, row] = pace + p["blur"], back
     marks[SAMPLES, row] = n + 1
 
@@ -122,23 +125,14 @@ def outlines_meet(dx, dy, c1, s1, l1, w1, r1, c2, s2, l2, w2, r2, gap):
 
 
 @inline
-def _way(row, n, paths, p):
-    """Return at least how far [m] any point of the body moves between a sample and the one before; see `way_bound`."""
-    return way_bound(
-        paths[row, n, CENTRE_X] - paths[row, n - 1, CENTRE_X], paths[row, n, CENTRE_Y] - paths[row, n - 1, CENTRE_Y],
-        paths[row, n - 1, BODY_COS], paths[row, n - 1, BODY_SIN], paths[row, n, BODY_COS], paths[row, n, BODY_SIN], p,
-    )  # fmt: skip
-
-
-@inline
 def _touch_before(a, k, b, m, gaps, paths, outlines, moves_a, moves_b, p):
     """Whether two motions touch between their samples k and m and those before; who moves not has none before.
 
     gaps [m]: at these samples and at those before, together.
     """
-    way = _way(a, k, paths, p) if moves_a else ZERO
+    way = paths[a, k, WAY] if moves_a else ZERO
     if moves_b:
-        way += _way(b, m, paths, p)
+        way += paths[b, m, WAY]
     if gaps > way:
         return False
     i, j = k - 1 if moves_a else k, m - 1 if moves_b else m
@@ -172,10 +166,9 @@ def least_separation(a, b, paths, outlines, marks, p):
         )  # fmt: skip
         if n > 0 or last == 0:  # where they are now is no motion's doing
             least = min(least, gap)
-        if ZERO < before <= most - gap and _touch_before(
-            a, k, b, m, before + gap, paths, outlines, n <= last_a, n <= last_b, p
-        ):
-            least = min(least, HALF * (before + gap - most))
+        both = before + gap if min(before, gap) > ZERO else np.float32(np.inf)
+        if both <= most and _touch_before(a, k, b, m, both, paths, outlines, n <= last_a, n <= last_b, p):
+            least = min(least, HALF * (both - most))
         n, before = n + 1, gap
         spare = gap - _ROOT_2 * p["field_margin"] - SLACK
         if spare > most:
@@ -188,20 +181,21 @@ def least_separation(a, b, paths, outlines, marks, p):
 def meets_shelf(row, paths, outlines, marks, p, solid, clearance):
     """Whether the body touches a shelf anywhere along a sampled motion."""
     half_length, half_width, cell, pace = p["half_length"], p["half_width"], p["cell"], outlines[PACE, row]
-    n, count, before = 0, marks[SAMPLES, row], np.float32(np.inf)
+    n, count, before = 1, marks[SAMPLES, row], ZERO
     while n < count:
         cx, cy = paths[row, n, CENTRE_X], paths[row, n, CENTRE_Y]
         c, s = paths[row, n, BODY_COS], paths[row, n, BODY_SIN]
         room = body_room(cx, cy, c, s, half_length, half_width, clearance, cell) - SLACK
-        if n > 0 and room <= ZERO and body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, cell):
-            return True
+        way, near = paths[row, n, WAY], room <= ZERO
         room = max(room, ZERO)
-        near = before + room <= pace and before + room <= _way(row, n, paths, p)
-        if near and sweeps_shelf(
-            paths[row, n - 1, CENTRE_X], paths[row, n - 1, CENTRE_Y], paths[row, n - 1, BODY_COS],
-            paths[row, n - 1, BODY_SIN], cx, cy, c, s, outlines[TURNS_BACK, row], p, solid,
-        ):  # fmt: skip
-            return True
+        between = before + room <= way
+        if near or between:
+            where = touches_shelf(
+                paths[row, n - 1, CENTRE_X], paths[row, n - 1, CENTRE_Y], paths[row, n - 1, BODY_COS],
+                paths[row, n - 1, BODY_SIN], cx, cy, c, s, way, outlines[TURNS_BACK, row], between, p, solid,
+            )  # fmt: skip
+            if where != NOWHERE:
+                return True
         n, before = n + 1, room
         if room > pace:
             passed = count if pace == ZERO else int(min(room / pace, np.float32(count)))

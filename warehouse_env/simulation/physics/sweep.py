@@ -10,32 +10,22 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline, part
+from warehouse_env.simulation.physics.geometry import rectangles_touch
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
 
 _EIGHTH = np.float32(0.125)
 _TWO = np.float32(2.0)
 _TINY = np.float32(1e-9)
-_ARC, _SINE, _GENTLE = np.float32(1.05), np.float32(1.1), np.float32(0.83)
-_INFINITE = np.float32(np.inf)
 _ROUNDING = np.float32(2e-7)  # [m], of gaps
+_ON_FLOOR = np.float32(1e-4)  # [m] for what rounds places on the floor
 _LEVELS = 3  # of pieces of the arcs, each a quarter of those before, until bodies that seem to touch do
+NOWHERE, BETWEEN, AT_END = range(3)  # a body touches a shelf
 
 
 @inline
 def turn_bound(c0, s0, c1, s1):
     """Return at least the angle [rad] between two headings, and little more of a small one."""
     return _TWO * abs(c0 * s1 - s0 * c1) / max(ONE + c0 * c1 + s0 * s1, _TINY)
-
-
-@inline
-def way_bound(dx, dy, c0, s0, c1, s1, p):
-    """Return at least the way [m] of any point of a body that comes (dx, dy) [m] further, inf if it turns sharply.
-
-    c, s: its headings before and after. 2 tan(t / 2) is at most 1.1 sin(t), and an arc 1.05 chords, as long as cos(t)
-    is over 0.83.
-    """
-    way = _ARC * (abs(dx) + abs(dy)) + _SINE * p["far"] * abs(c0 * s1 - s0 * c1) + p["blur"]
-    return way if c0 * c1 + s0 * s1 > _GENTLE else _INFINITE
 
 
 @inline
@@ -179,29 +169,66 @@ def touch_between(
     return True
 
 
-@part
-def sweeps_shelf(x0, y0, c0, s0, x1, y1, c1, s1, back, p, solid):
-    """Whether a robot's body touches a shelf or the rim between two samples of its motion, at which it does not.
+@inline
+def _passes(along0, along1, across0, across1, long, wide):
+    """Whether two bodies are on the same side of each other at both ends: ahead or astern, or abeam.
 
-    x, y: its centre [m]; c, s: its heading; back: see `turns_back`. Along the axes of the floor a body is apart from
-    all cells but those that the box around it at both ends meets.
+    along, across: from the middle of one to that of the other at both ends [m]; long, wide: the most at which they
+    come near [m].
     """
+    return (
+        min(along0, along1) > long or max(along0, along1) < -long
+        or min(across0, across1) > wide or max(across0, across1) < -wide
+    )  # fmt: skip
+
+
+@part
+def _touch_cell(first_row, last_row, first_column, last_column, x0, y0, c0, s0, x1, y1, c1, s1, spare, back, p, solid):
+    """Whether a body touches one of the cells on the way; most that are near it passes along its axes at the end."""
     cell, half, length, width = p["cell"], HALF * p["cell"], p["half_length"], p["half_width"]
-    chord_x, chord_y = x1 - x0 + p["offset"] * (c1 - c0), y1 - y0 + p["offset"] * (s1 - s0)
-    spare = _bow(chord_x, chord_y, turn_bound(c0, s0, c1, s1), p) + back + _ROUNDING
-    ex0, ey0 = length * abs(c0) + width * abs(s0) + spare, length * abs(s0) + width * abs(c0) + spare
-    ex1, ey1 = length * abs(c1) + width * abs(s1) + spare, length * abs(s1) + width * abs(c1) + spare
-    (rows, columns), scale = solid.shape, ONE / cell
-    first_row = max(int(min(y0 - ey0, y1 - ey1) * scale + ONE), 0)  # what is below 0 is rounded up, to the rim
-    last_row = min(int(max(y0 + ey0, y1 + ey1) * scale) + 1, rows - 1)
-    first_column = max(int(min(x0 - ex0, x1 - ex1) * scale + ONE), 0)
-    last_column = min(int(max(x0 + ex0, x1 + ex1) * scale) + 1, columns - 1)
+    c, s, corner = abs(c0 * c1 + s0 * s1), abs(c0 * s1 - s0 * c1), half * (abs(c1) + abs(s1)) + spare
+    long, wide = max(length, length * c + width * s) + corner, max(width, length * s + width * c) + corner
+    for row in range(first_row, last_row + 1):
+        for column in range(first_column, last_column + 1):
+            if solid[row, column] == 0:
+                continue
+            x, y = (np.float32(column) - HALF) * cell, (np.float32(row) - HALF) * cell
+            dx0, dy0, dx1, dy1 = x - x0, y - y0, x - x1, y - y1
+            if not _passes(
+                dx0 * c1 + dy0 * s1, dx1 * c1 + dy1 * s1, dy0 * c1 - dx0 * s1, dy1 * c1 - dx1 * s1, long, wide
+            ) and touch_between(
+                x0, y0, c0, s0, x1, y1, c1, s1, x, y, ONE, ZERO, x, y, ONE, ZERO, half, half, ZERO, back, ZERO, p
+            ):  # fmt: skip
+                return True
+    return False
+
+
+@inline
+def touches_shelf(x0, y0, c0, s0, x1, y1, c1, s1, way, back, between, p, solid):
+    """Return where a robot's body touches a shelf or the rim in a motion: AT_END, else, if asked, BETWEEN, or NOWHERE.
+
+    x, y: its centre [m]; c, s: its heading; way: of any point of it at most [m], which leaves its chord by an eighth of
+    way^2 / far at most; back: see `turns_back`. Along the axes of the floor a body is apart from all cells but those
+    that the box around it at both ends meets.
+    """
+    length, width, cell, half = p["half_length"], p["half_width"], p["cell"], HALF * p["cell"]
+    spare = _EIGHTH * way * way / p["far"] + back + _ROUNDING
+    ex0, ey0 = length * abs(c0) + width * abs(s0), length * abs(s0) + width * abs(c0)
+    ex1, ey1 = length * abs(c1) + width * abs(s1), length * abs(s1) + width * abs(c1)
+    (rows, columns), scale, more, near = solid.shape, ONE / cell, spare + _ON_FLOOR, False
+    first_row = max(int((min(y0 - ey0, y1 - ey1) - more) * scale + ONE), 0)  # under 0 is rounded up, to the rim
+    last_row = min(int((max(y0 + ey0, y1 + ey1) + more) * scale) + 1, rows - 1)
+    first_column = max(int((min(x0 - ex0, x1 - ex1) - more) * scale + ONE), 0)
+    last_column = min(int((max(x0 + ex0, x1 + ex1) + more) * scale) + 1, columns - 1)
     for row in range(first_row, last_row + 1):
         for column in range(first_column, last_column + 1):
             if solid[row, column] != 0:
-                x, y = (np.float32(column) - HALF) * cell, (np.float32(row) - HALF) * cell
-                if touch_between(
-                    x0, y0, c0, s0, x1, y1, c1, s1, x, y, ONE, ZERO, x, y, ONE, ZERO, half, half, ZERO, back, ZERO, p
-                ):  # fmt: skip
-                    return True
-    return False
+                near = between
+                dx, dy = (np.float32(column) - HALF) * cell - x1, (np.float32(row) - HALF) * cell - y1
+                if rectangles_touch(dx, dy, c1, s1, length, width, ONE, ZERO, half, half):
+                    return AT_END
+    if near and _touch_cell(
+        first_row, last_row, first_column, last_column, x0, y0, c0, s0, x1, y1, c1, s1, spare, back, p, solid
+    ):  # fmt: skip
+        return BETWEEN
+    return NOWHERE
