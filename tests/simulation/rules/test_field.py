@@ -186,7 +186,8 @@ def test_the_field_samples_the_poses_that_bodies_take(seed: int, substeps: int, 
     for n in range(substeps, marks[stops.SAMPLES, 1], substeps):
         simulator.step(raw(simulator, command if n == substeps else (float(braking(body["speed"][0], p)), 0.0)))
         centre = [body["x"] - p["offset"] * body["cos"], body["y"] - p["offset"] * body["sin"]]
-        assert paths[1, n] == pytest.approx(np.concatenate([*centre, body["cos"], body["sin"]]), abs=ROUNDING)
+        taken = np.concatenate([*centre, body["cos"], body["sin"]])
+        assert paths[1, n, : stops.WAY] == pytest.approx(taken, abs=ROUNDING)
 
 
 @settings(max_examples=60)
@@ -203,7 +204,7 @@ def test_an_outline_holds_all_that_a_motion_sweeps(seed: int, front: float) -> N
     stops.outline_trial(0, *command, motion, outlines, p)
     stops.sample(1, 0, *command, p["substeps"], motion, paths, outlines, marks, p)
     c, s = outlines[stops.AXIS_COS, 1], outlines[stops.AXIS_SIN, 1]
-    for x, y, cos, sin in paths[1, : marks[stops.SAMPLES, 1]].astype(float):
+    for x, y, cos, sin in paths[1, : marks[stops.SAMPLES, 1], : stops.WAY].astype(float):
         for along, aside in ((0.6, 0.3), (0.6, -0.3), (-0.6, 0.3), (-0.6, -0.3)):
             dx = x + along * cos - aside * sin - outlines[stops.MIDDLE_X, 1]
             dy = y + along * sin + aside * cos - outlines[stops.MIDDLE_Y, 1]
