@@ -214,7 +214,7 @@ def test_robots_that_are_stuck_and_worlds_that_jam_are_told_apart_from_goals() -
     figures = worlds.tally.take().figures(0.1)
     # steps 11 to 21 of three worlds of four count as stuck (the 21st ends them), 6 to 12 of the other
     assert figures["stuck"] == pytest.approx((3 * 11 + 7) / (4 * 12))
-    assert figures["worlds_jammed"] == pytest.approx(3 / 4)
+    assert (figures["worlds_jammed"], figures["worlds_ended"]) == (pytest.approx(3 / 4), 4.0)
     assert worlds.tally.take().figures(0.1)["worlds_jammed"] == pytest.approx(3 / 4)  # of the last that ended
 
 

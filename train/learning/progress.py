@@ -101,7 +101,8 @@ class ProgressLog:
         self._board.add("train", self.last, steps)
         self._since, self._steps, self._losses = now, steps, []
         text = f"{steps / 1e6:.2f} M, {rate:,.0f} steps/s, {_in_words(self.last)}"
-        text += f", {100 * self.last['worlds_jammed']:.0f}% of worlds reset for a jam"
+        ended = self.last["worlds_ended"]
+        text += f", {ended * self.last['worlds_jammed']:.0f} of the last {ended:.0f} worlds reset for a jam"
         self._bar.update(self._task, text=text)
         if self._bare and now - self._told >= LINE_SECONDS:
             tell(f"{100 * spent:.0f}% after {seconds:.0f} s: {text}", self._console)

@@ -111,7 +111,8 @@ class Counts:
             "collisions_per_km": 1000.0 * self.collisions / max(self.metres, 1.0),
             "path_length_ratio": self.driven / max(self.planned, 1.0),
             "stuck": self.stuck / max(self.steps, 1),
-            "worlds_jammed": sum(self.ends) / max(len(self.ends), 1),
+            "worlds_jammed": sum(self.ends) / max(len(self.ends), 1),  # a share of
+            "worlds_ended": float(len(self.ends)),
         }
 
 

@@ -16,6 +16,7 @@ events = pytest.importorskip("tensorboard.backend.event_processing.event_accumul
 
 ROW = {
     "reward": 0.1, "goals_per_robot_hour": 122.0, "collisions_per_km": 0.236, "stuck": 0.3754, "worlds_jammed": 0.5,
+    "worlds_ended": 8.0,
     "path_length_ratio": 1.1,
 }  # fmt: skip
 
@@ -36,7 +37,7 @@ def test_the_line_tells_standing_touching_and_jams_beside_goals(
         log.evaluated({"goals_per_robot_hour": 99.6, "collisions_per_km": 0.0, "stuck": 0.0625}, 1_500_000, 2.0)
     first, second = capsys.readouterr().err.splitlines()
     assert first.startswith("50% after 60 s: 1.50 M, ")
-    assert first.endswith("122 goals/robot-h, 0.24 collisions/km, 37.5% stuck, 50% of worlds reset for a jam")
+    assert first.endswith("122 goals/robot-h, 0.24 collisions/km, 37.5% stuck, 4 of the last 8 worlds reset for a jam")
     assert second == "held-out seeds after 1.50 M, in 2.0 s: 100 goals/robot-h, 0.00 collisions/km, 6.2% stuck"
 
 
