@@ -30,7 +30,7 @@ class Raced(NamedTuple, Generic[Arm]):
 
 def race(
     arms: Sequence[Arm], play: Play[Arm], rounds: int, go_on: Callable[[Sequence[Arm], int], bool],
-    settled: Callable[[Sequence[Arm]], bool] = lambda left: len(left) == 1,
+    settled: Callable[[Sequence[Arm]], bool] = lambda left: len(left) <= 1,
 ) -> Raced[Arm]:  # fmt: skip
     """Play up to `rounds`, as long as it is not settled and there is time for those that are in.
 

@@ -88,7 +88,7 @@ class Study:
 
     def race(
         self, crews: Sequence[Crew], rounds: int, share: float,
-        settled: Callable[[Sequence[Crew]], bool] = lambda left: len(left) == 1,
+        settled: Callable[[Sequence[Crew]], bool] = lambda left: len(left) <= 1,
     ) -> Raced[Crew]:  # fmt: skip
         """Race crews for the most goals of all robots together, a seed a round, within a share of the time."""
 

@@ -78,3 +78,11 @@ def test_storage_that_an_aisle_costs() -> None:
     ends = picks & {(2, 0), (2, 5)}
     assert (lost.faces, lost.of) == (len(north) + len(ends), len(picks))
     assert lost.faces > 0
+
+
+def test_a_floor_may_have_changes_of_one_kind_or_none() -> None:
+    drive = driver({"ours": lambda robots: 4000.0})
+    (only,) = effects(plan_of(HALL), AISLES[:1], CREW, drive, Clock(None))
+    assert only.goals is not None
+    assert math.isnan(only.first.mean)  # who runs alone needs no race
+    assert effects(plan_of(HALL), [], CREW, drive, Clock(None)) == []
