@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 
 from train.advice.asked import SURE, Asked
@@ -29,7 +30,7 @@ def answer(advice: Advice) -> list[str]:
 
 def asked_text(asked: Asked, capacity: Capacity) -> str:
     """Say how many robots make the goals that were asked for."""
-    goals, wanted = with_interval(asked.goals), f"{asked.wanted:,.0f} goals an hour"
+    goals, wanted = _commas(with_interval(asked.goals)), f"{asked.wanted:,.0f} goals an hour"
     if asked.robots is None:
         most = f"the most is {goals}, with {capacity.crew.robots} robots"
         if asked.possible:
@@ -42,7 +43,12 @@ def asked_text(asked: Asked, capacity: Capacity) -> str:
     if asked.fewer is None:
         return text
     told = "are too few" if asked.fewer.goals.high < asked.wanted else "may be too few"
-    return f"{text} {_robots(asked.fewer.robots)} {told}: {with_interval(asked.fewer.goals)}."
+    return f"{text} {_robots(asked.fewer.robots)} {told}: {_commas(with_interval(asked.fewer.goals))}."
+
+
+def _commas(text: str) -> str:
+    """Return figures with a comma at thousands."""
+    return re.sub(r"\d{4,}", lambda found: f"{int(found[0]):,}", text)
 
 
 def _robots(count: int) -> str:
@@ -52,9 +58,9 @@ def _robots(count: int) -> str:
 def _most(advice: Advice) -> Iterator[str]:
     """Say how many goals the floor makes at most, and with how many robots."""
     found, name = advice.capacity, advice.plan.grid.name
-    goals, robots = found.goals, _robots(found.crew.robots)
+    goals, made = found.goals, _commas(with_interval(found.goals.goals))
     yield (
-        f"**{name} makes the most with {robots}: {with_interval(goals.goals)} goals an hour**, in {goals.episodes} "
+        f"**{name} makes the most with {_robots(found.crew.robots)}: {made} goals an hour**, in {goals.episodes} "
         "episodes that had no part in choosing that number."
     )
     if found.best != found.crew.robots:
@@ -116,16 +122,17 @@ def jam_text(advice: Advice, jams: Load) -> str:
     fall = apart(jams.goals, most.goals)
     open_ = "" if is_told(fall) else "; so few episodes do *not tell* this *apart* from chance"
     return (
-        f"all together make {with_interval(jams.goals)} goals an hour, less than {100 * FELL:g}% of what "
-        f"{most.robots} did (difference {difference(fall)}{open_})"
+        f"all together make {_commas(with_interval(jams.goals))} goals an hour, less than {100 * FELL:g}% of what "
+        f"{most.robots} did (difference {_commas(difference(fall))}{open_})"
     )
 
 
 def _policies(found: Capacity) -> Iterator[str]:
     """Say who drives, and what the others would make."""
-    yield f"Who drives is `{found.crew.policy}`."
+    raced = f", the best of {1 + len(found.others)} that were raced" if found.others else ""
+    yield f"They drive under `{found.crew.policy}`{raced}."
     for other in found.others:
-        gain = f"{difference(other.difference)} goals an hour in {other.difference.samples} pairs of episodes"
+        gain = f"{_commas(difference(other.difference))} goals an hour in {other.difference.samples} pairs of episodes"
         told = "" if is_told(other.difference) else ", which is *not told apart* from none"
         yield f"Its difference from `{other.policy}` with as many robots is {gain}{told}."
     if found.contacts.mean > 0:
@@ -172,12 +179,13 @@ def effect_text(effect: Effect) -> str:
     if effect.goals is None:
         return "it was not driven again"
     share = f" ({100 * effect.goals.mean / effect.base.mean:+.1f}%)" if effect.base.mean > 0 else ""
-    text = f"{difference(effect.goals)} goals an hour{share} in {effect.goals.samples} pairs of episodes"
+    text = f"{_commas(difference(effect.goals))} goals an hour{share} in {effect.goals.samples} pairs of episodes"
     if effect.told:
         return f"it {'brings' if effect.goals.mean > 0 else 'costs'} {text}"
     if effect.goals.samples < PAIRS:
-        return f"it may bring something, these are too few pairs to tell: {text}"
-    return f"it may bring something, *not told apart* from nothing: {text}"
+        return f"it may bring something, but these are too few pairs to say so: {text}"
+    what = "it may bring something, or nothing" if effect.goals.mean > 0 else "it brings nothing that could be told"
+    return f"{what}: {text}"
 
 
 def told(interval: Interval | None, factor: float = 1.0) -> str:

@@ -33,17 +33,12 @@ class Study:
     def rows(self, crews: Sequence[Crew], seeds: Sequence[int]) -> list[list[Row]]:
         """Drive what is lacking; return the rows of each crew in the order of the seeds."""
         missing = [(crew, seed) for seed in seeds for crew in crews if (crew, seed) not in self._rows]
-        begin = self.clock.spent
         asked = [trial for crew, seed in missing for trial in self.plan.trials(self.plan.grid, *crew, [seed])]
-        self._rows |= zip(missing, self._drive(asked) if asked else [], strict=True)
-        self._note([crew.robots for crew, _ in missing], self.clock.spent - begin)
+        for key, row in zip(missing, self._drive(asked) if asked else [], strict=True):
+            self._rows[key] = row
+            spent, episodes = self._took.get(row["robots"], (0.0, 0))
+            self._took[row["robots"]] = spent + row["took_s"] / self.plan.processes, episodes + 1
         return [[self._rows[crew, seed] for seed in seeds] for crew in crews]
-
-    def _note(self, robots: Sequence[int], seconds: float) -> None:
-        """Keep what episodes took, shared out by their robots where they were driven together."""
-        for one in robots:
-            spent, episodes = self._took.get(one, (0.0, 0))
-            self._took[one] = spent + seconds * one / sum(robots), episodes + 1
 
     def restart(self) -> None:
         """Begin the time anew, and forget what took longer for being the first."""

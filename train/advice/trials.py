@@ -58,12 +58,12 @@ class Trial(Job):
         """Drive an episode; its row also says what was noted of places."""
         env = EnvConfig(num_agents=self.robots, planner=self.planner)
         experiment = make_experiment(self.policy, env, 1, self.seconds, self.seed)
-        places = Places(experiment)
+        places, begin = Places(experiment), time.perf_counter()
         (row,) = run(experiment, [places], self.grid)
         (note,) = places.rows()
         left_out = ("config", "layout", "deadlock_log", "episode")
         kept = {name: value for name, value in {**note, **row}.items() if name not in left_out}
-        return Result([kept | self.identity])
+        return Result([kept | self.identity | {"took_s": time.perf_counter() - begin}])
 
 
 Drive = Callable[[Sequence[Trial]], list[Row]]

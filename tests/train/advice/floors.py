@@ -21,7 +21,7 @@ def floor_of(*lines: str, **more: Any) -> GridMap:
 
 def driver(
     curves: Mapping[str, Curve], noise: float = 0.0, stuck: Callable[[float], float] = lambda robots: 0.0,
-    changed: Mapping[str, float] = {}, salt: int = 0,
+    changed: Mapping[str, float] = {}, salt: int = 0, seconds: Callable[[float], float] = lambda robots: 0.0,
 ) -> Drive:  # fmt: skip
     """Return what drives; noise: of an episode, as a share. changed: goals/h that a floor brings, by its name."""
 
@@ -34,7 +34,7 @@ def driver(
             "robots": trial.robots, "seed": trial.seed, "seconds": trial.seconds, "shape": list(trial.grid.shape),
             "late_goals_per_robot_hour": late, "goals_per_robot_hour": whole, "waiting_share": 0.1,
             "stuck": stuck(trial.robots), "waited": [], "contacts": [], "ratios": [1.0], "path_length_m": 20.0,
-            "collisions_per_km": 0.0,
+            "collisions_per_km": 0.0, "took_s": seconds(trial.robots),
         }  # fmt: skip
 
     return lambda trials: [row(trial) for trial in trials]
@@ -47,10 +47,10 @@ def plan_of(grid: GridMap, **changes: Any) -> Plan:
 
 
 class Slow(Clock):
-    """A clock by which an episode takes as many milliseconds as it has robots, or a power of them."""
+    """A clock that goes by what the rows say that they took."""
 
-    def __init__(self, minutes: float, drive: Drive, power: float = 1.0) -> None:
-        self._passed, self._power = 0.0, power
+    def __init__(self, minutes: float, drive: Drive) -> None:
+        self._passed = 0.0
         super().__init__(minutes)
         self._drive = drive
 
@@ -65,5 +65,6 @@ class Slow(Clock):
 
     def drive(self, trials: Sequence[Trial]) -> list[dict[str, Any]]:
         """Drive, which takes its time."""
-        self._passed += sum(trial.robots**self._power for trial in trials) / 1000
-        return self._drive(trials)
+        rows = self._drive(trials)
+        self._passed += sum(row["took_s"] for row in rows)
+        return rows

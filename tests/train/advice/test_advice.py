@@ -192,7 +192,7 @@ def told(**changes: Any) -> str:
 
 def test_the_answer_in_words() -> None:
     most, knee, jam, policy, places, aisle, rule, _ = answer(advice())
-    assert most.startswith("**hall makes the most with 16 robots: 990 [940, 1040] goals an hour**, in 8 episodes that")
+    assert most.startswith("**hall makes the most with 16 robots: 990 [940, 1,040] goals an hour**, in 8 episodes that")
     assert "24 robots made most; the smaller number is named" in most
     assert knee.startswith("**From about 12 [10, 14] robots on a further one brings less than half of what the first")
     assert jam == (
@@ -200,13 +200,13 @@ def test_the_answer_in_words() -> None:
         "24 robots still drive."
     )
     assert policy == (
-        "Who drives is `threaded_ppo`. Its difference from `greedy` with as many robots is +100 [50, 150] goals an "
-        "hour in 8 pairs of episodes."
+        "They drive under `threaded_ppo`, the best of 2 that were raced. Its difference from `greedy` with as many "
+        "robots is +100 [50, 150] goals an hour in 8 pairs of episodes."
     )
     assert places == "16 robots wait most at **1** (x 3.5 m, y 3.5 m; 75% of all waiting, 25% of all trips pass)."
     assert "it brings +50.0 [40.0, 60.0] goals an hour (+5.0%) in 8 pairs of episodes." in aisle
     assert aisle.endswith("It costs 12% of the storage (2 shelf cells); 1 of 2 pick faces have no shelf left.")
-    assert "it may bring something, *not told apart* from nothing: +5.0 [-30.0, 40.0] goals an hour (+0.5%)" in rule
+    assert "it may bring something, or nothing: +5.0 [-30.0, 40.0] goals an hour (+0.5%)" in rule
 
 
 def test_few_pairs_are_called_few() -> None:
@@ -215,7 +215,7 @@ def test_few_pairs_are_called_few() -> None:
     few = first._replace(goals=first.goals._replace(samples=7))
     text = "\n".join(answer(advice(effects=[few])))
     assert "it brings" not in text
-    assert "it may bring something, these are too few pairs to tell: +50.0" in text
+    assert "it may bring something, but these are too few pairs to say so: +50.0" in text
 
 
 def test_a_fall_that_may_be_chance_is_called_so() -> None:
@@ -248,7 +248,7 @@ def test_goals_that_were_asked_for_come_first() -> None:
     first, *_ = answer(advice(Asked(740.0, 12, interval(850.0, 40.0, 12), few)))
     assert "11 robots may be too few" in first
     first, *_ = answer(advice(Asked(2000.0, None, interval(990.0, 50.0), None)))
-    assert first == "**This floor does not make 2,000 goals an hour**: the most is 990 [940, 1040], with 16 robots."
+    assert first == "**This floor does not make 2,000 goals an hour**: the most is 990 [940, 1,040], with 16 robots."
     first, *_ = answer(advice(Asked(1000.0, None, interval(990.0, 50.0), None)))
     assert first.startswith("**Whether this floor makes 1,000 goals an hour is not told**")
 

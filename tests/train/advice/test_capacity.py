@@ -104,7 +104,7 @@ def test_the_search_begins_with_as_many_robots_as_a_floor_has_room_for() -> None
 
 def test_on_a_large_floor_the_peak_is_found_in_little_time() -> None:
     """An episode takes 1 ms a robot, so a second is one episode of a thousand; 512 make most."""
-    clock = Slow(0.6, driver({"ours": peaked(512.0)}, 0.01))
+    clock = Slow(0.6, driver({"ours": peaked(512.0)}, 0.01, seconds=lambda robots: robots / 1000))
     one = capacity(Study(plan_of(floor_of(*["." * 180] * 180), episodes=None, most=2048), clock.drive, clock))
     assert one.crew.robots in (384, 512)
     assert one.knee is not None
@@ -113,7 +113,7 @@ def test_on_a_large_floor_the_peak_is_found_in_little_time() -> None:
 
 
 def test_where_time_is_short_it_says_what_is_missing() -> None:
-    clock = Slow(0.01, driver({"ours": peaked(30.0)}, 0.01))
+    clock = Slow(0.01, driver({"ours": peaked(30.0)}, 0.01, seconds=lambda robots: robots / 1000))
     one = capacity(Study(plan_of(HALL, episodes=None), clock.drive, clock))
     assert one.stopped
     assert one.goals.episodes >= 3
@@ -122,7 +122,8 @@ def test_where_time_is_short_it_says_what_is_missing() -> None:
 @pytest.mark.parametrize("at", [150.0, 250.0])
 def test_what_it_takes_is_told_from_the_first_episodes(at: float) -> None:
     """Where most goals are made with a robot on 9 to 15 cells, as on halls and floors drawn at random."""
-    clock = Slow(1e3, driver({"ours": peaked(at), "other": peaked(at, 190.0)}, 0.02), 1.25)
+    curves = {"ours": peaked(at), "other": peaked(at, 190.0)}
+    clock = Slow(1e3, driver(curves, 0.02, seconds=lambda robots: robots**1.25 / 1000))
     study = Study(plan_of(HALL, episodes=None, policies=("ours", "other")), clock.drive, clock)
     study.rows([Crew("ours", begins_with(HALL, 512))], range(2))
     number, change = needed(study)
