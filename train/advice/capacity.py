@@ -111,7 +111,8 @@ def _choose_load(study: Study, crew: Crew, stopped: list[str]) -> tuple[Crew, in
     tried = set[int]()
     while True:
         tried.add(centre)
-        counts = rungs(max(1, centre // 2), min(2 * centre, study.plan.most))
+        jammed = {load.robots for load in study.loads(crew.policy) if load.jammed} - {centre}  # these take long to drive
+        counts = [one for one in rungs(max(1, centre // 2), min(2 * centre, study.plan.most)) if one not in jammed]
         raced = study.race([Crew(crew.policy, count) for count in counts], ROUNDS, _LOAD)
         best = raced.best.robots
         if not raced.values[raced.best]:

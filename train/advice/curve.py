@@ -59,8 +59,8 @@ def goals_of(row: Row) -> float:
 
 
 def peak(found: Sequence[Load]) -> Load:
-    """Return the load with the most goals, the smallest of equals."""
-    return max(found, key=lambda load: (load.goals.mean, -load.robots))
+    """Return the load with the most goals, the smallest of equals; one that jams only where all do."""
+    return max(found, key=lambda load: (not load.jammed, load.goals.mean, -load.robots))
 
 
 def jams_from(found: Sequence[Load]) -> Load | None:

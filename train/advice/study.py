@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from train.advice.curve import Load, goals_of, loads
+from train.advice.curve import STUCK, Load, goals_of, loads
 from train.advice.race import Raced, race
 from train.advice.trials import BLOCK, Clock, Drive, Plan, Use
 from train.reporting.rows import Row
@@ -85,10 +85,14 @@ class Study:
         self, crews: Sequence[Crew], rounds: int, share: float,
         settled: Callable[[Sequence[Crew]], bool] = lambda left: len(left) <= 1,
     ) -> Raced[Crew]:  # fmt: skip
-        """Race crews for the most goals of all robots together, a seed a round, within a share of the time."""
+        """Race crews for the most goals of all robots together, a seed a round, within a share of the time.
+
+        An episode at whose end robots are stuck counts nothing.
+        """
 
         def play(left: Sequence[Crew], number: int) -> list[float]:
-            return [goals_of(row) for (row,) in self.rows(left, self.plan.seeds(Use.CHOOSE, 1, number))]
+            rows = self.rows(left, self.plan.seeds(Use.CHOOSE, 1, number))
+            return [goals_of(row) * (row["stuck"] < STUCK) for (row,) in rows]
 
         def go_on(left: Sequence[Crew], number: int) -> bool:
             return self.affords(left, self.plan.seeds(Use.CHOOSE, 1, number), share)

@@ -96,6 +96,20 @@ def test_the_answer_is_measured_on_seeds_that_had_no_part_in_the_choice() -> Non
     assert one.goals.goals.mean == pytest.approx(peaked(30.0)(one.crew.robots))
 
 
+def test_where_robots_are_stuck_is_not_where_the_most_is() -> None:
+    """Goals rise to 160 robots, but from 40 on a tenth of the robots is stuck for good."""
+    drive = driver({"ours": peaked(160.0)}, stuck=lambda robots: 0.1 * (robots >= 40))
+    one = capacity(Study(plan_of(HALL), drive, Clock(None)))
+    assert (one.crew.robots, one.jam and one.jam.robots) == (32, 48)
+
+
+def test_a_floor_on_which_all_get_stuck() -> None:
+    one = capacity(Study(plan_of(HALL), driver({"ours": peaked(160.0)}, stuck=lambda robots: 1.0), Clock(None)))
+    assert one.goals.jammed
+    assert one.jam is not None
+    assert one.jam.robots == 1
+
+
 def test_the_search_begins_with_as_many_robots_as_a_floor_has_room_for() -> None:
     assert begins_with(HALL, 512) == 32
     assert begins_with(HALL, 5) == 4

@@ -30,7 +30,8 @@ def test_a_floor_jams_where_robots_are_stuck_or_all_together_do_less() -> None:
         (8, 960.0, False), (16, 1680.0, False), (24, 2160.0, True), (32, 1280.0, True),
     ]  # fmt: skip
     assert found[1].goals.high == pytest.approx(1680 + 16 * 12.7062 * 5)  # t of one degree, deviation 7.07 / sqrt(2)
-    assert peak(found).robots == 24
+    assert peak(found).robots == 16  # 24 make more, but jam
+    assert peak(found[2:]).robots == 24
     first = jams_from(found)
     assert first is not None
     assert first.robots == 24
