@@ -107,8 +107,9 @@ def _changes(advice: Advice) -> list[Shown]:
     said = " ".join(f"**{panel.title}**: {effect.candidate.text}; {effect_text(effect)}." for panel, effect in zip(
         panels, best, strict=True))  # fmt: skip
     caption = f"{label}, in green, over where robots wait without them [s per hour]. {said}"
+    raced = [one for one in advice.effects if one.first.samples]
     looks = {
-        "first look": [report_charts.Pair(effect.candidate.text, *effect.first[:3]) for effect in advice.effects],
+        "first look": [report_charts.Pair(one.candidate.text, *one.first[:3]) for one in raced],
         "measured": [report_charts.Pair(one.candidate.text, *one.goals[:3]) for one in best if one.goals is not None],
     }
     differences = "Goals per hour of all robots, difference from the floor as it is"
@@ -116,7 +117,9 @@ def _changes(advice: Advice) -> list[Shown]:
         f"{differences}: paired, with intervals; blue and filled where the interval leaves out 0. The best of each "
         "kind at first look was driven again with new seeds: what it was chosen by flatters it."
     )
-    drawn = report_charts.differences(looks, differences, "goals per hour")
+    drawn = report_charts.differences(
+        {title: pairs for title, pairs in looks.items() if pairs}, differences, "goals per hour"
+    )
     return [Shown(heat_maps(panels, "standing [s per hour]", label), caption), Shown(drawn, below)]
 
 

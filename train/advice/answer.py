@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from train.advice.asked import SURE, Asked
 from train.advice.candidates import Candidate, storage_lost
-from train.advice.capacity import Capacity
+from train.advice.capacity import UNRACED, Capacity
 from train.advice.changes import PAIRS, Effect
 from train.advice.course import Advice
 from train.advice.curve import FELL, NEAR, STUCK, Load, peak
@@ -23,7 +23,7 @@ def answer(advice: Advice) -> list[str]:
     """Return the paragraphs of the answer, in Markdown's bold and italics."""
     capacity = advice.capacity
     parts = [asked_text(advice.asked, capacity)] if advice.asked else []
-    parts += [" ".join(_most(advice)), knee_text(capacity), " ".join(_jam(advice)), " ".join(_policies(capacity))]
+    parts += [" ".join(_most(advice)), knee_text(capacity), " ".join(_jam(advice)), " ".join(_policies(advice))]
     parts += [" ".join(_bottlenecks(advice)), *(" ".join(_changes(advice, kind)) for kind in ("aisle", "one-way"))]
     return [part for part in (*parts, _basis(advice)) if part]
 
@@ -127,10 +127,13 @@ def jam_text(advice: Advice, jams: Load) -> str:
     )
 
 
-def _policies(found: Capacity) -> Iterator[str]:
+def _policies(advice: Advice) -> Iterator[str]:
     """Say who drives, and what the others would make."""
-    raced = f", the best of {1 + len(found.others)} that were raced" if found.others else ""
+    found, policies = advice.capacity, len(advice.plan.policies)
+    raced = f", the best of {policies} that were raced" if policies > 1 and UNRACED not in found.stopped else ""
     yield f"They drive under `{found.crew.policy}`{raced}."
+    if len(found.others) < policies - 1:
+        yield "The time was over before all others were measured on new seeds."
     for other in found.others:
         gain = f"{_commas(difference(other.difference))} goals an hour in {other.difference.samples} pairs of episodes"
         told = "" if is_told(other.difference) else ", which is *not told apart* from none"
@@ -162,7 +165,8 @@ def _changes(advice: Advice, kind: str) -> Iterator[str]:
         yield f"**{what}**: no change of this kind is possible at the bottlenecks." if advice.bottlenecks else ""
         return
     best = own[0]
-    yield f"**{what}**: of {len(own)} tried the best is {best.candidate.text}; {effect_text(best)}."
+    tried = f"of {len(own)} tried with {_robots(advice.crew.robots)}"
+    yield f"**{what}**: {tried} the best is {best.candidate.text}; {effect_text(best)}."
     if kind == "aisle":
         yield f"It costs {storage_text(advice.plan.grid, best.candidate)}."
 

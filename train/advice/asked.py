@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from train.advice.capacity import Capacity
@@ -10,7 +11,7 @@ from train.advice.study import Crew, Study
 from train.advice.trials import Use
 from train.reporting.rows import Interval, mean_interval
 
-LOOKS = 6  # episodes of each number that is tried
+LOOKS = (4, 8, 12, 16)  # episodes of a number that is tried, until it is told whether it makes enough
 ANSWERS = 12  # episodes, with seeds of their own, of each number that may be the answer
 TRIES = 3  # of such numbers, at most
 SURE = 1 - 0.05 / TRIES  # of each interval, so that all of them together hold with 95%
@@ -40,11 +41,13 @@ def asked(study: Study, capacity: Capacity, share: float) -> Asked:
         return none
 
     def reaches(robots: int) -> bool:
-        crew, seeds = Crew(policy, robots), plan.seeds(Use.ASK, plan.at_most(LOOKS))
-        if not study.affords([crew], seeds, share):
-            return False
-        (rows,) = study.rows([crew], seeds)
-        return mean_interval(map(goals_of, rows)).low >= wanted
+        crew, made = Crew(policy, robots), Interval(0.0, -math.inf, math.inf, 0)
+        for episodes in LOOKS:
+            seeds = plan.seeds(Use.ASK, plan.at_most(episodes))
+            if not made.low < wanted <= made.high or not study.affords([crew], seeds, share):
+                break
+            made = mean_interval(map(goals_of, *study.rows([crew], seeds)))
+        return made.low >= wanted
 
     number = fewest_that(reaches, *ends)
     for _ in range(TRIES):

@@ -21,6 +21,7 @@ ROUNDS = 8  # of a race, at most
 STEADY = 4  # episodes of each number below the best, for the knee
 CONFIRMED = 12  # episodes of what was chosen, with seeds of their own, where there is time
 ALONE = 40  # episodes of one robot alone, which are quick and vary much
+UNRACED = "the policies were raced"  # what the time may be over before
 EASY = 0.75  # of what one alone makes, each: with so many robots nobody is in the way yet
 _UP, _POLICY, _LOAD, _KNEE, _CONFIRM, _JAM = 0.3, 0.4, 0.5, 0.52, 0.6, 0.65  # of the time, when each is over
 
@@ -59,7 +60,7 @@ def capacity(study: Study) -> Capacity:
     """Find out."""
     stopped = list[str]()
     centre = _climb(study, stopped)
-    crew = _choose_policy(study, centre)
+    crew = _choose_policy(study, centre, stopped)
     crew, best = _choose_load(study, crew, stopped)
     alone = _alone(study, crew.policy)
     _below(study, crew, alone)
@@ -98,11 +99,15 @@ def _scout(study: Study, policy: str, robots: int) -> None:
     study.rows([Crew(policy, robots)], study.plan.seeds(Use.CHOOSE, study.plan.at_most(SCOUTS)))
 
 
-def _choose_policy(study: Study, robots: int) -> Crew:
+def _choose_policy(study: Study, robots: int, stopped: list[str]) -> Crew:
     """Race all policies with so many robots, and with half of them; return the best, with the better number."""
     crews = [Crew(policy, count) for policy in study.plan.policies for count in sorted({max(1, robots // 2), robots})]
     raced = study.race(crews, ROUNDS, _POLICY, lambda left: len({crew.policy for crew in left}) == 1)
-    return raced.best if raced.values[crews[0]] else Crew(study.plan.policies[0], robots)
+    if raced.values[crews[0]]:
+        return raced.best
+    if len(study.plan.policies) > 1:
+        stopped.append(UNRACED)
+    return Crew(study.plan.policies[0], robots)
 
 
 def _choose_load(study: Study, crew: Crew, stopped: list[str]) -> tuple[Crew, int]:
@@ -111,7 +116,7 @@ def _choose_load(study: Study, crew: Crew, stopped: list[str]) -> tuple[Crew, in
     tried = set[int]()
     while True:
         tried.add(centre)
-        jammed = {load.robots for load in study.loads(crew.policy) if load.jammed} - {centre}  # these take long to drive
+        jammed = {load.robots for load in study.loads(crew.policy) if load.jammed and load.robots != centre}
         counts = [one for one in rungs(max(1, centre // 2), min(2 * centre, study.plan.most)) if one not in jammed]
         raced = study.race([Crew(crew.policy, count) for count in counts], ROUNDS, _LOAD)
         best = raced.best.robots

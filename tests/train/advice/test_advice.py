@@ -233,6 +233,8 @@ def test_the_answer_where_less_was_found_out() -> None:
     assert "Up to 16 robots, as many as were tried, a further one brings over half of the first" in text
     assert "More were not tried, so it may be more: the time was over before 32 robots were tried." in text
     assert "[10, more than were tried] robots on" in told(knee=Interval(12.0, 10.0, math.inf, 8))
+    unraced = told(others=[], stopped="the policies were raced")
+    assert "They drive under `threaded_ppo`. The time was over before all others were measured on new seeds." in unraced
     assert "*not told apart* from none" in told(others=[Versus("greedy", interval(5.0, 50.0))])
     assert "**Its robots touch something**: 0.500 [0.400, 0.600] contacts" in told(contacts=interval(0.5, 0.1))
     assert "No robot waited, so there is no bottleneck." in answer(advice(bottlenecks=[], effects=[]))
