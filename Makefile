@@ -23,7 +23,7 @@ COMPILING := setuptools numba gymnasium pettingzoo safetensors platformdirs tyro
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test kills hostile long docs clients lint format bench clean missing
+.PHONY: help setup demo test kills hostile long docs gallery chart clients lint format bench clean missing
 
 help: ## list what make can do (the default)
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -49,6 +49,12 @@ long: $(STAMP) ## drive one world with everything on for DECISIONS decisions, tw
 docs: $(STAMP) ## build the documentation in build/docs; a warning is an error
 	$(RUN)/python -m sphinx --quiet --fail-on-warning --keep-going --fresh-env docs build/docs
 	@echo "wrote the documentation to build/docs; begin with build/docs/index.html"
+
+gallery: $(STAMP) ## make the moving pictures of docs/gallery.md anew; needs a Chromium
+	$(RUN)/python docs/extensions/gallery.py
+
+chart: $(STAMP) ## draw the bar chart of README anew, from docs/measured/throughput.jsonl
+	$(RUN)/python docs/extensions/throughput.py
 
 clients: ## use SuperSuit, TorchRL, RLlib, Gymnasium and SB3 for real, briefly, in .venv-clients
 	@$(MAKE) --no-print-directory test VENV=$(VENV)-clients EXTRAS=$(EXTRAS),clients \

@@ -21,6 +21,13 @@ SHORTER = {
     "range(60)": "range(2)",
     "range(50)": "range(1)",
     "total_frames=30_000": "total_frames=600",
+    "begin=20, seconds=10": "begin=0, seconds=1",
+    "begin=30, seconds=6": "begin=0, seconds=1",
+    "seconds=24, speed=3": "seconds=1",
+    "seconds=36, speed=6": "seconds=1",
+    "seconds=20, speed=3": "seconds=1",
+    "seconds=40, speed=6": "seconds=1",
+    "iterations=40": "iterations=3",
 }
 
 

@@ -26,7 +26,7 @@ from train.reporting.rows import read_rows
 from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, SensorSpec, Simulator, observation_layout, read_map
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS
 
-PROGRAMS = ("warehouse", "make", "pip", "python", "tensorboard")
+PROGRAMS = ("warehouse", "make", "pip", "python", "tensorboard", "jupyter")
 PYTHON = python_blocks()
 MODEL = PAGES["docs/model.md"]
 
@@ -47,14 +47,14 @@ def registries() -> Any:
 def test_the_python_runs(
     block: Block, registries: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    if re.search("render|matplotlib|draw|VideoWriter", block.source):
+    if re.search("render|matplotlib|draw|VideoWriter|film", block.source):
         pytest.importorskip("matplotlib")
         pytest.importorskip("pygame")
     monkeypatch.chdir(tmp_path)
     # Dataclasses look their module up by its name.
     monkeypatch.setitem(sys.modules, "page", type(sys)("page"))
     block.run()
-    for written, kept in re.findall(r'(imsave|save|VideoWriter)\("(\w+)', block.source):
+    for written, kept in re.findall(r'(imsave|save|VideoWriter|film|film_of_ants)\("(\w+)', block.source):
         assert list(tmp_path.glob(f"{kept}.*")), f"{written} left no {kept}"
 
 
@@ -116,6 +116,11 @@ def test_every_command_is_understood(line: str, capsys: pytest.CaptureFixture[st
     if program == "make":
         targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
         assert words[0] in targets
+    elif program == "jupyter":
+        assert words[0] == "lab"
+        assert (ROOT / words[1]).exists()
+    elif words == ["install", "jupyterlab"]:
+        assert program == "pip"  # which no extra brings: any program for notebooks will do
     elif program == "pip":
         assert words[:2] == ["install", "-c"]
         assert words[2].startswith("constraints")
