@@ -13,6 +13,7 @@ from math import comb, perm
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.weights_folder import Activation
 from warehouse_env.kernel import inline, kernel
 
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]
@@ -23,6 +24,9 @@ _TERMS = tuple(np.float32(2**k * comb(13, k) / perm(26, k)) for k in range(14))
 _P, _Q = _TERMS[1::2], _TERMS[::2]
 _LIMIT = np.float32(9.0)  # from here on tanh is 1 in float32
 _ONE = np.float32(1.0)
+_HALF, _TWO = np.float32(0.5), np.float32(2.0)
+_LEAK = np.float32(0.01)  # leaky_relu's slope below 0, torch's own
+_OTHERS = ("relu", "leaky_relu", "elu", "silu", "sigmoid")  # by their numbers in `_activate`
 
 
 @inline
@@ -69,9 +73,32 @@ def _layer(x, weight, bias, squash):
     return out[:rows]
 
 
-def forward(layers: Sequence[Layer], observation: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the outputs of a network with tanh between its layers, float32[..., A] from float32[..., D]."""
+@kernel
+def _activate(x, which):
+    """Put float32[M, outputs] through an activation other than tanh, in place; what needs e^x has it from tanh."""
+    for m in range(x.shape[0]):
+        for j in range(x.shape[1]):
+            v = x[m, j]
+            if which == 0:
+                x[m, j] = np.float32(0.0) if v < 0 else v
+            elif which == 1:
+                x[m, j] = _LEAK * v if v < 0 else v
+            elif which == 2:
+                t = _tanh(_HALF * v)
+                x[m, j] = _TWO * t / (_ONE - t) if v < 0 else v
+            else:
+                share = _HALF + _HALF * _tanh(_HALF * v)
+                x[m, j] = v * share if which == 3 else share
+
+
+def forward(
+    layers: Sequence[Layer], observation: NDArray[np.float32], activation: Activation = "tanh"
+) -> NDArray[np.float32]:
+    """Return the outputs of a network with an activation between its layers, float32[..., A] from float32[..., D]."""
     x = np.ascontiguousarray(observation, dtype=np.float32).reshape(-1, observation.shape[-1])
     for index, (weight, bias) in enumerate(layers):
-        x = _layer(x, weight, bias, index < len(layers) - 1)
+        between = index < len(layers) - 1
+        x = _layer(x, weight, bias, between and activation == "tanh")
+        if between and activation != "tanh":
+            _activate(x, _OTHERS.index(activation))
     return x.reshape(*observation.shape[:-1], x.shape[-1])

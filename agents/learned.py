@@ -1,4 +1,7 @@
-"""Policies from a weights folder. The forward pass is our own: as fast as torch for a few robots, and lighter."""
+"""Policies from a folder of weights, or a model of stable-baselines3.
+
+The forward pass is our own: as fast as torch for a few robots, and lighter.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from numpy.typing import NDArray
 
 from agents.forward import forward
 from agents.policy import Action, Observation, draw_discrete
-from agents.weights_folder import PolicyRecord, read_record, read_tensors
+from agents.weights_folder import PolicyRecord, checked_tensors, read_record, read_tensors
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WeightsError
 from warehouse_env.observation import observation_layout
@@ -20,6 +23,17 @@ _NEEDED_IF_DISCRETE = ("speed_levels", "lateral_offsets")
 _TRAINED_UNDER = ("protective_field", "right_of_way", "right_of_way_after", "reroute")
 
 
+def read_policy(path: Path | str) -> tuple[PolicyRecord, dict[str, NDArray[np.float32]]]:
+    """Read a policy folder, or a .zip file of stable-baselines3; raises WeightsError if it is damaged."""
+    if Path(path).suffix == ".zip":
+        from agents.sb3_model import read_model  # which needs torch
+
+        record, tensors = read_model(Path(path))
+        return record, checked_tensors(path, record.network, tensors)
+    record = read_record(path)
+    return record, read_tensors(path, record.network)
+
+
 def needed_fields(record: PolicyRecord) -> tuple[str, ...]:
     """Return the names of the EnvConfig fields that must be as its record says for the policy to make sense."""
     return _ALWAYS_NEEDED + (_NEEDED_IF_DISCRETE if record.env.action_type == "discrete" else ())
@@ -27,20 +41,19 @@ def needed_fields(record: PolicyRecord) -> tuple[str, ...]:
 
 def config_for(directory: Path | str, base: EnvConfig) -> EnvConfig:
     """Return `base` with the action, the sensor and the options that the policy in `directory` is made for."""
-    record = read_record(directory)
+    record = read_policy(directory)[0] if Path(directory).suffix == ".zip" else read_record(directory)
     options = [name for name in _TRAINED_UNDER if getattr(record.env, name)]
     return base.replace(**{name: getattr(record.env, name) for name in (*needed_fields(record), *options)})
 
 
 class LearnedPolicy:
-    """The actor of a weights folder: its network, then a draw or the best action."""
+    """The actor of a policy folder or model: its network, then a draw or the best action."""
 
     def __init__(self, directory: Path | str, config: EnvConfig, name: str | None = None) -> None:
-        """Load and check the folder; raises WeightsError if it is damaged or does not fit `config`."""
-        self.record = read_record(directory)
+        """Load and check the folder or .zip file; raises WeightsError if it is damaged or does not fit `config`."""
+        self.record, tensors = read_policy(directory)
         self.name = name or Path(directory).name
         self._check_fit(directory, config)
-        tensors = read_tensors(directory, self.record.network)
         parts = [f"actor.{k}" for k in range(len(self.record.network.hidden) + 1)]
         self._layers = [(np.ascontiguousarray(tensors[f"{k}.weight"].T), tensors[f"{k}.bias"]) for k in parts]
         self._std = None if self.record.network.discrete else np.exp(tensors["log_std"])
@@ -68,7 +81,8 @@ class LearnedPolicy:
 
     def output(self, observation: Observation) -> NDArray[np.float32]:
         """Return logits, or means of real-valued actions, float32[..., A] from float32[..., D]."""
-        return forward(self._layers, observation[..., : self.record.network.observation_size])
+        network = self.record.network
+        return forward(self._layers, observation[..., : network.observation_size], network.activation)
 
     @property
     def drawn(self) -> bool:

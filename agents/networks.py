@@ -1,10 +1,10 @@
-"""The actor and the critic that the trainers fit: two separate tanh networks shared by all robots."""
+"""The actor and the critic that the trainers fit: two separate networks shared by all robots."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from agents.policy import draw_discrete
 from agents.route_command import cruise_output
-from agents.weights_folder import Network
+from agents.weights_folder import Activation, Network
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.observation import observation_layout
@@ -39,9 +39,19 @@ def _layers(sizes: Sequence[int], last_gain: float) -> nn.ModuleList:
     return layers
 
 
-def _run(layers: nn.ModuleList, x: Tensor) -> Tensor:
+ACTIVATIONS: dict[Activation, Callable[[Tensor], Tensor]] = {
+    "tanh": torch.tanh,
+    "relu": nn.functional.relu,
+    "leaky_relu": nn.functional.leaky_relu,
+    "elu": nn.functional.elu,
+    "silu": nn.functional.silu,
+    "sigmoid": torch.sigmoid,
+}
+
+
+def _run(layers: nn.ModuleList, x: Tensor, activation: Activation) -> Tensor:
     for layer in layers[:-1]:
-        x = torch.tanh(layer(x))
+        x = ACTIVATIONS[activation](layer(x))
     return cast(Tensor, layers[-1](x))
 
 
@@ -62,7 +72,8 @@ class ActorCritic(nn.Module):
         super().__init__()
         self.network = network
         self.actor = _layers((network.observation_size, *network.hidden, network.actions), last_gain=0.01)
-        self.critic = _layers((network.observation_size, *network.hidden, 1), last_gain=1.0)
+        critic = network.hidden if network.critic_hidden is None else network.critic_hidden
+        self.critic = _layers((network.observation_size, *critic, 1), last_gain=1.0)
         with torch.no_grad():
             self.actor[-1].get_parameter("bias").copy_(torch.as_tensor(first_output))
         if not network.discrete:
@@ -74,11 +85,11 @@ class ActorCritic(nn.Module):
 
     def output(self, observation: Tensor) -> Tensor:
         """Return logits, or means of real-valued actions, float32[M, A] from float32[M, D]."""
-        return _run(self.actor, observation)
+        return _run(self.actor, observation, self.network.activation)
 
     def value(self, observation: Tensor) -> Tensor:
         """Return the critic's value, float32[M] from float32[M, D]."""
-        return _run(self.critic, observation).squeeze(-1)
+        return _run(self.critic, observation, self.network.activation).squeeze(-1)
 
     def log_probability(self, observation: Tensor, action: Tensor) -> tuple[Tensor, Tensor]:
         """Return log pi(action | observation) and the entropy of pi, both float32[M], from observations float32[M, D].

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agents.weights_folder import PolicyRecord, read_record, read_tensors
+from agents.learned import read_policy
+from agents.weights_folder import Activation, PolicyRecord
 from warehouse_env.errors import ConfigError
 from warehouse_env.observation import observation_layout
 
@@ -20,7 +21,7 @@ INPUT, OUTPUT, DEVIATION = "observation", "output", "standard_deviation"
 
 
 def onnx_model(directory: Path | str) -> ModelProto:
-    """Return the actor of a policy folder as a checked ONNX model.
+    """Return the actor of a policy folder, or of a model of stable-baselines3 (FILE.zip), as a checked ONNX model.
 
     Input `observation` float32[rows, D]; output `output` float32[rows, A]: logits, or means of real-valued actions,
     which then have a second output, `standard_deviation` float32[A]. Its metadata say what the numbers mean, as JSON.
@@ -30,11 +31,10 @@ def onnx_model(directory: Path | str) -> ModelProto:
         from onnx import TensorProto, checker, helper, numpy_helper
     except ImportError:
         raise ConfigError("ONNX models need the library onnx: pip install warehouse-env[onnx]") from None
-    record = read_record(directory)
-    network = record.network
-    tensors = read_tensors(directory, network).items()
+    record, found = read_policy(directory)
+    network, tensors = record.network, found.items()
     outputs = [helper.make_tensor_value_info(OUTPUT, TensorProto.FLOAT, ["rows", network.actions])]
-    nodes = _layers(len(network.hidden) + 1)
+    nodes = _layers(len(network.hidden) + 1, network.activation)
     if not network.discrete:
         nodes.append(helper.make_node("Exp", ["log_std"], [DEVIATION]))
         outputs.append(helper.make_tensor_value_info(DEVIATION, TensorProto.FLOAT, [network.actions]))
@@ -49,8 +49,13 @@ def onnx_model(directory: Path | str) -> ModelProto:
     return model
 
 
-def _layers(depth: int) -> list[NodeProto]:
-    """Return the nodes of the actor: x W^T + b, and tanh between its layers."""
+_OPERATORS: dict[Activation, str] = {
+    "tanh": "Tanh", "relu": "Relu", "leaky_relu": "LeakyRelu", "elu": "Elu", "sigmoid": "Sigmoid",
+}  # fmt: skip
+
+
+def _layers(depth: int, activation: Activation) -> list[NodeProto]:
+    """Return the nodes of the actor: x W^T + b, and the activation between its layers."""
     from onnx import helper
 
     nodes, x = [], INPUT
@@ -60,7 +65,11 @@ def _layers(depth: int) -> list[NodeProto]:
         nodes.append(helper.make_node("Gemm", [x, f"actor.{k}.weight", f"actor.{k}.bias"], [y], transB=1))
         if not last:
             x = f"hidden.{k}"
-            nodes.append(helper.make_node("Tanh", [y], [x]))
+            if activation == "silu":  # the operators of this age have none: x sigmoid(x)
+                nodes.append(helper.make_node("Sigmoid", [y], [f"share.{k}"]))
+                nodes.append(helper.make_node("Mul", [y, f"share.{k}"], [x]))
+            else:
+                nodes.append(helper.make_node(_OPERATORS[activation], [y], [x]))
     return nodes
 
 

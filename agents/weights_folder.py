@@ -23,27 +23,31 @@ from warehouse_env.files import complete_file
 FORMAT = 1
 WEIGHTS, CONFIG = "weights.safetensors", "config.json"
 Mode = Literal["sample", "greedy"]
+Activation = Literal["tanh", "relu", "leaky_relu", "elu", "silu", "sigmoid"]
 Tensors = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
 class Network(Checked):
-    """Sizes of an actor and a critic that are separate tanh networks."""
+    """Sizes of an actor and a critic that are separate networks of dense layers, and what stands between the layers."""
 
     observation_size: int
     actions: int  # number of discrete actions, or length of a real-valued one
     discrete: bool
-    hidden: tuple[int, ...] = (128, 128)
+    hidden: tuple[int, ...] = (128, 128)  # of the actor; () for one layer alone
+    activation: Activation = "tanh"  # after each layer but the last
+    critic_hidden: tuple[int, ...] | None = None  # None: as the actor's
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._between(1, 10**9, "observation_size", "actions", "hidden")
+        self._between(1, 10**9, "observation_size", "actions", "hidden", "critic_hidden")
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """Return the name and shape of every tensor that a weights file must hold."""
+        """Return the name and shape of every tensor of a weights file; those of the critic may all be missing."""
         shapes: dict[str, tuple[int, ...]] = {} if self.discrete else {"log_std": (self.actions,)}
-        for part, last in (("actor", self.actions), ("critic", 1)):
-            sizes = (self.observation_size, *self.hidden, last)
+        critic = self.hidden if self.critic_hidden is None else self.critic_hidden
+        for part, hidden, last in (("actor", self.hidden, self.actions), ("critic", critic, 1)):
+            sizes = (self.observation_size, *hidden, last)
             for index, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
                 shapes[f"{part}.{index}.weight"] = (outputs, inputs)
                 shapes[f"{part}.{index}.bias"] = (outputs,)
@@ -68,12 +72,13 @@ class PolicyRecord(Checked):
 def save_policy(directory: Path | str, record: PolicyRecord, tensors: Tensors) -> Path:
     """Write the policy into `directory` (made if missing), each file as a whole or not at all.
 
-    Raises WeightsError if the tensors are not those that `record.network` asks for.
+    tensors: actor.K.weight [outputs, inputs] and actor.K.bias of layers K = 0, 1, ...; log_std of real-valued actions;
+    critic.K.weight and critic.K.bias, which may be left out. Raises WeightsError if they do not fit `record.network`.
     """
     directory = Path(directory)
-    _check_tensors(directory / WEIGHTS, record.network, tensors)
+    given = checked_tensors(directory / WEIGHTS, record.network, tensors)
     directory.mkdir(parents=True, exist_ok=True)
-    arrays = {name: np.ascontiguousarray(array, dtype=np.float32) for name, array in tensors.items()}
+    arrays = {name: np.ascontiguousarray(array) for name, array in given.items()}
     with complete_file(directory / WEIGHTS) as part:
         part.write_bytes(save(arrays))  # the library's own file would be readable by its owner alone
     write_text(directory / CONFIG, json.dumps(record.to_dict(), indent=2) + "\n")
@@ -113,13 +118,14 @@ def read_tensors(directory: Path | str, network: Network) -> dict[str, NDArray[n
         tensors = load_file(path)
     except (SafetensorError, OSError, ValueError) as error:
         raise WeightsError(f"{path} is damaged or no safetensors file: {error}") from None
-    _check_tensors(path, network, tensors)
-    return {name: np.asarray(array, dtype=np.float32) for name, array in tensors.items()}
+    return checked_tensors(path, network, tensors)
 
 
-def _check_tensors(path: Path, network: Network, tensors: Tensors) -> None:
-    """Raise WeightsError for the first tensor that is missing, unknown, of the wrong shape, or not finite."""
+def checked_tensors(path: Path | str, network: Network, tensors: Tensors) -> dict[str, NDArray[np.float32]]:
+    """Return tensors as float32; WeightsError for the first that is missing, unknown, misshapen, or not finite."""
     shapes = network.shapes()
+    if not any(name.startswith("critic.") for name in tensors):  # only a training asks for it
+        shapes = {name: shape for name, shape in shapes.items() if not name.startswith("critic.")}
     missing, foreign = sorted(set(shapes) - set(tensors)), sorted(set(tensors) - set(shapes))
     if missing or foreign:
         wrong = f"lacks {missing[0]}" if missing else f"holds an unknown tensor {foreign[0]}"
@@ -129,3 +135,4 @@ def _check_tensors(path: Path, network: Network, tensors: Tensors) -> None:
             raise WeightsError(f"{path}: {name} has shape {tuple(tensors[name].shape)}, {CONFIG} asks for {shape}")
         if not np.isfinite(np.asarray(tensors[name], dtype=np.float32)).all():
             raise WeightsError(f"{path}: {name} holds a value that is not finite")
+    return {name: np.asarray(array, dtype=np.float32) for name, array in tensors.items()}

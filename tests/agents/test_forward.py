@@ -9,13 +9,17 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
+import torch
 from numpy.typing import NDArray
 
 from agents import POLICIES, LearnedPolicy, make_policy, policy_config
 from agents.forward import Layer, forward
+from agents.networks import ACTIVATIONS
+from agents.weights_folder import Activation
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
 
@@ -90,9 +94,34 @@ def test_large_sums_end_at_one() -> None:
     assert np.isnan(forward(network, np.array([[np.nan]], np.float32))).all()
 
 
+def test_every_activation_is_torchs() -> None:
+    x = torch.linspace(-12, 12, 4001)[:, None]
+    one = [(np.ones((1, 1), np.float32), np.zeros(1, np.float32))] * 2
+    for name, function in ACTIVATIONS.items():
+        assert forward(one, x.numpy(), name)[:, 0] == pytest.approx(function(x[:, 0].double()).numpy(), abs=4e-6), name
+        assert np.isnan(forward(one, np.array([[np.nan]], np.float32), name)).all(), name
+    assert set(ACTIVATIONS) == set(get_args(Activation))
+
+
+@pytest.mark.parametrize("name", [name for name in get_args(Activation) if name != "tanh"])
+def test_a_network_with_another_activation(name: Activation) -> None:
+    x = torch.from_numpy(rows(5)).double()
+    for weight, bias in layers()[:-1]:
+        x = ACTIVATIONS[name](x @ torch.from_numpy(weight).double() + torch.from_numpy(bias).double())
+    weight, bias = layers()[-1]
+    expected = x @ torch.from_numpy(weight).double() + torch.from_numpy(bias).double()
+    assert forward(layers(), rows(5), name) == pytest.approx(expected.numpy(), abs=2e-5)
+    assert np.array_equal(forward(layers(), rows(5)[2:3], name), forward(layers(), rows(5), name)[2:3])
+
+
+def test_one_layer_alone_is_linear() -> None:
+    assert forward(layers((9, 3)), rows(4)) == pytest.approx(exact(layers((9, 3)), rows(4)), abs=2e-6)
+
+
 def digest() -> str:
     network = layers((30, 21, 6))
-    return hashlib.blake2b(forward(network, rows(7, 30)).tobytes()).hexdigest()
+    given = [forward(network, rows(7, 30), name) for name in get_args(Activation)]
+    return hashlib.blake2b(np.stack(given).tobytes()).hexdigest()
 
 
 def test_plain_python_gives_the_same_bits() -> None:

@@ -183,6 +183,42 @@ def test_what_is_no_policy_is_named(tmp_path: Path) -> None:
         make_policy(tmp_path, EnvConfig())
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [{"activation": "relu"}, {"hidden": (), "critic_hidden": (5,)}, {"activation": "silu", "hidden": (7, 5, 6)}],
+)
+def test_other_networks_are_saved_and_are_torchs(changes: dict[str, Any], tmp_path: Path) -> None:
+    network = Network(_size(), 20, True, **{"hidden": (9,), **changes})
+    torch.manual_seed(0)
+    net = ActorCritic(network, np.zeros(20, np.float32))
+    folder = save_policy(tmp_path, PolicyRecord("mine", network, EnvConfig()), tensors_of(net))
+    assert read_record(folder).network == network
+    seen = observations()
+    with torch.no_grad():
+        expected = net.output(torch.from_numpy(seen)).numpy()
+    assert LearnedPolicy(folder, EnvConfig()).output(seen) == pytest.approx(expected, rel=1e-4, abs=1e-4)
+
+
+def test_a_critic_may_be_left_out_but_not_half(folder: Path, tmp_path: Path) -> None:
+    tensors = load_file(folder / "weights.safetensors")
+    actor = {name: array for name, array in tensors.items() if name.startswith("actor.")}
+    alone = save_policy(tmp_path / "alone", read_record(folder), actor)
+    seen = observations()
+    whole = LearnedPolicy(folder, EnvConfig())
+    assert np.array_equal(LearnedPolicy(alone, EnvConfig()).output(seen), whole.output(seen))
+    with pytest.raises(WeightsError, match=r"lacks critic\.0\.weight"):
+        save_policy(tmp_path / "half", read_record(folder), {**actor, "critic.0.bias": tensors["critic.0.bias"]})
+
+
+def test_a_folder_of_before_says_no_activation(folder: Path) -> None:
+    network = json.loads((folder / "config.json").read_text())["network"]
+    edit(folder, network={name: network[name] for name in ("observation_size", "actions", "discrete", "hidden")})
+    assert LearnedPolicy(folder, EnvConfig()).record.network == Network(_size(), 20, True, (8, 8), "tanh", None)
+    edit(folder, network={**network, "activation": "gelu"})
+    with pytest.raises(WeightsError, match="activation='gelu' must be one of tanh, relu"):
+        make_policy(folder, EnvConfig())
+
+
 def test_wrong_tensors_are_not_saved(tmp_path: Path) -> None:
     record = PolicyRecord("reinforce", Network(3, 2, True, (4,)), EnvConfig())
     with pytest.raises(WeightsError, match="lacks actor"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from safetensors.numpy import load_file
 
 from agents import POLICIES, LearnedPolicy, Network, PolicyRecord, policy_config, save_policy
 from agents.onnx_model import onnx_model
+from agents.weights_folder import Activation
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.observation import observation_layout
@@ -77,6 +78,20 @@ def test_real_valued_actions_have_means_and_deviations(tmp_path: Path) -> None:
     own = LearnedPolicy(tmp_path, env).output(observation)
     np.testing.assert_allclose(mean, own, atol=1e-4, rtol=1e-5)
     np.testing.assert_allclose(deviation, np.exp(tensors["log_std"]), rtol=1e-5)
+
+
+@pytest.mark.parametrize("activation", get_args(Activation))
+def test_every_activation_and_a_single_layer_are_exported(activation: Activation, tmp_path: Path) -> None:
+    rng, env = np.random.default_rng(0), EnvConfig()
+    for number, hidden in enumerate(((16, 8), ())):
+        network = Network(observation_layout(env).size, 20, True, hidden, activation)
+        tensors = {name: rng.normal(size=shape).astype(np.float32) for name, shape in network.shapes().items()}
+        actor = {name: array for name, array in tensors.items() if name.startswith("actor.")}
+        folder = save_policy(tmp_path / str(number), PolicyRecord("ppo", network, env), actor)
+        observation = rng.normal(size=(5, network.observation_size)).astype(np.float32)
+        (outputs,) = run(onnx_model(folder).SerializeToString(), observation)
+        own = LearnedPolicy(folder, env).output(observation)
+        np.testing.assert_allclose(outputs, own, atol=1e-4, rtol=1e-4)
 
 
 def test_without_the_library_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
