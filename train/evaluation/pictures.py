@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from train.evaluation.planning_runs import Run
 from train.evaluation.rollout import Trace
-from train.reporting.report import grouped, number, short_names
+from train.reporting.report import counted, grouped, number, short_names
 from train.reporting.rows import Row, mean_interval
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render import charts
@@ -35,7 +35,9 @@ def evaluation_pictures(rows: Sequence[Row], traces: Sequence[Trace], folder: Pa
         parts = (one.place, str(one.config.num_agents), one.policy)
         files.append(folder / f"trajectories_{'_'.join(map(file_name, parts))}.png")
         poses, seed = trace.poses, one.seeds[0]
-        title = f"{Path(one.policy).name}: {one.config.num_agents} robots on {Path(one.place).stem}, seed {seed}"
+        title = (
+            f"{Path(one.policy).name}: {counted(one.config.num_agents, 'robot')} on {Path(one.place).stem}, seed {seed}"
+        )
         assert trace.grid is not None
         charts.trajectories(trace.grid, list(poses[:, :, :2].swapaxes(0, 1)), trace.contacts, title, files[-1])
     return files

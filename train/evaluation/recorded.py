@@ -19,7 +19,7 @@ from train.evaluation.disturbances import DISTURBANCES
 from train.evaluation.pictures import file_name
 from train.evaluation.rollout import Experiment, identity, play_out
 from train.reporting.page import Link
-from train.reporting.report import grouped, number
+from train.reporting.report import counted, grouped, number
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
@@ -111,7 +111,7 @@ def write_replays(
         made_by = next(one for one in known if all(row.get(k) == value for k, value in identity(one).items()))
         episode = record(dataclasses.replace(made_by, episodes=(row["episode"],)))
         policy = Path(row["policy"]).name
-        title = f"{policy}, {row['robots']} robots on {Path(row['layout']).stem}, seed {row['seed']}"
+        title = f"{policy}, {counted(row['robots'], 'robot')} on {Path(row['layout']).stem}, seed {row['seed']}"
         name = "_".join(map(file_name, (row["layout"], str(row["robots"]), row["policy"], str(row["seed"]))))
         episode.save(folder / FOLDER / f"{name}.npz")
         page = folder / FOLDER / f"{name}.html"

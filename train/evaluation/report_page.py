@@ -11,7 +11,7 @@ from train.evaluation.recorded import worst_episodes, write_replays
 from train.evaluation.rollout import Experiment
 from train.evaluation.words import paragraph
 from train.reporting.page import Page, Part, Shown, made_by
-from train.reporting.report import evaluation_table, grouped, make_progress, number, short_names
+from train.reporting.report import counted, evaluation_table, grouped, make_progress, number, short_names
 from train.reporting.rows import Row, select, values_of, write_rows
 from warehouse_env.render.heat_maps import Panel, heat_maps
 from warehouse_env.render.report_charts import detours, over_robots
@@ -85,7 +85,7 @@ def _on_floors(
         parts = {name.partition("@"): floor for name, floor in floors.items()}
         own = {short[policy]: floor for (policy, _, place), floor in parts.items() if place == layout}
         robots = max(row["robots"] for row in select(rows, layout=layout))
-        yield layout, f"on {short[layout]} with {robots} robots", own
+        yield layout, f"on {short[layout]} with {counted(robots, 'robot')}", own
 
 
 def _where(

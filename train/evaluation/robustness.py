@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED
-from train.reporting.report import Table, grouped, number, short_names, with_interval
+from train.reporting.report import Table, counted, grouped, number, short_names, with_interval
 from train.reporting.rows import Interval, Row, mean_interval, select, stratified_interval
 
 SLOWER = 0.9  # of the undisturbed goals, under which a policy is slower
@@ -94,7 +94,7 @@ def robust_table(rows: Sequence[Row]) -> Table:
             DISTURBANCES[str(name)].summary, short[str(policy)], with_interval(found.goals),
             *(compared if known else ("", "")), *contacts, verdict(found, base) if known else "",
         ))  # fmt: skip
-    return Table(f"Robustness ({_about(rows)})", _HEADER, tuple(cells), NOTE)
+    return Table(f"Robustness ({_about(rows)})", _HEADER, tuple(cells), NOTE, labels=2)
 
 
 def _about(rows: Sequence[Row]) -> str:
@@ -102,7 +102,8 @@ def _about(rows: Sequence[Row]) -> str:
     short = short_names({str(row["layout"]) for row in rows})
     floors = ", ".join(f"{short[str(layout)]} with {robots}" for layout, robots in grouped(rows, _FLOOR))
     episodes = len({row["episode"] for row in rows})
-    return f"{floors} robots; {episodes} episodes of {number(rows[0]['seconds'])} s each"
+    robots = f"{floors} robot{'s' * (rows[-1]['robots'] != 1)}"
+    return f"{robots}; {counted(episodes, 'episode')} of {number(rows[0]['seconds'])} s each"
 
 
 def _ratio(part: float, whole: float) -> float:

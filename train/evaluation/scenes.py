@@ -185,4 +185,4 @@ def scene_table(rows: Sequence[Row]) -> Table:
             f"{100 * share:.1f} [{100 * low:.1f}, {100 * high:.1f}]", number(seconds), number(sum(mean)),
             number(deadlocks),
         ))  # fmt: skip
-    return Table("Scenes", header, tuple(cells), NOTE)
+    return Table("Scenes", header, tuple(cells), NOTE, labels=3)

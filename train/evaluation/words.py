@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from train.evaluation.places import Floor
-from train.reporting.report import MEASURES, difference, grouped, number, short_names, with_interval
+from train.reporting.report import MEASURES, counted, difference, grouped, number, short_names, with_interval
 from train.reporting.rows import Interval, Row, apart, is_told, mean_interval, paired, select
 
 _SAME_EPISODE = ("layout", "robots", "tasks", "planner", "seed")
@@ -26,7 +26,7 @@ def paragraph(rows: Sequence[Row], floors: Mapping[str, Floor]) -> list[str]:
         own = select(rows, layout=layout)
         most = max(row["robots"] for row in own)
         full = select(own, robots=most)
-        sentences = [f"**{short[layout]}, {most} robots.**", *_goals(full, short), *_load(own, full, short)]
+        sentences = [f"**{short[layout]}, {counted(most, 'robot')}.**", *_goals(full, short), *_load(own, full, short)]
         sentences += [*_collisions(full, short), *_stuck(full, short)]
         texts.append(" ".join([*sentences, *_places(full, floors, short)]))
     return [*texts, CAVEAT]
@@ -96,8 +96,8 @@ def _load(own: Sequence[Row], full: Sequence[Row], short: Mapping[str, str]) -> 
     change = apart(order[0][1], mean_interval(map(value, before)))
     told = "" if is_told(change) else ", *not told apart* from none"
     return [
-        f"From {fewest} to {most} robots its goals per robot-hour change by {difference(change)}{told}; all robots "
-        f"together reach {number(most * order[0][1].mean)} an hour instead of "
+        f"From {fewest} to {counted(most, 'robot')} its goals per robot-hour change by {difference(change)}{told}; all "
+        f"robots together reach {number(most * order[0][1].mean)} an hour instead of "
         f"{number(fewest * (order[0][1].mean - change.mean))}."
     ]
 

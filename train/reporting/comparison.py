@@ -8,7 +8,17 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from train.reporting.report import MEASURES, Measure, Table, difference, grouped, number, short_names, with_interval
+from train.reporting.report import (
+    MEASURES,
+    Measure,
+    Table,
+    counted,
+    difference,
+    grouped,
+    number,
+    short_names,
+    with_interval,
+)
 from train.reporting.rows import Interval, Row, is_told, paired, read_rows, select, values_of
 from warehouse_env.errors import WarehouseError
 
@@ -197,7 +207,8 @@ def comparison_words(lines: Sequence[Line]) -> list[str]:
         told = [line for line in own if line.verdict in ("better", "worse")]
         open_ = [line.measure.heading for line in own if line.verdict == "not told apart"]
         names = " and ".join(f"**{one.run}** (`{short[one.policy]}`)" for one in (ours, other))
-        text = f"{names} on {short[layout]} with {robots} robots, {own[0].difference.samples} episodes of both: "
+        episodes = counted(own[0].difference.samples, "episode")
+        text = f"{names} on {short[layout]} with {counted(robots, 'robot')}, {episodes} of both: "
         said = []
         for line in told:
             share = f" ({number(100 * line.difference.mean / line.base.mean, 2)}%)" if line.base.mean > 0 else ""

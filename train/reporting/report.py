@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -17,29 +18,74 @@ from rich.table import Table as RichTable
 from train.reporting.rows import Interval, Row, mean_interval, values_of
 from warehouse_env.render.extras import load
 
-_PLAIN_WIDTH = 180  # [characters] where the output is no terminal: tables go to files and pipes uncut
+_PLAIN_WIDTH = 180  # [characters] where the output is no terminal, at the least: tables go to files and pipes whole
+_NUMBER = re.compile(r"[-+]?\d")
+_LEAST_TEXT = 12  # [characters] of a column of text, where it has so many
 
 
 @dataclass(frozen=True)
 class Table:
-    """A title, a heading for each column, rows of text, and a note below."""
+    """A title, a heading for each column, rows of text, and a note below; `labels`: first columns that name a row."""
 
     title: str
     header: tuple[str, ...]
     cells: tuple[tuple[str, ...], ...]
     note: str = ""
+    labels: int = 1
 
     def print(self, file: TextIO | None = None) -> None:
-        """Print for reading, on stdout unless `file` is given; text columns to the left, numbers to the right."""
-        table = RichTable(title=self.title, title_justify="left", title_style="bold")
-        for index, name in enumerate(self.header):
-            table.add_column(name, justify="right" if self.numeric(index) else "left", no_wrap=index == 0)
-        for row in self.cells:
-            table.add_row(*row)
-        console = make_console(file or sys.stdout)
-        console.print(table)
+        """Print for reading, on stdout unless `file` is given; text columns to the left, numbers to the right.
+
+        Where a terminal is narrower than the table, the columns that have no room follow below, beside the labels
+        once more; texts go on in a next line, and no number is cut.
+        """
+        file = file or sys.stdout
+        console = make_console(file, _taken([self._width(index) for index in range(len(self.header))]))
+        for number, columns in enumerate(self.parts(console.width)):
+            table = RichTable(title=None if number else self.title, title_justify="left", title_style="bold")
+            for index, width in columns.items():
+                right = self.numeric(index)
+                table.add_column(self.header[index], justify="right" if right else "left", width=width, overflow="fold")
+            for row in self.cells:
+                table.add_row(*(row[index] for index in columns))
+            console.print(table)
         if self.note:
             console.print(self.note, highlight=False)
+
+    def parts(self, width: int) -> list[dict[int, int]]:
+        """Return the columns with their widths [characters] of each part, so that a part fits into `width`."""
+        least = [self._least(index) for index in range(len(self.header))]
+        labels = list(range(min(self.labels, len(least))))
+        parts = [[*labels]]
+        for index in range(len(labels), len(least)):
+            wide = _taken([least[k] for k in (*parts[-1], index)]) > width
+            if wide and len(parts[-1]) > len(labels):
+                parts.append([*labels])
+            parts[-1].append(index)
+        return [self._spread(columns, least, width) for columns in parts]
+
+    def _spread(self, columns: Sequence[int], least: Sequence[int], width: int) -> dict[int, int]:
+        """Return what each column takes: what it must have, and of what is left up to what it would like."""
+        widths = {index: least[index] for index in columns}
+        while _taken(list(widths.values())) > width and max(widths.values()) > 1:  # a word or number is too long
+            widths[max(widths, key=widths.__getitem__)] -= 1
+        room = width - _taken(list(widths.values()))
+        for index in columns:
+            more = max(0, min(room, self._width(index) - widths[index]))
+            widths[index] += more
+            room -= more
+        return widths
+
+    def _width(self, index: int) -> int:
+        return max(len(self.header[index]), *(len(row[index]) for row in self.cells), 1)
+
+    def _least(self, index: int) -> int:
+        """Return the narrowest that a column can be read in: numbers on one line, of texts the longest word."""
+        pieces = [
+            piece for row in self.cells for piece in ([row[index]] if _NUMBER.match(row[index]) else row[index].split())
+        ]
+        longest = max(map(len, (*pieces, *self.header[index].split())), default=1)
+        return max(longest, min(self._width(index), _LEAST_TEXT))
 
     def markdown(self) -> str:
         """Return the table as Markdown."""
@@ -51,7 +97,7 @@ class Table:
 
     def numeric(self, index: int) -> bool:
         """Return whether a column holds numbers, which are read from the right."""
-        return any(row[index][:1] in "-+0123456789" for row in self.cells if row[index])
+        return any(_NUMBER.match(row[index]) for row in self.cells)
 
 
 def no_html(text: str) -> str:
@@ -59,9 +105,14 @@ def no_html(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;").replace("|", "\\|")
 
 
-def make_console(file: TextIO) -> Console:
-    """Return a console on `file`: as wide as the terminal, or wide enough for every table where it is none."""
-    return Console(file=file, width=None if file.isatty() else _PLAIN_WIDTH, markup=False)
+def _taken(widths: Sequence[int]) -> int:
+    """Return how wide a table with columns of these widths is [characters], rules and spaces between them included."""
+    return sum(widths) + 3 * len(widths) + 1
+
+
+def make_console(file: TextIO, plain: int = 0) -> Console:
+    """Return a console on `file`: as wide as the terminal; where it is none, _PLAIN_WIDTH, or `plain` if wider."""
+    return Console(file=file, width=None if file.isatty() else max(plain, _PLAIN_WIDTH), markup=False)
 
 
 def make_progress() -> Progress:
@@ -91,6 +142,11 @@ def number(value: float, digits: int = 3) -> str:
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
     text = f"{value:.{decimals}f}"
     return text.rstrip("0").rstrip(".") if "." in text and abs(value - round(value)) < 1e-12 else text
+
+
+def counted(count: int, noun: str) -> str:
+    """Return "1 robot", "16 robots"."""
+    return f"{count:,} {noun}{'s' * (count != 1)}"
 
 
 def with_interval(interval: Interval, factor: float = 1.0, digits: int = 3) -> str:
@@ -226,4 +282,4 @@ def evaluation_table(rows: Sequence[Row]) -> Table:
     shared = ", ".join(f"{name} {rows[0][name]}" for name in constant)
     header = (*names, "episodes", *(m.heading for m in shown))
     note = EVALUATION_NOTE + (_FREE_FLOW_NOTE if flow else "")
-    return Table(f"Evaluation ({shared})" if shared else "Evaluation", header, tuple(cells), note)
+    return Table(f"Evaluation ({shared})" if shared else "Evaluation", header, tuple(cells), note, len(names))

@@ -40,14 +40,15 @@ def plain(value: Any) -> Any:
 class RowFile:
     """A JSON-lines file that grows by whole rows; it is opened at the first row, so bad input leaves it as it was.
 
-    With `path` None the rows are only counted. With `keep` rows that stand there already stay. A command that adds rows
-    over some time does so in its context, in which no other command can: WarehouseError says who is at it.
+    With `path` None the rows are only counted. With `keep` rows that stand there already stay; else they are replaced,
+    or with `instead`, which says what to do instead, refused. A command that adds rows over some time does so in its
+    context, in which no other command can: WarehouseError says who is at it.
     """
 
-    def __init__(self, path: Path | None, keep: bool = False) -> None:
+    def __init__(self, path: Path | None, keep: bool = False, instead: str = "") -> None:
         self.path = path
         self.count = 0
-        self._keep = keep
+        self._keep, self._instead = keep, "" if keep else instead
         self._lock = ExitStack()
         if path is not None:
             check_writable(path)
@@ -55,6 +56,10 @@ class RowFile:
     def __enter__(self) -> Self:
         if self.path is not None:
             self._lock.enter_context(held(self.path.with_name(f".{self.path.name}.lock"), self.path))
+            there = self.path.read_bytes().count(b"\n") if self._instead and self.path.is_file() else 0
+            if there:
+                self._lock.close()
+                raise WarehouseError(f"{self.path} holds {there:,} row{'s' * (there > 1)} already: {self._instead}")
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -84,6 +89,12 @@ class RowFile:
         if self.path is None or not self.count:
             return "no rows were kept"
         return f"{self.count} rows are kept in {self.path}"
+
+
+def instead(overwrite: bool, resumes: bool = True) -> str:
+    """Return what to do where rows would be replaced, for a RowFile; nothing where they may be."""
+    goes_on = "--resume keeps them and goes on, " * resumes
+    return "" if overwrite else f"{goes_on}--overwrite replaces them, another --out leaves them alone"
 
 
 def check_writable(path: Path) -> None:

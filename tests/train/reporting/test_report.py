@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from train.reporting.report import Table, evaluation_table, number, summarise, with_interval
-from train.reporting.rows import Interval, RowFile, mean_interval, read_rows, t_quantile, write_text
+from train.reporting.rows import Interval, RowFile, instead, mean_interval, read_rows, t_quantile, write_text
 from warehouse_env.errors import WarehouseError
 
 
@@ -153,3 +155,86 @@ def test_names_are_no_html_in_markdown_and_end_no_cell() -> None:
     assert table.markdown() == (
         "### &lt;b>\n\n| policy |\n| --- |\n| &lt;img src=x onerror=alert(1)> |\n| a\\|b &amp; c |\n"
     )
+
+
+class Terminal(io.StringIO):
+    """What Table.print takes for a terminal, as wide as COLUMNS says."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def plain(terminal: Terminal) -> str:
+    """Return what is shown, without what makes it bold."""
+    return re.sub(r"\x1b\[[\d;]*m", "", terminal.getvalue())
+
+
+def wide_tables() -> list[Table]:
+    rows = [
+        row(policy, collisions, layout=layout, robots=robots, late_goals_per_robot_hour=88.8, deadlocks=0.5,
+            longest_standing_s=123.0, seed=seed, episode=seed)
+        for seed in range(3)
+        for policy, collisions in (("threaded_ppo", 2.0 + seed), ("my_policy.py:Mine", 1.0), ("central_pibt", 3.0))
+        for layout, robots in (("paper46_rough", 16), ("blocks:rows=92,columns=92", 128))
+    ]  # fmt: skip
+    words = Table(
+        "Words", ("name", "what it is", "floor"),
+        (("a", "a text of many words that goes on in the next line, and on, and on", "12 [10, 14]"),
+         ("b", "-", "-")),
+        "a note",
+    )  # fmt: skip
+    return [evaluation_table(rows), words]
+
+
+@pytest.mark.parametrize("width", [80, 100, 120, 200])
+@pytest.mark.parametrize("number_of_table", [0, 1])
+def test_no_cell_is_cut_at_any_width(number_of_table: int, width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    table = wide_tables()[number_of_table]
+    monkeypatch.setenv("COLUMNS", str(width))
+    monkeypatch.setenv("TERM", "xterm")
+    table.print(terminal := Terminal())
+    lines = plain(terminal).splitlines()
+    assert max(map(len, lines)) <= width
+    assert "\N{HORIZONTAL ELLIPSIS}" not in terminal.getvalue()
+    shown = [[cell.strip() for cell in line.split("\N{BOX DRAWINGS LIGHT VERTICAL}")[1:-1]] for line in lines]
+    whole = {cell for line in shown for cell in line}
+    for cells in table.cells:
+        for index, cell in enumerate(cells):
+            numeric = table.numeric(index) or len(cell) < 13
+            assert cell in whole if numeric else set(cell.split()) <= {word for one in whole for word in one.split()}
+    parts = table.parts(width)
+    assert sorted({index for part in parts for index in part}) == list(range(len(table.header)))  # nothing is left out
+    assert all(list(part)[: table.labels] == list(range(table.labels)) for part in parts)
+    assert (len(parts) == 1) == (sum(table._width(k) + 3 for k in range(len(table.header))) < width or not parts[1:])
+
+
+def test_a_narrow_terminal_gets_more_parts_and_a_file_gets_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    table = wide_tables()[0]
+    counts = [len(table.parts(width)) for width in (80, 100, 120, 400)]
+    assert counts == sorted(counts, reverse=True)
+    assert counts[0] > counts[-1] == 1
+    table.print(piped := io.StringIO())
+    assert piped.getvalue().count("collisions/km") == piped.getvalue().count("ms/step") == 1
+    assert piped.getvalue().count("paper46_rough") == 3
+
+
+def test_words_longer_than_the_terminal_go_on_in_the_next_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "20")
+    monkeypatch.setenv("TERM", "xterm")
+    Table("T", ("name", "value"), (("abcdefghijklmnopqrstuvwxyz", "1"),)).print(terminal := Terminal())
+    cells = [line.split("\N{BOX DRAWINGS LIGHT VERTICAL}")[1:-1] for line in plain(terminal).splitlines()]
+    assert "".join(line[0].strip() for line in cells if line) == "abcdefghijklmnopqrstuvwxyz"
+
+
+def test_rows_are_replaced_only_where_that_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "rows.jsonl"
+    RowFile(path).add([{"a": 1}, {"a": 2}])
+    with pytest.raises(WarehouseError, match=r"rows.jsonl holds 2 rows already: --resume .* --overwrite"):
+        RowFile(path, instead=instead(overwrite=False)).__enter__()
+    assert [one["a"] for one in read_rows(path)] == [1, 2]
+    assert {one.name for one in tmp_path.iterdir()} == {"rows.jsonl"}  # and the lock is gone
+    with RowFile(path, keep=True, instead=instead(overwrite=False)) as file:
+        file.add([{"a": 3}])
+    with RowFile(path, instead=instead(overwrite=True)) as file:
+        file.add([{"a": 4}])
+    assert [one["a"] for one in read_rows(path)] == [4]

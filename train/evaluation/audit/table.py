@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from train.evaluation.audit.instants import OVERLAPS
-from train.reporting.report import Table, grouped, number, short_names
+from train.reporting.report import Table, counted, grouped, number, short_names
 from train.reporting.rows import Row
 
 _GROUP = ("layout", "robots", "policy")
@@ -53,7 +53,7 @@ def _figures(rows: Sequence[Row]) -> tuple[str, ...]:
 def sentences(rows: Sequence[Row]) -> Iterator[str]:
     """Yield each fault in words."""
     for row in rows:
-        where = f"{Path(row['policy']).name} on {row['layout']}, {row['robots']} robots, seed {row['seed']}"
+        where = f"{Path(row['policy']).name} on {row['layout']}, {counted(row['robots'], 'robot')}, seed {row['seed']}"
         if row["differs_at"] is not None:
             yield f"{where}: at step {row['differs_at']} {row['episode']} has other poses than this version drives"
         yield from (f"{where}: {_sentence(fault)}" for fault in row["faults"])
