@@ -5,8 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from agents.learned import LearnedPolicy, config_for
 from agents.path_following import Brake, Follow, Greedy
@@ -14,13 +17,15 @@ from agents.policy import Policy
 from agents.potential_field import PotentialField
 from agents.reciprocal import Reciprocal
 from agents.rules import Rules
-from agents.weights_folder import CONFIG, Network, PolicyRecord, save_policy
+from agents.weights_folder import CONFIG, Mode, Network, PolicyRecord, save_policy
+from warehouse_env import own_parts
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import WeightsError, shown, unknown_name
+from warehouse_env.errors import ConfigError, WeightsError, shown
+from warehouse_env.observation import observation_layout
 
 __all__ = [
-    "POLICIES", "WEIGHTS_FOLDER", "LearnedPolicy", "Network", "Policy", "PolicyEntry", "PolicyRecord", "make_policy",
-    "policy_config", "save_policy",
+    "POLICIES", "WEIGHTS_FOLDER", "LearnedPolicy", "Network", "Policy", "PolicyEntry", "PolicyRecord", "add_policy",
+    "make_policy", "policy_config", "save_model", "save_policy",
 ]  # fmt: skip
 
 WEIGHTS_FOLDER = Path(__file__).parent / "weights"
@@ -28,7 +33,7 @@ WEIGHTS_FOLDER = Path(__file__).parent / "weights"
 
 @dataclass(frozen=True)
 class PolicyEntry:
-    """One line of the registry: either a rule made from the config alone, or a folder of weights.
+    """One line of the registry: either a rule made from the config alone, or a folder or model file of weights.
 
     needs: fields of EnvConfig that the rule is made for; weights say themselves what they need.
     """
@@ -60,20 +65,72 @@ POLICIES: dict[str, PolicyEntry] = {
 }
 
 
+def add_policy(text: str) -> None:
+    """Load a policy of one's own, "my_policy.py:Mine" or "module:Mine", into POLICIES; ConfigError if it is none.
+
+    Made from an EnvConfig, as the rules are; an attribute `needs` has the fields that it needs otherwise than usual.
+    """
+    part = own_parts.split(text)
+    if text in POLICIES or part is None:
+        return
+    if part[1]:
+        raise ConfigError(f"policy {shown(text)}: a policy takes no parameters; leave out {shown(part[1])}")
+    made = own_parts.load(text, "policy")
+    if not callable(made):
+        raise ConfigError(f"{text} is no policy: it must be a class that is made from an EnvConfig")
+    if isinstance(made, type):
+        own_parts.check_has(text, "policy", made, (_ACT,))
+    with own_parts.running(text):
+        needs = dict(getattr(made, "needs", {}))
+    POLICIES[text] = PolicyEntry("a policy of one's own", rule=partial(_own, text, made), needs=needs)
+
+
+_ACT = "act(observation, rng)"
+
+
+def _own(name: str, made: Callable[[EnvConfig], Policy], config: EnvConfig) -> Policy:
+    """Make a policy of one's own and try it on empty observations; ConfigError where it fails or gives no actions."""
+    seen = np.zeros((1, config.num_agents, observation_layout(config).size), np.float32)
+    with own_parts.running(name):
+        policy = made(config)
+        own_parts.check_has(name, "policy", policy, (_ACT,))
+        given = policy.act(seen, np.random.default_rng(0))
+    discrete = config.action_type == "discrete"
+    wanted = seen.shape[:2] if discrete else (*seen.shape[:2], 2)
+    whole = isinstance(given, np.ndarray) and np.issubdtype(given.dtype, np.integer)
+    if not isinstance(given, np.ndarray) or given.shape != wanted or (discrete and not whole):
+        got = f"{given.dtype}{list(given.shape)}" if isinstance(given, np.ndarray) else shown(given)
+        what = "whole numbers" if discrete else "numbers"
+        raise ConfigError(f"{name} must act by an array of {what} {list(wanted)} for {list(seen.shape)}, not by {got}")
+    return policy
+
+
+def save_model(directory: Path | str, model: Any, config: EnvConfig | None = None, mode: Mode | None = None) -> Path:
+    """Write a model of stable-baselines3 as a policy folder (see sb3_model.py, which needs torch)."""
+    from agents.sb3_model import save_model
+
+    return save_model(directory, model, config, mode)
+
+
 def _entry(name_or_dir: str | Path) -> PolicyEntry:
-    """Resolve a name of POLICIES first, then a folder; raises ConfigError or WeightsError."""
+    """Resolve a name of POLICIES first, then a folder or a .zip file; raises ConfigError or WeightsError."""
     name = str(name_or_dir)
     if name in POLICIES:
         return POLICIES[name]
     try:
         path = Path(os.path.expanduser(name))  # which leaves the home of nobody as it is
     except ValueError:  # half of a character, or the one that ends names
-        raise unknown_name("policy", name, POLICIES) from None
+        raise own_parts.unknown("policy", name, POLICIES) from None
+    if path.suffix == ".zip" and os.path.isfile(path):
+        return PolicyEntry("a model of stable-baselines3", weights=path)
     if os.path.isdir(path):  # which Path.is_dir raises about where a name is too long
         return PolicyEntry("a policy folder", weights=path)
-    if len(path.parts) > 1 or isinstance(name_or_dir, Path):
+    own = own_parts.split(name) or path.suffix == ".py"
+    if path.suffix == ".zip":
+        raise WeightsError(f"there is no file {shown(str(path))}")
+    if not own and (len(path.parts) > 1 or isinstance(name_or_dir, Path)):
         raise WeightsError(f"{shown(str(path))} is no folder; a policy folder holds {CONFIG} and its weights")
-    raise unknown_name("policy", name, POLICIES)
+    raise own_parts.unknown("policy", name, POLICIES)
 
 
 def policy_config(name_or_dir: str | Path, base: EnvConfig) -> EnvConfig:

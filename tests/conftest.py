@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from unittest import mock
 
 # Two Numba threads, so that "one thread equals two" is really tested; one for BLAS and torch, since pytest runs one
 # process per core already.
@@ -40,3 +44,19 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     """Remove the session's cache folder; worker processes leave that to the process that made it."""
     if _owns_cache:
         shutil.rmtree(os.environ.pop(_SESSION_CACHE), ignore_errors=True)
+
+
+@pytest.fixture
+def registries(tmp_path: Path) -> Iterator[None]:
+    """Put back the registries that a test adds to, and what was imported from its folder."""
+    from agents import POLICIES
+    from warehouse_env import LAYOUTS, PLANNERS
+    from warehouse_env.own_parts import LOADED
+
+    path = list(sys.path)
+    with mock.patch.dict(LAYOUTS), mock.patch.dict(PLANNERS), mock.patch.dict(POLICIES), mock.patch.dict(LOADED):
+        yield
+    sys.path[:] = path
+    for name, module in list(sys.modules.items()):
+        if str(getattr(module, "__file__", None) or "").startswith(str(tmp_path)):
+            del sys.modules[name]

@@ -24,6 +24,7 @@ BASE = (
     "warehouse_env.config",
     "warehouse_env.files",
     "warehouse_env.kernel",
+    "warehouse_env.own_parts",
     "warehouse_env.portable",
     "warehouse_env.threads",
 )
@@ -48,6 +49,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.kernel": (),
     "warehouse_env.files": ("warehouse_env.errors",),
     "warehouse_env.threads": ("warehouse_env.errors",),
+    "warehouse_env.own_parts": ("warehouse_env.errors", "warehouse_env.checked", "warehouse_env.files"),
     "warehouse_env.config": BASE,
     "warehouse_env.observation": BASE,
     "warehouse_env.maps": (*BASE, "warehouse_env.maps"),
@@ -89,8 +91,14 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
 
 # A package that only these modules may import.
 ONLY_IN: dict[str, tuple[str, ...]] = {
-    "torch": ("agents.networks", "agents.learned", "train"),
-    "stable_baselines3": ("warehouse_env.envs.vector", "warehouse_env.envs.callback", "agents.learned", "train.ppo"),
+    "torch": ("agents.networks", "agents.learned", "agents.sb3_model", "train"),
+    "stable_baselines3": (
+        "warehouse_env.envs.vector",
+        "warehouse_env.envs.callback",
+        "agents.learned",
+        "agents.sb3_model",
+        "train.ppo",
+    ),
     "ray": ("train.distributed",),
     "pygame": ("warehouse_env.render", "train.reporting.report"),
     "matplotlib": ("warehouse_env.render", "train.reporting.report"),

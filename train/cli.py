@@ -13,6 +13,7 @@ import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from types import SimpleNamespace
 from typing import Annotated, Any, NamedTuple, Union, get_type_hints
 
 from warehouse_env.errors import LostError, WarehouseError, unknown_name
@@ -55,6 +56,8 @@ _COMMANDS = {
         "drive policies and the rule on many floors, some drawn at random",
     ),
     "layouts": ("commands.layouts:Layouts", "list, draw, check and convert maps"),
+    "policies": ("commands.parts:Policies", "list the policies"),
+    "planners": ("commands.parts:Planners", "list the planners"),
     "train reinforce": ("commands.training:TrainReinforce", "train our policy gradient"),
     "train ppo": ("commands.training:TrainPPO", "train PPO by stable-baselines3"),
     "train threaded_ppo": ("commands.training:TrainThreadedPPO", "train our PPO, in threads"),
@@ -145,8 +148,26 @@ def _run(arguments: list[str]) -> int:
     name = next((name for name in COMMANDS if name.split() == arguments[: len(name.split())]), None)
     if name is None:
         return _no_command(arguments)
-    _options(_options_of(name), f"{PROGRAM} {name}", arguments[len(name.split()) :]).run()
+    options = _options(_options_of(name), f"{PROGRAM} {name}", arguments[len(name.split()) :])
+    if name not in _NAME_ROWS:
+        _load_own(options)
+    options.run()
     return 0
+
+
+_NAME_ROWS = ("compare",)  # commands whose --policy chooses among rows
+_PARTS = {"policy": "policy", "planner": "planner", "layout": "layout", "layouts": "layout", "draw": "layout"}
+
+
+def _load_own(options: Any) -> None:
+    """Load the code of one's own that options name: what was typed here may run, what stands in files may not."""
+    given = {**vars(options), **vars(getattr(options, "config", None) or SimpleNamespace())}
+    values = {name: value if isinstance(value, tuple) else (value,) for name, value in given.items() if name in _PARTS}
+    typed = [(_PARTS[name], text) for name, texts in values.items() for text in texts if text and ":" in text]
+    if typed:
+        from train.evaluation.own import take_in
+
+        take_in(typed)
 
 
 def _options(options: Any, program: str, arguments: list[str]) -> Any:

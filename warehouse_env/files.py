@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import glob
+import hashlib
 import os
 import tempfile
 from collections.abc import Iterator
@@ -86,3 +87,8 @@ def complete_file(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise WarehouseError(f"cannot write {target}: {error.strerror or error}") from error
     finally:
         part.unlink(missing_ok=True)
+
+
+def file_digest(path: Path) -> str:
+    """Return a digest of a file's content, to tell versions apart."""
+    return hashlib.blake2b(path.read_bytes(), digest_size=8).hexdigest()

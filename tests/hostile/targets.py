@@ -16,9 +16,12 @@ from random import Random
 from typing import Any, NamedTuple
 
 import numpy as np
+import torch
 from safetensors.numpy import save
 
 from agents import POLICIES, WEIGHTS_FOLDER, Network, PolicyRecord, make_policy, policy_config
+from agents.learned import read_policy
+from agents.sb3_model import NOTED
 from agents.weights_folder import CONFIG, WEIGHTS, read_record, read_tensors
 from tests.hostile import making
 from tests.hostile.making import damaged, json_bytes, json_lines, options, value
@@ -174,6 +177,26 @@ def _policy(content: bytes, folder: Path) -> None:
 
 
 @functools.cache
+@functools.cache
+def _model() -> tuple[bytes, bytes]:
+    """What a model's file of stable-baselines3 has in it that is read."""
+    sizes = {"mlp_extractor.policy_net.0": (2, 92), "mlp_extractor.value_net.0": (2, 92)}
+    sizes |= {"action_net": (20, 2), "value_net": (1, 2)}
+    state = {f"{name}.weight": torch.ones(size) for name, size in sizes.items()}
+    torch.save(state | {f"{name}.bias": torch.ones(size[0]) for name, size in sizes.items()}, pth := io.BytesIO())
+    return json.dumps({"policy_kwargs": {}, "clip_range": 0.2, "use_sde": False}).encode(), pth.getvalue()
+
+
+def _make_model(rng: Random) -> bytes:
+    data, pth = _model()
+    about = {**json.loads(data), NOTED: EnvConfig().to_dict()}
+    data, pth = rng.choice([(json_bytes(rng, about), pth), (data, damaged(rng, pth)), (data, pth)])
+    with zipfile.ZipFile(file := io.BytesIO(), "w") as archive:
+        archive.writestr("data", data)
+        archive.writestr("policy.pth", pth)
+    return rng.choice([file.getvalue(), damaged(rng, file.getvalue())])
+
+
 def _weights() -> bytes:
     return save({name: np.ones(shape, np.float32) for name, shape in NETWORK.shapes().items()})
 
@@ -403,6 +426,7 @@ TARGETS: dict[str, Target] = {
     "policy": Target(lambda rng: json_bytes(rng, RECORD), _policy, 60),
     "weights": Target(lambda rng: damaged(rng, _weights()),
                       lambda given, f: read_tensors(_written(given, f, WEIGHTS).parent, NETWORK), 1000),
+    "model": Target(_make_model, lambda given, f: read_policy(_written(given, f, "model.zip")), 100),
     "checkpoint": Target(_make_checkpoint, _checkpoint, 400),
     "plan store": Target(lambda rng: damaged(rng, _plans()), _store, 20),
     "config": Target(_make_config, _config, 800),

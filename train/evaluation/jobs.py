@@ -20,6 +20,7 @@ from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import Connection
 from typing import Any, ClassVar, NamedTuple
 
+from train.evaluation.own import Typed, take_in, taken_in
 from train.reporting.report import make_progress
 from train.reporting.rows import Row, RowFile, write_rows
 from warehouse_env.errors import LostError
@@ -273,7 +274,7 @@ class _Workers:
             context = multiprocessing.get_context("spawn")  # a fork would inherit locks and threads in an unknown state
             self._parts = context.RawArray("d", self._processes)  # no lock, which a killed process could keep
             end, ours = context.Pipe(duplex=False)
-            pool = ProcessPoolExecutor(self._processes, context, _set_up, (self._parts, end))
+            pool = ProcessPoolExecutor(self._processes, context, _set_up, (self._parts, end, taken_in()))
             for close in (end.close, pool.shutdown, ours.close):  # in the end the last one comes first
                 self._opened.callback(close)
             self._pool = pool
@@ -283,14 +284,15 @@ class _Workers:
 _parts: Any = None  # of a worker process: `_Workers._parts`
 
 
-def _set_up(parts: Any, end: Connection) -> None:
-    """Begin a worker process: one thread, and Ctrl-C is left to the parent, which then ends all."""
+def _set_up(parts: Any, end: Connection, typed: list[Typed]) -> None:
+    """Begin a worker process: one thread, what the command loaded, and Ctrl-C left to the parent, which ends all."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with, args=(end,), daemon=True).start()
     from warehouse_env.threads import set_num_threads
 
     global _parts
     set_num_threads(1)
+    take_in(typed)
     _parts = parts
 
 

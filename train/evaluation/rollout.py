@@ -17,6 +17,8 @@ from agents.policy import Action, Observation, Preferring, ranked
 from train.books import simulator_of
 from train.central import CENTRAL, central_config
 from train.evaluation.disturbances import DISTURBANCES, Breakdown, Senses
+from train.evaluation.own import versions
+from train.reporting.report import counted
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
@@ -60,7 +62,7 @@ class Experiment:
     def title(self) -> str:
         """What the progress bar says."""
         spoiled = f" · {DISTURBANCES[self.disturbance].summary}" if self.disturbance else ""
-        return f"{self.place} · {self.config.num_agents} robots · {self.policy}{spoiled}"
+        return f"{self.place} · {counted(self.config.num_agents, 'robot')} · {self.policy}{spoiled}"
 
 
 def config_of(policy: str, base: EnvConfig, chosen: Mapping[str, Any]) -> EnvConfig:
@@ -87,6 +89,8 @@ def make_experiment(
         if wrong:
             raise ConfigError(f"{given} must be {must}")
     config = config_of(policy, base, chosen)
+    if policy not in CENTRAL:
+        make_policy(policy, config)  # what is wrong with it is said before anything drives
     if disturbance is not None:
         config = DISTURBANCES[disturbance].config(config)
     steps = max(1, round(seconds / (config.time_step * config.action_repeat)))
@@ -181,6 +185,8 @@ def identity(experiment: Experiment) -> Row:
     if experiment.disturbance is not None:
         strengths = DISTURBANCES[experiment.disturbance].strengths
         shared |= {"disturbance": experiment.disturbance, "strengths": strengths}
+    if made_of := versions(experiment.policy, config.planner, config.layout):
+        shared["versions"] = made_of
     return dict(plain({**shared, "tasks": config.tasks, "planner": config.planner, "config": config.to_dict()}))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 
 import numpy as np
@@ -17,8 +18,17 @@ class MetricsCallback(BaseCallback):
 
     "robot/...": means over robots (metrics.robot_rows), with any of our environments; "world/...": means over worlds
     (metrics.episode_row), with `vec_env`. Each is over the episodes that ended since the logger last wrote; a figure
-    that an episode does not have (nan, as the path length of one without a goal) is left out of its mean.
+    that an episode does not have (nan, as the path length of one without a goal) is left out of its mean. The model's
+    file says in plain words which environment it was trained in, so that commands take it as --policy FILE.zip.
     """
+
+    def _on_training_start(self) -> None:
+        """Note the environment in the model, which keeps it when it is saved; nothing where wrappers hide it."""
+        scaled = self.model.get_vec_normalize_env()
+        with contextlib.suppress(AttributeError, NotImplementedError):
+            config = self.training_env.get_attr("config")[0]
+            noted = "it sees normalised observations" if scaled is not None and scaled.norm_obs else config.to_dict()
+            self.model.warehouse_env = noted  # type: ignore[attr-defined]
 
     def _on_step(self) -> bool:
         """Note the rows of this step; go on in any case."""

@@ -14,10 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.checked import parse_named
-from warehouse_env.errors import unknown_name
+from warehouse_env import own_parts
+from warehouse_env.errors import ConfigError, shown, unknown_name
 from warehouse_env.maps.generators import aisles, blocks, open_floor, random_floor, single_lane
 from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.maps.movingai import read_map
 
 
 class NamedTask(NamedTuple):
@@ -113,17 +114,39 @@ NAMED_TASKS: dict[str, dict[str, NamedTask]] = {
 }
 
 
-def make_layout(name: str, **parameters: Any) -> GridMap:
-    """Return the named layout; ConfigError, with near matches, for an unknown name or an unknown parameter.
+_EXAMPLE = "aisles:seed=7,rows=40"
 
-    The name may carry parameters, so that a configuration or a command line can: "aisles:seed=7,rows=40".
+
+def add_layout(text: str) -> None:
+    """Load a layout of one's own, "my_layout.py:hall" or "module:hall", into LAYOUTS; ConfigError if it is none."""
+    name, _ = own_parts.parse(text, "layout", _EXAMPLE, LAYOUTS)
+    if name not in LAYOUTS and own_parts.split(name):
+        made = own_parts.load(name, "layout")
+        if not callable(made):
+            raise ConfigError(f"{name} is no layout: it must be a function that returns a GridMap")
+        LAYOUTS[name] = made
+
+
+def make_layout(name: str, **parameters: Any) -> GridMap:
+    """Return the named layout, or the floor of a MovingAI file NAME.map.
+
+    The name may carry parameters, so that a configuration or a command line can: "aisles:seed=7,rows=40". ConfigError,
+    with near matches, for an unknown name or an unknown parameter; MapError for a file that is none.
     """
-    name, named = parse_named(name, "layout", "aisles:seed=7,rows=40")
+    if isinstance(name, str) and name.endswith(".map") and not parameters:
+        return read_map(name)
+    name, named = own_parts.parse(name, "layout", _EXAMPLE, LAYOUTS)
     if not isinstance(name, str) or name not in LAYOUTS:
-        raise unknown_name("layout", name, LAYOUTS)
+        raise own_parts.unknown("layout", name, LAYOUTS)
     known = inspect.signature(LAYOUTS[name]).parameters
     for parameter in (parameters := named | parameters):
         if parameter not in known:
             raise unknown_name(f"parameter of layout {name!r}:", parameter, known or ["none"])
     plain = {key: value.item() if isinstance(value, np.generic) else value for key, value in parameters.items()}
-    return LAYOUTS[name](**plain)
+    if name not in own_parts.LOADED:
+        return LAYOUTS[name](**plain)
+    with own_parts.running(name):
+        grid = LAYOUTS[name](**plain)
+    if not isinstance(grid, GridMap):
+        raise ConfigError(f"{name} is no layout: it returned {shown(grid)}, not a GridMap")
+    return grid

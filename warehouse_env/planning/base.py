@@ -30,6 +30,7 @@ class BasePlanner(Checked):
 
     name: ClassVar[str]
     takes_cost: ClassVar[bool] = False
+    version: ClassVar[str] = ""  # of code that is not ours and changes: plans are kept on disk under the key
     shares: ClassVar[tuple[str, ...]] = ()  # parameters that must lie between 0 and 1
 
     def __post_init__(self) -> None:
@@ -53,9 +54,9 @@ class BasePlanner(Checked):
 
     @property
     def key(self) -> str:
-        """Name and every parameter as stable text."""
+        """Name, every parameter and the version as stable text."""
         parameters = (f"{field.name}={getattr(self, field.name)!r}" for field in dataclasses.fields(self))
-        return f"{self.name}({', '.join(parameters)})"
+        return f"{self.name}({', '.join(parameters)}){self.version and f' {self.version}'}"
 
     def plan(
         self,

@@ -1,0 +1,253 @@
+"""Parts of one's own: loaded from files and modules where a command names them, and nowhere else."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agents import add_policy, make_policy, policy_config
+from tests.train.test_cli import fails
+from train.cli import main
+from train.reporting.rows import read_rows
+from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, make_layout, make_planner
+from warehouse_env.errors import ConfigError
+from warehouse_env.own_parts import LOADED, split
+from warehouse_env.planning import add_planner
+
+POLICY = '''
+import numpy as np
+from agents.route_command import RouteCommand
+from helper_of_mine import SLOW
+
+class Slow:
+    """Follows its route, slowly."""
+    needs = {"protective_field": True}
+
+    def __init__(self, config):
+        self._command = RouteCommand(config)
+
+    def act(self, observation, rng):
+        return self._command.at_speed(observation, np.full(observation.shape[:-1], SLOW, np.float32))
+
+class Idle:
+    def __init__(self, config):
+        pass
+
+class Odd(Slow):
+    def act(self, observation, rng):
+        return np.zeros(3)
+
+class Broken(Slow):
+    def __init__(self, config):
+        self.share = 1 / 0
+'''
+PLANNER = '''
+from dataclasses import dataclass
+from typing import ClassVar
+from warehouse_env.planning import BasePlanner, make_planner
+
+@dataclass(frozen=True)
+class Backwards(BasePlanner):
+    """Lets another planner search from the goal to the start."""
+    inner: str = "astar"
+    name: ClassVar[str] = "backwards"
+
+    def find(self, grid, start, goal, rng, cost):
+        plan = make_planner(self.inner).plan(grid, goal, start, rng)
+        return plan._replace(cells=plan.cells[::-1])
+
+class Aimless:
+    pass
+'''
+LAYOUT = """
+import numpy as np
+from warehouse_env import GridMap
+
+def hall(columns=24):
+    occupied = np.zeros((20, columns), dtype=bool)
+    occupied[5:16:5, 4:20] = True
+    return GridMap(occupied, name="hall")
+
+def three():
+    return 3
+"""
+
+
+@pytest.fixture(autouse=True)
+def here(registries: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder with a part of each kind."""
+    files = {"policy": POLICY, "planner": PLANNER, "layout": LAYOUT}
+    for kind, source in files.items():
+        (tmp_path / f"my_{kind}.py").write_text(source)
+    (tmp_path / "helper_of_mine.py").write_text("SLOW = 0.5\n")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+DRIVEN = "--layout my_layout.py:hall:columns=25 --robots 2 --episodes 1 --seconds 4 --no-pictures --out out"
+
+
+def evaluate(*more: str) -> int:
+    return main(["evaluate", *DRIVEN.split(), *more])
+
+
+@pytest.mark.parametrize("name", ["my_policy.py:Slow", "my_policy:Slow"])
+def test_policy_planner_and_layout_are_driven_and_named_as_typed(name: str) -> None:
+    assert evaluate("--policy", name, "follow", "--planner", "my_planner.py:Backwards:inner=astar_turns") == 0
+    slow, follow = read_rows(Path("out/rows.jsonl"))
+    assert (slow["policy"], slow["layout"]) == (name, "my_layout.py:hall:columns=25")
+    assert slow["planner"] == "my_planner.py:Backwards:inner=astar_turns"
+    assert set(slow["versions"]) == {name, "my_planner.py:Backwards", "my_layout.py:hall"}
+    assert (slow["config"]["protective_field"], follow["config"]["protective_field"]) == (True, False)
+    assert 0 < slow["robot_km"] < 0.7 * follow["robot_km"]
+
+
+def test_processes_give_the_same_rows() -> None:
+    options = ["--policy", "my_policy.py:Slow", "follow", "--planner", "my_planner.py:Backwards"]
+    assert evaluate(*options) == 0
+    assert evaluate(*options, "--processes", "2", "--json", "two.jsonl") == 0
+    both = (read_rows(Path(path)) for path in ("out/rows.jsonl", "two.jsonl"))
+    one, two = (sorted(rows, key=lambda row: row["policy"]) for rows in both)
+    for row in (*one, *two):
+        del row["ms_per_step"]
+    assert one == two
+
+
+def test_rows_of_a_changed_file_are_not_mixed(here: Path) -> None:
+    program = [sys.executable, "-m", "train.cli", "evaluate", *DRIVEN.split(), "--policy", "my_policy.py:Slow"]
+    program += ["--planner", "astar"]
+    root = str(Path(__file__).parent.parent)
+    for change in ("", "", "\n# changed\n"):
+        with (here / "my_policy.py").open("a") as file:
+            file.write(change)
+        code = f"import sys; sys.path.insert(0, {root!r}); from train.cli import main; sys.exit(main(sys.argv[1:]))"
+        subprocess.run([sys.executable, "-c", code, *program[3:], "--resume"], check=True, capture_output=True)
+    rows = read_rows(Path("out/rows.jsonl"))
+    assert len({json.dumps(row["versions"]) for row in rows}) == len(rows) == 2
+
+
+def test_a_changed_planner_plans_anew(here: Path) -> None:
+    add_planner("my_planner.py:Backwards")
+    first = make_planner("my_planner.py:Backwards").key
+    LOADED.clear()
+    del PLANNERS["my_planner.py:Backwards"]
+    for module in [name for name in sys.modules if name.startswith("own_")]:
+        del sys.modules[module]
+    (here / "my_planner.py").write_text(PLANNER + "\n# changed\n")
+    add_planner("my_planner.py:Backwards")
+    assert make_planner("my_planner.py:Backwards").key != first
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ("--policy my_policy.py:Slowly", "my_policy.py has no 'Slowly'; did you mean Slow?"),
+        ("--policy my_policy.py", "must name what is meant in that file, too, as in my_policy.py:Mine"),
+        ("--policy gone.py:Mine", "policy 'gone.py:Mine': there is no file gone.py"),
+        ("--policy gone.inner:Mine", "policy 'gone.inner:Mine': there is no module gone here or installed"),
+        ("--policy my_policy.py:Slow:a=1", "a policy takes no parameters; leave out 'a=1'"),
+        ("--policy my_policy.py:Idle", "my_policy.py:Idle is no policy: it has no act(observation, rng)"),
+        ("--policy my_policy.py:Odd", "must act by an array of whole numbers [1, 2] for [1, 2, 94], not by float64[3]"),
+        ("--policy my_policy.py:Broken", "my_policy.py, line 26: ZeroDivisionError: division by zero"),
+        ("--policy bad.py:Mine", "bad.py, line 2: SyntaxError"),
+        ("--policy missing.py:Mine", "missing.py, line 1: ModuleNotFoundError: No module named 'nowhere'"),
+        ("--policy follow --planner my_planner.py:Aimless", "is no planner: it has no plan(grid, start, goal, rng"),
+        ("--policy follow --planner my_planner.py:Backwards:iner=3", "Backwards parameter 'iner'; did you mean inner?"),
+        ("--policy follow --layout my_layout.py:three", "is no layout: it returned 3, not a GridMap"),
+        ("--policy follow --layout my_layout.py:hall:rows=3", "unknown parameter of layout"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_sentence_before_anything_drives(
+    options: str, sentence: str, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "bad.py").write_text("x = 1\ndef\n")
+    (here / "missing.py").write_text("import nowhere\n")
+    said = fails(capsys, "evaluate", *DRIVEN.split(), *options.split())
+    assert sentence in said
+    assert not (here / "out").exists()
+
+
+def test_a_name_in_a_file_runs_nothing(here: Path) -> None:
+    (here / "trap.py").write_text("import pathlib\npathlib.Path('sprung').touch()\nclass Mine: pass\n")
+    config = EnvConfig.from_dict({"planner": "trap.py:Mine", "layout": "trap.py:Mine"})
+    for look in (
+        lambda: make_planner(config.planner), lambda: make_layout(config.layout),
+        lambda: make_policy("trap.py:Mine", EnvConfig()), lambda: policy_config("trap:Mine", EnvConfig()),
+    ):  # fmt: skip
+        with pytest.raises(ConfigError, match="is code, and runs only where the command itself names it"):
+            look()
+    assert not (here / "sprung").exists()
+
+
+def test_a_recorded_episode_asks_for_its_planner(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    own = ["--policy", "my_policy.py:Slow", "--planner", "my_planner.py:Backwards"]
+    record = ["record", "--layout", "my_layout.py:hall", "--robots", "2", "--seconds", "2", "--out", "one.npz"]
+    assert main([*record, *own]) == 0
+    said = capsys.readouterr().out
+    assert said.endswith("--html one.html --policy=my_policy.py:Slow --planner=my_planner.py:Backwards\n")
+    PLANNERS.pop("my_planner.py:Backwards")
+    assert "planner 'my_planner.py:Backwards' is code" in fails(capsys, "replay", "one.npz", "--html", "one.html")
+    assert main(["replay", "one.npz", "--html", "one.html", *own]) == 0
+
+
+def test_other_commands_take_them(capsys: pytest.CaptureFixture[str]) -> None:
+    planned = "plan --layout my_layout.py:hall --planner my_planner.py:Backwards astar --tasks 2 --runs 1"
+    assert main([*planned.split(), "--no-pictures", "--json", "plan.jsonl", "--out", "plan"]) == 0
+    rows = read_rows(Path("plan.jsonl"))
+    assert {row["planner"] for row in rows} == {"my_planner.py:Backwards", "astar"}
+    assert all(row["gap"] == pytest.approx(0) for row in rows)
+    scenes = "scenes --scene crossing --policy my_policy.py:Slow --seeds 1 --seconds 3"
+    assert main([*scenes.split(), "--out", "scenes"]) == 0
+    assert main(["layouts", "--draw", "my_layout.py:hall"]) == 0
+    drive = "--policy my_policy.py:Slow --layout my_layout.py:hall --robots 2 --episodes 1 --seconds 3"
+    assert main(["robust", *drive.split(), "--disturbance", "dropout", "--out", "robust"]) == 0
+    assert main(["audit", *drive.split(), "--out", "audit"]) == 0
+    assert {row["policy"] for row in read_rows(Path("audit/rows.jsonl"))} == {"my_policy.py:Slow"}
+
+
+def test_a_training_takes_them_and_goes_on_with_them(capsys: pytest.CaptureFixture[str]) -> None:
+    small = "--robots 2 --rows 4 --rollout 6 --minibatch 24 --hidden 24 --episode-seconds 3 --threads 1 --no-progress"
+    own = ["--layout", "my_layout.py:hall", "--planner", "my_planner.py:Backwards"]
+    begin = ["train", "reinforce", *small.split(), "--steps", "24", "--out", ".", "--name", "run", *own]
+    assert main(begin) == 0
+    LAYOUTS.pop("my_layout.py:hall")
+    capsys.readouterr()
+    assert main(["train", "reinforce", "--resume", "run", "--no-progress"]) == 2
+    assert "layout 'my_layout.py:hall' is code" in capsys.readouterr().err
+    assert main(["train", "reinforce", "--resume", "run", "--no-progress", *own]) == 0
+
+
+def test_a_filter_of_rows_runs_nothing(here: Path) -> None:
+    (here / "trap.py").write_text("import pathlib\npathlib.Path('sprung').touch()\nclass Mine: pass\n")
+    assert main(["compare", "one", "two", "--policy", "trap.py:Mine"]) == 2
+    assert not (here / "sprung").exists()
+
+
+def test_a_policy_of_ones_own_is_made_from_the_config() -> None:
+    add_policy("my_policy.py:Slow")
+    config = policy_config("my_policy.py:Slow", EnvConfig(num_agents=3))
+    assert config.protective_field
+    action = make_policy("my_policy.py:Slow", config).act(np.zeros((1, 3, 94), np.float32), np.random.default_rng(0))
+    assert action.shape == (1, 3)
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("a.py:B", ("a.py:B", "")),
+        ("a/b.py:C:d=1,e=2", ("a/b.py:C", "d=1,e=2")),
+        ("a.b:C", ("a.b:C", "")),
+        ("pf_aco:ants=20", None),
+        ("runs/mine", None),
+        ("follow", None),
+        ("C.py", None),
+        (":", None),
+    ],
+)
+def test_which_names_are_ones_own(text: str, parts: tuple[str, str] | None) -> None:
+    assert split(text) == parts

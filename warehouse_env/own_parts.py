@@ -1,0 +1,157 @@
+"""Parts of one's own, named as people type them: "my_policy.py:Mine" or "package.module:Mine".
+
+Such a name is code that runs when it is looked up, so only who asks for it by `load` has it run: the command line does
+with what was typed. What is loaded goes into a registry under the name as it was typed, and is found there by name like
+any other. Names that stand in files, of rows, episodes or weights, are only looked up.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import inspect
+import os
+import re
+import sys
+import traceback
+from collections.abc import Container, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from warehouse_env.checked import parse_named
+from warehouse_env.errors import ConfigError, WarehouseError, shown, unknown_name
+from warehouse_env.files import file_digest
+
+_NAME = re.compile(r"(?P<home>[^:]+\.py|(?:[^\W\d]\w*)(?:\.[^\W\d]\w*)*):(?P<name>[^\W\d]\w*)(?::(?P<rest>.*))?", re.S)
+
+
+class OwnPart(NamedTuple):
+    """What was loaded."""
+
+    kind: str  # "policy", "planner" or "layout"
+    made: Any  # the class or function
+    digest: str  # of the file it is in, as it was loaded
+
+
+LOADED: dict[str, OwnPart] = {}
+"""Name as it was typed, without parameters -> the part."""
+
+
+def split(text: str) -> tuple[str, str] | None:
+    """Return the name of a part of one's own and the parameters behind it; None for any other text."""
+    found = _NAME.fullmatch(text)
+    return (f"{found['home']}:{found['name']}", found["rest"] or "") if found else None
+
+
+def parse(text: Any, kind: str, example: str, known: Container[str]) -> tuple[Any, dict[str, Any]]:
+    """Read "NAME:KEY=VALUE,KEY=VALUE" as `parse_named` does, where NAME may be a part of one's own.
+
+    known: the registry, whose names come first.
+    """
+    part = split(text) if isinstance(text, str) and text.partition(":")[0] not in known else None
+    if part is None:
+        return parse_named(text, kind, example)
+    return part[0], parse_named(f"{kind}:{part[1]}", kind, example)[1]
+
+
+def load(name: str, kind: str) -> Any:
+    """Run the file or import the module of a part and return what it names there; ConfigError in one sentence.
+
+    name: without parameters. A file's folder, or for a module the working folder, is added to where Python looks.
+    """
+    if name not in LOADED:
+        home, _, inner = name.rpartition(":")
+        module = _run_file(home, kind, name) if home.endswith(".py") else _import(home, kind, name)
+        if not hasattr(module, inner):
+            known = [one for one, value in vars(module).items() if callable(value) and not one.startswith("_")]
+            raise unknown_name(f"{kind} {shown(name)}: {home} has no", inner, known or ["nothing to call"])
+        LOADED[name] = OwnPart(kind, getattr(module, inner), _digest(module))
+    return LOADED[name].made
+
+
+def digests(*names: str) -> dict[str, str]:
+    """Return name -> digest of the code for those of the names, parameters allowed, that are parts of one's own."""
+    parts = [part[0] for part in map(split, names) if part]
+    return {name: LOADED[name].digest for name in parts if name in LOADED}
+
+
+def unknown(kind: str, name: Any, known: Iterable[str]) -> ConfigError:
+    """Return (not raise) the error for a name that a registry does not hold; of code that nobody asked to run, too."""
+    if isinstance(name, str) and split(name):
+        return ConfigError(
+            f"{kind} {shown(name)} is code, and runs only where the command itself names it, by --{kind} {shown(name)}"
+        )
+    if isinstance(name, str) and name.endswith(".py"):
+        return ConfigError(f"{kind} {shown(name)} must name what is meant in that file, too, as in {name}:Mine")
+    return unknown_name(kind, name, known)
+
+
+def check_has(name: str, kind: str, made: object, members: Iterable[str]) -> None:
+    """Raise ConfigError for the first member that a part lacks."""
+    for member in members:
+        if not hasattr(made, member.partition("(")[0]):
+            raise ConfigError(f"{name} is no {kind}: it has no {member}")
+
+
+@contextmanager
+def running(name: str) -> Iterator[None]:
+    """Say in one sentence which line of a part's own code failed: ConfigError."""
+    try:
+        yield
+    except WarehouseError:
+        raise
+    except Exception as error:
+        frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename != __file__]
+        where = f"{frames[-1].filename}, line {frames[-1].lineno}" if frames else name
+        if isinstance(error, SyntaxError):
+            where = f"{error.filename}, line {error.lineno}"
+        raise ConfigError(f"{name} fails at {where}: {type(error).__name__}: {shown(str(error))[1:-1]}") from error
+
+
+def _run_file(home: str, kind: str, name: str) -> ModuleType:
+    path = Path(os.path.abspath(os.path.expanduser(home)))
+    if not path.is_file():
+        raise ConfigError(f"{kind} {shown(name)}: there is no file {home}")
+    _look_in(path.parent)
+    own = f"own_{path.stem}_{hashlib.blake2b(str(path).encode(), digest_size=4).hexdigest()}"  # beside any other name
+    if own in sys.modules:
+        return sys.modules[own]
+    spec = importlib.util.spec_from_file_location(own, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[own] = module  # where dataclasses and pickles look it up
+    try:
+        with running(name):
+            spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[own]
+        raise
+    return module
+
+
+def _import(home: str, kind: str, name: str) -> ModuleType:
+    _look_in(Path.cwd())
+    try:
+        with running(name):
+            return importlib.import_module(home)
+    except ConfigError as error:
+        missing = error.__cause__
+        if isinstance(missing, ModuleNotFoundError) and f"{home}.".startswith(f"{missing.name}."):
+            raise ConfigError(f"{kind} {shown(name)}: there is no module {missing.name} here or installed") from None
+        raise
+
+
+def _look_in(folder: Path) -> None:
+    if str(folder) not in sys.path:
+        sys.path.append(str(folder))  # last, so that no file there stands in for an installed module
+
+
+def _digest(module: ModuleType) -> str:
+    try:
+        return file_digest(Path(inspect.getfile(module)))
+    except (OSError, TypeError):  # a module without a file
+        return ""
