@@ -32,7 +32,7 @@ setup: $(STAMP) ## set up the environment in .venv with all kernels compiled, an
 	@echo "Ready: $$($(RUN)/python --version) in $(VENV)"
 
 demo: $(STAMP) ## compare the shipped policies: 16 robots, a table, pictures and a video in results/demo
-	$(RUN)/warehouse demo --out $(DEMO)
+	$(RUN)/warehouse demo --overwrite --out $(DEMO)
 
 test: $(STAMP) ## run all tests
 	$(RUN)/python -m pytest $(TESTS)

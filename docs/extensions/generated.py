@@ -65,7 +65,8 @@ def help_of(command: str) -> str:
 
 
 def _kind(kind: Any, written: object) -> str:
-    """Return a type as it is written, but the values of a choice themselves."""
+    """Return a type as it is written, without what tyro is told of it, but the values of a choice themselves."""
+    written = kind if str(written).startswith("Annotated[") else written
     return " or ".join(f"`{value!r}`" for value in get_args(kind)) if get_origin(kind) is Literal else f"`{written}`"
 
 

@@ -12,7 +12,9 @@ from pathlib import Path
 
 import pytest
 
+from agents import POLICIES
 from train import cli
+from train.central import CENTRAL
 from train.cli import COMMANDS, main
 from train.evaluation.jobs import Job, Result, Runner, Tick
 from train.reporting.rows import RowFile, read_rows
@@ -20,6 +22,7 @@ from warehouse_env import __version__
 from warehouse_env.errors import LostError
 from warehouse_env.maps.layouts import LAYOUTS
 from warehouse_env.maps.movingai import EXAMPLE_MAP, read_map
+from warehouse_env.planning import PLANNERS
 
 
 def fails(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -52,7 +55,8 @@ def test_every_command_has_help_with_the_common_options(capsys: pytest.CaptureFi
         assert main([*name.split(), "--help"]) == 0
         shown = capsys.readouterr().out
         assert f"warehouse {name}" in shown
-        assert "--seed" in shown
+        assert ("--seed" in shown) == (name not in ("policies", "planners"))  # which draw nothing
+        assert "{None,True,False}" not in shown
         assert "--json" in shown
 
 
@@ -89,7 +93,7 @@ def test_bash_completes_commands_options_and_values(tmp_path: Path, capsys: pyte
     assert complete("warehouse", "eval") == {"evaluate"}
     assert complete("warehouse", "") >= {name.split()[0] for name in COMMANDS}
     assert complete("warehouse", "train", "") >= {"ppo", "reinforce", "threaded_ppo"}
-    assert complete("warehouse", "train", "ppo", "--lay") == {"--layouts"}
+    assert complete("warehouse", "train", "ppo", "--lay") >= {"--layout", "--layouts"}
     assert complete("warehouse", "evaluate", "--tasks", "") == {"lifelong", "one_shot"}
     for shell, start in (("zsh", "#compdef warehouse"), ("fish", "# ")):
         assert main(["--print-completion", shell]) == 0
@@ -277,6 +281,37 @@ def test_layouts_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert (rows["paper46"]["rows"], rows["paper46"]["narrowest"]) == (46, 3)
     assert rows["narrow"]["narrowest"] == 2
     assert rows["single_lane"]["narrowest"] == 1
+
+
+@pytest.mark.parametrize(("name", "known"), [("policies", {*POLICIES, *CENTRAL}), ("planners", set(PLANNERS))])
+def test_policies_and_planners_are_listed(
+    name: str, known: set[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([name, "--json", str(tmp_path / "rows.jsonl")]) == 0
+    shown = capsys.readouterr().out
+    rows = read_rows(tmp_path / "rows.jsonl")
+    kind = {"policies": "policy", "planners": "planner"}[name]
+    assert {row[kind] for row in rows} == known
+    assert all(row[kind] in shown and row["what it is"] in shown for row in rows)
+    by_name = {row[kind]: row for row in rows}
+    if name == "policies":
+        assert by_name["greedy"]["driven with"] == "the field, right of way, live routes"
+        assert by_name["ppo"]["driven with"] == "live routes, predictions"
+        assert by_name["follow"]["driven with"] == "-"
+    else:
+        assert (by_name["astar"]["cost map"], by_name["theta_star"]["cost map"]) == ("yes", "no")
+        assert "ants" in by_name["pf_aco"]["parameters"]
+
+
+@pytest.mark.parametrize(
+    "line", ["evaluate --polcy brake", "train ppo --layoot open", "record --reroutte", "plan --planer a"]
+)
+def test_a_slip_in_an_option_gets_the_nearest(line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(line.split()) == 2
+    said = capsys.readouterr().err
+    assert "Perhaps you meant" in said
+    near = {"--polcy": "--policy", "--layoot": "--layout", "--reroutte": "--reroute", "--planer": "--planner"}
+    assert near[next(word for word in line.split() if word.startswith("--"))] in said
 
 
 def test_layouts_are_drawn_checked_and_converted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,13 +19,12 @@ from train.commands.evaluate import GOES_ON
 from train.commands.layouts import check_connected
 from train.evaluation.jobs import Progress, Runner
 from train.reporting.report import make_console, make_progress, require_charts
-from train.reporting.rows import RowFile, check_writable
+from train.reporting.rows import RowFile, check_writable, instead
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
-from warehouse_env.maps.movingai import read_map
 from warehouse_env.planning import make_planner
 
 MOST = 1024  # robots tried if --most does not say otherwise
@@ -42,9 +41,10 @@ class Advise(Checked):
     """
 
     map: Path | None = None
-    """MovingAI .map file of the floor, with one-way cells beside it in NAME.oneway if there are any."""
+    """MovingAI .map file of the floor, as --layout takes it, too."""
     layout: str | None = None
-    """Layout instead of a map."""
+    """The floor: a name of `warehouse layouts`, a MovingAI file NAME.map, with one-way cells beside it in NAME.oneway
+    if there are any, or your own, FILE.py:FUNCTION."""
     goals: float | None = None
     """Also say how many robots it takes to make so many goals an hour, all together."""
     policy: tuple[str, ...] = ()
@@ -65,6 +65,8 @@ class Advise(Checked):
     """Episodes to drive at a time, each in a process of its own; the rows stay the same."""
     resume: bool = False
     """Keep the rows that the file holds already, and drive only the episodes that it lacks."""
+    overwrite: bool = False
+    """Replace the rows that the file holds already."""
     json: Path | None = None
     """File for the rows, one an episode, as JSON lines (OUT/rows.jsonl if left out)."""
     out: Path = Path("results/advice")
@@ -98,7 +100,7 @@ class Advise(Checked):
         )  # fmt: skip
         clock, begin = Clock(None if self.episodes else self.minutes), time.monotonic()
         with (
-            RowFile(self.json or self.out / "rows.jsonl", keep=self.resume) as file,
+            RowFile(self.json or self.out / "rows.jsonl", self.resume, instead(self.overwrite)) as file,
             self._bar(clock, file) as moved,
             Runner(file, file.old(), self.processes, goes_on=GOES_ON, progress=moved) as drive,
         ):
@@ -115,8 +117,8 @@ class Advise(Checked):
 
     def _floor(self) -> GridMap:
         if (self.map is None) == (self.layout is None):
-            raise ConfigError("name one floor: --map FILE or --layout NAME")
-        return read_map(self.map) if self.map is not None else make_layout(str(self.layout))
+            raise ConfigError("name one floor: --layout NAME or --layout FILE.map")
+        return make_layout(str(self.map or self.layout))
 
     @contextmanager
     def _bar(self, clock: Clock, file: RowFile) -> Iterator[Progress]:

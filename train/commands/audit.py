@@ -15,7 +15,7 @@ from train.evaluation.audit.table import audit_table, faults_of, sentences
 from train.evaluation.audit.watcher import Audit
 from train.evaluation.disturbances import known
 from train.evaluation.jobs import Job, Runner
-from train.reporting.rows import RowFile, check_writable, write_text
+from train.reporting.rows import check_writable, write_text
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.record.recording import Episode
 
@@ -32,7 +32,7 @@ class AuditCommand(Episodes):
     files: tyro.conf.Positional[tuple[Path, ...]] = ()
     """Files of `warehouse record`; none with --policy."""
     policy: tuple[str, ...] = ()
-    """Policies to drive and audit: names, or folders of trained ones."""
+    """Policies to drive and audit, named as for `warehouse evaluate`."""
     disturbance: tuple[str, ...] = ()
     """With --policy, what to disturb: names of `warehouse robust`; nothing if left out."""
     out: Path = Path("results/audit")
@@ -43,7 +43,7 @@ class AuditCommand(Episodes):
         jobs = self._jobs()
         check_writable(self.out / "table.md")
         with (
-            RowFile(self.rows_path, keep=self.resume) as file,
+            self.rows_file(resumes=not self.files) as file,
             Runner(file, file.old(), self.processes, goes_on=GOES_ON) as run,
         ):
             rows = run(jobs)

@@ -37,9 +37,10 @@ class Demo(Checked):
     """Compare the shipped policies with path following alone and with stopping for what is ahead, on one floor."""
 
     policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo", "threaded_ppo")
-    """Policies to compare; the video shows the first and, of the others, the one with the most goals."""
+    """Policies to compare, named as for `warehouse evaluate`; the video shows the first and, of the others, the one
+    with the most goals."""
     layout: str = "paper46"
-    """Layout to drive on."""
+    """Floor to drive on, named as for `warehouse evaluate`."""
     robots: int = 16
     """Number of robots."""
     episodes: int = 3
@@ -62,6 +63,8 @@ class Demo(Checked):
     """File for the rows, one an episode, as JSON lines (OUT/rows.jsonl if left out)."""
     out: Path = Path("results/demo")
     """Folder for the rows, the table, the pictures and the video."""
+    overwrite: bool = False
+    """Replace the rows that another folder than the default one holds already."""
 
     def run(self) -> None:
         """Evaluate, then film."""
@@ -77,7 +80,7 @@ class Demo(Checked):
         Evaluate(
             policy=self.policy, layout=(self.layout,), robots=(self.robots,), episodes=self.episodes,
             seconds=self.seconds, planner=self.planner, seed=self.seed, json=self.json, out=self.out,
-            processes=self.processes,
+            processes=self.processes, overwrite=self.overwrite or (self.json, self.out) == (None, Demo.out),
         ).run()  # fmt: skip
         video = [f"the video to {self._film(self.out / 'video.mp4')}, "] if self.video_seconds else []
         print(f"wrote {''.join(video)}all else to {self.out}, in {time.perf_counter() - begin:.0f} s")

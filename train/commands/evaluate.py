@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, ClassVar
+
+import tyro
 
 from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED, known
 from train.evaluation.episodes import play
@@ -16,13 +18,18 @@ from train.evaluation.rollout import MOST, Experiment, Trace, make_experiment
 from train.evaluation.scenes import SCENES, SceneJob, scene_table
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import Table, evaluation_table, require_charts
-from train.reporting.rows import Row, RowFile, check_writable, whole_rows, write_text
+from train.reporting.rows import Row, RowFile, check_writable, instead, whole_rows, write_text
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.layouts import make_layout
-from warehouse_env.maps.movingai import read_map
 from warehouse_env.planning import make_planner
+
+
+def _switch(name: str) -> Any:
+    """Return how help shows an option that is on, off, or left out: as --name and --no-name (see cli.with_values)."""
+    hint = "(default: as the policy needs it)"
+    return tyro.conf.arg(name=f"no-{name}", aliases=(f"--{name}",), metavar="", help_behavior_hint=hint)
 
 
 @dataclass(frozen=True)
@@ -30,16 +37,16 @@ class Drive(Checked):
     """Options of worlds to drive in, and what of them is chosen against a policy's own."""
 
     planner: str = EnvConfig.planner
-    """Planner of the routes."""
-    protective_field: bool | None = None
-    """Refuse commands that could end in a contact (as the policy needs it if left out)."""
-    right_of_way: bool | None = None
-    """Decide who goes first, and let who is in the way make room (as the policy needs it if left out)."""
+    """Planner of the routes: a name of `warehouse planners`, or one of your own, FILE.py:CLASS or MODULE:CLASS."""
+    protective_field: Annotated[bool | None, _switch("protective-field")] = None
+    """Refuse commands that could end in a contact."""
+    right_of_way: Annotated[bool | None, _switch("right-of-way")] = None
+    """Decide who goes first, and let who is in the way make room."""
     right_of_way_after: float | None = None
     """Let right of way step in only around robots that have stood for so long [s] and wait in a ring, or for five
     times as long, 0: always (as the policy needs it)."""
-    reroute: bool | None = None
-    """Plan routes anew around robots that stand (as the policy needs it if left out)."""
+    reroute: Annotated[bool | None, _switch("reroute")] = None
+    """Plan routes anew around robots that stand."""
     people: int | None = None
     """People who walk among the robots; none if left out."""
     seed: int = HELD_OUT_SEED
@@ -65,11 +72,13 @@ class Episodes(Drive):
     """Which episodes to drive, and where their rows go: what evaluate and robust share."""
 
     policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo", "threaded_ppo")
-    """Policies to compare: names, or folders of trained ones; central_pibt is none, it knows all and plans for all."""
+    """Policies to compare: names of `warehouse policies`, folders of trained ones, models of stable-baselines3
+    (FILE.zip), or your own, FILE.py:CLASS or MODULE:CLASS."""
     layout: tuple[str, ...] = ()
-    """Layouts to drive on (paper46 if neither layout nor map is given)."""
+    """Floors to drive on: names of `warehouse layouts`, MovingAI files NAME.map, or your own, FILE.py:FUNCTION (paper46
+    if neither layout nor map is given)."""
     map: tuple[Path, ...] = ()
-    """MovingAI .map files to drive on."""
+    """MovingAI .map files to drive on, as --layout takes them, too."""
     robots: tuple[int, ...] = (16,)
     """Numbers of robots."""
     episodes: int = 5
@@ -84,13 +93,22 @@ class Episodes(Drive):
     """Folder for the rows, the table and the pictures."""
     resume: bool = False
     """Keep the rows that the file holds already, and play only the episodes that it lacks."""
+    overwrite: bool = False
+    """Replace the rows that the file holds already."""
     processes: int = 1
     """Experiments to play at a time, each in a process of its own; the rows stay the same but for ms_per_step."""
+
+    usual: ClassVar[tuple[str, ...]] = (EnvConfig.layout,)
+    """Floors where neither layout nor map is given."""
 
     @property
     def rows_path(self) -> Path:
         """Where the rows go."""
         return self.json or self.out / "rows.jsonl"
+
+    def rows_file(self, resumes: bool = True) -> RowFile:
+        """Return the file of the rows, a context that asks before it replaces any; resumes: whether --resume helps."""
+        return RowFile(self.rows_path, keep=self.resume, instead=instead(self.overwrite, resumes))
 
     def tabulate(
         self, experiments: Sequence[Experiment], table_of: Callable[[Sequence[Row]], Table], traced: bool = False,
@@ -99,7 +117,7 @@ class Episodes(Drive):
         """Play the experiments, print the table of their rows and write both; return what `play` does."""
         table_path = self.out / "table.md"
         check_writable(table_path)
-        with RowFile(self.rows_path, keep=self.resume) as file:
+        with self.rows_file() as file:
             rows, traces = play(experiments, file, file.old(), traced, self.processes, notes, GOES_ON)
         table = table_of(rows)
         table.print()
@@ -114,14 +132,13 @@ class Episodes(Drive):
             if not values:
                 raise ConfigError(f"--{name} needs at least one value")
         make_planner(self.planner)
-        floors: list[dict[str, Any]] = [{"layout": name} for name in self.layout]
-        for name in self.layout:
+        named = self.layout or (() if self.map else self.usual)
+        for name in (*named, *map(str, self.map)):
             make_layout(name)  # a wrong name is said before anything drives
-        for path in self.map:
-            read_map(path)
-            floors.append({"map_file": str(path)})
+        floors: list[dict[str, Any]] = [{"layout": name} for name in named]
+        floors += [{"map_file": str(path)} for path in self.map]
         experiments = []
-        for floor in floors or [{}]:
+        for floor in floors:
             for robots in dict.fromkeys(self.robots):
                 base = EnvConfig(num_agents=robots, planner=self.planner, tasks=self.tasks, **floor)
                 experiments += [
@@ -169,9 +186,9 @@ class Robust(Episodes):
     """Drive policies with other bodies, worse sensors, lost messages, a broken robot; print what holds and breaks."""
 
     policy: tuple[str, ...] = ("greedy", "reinforce", "ppo", "threaded_ppo")
-    """Policies to compare: names, or folders of trained ones."""
-    layout: tuple[str, ...] = ("paper46", "narrow")
-    """Layouts to drive on."""
+    """Policies to compare, named as for `warehouse evaluate`."""
+    layout: tuple[str, ...] = ()
+    """Floors to drive on, named as for `warehouse evaluate` (paper46 and narrow if neither layout nor map is given)."""
     robots: tuple[int, ...] = (16, 32)
     """Numbers of robots."""
     disturbance: tuple[str, ...] = tuple(DISTURBANCES)
@@ -182,6 +199,8 @@ class Robust(Episodes):
     """Simulated time of an episode [s]."""
     out: Path = Path("results/robust")
     """Folder for the rows and the table."""
+
+    usual: ClassVar[tuple[str, ...]] = ("paper46", "narrow")
 
     def run(self) -> None:
         """Play everything, print the table, write rows and table."""
@@ -197,13 +216,15 @@ class Scenes(Drive):
     scene: tuple[str, ...] = tuple(SCENES)
     """Scenes to play."""
     policy: tuple[str, ...] = ("ppo",)
-    """Policies to compare: names, or folders of trained ones."""
+    """Policies to compare, named as for `warehouse evaluate`."""
     seeds: int = 1000
     """Seeds of each scene and policy."""
     seconds: float = 120.0
     """Simulated time within which all robots must have arrived [s]."""
     json: Path | None = None
     """File for the rows, one a seed, as JSON lines (OUT/rows.jsonl if left out)."""
+    overwrite: bool = False
+    """Replace the rows that the file holds already."""
     out: Path = Path("results/scenes")
     """Folder for the rows and the table."""
 
@@ -225,7 +246,8 @@ class Scenes(Drive):
             for name in dict.fromkeys(self.scene)
             for policy in dict.fromkeys(self.policy)
         ]
-        with RowFile(self.json or self.out / "rows.jsonl") as file, Runner(file) as run:
+        kept = RowFile(self.json or self.out / "rows.jsonl", instead=instead(self.overwrite, resumes=False))
+        with kept as file, Runner(file) as run:
             rows = run(jobs)
         table = scene_table(rows)
         table.print()

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from agents import POLICIES, LearnedPolicy
+from agents.learned import read_policy
 from agents.onnx_model import INPUT, OUTPUT, onnx_model
-from agents.weights_folder import read_record
 from train.reporting.rows import RowFile, check_writable
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, WarehouseError
@@ -25,7 +25,7 @@ class Export(Checked):
     """Write a trained policy as an ONNX model: its network, and what its numbers mean."""
 
     policy: str = "ppo"
-    """A shipped policy with weights, or the folder of a trained one."""
+    """A shipped policy with weights, the folder of a trained one, or a model of stable-baselines3 (FILE.zip)."""
     onnx: Path = Path("policy.onnx")
     """File to write."""
     seed: int = 0
@@ -51,7 +51,7 @@ class Export(Checked):
             )
         with complete_file(self.onnx) as part:
             part.write_bytes(model)
-        network = read_record(directory).network
+        network = read_policy(directory)[0].network
         rows.add([{
             "policy": self.policy, "onnx": self.onnx, "bytes": len(model), "observation_size": network.observation_size,
             "actions": network.actions, "discrete": network.discrete, "seed": self.seed, "largest_difference": apart,
@@ -79,7 +79,7 @@ def largest_difference(model: bytes, directory: Path, seed: int) -> float:
     """
     from onnx.reference import ReferenceEvaluator
 
-    record = read_record(directory)
+    record, _ = read_policy(directory)
     shape = (ROWS, record.network.observation_size)
     observation = np.random.default_rng(seed).uniform(-1.0, 1.0, shape).astype(np.float32)
     own = LearnedPolicy(directory, record.env).output(observation)

@@ -14,7 +14,7 @@ from train.evaluation.jobs import Job, Result, Runner, Tick
 from train.evaluation.pictures import plan_pictures
 from train.evaluation.planning_runs import OPTIMAL, Run, Task, is_optimal, make_task, plan_once
 from train.evaluation.rollout import MOST
-from train.reporting.report import Table, grouped, number, require_charts, with_interval
+from train.reporting.report import Table, counted, grouped, number, require_charts, with_interval
 from train.reporting.rows import Row, RowFile, check_writable, mean_interval, write_text
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapError
@@ -31,13 +31,15 @@ class PlanCommand(Checked):
     """Compare planners on the tasks of a map: how often they find the shortest path, with how many turns, how fast."""
 
     layout: str = "paper46"
-    """Name of the layout; its named tasks are planned unless other tasks are given."""
+    """The floor: a name of `warehouse layouts`, a MovingAI file NAME.map, or your own, FILE.py:FUNCTION; its named
+    tasks are planned unless other tasks are given."""
     map: Path | None = None
     """A MovingAI .map file instead of the layout."""
     scen: Path | None = None
     """A MovingAI .scen file with tasks for the map; without --map, the map of that name beside it is used."""
     planner: tuple[str, ...] = ("pf_aco", "aco", "astar_turns", "astar")
-    """Planners to compare; a name may carry parameters, as in pf_aco:ants=20."""
+    """Planners to compare: names of `warehouse planners`, with parameters if need be, as in pf_aco:ants=20, or your
+    own, FILE.py:CLASS or MODULE:CLASS."""
     start: str | None = None
     """Start of a single task, as ROW,COLUMN."""
     goal: str | None = None
@@ -87,7 +89,7 @@ class PlanCommand(Checked):
     def _grid(self) -> GridMap:
         if self.map is not None:
             return read_map(self.map)
-        if self.scen is not None:
+        if self.scen is not None and not self.layout.endswith(".map"):
             names = {scenario.map_name for scenario in read_scen(self.scen)}
             if len(names) != 1:
                 raise MapError(f"{self.scen} names {len(names)} maps; choose one with --map")
@@ -183,8 +185,10 @@ def plan_table(rows: Sequence[Row], note: str = "") -> Table:
         ]  # fmt: skip
         cells.append((*line, number(_mean(group, "climb_m"))) if uneven else tuple(line))
     runs = len({row["run"] for row in rows})
-    title = f"Planners on {rows[0]['layout']}, {runs} runs each: means [95% interval by Student's t over runs]"
-    return Table(title, _HEADER + (("climb [m]",) if uneven else ()), tuple(cells), note)
+    title = (
+        f"Planners on {rows[0]['layout']}, {counted(runs, 'run')} each: means [95% interval by Student's t over runs]"
+    )
+    return Table(title, _HEADER + (("climb [m]",) if uneven else ()), tuple(cells), note, labels=2)
 
 
 def plan_note(rows: Sequence[Row]) -> str:

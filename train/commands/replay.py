@@ -21,7 +21,8 @@ from train.reporting.rows import RowFile, check_writable
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError, WarehouseError
-from warehouse_env.render.extras import check_frames
+from warehouse_env.own_parts import split
+from warehouse_env.render.extras import check_window
 from warehouse_env.render.replay import Replay, replay_of
 from warehouse_env.render.replay_page import write_replay_page
 from warehouse_env.simulation.record.recording import Episode
@@ -35,9 +36,9 @@ class Record(Drive):
     """Drive a policy through one episode and keep it as a file, for `warehouse replay`."""
 
     policy: str = "ppo"
-    """Policy to drive: a name, or the folder of a trained one."""
+    """Policy to drive, named as for `warehouse evaluate`."""
     layout: str = "paper46"
-    """Layout to drive on."""
+    """Floor to drive on: a name of `warehouse layouts`, a MovingAI file NAME.map, or your own, FILE.py:FUNCTION."""
     map: Path | None = None
     """MovingAI .map file to drive on, instead."""
     robots: int = 16
@@ -63,7 +64,9 @@ class Record(Drive):
             episode = record(experiment, lambda: progress.advance(bar))
         episode.save(self.out)
         file.add([row_of(experiment, episode) | {"out": self.out}])
-        show = shlex.join(["warehouse", "replay", str(self.out), "--html", str(self.out.with_suffix(".html"))])
+        own = [f"--{kind}={name}" for kind, name in (("policy", self.policy), ("planner", self.planner)) if split(name)]
+        page = str(self.out.with_suffix(".html"))
+        show = shlex.join(["warehouse", "replay", str(self.out), "--html", page, *own])
         print(f"wrote the episode to {self.out}; to see it: {show}")
 
 
@@ -97,6 +100,10 @@ class ReplayCommand(Checked):
     """Longest side of a floor in the video or the window [px]."""
     seed: int | None = None
     """Which of an episode's worlds to show, by its seed (its first, if left out)."""
+    planner: tuple[str, ...] = ()
+    """Planners of your own by which episodes were recorded, as they were named then: a file's word runs no code."""
+    policy: tuple[str, ...] = ()
+    """Policies of your own that drove in the episodes, likewise, to show what they like."""
     json: Path | None = None
     """Write a row about each episode to this file as JSON lines."""
 
@@ -111,6 +118,8 @@ class ReplayCommand(Checked):
             raise ConfigError("choose one of --html FILE, --video FILE and --window")
         if not 1 <= len(self.episodes) <= 2:
             raise ConfigError(f"name one episode file, or two to see side by side, not {len(self.episodes)}")
+        if self.window:
+            check_window()
         episodes = [Episode.load(path) for path in self.episodes]
         worlds = [self._world(path, episode) for path, episode in zip(self.episodes, episodes, strict=True)]
         names = names_of(self.episodes, episodes)
@@ -176,7 +185,6 @@ class ReplayCommand(Checked):
     def _show(self, episodes: Sequence[Episode], worlds: Sequence[int], names: Sequence[str], title: str) -> None:
         from warehouse_env.render.window import Window
 
-        check_frames()
         every, fps = pace(episodes, self.speed)
         with Window(fps, title) as window:
             shown = sum(

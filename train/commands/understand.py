@@ -14,7 +14,7 @@ from train.evaluation.scenes import SCENES
 from train.evaluation.telling import MOMENTS, Asked
 from train.learning.curves import read_run
 from train.reporting.report import make_progress, require_charts
-from train.reporting.rows import Row, RowFile, check_writable
+from train.reporting.rows import Row, RowFile, check_writable, instead
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
@@ -28,13 +28,15 @@ class Understand(Drive):
     """Draw what trained policies are likely to do: head-on, on a crossing, beside a robot that sets off, in a jam."""
 
     policy: tuple[str, ...] = ("ppo", "reinforce")
-    """Policies to ask: names, or folders of trained ones."""
+    """Policies to ask: trained ones, named as for `warehouse evaluate`."""
     runs: tuple[Path, ...] = ()
     """Runs of training whose learning curves stand at the foot of the overviews."""
     seconds: float = 120.0
     """Simulated time within which all robots of a jam must have arrived [s]."""
     json: Path | None = None
     """File for the chances, a row a place or robot, as JSON lines (OUT/rows.jsonl if left out)."""
+    overwrite: bool = False
+    """Replace the rows that the file holds already."""
     out: Path = Path("results/understand")
     """Folder for the rows and the pictures."""
 
@@ -50,8 +52,8 @@ class Understand(Drive):
         curves = [read_run(folder).curve for folder in dict.fromkeys(self.runs)]
         check_writable(self.out / "overview.png")
         require_charts()
-        file = RowFile(self.json or self.out / "rows.jsonl")
-        with make_progress() as progress:
+        kept = RowFile(self.json or self.out / "rows.jsonl", instead=instead(self.overwrite, resumes=False))
+        with kept as file, make_progress() as progress:
             bar = progress.add_task("", total=len(policies) * (len(MOMENTS) + len(SCENES)))
             for policy in policies:
                 progress.update(bar, description=policy)

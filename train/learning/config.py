@@ -11,7 +11,9 @@ import dataclasses
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
+
+import tyro
 
 from agents.weights_folder import Mode
 from warehouse_env.checked import Checked, from_plain
@@ -44,8 +46,11 @@ class TrainingConfig(Checked):
     """Budget of wall-clock time; with both this and STEPS, whichever ends first."""
     steps: int | None = None
     """Budget of agent-steps (one decision of one robot); 45 million if MINUTES is not given either."""
-    layouts: tuple[str, ...] = ("paper46", "narrow", "single_lane", *DRAWN[:4])
-    """Layouts to train on, by name, or MovingAI .map files; each is mixed with each robot count."""
+    layouts: Annotated[tuple[str, ...], tyro.conf.arg(aliases=("--layout",))] = (
+        "paper46", "narrow", "single_lane", *DRAWN[:4],
+    )  # fmt: skip
+    """Floors to train on: names of `warehouse layouts`, MovingAI files NAME.map, or your own, FILE.py:FUNCTION; each is
+    mixed with each robot count."""
     robots: tuple[int, ...] = (16, 32)
     """Robots in a world."""
     rows: int = 1056
@@ -159,9 +164,8 @@ class TrainingConfig(Checked):
 
     def env(self, layout: str, robots: int) -> EnvConfig:
         """Return the environment of one layout or map file and robot count."""
-        floor: dict[str, Any] = {"map_file": layout} if Path(layout).suffix == ".map" else {"layout": layout}
         env = EnvConfig(
-            **floor, num_agents=robots, planner=self.router, keep_right=self.keep_right,
+            layout=layout, num_agents=robots, planner=self.router, keep_right=self.keep_right,
             action_repeat=self.action_repeat, sensor=SensorSpec(predictions=self.predictions),
             protective_field=self.protective_field, reroute=self.reroute,
             reroute_spec=RerouteSpec(only_barred=True),

@@ -26,3 +26,23 @@ def load(module: str) -> Any:
 def check_frames() -> None:
     """Raise WarehouseError where what frames and windows are drawn with is not installed."""
     load("pygame")
+
+
+def check_window() -> None:
+    """Raise WarehouseError where no window can be opened: asked before anything is drawn for one.
+
+    Without a screen SDL draws where nobody sees it, which is refused unless SDL_VIDEODRIVER asks for it.
+    """
+    pygame = load("pygame")
+    try:
+        pygame.display.init()
+        seen = pygame.display.get_driver() in (os.environ.get("SDL_VIDEODRIVER"), *_ON_SCREEN)
+        pygame.display.quit()
+    except pygame.error as error:
+        raise WarehouseError(f"no window can be opened ({error}); {_INSTEAD}") from error
+    if not seen:
+        raise WarehouseError(f"no window can be opened, for there is no screen; {_INSTEAD}")
+
+
+_ON_SCREEN = ("x11", "wayland", "windows", "cocoa", "kmsdrm")
+_INSTEAD = "--html FILE or --video FILE shows the same"

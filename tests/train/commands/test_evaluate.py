@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 
 from train.cli import main
-from train.commands.evaluate import Evaluate
+from train.commands.evaluate import Evaluate, Robust
 from train.evaluation import episodes
 from train.evaluation.rollout import Experiment, Trace, make_experiment, pair_centres, run
 from train.reporting.rows import RowFile, read_rows
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
+from warehouse_env.maps.movingai import EXAMPLE_MAP
 
 FIELDS = {
     "policy", "layout", "robots", "tasks", "planner", "episode", "seed", "robot_km", "collisions_robot",
@@ -143,8 +144,6 @@ def test_right_of_way_without_the_field_is_one_sentence(tmp_path: Path, capsys: 
 
 
 def test_several_robot_counts_and_floors_make_one_table(tmp_path: Path) -> None:
-    from warehouse_env.maps.movingai import EXAMPLE_MAP
-
     options = ["--policy", "brake", "--robots", "1", "3", "--map", str(EXAMPLE_MAP), "--episodes", "1"]
     assert main(command(tmp_path, *options)) == 0
     rows = read_rows(tmp_path / "rows.jsonl")
@@ -269,6 +268,47 @@ def test_bad_numbers_are_named() -> None:
         Evaluate(policy=("brake",), seconds=-5.0).experiments()
     with pytest.raises(ConfigError, match="episodes=0 must be at least 1"):
         Evaluate(policy=("brake",), episodes=0).experiments()
+
+
+@pytest.mark.parametrize("name", ["evaluate", "robust", "scenes", "audit", "demo"])
+def test_rows_are_not_replaced_unasked(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    short = "--policy brake --layout open --robots 2 --episodes 1 --seconds 2 --planner astar"
+    options = {
+        "evaluate": f"{short} --no-pictures",
+        "robust": f"{short} --disturbance dropout",
+        "scenes": "--scene crossing --policy brake --seeds 1 --seconds 2",
+        "audit": short,
+        "demo": f"{short} --video-seconds 0",
+    }[name]
+    RowFile(tmp_path / "rows.jsonl").add([{"old": 1}, {"old": 2}])
+    assert main([name, *options.split(), "--out", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert f"{tmp_path / 'rows.jsonl'} holds 2 rows already: " in said
+    assert "--overwrite replaces them" in said
+    assert ("--resume keeps them" in said) == (name != "scenes")
+    assert read_rows(tmp_path / "rows.jsonl") == [{"old": 1}, {"old": 2}]
+
+
+def test_overwrite_replaces_them(tmp_path: Path) -> None:
+    RowFile(tmp_path / "rows.jsonl").add([{"old": 1}])
+    assert main(command(tmp_path, "--policy", "brake", "--episodes", "1", "--overwrite")) == 0
+    assert [row["policy"] for row in read_rows(tmp_path / "rows.jsonl")] == ["brake"]
+
+
+def test_a_floor_has_one_name(tmp_path: Path) -> None:
+    floor = str(EXAMPLE_MAP)
+    layouts = Evaluate(layout=(floor, "open"), policy=("brake",)).experiments()
+    maps = Evaluate(layout=("open",), map=(EXAMPLE_MAP,), policy=("brake",)).experiments()
+    assert {one.place for one in layouts} == {one.place for one in maps} == {floor, "open"}
+    assert [one.place for one in Evaluate(policy=("brake",)).experiments()] == ["paper46"]
+    assert [one.place for one in Robust(policy=("brake",), map=(EXAMPLE_MAP,), robots=(2,)).experiments()] == [floor]
+    named = [one.place for one in Robust(policy=("brake",), robots=(2,)).experiments()]
+    assert named == ["paper46", "narrow"]
+    here = timeless(run(small(base=OPEN.replace(layout=floor))))
+    there = timeless(run(small(base=OPEN.replace(map_file=floor))))
+    for row in (*here, *there):
+        del row["config"], row["layout"]
+    assert here == there
 
 
 def test_bad_input_leaves_old_rows_alone(tmp_path: Path) -> None:

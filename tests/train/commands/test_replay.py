@@ -127,6 +127,18 @@ def test_a_window_shows_it_all(files: tuple[Path, Path], capsys: pytest.CaptureF
     assert run(capsys, files[0], "--window", "--speed", "60") == f"showed 6 s of {files[0]}\n"
 
 
+def test_without_a_screen_it_is_said_before_anything_is_drawn(
+    files: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("pygame")
+    monkeypatch.setattr(Episode, "load", lambda path: pytest.fail("loaded before the screen was looked for"))
+    monkeypatch.setenv("SDL_VIDEODRIVER", "nothing_of_this_name")
+    assert "no window can be opened" in refused(capsys, files[0], "--window")
+    for variable in ("SDL_VIDEODRIVER", "DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(variable, raising=False)
+    assert "no window can be opened" in refused(capsys, files[0], "--window")
+
+
 def test_what_is_refused(files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = tmp_path / "page.html"
     assert "choose one of --html FILE, --video FILE and --window" in refused(capsys, files[0])

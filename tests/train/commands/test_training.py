@@ -36,7 +36,7 @@ def train(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[list[str], l
 def test_without_a_bar_it_says_what_it_begins_and_what_it_wrote(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out, err = train(capsys, "--layouts", "open", "--steps", "48", "--out", str(tmp_path), "--name", "one")
+    out, err = train(capsys, "--layout", "open", "--steps", "48", "--out", str(tmp_path), "--name", "one")
     assert err[0].startswith("trains for 48 agent-steps on open with 2 robots, without a protective field and ")
     assert err[0].endswith(f"with live routes, into {tmp_path / 'one'}; Ctrl-C stops and keeps what is learned")
     assert len(out) == 1
@@ -49,7 +49,7 @@ def test_without_a_bar_a_line_now_and_then_tells_how_it_goes(
 ) -> None:
     monkeypatch.setattr(progress, "LOG_SECONDS", 0.0)
     monkeypatch.setattr(progress, "LINE_SECONDS", 0.0)
-    _, err = train(capsys, "--layouts", "open", "--steps", "96", "--out", str(tmp_path))
+    _, err = train(capsys, "--layout", "open", "--steps", "96", "--out", str(tmp_path))
     told = [line for line in err if "% after" in line]
     assert len(told) == 4  # one an update of 24 steps
     assert told[0].startswith("25% after")
@@ -57,7 +57,7 @@ def test_without_a_bar_a_line_now_and_then_tells_how_it_goes(
 
 
 def test_a_stopped_one_says_how_to_go_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    train(capsys, "--layouts", "open", "--steps", "24", "--out", str(tmp_path), "--name", "short")
+    train(capsys, "--layout", "open", "--steps", "24", "--out", str(tmp_path), "--name", "short")
     folder = tmp_path / "short"
     saved = checkpoint.read(folder / "checkpoint")
     longer = saved.data["config"] | {"steps": 48}
@@ -76,14 +76,14 @@ def test_a_stopped_one_says_how_to_go_on(tmp_path: Path, capsys: pytest.CaptureF
 
 def test_a_map_file_is_a_floor_to_train_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     floor = shutil.copy(EXAMPLE_MAP, tmp_path / "mine.map")
-    train(capsys, "--layouts", str(floor), "open", "--steps", "48", "--rows", "8", "--out", str(tmp_path))
+    train(capsys, "--layout", str(floor), "open", "--steps", "48", "--rows", "8", "--out", str(tmp_path))
     record = read_record(tmp_path / "reinforce")
-    assert record.env.map_file == str(floor)
+    assert record.env.layout == str(floor)
     assert record.training["config"]["layouts"] == [str(floor), "open"]
 
 
 def test_one_process_trains_in_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    train(capsys, "--layouts", "open", "--steps", "24", "--out", str(tmp_path), "--name", "mine")
+    train(capsys, "--layout", "open", "--steps", "24", "--out", str(tmp_path), "--name", "mine")
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     with held(tmp_path / "mine" / ".lock", tmp_path / "mine"):
         for again in (["--resume", str(tmp_path / "mine")], ["--out", str(tmp_path), "--name", "mine"]):
@@ -114,7 +114,7 @@ def test_stopped_before_the_first_row_it_says_how_to_go_on(
         return update(*arguments)
 
     monkeypatch.setattr(Reinforce, "update", stopped)
-    words = ["--layouts", "open", "--steps", "96", "--out", str(tmp_path / "of us"), "--name", "mine"]
+    words = ["--layout", "open", "--steps", "96", "--out", str(tmp_path / "of us"), "--name", "mine"]
     assert main(["train", "reinforce", *SMALL.split(), *words]) == code
     shown = capsys.readouterr()
     assert shown.err.endswith("\nwarehouse: stopped\n")
@@ -128,7 +128,7 @@ def test_stopped_before_the_first_row_it_says_how_to_go_on(
 
 def test_a_resumed_training_keeps_its_own_settings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Also one of before there were recipes and evaluations, whose checkpoint says nothing of them."""
-    bare = ["--recipe", "bare", "--layouts", "open", "--steps", "24", "--out", str(tmp_path), "--name", "mine"]
+    bare = ["--recipe", "bare", "--layout", "open", "--steps", "24", "--out", str(tmp_path), "--name", "mine"]
     train(capsys, *bare)
     folder = tmp_path / "mine"
     saved = checkpoint.read(folder / "checkpoint")
@@ -142,7 +142,7 @@ def test_a_resumed_training_keeps_its_own_settings(tmp_path: Path, capsys: pytes
 
 
 def test_a_torn_row_of_the_progress_is_cut_off(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    train(capsys, "--layouts", "open", "--steps", "24", "--out", str(tmp_path), "--name", "mine")
+    train(capsys, "--layout", "open", "--steps", "24", "--out", str(tmp_path), "--name", "mine")
     rows = tmp_path / "mine" / "progress.jsonl"
     whole = rows.read_text()
     rows.write_text(whole + whole[:20])
@@ -170,7 +170,7 @@ def test_a_name_is_that_of_a_folder_in_out(name: str) -> None:
 
 def test_all_files_of_a_run_have_the_rights_of_any_new_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "new").touch()
-    train(capsys, "--layouts", "open", "--steps", "24", "--out", str(tmp_path), "--name", "mine")
+    train(capsys, "--layout", "open", "--steps", "24", "--out", str(tmp_path), "--name", "mine")
     files = {path.name: path.stat().st_mode for path in tmp_path.rglob("*") if path.is_file()}
     assert len(files) > 6
     assert set(files.values()) == {files["new"]}

@@ -91,5 +91,5 @@ def test_pictures_and_rows_of_a_policy(
     assert all(0 <= row[name] <= 1 for row in rows for name in ("stop", "slow", "right", "left"))
     assert {(row["policy"], row["seed"]) for row in rows} == {("ppo", 3)}
     assert sum(row["scene"] == "crossing" for row in rows) == 16  # four robots in four moments
-    assert main(["understand", *options.split(), "--seconds", "1"]) == 0
+    assert main(["understand", *options.split(), "--seconds", "1", "--overwrite"]) == 0
     assert "no jam" in capsys.readouterr().out
