@@ -16,7 +16,7 @@ CLIENTS = ("ray", "torchrl", "supersuit")
 
 # What makes examples short: one rollout instead of hours, a second of film.
 SHORTER = {
-    "total_timesteps=5_000_000": "total_timesteps=9_216",
+    "total_timesteps=500_000": "total_timesteps=9_216",
     "simulator.seconds(0) < 40": "simulator.seconds(0) < 21",
     "range(60)": "range(2)",
     "range(50)": "range(1)",
