@@ -117,7 +117,7 @@ class Advise(Checked):
 
     def _floor(self) -> GridMap:
         if (self.map is None) == (self.layout is None):
-            raise ConfigError("name one floor: --layout NAME or --layout FILE.map")
+            raise ConfigError("name one floor: --map FILE or --layout NAME")
         return make_layout(str(self.map or self.layout))
 
     @contextmanager
