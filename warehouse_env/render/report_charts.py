@@ -155,5 +155,4 @@ def throughput(
 
 def _dot(ax: Axes, load: Load, colour: RGB, marker: str, size: float) -> None:
     reach = np.nan_to_num([[load.mean - max(load.low, 0.0)], [load.high - load.mean]]).clip(0)
-    style_ = {"fmt": marker, "ms": size, "color": hexed(colour), "elinewidth": 1.4, "capsize": 3}
-    ax.errorbar([load.robots], [load.mean], reach, **style_)
+    ax.errorbar([load.robots], [load.mean], reach, fmt=marker, ms=size, color=hexed(colour), elinewidth=1.4, capsize=3)
