@@ -181,8 +181,8 @@ def _options(options: Any, program: str, arguments: list[str]) -> Any:
         return chosen
 
     made.__annotations__["chosen"] = Annotated[options, tyro.conf.arg(name="")]
-    if hasattr(options, "usual"):  # one of the options says what the others are where they are left out
-        made.__defaults__ = (options.usual(arguments),)
+    if hasattr(options, "defaults_for"):  # one of the options says what the others are where they are left out
+        made.__defaults__ = (options.defaults_for(arguments),)
     return tyro.cli(made, prog=program, description=options.__doc__, args=with_values(options, arguments))
 
 

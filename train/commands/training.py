@@ -40,7 +40,7 @@ class _Train:
     """Also write the rows of the training's progress to this file as JSON lines."""
 
     @classmethod
-    def usual(cls, arguments: Sequence[str]) -> Self:
+    def defaults_for(cls, arguments: Sequence[str]) -> Self:
         """Return the options by the recipe that a command line names; what else it says overrides them."""
         kinds = get_type_hints(cls)
         named = make_dataclass("named", [("recipe", kinds["recipe"], cls.recipe)])
