@@ -203,25 +203,31 @@ _COLUMNS = (
     Measure("path_length_ratio", "driven/planned", _field("path_length_ratio"), shown=False),
     Measure("ms_per_step", "ms/step", _field("ms_per_step")),
 )
+_PEOPLE = (Measure("longest_person_kept_s", "longest person kept s", _field("longest_person_kept_s")),)
 _ONE_SHOT = (
     Measure("success_rate", "success %", _field("success_rate"), factor=100.0, most=1.0),
     Measure("makespan_s", "makespan s", _field("makespan_s")),
 )
-MEASURES = {measure.name: measure for measure in _COLUMNS}
+MEASURES = {measure.name: measure for measure in _COLUMNS + _PEOPLE}
 _GROUP = ("layout", "robots", "tasks", "planner", "policy")
 EVALUATION_NOTE = (
     "Means over episodes [95% interval by Student's t over episodes, cut at what is possible]; a collision counts once "
     "per contact and pair; late: goals/robot-h of the second half; stuck: share of robots that at the end have not "
     "advanced for over a minute; deadlocks: circles of robots that waited for each other, an episode; longest "
-    "standing: of any robot within a metre of one place, in an episode."
+    "standing: of any robot within a metre of one place, in an episode; longest person kept: that anybody who wanted to "
+    "walk had a robot half a metre away, without coming a metre."
 )
 FREE_FLOW = "free_flow_share"
 _FREE_FLOW_NOTE = " Free flow: late goals/robot-h as a share of those of one robot alone under the same policy."
 
 
 def measures_for(rows: Sequence[Row]) -> tuple[Measure, ...]:
-    """Return the columns that say something about these rows: success and makespan only where tasks end."""
-    return _COLUMNS[:-1] + (_ONE_SHOT if any(row["tasks"] == "one_shot" for row in rows) else ()) + _COLUMNS[-1:]
+    """Return the columns that say something about these rows: success and makespan only where tasks end, and
+    people only where some walk.
+    """
+    people = _PEOPLE if any("longest_person_kept_s" in row for row in rows) else ()
+    ends = _ONE_SHOT if any(row["tasks"] == "one_shot" for row in rows) else ()
+    return _COLUMNS[:-1] + people + ends + _COLUMNS[-1:]
 
 
 def grouped(rows: Iterable[Row], names: Sequence[str]) -> dict[tuple[object, ...], list[Row]]:

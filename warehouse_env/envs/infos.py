@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warehouse_env.simulation.record.metrics import robot_rows
+from warehouse_env.simulation.record.metrics import people_row, robot_rows
 
 if TYPE_CHECKING:
     from warehouse_env.simulation.simulator import Simulator
@@ -133,14 +133,16 @@ def finished_task(arrival: Arrival) -> dict[str, float]:
 
 
 def final_metrics(simulator: Simulator, robots: ArrayLike) -> list[dict[str, float]]:
-    """Return the rows of metrics (`robot_rows`) of robots whose episode has ended with this step.
+    """Return the rows of metrics (`robot_rows`, and its world's `people_row`) of robots whose episode has ended with
+    this step.
 
     robots: int[K], counted over all worlds: world * num_agents + robot.
     """
     chosen = np.asarray(robots)
-    config = simulator.config
-    seconds = simulator.steps[chosen // simulator.num_agents] * config.action_repeat * config.time_step
-    return robot_rows(simulator.robots.reshape(-1)[chosen], seconds, config)
+    config, worlds, persons = simulator.config, chosen // simulator.num_agents, simulator.people.persons
+    seconds = simulator.steps[worlds] * config.action_repeat * config.time_step
+    rows = robot_rows(simulator.robots.reshape(-1)[chosen], seconds, config)
+    return [row | people_row(persons[world]) for row, world in zip(rows, worlds, strict=True)]
 
 
 def _struct_of(record: np.dtype[Any], fields: tuple[str, ...]) -> Struct:

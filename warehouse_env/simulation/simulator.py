@@ -366,7 +366,7 @@ class Simulator(Portable):
 
     def episode_metrics(self, world: int = 0) -> dict[str, float]:
         """Return the row of numbers of a world's episode so far (see metrics.episode_row, and Tasks.cut_off)."""
-        row = metrics.episode_row(self.robots[world], self.seconds(world), self.config)
+        row = metrics.episode_row(self.robots[world], self.seconds(world), self.config, self.people.persons[world])
         return row | {"cut_off": self.dispatcher.tasks[world].cut_off()}
 
     def jams(self) -> Jams:

@@ -77,6 +77,7 @@ PERSON = np.dtype(
         ("rest", F), ("blocked", F),  # [s] to stand at its goal; [s] that it has not come on
         ("left", F),  # [cells] to its goal, at the least
         ("wants", B),  # another goal (simulation/physics/people.py)
+        ("anchor_x", F), ("anchor_y", F), ("kept", F), ("longest_kept", F),  # [m]; [s] kept by robots within 1 m of it
     ],
     align=True,
 )  # fmt: skip

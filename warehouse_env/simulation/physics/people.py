@@ -187,11 +187,11 @@ def _may_step(o, x, y, robots, p, solid, clearance):
 
 
 @inline
-def _is_near(o, robots, p):
-    """Whether a robot has come so near to a person that it may not drive on."""
+def _is_near(o, robots, gap, p):
+    """Whether a robot is nearer to a person than a gap [m]."""
     near = False
     for r in robots:
-        near = near or _gap(o["x"], o["y"], r, p) < KEEP
+        near = near or _gap(o["x"], o["y"], r, p) < gap
     return near
 
 
@@ -218,7 +218,7 @@ def _step(o, way, robots, p, solid, clearance):
         return
     step = min(PACE * p["time_step"], left)
     c, s = dx / left, dy / left
-    for k in range(_TURNS.shape[0] if _is_near(o, robots, p) else _ONWARD):
+    for k in range(_TURNS.shape[0] if _is_near(o, robots, KEEP, p) else _ONWARD):
         to_c, to_s = c * _TURNS[k, 0] - s * _TURNS[k, 1], s * _TURNS[k, 0] + c * _TURNS[k, 1]
         to_x, to_y = o["x"] + step * to_c, o["y"] + step * to_s
         if _may_step(o, to_x, to_y, robots, p, solid, clearance):
@@ -226,11 +226,25 @@ def _step(o, way, robots, p, solid, clearance):
             return
 
 
+@inline
+def _count_kept(o, robots, p):
+    """Count how long robots keep a person from walking: it wants to, does not come a metre, and one is as near as it
+    would stop before.
+    """
+    dx, dy = o["x"] - o["anchor_x"], o["y"] - o["anchor_y"]
+    if o["rest"] > ZERO or dx * dx + dy * dy > ONE:
+        o["anchor_x"], o["anchor_y"], o["kept"] = o["x"], o["y"], ZERO
+    elif _is_near(o, robots, KEEP + PACE * p["time_step"], p):
+        o["kept"] += p["time_step"]
+        o["longest_kept"] = max(o["longest_kept"], o["kept"])
+
+
 @part
 def walk(persons, ways, robots, p, solid, clearance):
     """Move the people PERSON[M] of a world on by a physics step; ways float32[M, H, W]: see People."""
     for m in range(persons.shape[0]):
         o = persons[m]
+        _count_kept(o, robots, p)
         if o["wants"] != NOTHING or o["rest"] > ZERO:
             o["rest"] = max(o["rest"] - p["time_step"], ZERO)
             continue

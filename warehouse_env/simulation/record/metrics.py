@@ -12,10 +12,12 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.state import GAP_HORIZON
 
 
-def episode_row(robots: NDArray[Any], seconds: float, config: EnvConfig) -> dict[str, float]:
+def episode_row(
+    robots: NDArray[Any], seconds: float, config: EnvConfig, persons: NDArray[Any] | None = None
+) -> dict[str, float]:
     """Return the metrics of one world.
 
-    robots: ROBOT[N]; seconds since the reset. A pair's contact counts once; `collisions_per_km` adds pairs, and
+    robots: ROBOT[N]; seconds since the reset; persons: PERSON[M], if any walk. A pair's contact counts once; `collisions_per_km` adds pairs, and
     contacts with shelves and people. `stuck`: share of robots that for `stuck_after` seconds have not advanced 1 m on
     their route.
     `path_length_m`: driven per goal reached; `path_length_ratio`: driven over planned, over reached goals.
@@ -60,7 +62,18 @@ def episode_row(robots: NDArray[Any], seconds: float, config: EnvConfig) -> dict
         "longest_standing_s": float(robots["longest_standing"].max()),
         "longest_without_goal_s": float(_without_goal(robots, config).max()),
         "reroutes": float(robots["reroutes"].sum()),
-    }
+    } | people_row(persons)
+
+
+def people_row(persons: NDArray[Any] | None) -> dict[str, float]:
+    """Return the metrics of the people PERSON[M] of one world; none where nobody walks.
+
+    `longest_person_kept_s`: that any who wanted to walk had a robot about half a metre away or nearer, without coming a
+    metre.
+    """
+    if persons is None or not len(persons):
+        return {}
+    return {"longest_person_kept_s": float(persons["longest_kept"].max())}
 
 
 def late_seconds(seconds: ArrayLike, config: EnvConfig) -> NDArray[np.float64]:
