@@ -65,7 +65,8 @@ class World:
     def step_in(self) -> bool:
         """Say who is settled; whether anybody is."""
         sim, found = self.simulator, waits.scratch(len(self.robots))
-        return bool(stepping_in.step_in(self.robots, sim.routes[0], sim._commands[0, 0], found, sim._params[0]))
+        commands, persons = sim._commands[0, 0], sim.people.persons[0]
+        return bool(stepping_in.step_in(self.robots, persons, sim.routes[0], commands, found, sim._params[0]))
 
     def granted(self, robot: int) -> int:
         """Number of the last pose that a robot has been granted."""

@@ -214,8 +214,8 @@ EVALUATION_NOTE = (
     "Means over episodes [95% interval by Student's t over episodes, cut at what is possible]; a collision counts once "
     "per contact and pair; late: goals/robot-h of the second half; stuck: share of robots that at the end have not "
     "advanced for over a minute; deadlocks: circles of robots that waited for each other, an episode; longest "
-    "standing: of any robot within a metre of one place, in an episode; longest person kept: that anybody who wanted to "
-    "walk had a robot half a metre away, without coming a metre."
+    "standing: of any robot within a metre of one place, in an episode; longest person kept: that anybody who wanted "
+    "to walk had a robot half a metre away, without coming a metre."
 )
 FREE_FLOW = "free_flow_share"
 _FREE_FLOW_NOTE = " Free flow: late goals/robot-h as a share of those of one robot alone under the same policy."

@@ -178,7 +178,7 @@ class Simulator(Portable):
         self._agree_arguments = (
             persons, self.arcs, self._commands[0], self._paths, self._params, self._choices, self._floor.clearance,
         )  # fmt: skip
-        self._room_arguments = (self.arcs, self._paths, self._params, *floor)
+        self._room_arguments = (persons, self.arcs, self._paths, self._params, *floor)
         self._observe_arguments = (persons, self._waiting, features.walking, self._true_params, *seen)
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:

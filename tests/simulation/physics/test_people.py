@@ -18,7 +18,7 @@ from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.envs.parallel import parallel_env
 from warehouse_env.errors import ConfigError, UnsafeError
 from warehouse_env.maps.grid_map import Cell
-from warehouse_env.simulation.physics.people import AT_GOAL, GIVEN_UP, KEEP, PACE, PASS, PATIENCE, RADIUS, RESTS, START
+from warehouse_env.simulation.physics.people import AT_GOAL, GIVEN_UP, KEEP, PACE, PATIENCE, RADIUS, RESTS, START
 from warehouse_env.simulation.rules import audit
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
@@ -99,7 +99,7 @@ def test_a_person_passes_a_robot_at_a_distance() -> None:
         coast(simulator, 1)
         least = min(least, gap_to(simulator))
     assert o["rest"] > 0 or abs(o["x"] - 12.5) < 1.0
-    assert PASS - 1e-4 <= least <= KEEP + STEP
+    assert KEEP - 1e-4 <= least <= KEEP + STEP
 
 
 def test_where_there_is_no_way_past_a_person_turns_away() -> None:
@@ -116,6 +116,44 @@ def test_where_there_is_no_way_past_a_person_turns_away() -> None:
     assert wanted[first] < 5.0  # on its own side
 
 
+@pytest.mark.parametrize("lane", [["##########", "..........", "##########"], [".........."]])
+def test_nobody_comes_so_near_to_a_robot_that_it_may_not_drive_on(lane: list[str]) -> None:
+    """However long a robot stands in its way: under the field it could not leave then."""
+    simulator = with_people(drawn(lane), (5.75, len(lane) / 2, 0.0), protective_field=True)
+    send(simulator, 2.5, len(lane) / 2, (len(lane) // 2, 9))
+    least = math.inf
+    for _ in range(40):  # it turns away at last
+        coast(simulator, 1)
+        least = min(least, gap_to(simulator))
+    assert KEEP <= least + 1e-4 < KEEP + STEP
+    x = float(simulator.robots["x"][0, 0])
+    for _ in range(5):
+        simulator.step(raw(simulator, (1.0, 0.0)))
+    assert simulator.robots["x"][0, 0] > x + 0.05
+
+
+def test_how_long_a_person_is_kept_from_walking_is_counted() -> None:
+    """Between two robots in an aisle, until one of them is gone."""
+    lane = drawn(["############", "............", "############"])
+    simulator = with_people(lane, (4.2, 1.5, 0.0), (5.95, 1.5, math.pi))
+    o = send(simulator, 5.1, 1.5, (1, 11))
+    for steps in range(1, 80):
+        coast(simulator, 1)
+        assert o["kept"] == pytest.approx(0.1 * (steps - 1), abs=0.01)  # the first step is where it begins
+    assert simulator.episode_metrics()["longest_person_kept_s"] == pytest.approx(7.8, abs=0.01)
+    simulator.robots["x"][0] = 0.8, 11.8
+    coast(simulator, 20)
+    assert o["kept"] == 0
+    assert simulator.episode_metrics()["longest_person_kept_s"] == pytest.approx(7.8, abs=0.01)
+
+
+def test_who_rests_is_not_kept() -> None:
+    simulator = with_people(room(10, 20), (5.0, 5.0, 0.0))
+    still(simulator, 5.6, 5.0)
+    coast(simulator, 50)
+    assert simulator.episode_metrics()["longest_person_kept_s"] == 0.0
+
+
 def test_who_has_turned_away_does_not_rest() -> None:
     simulator = with_people(room(10, 20), FAR)
     o = send(simulator, 2.5, 2.5, (7, 9))
@@ -123,6 +161,18 @@ def test_who_has_turned_away_does_not_rest() -> None:
     coast(simulator, 1)
     assert o["rest"] == 0
     assert o["wants"] == 0
+
+
+def test_where_a_person_has_turned_away_to_it_does_not_rest() -> None:
+    """Or one that is shut in would rest where it is in everybody's way, and they with it."""
+    simulator = with_people(room(10, 20), FAR)
+    for wants, rests in ((GIVEN_UP, False), (0, True)):
+        o = send(simulator, 2.5, 2.5, (7, 9))
+        o["wants"] = wants
+        simulator.people.send_on(simulator.robots)
+        o["x"], o["y"] = o["goal_x"], o["goal_y"]
+        coast(simulator, 2)
+        assert bool(o["rest"] > 0) == rests
 
 
 def test_a_robot_that_runs_into_a_person_is_put_back_and_counted_once() -> None:
@@ -166,6 +216,17 @@ def test_infos_say_so() -> None:
         *_, infos = env.step(dict.fromkeys(env.agents, env.simulator.cruise_action))
         hits += infos["robot_0"]["collisions_person"]
     assert hits == 1
+
+
+def test_the_last_infos_say_how_long_anybody_was_kept() -> None:
+    for people in (0, 1):
+        env = parallel_env(num_agents=2, people=people, layout="open", planner="astar", max_steps=2)
+        env.reset(seed=1)
+        for _ in range(2):
+            *_, infos = env.step(dict.fromkeys(env.agents, env.simulator.cruise_action))
+        rows = [infos[name]["episode_metrics"] for name in infos]
+        assert ["longest_person_kept_s" in row for row in rows] == [bool(people)] * 2
+        assert ("longest_person_kept_s" in env.simulator.episode_metrics()) == bool(people)
 
 
 def test_lidar_sees_people_from_the_bodys_centre() -> None:

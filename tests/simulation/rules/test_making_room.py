@@ -14,6 +14,8 @@ from tests.simulation.worlds import drawn
 from warehouse_env.simulation.rules import making_room, waits
 from warehouse_env.simulation.rules.right_of_way import NOBODY
 
+AISLE = drawn(["#" * 16, "." * 16, "#" * 16])
+
 
 def ring(waited: Sequence[float] = (3.0, 3.0, 3.0), ages: Sequence[int] = (5, 2, 9)) -> World:
     """Three robots, each of whose ways the next one bars."""
@@ -96,6 +98,33 @@ def test_a_parked_robot_stands_for_good() -> None:
     assert world.robots["pause"][0] == waits.PAUSE
 
 
+def test_who_waits_for_itself_leaves_its_place() -> None:
+    """It lets a person out of an aisle: there is one way."""
+    world = World((6.0, 1.5, 0.0), grid=AISLE, people=1).decide()
+    person = world.simulator.people.persons[0, 0]
+    person["x"], person["y"] = 7.0, 1.5
+    world.robots["yields_to"], world.robots["waiting_time"] = 0, 3.0
+    assert resolve(world) == [0]
+    assert world.robots["aside"].tolist() == [1]
+    world.decide()
+    ways = rectangles(world.path(0))[..., 0]
+    assert ways.max() < 6.15 + 1e-3
+    assert ways[-1].max() < 6.15 - 0.9  # a body's length back
+
+
+def test_who_makes_room_goes_round_people() -> None:
+    """There is as much room before the robot as behind it; it leaves its place to where nobody is."""
+    for beside in (-1.0, 1.0):
+        world = World((10.15, 10.0, 0.0), people=1).decide()
+        person = world.simulator.people.persons[0, 0]
+        person["x"], person["y"] = 9.85 + 1.2 * beside, 10.0
+        world.robots["yields_to"], world.robots["waiting_time"] = 0, 3.0
+        assert resolve(world) == [0]
+        world.decide()
+        gaps = np.abs(rectangles(world.path(0))[..., 0] - person["x"]).min()
+        assert gaps > 0.25 + 0.35
+
+
 BAY = drawn(["#" * 16, "#####....#######", "." * 16, "#" * 16])
 
 
@@ -113,9 +142,6 @@ def test_who_can_leave_no_path_goes_its_own_way_between_the_others() -> None:
     assert world.robots["aside"].tolist() == [0, 0, 0]
     world.decide()
     assert rectangles(world.path(0))[-1, :, 0].max() > poses[0][0] + 0.5
-
-
-AISLE = drawn(["#" * 16, "." * 16, "#" * 16])
 
 
 def shut_in() -> World:

@@ -329,3 +329,18 @@ def test_who_is_beside_a_person_may_go_away_from_it() -> None:
     person = world.simulator.people.persons[0, 0]
     person["x"], person["y"], person["rest"] = 9.1, 10.0, 5.0  # a hand behind the body, which ends at 9.25
     assert world.decide().granted(0) > 0
+
+
+@pytest.mark.parametrize(
+    ("kept", "other", "waits_for"),
+    [(1.4, 12.0, [NOBODY, NOBODY]), (1.6, 12.0, [1, 0]), (3.1, 12.0, [0, 1]), (1.6, 20.0, [0, NOBODY])],
+)
+def test_who_keeps_a_person_waits_for_the_other_that_does_and_at_last_for_itself(
+    kept: float, other: float, waits_for: list[int]
+) -> None:
+    """Two face each other in an aisle with a person between, or one faces it alone; their own paths do not meet."""
+    aisle = drawn(["#" * 24, "." * 24, "#" * 24])
+    world = World((10.0, 1.5, 0.0), (other, 1.5, math.pi), grid=aisle, length=1.0, people=1)
+    person = world.simulator.people.persons[0, 0]
+    person["x"], person["y"], person["kept"], person["blocked"] = 11.0, 1.5, kept, 1.5
+    assert world.decide().robots["yields_to"].tolist() == waits_for

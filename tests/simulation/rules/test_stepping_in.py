@@ -154,3 +154,12 @@ def test_a_jam_that_the_field_leaves_is_dissolved() -> None:
             assert row["stuck"] < 0.1 if right else row["stuck"] > 0.5
             goals[right] += row["goals"]
     assert goals[True] > 3 * goals[False]
+
+
+@pytest.mark.parametrize(("kept", "settled"), [(1.4, [False, False]), (1.6, [True, False]), (5.5, [True, True])])
+def test_rules_step_in_around_a_person_who_is_kept_from_walking(kept: float, settled: list[bool]) -> None:
+    world = World((4.0, 4.0, 0.0), (4.0, 9.5, 0.0), people=1)
+    person = world.simulator.people.persons[0, 0]
+    person["x"], person["y"], person["kept"] = 5.0, 4.5, kept
+    assert said(world, 12.0) == any(settled)
+    assert (world.robots["settled"] > 0).tolist() == settled

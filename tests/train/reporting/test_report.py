@@ -93,6 +93,12 @@ def test_table_has_success_only_where_tasks_end() -> None:
     assert "one_shot" in table.title
 
 
+def test_table_says_how_long_people_were_kept_only_where_some_walk() -> None:
+    assert not any("person" in name for name in evaluation_table([row("follow", 2)]).header)
+    table = evaluation_table([row("follow", 2, longest_person_kept_s=7.5)])
+    assert table.cells[0][table.header.index("longest person kept s")] == "7.50"
+
+
 def test_markdown_and_print(capsys: pytest.CaptureFixture[str]) -> None:
     table = Table("Speeds", ("what", "rate"), (("simulator", "10.0"), ("vec_env", "-")), "A note.")
     assert table.markdown() == (

@@ -2,7 +2,8 @@
 
 They walk from one endpoint to the next by the shortest way, rest there, keep their distance from robots and pass to the
 right of those in their way. Where there is no way past they stand, or step back from who has come too near, and after a
-few seconds turn away. Nobody walks into a robot, so each contact is a robot's doing; people do not heed each other.
+few seconds turn away. Robots let out whom they keep from walking (rules/letting_out.py). Nobody walks into a robot, so
+each contact is a robot's doing; people do not heed each other.
 
 Robots have them in their lidar. The protective field knows where they are, but not where they will go: it lets a robot
 drive only if, wherever they walk, it stands before anybody can be where its body will be (passive motion safety:
@@ -32,9 +33,8 @@ NOTHING, ARRIVED, GIVEN_UP = 0, 1, 2
 
 RADIUS = np.float32(PERSON_RADIUS)  # [m]
 PACE = np.float32(1.2)  # [m/s]
-KEEP = np.float32(0.4)  # [m] that they keep from robots
-PASS = np.float32(0.1)  # [m] that they keep from robots that stand, once they have not come on for ...
-HURRY = np.float32(1.0)  # [s]
+KEEP = np.float32(0.4)  # [m] that they keep from robots: from less the field would not let one drive on
+HURRY = np.float32(1.0)  # [s] without coming on from which on they stand
 AT_GOAL = np.float32(0.2)  # [m] from the goal's centre
 PATIENCE = np.float32(3.0)  # [s] without coming on until they want to be elsewhere
 RESTS = (5.0, 15.0)  # [s] at a goal, evenly drawn
@@ -58,6 +58,7 @@ class People:
         self.persons = np.zeros((worlds, config.people), dtype=PERSON)
         self.ways = np.zeros((worlds, config.people, *grid.shape), dtype=np.float32)
         self._grid, self._reach = grid, config.robot.rear_reach
+        self._turned_away = np.zeros((worlds, config.people), dtype=np.bool_)  # the goal is only out of somebody's way
         # made when first used, as the Dispatcher's
         self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
 
@@ -95,6 +96,7 @@ class People:
     def leave(self, world: int) -> None:
         """Take all people off the floor: the first routes of an episode do not go round those of the last one."""
         self.persons[world] = np.zeros((), dtype=PERSON)
+        self._turned_away[world] = False
 
     def send_on(self, robots: NDArray[np.void]) -> None:
         """Give another goal to all who want one: who has arrived rests first, who has given up turns away from the
@@ -105,9 +107,9 @@ class People:
         for world, person in np.argwhere(self.persons["wants"] != NOTHING).tolist():
             o = self.persons[world, person]
             turns_away = o["wants"] == GIVEN_UP
-            if not turns_away:
+            if not turns_away and not self._turned_away[world, person]:
                 o["rest"] = self._rngs[world].uniform(*RESTS)
-            o["wants"] = NOTHING
+            self._turned_away[world, person], o["wants"] = turns_away, NOTHING
             if turns_away:
                 self._turn_away(world, person, robots[world])
             else:
@@ -167,7 +169,7 @@ def distance_to_body(x, y, cx, cy, c, s, p):
 
 
 @inline
-def _gap(x, y, r, p):
+def gap_to(x, y, r, p):
     """Return the gap [m] between a person at (x, y) and robot r; negative where they touch."""
     cx, cy = r["x"] - p["offset"] * r["cos"], r["y"] - p["offset"] * r["sin"]
     return distance_to_body(x, y, cx, cy, r["cos"], r["sin"], p) - RADIUS
@@ -179,9 +181,8 @@ def _may_step(o, x, y, robots, p, solid, clearance):
     if body_touches_shelf(x, y, ONE, ZERO, RADIUS, RADIUS, solid, clearance, p["cell"]):
         return False
     for r in robots:
-        gap = _gap(x, y, r, p)
-        keep = PASS if r["speed"] == ZERO and o["blocked"] > HURRY else KEEP
-        if gap < keep and gap < _gap(o["x"], o["y"], r, p):
+        gap = gap_to(x, y, r, p)
+        if gap < KEEP and gap < gap_to(o["x"], o["y"], r, p):
             return False
     return True
 
@@ -191,7 +192,7 @@ def _is_near(o, robots, gap, p):
     """Whether a robot is nearer to a person than a gap [m]."""
     near = False
     for r in robots:
-        near = near or _gap(o["x"], o["y"], r, p) < gap
+        near = near or gap_to(o["x"], o["y"], r, p) < gap
     return near
 
 
@@ -287,7 +288,7 @@ def end_contacts(robots, persons, p):
         if r["person_contact"] != 0:
             r["person_contact"] = 0
             for o in persons:
-                if _gap(o["x"], o["y"], r, p) <= p["near_miss_gap"]:
+                if gap_to(o["x"], o["y"], r, p) <= p["near_miss_gap"]:
                     r["person_contact"] = 1
 
 

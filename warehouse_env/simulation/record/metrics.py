@@ -17,9 +17,9 @@ def episode_row(
 ) -> dict[str, float]:
     """Return the metrics of one world.
 
-    robots: ROBOT[N]; seconds since the reset; persons: PERSON[M], if any walk. A pair's contact counts once; `collisions_per_km` adds pairs, and
-    contacts with shelves and people. `stuck`: share of robots that for `stuck_after` seconds have not advanced 1 m on
-    their route.
+    robots: ROBOT[N]; seconds since the reset; persons: PERSON[M], if any walk. A pair's contact counts once;
+    `collisions_per_km` adds pairs, and contacts with shelves and people. `stuck`: share of robots that for
+    `stuck_after` seconds have not advanced 1 m on their route.
     `path_length_m`: driven per goal reached; `path_length_ratio`: driven over planned, over reached goals.
     `waiting_share`: of the robots' time until they were parked, standing; `longest_standing_s`: that any robot stayed
     within a metre of one place, rocking there or not; `longest_without_goal_s`: that any was on the way to one goal.

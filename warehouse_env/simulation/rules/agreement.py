@@ -24,7 +24,7 @@ def agree(begin, end, robots, routes, persons, arcs, commands, paths, params, ch
     seconds = p["time_step"] * np.float32(p["repeat"])
     order, found = np.empty(robots.shape[1], np.int32), waits.scratch(robots.shape[1])
     for b in range(begin, end):
-        if not stepping_in.step_in(robots[b], routes[b], commands[b], found, p):
+        if not stepping_in.step_in(robots[b], persons[b], routes[b], commands[b], found, p):
             continue
         ways = meetings.scratch(paths[b])
         right_of_way.rank(robots[b], order)

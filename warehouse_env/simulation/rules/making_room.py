@@ -2,8 +2,9 @@
 
 The one with the least right does it; if it finds no way, one along its own route between the others, else the next one.
 Who waits for a robot that stands for good, and not in a ring, looks for a way round it. All searches go round all
-bodies near, as they stand. Whoever finds no way may be shut in from behind: then those that wait for it leave the floor
-behind it, the last of them first if they must. Who is in a ring, and who searches when: waits.py.
+bodies near, as they stand, and people. Who waits for itself lets a person out, and leaves its place (letting_out.py).
+Whoever finds no way may be shut in from behind: then those that wait for it leave the floor behind it, the last of them
+first if they must. Who is in a ring, and who searches when: waits.py.
 """
 
 from __future__ import annotations
@@ -13,12 +14,14 @@ import numpy as np
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.driver.manoeuvre import MOST, TRIES
 from warehouse_env.simulation.driver.rejoin import AMONG_OTHERS, plan_aside, plan_to_route, write_bodies_near
+from warehouse_env.simulation.physics.people import RADIUS
+from warehouse_env.simulation.physics.trigonometry import ZERO
 from warehouse_env.simulation.rules import waits
-from warehouse_env.simulation.rules.path_ahead import DRIVEN, POSES
+from warehouse_env.simulation.rules.path_ahead import DRIVEN, POSES, ROOM_FOR_PEOPLE
 from warehouse_env.simulation.rules.waits import SEEKS, STAGE, STUCK
 from warehouse_env.simulation.state import NOBODY
 
-NEAR = np.float32(6.0)  # [m] within which bodies are gone round
+NEAR, NEAR_PEOPLE = np.float32(6.0), np.float32(2.0)  # [m] within which bodies are gone round, and who walks
 BEHIND, BEHIND_STEP = 5, np.float32(0.3)  # poses, and [m] between them, to which who finds no way out wants to back off
 CHAIN = 4  # robots one behind the other that are asked to leave the floor behind it
 
@@ -38,19 +41,39 @@ def _least(i, robots):
     return low
 
 
+@inline
+def _write_near(r, robots, persons, p, bodies):
+    """Write the bodies near a robot into bodies float32[N + M, 4], and for each person near one that stands before it,
+    broadside on, up to where grants end; return how many.
+    """
+    count, before = write_bodies_near(r, robots, NEAR, p, bodies), RADIUS + ROOM_FOR_PEOPLE - p["half_width"]
+    for o in persons:
+        dx, dy = o["x"] - (r["x"] - p["offset"] * r["cos"]), o["y"] - (r["y"] - p["offset"] * r["sin"])
+        apart = np.sqrt(dx * dx + dy * dy)
+        if ZERO < apart < NEAR_PEOPLE:
+            c, s = dx / apart, dy / apart
+            bodies[count, 0], bodies[count, 1] = o["x"] - before * c, o["y"] - before * s
+            bodies[count, 2], bodies[count, 3] = -s, c
+            count += 1
+    return count
+
+
 @part
-def _leave_ring(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric):
-    """Search a way off the paths of all others in the ring for robot `low`; return whether there is one."""
+def _leave_ring(low, robots, persons, arcs, ways, bodies, avoid, p, solid, clearance, metric):
+    """Search a way off the paths of all others in the ring for robot `low`, or if it is alone from where it stands;
+    return whether there is one.
+    """
     paths, poses = ways
-    count, j = 0, robots[low]["yields_to"]
-    while j != low:
-        for k in range(poses[j]):
+    count, j, whole_ring = 0, robots[low]["yields_to"], False
+    while not whole_ring:
+        for k in range(poses[j] if j != low else 1):
             for column in range(DRIVEN):
                 avoid[count, column] = paths[j, k, column]
             count += 1
         j = robots[j]["yields_to"]
+        whole_ring = j == low
     r = robots[low]
-    near = write_bodies_near(r, robots, NEAR, p, bodies)
+    near = _write_near(r, robots, persons, p, bodies)
     found = plan_aside(r, arcs[low], avoid[:count], bodies[:near], p, solid, clearance, metric)
     r["aside"] = found > 0
     r["pause"] = waits.LEAVES if found > 0 else waits.PAUSE
@@ -58,9 +81,9 @@ def _leave_ring(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, met
 
 
 @part
-def _go_round(i, robots, routes, arcs, bodies, most, p, solid, clearance, metric):
+def _go_round(i, robots, persons, routes, arcs, bodies, most, p, solid, clearance, metric):
     """Search a way for robot i to its own route, in `most` nodes, round those near; return whether there is one."""
-    near = write_bodies_near(robots[i], robots, NEAR, p, bodies)
+    near = _write_near(robots[i], robots, persons, p, bodies)
     found = plan_to_route(robots[i], routes[i], arcs[i], bodies[:near], TRIES, most, p, solid, clearance, metric)
     return found >= 0
 
@@ -75,7 +98,7 @@ def _write_way_back(r, p, avoid):
 
 
 @part
-def _clear_behind(i, robots, arcs, bodies, avoid, p, solid, clearance, metric):
+def _clear_behind(i, robots, persons, arcs, bodies, avoid, p, solid, clearance, metric):
     """Have who waits for robot i, which finds no way out, leave the floor behind it; who cannot asks its own waiter."""
     asks = i
     for _ in range(CHAIN):
@@ -83,9 +106,9 @@ def _clear_behind(i, robots, arcs, bodies, avoid, p, solid, clearance, metric):
         blocked = NOBODY
         for j in range(robots.shape[0]):
             r = robots[j]
-            if r["yields_to"] != asks or not waits.may_leave(r):
+            if j == asks or r["yields_to"] != asks or not waits.may_leave(r):
                 continue
-            near = write_bodies_near(r, robots, NEAR, p, bodies)
+            near = _write_near(r, robots, persons, p, bodies)
             found = plan_aside(r, arcs[j], avoid[:BEHIND], bodies[:near], p, solid, clearance, metric)
             if found > 0:
                 r["aside"], r["pause"] = 1, waits.LEAVES
@@ -98,14 +121,14 @@ def _clear_behind(i, robots, arcs, bodies, avoid, p, solid, clearance, metric):
 
 
 @part
-def _resolve(robots, routes, arcs, ways, found, bodies, avoid, p, solid, clearance, metric):
+def _resolve(robots, persons, routes, arcs, ways, found, bodies, avoid, p, solid, clearance, metric):
     """Let those of a world search that seek or are stuck, one after another; each search changes who still is."""
     waits.look(robots, found)
     for i in range(robots.shape[0]):
         stage, low, most = found[STAGE, i], i, AMONG_OTHERS
         if stage == SEEKS:
             low = _least(i, robots)
-            if _leave_ring(low, robots, arcs, ways, bodies, avoid, p, solid, clearance, metric):
+            if _leave_ring(low, robots, persons, arcs, ways, bodies, avoid, p, solid, clearance, metric):
                 waits.look(robots, found)
                 continue
         elif stage == STUCK:
@@ -114,21 +137,24 @@ def _resolve(robots, routes, arcs, ways, found, bodies, avoid, p, solid, clearan
             robots[i]["pause"] = waits.PAUSE
         else:
             continue
-        if not _go_round(low, robots, routes, arcs, bodies, most, p, solid, clearance, metric):
-            _clear_behind(low, robots, arcs, bodies, avoid, p, solid, clearance, metric)
+        alone = robots[low]["yields_to"] == low
+        if alone or not _go_round(low, robots, persons, routes, arcs, bodies, most, p, solid, clearance, metric):
+            _clear_behind(low, robots, persons, arcs, bodies, avoid, p, solid, clearance, metric)
         waits.look(robots, found)
 
 
 @kernel
-def make_room(begin, end, robots, routes, arcs, paths, params, solid, clearance, metric):
+def make_room(begin, end, robots, routes, persons, arcs, paths, params, solid, clearance, metric):
     """Let those search that seek or are stuck in the worlds from `begin` to before `end`; right after agreement.agree
     has said that somebody is. Arguments: see there and step.advance.
     """
     count = robots.shape[1]
-    bodies, avoid = np.empty((count, 4), np.float32), np.empty((count * POSES, 4), np.float32)
+    bodies, avoid = np.empty((count + persons.shape[1], 4), np.float32), np.empty((count * POSES, 4), np.float32)
     found, poses = waits.scratch(count), np.empty(count, np.int32)  # of paths, which a manoeuvre that begins makes void
     for b in range(begin, end):
         for i in range(count):
             poses[i] = robots[b, i]["poses"]
         ways = paths[b], poses
-        _resolve(robots[b], routes[b], arcs[b], ways, found, bodies, avoid, params[0], solid, clearance, metric)
+        _resolve(
+            robots[b], persons[b], routes[b], arcs[b], ways, found, bodies, avoid, params[0], solid, clearance, metric
+        )

@@ -14,6 +14,7 @@ from warehouse_env.simulation.driver.line import look_ahead, point_at, pursue, r
 from warehouse_env.simulation.physics.kinematics import curvature
 from warehouse_env.simulation.physics.people import PACE, RADIUS, bars_ways, distance_to_body
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO, sin_cos
+from warehouse_env.simulation.state import NOBODY
 
 POSES = 32  # of a path at most: 15.5 m; as many as there are bits
 APART = np.float32(0.5)  # [m] of driving between two of them
@@ -183,13 +184,16 @@ def _to_person(x, y, pose, p):
 
 @inline
 def before_people(path, must, granted, persons, p):
-    """Return the last pose of a grant before any that comes near to a person PERSON[M], or to where one soon will be.
+    """Return (the last pose of a grant before any that comes near to a person PERSON[M], or to where one soon will be;
+    the person who ends it, or NOBODY).
 
     Who is near already may go on as long as it comes no nearer; `must`: the pose up to which it cannot stop.
     """
+    person = NOBODY
     reach = p["swing"] * (path[granted, DRIVEN] - path[must, DRIVEN]) + p["radius"] + RADIUS + ROOM_FOR_PEOPLE
     reach += PACE * _SOON
-    for o in persons:
+    for m in range(persons.shape[0]):
+        o = persons[m]
         dx, dy = o["x"] - path[must, CENTRE_X], o["y"] - path[must, CENTRE_Y]
         if dx * dx + dy * dy > reach * reach:
             continue
@@ -199,6 +203,6 @@ def before_people(path, must, granted, persons, p):
             for k in range(must + 1, granted + 1):
                 gap = _to_person(x, y, path[k], p)
                 if gap < ROOM_FOR_PEOPLE and gap < before:
-                    granted = k - 1
+                    granted, person = k - 1, m
                     break
-    return granted
+    return granted, person

@@ -8,6 +8,8 @@ touches what another has been granted, as AGVs reserve zones ahead of them. The 
 - who waits for another does so off all of that one's path, so no two wait for each other;
 - what has been granted is kept, unless another could not stop before it any more;
 - it is never beside a person, nor where one will be a second later, so who waits for people bars nobody else's way.
+  Two that keep a person from walking wait for each other, and one that does so alone for itself: a ring in which one
+  makes room.
 
 If what bars the way stands or comes the other way, the robot's other lateral offsets are tried, in the order of its
 preferences. What robots would have to tell each other for it, within 16 m: the poses ahead (path_ahead.py), how far
@@ -25,6 +27,7 @@ import numpy as np
 from warehouse_env.kernel import inline, part, whole
 from warehouse_env.simulation.driver.line import forget_path
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO
+from warehouse_env.simulation.rules.letting_out import is_kept, who_frees
 from warehouse_env.simulation.rules.meetings import (
     ASKED,
     BIT,
@@ -233,7 +236,9 @@ def _ask(i, robots, persons, route, arcs, choices, ways, p, clearance):
         again = barrier != before or (r["age"] // p["repeat"] + i) % TRIED == 0
         if (stuck and again) or (barrier == NOBODY and r["side"] != choices[0, SIDE]):
             granted, barrier = _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, clearance)
-    granted = before_people(paths[i], must, granted, persons, p)
+    granted, person = before_people(paths[i], must, granted, persons, p)
+    if person != NOBODY and is_kept(persons[person]):
+        barrier = who_frees(i, persons[person], robots, p)
     if r["silent"] == 0:
         numbers[GRANT, i] = granted
     r["authority"] = paths[i, granted, DRIVEN]

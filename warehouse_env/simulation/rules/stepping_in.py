@@ -2,10 +2,11 @@
 
 A policy that gives way by itself drives closer, and gets farther, than by the stretches that rules grant; but now and
 then some of its robots bar each other's way for good. There the rules hold: around a ring of robots each of which waits
-for the next (waits.py), since no ring dissolves by itself, and around who has stood five times as long for whatever
-reason. Who stands in a queue needs no rules, only patience. They hold a metre around it for each second that it has
-stood, so wider where they have not helped, and until nobody near has called for them for a while. The others drive as
-commanded: what they are granted of their paths is what the settled ones expect of them.
+for the next (waits.py), since no ring dissolves by itself, around who has stood five times as long for whatever reason,
+and around people whom robots keep from walking. Who stands in a queue needs no rules, only patience. They hold a metre
+around it for each second that it has stood, so wider where they have not helped, and until nobody near has called for
+them for a while. The others drive as commanded: what they are granted of their paths is what the settled ones expect of
+them.
 
 What was tried instead: docs/measured/trials.md.
 """
@@ -17,6 +18,7 @@ import numpy as np
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.driver.line import forget_path
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
+from warehouse_env.simulation.rules.letting_out import is_kept
 from warehouse_env.simulation.rules.waits import CALM, LONGER, RING, find_rings_of
 from warehouse_env.simulation.state import NOBODY
 
@@ -48,6 +50,19 @@ def _settle(robots, routes, found, p):
 
 
 @inline
+def _settle_around_people(robots, persons):
+    """Settle who is near a person that robots keep from walking, as if it were a robot that has stood for so long."""
+    for o in persons:
+        if not is_kept(o):
+            continue
+        around = min(SPREAD * o["kept"], AROUND)
+        for r in robots:
+            dx, dy = r["x"] - o["x"], r["y"] - o["y"]
+            if dx * dx + dy * dy < around * around:
+                r["settled"] = CALM
+
+
+@inline
 def _release(r, side):
     """Let a robot drive as commanded, with a lateral offset `side` [m]."""
     r["yields_to"] = NOBODY
@@ -59,17 +74,18 @@ def _release(r, side):
 
 
 @part
-def step_in(robots, routes, commands, found, p):
+def step_in(robots, persons, routes, commands, found, p):
     """Say who is `settled`, that is keeps to what it is granted: all, or who is near one that calls for the rules.
 
-    robots ROBOT[N] of a world; routes float32[N, R, 2] [m]; commands float32[N, 2]: speed [m/s] and lateral offset
-    [m]; found: see waits.scratch. Returns whether anybody is.
+    robots ROBOT[N] and persons PERSON[M] of a world; routes float32[N, R, 2] [m]; commands float32[N, 2]: speed [m/s]
+    and lateral offset [m]; found: see waits.scratch. Returns whether anybody is.
     """
     after, seconds, anybody = p["right_of_way_after"], p["time_step"] * np.float32(p["repeat"]), False
     for r in robots:
         r["settled"] = ONE if after == ZERO else max(r["settled"] - seconds, ZERO)
     if after > ZERO:
         _settle(robots, routes, found, p)
+        _settle_around_people(robots, persons)
     for i in range(robots.shape[0]):
         if robots[i]["settled"] > ZERO:
             anybody = True

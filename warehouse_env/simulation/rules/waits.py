@@ -134,7 +134,7 @@ def waits_for(robots, i, route, p, near):
         return NOBODY
     if r["held_by"] != NOBODY:
         return r["held_by"]
-    if r["yields_to"] != NOBODY:
+    if r["yields_to"] != NOBODY and r["yields_to"] != i:  # itself: it is to let a person out
         return r["yields_to"]
     return first_in_the_way(robots, i, route, p, near)
 

@@ -1,0 +1,34 @@
+"""Letting people out: for whom a robot waits whose grant ends at a person whom robots keep from walking.
+
+In an aisle of one cell nobody gets past a robot, and no robot moves beside a person. So two that shut one in wait for
+each other, a ring in which one makes room (making_room.py). Who keeps a person alone waits for itself, as both do where
+the ring has not helped soon: it leaves its place.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline
+from warehouse_env.simulation.physics.people import gap_to
+
+KEPT = np.float32(1.5)  # [s] from which on a person counts as kept from walking
+LONG_KEPT = np.float32(3.0)  # [s] from which on each robot that keeps it makes room
+KEEPS = np.float32(1.5)  # [m] within which robots keep it
+
+
+@inline
+def is_kept(o):
+    """Whether robots have kept a person from walking for a while."""
+    return o["kept"] > KEPT
+
+
+@inline
+def who_frees(i, o, robots, p):
+    """Return for whom robot i waits that waits for a kept person: the nearest other robot that keeps it, or itself."""
+    nearest, least = i, KEEPS
+    for j in range(robots.shape[0]):
+        gap = gap_to(o["x"], o["y"], robots[j], p)
+        if j != i and gap < least:
+            nearest, least = j, gap
+    return i if o["kept"] > LONG_KEPT else nearest
