@@ -10,7 +10,7 @@ from tests.pages import PAGES
 from tests.simulation.rights import World
 from warehouse_env.config import EnvConfig, RerouteSpec
 from warehouse_env.simulation.driver import tracking
-from warehouse_env.simulation.rules import waits
+from warehouse_env.simulation.rules import letting_out, waits
 from warehouse_env.simulation.rules.waits import MOVES, SEEKS, STUCK, WAITS
 from warehouse_env.simulation.state import NOBODY
 
@@ -93,7 +93,7 @@ def test_the_page_tells_in_order_when_what_happens() -> None:
     seconds = [float(found[0]) for row in rows() if (found := re.match(r"[\d.]+", row[0])) is not None]
     assert seconds == sorted(seconds)
     told = (
-        waits.REFUSED, waits.STANDS, waits.URGED, waits.SEEKS_AFTER, waits.FOR_GOOD, tracking.HELD,
+        waits.REFUSED, waits.STANDS, letting_out.KEPT, waits.URGED, waits.SEEKS_AFTER, waits.FOR_GOOD, tracking.HELD,
         waits.STUCK_AFTER, tracking.PATIENCE, waits.ROCKS, RerouteSpec.stood_for, waits.DEARER, EnvConfig.stuck_after,
     )  # fmt: skip
     less_rounding = {0.95: 1.0, 4.95: 5.0}
