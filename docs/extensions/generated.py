@@ -22,7 +22,7 @@ from train.leaderboard.board import board
 from train.leaderboard.entry import SHIPPED, read_entry
 from warehouse_env.field_notes import default_of, field_notes
 
-COLUMNS = "100"  # characters of a line of help
+COLUMNS = "88"  # characters of a line of help, which fit a window of 1024 pixels
 # Types as Sphinx spells them out -> as the source has them.
 _TYPES = (
     (r"[\w.~]*ndarray\[tuple\[[\w.~]*Any, \.\.\.\], [\w.~]*dtype\[[\w.~]*?(\w+)\]\]", r"NDArray[\1]"),
