@@ -1,0 +1,89 @@
+"""`make chart`: the bar chart of README, from rows of measured episodes that are kept beside it.
+
+With files of rows as arguments it takes these first: `python docs/extensions/throughput.py results/*/rows.jsonl`.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import matplotlib
+
+matplotlib.use("Agg")
+matplotlib.rcParams |= {"svg.hashsalt": "throughput", "svg.fonttype": "none", "font.family": "sans-serif"}
+
+import matplotlib.pyplot as plt  # noqa: E402
+
+from train.reporting.rows import mean_interval, read_rows  # noqa: E402
+
+DOCS = Path(__file__).parents[1]
+ROWS, PICTURE = DOCS / "measured" / "throughput.jsonl", DOCS / "throughput.svg"
+KEPT = ("policy", "layout", "robots", "seed", "late_goals_per_robot_hour", "collisions_per_km")
+FLOORS = ("paper46", "narrow")
+_ROOM = 30  # goals an hour from which a bar has room for its figure
+# In the order of the bars; what is no policy of ours in another colour.
+BARS = {
+    "threaded_ppo": ("threaded_ppo\n(learned)", "#0072b2"),
+    "greedy": ("greedy\n(right of way)", "#56a4d3"),
+    "orca": ("ORCA\n(discs)", "#8c8c8c"),
+    "rules": ("rules of\npaper 001", "#8c8c8c"),
+    "central_pibt": ("central\nplanner PIBT", "#8c8c8c"),
+}
+
+
+class Bar(NamedTuple):
+    """Late goals per robot and hour, with a 95% interval, and collisions per kilometre."""
+
+    mean: float
+    low: float
+    high: float
+    collisions: float
+
+
+def measured(policy: str, floor: str, robots: int) -> Bar:
+    """Return the figures of a policy on a floor."""
+    rows = [r for r in read_rows(ROWS) if (r["policy"], r["layout"], r["robots"]) == (policy, floor, robots)]
+    mean, low, high, _ = mean_interval([row["late_goals_per_robot_hour"] for row in rows])
+    return Bar(mean, low, high, sum(row["collisions_per_km"] for row in rows) / len(rows))
+
+
+def _hits(bar: Bar) -> str:
+    return "no collision" if bar.collisions == 0 else f"{bar.collisions:.2g} collisions/km"
+
+
+def draw() -> None:
+    """Draw the chart: bars of 32 robots, the free flow of one alone as a line."""
+    figure, axes = plt.subplots(1, len(FLOORS), figsize=(10.6, 3.9), sharey=True, layout="constrained")
+    for ax, floor in zip(axes, FLOORS, strict=True):
+        bars = {policy: measured(policy, floor, 32) for policy in BARS}
+        for place, (policy, bar) in enumerate(bars.items()):
+            error = [[bar.mean - bar.low], [bar.high - bar.mean]]
+            ax.bar(place, bar.mean, 0.68, color=BARS[policy][1], yerr=error, capsize=3, ecolor="#555555")
+            inside = bar.mean > _ROOM
+            where = (place, bar.low / 2 if inside else bar.high + 3)
+            ax.annotate(f"{bar.mean:.0f}", where, ha="center", fontsize=13, color="white" if inside else "black")
+        alone = measured("greedy", floor, 1).mean
+        ax.axhline(alone, color="#d55e00", linestyle="--", linewidth=1.4)
+        ax.annotate(f"one robot alone: {alone:.0f}", (len(BARS) - 0.6, alone + 3), ha="right", color="#d55e00")
+        ax.set(title=f"floor {floor}, 32 robots", ylim=(0, 170))
+        ax.set_xticks(range(len(BARS)), [f"{BARS[name][0]}\n{_hits(bar)}" for name, bar in bars.items()], fontsize=8)
+        ax.spines[["top", "right"]].set_visible(False)
+    axes[0].set_ylabel("goals per robot and hour")
+    figure.savefig(PICTURE, metadata={"Date": None})
+
+
+def keep(files: list[str]) -> None:
+    """Take the rows of evaluations, cut to what is drawn."""
+    rows: list[dict[str, Any]] = [row for file in files for row in read_rows(Path(file))]
+    lines = [json.dumps({name: row[name] for name in KEPT}) for row in rows]
+    ROWS.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    if sys.argv[1:]:
+        keep(sys.argv[1:])
+    draw()
+    print(f"wrote {PICTURE}")

@@ -1,0 +1,53 @@
+"""README's bar chart shows what its rows say, and its rows are of the same episodes."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+
+from tests.pages import PAGES, ROOT
+from train.reporting.rows import read_rows
+
+pytest.importorskip("matplotlib")
+
+
+@pytest.fixture
+def chart(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return the module that draws it."""
+    monkeypatch.syspath_prepend(str(ROOT / "docs" / "extensions"))
+    import throughput
+
+    return throughput
+
+
+def test_every_policy_drove_the_same_episodes(chart: Any) -> None:
+    rows = read_rows(chart.ROWS)
+    seeds = {
+        (policy, floor): sorted(row["seed"] for row in rows if (row["policy"], row["layout"], row["robots"]) == key)
+        for policy in chart.BARS
+        for floor in chart.FLOORS
+        for key in [(policy, floor, 32)]
+    }
+    assert len(set(map(tuple, seeds.values()))) == 1
+    assert len(next(iter(seeds.values()))) == 5
+    for floor in chart.FLOORS:
+        assert len([row for row in rows if (row["layout"], row["robots"]) == (floor, 1)]) == 20
+
+
+def test_the_picture_has_the_means_of_the_rows(chart: Any) -> None:
+    drawn = chart.PICTURE.read_text(encoding="utf-8")
+    numbers = re.findall(r">(\d+)</text>", drawn)
+    for floor in chart.FLOORS:
+        for policy in chart.BARS:
+            assert f"{chart.measured(policy, floor, 32).mean:.0f}" in numbers, (policy, floor)
+        assert f">one robot alone: {chart.measured('greedy', floor, 1).mean:.0f}<" in drawn
+    assert "](docs/throughput.svg)" in PAGES["README.md"]
+
+
+def test_it_is_drawn_as_it_is_kept(chart: Any, tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = re.findall(r">([^<>]*)</text>", chart.PICTURE.read_text(encoding="utf-8"))
+    monkeypatch.setattr(chart, "PICTURE", tmp_path / "again.svg")
+    chart.draw()
+    assert re.findall(r">([^<>]*)</text>", (tmp_path / "again.svg").read_text(encoding="utf-8")) == kept
