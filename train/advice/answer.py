@@ -46,6 +46,10 @@ def asked_text(asked: Asked, capacity: Capacity) -> str:
     return f"{text} {_robots(asked.fewer.robots)} {told}: {_commas(with_interval(asked.fewer.goals))}."
 
 
+def _listed(texts: list[str]) -> str:
+    return " and ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
+
+
 def _commas(text: str) -> str:
     """Return figures with a comma at thousands."""
     return re.sub(r"\d{4,}", lambda found: f"{int(found[0]):,}", text)
@@ -59,20 +63,19 @@ def _most(advice: Advice) -> Iterator[str]:
     """Say how many goals the floor makes at most, and with how many robots."""
     found, name = advice.capacity, advice.plan.grid.name
     goals, made = found.goals, _commas(with_interval(found.goals.goals))
-    yield (
-        f"**{name} makes the most with {_robots(found.crew.robots)}: {made} goals an hour**, in {goals.episodes} "
-        "episodes that had no part in choosing that number."
-    )
+    largest, robots = found.loads[-1].robots, _robots(found.crew.robots)
+    open_ = found.crew.robots == largest > 1
+    most = f"{name} makes at least this with {robots}" if open_ else f"{name} makes the most with {robots}"
+    yield (f"**{most}: {made} goals an hour**, in {goals.episodes} episodes that had no part in choosing that number.")
     if found.best != found.crew.robots:
         yield (
             f"In those that had, {found.best} robots made most; the smaller number is named, since it was not told "
             f"apart and came within {100 - 100 * NEAR:.0f}%."
         )
-    largest = found.loads[-1].robots
-    if found.crew.robots == largest and found.crew.robots > 1:
+    if open_:
         yield f"More were not tried, so it may be more: {_why(advice)}."
     elif found.stopped:
-        yield f"The time was over before {found.stopped}."
+        yield f"The time was over before {_listed(found.stopped)}."
     if found.alone.mean > 0:
         share = number(100 * goals.each.mean / found.alone.mean, 2)
         waiting = with_interval(goals.waiting, 100, 2)
@@ -81,7 +84,7 @@ def _most(advice: Advice) -> Iterator[str]:
 
 def _why(advice: Advice) -> str:
     if advice.capacity.stopped:
-        return f"the time was over before {advice.capacity.stopped}"
+        return f"the time was over before {_listed(advice.capacity.stopped)}"
     return "it is the most to try, or as many as have goals of their own"
 
 
@@ -161,6 +164,9 @@ def _bottlenecks(advice: Advice) -> Iterator[str]:
 def _changes(advice: Advice, kind: str) -> Iterator[str]:
     own = [effect for effect in advice.effects if effect.candidate.kind == kind]
     what = "One more aisle" if kind == "aisle" else "A one-way rule"
+    if not own and not advice.sought:
+        yield f"**{what}**: there was no time to try any."
+        return
     if not own:
         yield f"**{what}**: no change of this kind is possible at the bottlenecks." if advice.bottlenecks else ""
         return

@@ -23,7 +23,8 @@ CONFIRMED = 12  # episodes of what was chosen, with seeds of their own, where th
 ALONE = 40  # episodes of one robot alone, which are quick and vary much
 UNRACED = "the policies were raced"  # what the time may be over before
 EASY = 0.75  # of what one alone makes, each: with so many robots nobody is in the way yet
-_UP, _POLICY, _LOAD, _KNEE, _CONFIRM, _JAM = 0.3, 0.4, 0.5, 0.52, 0.6, 0.65  # of the time, when each is over
+OVER = 0.65  # of the time, when all this is
+_UP, _POLICY, _LOAD, _KNEE, _CONFIRM, _JAM = 0.3, 0.4, 0.5, 0.52, 0.6, OVER  # when each of its parts is
 
 
 class Versus(NamedTuple):
@@ -45,7 +46,7 @@ class Capacity(NamedTuple):
     contacts: Interval  # a kilometre
     knee: Interval | None  # robots from which a further one brings less than half of what one alone does
     jam: Load | None
-    stopped: str  # what the time was over before; nothing if it was not
+    stopped: list[str]  # what the time was over before
 
 
 def begins_with(grid: GridMap, most: int) -> int:
@@ -70,8 +71,7 @@ def capacity(study: Study) -> Capacity:
     found = study.loads(crew.policy)
     fall = knee(found, alone, study.plan.seed)
     contacts = MEASURES["collisions_per_km"].interval(study.of(crew))
-    goals, when = confirmed(study, crew), ", and ".join(stopped)
-    return Capacity(crew, goals, best, alone, found, others, contacts, fall, jam, when)
+    return Capacity(crew, confirmed(study, crew), best, alone, found, others, contacts, fall, jam, stopped)
 
 
 def _climb(study: Study, stopped: list[str]) -> int:

@@ -53,12 +53,12 @@ def options(
 
 
 def affordable(left: float, took: float) -> int:
-    """Return how many changes of each kind, 1 to SOUGHT, can be raced in the seconds that are left; took: an episode.
+    """Return how many changes of each kind, 0 to SOUGHT, can be raced in the seconds that are left; took: an episode.
 
-    The best of each kind, and the floor as it is, are then driven PAIRS times.
+    The best of each kind, and the floor as it is, are then driven PAIRS times; who is alone in its kind needs no race.
     """
     episodes = min(left / max(took, 1e-9), 1e9) - PAIRS * (1 + len(KINDS))
-    return int(min(SOUGHT, max(1, (episodes / FEWEST - 1) // len(KINDS))))
+    return 0 if episodes < 0 else int(min(SOUGHT, max(1, (episodes / FEWEST - 1) // len(KINDS))))
 
 
 def effects(plan: Plan, chosen: Sequence[Candidate], crew: Crew, drive: Drive, clock: Clock) -> list[Effect]:

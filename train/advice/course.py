@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from train.advice import changes
 from train.advice.asked import Asked, asked
 from train.advice.candidates import Bottleneck, bottlenecks, draw_trips, passing, plan_trips, traffic
-from train.advice.capacity import ALONE, SCOUTS, Capacity, begins_with, capacity, confirm, confirmed
+from train.advice.capacity import ALONE, OVER, SCOUTS, Capacity, begins_with, capacity, confirm, confirmed
 from train.advice.changes import Effect
-from train.advice.cost import expected
+from train.advice.cost import expected, needed
 from train.advice.study import Crew, Study
 from train.advice.trials import Clock, Drive, Plan, Use
 from train.evaluation.places import Floor, floor_of_notes
@@ -36,11 +36,17 @@ class Advice(NamedTuple):
     bottlenecks: list[Bottleneck]
     visits: NDArray[np.float64]  # share of trips over each cell
     effects: list[Effect]
+    sought: bool  # whether there was time for changes
 
 
 def advise(plan: Plan, drive: Drive, clock: Clock, say: Say) -> Advice:
-    """Find out everything, in the time that there is once robots alone have driven, for which kernels may compile."""
+    """Find out everything, in the time that there is once robots alone have driven, for which kernels may compile.
+
+    The number of robots comes first: where the time will not do for changes, it has all of it.
+    """
     study = _begun(plan, drive, clock, say)
+    if clock.minutes is not None and needed(study)[1] > (1 - OVER) * clock.minutes:
+        study.stretch = 1 / OVER
     trips = draw_trips(plan.grid, plan.seed)
     routes = plan_trips(plan.grid, trips)
     visits, flow = passing(routes, plan.grid.shape), traffic(routes, plan.grid.shape)
@@ -54,7 +60,7 @@ def advise(plan: Plan, drive: Drive, clock: Clock, say: Say) -> Advice:
         confirm(study, found.crew, _MOST, 1.0)
         found = found._replace(goals=confirmed(study, found.crew))
     effects = changes.effects(plan, chosen, crew, drive, clock)
-    return Advice(plan, crew, found, answered, *_places(study, crew, visits), visits, effects)
+    return Advice(plan, crew, found, answered, *_places(study, crew, visits), visits, effects, most > 0)
 
 
 def _begun(plan: Plan, drive: Drive, clock: Clock, say: Say) -> Study:

@@ -26,6 +26,7 @@ class Study:
 
     def __init__(self, plan: Plan, drive: Drive, clock: Clock) -> None:
         self.plan, self.clock = plan, clock
+        self.stretch = 1.0  # of all shares of the time, where nothing comes behind what they are for
         self._drive = drive
         self._rows: dict[tuple[Crew, int], Row] = {}
         self._took: dict[int, tuple[float, int]] = {}  # [s] and episodes, by number of robots
@@ -66,7 +67,7 @@ class Study:
         """Return whether what is lacking of these episodes ends within a share of the time, by what is known."""
         lacking = [crew.robots for crew in crews for seed in seeds if (crew, seed) not in self._rows]
         needed = sum(map(self.seconds, lacking))
-        return math.isnan(needed) or self.clock.allows(needed, share)
+        return math.isnan(needed) or self.clock.allows(needed, min(1.0, self.stretch * share))
 
     def loads(self, policy: str, use: Use = Use.CHOOSE) -> list[Load]:
         """Return what a policy's robots did on the seeds of a use, for each number of them."""

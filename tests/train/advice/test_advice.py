@@ -170,7 +170,7 @@ SIXTEEN, TWENTY, JAM = load(16, interval(1000.0, 100.0)), load(24, interval(1010
     32, interval(500.0, 50.0), 0.5, True)  # fmt: skip
 CAPACITY = Capacity(
     Crew("threaded_ppo", 16), load(16, interval(990.0, 50.0)), 24, interval(125.0, 5.0), [SIXTEEN, TWENTY, JAM],
-    [Versus("greedy", interval(100.0, 50.0))], interval(0.0), interval(12.0, 2.0), JAM, "",
+    [Versus("greedy", interval(100.0, 50.0))], interval(0.0), interval(12.0, 2.0), JAM, [],
 )  # fmt: skip
 
 
@@ -182,7 +182,7 @@ def advice(asked: Asked | None = None, **changes: Any) -> Advice:
     plan = Plan(RACKS, ("greedy", "threaded_ppo"), "astar_turns", 300.0, 0, None, 64)
     floor = Floor(np.ones((7, 6)), np.empty((0, 2)), np.empty(0), 1.0)
     worst = [Bottleneck((3, 3), 3.5, 3.5, 30.0, 0.75, 0.25)]
-    known = Advice(plan, CAPACITY.crew, CAPACITY, asked, floor, worst, np.zeros((7, 6)), effects)
+    known = Advice(plan, CAPACITY.crew, CAPACITY, asked, floor, worst, np.zeros((7, 6)), effects, True)
     return known._replace(**changes)
 
 
@@ -228,15 +228,19 @@ def test_a_fall_that_may_be_chance_is_called_so() -> None:
 
 
 def test_the_answer_where_less_was_found_out() -> None:
-    text = told(jam=None, knee=None, loads=[SIXTEEN], best=16, stopped="32 robots were tried")
+    text = told(jam=None, knee=None, loads=[SIXTEEN], best=16, stopped=["32 robots were tried", "others", "all"])
     assert "No jam was seen with up to 16 robots." in text
     assert "Up to 16 robots, as many as were tried, a further one brings over half of the first" in text
-    assert "More were not tried, so it may be more: the time was over before 32 robots were tried." in text
+    assert (
+        "More were not tried, so it may be more: the time was over before 32 robots were tried, others and all." in text
+    )
     assert "[10, more than were tried] robots on" in told(knee=Interval(12.0, 10.0, math.inf, 8))
-    unraced = told(others=[], stopped="the policies were raced")
+    unraced = told(others=[], stopped=["the policies were raced"])
     assert "They drive under `threaded_ppo`. The time was over before all others were measured on new seeds." in unraced
     assert "*not told apart* from none" in told(others=[Versus("greedy", interval(5.0, 50.0))])
     assert "**Its robots touch something**: 0.500 [0.400, 0.600] contacts" in told(contacts=interval(0.5, 0.1))
+    assert "hall makes at least this with 16 robots" in text
+    assert "**One more aisle**: there was no time to try any." in answer(advice(effects=[], sought=False))
     assert "No robot waited, so there is no bottleneck." in answer(advice(bottlenecks=[], effects=[]))
 
 

@@ -12,6 +12,7 @@ from tests.train.advice.floors import Curve, Slow, driver, floor_of, plan_of
 from train.advice.asked import asked
 from train.advice.capacity import Capacity, begins_with, capacity
 from train.advice.cost import expected, needed
+from train.advice.course import advise
 from train.advice.curve import rungs
 from train.advice.study import Crew, Study
 from train.advice.trials import Clock, Trial
@@ -124,6 +125,18 @@ def test_on_a_large_floor_the_peak_is_found_in_little_time() -> None:
     assert one.knee is not None
     assert 100 < one.knee.mean < 250
     assert clock.spent <= 60 * 0.6
+
+
+@pytest.mark.parametrize(("minutes", "sought"), [(0.1, False), (30.0, True)])
+def test_where_time_is_short_all_of_it_goes_to_the_number(minutes: float, sought: bool) -> None:
+    clock = Slow(minutes, driver({"ours": peaked(250.0)}, 0.01, seconds=lambda robots: robots / 1000))
+    said: list[str] = []
+    one = advise(plan_of(HALL, episodes=None), clock.drive, clock, said.append)
+    assert one.sought == sought
+    assert ("may not be found" in said[0]) == (not sought)
+    assert clock.spent <= 60 * minutes
+    assert sought or clock.spent > 0.65 * 60 * minutes  # more than its share where changes are tried
+    assert one.capacity.crew.robots >= 64
 
 
 def test_where_time_is_short_it_says_what_is_missing() -> None:

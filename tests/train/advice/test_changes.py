@@ -63,7 +63,8 @@ def test_those_that_were_not_measured_come_behind_the_best_of_their_kind() -> No
 def test_as_many_changes_as_there_is_time_for() -> None:
     assert affordable(math.inf, 1.0) == 6
     assert affordable((3 * (1 + 2 * 2) + 3 * PAIRS) * 10.0, 10.0) == 2  # two of each kind, then the pairs
-    assert affordable(0.0, 10.0) == 1
+    assert affordable(3 * PAIRS * 10.0, 10.0) == 1
+    assert affordable((3 * PAIRS - 1) * 10.0, 10.0) == 0
 
 
 def test_storage_that_an_aisle_costs() -> None:
