@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from train.evaluation.jobs import Job, Result, Tick
+from train.evaluation.own import versions
 from train.evaluation.places import Places
 from train.evaluation.rollout import make_experiment, run
 from train.reporting.rows import Row
@@ -38,10 +39,12 @@ class Trial(Job):
     @property
     def identity(self) -> Row:
         """What its row is known by."""
+        code = versions(self.policy, self.planner, "")  # of parts of one's own
         return {
             "floor": self.floor, "content": f"{self.grid.key} {self.grid.endpoints[2]}", "policy": self.policy,
             "robots": self.robots, "seed": self.seed, "planner": self.planner,
             "asked_seconds": self.seconds, "version": __version__,
+            **({"versions": code} if code else {}),
         }  # fmt: skip
 
     @property
