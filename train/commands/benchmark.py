@@ -9,12 +9,13 @@ from pathlib import Path
 
 from train.commands.evaluate import GOES_ON
 from train.evaluation.episodes import play
+from train.evaluation.own import versions
 from train.leaderboard.board import board
 from train.leaderboard.cases import experiments
 from train.leaderboard.entry import SHIPPED, Entry, drive_again, faults, make_entry, read_entry, write_entry
-from train.reporting.rows import RowFile, check_writable
+from train.reporting.rows import RowFile, check_writable, instead
 from warehouse_env.checked import Checked
-from warehouse_env.errors import ConfigError, WarehouseError
+from warehouse_env.errors import ConfigError, WarehouseError, shown
 
 
 @dataclass(frozen=True)
@@ -27,9 +28,10 @@ class Benchmark(Checked):
     """
 
     policy: str | None = None
-    """Policy to drive: a name, or a folder of a trained one."""
+    """Policy to drive: a name of `warehouse policies`, the folder of a trained one, a model of stable-baselines3
+    (FILE.zip), or your own, FILE.py:CLASS or MODULE:CLASS."""
     name: str | None = None
-    """What it is called on the board (the policy's name, or its folder's, if left out)."""
+    """What it is called on the board (the policy's name, or its file's, if left out)."""
     entries: tuple[Path, ...] = ()
     """Files of other entries to show beside the shipped ones."""
     check: bool = False
@@ -40,6 +42,8 @@ class Benchmark(Checked):
     """Folder for the entry's file, and for its rows while it drives."""
     resume: bool = False
     """Keep the episodes that were driven before a stop."""
+    overwrite: bool = False
+    """Replace the episodes that were driven before."""
     processes: int = field(default_factory=lambda: min(os.cpu_count() or 1, 8))
     """Episodes to drive at a time, each in a process of its own; the entry stays the same."""
 
@@ -47,27 +51,29 @@ class Benchmark(Checked):
         """Drive or check what is asked for, then show the board."""
         if self.processes < 1:
             raise ConfigError(f"--processes {self.processes} must be at least 1")
+        if self.name is not None and (Path(self.name).name != self.name or self.name in ("", "..")):
+            raise ConfigError(f"--name {shown(self.name)} must be a plain name; the folder of the file is --out")
         entries = [read_entry(path) for path in self.entries]
         if self.check:
             self._check(entries)
             return
         if self.policy is not None:
             entries.append(self._drive(self.policy))
-        shown = [read_entry(path) for path in sorted(SHIPPED.glob("*.json"))] + entries
-        for table in board([entry for entry in shown if not any(faults(entry))]):
+        listed = [read_entry(path) for path in sorted(SHIPPED.glob("*.json"))] + entries
+        for table in board([entry for entry in listed if not any(faults(entry))]):
             table.print()
-        for fault in (fault for entry in shown for fault in faults(entry)):
+        for fault in (fault for entry in listed for fault in faults(entry)):
             print(f"not on the board: {fault}")
 
     def _drive(self, policy: str) -> Entry:
-        name = self.name or Path(policy).stem or policy
+        name = self.name or Path(policy).name.removesuffix(".zip").replace(":", "-")
         path, rows_path = self.out / f"{name}.json", self.out / f"{name}.rows.jsonl"
         listed = list(experiments(policy))  # what is wrong is said before anything drives
         check_writable(path)
         tracks = [track for track, one in listed for _ in one.episodes]
-        with RowFile(rows_path, keep=self.resume) as file:
+        with RowFile(rows_path, self.resume, instead(self.overwrite)) as file:
             rows, _ = play([one for _, one in listed], file, file.old(), False, self.processes, None, GOES_ON)
-        entry = make_entry(name, "", zip(tracks, rows, strict=True))
+        entry = make_entry(name, versions(policy, "", "").get(policy, ""), zip(tracks, rows, strict=True))
         write_entry(entry, path)
         print(f"wrote the entry to {path}")
         return entry
@@ -77,7 +83,9 @@ class Benchmark(Checked):
             raise ConfigError("--check needs the files of --entries")
         found = [fault for entry in entries for fault in faults(entry)]
         if self.policy is not None and not found:
-            found = [fault for entry in entries for fault in drive_again(entry, self.policy, self.again)]
+            made_of = versions(self.policy, "", "").get(self.policy, "")
+            found = [f"{one.policy} was made of another {self.policy}" for one in entries if one.made_of != made_of]
+            found += [fault for entry in entries for fault in drive_again(entry, self.policy, self.again)]
         for fault in found:
             print(fault)
         if found:

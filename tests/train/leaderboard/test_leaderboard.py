@@ -139,6 +139,7 @@ def test_the_command_says_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFi
     """Before anything drives."""
     assert main(["benchmark", "--policy", "nobody"]) == 2
     assert main(["benchmark", "--check"]) == 2
+    assert main(["benchmark", "--policy", "greedy", "--name", "../mine"]) == 2
     assert main(["benchmark", "--entries", str(tmp_path / "none.json")]) == 2
     said = capsys.readouterr().err
-    assert all(text in said for text in ("nobody", "--check needs", "none.json"))
+    assert all(text in said for text in ("nobody", "--check needs", "--name ../mine", "none.json"))
