@@ -144,10 +144,14 @@ class FieldSpec(Checked):
     pose_error: float = 0.0  # [m] that a robot is at most from where it believes to be
     heading_error: float = 0.0  # [rad], so of its heading
     actuation_error: float = 0.0  # share by which it accelerates and steers more or less than it is told to
+    # of the field by lidar alone, whose scanners see as far as SensorSpec.lidar_range
+    scanner_rays: int = 360  # of each of the two, evenly all round
+    unseen_speed: float = 0.0  # [m/s] of what may be hidden and keeps no such rule; robots do, people have their own
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._between(0.0, 10.0, "latency")
+        self._between(0.0, 10.0, "latency", "unseen_speed")
+        self._between(36, 7200, "scanner_rays")
         self._between(0.0, 1.0, "pose_error")
         self._between(0.0, 0.5, "heading_error", "actuation_error")
 
@@ -179,7 +183,9 @@ class EnvConfig(Checked):
     speed_levels: tuple[float, ...] = (-0.4, 0.0, 0.5, 1.5)  # [m/s], of discrete actions
     lateral_offsets: tuple[float, ...] = (0.0, 0.6, -0.6, 1.2, -1.2)  # [m], left of the route is positive
     keep_right: float = 0.5  # [m] that routes move to the right of the planned path where there is room
-    protective_field: bool = False  # robots brake, whatever they are told, where they could not stop clear of others
+    # robots brake, whatever they are told, where they could not stop clear of others: of whom they know by what robots
+    # tell each other, or by their own scanners alone ("lidar")
+    protective_field: bool | Literal["lidar"] = False
     field_margin: float = 0.02  # [m] that the field keeps between robots
     field_spec: FieldSpec = field(default_factory=FieldSpec)  # bounds of what the next four may be
     message_latency: float = 0.0  # [s] after which messages are heard at the latest, evenly drawn from 0 on
@@ -227,9 +233,13 @@ class EnvConfig(Checked):
 
         All others do: `reroute` with any of them, and `right_of_way_after` says nothing without `right_of_way`.
         """
-        rule = "False without protective_field=True, and with raw actions, which follow no route"
+        rule = "False without a protective_field, and with raw actions, which follow no route"
         sound = self.protective_field and self.action_type != "raw"
         self._require(sound or not self.right_of_way, "right_of_way", rule)
+        errors = ("pose_error", "heading_error", "actuation_error")
+        exact = not any(getattr(spec, name) for spec in (self, self.field_spec) for name in errors)
+        rule = "False or True with any pose_error, heading_error or actuation_error, of EnvConfig or FieldSpec"
+        self._require(exact or self.protective_field != "lidar", "protective_field", rule)
 
     def replace(self, **changes: Unpack[ConfigChanges]) -> EnvConfig:
         """Return a copy with some fields changed; unknown names raise ConfigError."""

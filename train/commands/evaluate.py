@@ -40,6 +40,8 @@ class Drive(Checked):
     """Planner of the routes: a name of `warehouse planners`, or one of your own, FILE.py:CLASS or MODULE:CLASS."""
     protective_field: Annotated[bool | None, _switch("protective-field")] = None
     """Refuse commands that could end in a contact."""
+    field_by_lidar: bool = False
+    """Let the protective field go by what each robot's own scanners see, not by what robots tell each other."""
     right_of_way: Annotated[bool | None, _switch("right-of-way")] = None
     """Decide who goes first, and let who is in the way make room."""
     right_of_way_after: float | None = None
@@ -52,8 +54,10 @@ class Drive(Checked):
     seed: int = HELD_OUT_SEED
     """The first seed, the next ones count on; no training uses seeds from the default on."""
 
-    def chosen(self) -> dict[str, bool | float]:
-        """Return what options set of EnvConfig; ConfigError where right of way shall step in without being there."""
+    def chosen(self) -> dict[str, bool | float | str]:
+        """Return what options set of EnvConfig; ConfigError where right of way shall step in without being there, and
+        where there is to be no field and yet one by lidar.
+        """
         options = ("protective_field", "right_of_way", "right_of_way_after", "reroute", "people")
         given = {name: getattr(self, name) for name in options}
         if self.right_of_way_after is not None:
@@ -61,6 +65,10 @@ class Drive(Checked):
                 after = f"{self.right_of_way_after:g}"
                 raise ConfigError(f"--right-of-way-after {after} must be left out with --no-right-of-way")
             given["right_of_way"] = True
+        if self.field_by_lidar:
+            if self.protective_field is False:
+                raise ConfigError("--field-by-lidar must be left out with --no-protective-field")
+            given["protective_field"] = "lidar"
         return {name: value for name, value in given.items() if value is not None}
 
 

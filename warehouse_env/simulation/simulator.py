@@ -30,10 +30,12 @@ from warehouse_env.simulation.physics.people import People
 from warehouse_env.simulation.record import metrics
 from warehouse_env.simulation.rules import agreement, making_room
 from warehouse_env.simulation.rules.audit import raise_fault
+from warehouse_env.simulation.rules.by_sight import NOT_SEEN
 from warehouse_env.simulation.rules.jams import Jams, jams_of
 from warehouse_env.simulation.rules.path_ahead import COLUMNS, POSES
 from warehouse_env.simulation.senses.messages import Messages
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS, weight_vector
+from warehouse_env.simulation.senses.scanners import scanners_of
 from warehouse_env.simulation.tasks.assignment import Assignment, check_assignments
 from warehouse_env.simulation.tasks.dispatch import ROUTE_BLOCK, Dispatcher
 from warehouse_env.simulation.tasks.placement import put_all
@@ -62,7 +64,7 @@ class Simulator(Portable):
     """
 
     bound = (
-        "state", "events", "_floor", "_compiled",
+        "state", "events", "_floor", "_scanners", "_compiled",
         "_advance_arguments", "_agree_arguments", "_room_arguments", "_observe_arguments",
     )  # fmt: skip
 
@@ -93,6 +95,7 @@ class Simulator(Portable):
         given.check_stop(config, state.stop_samples(planned))
         self.layout = observation_layout(config)
         each = state.ROBOT.itemsize + 8 * ROUTE_BLOCK
+        each += 4 * config.num_agents if config.protective_field == "lidar" else 0  # whom it sees
         cells = self.grid.occupied.size
         given.check_memory(num_worlds, config.num_agents, self.layout.size, each, config.people, cells)
         self._params = state.parameters_of(planned, self.grid.cell_size)
@@ -133,9 +136,10 @@ class Simulator(Portable):
         p["most_pairs"] = state.most_pairs(n, reach, float(p["radius"][0]), planned)
         self._stamps = np.zeros((b, n, state.most_near(n, self.config), 2), dtype=np.int32)
         rows, columns = self.grid.shape
-        size = self.grid.cell_size
+        size, by_sight = self.grid.cell_size, self.config.protective_field == "lidar"
+        seen_from = float(p["radius"][0]) * (2 if by_sight else 1)  # the farthest point of the body, or its centre
         look = max(
-            self.config.sensor.lidar_range + float(p["radius"][0]),
+            self.config.sensor.lidar_range + seen_from,
             2 * max(reach, float(p["field_range"][0]) if self.config.protective_field else 0.0),
         )
         bucket_rows, bucket_columns, side = bucket_grid(n, columns * size, rows * size, look)
@@ -148,6 +152,7 @@ class Simulator(Portable):
         self._waiting = np.zeros(b, dtype=np.int32)
         self._faults = np.zeros((b, 3), dtype=np.int32)
         self._features = step.Features.of(self.config)
+        self._sights = np.full((b, n, n), NOT_SEEN) if by_sight else None
         most, least = max(_MOST // n, 1), math.ceil(_LEAST / n)
         self._blocks = _parts(b, most)
         self._parts = _parts(b, max(min(math.ceil(b / (_PARTS * MOST_THREADS)), most), least))
@@ -157,6 +162,9 @@ class Simulator(Portable):
         """Make the views and the floor, and keep the kernels' arguments ready."""
         self.state, self.events = state.state_of(self.robots), state.events_of(self.robots)
         self._floor = floor_of(self.grid, self.config.sensor.lidar_range)
+        self._scanners = None
+        if self._sights is not None:
+            self._scanners = scanners_of(self.config.field_spec.scanner_rays, self._floor.edges)
         self._compiled: _Code | None = None  # once the first step asks for it
         self._collect()
 
@@ -173,7 +181,7 @@ class Simulator(Portable):
         self._advance_arguments = (
             persons, self.people.ways, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
             self.terminated, self._waiting, self._faults, self._deviation.bodies, self._deviation.errors,
-            *features, self._params, self._true_params, *floor,
+            *features, self._scanners, self._sights, self._params, self._true_params, *floor,
         )  # fmt: skip
         self._agree_arguments = (
             persons, self.arcs, self._commands[0], self._paths, self._params, self._choices, self._floor.clearance,
@@ -259,6 +267,8 @@ class Simulator(Portable):
         self._stamps[world] = self._faults[world] = self._commands[:, world] = self.steps[world] = 0
         self.arrivals = [arrival for arrival in self.arrivals if arrival.world != world]
         self.truncated[world] = self.terminated[world] = False
+        if self._sights is not None:
+            self._sights[world] = NOT_SEEN
         robots["alive"] = 1
         robots["gap"] = robots["min_gap"] = state.GAP_HORIZON
         robots["held_by"] = robots["yields_to"] = state.NOBODY

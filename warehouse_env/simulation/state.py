@@ -51,6 +51,7 @@ ROBOT = np.dtype(
         ("age", I), ("longest_age", I),  # physics steps on the way to its goal; to any that it has reached
         ("held", I), ("held_by", I), ("held_time", F),  # refused in the last env step; by whom; [s] without a break
         ("silent", B),  # its messages of this env step are lost (messages.py)
+        ("wary", F),  # [m/s] at least so fast comes who is hidden (rules/by_sight.py)
         ("off_plan", B),  # it is not where it has planned to be (physics/deviation.py)
         # manoeuvre (simulation/driver/driving.py): in one of `arcs` arcs if that is not 0, on number `arc`
         ("arcs", B), ("arc", B), ("arc_x", F), ("arc_y", F), ("arc_heading", F),  # the reference pose on that arc,
@@ -95,6 +96,7 @@ PARAMETERS = np.dtype(
         ("most_pairs", I), ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator
         ("right_of_way", B), ("right_of_way_after", F),  # [s]
         ("field", B), ("field_margin", F), ("stop_samples", I), ("swing", F), ("far", F), ("field_range", F),
+        ("reel", F), ("unseen_speed", F),  # fastest point by speed, at most; [m/s]
         ("action_type", I), ("one_shot", B), ("collision_ends", B), ("max_steps", np.int64),
     ],
     align=True,
@@ -116,6 +118,8 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
     stride = fastest * wide * config.time_step  # of the centre, at most, in one physics step
     far = robot.farthest
     dt = config.time_step / config.substeps
+    sharpest = math.tan(robot.max_steering) / robot.wheelbase  # [1/m]
+    reel = math.hypot(1 + sharpest * robot.width / 2, sharpest * max(robot.rear_reach, robot.front_overhang))
     blur = robot.max_acceleration * dt**2 / 8  # of a body from where it would be in a substep at even speed, at most
     stop = 0.5 * (fastest**2 / robot.max_acceleration + robot.max_acceleration * config.time_step**2)
     values = {
@@ -132,7 +136,8 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
         "route_points": sensor.route_points, "route_spacing": sensor.route_spacing,
         "predictions": sensor.predictions,
         "right_of_way": config.right_of_way, "right_of_way_after": config.right_of_way_after,
-        "field": config.protective_field, "field_margin": config.field_margin,
+        "field": config.protective_field is not False, "field_margin": config.field_margin,
+        "reel": reel, "unseen_speed": config.field_spec.unseen_speed,
         "stop_samples": stop_samples(config), "swing": wide,
         "far": far,
         "field_range": 2 * (radius + stride + wide * stop) + config.field_margin,
@@ -146,7 +151,7 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
 
 def latency_steps(config: EnvConfig) -> int:
     """Return the physics steps from when a robot says what it will do until it does it."""
-    return math.ceil(config.field_spec.latency / config.time_step - 1e-9) if config.protective_field else 0
+    return math.ceil(config.field_spec.latency / config.time_step - 1e-9) if config.protective_field is True else 0
 
 
 def stop_samples(config: EnvConfig) -> int:

@@ -21,7 +21,7 @@ from warehouse_env.simulation.driver import line, tracking
 from warehouse_env.simulation.physics import buckets, contact, contact_episodes, deviation, people
 from warehouse_env.simulation.physics.kinematics import approach, braking
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
-from warehouse_env.simulation.rules import audit, field, right_of_way, waits
+from warehouse_env.simulation.rules import audit, by_sight, field, right_of_way, waits
 from warehouse_env.simulation.senses import prediction, sensing
 from warehouse_env.simulation.senses.rewards import write_terms
 from warehouse_env.simulation.state import GAP_HORIZON, NOBODY
@@ -153,9 +153,13 @@ def _move(robots, persons, near, motions, walking, guarded, p, solid, clearance)
 
 @inline
 def _choose(
-    robots, persons, routes, arcs, commands, places, motions, guards, followed, walking, guarded, p, solid, clearance
-):
-    """Choose each robot's motion of one physics step."""
+    robots, persons, routes, arcs, commands, places, motions, guards, followed, walking, guarded, scanners, sights,
+    looks, p, solid, clearance,
+):  # fmt: skip
+    """Choose each robot's motion of one physics step.
+
+    scanners, sights float32[N, N], looks: None without them; see scanners.py and by_sight.py.
+    """
     _, motion, _, _ = motions
     for i in range(robots.shape[0]):
         first, second = commands[i, 0], commands[i, 1]
@@ -164,7 +168,9 @@ def _choose(
         else:
             first, second = _take_raw(robots[i], first, second, p)
         contact.load(robots, i, first, second, p, clearance, motion)
-    if guarded is not None:
+    if scanners is not None:
+        by_sight.guard(robots, persons, motion, guards, places, sights, looks, walking, p, solid, clearance, scanners)
+    elif guarded is not None:
         field.guard(robots, persons, motion, guards, places, walking, p, solid, clearance)
 
 
@@ -235,7 +241,8 @@ def _count_step(robots, steps, b, truncated, terminated, p):
 @kernel
 def advance(
     begin, end, robots, routes, persons, ways, arcs, commands, stamps, steps, truncated, terminated, waiting, faults,
-    actual, errors, followed, walking, guarded, checked, erring, params, true_params, solid, clearance,
+    actual, errors, followed, walking, guarded, checked, erring, scanners, sights, params, true_params, solid,
+    clearance,
 ):  # fmt: skip
     """Move the worlds from `begin` to before `end` on by one env step; return (arrivals, robots that seek a manoeuvre).
 
@@ -245,11 +252,12 @@ def advance(
     bool[B], terminated bool[B, N];
     waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator has given out new tasks;
     faults int32[B, 3]: see audit.find_fault; actual BODY[B, N], errors, true_params: see deviation.py; followed to
-    erring: see Features.
+    erring: see Features; scanners, sights float32[B, N, N]: see scanners.py and by_sight.py, None without them.
     """
     p, true = params[0], true_params[0]
     arrivals, seeking, count = 0, 0, robots.shape[1]
     places, motions, guards = buckets.scratch(count, p), contact.scratch(count, p), field.scratch(count, p)
+    looks = None if scanners is None else by_sight.scratch(count, scanners)
     order, starts, bodies = places
     pairs, moved, _, _ = motions
     own = moved if erring is None else np.empty_like(moved)
@@ -266,7 +274,8 @@ def advance(
             said = max(p["latency"] - repeat + p["repeat"] - 1, 0) // p["repeat"]  # env steps ago
             _choose(
                 robots[b], persons[b], routes[b], arcs[b], commands[said, b], places, motions, guards,
-                followed, walking, guarded, p, solid, clearance,
+                followed, walking, guarded, scanners, None if scanners is None else sights[b], looks, p, solid,
+                clearance,
             )  # fmt: skip
             _carry_out(
                 robots[b], persons[b], actual[b], errors[b, repeat], near, motions, own, walking, guarded, erring, p,

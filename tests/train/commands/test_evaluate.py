@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from train.cli import main
-from train.commands.evaluate import Evaluate, Robust
+from train.commands.evaluate import Drive, Evaluate, Robust
 from train.evaluation import episodes
 from train.evaluation.rollout import Experiment, Trace, make_experiment, pair_centres, run
 from train.reporting.rows import RowFile, read_rows
@@ -136,6 +136,16 @@ def test_a_time_after_which_right_of_way_steps_in_asks_for_it(
     assert (driven.right_of_way, driven.right_of_way_after) == (True, 4.0)
     assert main(command(tmp_path, *options, "--no-right-of-way")) == 2
     assert "--right-of-way-after 4 must be left out with --no-right-of-way" in capsys.readouterr().err
+
+
+def test_the_field_goes_by_lidar_if_asked_to_and_then_there_is_one() -> None:
+    assert Drive(field_by_lidar=True).chosen() == {"protective_field": "lidar"}
+    assert Drive(field_by_lidar=True, protective_field=True, reroute=True).chosen() == {
+        "protective_field": "lidar",
+        "reroute": True,
+    }
+    with pytest.raises(ConfigError, match="--field-by-lidar must be left out with --no-protective-field"):
+        Drive(field_by_lidar=True, protective_field=False).chosen()
 
 
 def test_right_of_way_without_the_field_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -142,4 +142,4 @@ def test_the_command_says_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFi
     assert main(["benchmark", "--policy", "greedy", "--name", "../mine"]) == 2
     assert main(["benchmark", "--entries", str(tmp_path / "none.json")]) == 2
     said = capsys.readouterr().err
-    assert all(text in said for text in ("nobody", "--check needs", "--name ../mine", "none.json"))
+    assert all(text in said for text in ("nobody", "--check needs", "--name '../mine'", "none.json"))

@@ -1,0 +1,239 @@
+"""The protective field by lidar alone: nobody's word is taken, and none is given.
+
+All robots choose a motion at once, each by what its own scanners see at that instant: a step as commanded, or a weaker
+one, and a full stop. It is taken if both hold, else the robot brakes along the stop that it has.
+
+- *Seen*: of two robots that see each other, each knows the other's stop. Whatever the motion sweeps must be nearer to
+  what the own stop sweeps than to what the other's does. Both see to it, so no point is swept by both.
+- *Unseen*: whoever may be hidden reaches no place of the motion before the body has left it, if no point of it is
+  faster than any of this robot has been, less what both could have braked since. Of two that are hidden from each
+  other, the faster one answers for both; so a robot is slow where somebody could come out near it.
+
+Why nobody then runs into anybody: docs/traffic.md.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline, kernel, part, whole
+from warehouse_env.simulation.physics import people
+from warehouse_env.simulation.physics.contact import ACCELERATION, SPEED, STEER_RATE
+from warehouse_env.simulation.physics.geometry import separation
+from warehouse_env.simulation.physics.kinematics import braking
+from warehouse_env.simulation.physics.stops import (
+    AXIS_COS,
+    AXIS_SIN,
+    BODY_COS,
+    BODY_SIN,
+    CENTRE_X,
+    CENTRE_Y,
+    LONG,
+    MIDDLE_X,
+    MIDDLE_Y,
+    PACE,
+    REACH,
+    SAMPLES,
+    SLACK,
+    WIDE,
+    is_far_from_shelves,
+    meets_shelf,
+    outline_trial,
+    outlines_meet,
+    sample,
+)
+from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
+from warehouse_env.simulation.rules import unseen
+from warehouse_env.simulation.rules.field import FREE, PERSON, SHELF, begin
+from warehouse_env.simulation.senses.scanners import centre_of, scan, see_each_other
+from warehouse_env.simulation.senses.sensing import TURNED
+from warehouse_env.simulation.state import NOBODY
+
+UNSEEN, TOO_FAST = -4, -5  # what refuses a motion, beside those of field.py
+NOT_SEEN = -ONE
+_TRIES = 4  # commands, each half as far from full braking as the one before
+_ROOT_2 = np.float32(1.4142137)
+_ARC = np.float32(1.05)  # of an arc to its chord, at most
+_SPEED = np.float32(0.01)  # [m/s] of rounding
+
+
+@kernel
+def scratch(count, scanners):
+    """Return the scratch arrays of a world: of a scan (see sensing.scan_shelves), and of what is seen."""
+    rays = scanners.rays.shape[1]
+    return np.empty((TURNED, rays), np.float32), unseen.scratch(count, rays)
+
+
+@inline
+def _shift(a, n, b, m, paths, p):
+    """Return at least how far [m] a point of the body is between two poses."""
+    dx, dy = paths[a, n, CENTRE_X] - paths[b, m, CENTRE_X], paths[a, n, CENTRE_Y] - paths[b, m, CENTRE_Y]
+    dc, ds = paths[a, n, BODY_COS] - paths[b, m, BODY_COS], paths[a, n, BODY_SIN] - paths[b, m, BODY_SIN]
+    return np.sqrt(dx * dx + dy * dy) + p["radius"] * np.sqrt(dc * dc + ds * ds)
+
+
+@inline
+def _blur(row, n, paths, marks, p):
+    """Return how far [m] any point is at most from where it is at sample n, half-way to the samples beside it."""
+    most = ZERO
+    if n > 0:
+        most = _shift(row, n, row, n - 1, paths, p)
+    if n + 1 < marks[SAMPLES, row]:
+        most = max(most, _shift(row, n, row, n + 1, paths, p))
+    return HALF * _ARC * most + p["blur"]
+
+
+@part
+def _shares(i, j, paths, outlines, marks, p):
+    """Whether all that the motion on trial sweeps is nearer to what robot i's stop sweeps than to robot j's."""
+    trial, pace = paths.shape[0] - 1, outlines[PACE, j]
+    for n in range(marks[SAMPLES, trial]):
+        beyond = np.float32(np.inf)
+        for m in range(marks[SAMPLES, i]):
+            beyond = min(beyond, _shift(trial, n, i, m, paths, p))
+        blur, m = _blur(trial, n, paths, marks, p), 0
+        while m < marks[SAMPLES, j]:
+            gap = separation(
+                paths[j, m, CENTRE_X] - paths[trial, n, CENTRE_X], paths[j, m, CENTRE_Y] - paths[trial, n, CENTRE_Y],
+                paths[trial, n, BODY_COS], paths[trial, n, BODY_SIN], paths[j, m, BODY_COS], paths[j, m, BODY_SIN],
+                p["half_length"], p["half_width"],
+            )  # fmt: skip
+            need = beyond + blur + blur + _blur(j, m, paths, marks, p) + SLACK
+            if gap <= need:
+                return False
+            m += 1 if pace == ZERO else max(1, int((gap - _ROOT_2 * (need + pace)) / pace))
+    return True
+
+
+@inline
+def _who_refuses(i, motion, field, sights, p):
+    """Return a robot that i sees and would not keep its share from, FREE if there is none."""
+    paths, outlines, marks, _ = field
+    trial = motion.shape[1]
+    mx, my, reach = outlines[MIDDLE_X, trial], outlines[MIDDLE_Y, trial], outlines[REACH, trial]
+    c, s = outlines[AXIS_COS, trial], outlines[AXIS_SIN, trial]
+    long, wide, gap = outlines[LONG, trial], outlines[WIDE, trial], p["stride"] + p["stride"]
+    for j in range(motion.shape[1]):
+        if sights[i, j] == NOT_SEEN or not outlines_meet(
+            outlines[MIDDLE_X, j] - mx, outlines[MIDDLE_Y, j] - my, c, s, long, wide, reach,
+            outlines[AXIS_COS, j], outlines[AXIS_SIN, j], outlines[LONG, j], outlines[WIDE, j], outlines[REACH, j],
+            gap,
+        ):  # fmt: skip
+            continue
+        for k in (i, j):
+            if marks[SAMPLES, k] == 0:
+                sample(whole(k), k, ZERO, ZERO, np.int32(0), motion, paths, outlines, marks, p)
+        if not _shares(i, j, paths, outlines, marks, p):
+            return j
+    return FREE
+
+
+@part
+def commit(
+    i, persons, acceleration, steer_rate, wary, motion, field, sights, view, walking, p, solid, clearance
+):  # fmt: skip
+    """Return what refuses robot i a command [m/s^2], [rad/s] for this physics step and the safe stop after it, or FREE.
+
+    wary [m/s]: at least so fast comes who is hidden. The motion's pace is left in the last of the outlines.
+    """
+    paths, outlines, marks, _ = field
+    trial, speed = motion.shape[1], motion[SPEED, i]
+    marks[SAMPLES, trial], outlines[PACE, trial] = 0, ZERO
+    if speed == ZERO and min(max(acceleration * p["dt"], p["min_speed"]), p["max_speed"]) == ZERO:
+        return FREE
+    outline_trial(i, acceleration, steer_rate, motion, outlines, p)
+    sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)
+    pace, samples = outlines[PACE, trial], marks[SAMPLES, trial]
+    fastest = max(p["max_speed"], -p["min_speed"])
+    if pace - p["blur"] > (fastest + _SPEED) * p["dt"]:
+        return TOO_FAST
+    if not is_far_from_shelves(trial, outlines, p, solid, clearance) and meets_shelf(
+        trial, paths, outlines, marks, p, solid, clearance
+    ):
+        return SHELF
+    x, y, reach = outlines[MIDDLE_X, trial], outlines[MIDDLE_Y, trial], outlines[REACH, trial]
+    fit, comes = min(p["half_length"], p["half_width"]), max((pace - p["blur"]) / p["dt"], wary, p["unseen_speed"])
+    if walking is not None:
+        fit, comes = min(fit, people.RADIUS), max(comes, people.PACE)
+        if people.anybody_near(persons, x, y, reach, p) and people.could_meet(persons, paths[trial], samples, pace, p):
+            return PERSON
+    refuser = _who_refuses(i, motion, field, sights, p)
+    grain = whole(unseen.GRAINS[1] if abs(speed) <= unseen.SLOW else unseen.GRAINS[0])
+    if refuser == FREE and unseen.could_come(
+        i, paths[trial], samples, pace, comes, fit, grain, motion, view, p, solid, clearance
+    ):
+        return UNSEEN
+    return refuser
+
+
+@part
+def _look(robots, persons, motion, places, sights, walking, p, solid):
+    """Find who sees whom, and be as wary as those who have just gone out of sight may be fast.
+
+    sights float32[N, N]: as fast as j may become by the next look [m/s], if i sees it, or NOT_SEEN.
+    """
+    count, gain = motion.shape[1], p["max_acceleration"] * p["time_step"]
+    fastest, reach = max(p["max_speed"], -p["min_speed"]), p["lidar_range"] + p["radius"] + p["radius"]
+    for i in range(count):
+        robots[i]["wary"] = max(robots[i]["wary"] - gain, ZERO)
+    for i in range(count):
+        x, y = centre_of(i, motion, p)
+        for j in range(i + 1, count):
+            other_x, other_y = centre_of(j, motion, p)
+            dx, dy, had = other_x - x, other_y - y, sights[i, j] != NOT_SEEN
+            if dx * dx + dy * dy < reach * reach and see_each_other(i, j, persons, motion, places, walking, p, solid):
+                sights[i, j] = min((abs(motion[SPEED, j]) + gain) * p["reel"], fastest)
+                sights[j, i] = min((abs(motion[SPEED, i]) + gain) * p["reel"], fastest)
+            elif had:
+                robots[i]["wary"] = max(robots[i]["wary"], sights[i, j])
+                robots[j]["wary"] = max(robots[j]["wary"], sights[j, i])
+                sights[i, j] = sights[j, i] = NOT_SEEN
+
+
+@inline
+def _open_eyes(i, persons, motion, places, sights, turned, view, walking, p, scanners):
+    """Scan for robot i, and note whom it knows: itself, and who sees it."""
+    ranges, known, kinds, _, _, _ = view
+    scan(i, persons, motion, places, walking, p, scanners, turned, ranges)
+    kinds[:] = unseen.UNKNOWN
+    count, n = motion.shape[1], 0
+    for j in range(count):
+        if j == i or sights[i, j] != NOT_SEEN:
+            known[n] = j
+            n += 1
+    known[count] = n
+
+
+@inline
+def guard(robots, persons, motion, field, places, sights, looks, walking, p, solid, clearance, scanners):
+    """Let the robots drive as `motion` commands, or as much of it as they may; who may not at all, brakes."""
+    turned, view = looks
+    begin(motion, field, p)
+    _look(robots, persons, motion, places, sights, walking, p, solid)
+    for i in range(robots.shape[0]):
+        r = robots[i]
+        acceleration, steer_rate = motion[ACCELERATION, i], motion[STEER_RATE, i]
+        brake, refuser, share = braking(motion[SPEED, i], p), FREE, ONE
+        if motion[SPEED, i] == ZERO and acceleration == ZERO:
+            r["held_time"] = ZERO
+            continue
+        _open_eyes(i, persons, motion, places, sights, turned, view, walking, p, scanners)
+        for _ in range(_TRIES):
+            weaker = brake + share * (acceleration - brake)
+            refuser = commit(
+                i, persons, weaker, steer_rate, r["wary"], motion, field, sights, view, walking, p, solid, clearance
+            )
+            if refuser == FREE or acceleration == brake:
+                break
+            share *= HALF
+        if refuser == FREE:
+            motion[ACCELERATION, i] = weaker
+            r["wary"] = max(r["wary"], (field[1][PACE, motion.shape[1]] - p["blur"]) / p["dt"])
+            r["held_time"] = ZERO
+            continue
+        motion[ACCELERATION, i] = brake
+        if motion[SPEED, i] != ZERO:
+            motion[STEER_RATE, i] = ZERO
+        r["held"] += 1
+        r["held_time"] += p["time_step"]
+        r["held_by"] = max(refuser, NOBODY)
