@@ -214,7 +214,7 @@ def test_the_observation_table_is_the_layout() -> None:
 def test_names_are_those_of_the_code() -> None:
     reward = section("Reward")
     assert tuple(re.findall(r"`(\w+)` \(", reward)) == REWARD_TERMS
-    metrics = Simulator(EnvConfig(layout="open", num_agents=1, planner="astar"))
+    metrics = Simulator(EnvConfig(layout="open", num_agents=1, planner="astar", people=1))
     metrics.reset(seed=0)
     named = re.findall(r"`(\w+)`", "\n".join(re.findall(r"^\| (`.*?) \|", section("Metrics"), re.MULTILINE)))
     assert len(named) > 8

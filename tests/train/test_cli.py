@@ -55,9 +55,9 @@ def test_every_command_has_help_with_the_common_options(capsys: pytest.CaptureFi
         assert main([*name.split(), "--help"]) == 0
         shown = capsys.readouterr().out
         assert f"warehouse {name}" in shown
-        assert ("--seed" in shown) == (name not in ("policies", "planners"))  # which draw nothing
+        assert ("--seed" in shown) == (name not in ("policies", "planners", "benchmark"))  # which draw nothing
         assert "{None,True,False}" not in shown
-        assert "--json" in shown
+        assert ("--json" in shown) == (name != "benchmark")  # which writes one file of JSON, under --out
 
 
 def test_help_without_a_command_and_version(capsys: pytest.CaptureFixture[str]) -> None:

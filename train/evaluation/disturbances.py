@@ -64,7 +64,7 @@ def body(length: float, front_steered: bool = False) -> RobotSpec:
 
 
 # Errors of poses and actuators as localisation by lidar and worn drives have them.
-ERRORS: dict[str, float] = {"pose_error": 0.02, "heading_error": math.radians(1.0), "actuation_error": 0.05}
+ERRORS: dict[str, Any] = {"pose_error": 0.02, "heading_error": math.radians(1.0), "actuation_error": 0.05}
 LATE = 0.3  # [s]
 
 DISTURBANCES: dict[str, Disturbance] = {

@@ -23,6 +23,7 @@ HELD_OUT_SEED = 1_000_000
 DRAWN = tuple(f"aisles:seed={seed}" for seed in range(1, 17))  # floors drawn at random, which are trained on
 _MOST_SAMPLES = 100_000_000  # decisions of all rows between two updates; with 112 numbers each they fill 45 GB
 
+_Floors = Annotated[tuple[str, ...], tyro.conf.arg(aliases=("--layout",))]
 _Config = TypeVar("_Config", bound="TrainingConfig")
 
 
@@ -46,9 +47,7 @@ class TrainingConfig(Checked):
     """Budget of wall-clock time; with both this and STEPS, whichever ends first."""
     steps: int | None = None
     """Budget of agent-steps (one decision of one robot); 45 million if MINUTES is not given either."""
-    layouts: Annotated[tuple[str, ...], tyro.conf.arg(aliases=("--layout",))] = (
-        "paper46", "narrow", "single_lane", *DRAWN[:4],
-    )  # fmt: skip
+    layouts: _Floors = ("paper46", "narrow", "single_lane", *DRAWN[:4])
     """Floors to train on: names of `warehouse layouts`, MovingAI files NAME.map, or your own, FILE.py:FUNCTION; each is
     mixed with each robot count."""
     robots: tuple[int, ...] = (16, 32)
@@ -268,7 +267,7 @@ class ThreadedPPOConfig(ThreadedConfig, ClippedConfig):
 
     name: str = "threaded_ppo"
     """Name of the run; its folder is OUT/NAME."""
-    layouts: tuple[str, ...] = ("paper46", "narrow", "single_lane", *DRAWN)
+    layouts: _Floors = ("paper46", "narrow", "single_lane", *DRAWN)
     """Layouts to train on, by name, or MovingAI .map files; each is mixed with each robot count."""
     robots: tuple[int, ...] = (64,)
     """Robots in a world."""
