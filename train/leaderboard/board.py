@@ -28,6 +28,8 @@ def _table(track: str, entries: Sequence[Entry], cases: Sequence[Case]) -> Table
     lines = []
     for entry in entries:
         rows = select(entry.rows, track=track)
+        if not rows:  # it is not made for this track
+            continue
         by_group = [[_late(row) for row in rows if _group(row, cases) == group] for group in groups]
         lines.append((stratified_interval(by_group), entry, rows, [mean_interval(one).mean for one in by_group]))
     lines.sort(key=lambda line: -line[0].mean)

@@ -7,8 +7,11 @@ import json
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
+from agents import make_policy
+from train.central import CENTRAL
 from train.evaluation.rollout import Experiment, config_of, make_experiment
 from warehouse_env.config import EnvConfig
+from warehouse_env.errors import WeightsError
 from warehouse_env.maps.layouts import make_layout
 
 VERSION = 1
@@ -39,8 +42,9 @@ CASES: tuple[Case, ...] = (
     *(Case(f"drawn, {n}", f"aisles:seed={seed}", n, 1) for n in (32, 64) for seed in range(801, 813)),
     Case("large, 256", "blocks:rows=92,columns=92", 256, 2),
 )
+FIELD = "field"
 TRACKS: dict[str, Track] = {
-    "field": Track(
+    FIELD: Track(
         "under the protective field, with right of way and live routes",
         {"protective_field": True, "right_of_way": True, "reroute": True},
     ),
@@ -67,9 +71,24 @@ def options(policy: str, track: str) -> dict[str, Any]:
     return fixed
 
 
+def tracks(policy: str) -> list[str]:
+    """Return the tracks that a policy can drive on: who was trained under the field is not made for going without."""
+    found = []
+    for track in TRACKS:
+        try:
+            if policy not in CENTRAL:
+                make_policy(policy, config_of(policy, EnvConfig(), options(policy, track)))
+        except WeightsError:
+            if track == FIELD:
+                raise
+            continue
+        found.append(track)
+    return found
+
+
 def experiments(policy: str, cases: Sequence[Case] = CASES) -> Iterator[tuple[str, Experiment]]:
     """Yield the track and the experiment of each case; errors as of `make_experiment`."""
-    for track in TRACKS:
+    for track in tracks(policy):
         chosen = options(policy, track)
         for number, case in enumerate(cases):
             base = EnvConfig(layout=case.layout, num_agents=case.robots, planner=PLANNER)

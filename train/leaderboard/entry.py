@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from train.evaluation.rollout import Experiment, run
-from train.leaderboard.cases import CASES, TRACKS, VERSION, Case, experiments, set_hash
+from train.leaderboard.cases import CASES, FIELD, TRACKS, VERSION, Case, experiments, set_hash
 from train.reporting.rows import Row, plain, write_text
 from warehouse_env import __version__
 from warehouse_env.errors import WarehouseError
@@ -93,8 +93,10 @@ def faults(entry: Entry, cases: Sequence[Case] = CASES) -> Iterator[str]:
     if entry.set != set_hash(cases):
         yield f"{entry.policy} drove another set ({entry.set}) than this version's ({set_hash(cases)})"
         return
-    wanted = [_known_by(track, one, seed) for track, one in experiments("follow", cases) for seed in one.seeds]
     given = [tuple(row[name] for name in _KNOWN_BY) for row in entry.rows]
+    driven = {FIELD, *(row["track"] for row in entry.rows)}
+    every = ((track, one) for track, one in experiments("follow", cases) if track in driven)
+    wanted = [_known_by(track, one, seed) for track, one in every for seed in one.seeds]
     if given != wanted:
         missing = len(set(wanted) - set(given))
         yield f"{entry.policy} has {len(given)} episodes in its file, of {len(wanted)} of the set {missing} are missing"

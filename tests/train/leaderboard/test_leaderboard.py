@@ -123,6 +123,16 @@ def test_episodes_come_again(entry: Entry) -> None:
     assert "the entry says 500.0" in told[0]
 
 
+@pytest.mark.usefixtures("short")
+def test_who_was_trained_under_the_field_is_on_its_track_alone(entry: Entry) -> None:
+    """And is whole with that; all others are asked for both."""
+    assert [cases.tracks(policy) for policy in ("greedy", "threaded_ppo")] == [["field", "bare"], ["field"]]
+    field = Entry("follow", "", entry.rows[:3], set=entry.set)
+    assert not any("missing" in fault for fault in faults(field, SMALL))
+    assert [len(table.cells) for table in board([field], SMALL)] == [1, 0]
+    assert "3 are missing" in " ".join(faults(Entry("follow", "", entry.rows[3:], set=entry.set), SMALL))
+
+
 def test_the_board_has_the_best_first(entry: Entry) -> None:
     """By goals, a table a track; contacts are all of a track's over all its kilometres."""
     better = Entry("better", "", tuple({**row, "late_goals_per_robot_hour": 9999.0} for row in entry.rows))
