@@ -83,6 +83,13 @@ def test_bars_cope_with_zero_and_nothing(
     assert (tmp_path / "bars.png").stat().st_size > 1000
 
 
+def test_what_rounding_leaves_of_nothing_is_no_collision() -> None:
+    """An interval of zeros may end at 1e-17, which is no decade to begin an axis with."""
+    ax = chart_style.empty_figure(4.0, 3.0).subplots()
+    charts.collision_scale(ax, [charts.Bar("greedy", 16, 0.0, 0.0, 3e-17), charts.Bar("ppo", 16, 1e-18, 0.0, 0.0)])
+    assert (ax.get_yscale(), ax.get_ylim()) == ("linear", (0, 1))
+
+
 @pytest.mark.parametrize(
     ("value", "text"),
     [(0.0, "0"), (183.4, "183"), (1834.0, "1834"), (3.2, "3.20"), (0.0412, "0.0412"), (np.nan, "no data")],

@@ -49,6 +49,12 @@ def test_lines_and_scales() -> None:
     assert [text.get_text() for text in legend.get_texts()] == ["ppo (2 runs)", "reinforce"]
 
 
+def test_no_collisions_have_a_scale_of_their_own() -> None:
+    figure = figures.Figure(layout="constrained")
+    draw_curves(figure, [Curve("ppo", np.array([1.0, 2.0]), {key: np.zeros(2) for key, _, _ in PANELS})])
+    assert figure.axes[1].get_ylim() == (0, 1)
+
+
 def test_runs_without_figures_are_drawn(tmp_path: Path) -> None:
     learning_curves([curve("ppo", [1, 2], [np.nan, np.nan]), curve("ppo", [1], [0.0])], tmp_path / "c.png")
     assert (tmp_path / "c.png").read_bytes()[1:4] == b"PNG"

@@ -1,4 +1,4 @@
-"""`warehouse demo`: the main job in half a minute. The shipped policies against two rules: table, pictures, video.
+"""`warehouse demo`: the main job in half a minute. The shipped policies against three rules: table, pictures, video.
 
 The first run compiles the kernels before, which takes longer, unless set-up has done so."""
 
@@ -34,9 +34,9 @@ _STANDING = 10.0  # [s] within a metre of one place after which a robot is count
 
 @dataclass(frozen=True)
 class Demo(Checked):
-    """Compare the shipped policies with path following alone and with stopping for what is ahead, on one floor."""
+    """Compare the shipped policies with three rules on one floor: path following, stopping for others, right of way."""
 
-    policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo", "threaded_ppo")
+    policy: tuple[str, ...] = ("follow", "brake", "greedy", "reinforce", "ppo", "threaded_ppo")
     """Policies to compare, named as for `warehouse evaluate`; the video shows the first and, of the others, the one
     with the most goals."""
     layout: str = "paper46"

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DPI = 150
+ROUNDING = 1e-9  # what means and intervals leave of 0: no figure of ours is as small
 INK = "#2b3038"
 FAINT = "#5f6771"
 STYLE: dict[str, Any] = {

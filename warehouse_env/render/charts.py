@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.render.chart_style import INK, empty_figure, figures, hexed, save, style
+from warehouse_env.render.chart_style import INK, ROUNDING, empty_figure, figures, hexed, save, style
 from warehouse_env.render.colours import CONTACT, RGB, name_colours, robot_colour
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor import floor_image, scale_for
@@ -232,11 +232,11 @@ def _bars(ax: Axes, bars: Sequence[Bar]) -> None:
 
 def collision_scale(ax: Axes, bars: Sequence[Bar]) -> None:
     """Logarithmic, but linear below the decade of the smallest figure, so that zero has its place."""
-    positive = [value for bar in bars for value in (bar.mean, bar.high) if math.isfinite(value) and value > 0]
+    positive = [value for bar in bars for value in (bar.mean, bar.high) if math.isfinite(value) and value > ROUNDING]
     if not positive:
         ax.set_ylim(0, 1)
         return
-    smallest = min((bar.mean for bar in bars if bar.mean > 0), default=min(positive))
+    smallest = min((bar.mean for bar in bars if bar.mean > ROUNDING), default=min(positive))
     threshold = 10.0 ** math.floor(math.log10(smallest))
     ax.set_yscale("symlog", linthresh=threshold, linscale=0.5)
     ax.set_ylim(0, max(positive) * 2.2)

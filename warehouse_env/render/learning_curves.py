@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.render.chart_style import empty_figure, hexed, save, style
+from warehouse_env.render.chart_style import ROUNDING, empty_figure, hexed, save, style
 from warehouse_env.render.colours import name_colours
 from warehouse_env.render.extras import load
 
@@ -90,8 +90,9 @@ def spread(curves: Sequence[Curve], key: str) -> tuple[NDArray[np.float64], ...]
 def _logarithmic(ax: Axes, curves: Sequence[Curve], key: str) -> None:
     """Make the axis logarithmic; a value of 0 leads down to its lower end. Not so if all are 0."""
     ticker: Any = load("matplotlib.ticker")
-    positive = [float(value) for curve in curves for value in curve.values[key] if value > 0]
+    positive = [float(value) for curve in curves for value in curve.values[key] if value > ROUNDING]
     if not positive:
+        ax.set_ylim(0, 1)
         return
     ax.set_yscale("log", nonpositive="clip")
     ax.set_ylim(min(positive) / 1.2, max(positive) * 1.2)
