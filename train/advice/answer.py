@@ -72,6 +72,10 @@ def _most(advice: Advice) -> Iterator[str]:
             f"In those that had, {found.best} robots made most; the smaller number is named, since it was not told "
             f"apart and came within {100 - 100 * NEAR:.0f}%."
         )
+    for load in found.loads:
+        if load.goals.mean > goals.goals.high and load.stuck.mean > 0:
+            made = _commas(with_interval(load.goals))
+            yield f"{load.robots} made {made} in those, but some of them were stuck at the end, so it does not last."
     if open_:
         yield f"More were not tried, so it may be more: {_why(advice)}."
     elif found.stopped:

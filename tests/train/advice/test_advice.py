@@ -209,6 +209,13 @@ def test_the_answer_in_words() -> None:
     assert "it may bring something, or nothing: +5.0 [-30.0, 40.0] goals an hour (+0.5%)" in rule
 
 
+def test_more_goals_that_end_stuck_are_told() -> None:
+    """Who looks at the chart asks why the highest point is not the answer."""
+    most = told(loads=[SIXTEEN, load(24, interval(1200.0, 50.0), 0.02), JAM])
+    assert "24 made 1,200 [1,150, 1,250] in those, but some of them were stuck at the end" in most
+    assert "stuck at the end" not in told()
+
+
 def test_few_pairs_are_called_few() -> None:
     (first, *_) = advice().effects
     assert first.goals is not None
