@@ -278,7 +278,7 @@ class EnvOptions(TypedDict, total=False):
     speed_levels: tuple[float, ...]
     lateral_offsets: tuple[float, ...]
     keep_right: float
-    protective_field: bool
+    protective_field: bool | Literal["lidar"]
     field_margin: float
     field_spec: FieldSpec
     message_latency: float

@@ -84,7 +84,7 @@ def test_only_whoever_could_be_in_a_ring_is_asked_for_whom_it_waits() -> None:
 
 def rows() -> list[list[str]]:
     """The cells of each row of the page's table of who steps in when."""
-    table = PAGES["docs/traffic.md"].split("## Who steps in when")[1]
+    table = PAGES["docs/traffic.md"].split("## Who steps in when")[1].split("\n## ")[0]
     lines = [line.strip("| ").split(" | ") for line in table.splitlines() if line.startswith("| ")]
     return lines[2:]
 
