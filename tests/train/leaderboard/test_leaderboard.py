@@ -13,6 +13,8 @@ from train.leaderboard import cases
 from train.leaderboard.board import board
 from train.leaderboard.cases import CASES, TRACKS, VERSION, Case, experiments, options, set_hash
 from train.leaderboard.entry import (
+    COLUMNS,
+    SHIPPED,
     Entry,
     drive_again,
     faults,
@@ -143,6 +145,18 @@ def test_the_board_has_the_best_first(entry: Entry) -> None:
     contacts = sum(row["collisions_robot"] + row["collisions_shelf"] for row in bare)
     line = dict(zip(tables[1].header, tables[1].cells[1], strict=True))
     assert float(line["contacts/km"]) == pytest.approx(contacts / sum(row["robot_km"] for row in bare), rel=0.06)
+
+
+def test_the_shipped_entries_stand_on_the_board(capsys: pytest.CaptureFixture[str]) -> None:
+    """They are of this version's set, whole and unchanged, and the command shows them."""
+    shipped = [read_entry(path) for path in SHIPPED.glob("*.json")]
+    assert {"threaded_ppo", "ppo"} <= {entry.policy for entry in shipped}
+    assert not [fault for entry in shipped for fault in faults(entry)]
+    assert all(set(row) == set(COLUMNS) for entry in shipped for row in entry.rows)
+    assert main(["benchmark"]) == 0
+    printed = capsys.readouterr().out
+    assert "threaded_ppo" in printed
+    assert "not on the board" not in printed
 
 
 def test_the_command_says_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
