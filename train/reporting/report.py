@@ -214,8 +214,10 @@ EVALUATION_NOTE = (
     "Means over episodes [95% interval by Student's t over episodes, cut at what is possible]; a collision counts once "
     "per contact and pair; late: goals/robot-h of the second half; stuck: share of robots that at the end have not "
     "advanced for over a minute; deadlocks: circles of robots that waited for each other, an episode; longest "
-    "standing: of any robot within a metre of one place, in an episode; longest person kept: that anybody who wanted "
-    "to walk had a robot half a metre away, without coming a metre."
+    "standing: of any robot within a metre of one place, in an episode."
+)
+_PEOPLE_NOTE = (
+    " Longest person kept: that anybody who wanted to walk had a robot half a metre away, without coming a metre."
 )
 FREE_FLOW = "free_flow_share"
 _FREE_FLOW_NOTE = " Free flow: late goals/robot-h as a share of those of one robot alone under the same policy."
@@ -287,5 +289,6 @@ def evaluation_table(rows: Sequence[Row]) -> Table:
         cells.append((*(short[str(line[name])] for name in names), str(line["episodes"]), *texts))
     shared = ", ".join(f"{name} {rows[0][name]}" for name in constant)
     header = (*names, "episodes", *(m.heading for m in shown))
-    note = EVALUATION_NOTE + (_FREE_FLOW_NOTE if flow else "")
+    walked = any(one in shown for one in _PEOPLE)
+    note = EVALUATION_NOTE + (_PEOPLE_NOTE if walked else "") + (_FREE_FLOW_NOTE if flow else "")
     return Table(f"Evaluation ({shared})" if shared else "Evaluation", header, tuple(cells), note, len(names))
