@@ -123,7 +123,9 @@ def _renamed(path: str, state: Mapping[str, NDArray[Any]]) -> Tensors:
         if name == "log_std" and array.ndim == 1:
             tensors[name] = array
         elif found is None and not _UNUSED.match(name):
-            raise WeightsError(f"{path} has a tensor {name}; only MlpPolicy of PPO, A2C and DQN, as it is, can be read")
+            raise WeightsError(
+                f"{path} has a tensor {shown(name)}; only MlpPolicy of PPO, A2C and DQN, as it is, can be read"
+            )
         elif found is not None and found[2] is None:
             last.append(("critic" if name.startswith("value") else "actor", found[3], name))
         elif found is not None:

@@ -181,7 +181,7 @@ def test_what_cannot_be_read_is_one_sentence(worlds: WarehouseVecEnv, tmp_path: 
 def test_other_algorithms_and_observations_are_refused(tmp_path: Path) -> None:
     other = SAC("MlpPolicy", vec_env(1, SEEN.replace(action_type="continuous")), device="cpu", buffer_size=100)
     other.save(tmp_path / "sac.zip")
-    with pytest.raises(WeightsError, match=r"has a tensor actor\..*only MlpPolicy of PPO, A2C and DQN"):
+    with pytest.raises(WeightsError, match=r"has a tensor 'actor\..*only MlpPolicy of PPO, A2C and DQN"):
         policy_config(tmp_path / "sac.zip", EnvConfig())
     with pytest.raises(WeightsError, match=r"only MlpPolicy of PPO, A2C and DQN"):
         save_model(tmp_path / "sac", other)

@@ -19,6 +19,7 @@ from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos, wrap
 
 GAP = np.float32(0.15)  # [m] to robots at the start, half of it to shelves
 TOUCH = np.float32(1e-6)  # [m] of gap under which bodies touch
+MOST_TURNED = 1000.0  # [rad] of a heading that is given: of more, single precision leaves too little
 TURNS = (0, 1, -1, 2, -2, 3, -3, 4)  # eighths of a circle tried off the route's direction
 
 
@@ -85,7 +86,7 @@ def put_all(
 ) -> NDArray[np.bool_]:
     """Put robots ROBOT[B, N] at poses [B, N, 3] with speeds [B, N] or one for all; see `_put_all`.
 
-    ConfigError for what are no such numbers, and for a front axle that is not on the floor.
+    ConfigError for what are no such numbers, for a front axle that is not on the floor, and for headings of many turns.
     """
     poses, speeds = (_numbers(*one) for one in (("pose", pose, (*robots.shape, 3)), ("speed", speed, robots.shape)))
     rows, columns = floor.solid.shape
@@ -93,6 +94,9 @@ def put_all(
     if wrong.any():
         x, y, _ = poses[wrong.any(axis=-1)][0].tolist()
         raise ConfigError(f"pose: ({x:g}, {y:g}) is not on the floor")
+    turned = float(np.abs(poses[..., 2]).max(initial=0.0))
+    if turned > MOST_TURNED:
+        raise ConfigError(f"pose: a heading of {turned:g} rad must lie between {-MOST_TURNED:g} and {MOST_TURNED:g}")
     free: NDArray[np.bool_] = _put_all(robots, routes, poses, speeds, p, floor.solid, floor.clearance)
     return free
 
