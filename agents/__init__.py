@@ -21,6 +21,7 @@ from agents.weights_folder import CONFIG, Mode, Network, PolicyRecord, save_poli
 from warehouse_env import own_parts
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError, shown
+from warehouse_env.files import whereabouts
 from warehouse_env.observation import observation_layout
 
 __all__ = [
@@ -118,7 +119,7 @@ def _entry(name_or_dir: str | Path) -> PolicyEntry:
     if name in POLICIES:
         return POLICIES[name]
     try:
-        path = Path(os.path.expanduser(name))  # which leaves the home of nobody as it is
+        path = whereabouts(name)
     except ValueError:  # half of a character, or the one that ends names
         raise own_parts.unknown("policy", name, POLICIES) from None
     if path.suffix == ".zip" and os.path.isfile(path):

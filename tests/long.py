@@ -29,8 +29,12 @@ from numpy.typing import NDArray  # noqa: E402
 
 from train.books import simulator_of  # noqa: E402
 from train.evaluation.rollout import config_of, make_actor  # noqa: E402
-from train.learning.progress import LINE_SECONDS, tell  # noqa: E402
-from train.reporting.report import Table, make_progress  # noqa: E402
+from train.learning.progress import LINE_SECONDS  # noqa: E402
+from train.reporting.report import (  # noqa: E402
+    Table,
+    make_progress,
+    tell,
+)
 from warehouse_env.config import EnvConfig  # noqa: E402
 from warehouse_env.files import complete_file  # noqa: E402
 from warehouse_env.maps.grid_map import GridMap  # noqa: E402

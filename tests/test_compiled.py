@@ -34,9 +34,32 @@ def test_an_unchanged_package_keeps_its_kernels(package: Path) -> None:
 
 
 @pytest.mark.parametrize("module", ["outer.py", "inner/helper.py"])
-def test_one_touched_file_makes_all_kernels_stale(package: Path, module: str) -> None:
-    os.utime(package / module, ns=(1, 1))
+def test_one_changed_file_makes_all_kernels_stale(package: Path, module: str) -> None:
+    (package / module).write_text("x = 2\n", encoding="utf-8")
     assert not kept(package)
+
+
+def test_a_touched_file_is_the_same_source(package: Path) -> None:
+    """Machines that share a disk may see other times, and must not drop each other's kernels."""
+    os.utime(package / "outer.py", ns=(1, 1))
+    assert kept(package)
+    assert kept(package)
+
+
+def test_in_a_folder_of_the_users_each_version_has_a_folder_of_its_own(tmp_path: Path) -> None:
+    body = """
+import numba
+from warehouse_env.kernel import kernel
+from warehouse_env.maps import clearance
+print(numba.config.CACHE_DIR)
+print(clearance.segment_gap._cache.cache_path)
+"""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", body], env=environment, capture_output=True, text=True, check=True)
+    chosen, ours = done.stdout.split()
+    assert chosen == str(tmp_path)  # others' kernels stay where they were
+    assert Path(ours).is_relative_to(tmp_path)
+    assert Path(ours).relative_to(tmp_path).parts[0].startswith("warehouse-")
 
 
 def test_a_new_and_a_lost_file_do_as_well(package: Path) -> None:

@@ -15,6 +15,17 @@ from warehouse_env.errors import WarehouseError, shown
 _LONGEST_NAME, _LONGEST_PATH = 255, 4095  # [bytes]
 
 
+STAGED: dict[str, Path] = {}
+"""Names as they were typed of files or folders that lie elsewhere in this process: they came here with a job."""
+
+
+def whereabouts(name: str) -> Path:
+    """Return where the file or folder of a name that was typed lies; ~ stands for the home."""
+    return (
+        STAGED[name] if name in STAGED else Path(os.path.expanduser(name))
+    )  # which leaves the home of nobody as it is
+
+
 def path_of(given: object, error: type[WarehouseError] = WarehouseError) -> Path:
     """Return what a user gives as the name of a file as a Path; raises `error` for what names none."""
     try:

@@ -10,12 +10,16 @@ callers say `whole(...)` where one would give the number 0 and another an int32 
 
 from __future__ import annotations
 
+import contextlib
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 import numba
 import numpy as np
+
+from warehouse_env.compiled import source_digest
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -32,13 +36,33 @@ _UNKEPT = (
 )
 
 
+def _folder_in(chosen: str) -> str:
+    """Return the folder for kernels of this source in the one that the user chose; empty if none was."""
+    return chosen and str(Path(chosen) / f"warehouse-{source_digest(Path(__file__).parent)[:16]}")
+
+
+_FOLDER = _folder_in(numba.config.CACHE_DIR)  # type: ignore[attr-defined]
+
+
+@contextlib.contextmanager
+def _kept_apart() -> Iterator[None]:
+    """Have Numba keep what is defined within in a folder of this version's own, where the user chose a folder."""
+    chosen: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+    numba.config.CACHE_DIR = _FOLDER  # type: ignore[attr-defined]
+    try:
+        yield
+    finally:
+        numba.config.CACHE_DIR = chosen  # type: ignore[attr-defined]
+
+
 def _compiled(**options: bool) -> _Decorator:
     """Return a decorator that compiles, and keeps what is compiled where any folder for it can be written."""
     each = {**options, "error_model": "numpy", "nogil": True}
 
     def decorate(function: Function) -> Function:
         try:
-            return _njit(**each, cache=True)(function)  # type: ignore[no-any-return]
+            with _kept_apart():
+                return _njit(**each, cache=True)(function)  # type: ignore[no-any-return]
         except RuntimeError:  # Numba's, where neither the package's folder nor the user's can be written
             warnings.warn(_UNKEPT, RuntimeWarning, stacklevel=1)  # once, for all have this line
             return _njit(**each)(function)  # type: ignore[no-any-return]

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 from warehouse_env.checked import parse_named
 from warehouse_env.errors import ConfigError, WarehouseError, shown, unknown_name
-from warehouse_env.files import file_digest
+from warehouse_env.files import file_digest, whereabouts
 
 _NAME = re.compile(r"(?P<home>[^:]+\.py|(?:[^\W\d]\w*)(?:\.[^\W\d]\w*)*):(?P<name>[^\W\d]\w*)(?::(?P<rest>.*))?", re.S)
 
@@ -112,7 +112,7 @@ def running(name: str) -> Iterator[None]:
 
 
 def _run_file(home: str, kind: str, name: str) -> ModuleType:
-    path = Path(os.path.abspath(os.path.expanduser(home)))
+    path = Path(os.path.abspath(whereabouts(home)))
     if not path.is_file():
         raise ConfigError(f"{kind} {shown(name)}: there is no file {home}")
     _look_in(path.parent)

@@ -32,8 +32,8 @@ import tyro  # noqa: E402
 
 from tests.hostile.targets import TARGETS, warm  # noqa: E402
 from tests.odd import works_or_says  # noqa: E402
-from train.learning.progress import LINE_SECONDS, tell  # noqa: E402
-from train.reporting.report import make_progress  # noqa: E402
+from train.learning.progress import LINE_SECONDS  # noqa: E402
+from train.reporting.report import make_progress, tell  # noqa: E402
 from train.reporting.rows import write_text  # noqa: E402
 
 LONGEST = 10.0  # [s] for an input

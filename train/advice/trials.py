@@ -28,6 +28,8 @@ AS_IS = "as it is"  # the floor without a change
 class Trial(Job):
     """An episode to be driven."""
 
+    times = ("ms_per_step",)
+
     floor: str  # its name among those that are tried
     grid: GridMap
     policy: str
@@ -52,6 +54,11 @@ class Trial(Job):
         """Its robots and their policy, and its floor where that is changed."""
         changed = "" if self.floor == AS_IS else f", {self.floor}"
         return f"{self.robots} robot{'s' * (self.robots > 1)} · {self.policy}{changed}"
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The policy and the planner."""
+        return self.policy, self.planner
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Trial | None]:
         """Return its row, if there is one."""

@@ -6,9 +6,10 @@ import os
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from agents import POLICIES, make_policy, policy_config
 from train.advice.advice_page import advice_page, changes_table, loads_table, places_table
@@ -18,9 +19,9 @@ from train.advice.trials import Clock, Plan
 from train.commands.evaluate import GOES_ON
 from train.commands.layouts import check_connected
 from train.evaluation.jobs import Progress, Runner
+from train.evaluation.work import WorkOptions
 from train.reporting.report import make_console, make_progress, require_charts
 from train.reporting.rows import RowFile, check_writable, instead
-from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
@@ -31,7 +32,7 @@ MOST = 1024  # robots tried if --most does not say otherwise
 
 
 @dataclass(frozen=True)
-class Advise(Checked):
+class Advise(WorkOptions):
     """Say how many robots make the most of a floor, from when on one more is hardly worth it, and what would help.
 
     Robots drive for good between pick faces and stations: more and more of them, then around the best number, under the
@@ -61,8 +62,6 @@ class Advise(Checked):
     """Planner of the routes; the exact one, since a colony's plans take longer than driving them on large floors."""
     seed: int = 0
     """The first seed, the next ones count on."""
-    processes: int = field(default_factory=lambda: min(os.cpu_count() or 1, 8))
-    """Episodes to drive at a time, each in a process of its own; the rows stay the same."""
     resume: bool = False
     """Keep the rows that the file holds already, and drive only the episodes that it lacks."""
     overwrite: bool = False
@@ -72,13 +71,14 @@ class Advise(Checked):
     out: Path = Path("results/advice")
     """Folder for the rows and the page."""
 
+    usual_processes: ClassVar[int] = min(os.cpu_count() or 1, 8)
+
     def __post_init__(self) -> None:
         super().__post_init__()
         self._between(0.01, 1e5, "minutes")
         self._between(1.0, 1e6, "seconds")
         self._between(2, 1_000, "episodes")
         self._between(1, 100_000, "most")
-        self._between(1, 4096, "processes")
         self._between(0, 2**62, "seed")
         self._between(1e-3, 1e9, "goals")
 
@@ -94,17 +94,20 @@ class Advise(Checked):
         policies = tuple(dict.fromkeys(self.policy)) or contact_free()
         for policy in policies:  # finds what is wrong before the start
             make_policy(policy, policy_config(policy, EnvConfig(planner=self.planner)))
-        plan = Plan(
-            grid, policies, self.planner, self.seconds, self.seed, self.episodes, max(1, most), self.goals,
-            self.processes,
-        )  # fmt: skip
-        clock, begin = Clock(None if self.episodes else self.minutes), time.monotonic()
         with (
             RowFile(self.json or self.out / "rows.jsonl", self.resume, instead(self.overwrite)) as file,
-            self._bar(clock, file) as moved,
-            Runner(file, file.old(), self.processes, goes_on=GOES_ON, progress=moved) as drive,
+            closing(self.workers()) as workers,
         ):
-            advice = advise(plan, drive, clock, lambda text: print(text, flush=True))
+            plan = Plan(
+                grid, policies, self.planner, self.seconds, self.seed, self.episodes, max(1, most), self.goals,
+                workers.width,
+            )  # fmt: skip
+            clock, begin = Clock(None if self.episodes else self.minutes), time.monotonic()
+            with (
+                self._bar(clock, file) as moved,
+                Runner(file, file.old(), workers, goes_on=GOES_ON, progress=moved) as drive,
+            ):
+                advice = advise(plan, drive, clock, lambda text: print(text, flush=True))
         loads_table(advice).print()
         places_table(advice).print()
         if advice.effects:

@@ -41,10 +41,12 @@ class AuditCommand(Episodes):
     def run(self) -> None:
         """Audit all, print the table and the faults, write the rows and the table; exit with 1 if there is a fault."""
         jobs = self._jobs()
+        if self.do_share(jobs):
+            return
         check_writable(self.out / "table.md")
         with (
             self.rows_file(resumes=not self.files) as file,
-            Runner(file, file.old(), self.processes, goes_on=GOES_ON) as run,
+            Runner(file, file.old(), self.workers(), goes_on=GOES_ON) as run,
         ):
             rows = run(jobs)
         table = audit_table(rows)

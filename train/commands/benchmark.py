@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from train.commands.evaluate import GOES_ON
 from train.evaluation.episodes import play
 from train.evaluation.own import versions
+from train.evaluation.work import WorkOptions
 from train.leaderboard.board import board
 from train.leaderboard.cases import experiments
 from train.leaderboard.entry import SHIPPED, Entry, drive_again, faults, make_entry, read_entry, write_entry
 from train.reporting.rows import RowFile, check_writable, instead
-from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, WarehouseError, shown
 
 
 @dataclass(frozen=True)
-class Benchmark(Checked):
+class Benchmark(WorkOptions):
     """Drive a policy through the fixed set of floors, fleets and seeds that every entry drives; show the board.
 
     With --policy it writes one file with the version of the set, its hash and one of what the policy is made of.
@@ -44,13 +45,11 @@ class Benchmark(Checked):
     """Keep the episodes that were driven before a stop."""
     overwrite: bool = False
     """Replace the episodes that were driven before."""
-    processes: int = field(default_factory=lambda: min(os.cpu_count() or 1, 8))
-    """Episodes to drive at a time, each in a process of its own; the entry stays the same."""
+
+    usual_processes: ClassVar[int] = min(os.cpu_count() or 1, 8)
 
     def run(self) -> None:
         """Drive or check what is asked for, then show the board."""
-        if self.processes < 1:
-            raise ConfigError(f"--processes {self.processes} must be at least 1")
         if self.name is not None and (Path(self.name).name != self.name or self.name in ("", "..")):
             raise ConfigError(f"--name {shown(self.name)} must be a plain name; the folder of the file is --out")
         entries = [read_entry(path) for path in self.entries]
@@ -72,7 +71,7 @@ class Benchmark(Checked):
         check_writable(path)
         tracks = [track for track, one in listed for _ in one.episodes]
         with RowFile(rows_path, self.resume, instead(self.overwrite)) as file:
-            rows, _ = play([one for _, one in listed], file, file.old(), False, self.processes, None, GOES_ON)
+            rows, _ = play([one for _, one in listed], file, file.old(), False, self.workers(), None, GOES_ON)
         entry = make_entry(name, versions(policy, "", "").get(policy, ""), zip(tracks, rows, strict=True))
         write_entry(entry, path)
         print(f"wrote the entry to {path}")

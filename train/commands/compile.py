@@ -1,35 +1,17 @@
-"""`warehouse compile`: all kernels ahead of time, in several processes, so that nothing later waits for them.
-
-A kernel is compiled by whoever first calls it, and kept on disk for all. So each part here is a tiny run that calls
-others first than those beside it do, and finds what these have kept meanwhile; no part knows of any kernel.
-"""
+"""`warehouse compile`: all kernels ahead of time, so that nothing later waits for them."""
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
-import warehouse_env
-from train.evaluation.audit.watcher import Audit
-from train.evaluation.jobs import Job, Result, Runner, Tick
-from train.evaluation.rollout import make_experiment, run
+from train.evaluation.kernels import compile_all
 from train.reporting.report import Table, number
-from train.reporting.rows import Row, RowFile
-from warehouse_env import EnvConfig, Simulator, parallel_env
+from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
-from warehouse_env.maps.layouts import make_layout
-from warehouse_env.planning import make_planner
-from warehouse_env.simulation.rules.live import FINDERS
-
-_BARE = EnvConfig(num_agents=4, layout="open", planner="astar", max_steps=20)
-_CROWD = EnvConfig(num_agents=24, layout="narrow")  # where robots stand, search and make room
-_SECONDS = 60.0  # that the crowd drives, in a second of ours
 
 
 @dataclass(frozen=True)
@@ -56,78 +38,3 @@ class Compile(Checked):
         note = f"All is compiled and kept: {time.perf_counter() - begin:.0f} s in {self.processes} processes."
         Table("Kernels", ("part", "seconds"), cells, note).print()
         print(file.written())
-
-
-def is_compiled() -> bool:
-    """Return whether kernels of this source are kept beside it; what a stopped run left counts as well."""
-    return any(Path(warehouse_env.__file__).parent.rglob("*.nbi"))
-
-
-@dataclass(frozen=True)
-class _Part(Job):
-    """One of PARTS."""
-
-    name: str
-    seed: int
-
-    titled = "compiling, once for this version: {name}"
-
-    def run(self, tick: Tick) -> Result:
-        """Call the kernels."""
-        begin = time.perf_counter()
-        PARTS[self.name](self.seed)
-        return Result([{"what": "compile", "part": self.name, "seconds": time.perf_counter() - begin}])
-
-
-def compile_all(processes: int, seed: int = 0, file: RowFile | None = None) -> list[Row]:
-    """Run all parts under a progress bar; return a row with the seconds of each, written to `file` as well."""
-    with Runner(file or RowFile(None), processes=processes) as run_all:
-        return run_all([_Part(name, seed) for name in PARTS])
-
-
-def _motion(seed: int) -> None:
-    """Robots that were never put anywhere do not move; the step is compiled without waiting for routes."""
-    Simulator(_BARE).step(np.zeros((1, _BARE.num_agents), np.int64))
-
-
-def _audit(seed: int) -> None:
-    simulator, audit = Simulator(_BARE), Audit(_BARE)
-    for step in range(2):
-        audit(simulator, step)
-
-
-def _plans(seed: int) -> None:
-    grid = make_layout(_BARE.layout)
-    cells = [(row, column) for row, column in grid.free_cells.tolist()]
-    for name in (EnvConfig.planner, _BARE.planner):
-        make_planner(name).plan(grid, cells[0], cells[-1], np.random.default_rng(seed))
-
-
-def _traffic(seed: int) -> None:
-    for planner in FINDERS:
-        run(make_experiment("threaded_ppo", _CROWD.replace(planner=planner), 1, _SECONDS, seed))
-
-
-def _bare(seed: int) -> None:
-    run(make_experiment("follow", _CROWD, 1, _SECONDS, seed))
-    for action_type in ("continuous", "raw"):
-        simulator = Simulator(_BARE.replace(action_type=action_type))
-        simulator.reset(seed)
-        simulator.step(np.zeros((1, _BARE.num_agents, 2), np.float32))
-
-
-def _environment(seed: int) -> None:
-    env = parallel_env(num_agents=4, layout="open", planner="astar")
-    env.reset(seed=seed)
-    for _ in range(3):
-        env.step({agent: env.action_space(agent).sample() for agent in env.agents})
-
-
-PARTS: dict[str, Callable[[int], None]] = {
-    "one robot's motion": _motion,
-    "routes of ants and searches": _plans,
-    "right of way, live routes, predictions": _traffic,
-    "all options off": _bare,
-    "the environment": _environment,
-    "the audit": _audit,
-}

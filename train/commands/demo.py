@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from train.commands.compile import compile_all, is_compiled
 from train.commands.evaluate import Evaluate
+from train.evaluation.kernels import compile_all, is_compiled
 from train.evaluation.rollout import make_experiment, run
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import make_progress, require_video

@@ -10,12 +10,14 @@ from typing import Annotated, Any, ClassVar
 import tyro
 
 from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED, known
+from train.evaluation.episodes import Episodes as EpisodesJob
 from train.evaluation.episodes import play
-from train.evaluation.jobs import Runner
+from train.evaluation.jobs import Job, Runner
 from train.evaluation.places import NOTES, PAGE
 from train.evaluation.robustness import robust_table
 from train.evaluation.rollout import MOST, Experiment, Trace, make_experiment
 from train.evaluation.scenes import SCENES, SceneJob, scene_table
+from train.evaluation.work import ShardOptions
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, check_writable, instead, whole_rows, write_text
@@ -76,7 +78,7 @@ GOES_ON = "the same command with --resume goes on"
 
 
 @dataclass(frozen=True)
-class Episodes(Drive):
+class Episodes(Drive, ShardOptions):
     """Which episodes to drive, and where their rows go: what evaluate and robust share."""
 
     policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo", "threaded_ppo")
@@ -103,16 +105,14 @@ class Episodes(Drive):
     """Keep the rows that the file holds already, and play only the episodes that it lacks."""
     overwrite: bool = False
     """Replace the rows that the file holds already."""
-    processes: int = 1
-    """Experiments to play at a time, each in a process of its own; the rows stay the same but for ms_per_step."""
-
     usual: ClassVar[tuple[str, ...]] = (EnvConfig.layout,)
     """Floors where neither layout nor map is given."""
 
     @property
     def rows_path(self) -> Path:
         """Where the rows go."""
-        return self.json or self.out / "rows.jsonl"
+        every = self.json or self.out / "rows.jsonl"
+        return every if self.share is None else self.share.beside(every)
 
     def rows_file(self, resumes: bool = True) -> RowFile:
         """Return the file of the rows, a context that asks before it replaces any; resumes: whether --resume helps."""
@@ -126,16 +126,31 @@ class Episodes(Drive):
         table_path = self.out / "table.md"
         check_writable(table_path)
         with self.rows_file() as file:
-            rows, traces = play(experiments, file, file.old(), traced, self.processes, notes, GOES_ON)
+            rows, traces = play(experiments, file, file.old(), traced, self.workers(), notes, GOES_ON)
         table = table_of(rows)
         table.print()
         write_text(table_path, table.markdown())
         return rows, traces
 
+    def do_share(self, jobs: Sequence[Job]) -> bool:
+        """Do a share of jobs, if that is what is asked for, write its rows and say what is next; return whether it was.
+
+        There is no table of a share.
+        """
+        share = self.share
+        if share is None:
+            return False
+        with self.rows_file() as file, Runner(file, file.old(), self.workers(), goes_on=GOES_ON) as run:
+            rows = run(share.jobs(jobs))
+        every = self.json or self.out / "rows.jsonl"
+        print(
+            f"wrote {len(rows):,} rows to {self.rows_path}; {share.then(every)} the same command with --resume instead "
+            f"of --shard {self.shard} makes the table"
+        )
+        return True
+
     def experiments(self, disturbance: str | None = None) -> list[Experiment]:
         """Return the product of floors, robot counts and policies; everything that can be checked now is."""
-        if self.processes < 1:
-            raise ConfigError(f"--processes {self.processes} must be at least 1")
         for name, values in (("policy", self.policy), ("robots", self.robots)):
             if not values:
                 raise ConfigError(f"--{name} needs at least one value")
@@ -168,6 +183,8 @@ class Evaluate(Episodes):
     def run(self) -> None:
         """Play all experiments, print the table, write rows, pictures and the report."""
         experiments = self.experiments()
+        if self.do_share([EpisodesJob(one) for one in experiments]):
+            return
         if self.pictures or self.report is not None:
             require_charts()
         if self.report is not None:
@@ -213,7 +230,10 @@ class Robust(Episodes):
     def run(self) -> None:
         """Play everything, print the table, write rows and table."""
         names = dict.fromkeys((UNDISTURBED, *map(known, self.disturbance)))
-        self.tabulate([experiment for name in names for experiment in self.experiments(name)], robust_table)
+        experiments = [experiment for name in names for experiment in self.experiments(name)]
+        if self.do_share([EpisodesJob(one) for one in experiments]):
+            return
+        self.tabulate(experiments, robust_table)
         print(f"wrote the rows to {self.rows_path}, the table to {self.out}")
 
 

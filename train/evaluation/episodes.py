@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from train.evaluation.jobs import Job, Result, Runner, Tick
+from train.evaluation.jobs import Job, Result, Runner, Tick, Workers
 from train.evaluation.places import Places
 from train.evaluation.rollout import Experiment, Trace, Watcher, identity, run
 from train.reporting.rows import Row, RowFile
 from warehouse_env.simulation.simulator import Simulator
 
 TICK = 50  # steps between two notes of progress
+SIDE_BY_SIDE = 4  # episodes of a job at most: more are no faster, and a stop loses them
 
 
 @dataclass(frozen=True)
@@ -23,7 +25,13 @@ class Episodes(Job):
     traced: bool = False
     noted: bool = False
 
-    titled = "{experiment.title}"
+    times = ("ms_per_step",)
+
+    @property
+    def title(self) -> str:
+        """What is driven, and which of its episodes."""
+        first, *others = self.experiment.episodes
+        return f"{self.experiment.title} · episode {first}" + (f" to {others[-1]}" if others else "")
 
     @property
     def identity(self) -> Row:
@@ -32,8 +40,14 @@ class Episodes(Job):
 
     @property
     def size(self) -> float:
-        """Steps of an episode: all are played side by side."""
-        return self.experiment.config.max_steps
+        """Steps of all episodes."""
+        return float(self.experiment.config.max_steps * len(self.experiment.episodes))
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The policy, the planners and the floor."""
+        config = self.experiment.config
+        return self.experiment.policy, config.planner, config.layout, config.map_file or ""
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Episodes | None]:
         """Return the rows that stand, and the experiment of the missing episodes."""
@@ -45,13 +59,24 @@ class Episodes(Job):
         rest = dataclasses.replace(self, experiment=dataclasses.replace(one, episodes=missing)) if missing else None
         return [found[k] for k in one.episodes if k in found], rest
 
-    @staticmethod
-    def ticking(tick: Tick) -> Watcher:
+    def parts(self, most: float) -> list[Episodes]:
+        """Return the experiment in jobs of few episodes; the first is traced, if any."""
+        one, count = self.experiment, len(self.experiment.episodes)
+        each = max(1, min(SIDE_BY_SIDE, math.floor(most / one.config.max_steps)))
+        return [
+            dataclasses.replace(
+                self, experiment=dataclasses.replace(one, episodes=one.episodes[first : first + each]),
+                traced=self.traced and first == 0,
+            )
+            for first in range(0, count, each)
+        ]  # fmt: skip
+
+    def ticking(self, tick: Tick) -> Watcher:
         """Return a watcher that notes progress."""
 
         def watch(simulator: Simulator, steps: int) -> None:
             if steps % TICK == 0:
-                tick(steps)
+                tick(steps * simulator.num_worlds)
 
         return watch
 
@@ -66,13 +91,13 @@ class Episodes(Job):
 
 def play(
     experiments: Sequence[Experiment], file: RowFile, old: Sequence[Row] = (), traced: bool = False,
-    processes: int = 1, notes: RowFile | None = None, goes_on: str = "",
+    workers: Workers | None = None, notes: RowFile | None = None, goes_on: str = "",
 ) -> tuple[list[Row], list[Trace]]:  # fmt: skip
-    """Play experiments, and write the rows of each as soon as it ends.
+    """Play experiments, and write the rows of each few episodes as soon as they end.
 
-    Episodes whose rows are among `old` are not played again. notes: the file for what `Places` notes of the others,
-    where a stop may leave some without their rows. goes_on: see `Runner`. Returns all rows in the order of the
-    experiments, and if `traced` the traces of the first episodes played.
+    Episodes whose rows are among `old` are not played again. workers: see `Runner`. notes: the file for what `Places`
+    notes of the others, where a stop may leave some without their rows. goes_on: see `Runner`. Returns all rows in the
+    order of the experiments, and if `traced` the traces of the first episodes played.
     """
     traces: dict[int, Trace] = {}
 
@@ -83,6 +108,6 @@ def play(
         if trace is not None:
             traces[number] = trace
 
-    with Runner(file, old, processes, goes_on=goes_on, hear=hear) as runner:
+    with Runner(file, old, workers, goes_on=goes_on, hear=hear) as runner:
         rows = runner([Episodes(one, traced, notes is not None) for one in experiments])
     return rows, [traces[number] for number in sorted(traces)]

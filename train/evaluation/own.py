@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from pathlib import Path
 
 from agents import POLICIES, add_policy
 from agents.weights_folder import WEIGHTS
-from warehouse_env.files import file_digest
+from warehouse_env.files import file_digest, whereabouts
 from warehouse_env.maps.layouts import add_layout
 from warehouse_env.own_parts import LOADED, digests
 from warehouse_env.planning import add_planner
@@ -33,7 +32,7 @@ def versions(policy: str, planner: str, layout: str) -> dict[str, str]:
     """Return name -> digest for what is not ours and may change under its name: code, and weights of a policy."""
     found = digests(policy, planner, layout)
     if policy not in POLICIES:
-        path = Path(policy).expanduser()
+        path = whereabouts(policy)
         weights = path / WEIGHTS if path.is_dir() else path
         if weights.is_file():
             found[policy] = file_digest(weights)

@@ -13,16 +13,12 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from train.learning.board import Board
+from train.reporting.report import tell
 from train.reporting.rows import Row, RowFile, whole_rows, write_rows
 
 ROWS = "progress.jsonl"
 LOG_SECONDS = 5.0  # between two rows
 LINE_SECONDS = 60.0  # between two lines where no bar is shown
-
-
-def tell(text: str, console: Console | None = None) -> None:
-    """Print one line on stderr, above the bar where the console has one."""
-    (console or Console(stderr=True)).print(text, markup=False, highlight=False, soft_wrap=True)
 
 
 def _steps(row: Row) -> float:

@@ -23,9 +23,10 @@ from train.learning import checkpoint
 from train.learning.card import write_card
 from train.learning.config import TrainingConfig
 from train.learning.evaluations import Drive, Evaluations
-from train.learning.progress import ProgressLog, tell
+from train.learning.progress import ProgressLog
 from train.learning.timing import Split
 from train.reporting.lock import held
+from train.reporting.report import tell
 from train.reporting.rows import check_writable
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, WeightsError

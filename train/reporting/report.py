@@ -122,6 +122,11 @@ def make_progress() -> Progress:
     return Progress(*columns, console=console, disable=not console.is_terminal)
 
 
+def tell(text: str, console: Console | None = None) -> None:
+    """Print one line on stderr, above the bar where the console has one."""
+    (console or Console(stderr=True)).print(text, markup=False, highlight=False, soft_wrap=True)
+
+
 def require_charts() -> None:
     """Raise WarehouseError if charts cannot be drawn: asked before a long run, not found out after it."""
     load("matplotlib")

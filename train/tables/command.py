@@ -38,8 +38,9 @@ class Block(Job):
     seed: int
 
     titled = "{study} · {system}"
+    times = ("ms", "cpu_ms")
 
-    def parts(self) -> tuple[TableTask, System, Experiment | None]:
+    def subject(self) -> tuple[TableTask, System, Experiment | None]:
         """Return the task, the system, and what is run with them if not a single plan."""
         task = settings_of(self.module, self.study)[self.setting].tasks[self.number]
         study = studies_of(self.module)[self.study]
@@ -48,7 +49,7 @@ class Block(Job):
     @property
     def identity(self) -> Row:
         """What its rows are known by."""
-        task, system, experiment = self.parts()
+        task, system, experiment = self.subject()
         planner = system.make()
         code = code_key(type(planner))
         if experiment is not None:
@@ -67,7 +68,7 @@ class Block(Job):
 
     def run(self, tick: Tick) -> Result:
         """Plan all runs; a first plan, which may compile and fill caches, is not timed."""
-        task, system, experiment = self.parts()
+        task, system, experiment = self.subject()
         identity = self.identity
         if experiment is not None:  # each run with random numbers of its own
             seeds = [np.random.default_rng([self.seed, self.number, run]) for run in range(self.runs)]

@@ -5,31 +5,30 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from train.evaluation.episodes import play
+from train.evaluation.episodes import Episodes
 from train.evaluation.jobs import Job, Runner, go_on
 from train.evaluation.rollout import MOST, Experiment
+from train.evaluation.work import ShardOptions
 from train.reporting.report import Table
 from train.reporting.rows import Row, RowFile, check_writable, write_text
-from warehouse_env.checked import Checked
 
 PAGE = "README.md"
 GOES_ON = "the same command goes on from there"
 
 
 @dataclass(frozen=True)
-class StudyOptions(Checked):
+class StudyOptions(ShardOptions):
     """What is the same for all; a subclass says what is run."""
 
     name: ClassVar[str] = ""  # of the folder in OUT
+    usual_processes: ClassVar[int] = os.cpu_count() or 1
 
     seed: int = 0
     """Seed of the runs; named maps are fixed."""
-    processes: int = field(default_factory=lambda: os.cpu_count() or 1)
-    """Jobs to do at a time, each in a process of its own; the rows stay the same but for the times."""
     fresh: bool = False
     """Run everything again, instead of keeping the rows that the file holds already."""
     json: Path | None = None
@@ -40,7 +39,6 @@ class StudyOptions(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._between(0, 2**62, "seed")
-        self._between(1, 4096, "processes")
         self._between(1, MOST, *(name for name in ("runs", "pairs", "trainings") if hasattr(self, name)))
 
     @property
@@ -51,6 +49,10 @@ class StudyOptions(Checked):
     @property
     def rows_path(self) -> Path:
         """Where the rows go."""
+        return self._all_rows if self.share is None else self.share.beside(self._all_rows)
+
+    @property
+    def _all_rows(self) -> Path:
         return self.json or self.folder / "rows.jsonl"
 
     def check_writable(self) -> None:
@@ -60,7 +62,7 @@ class StudyOptions(Checked):
     def drive(self, experiments: Sequence[Experiment]) -> list[Row]:
         """Return the rows of experiments, in their order; those that the file holds are not driven again."""
         with RowFile(self.rows_path, keep=not self.fresh) as file:
-            return play(experiments, file, file.old(), processes=self.processes, goes_on=GOES_ON)[0]
+            return self._do(file, file.old(), [Episodes(one) for one in experiments])
 
     def rows_of(self, jobs: Sequence[Job], ours: Callable[[Row], bool]) -> list[Row]:
         """Return the rows of jobs, in their order; those that the file holds are not done again.
@@ -68,9 +70,18 @@ class StudyOptions(Checked):
         ours: which rows of the file go where no job has them, for they were made by other code or from other seeds.
         """
         with RowFile(self.rows_path, keep=True) as file:
-            kept = go_on(file, jobs, ours, self.fresh)
-            with Runner(file, kept, self.processes, goes_on=GOES_ON, mixed=True) as run:
-                return run(jobs)
+            return self._do(file, go_on(file, jobs, ours, self.fresh), jobs, mixed=True)
+
+    def _do(self, file: RowFile, kept: Sequence[Row], jobs: Sequence[Job], mixed: bool = False) -> list[Row]:
+        """Do all jobs, or a share: with that the command ends, since there is no table of a share."""
+        share = self.share
+        with Runner(file, kept, self.workers(), goes_on=GOES_ON, mixed=mixed) as run:
+            rows = run(jobs if share is None else share.jobs(jobs))
+        if share is None:
+            return rows
+        then = f"{share.then(self._all_rows)} the same command without --shard makes the tables"
+        print(f"wrote {len(rows):,} rows to {self.rows_path}; {then}")
+        raise SystemExit(0)
 
     def written(self, begin: float) -> str:
         """Say what was written in the time since `begin`, as time.perf_counter counts."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import complete_file, path_of
+from warehouse_env.files import STAGED, complete_file, path_of
 from warehouse_env.maps import one_way
 from warehouse_env.maps.grid_map import Cell, GridMap
 
@@ -44,7 +44,7 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
     One-way cells stand in a file NAME.oneway beside it, if there is one (maps/one_way.py). MapError, naming the file
     and line, if it is missing, not text, or breaks the format.
     """
-    path = path_of(path, MapError)
+    path = path_of(STAGED.get(str(path), path), MapError)
     lines = _read_lines(path, "map")
     height, width, first = _read_header(path, lines)
     body = lines[first:]

@@ -10,7 +10,7 @@ import pytest
 
 from train.cli import main
 from train.commands import compile as ahead
-from train.commands.compile import PARTS, is_compiled
+from train.evaluation.kernels import PARTS, is_compiled
 from train.reporting.rows import read_rows
 
 NOTHING_IS_LEFT = """

@@ -13,6 +13,7 @@ from train.evaluation.jobs import Job, Result, Tick
 from train.evaluation.rollout import run
 from train.reporting.rows import Row
 from warehouse_env import __version__
+from warehouse_env.files import whereabouts
 from warehouse_env.simulation.record.recording import Episode
 
 CHECKS = 1  # what is checked: a row that an audit of other checks wrote does not stand for one
@@ -49,9 +50,14 @@ class RecordedEpisode(Job):
         """Its steps."""
         return self.steps
 
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The episode."""
+        return (str(self.path),)
+
     def run(self, tick: Tick) -> Result:
         """Run it again and look on, also whether it is still what was recorded."""
-        episode = Episode.load(self.path)
+        episode = Episode.load(whereabouts(str(self.path)))
         config, audit = episode.config, Audit(episode.config)
         differs: dict[int, int] = {}  # world: the first step whose poses are others
         for step, simulator in enumerate(episode.replay()):

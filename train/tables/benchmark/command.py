@@ -44,6 +44,11 @@ class Benchmark(StudyOptions):
     pictures: bool = True
     """Draw gap against time, the spread of gaps, and the gap as time goes by."""
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.ray is not None:
+            raise ConfigError(f"--ray {self.ray} must be left out: what these tables are about is time")
+
     def run(self) -> None:
         """Run what is missing, then write tables, figures and pictures."""
         maps, planners = tuple(dict.fromkeys(self.maps)), self._planners()
