@@ -8,6 +8,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
 # Two Numba threads, so that "one thread equals two" is really tested; one for BLAS and torch, since pytest runs one
@@ -44,6 +45,25 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     """Remove the session's cache folder; worker processes leave that to the process that made it."""
     if _owns_cache:
         shutil.rmtree(os.environ.pop(_SESSION_CACHE), ignore_errors=True)
+
+
+@pytest.fixture(scope="session")
+def two_nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """A Ray cluster of a head that does no jobs and two nodes of one core each, with a home of its own."""
+    pytest.importorskip("ray")
+    own = {
+        "HOME": str(tmp_path_factory.mktemp("home")), "RAY_USAGE_STATS_ENABLED": "0", "RAY_AUTH_MODE": "disabled",
+        "PYTHONPATH": str(Path(__file__).parent.parent),
+    }  # fmt: skip
+    with mock.patch.dict(os.environ, own):
+        from ray.cluster_utils import Cluster
+
+        with tempfile.TemporaryDirectory(prefix="ray-") as folder:  # a short name: sockets lie in it
+            cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "temp_dir": folder})
+            for _ in range(2):
+                cluster.add_node(num_cpus=1)
+            yield cluster
+            cluster.shutdown()
 
 
 @pytest.fixture

@@ -237,6 +237,13 @@ def _elsewhere(name: str, per_second: float = 1.0) -> Callable[[Budget], Iterato
     return part
 
 
+def jobs(budget: Budget) -> Iterator[Row]:
+    """Episodes/s of this process, of several, and of a Ray cluster of this machine."""
+    from train.benchmarks.jobs import jobs as drive
+
+    yield from drive(budget.seconds, budget.seed)
+
+
 def alone(budget: Budget) -> Iterator[Row]:
     """A robot alone on every floor: goals, the longest time that it is in one place, and shelf contacts."""
     from train.benchmarks.alone import alone as drive
@@ -271,5 +278,6 @@ PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
     "looks": _elsewhere("looks"),
     "field": _elsewhere("field", _SIMULATED),
     "alone": alone,
+    "jobs": jobs,
     "start": start,
 }

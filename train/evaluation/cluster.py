@@ -10,6 +10,7 @@ import os
 import secrets
 import shutil
 import signal
+import socket
 import tempfile
 import time
 from collections import Counter, deque
@@ -20,24 +21,25 @@ from train.evaluation.jobs import WAIT, Job, Numbered, Progress, Result
 from train.evaluation.nodes import Node, about_this_node, check_nodes
 from train.evaluation.own import Typed, take_in, taken_in
 from train.evaluation.parcels import Parcel, pack, unpacked
-from train.reporting.report import tell
+from train.reporting.report import counted, tell
 from warehouse_env.errors import LostError, WarehouseError
 
 AUTO, LOCAL = "auto", "local"
 TRIES = 4  # of a job, before it is given up
 _AHEAD = 2  # jobs sent for each core, so that none waits for the next one
-_PATIENCE = 120.0  # [s] until a node must have answered
+_KNOCK = 10.0  # [s] for a connection
+_ROOM = 20  # letters that the name of a folder for temporary files may have
 
 
 class Cluster:
     """The cores of a cluster; connected to when they are needed, for the first time or again."""
 
-    def __init__(self, address: str, prepare: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, address: str, prepare: Callable[[], None] | None = None, cores: int | None = None) -> None:
         """Take a cluster: LOCAL, one of this machine alone; AUTO, the one that this machine belongs to; or HOST:PORT.
 
-        prepare: called once on each node before any job, as to compile kernels.
+        prepare: called once on each node before any job, as to compile kernels. cores: of LOCAL; all if left out.
         """
-        self.address, self._prepare = address, prepare
+        self.address, self._prepare, self._cores = address, prepare, cores
         self._opened = contextlib.ExitStack()
         self._ray: Any = None
         self._task: Any = None
@@ -73,7 +75,7 @@ class Cluster:
                 number, job = waiting.popleft()
                 tried[number] += 1
                 self._flying[self._send(job)] = number, job
-            for reference in ray.wait(list(self._flying), timeout=WAIT)[0] if self._flying else ():
+            for reference in self._ended():
                 number, job = self._flying.pop(reference)
                 result = self._take(reference)
                 if result is not None:
@@ -84,12 +86,19 @@ class Cluster:
                     waiting.append((number, job))
                 else:
                     lost.append(job)
-            if not self._flying:
-                time.sleep(WAIT)  # for a node
-            moved(done, f"{cores} cores{self._troubles(len(lost))} · {title or 'workers begin'}")
+            moved(done, f"{counted(cores, 'core')}{self._troubles(len(lost))} · {title or 'workers begin'}")
         if lost:
             named = "; ".join(job.title for job in lost)
             raise LostError(f"{len(lost)} of {len(jobs)} jobs were lost with their worker {TRIES} times: {named}")
+
+    def _ended(self) -> Sequence[Any]:
+        """Return the references to jobs that are over, after a short while at most."""
+        if not self._flying:
+            time.sleep(WAIT)  # for a node
+            return ()
+        self._ray.wait(list(self._flying), timeout=WAIT, fetch_local=False)
+        ended: Sequence[Any] = self._ray.wait(list(self._flying), num_returns=len(self._flying), timeout=0.0)[0]
+        return ended
 
     def _troubles(self, lost: int) -> str:
         return "".join(f", {count} {what}" for count, what in ((self._again, "sent again"), (lost, "lost")) if count)
@@ -113,48 +122,69 @@ class Cluster:
     def _connected(self) -> Any:
         """Return the library, connected and with all nodes checked."""
         if self._ray is None:
-            ray = self._opened.enter_context(connected(self.address))
+            ray = self._opened.enter_context(connected(self.address, self._cores))
             here = about_this_node()
             nodes = _ask(ray, here)
             self._source, self._task = here.source, ray.remote(_work).options(num_cpus=1, max_retries=0)
             for note in check_nodes(here, nodes):
                 tell(note)
             cores = int(ray.cluster_resources().get("CPU", 0))
-            tell(f"{len(nodes)} node{'s' * (len(nodes) != 1)} with {cores} cores")
-            _on_each(ray, self._prepare)
+            tell(f"{counted(len(nodes), 'node')} with {counted(cores, 'core')}")
+            if self._prepare is not None:
+                _on_each(ray, self._prepare)
             self._ray = ray
         return self._ray
 
 
 @contextlib.contextmanager
-def connected(address: str) -> Iterator[Any]:
+def connected(address: str, cores: int | None = None) -> Iterator[Any]:
     """Connect this process to a cluster; yields the library. Raises WarehouseError in one sentence if it cannot.
 
     A cluster of this machine alone ends with the context; its token and its files stay out of the user's home.
     """
+    _check_there(address)
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+    os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")  # else it warns of what a later version will do
     with contextlib.ExitStack() as stack:
         options: dict[str, Any] = {"address": address}
         if address == LOCAL:
-            folder = tempfile.mkdtemp(prefix="warehouse-")
+            folder = tempfile.mkdtemp(prefix="warehouse-", dir=_short_folder())
             stack.callback(shutil.rmtree, folder, ignore_errors=True)
-            if "RAY_AUTH_MODE" not in os.environ:
+            if "RAY_AUTH_MODE" not in os.environ:  # for good: Ray reads the token once in a process
                 os.environ.update(RAY_AUTH_MODE="token", RAY_AUTH_TOKEN=secrets.token_hex(32))
-                stack.callback(lambda: [os.environ.pop(name) for name in ("RAY_AUTH_MODE", "RAY_AUTH_TOKEN")])
-            options = {"address": LOCAL, "include_dashboard": False, "_temp_dir": folder}
+            options = {"address": LOCAL, "num_cpus": cores, "include_dashboard": False, "_temp_dir": folder}
         import ray
 
         before = signal.getsignal(signal.SIGTERM)
         try:
             ray.init(log_to_driver=False, configure_logging=False, **options)
         except (OSError, RuntimeError, ValueError) as error:  # ConnectionError is an OSError
-            raise WarehouseError(f"--ray {address} cannot be reached: {_first_line(error)}") from None
+            joins = "; this machine must belong to the cluster: `ray start --address HOST:PORT` has it join one"
+            raise WarehouseError(f"--ray {address}: {_first_line(error)}{joins * (address != LOCAL)}") from None
         stack.callback(ray.shutdown)
         if before is not None:
             with contextlib.suppress(ValueError):  # not in the main thread
                 signal.signal(signal.SIGTERM, before)  # else Ray's own would end this process before rows are closed
         yield ray
+
+
+def _check_there(address: str) -> None:
+    """Raise WarehouseError where nobody answers at HOST:PORT, which Ray itself finds out in minutes."""
+    if address in (AUTO, LOCAL):
+        return
+    host, _, port = address.rpartition(":")
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=_KNOCK).close()
+    except (OSError, OverflowError) as error:
+        raise WarehouseError(
+            f"--ray {address}: nobody answers there ({error}); `ray start --head --port {port}` there begins a cluster"
+        ) from None
+
+
+def _short_folder() -> str:
+    """Return a folder for temporary files whose name leaves room for sockets, which may have 107 letters."""
+    usual = tempfile.gettempdir()
+    return usual if len(usual) <= _ROOM else "/tmp"
 
 
 def _first_line(error: Exception) -> str:

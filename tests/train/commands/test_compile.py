@@ -15,7 +15,7 @@ from train.reporting.rows import read_rows
 
 NOTHING_IS_LEFT = """
 import sys
-from train.commands.compile import PARTS
+from train.evaluation.kernels import PARTS
 
 def compiled():
     return {

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from train.evaluation.jobs import Job, Result, Runner, Tick
+from train.evaluation.jobs import Job, Result, Runner, Tick, Workers
+from train.evaluation.processes import Processes
 from train.reporting.rows import Row, RowFile, read_rows
 from warehouse_env.errors import LostError
 
@@ -60,8 +61,9 @@ class Sleep(Job):
         return Result([])
 
 
-def done(path: Path, jobs: Sequence[Job], processes: int = 1) -> list[Row]:
-    with RowFile(path, keep=True) as file, Runner(file, file.old(), processes, goes_on="again") as run:
+def done(path: Path, jobs: Sequence[Job], processes: int = 1, workers: Workers | None = None) -> list[Row]:
+    workers = workers or (Processes(processes) if processes > 1 else None)
+    with RowFile(path, keep=True) as file, Runner(file, file.old(), workers, goes_on="again") as run:
         return run(jobs)
 
 

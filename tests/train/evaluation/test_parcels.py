@@ -1,0 +1,61 @@
+"""What jobs read goes with them: it is found under its name, where no such file lies."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agents import WEIGHTS_FOLDER, make_policy, policy_config
+from train.evaluation.own import take_in, versions
+from train.evaluation.parcels import pack, unpacked
+from warehouse_env import EnvConfig, make_layout
+from warehouse_env.errors import MapError, WeightsError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.movingai import write_map
+
+
+def test_a_map_with_its_directions_and_a_policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    occupied = np.zeros((6, 8), bool)
+    occupied[2, 2] = True
+    one_way = np.zeros((6, 8), np.uint8)
+    one_way[3, 3] = 1
+    Path("halls").mkdir()
+    write_map(GridMap(occupied, one_way=one_way), "halls/mine.map")
+    shutil.copytree(WEIGHTS_FOLDER / "ppo", "runs/mine")
+    names = ("halls/mine.map", "runs/mine", "greedy", "pf_aco", "")
+    digest, parcel = versions("runs/mine", "pf_aco", "paper46"), pack(names)
+    assert list(parcel) == ["halls/mine.map", "runs/mine"]
+    shutil.rmtree("halls")
+    shutil.rmtree("runs")
+    with unpacked(parcel):
+        grid = make_layout("halls/mine.map")
+        assert grid.name == "mine"
+        assert grid.one_way[3, 3] == 1
+        config = policy_config("runs/mine", EnvConfig())
+        assert make_policy("runs/mine", config).name == "runs/mine"
+        assert versions("runs/mine", "pf_aco", "paper46") == digest
+    with pytest.raises(MapError):
+        make_layout("halls/mine.map")
+    with pytest.raises(WeightsError):
+        make_policy("runs/mine", config)
+
+
+@pytest.mark.usefixtures("registries")
+def test_code_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from agents import POLICIES
+    from warehouse_env.own_parts import LOADED
+
+    monkeypatch.chdir(tmp_path)
+    Path("mine.py").write_text("from agents.path_following import Follow as Mine\n")
+    take_in([("policy", "mine.py:Mine")])
+    parcel = pack(("mine.py:Mine",))
+    assert list(parcel) == ["mine.py"]
+    Path("mine.py").unlink()
+    del LOADED["mine.py:Mine"], POLICIES["mine.py:Mine"]
+    with unpacked(parcel):
+        take_in([("policy", "mine.py:Mine")])
+        assert make_policy("mine.py:Mine", EnvConfig())
