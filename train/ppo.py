@@ -137,6 +137,10 @@ class Ppo:
         state = self.model.policy.state_dict()
         return {name: state[theirs].detach().numpy().copy() for name, theirs in self._names().items()}
 
+    def close(self) -> None:
+        """End the worlds (see `Trainer.close`)."""
+        self._worlds.close()
+
     def _names(self) -> dict[str, str]:
         """Return our tensor names -> the library's: its hidden layers stand at every second place of a Sequential."""
         depth, names = len(self.config.hidden), {} if self.network.discrete else {"log_std": "log_std"}

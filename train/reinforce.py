@@ -8,6 +8,7 @@ once, so the data are those of the present policy up to the few gradient steps w
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -15,6 +16,7 @@ from torch import Tensor
 
 from train.held_out import held_out
 from train.learning.config import ReinforceConfig
+from train.learning.crew import CrewMaker, Threads
 from train.learning.threaded import ThreadedTrainer
 from train.learning.training_run import run_training
 
@@ -24,9 +26,13 @@ class Reinforce(ThreadedTrainer):
 
     algorithm = "reinforce"
 
-    def actor_loss(self, log_probability: Tensor, old: Tensor, advantage: Tensor) -> tuple[Tensor, Tensor]:
-        """Return -E[A log pi] and 0, for no row is held back (see `ThreadedTrainer.actor_loss`)."""
-        return policy_loss(log_probability, advantage), torch.zeros(())
+    def __init__(self, config: ReinforceConfig, crew: CrewMaker = Threads) -> None:
+        super().__init__(config, actor_loss, crew)
+
+
+def actor_loss(log_probability: Tensor, old: Tensor, advantage: Tensor) -> tuple[Tensor, Tensor]:
+    """Return -E[A log pi] and 0, for no row is held back (see `ActorLoss`)."""
+    return policy_loss(log_probability, advantage), torch.zeros(())
 
 
 def policy_loss(log_probability: Tensor, advantage: Tensor) -> Tensor:
@@ -34,9 +40,9 @@ def policy_loss(log_probability: Tensor, advantage: Tensor) -> Tensor:
     return -(advantage * log_probability).mean()
 
 
-def train(config: ReinforceConfig) -> Path:
+def train(config: ReinforceConfig, crew: CrewMaker = Threads) -> Path:
     """Train by `config`; return the run's folder, a policy folder (errors: `run_training`)."""
-    return run_training(config, Reinforce.algorithm, Reinforce, held_out)
+    return run_training(config, Reinforce.algorithm, partial(Reinforce, crew=crew), held_out)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ same bits.
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -17,6 +18,7 @@ from torch import Tensor
 
 from train.held_out import held_out
 from train.learning.config import ThreadedPPOConfig
+from train.learning.crew import CrewMaker, Threads
 from train.learning.threaded import ThreadedTrainer
 from train.learning.training_run import run_training
 
@@ -26,13 +28,14 @@ class ThreadedPpo(ThreadedTrainer):
 
     algorithm = "threaded_ppo"
 
-    def __init__(self, config: ThreadedPPOConfig) -> None:
-        super().__init__(config)
-        self.epochs, self._clip = config.epochs, config.clip
+    def __init__(self, config: ThreadedPPOConfig, crew: CrewMaker = Threads) -> None:
+        super().__init__(config, partial(actor_loss, clip=config.clip), crew)
+        self.epochs = config.epochs
 
-    def actor_loss(self, log_probability: Tensor, old: Tensor, advantage: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the clipped loss, and the share of rows whose ratio is clipped (see `ThreadedTrainer.actor_loss`)."""
-        return clipped_loss(log_probability - old, advantage, self._clip)
+
+def actor_loss(log_probability: Tensor, old: Tensor, advantage: Tensor, clip: float) -> tuple[Tensor, Tensor]:
+    """Return the clipped loss, and the share of rows whose ratio is clipped (see `ActorLoss`)."""
+    return clipped_loss(log_probability - old, advantage, clip)
 
 
 def clipped_loss(log_ratio: Tensor, advantage: Tensor, clip: float) -> tuple[Tensor, Tensor]:
@@ -43,9 +46,9 @@ def clipped_loss(log_ratio: Tensor, advantage: Tensor, clip: float) -> tuple[Ten
     return loss, ((ratio - 1.0).abs() > clip).float().mean()
 
 
-def train(config: ThreadedPPOConfig) -> Path:
+def train(config: ThreadedPPOConfig, crew: CrewMaker = Threads) -> Path:
     """Train by `config`; return the run's folder, a policy folder (errors: `run_training`)."""
-    return run_training(config, ThreadedPpo.algorithm, ThreadedPpo, held_out)
+    return run_training(config, ThreadedPpo.algorithm, partial(ThreadedPpo, crew=crew), held_out)
 
 
 if __name__ == "__main__":

@@ -52,12 +52,15 @@ class _Train:
         """Train; the last line says what was written and where, after Ctrl-C as well."""
         file, directory = RowFile(self.json), self.config.directory
         try:
-            importlib.import_module(self.module).train(self.config)
+            self._train()
         except KeyboardInterrupt:
             if (directory / _ROWS).exists():  # else nothing was begun
                 self._close(file)
             raise
         self._close(file)
+
+    def _train(self) -> None:
+        importlib.import_module(self.module).train(self.config)
 
     def _close(self, file: RowFile) -> None:
         file.add(read_rows(self.config.directory / _ROWS))
@@ -65,7 +68,25 @@ class _Train:
 
 
 @dataclass(frozen=True)
-class TrainReinforce(_Train):
+class _TrainThreaded(_Train):
+    """A trainer whose workers can be on several machines."""
+
+    ray: str | None = None
+    """Run the workers, as many as --threads, as Ray actors: local for this machine, auto for the cluster that it is
+    part of, or HOST:PORT. What is learned is the same to the bit, on equal processors."""
+
+    def _train(self) -> None:
+        if self.ray is None:
+            super()._train()
+            return
+        from train.learning.actors import Actors, connected
+
+        with connected(self.ray, self.config.threads):
+            importlib.import_module(self.module).train(self.config, Actors)
+
+
+@dataclass(frozen=True)
+class TrainReinforce(_TrainThreaded):
     """Train our policy gradient: REINFORCE over the next action command, with a learned value as baseline."""
 
     module = "train.reinforce"
@@ -81,7 +102,7 @@ class TrainPPO(_Train):
 
 
 @dataclass(frozen=True)
-class TrainThreadedPPO(_Train):
+class TrainThreadedPPO(_TrainThreaded):
     """Train proximal policy optimisation of our own, in threads as REINFORCE is."""
 
     module = "train.threaded_ppo"

@@ -1,7 +1,8 @@
-"""A policy-gradient trainer whose threads each have worlds of their own: REINFORCE and our PPO differ in their loss.
+"""A policy-gradient trainer whose workers each have worlds of their own: REINFORCE and our PPO differ in their loss.
 
-Each thread plays its own rollout, then computes the gradient of its own rows; the threads meet only to add the
-gradients. That is faster than threads within each small operation, and stays so on a busy machine.
+Each worker, on a thread or a machine of its own, plays its own rollout, then computes the gradient of its own rows;
+they meet only to add the gradients, in the workers' order. That is faster than threads within each small operation,
+and stays so on a busy machine.
 
 The return is cut after each rollout and continued by the critic's value; the advantage A is its generalised form
 (Schulman et al. 2016), which with gae_lambda = 1 is exactly the truncated return minus the baseline.
@@ -9,9 +10,7 @@ The return is cut after each rollout and continued by the critic's value; the ad
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import torch
@@ -21,12 +20,10 @@ from torch import Tensor
 from agents.networks import first_actor_critic, tensors_of
 from train.learning import checkpoint
 from train.learning.config import ThreadedConfig
-from train.learning.experience import Rollout, RolloutWorker
+from train.learning.crew import ActorLoss, CrewMaker, Judged, Worker
 from train.learning.timing import Split, set_threads
-from train.learning.training_run import network_of
 from train.learning.worlds import Counts
 
-T = TypeVar("T")
 FIGURES = ("actor_loss", "critic_loss", "entropy", "clip_fraction", "gradient_norm")
 
 
@@ -36,94 +33,67 @@ class ThreadedTrainer:
     algorithm: str
     epochs = 1
 
-    def __init__(self, config: ThreadedConfig) -> None:
+    def __init__(self, config: ThreadedConfig, actor_loss: ActorLoss, crew: CrewMaker) -> None:
         self.config, self.rollout = config, config.rollout
         set_threads(1)
+        self._crew = crew(config, actor_loss)
+        self._nothing: list[tuple[()]] = [()] * config.threads
+        facts = self._crew.each(Worker.facts, self._nothing)
+        self.rows = sum(one.rows for one in facts)
+        _, self.env, self.network = facts[0]
         torch.manual_seed(config.seed)
-        self._workers = [
-            RolloutWorker(config, config.rollout, mixes, number) for number, mixes in enumerate(config.shares())
-        ]
-        self._pool = ThreadPoolExecutor(config.threads, initializer=set_threads, initargs=(1,))
-        self.rows = sum(worker.rows for worker in self._workers)
-        first = self._workers[0].worlds.simulators[0]
-        self.env = first.config
-        self.network = network_of(first, config.hidden)
         self.net = first_actor_critic(self.network, self.env, config.cruise_bias)
+        self._sizes = [parameter.numel() for parameter in self.net.parameters()]
         self._groups = [self.net.actor_parameters(), list(self.net.critic.parameters())]
         self.optimizer = torch.optim.Adam([{"params": group} for group in self._groups], eps=1e-5)
         self._own = Split()
 
-    def actor_loss(self, log_probability: Tensor, old: Tensor, advantage: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the loss whose gradient drives the actor, and the share of rows that it holds back.
-
-        All are float32[M]: log pi(a | o) as the policy stands and as it was when the action was drawn, and the
-        advantage scaled to mean 0 and deviation 1.
-        """
-        raise NotImplementedError
-
     @property
     def split(self) -> Split:
         """Where the time went: the workers' mean for the rollouts, which they play side by side."""
-        return self._own.with_mean_of([worker.split for worker in self._workers])
-
-    def _each(self, work: Callable[[int], T]) -> list[T]:
-        """Run `work(number)` for every worker, each on a thread of its own."""
-        return list(self._pool.map(work, range(len(self._workers))))
+        return self._own.with_mean_of(self._crew.each(Worker.split, self._nothing))
 
     def update(self, number: int, spent: float) -> dict[str, float]:
         """Collect one rollout and take the passes of gradient steps over it (see `Trainer.update`)."""
         config = self.config
         set_threads(1)  # one for each worker, and the workers are what runs side by side
         weights = config.reward(spent)
-        rollouts = self._each(lambda k: self._workers[k].collect(self.net, weights, [config.seed, k, number]))
+        self._crew.share(self.net)
+        seeds = [[config.seed, k, number] for k in range(config.threads)]
+        rollouts = self._crew.each(Worker.collect, [(weights, seed) for seed in seeds])
         with self._own.measure("update_s"):
             step_size = config.step_size(spent)
             for group, factor in zip(self.optimizer.param_groups, (1.0, config.critic_factor), strict=True):
                 group["lr"] = factor * step_size
             return self._learn(rollouts, [config.seed, len(rollouts), number], config.entropy(spent))
 
-    def _learn(self, rollouts: list[Rollout], seed: list[int], entropy_weight: float) -> dict[str, float]:
-        scale = joint_scale([rollout.advantage for rollout in rollouts])
+    def _learn(self, rollouts: list[Judged], seed: list[int], entropy_weight: float) -> dict[str, float]:
+        scale = joint_scale([torch.tensor(rollout.advantage) for rollout in rollouts])
         pieces = max(1, round(self.rows * self.rollout / self.config.minibatch))
         rng = np.random.default_rng(seed)
         totals = torch.zeros(len(FIGURES))
         for _ in range(self.epochs):
-            orders = [torch.from_numpy(rng.permutation(len(one.target))).tensor_split(pieces) for one in rollouts]
+            orders = [np.array_split(rng.permutation(len(one.target)), pieces) for one in rollouts]
             for piece in range(pieces):
-                rows = [order[piece] for order in orders]
-                totals += self._descend(rollouts, rows, scale, entropy_weight)
-        target = torch.cat([rollout.target for rollout in rollouts])
+                totals += self._descend([(order[piece], scale, entropy_weight) for order in orders])
+        target = torch.cat([torch.tensor(rollout.target) for rollout in rollouts])
         figures = dict(zip(FIGURES, (totals / (self.epochs * pieces)).tolist(), strict=True))
         return {**figures, "explained_variance": 1.0 - 2.0 * figures["critic_loss"] / target.var().item()}
 
-    def _descend(
-        self, rollouts: list[Rollout], rows: list[Tensor], scale: tuple[float, float], entropy_weight: float
-    ) -> Tensor:
-        """Take one gradient step by some rows of each rollout; return FIGURES."""
-        parts = self._each(lambda k: self._gradient(rollouts[k], rows[k], scale, entropy_weight))
-        for index, parameter in enumerate(self.net.parameters()):
-            parameter.grad = torch.stack([gradient[index] for gradient, _ in parts]).mean(0)
+    def _descend(self, chosen: list[tuple[NDArray[np.int64], tuple[float, float], float]]) -> Tensor:
+        """Take one gradient step by what each worker is given for `Worker.gradient`; return FIGURES."""
+        self._crew.share(self.net)
+        parts = self._crew.each(Worker.gradient, chosen)
+        slopes = torch.split(torch.from_numpy(np.stack([part.slopes for part in parts])), self._sizes, dim=1)
+        for parameter, own in zip(self.net.parameters(), slopes, strict=True):
+            parameter.grad = own.contiguous().mean(0).view_as(parameter)
         norm, _ = [torch.nn.utils.clip_grad_norm_(group, self.config.gradient_clip) for group in self._groups]
         self.optimizer.step()
-        return torch.cat([torch.stack([figures for _, figures in parts]).mean(0), norm[None]])
-
-    def _gradient(
-        self, rollout: Rollout, rows: Tensor, scale: tuple[float, float], entropy_weight: float
-    ) -> tuple[tuple[Tensor, ...], Tensor]:
-        """Return the gradient of some rows of one rollout, and the first of FIGURES."""
-        observation = rollout.observation[rows]
-        log_probability, entropy = self.net.log_probability(observation, rollout.action[rows])
-        advantage = (rollout.advantage[rows] - scale[0]) / scale[1]
-        actor_loss, held = self.actor_loss(log_probability, rollout.log_probability[rows], advantage)
-        critic_loss = 0.5 * (self.net.value(observation) - rollout.target[rows]).square().mean()
-        mean_entropy = entropy.mean()
-        loss = actor_loss - entropy_weight * mean_entropy + critic_loss
-        gradient = torch.autograd.grad(loss, list(self.net.parameters()))
-        return gradient, torch.stack([actor_loss, critic_loss, mean_entropy, held]).detach()
+        return torch.cat([torch.from_numpy(np.stack([part.figures for part in parts])).mean(0), norm[None]])
 
     def take_figures(self) -> dict[str, float]:
         """Return what happened since the last call (see `Trainer.take_figures`)."""
-        counts = sum((worker.worlds.tally.take() for worker in self._workers), Counts())
+        counts = sum(self._crew.each(Worker.take_counts, self._nothing), Counts())
         return counts.figures(self.env.time_step * self.env.action_repeat)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -131,8 +101,8 @@ class ThreadedTrainer:
         network = {f"network.{name}": array for name, array in self.policy_tensors().items()}
         worlds = {
             f"worlds.{number}.{name}": array
-            for number, worker in enumerate(self._workers)
-            for name, array in worker.worlds.history().items()
+            for number, history in enumerate(self._crew.each(Worker.history, self._nothing))
+            for name, array in history.items()
         }
         return {**network, **checkpoint.optimizer_arrays(self.optimizer), **worlds}
 
@@ -141,11 +111,16 @@ class ThreadedTrainer:
         network = checkpoint.part_of(arrays, "network.")
         self.net.load_state_dict({name: torch.from_numpy(array.copy()) for name, array in network.items()})
         checkpoint.load_optimizer(self.optimizer, arrays)
-        self._each(lambda k: self._workers[k].worlds.replay(checkpoint.part_of(arrays, f"worlds.{k}.")))
+        histories = [checkpoint.part_of(arrays, f"worlds.{number}.") for number in range(self.config.threads)]
+        self._crew.each(Worker.replay, [(history,) for history in histories])
 
     def policy_tensors(self) -> dict[str, NDArray[np.float32]]:
         """Return the network's tensors (see `Trainer.policy_tensors`)."""
         return tensors_of(self.net)
+
+    def close(self) -> None:
+        """End the workers (see `Trainer.close`)."""
+        self._crew.close()
 
 
 def joint_scale(advantage: list[Tensor]) -> tuple[float, float]:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.metadata
-import os
 import shlex
-import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -24,17 +22,19 @@ from train.learning.card import write_card
 from train.learning.config import TrainingConfig
 from train.learning.evaluations import Drive, Evaluations
 from train.learning.progress import ProgressLog
+from train.learning.stop import stop_signal
 from train.learning.timing import Split
 from train.reporting.lock import held
 from train.reporting.report import tell
 from train.reporting.rows import check_writable
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError, WarehouseError, WeightsError
+from warehouse_env.errors import ConfigError, LostError, WarehouseError, WeightsError
 from warehouse_env.simulation.simulator import Simulator
 
 CHECKPOINT = "checkpoint"
 _LOCK = ".lock"  # in a run's folder, while it is trained in
 _NAMED = 3  # floors that the first line names
+_MOST_LOST = 3  # times in a row that workers are lost before another checkpoint is written
 _FREE_ON_RESUME = ("resume", "progress")  # what may differ without changing the schedule
 
 ConfigT = TypeVar("ConfigT", bound=TrainingConfig)
@@ -82,6 +82,10 @@ class Trainer(Protocol):
         """Return the tensors of the policy as it stands, for a weights folder."""
         ...
 
+    def close(self) -> None:
+        """End its threads and processes."""
+        ...
+
 
 @dataclasses.dataclass
 class Position:
@@ -127,12 +131,30 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
             stack.enter_context(held(config.directory / _LOCK, config.directory))
         config, saved = _begin(config, algorithm)
         tell(_beginning(config))
-        trainer = make(config)
+        lost = 0
+        while True:
+            try:
+                _run(config, saved, make, drive)
+                return config.directory
+            except LostError as error:
+                before, saved = saved, _last(config)
+                lost = 1 if _updates(saved) > _updates(before) else lost + 1
+                if lost > _MOST_LOST:
+                    raise LostError(_too_often(config, error)) from None
+                tell(f"{error}: goes on after update {_updates(saved)} with new workers")
+
+
+def _run(
+    config: ConfigT, saved: checkpoint.Checkpoint | None, make: Callable[[ConfigT], Trainer], drive: Drive
+) -> None:
+    """Train from the beginning or a checkpoint; LostError where the trainer lost workers, what is saved stands."""
+    with ExitStack() as stack:
+        trainer = stack.enter_context(closing(make(config)))
         position = Position()
         if saved is not None:
             trainer.load(saved.arrays)
             position = Position(**{f.name: saved.data[f.name] for f in dataclasses.fields(Position)})
-        stop = stack.enter_context(_stop_signal())
+        stop = stack.enter_context(stop_signal())
         log = stack.enter_context(ProgressLog(config.directory, config.progress, position.steps, config.to_dict()))
         evaluations = Evaluations(config, drive, None if saved is None else position.update)
         if saved is None:
@@ -144,7 +166,22 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
             evaluations.run(position.update, position.steps, log)
         if config.progress:
             tell(_split(trainer))
-    return config.directory
+
+
+def _last(config: TrainingConfig) -> checkpoint.Checkpoint | None:
+    directory = config.directory / CHECKPOINT
+    return checkpoint.read(directory) if checkpoint.exists(directory) else None
+
+
+def _updates(saved: checkpoint.Checkpoint | None) -> int:
+    return 0 if saved is None else int(saved.data["update"])
+
+
+def _too_often(config: TrainingConfig, error: LostError) -> str:
+    return (
+        f"{error}, {_MOST_LOST + 1} times in a row within --checkpoint-seconds {config.checkpoint_seconds:g}; "
+        f"go on with --resume {shlex.quote(str(config.directory))} once its machines stay"
+    )
 
 
 def profile(trainer: Trainer, updates: int, warm_up: int = 1) -> dict[str, float]:
@@ -263,33 +300,3 @@ def _split(trainer: Trainer) -> str:
     total = max(sum(parts.values()), 1e-9)
     shares = ", ".join(f"{name.removesuffix('_s')} {100 * value / total:.0f}%" for name, value in parts.items())
     return f"the time went to: {shares}"
-
-
-@contextmanager
-def _stop_signal() -> Iterator[threading.Event]:
-    """Yield an event that Ctrl-C or a termination sets, so that the running update ends well; a second one is hard.
-
-    At the end the signal is raised once more, and then does what it would have done.
-    """
-    stop = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield stop
-        return
-
-    asked: list[signal.Signals] = []
-
-    def ask(number: int, frame: object) -> None:
-        if asked:
-            os._exit(130)
-        asked.append(signal.Signals(number))
-        stop.set()
-
-    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-    if asked:
-        signal.raise_signal(asked[0])
-        raise KeyboardInterrupt  # where the signal is ignored, as it is in the background of a shell

@@ -14,6 +14,7 @@ from safetensors.numpy import load_file
 from agents.weights_folder import read_record
 from train import reinforce, threaded_ppo
 from train.learning.config import ReinforceConfig, ThreadedConfig, ThreadedPPOConfig
+from train.learning.crew import Threads
 from train.learning.threaded import ThreadedTrainer
 
 SMALL: dict[str, Any] = {
@@ -61,10 +62,10 @@ def test_whole_mixes_are_dealt_out_where_they_go_round() -> None:
 
 
 def test_workers_share_the_routes_of_a_floor() -> None:
-    trainer = reinforce.Reinforce(ReinforceConfig(threads=2, **SMALL | {"layouts": ("open", "narrow")}))
+    crew = Threads(ReinforceConfig(threads=2, **SMALL | {"layouts": ("open", "narrow")}), reinforce.actor_loss)
     books = {
         (simulator.config.layout, id(simulator.route_book))
-        for worker in trainer._workers
+        for worker in crew._workers
         for simulator in worker.worlds.simulators
     }
     assert sorted(layout for layout, _ in books) == ["narrow", "open"]
