@@ -34,7 +34,7 @@ from warehouse_env.simulation.simulator import Simulator
 CHECKPOINT = "checkpoint"
 _LOCK = ".lock"  # in a run's folder, while it is trained in
 _NAMED = 3  # floors that the first line names
-_MOST_LOST = 3  # times in a row that workers are lost before another checkpoint is written
+_MOST_LOST = 5  # times in a row that workers are lost before another checkpoint is written; a machine may cost two
 _FREE_ON_RESUME = ("resume", "progress")  # what may differ without changing the schedule
 
 ConfigT = TypeVar("ConfigT", bound=TrainingConfig)
@@ -137,10 +137,11 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
                 _run(config, saved, make, drive)
                 return config.directory
             except LostError as error:
-                before, saved = saved, _last(config)
-                lost = 1 if _updates(saved) > _updates(before) else lost + 1
+                before, saved = _updates(saved), _last(config)
+                lost = 1 if _updates(saved) > before else lost + 1
                 if lost > _MOST_LOST:
-                    raise LostError(_too_often(config, error)) from None
+                    again = f"go on with --resume {shlex.quote(str(config.directory))}"
+                    raise LostError(f"{error}, {lost} times before the next checkpoint; {again}") from None
                 tell(f"{error}: goes on after update {_updates(saved)} with new workers")
 
 
@@ -175,13 +176,6 @@ def _last(config: TrainingConfig) -> checkpoint.Checkpoint | None:
 
 def _updates(saved: checkpoint.Checkpoint | None) -> int:
     return 0 if saved is None else int(saved.data["update"])
-
-
-def _too_often(config: TrainingConfig, error: LostError) -> str:
-    return (
-        f"{error}, {_MOST_LOST + 1} times in a row within --checkpoint-seconds {config.checkpoint_seconds:g}; "
-        f"go on with --resume {shlex.quote(str(config.directory))} once its machines stay"
-    )
 
 
 def profile(trainer: Trainer, updates: int, warm_up: int = 1) -> dict[str, float]:
