@@ -29,6 +29,7 @@ from warehouse_env.planning import add_planner
 
 T = TypeVar("T")
 _PATIENCE = 300.0  # [s] for Ray to find a core for every actor
+_WITH_A_CALL = 100_000  # bytes that Ray sends with a call, in half the time; more goes through its store
 _ADD: dict[str, Callable[[str], None]] = {"layout": add_layout, "planner": add_planner}
 
 
@@ -58,8 +59,10 @@ class Actors:
 
     def each(self, work: Callable[..., T], arguments: Sequence[tuple[Any, ...]]) -> list[T]:
         """Do a piece of work, each actor its own (see `Crew.each`)."""
-        weights, self._weights = self._weights, None
-        sent = None if weights is None else self._ray.put(weights)
+        sent: Any
+        sent, self._weights = self._weights, None
+        if sent is not None and sent.nbytes > _WITH_A_CALL:
+            sent = self._ray.put(sent)
         pairs = zip(self._actors, arguments, strict=True)
         return self._get([actor.do.remote(work.__name__, sent, *given) for actor, given in pairs])
 
@@ -102,7 +105,8 @@ class _Host:
     ) -> None:  # fmt: skip
         """Make the worlds, with the files and the parts of one's own that the config names."""
         set_threads(1)
-        os.chdir(tempfile.mkdtemp(prefix="warehouse-worker-"))
+        if files:
+            os.chdir(tempfile.mkdtemp(prefix="warehouse-worker-"))
         for name, content in files.items():
             Path(name).parent.mkdir(parents=True, exist_ok=True)
             Path(name).write_bytes(content)
@@ -157,9 +161,11 @@ def connected(address: str, workers: int) -> Iterator[None]:
         import ray
     except ImportError:
         raise ConfigError('--ray needs Ray: pip install "warehouse-env[ray]"') from None
-    try:
+    here: dict[str, Any] = {}
+    if address == "local":
         here = {"num_cpus": max(workers, os.cpu_count() or 1), "include_dashboard": False}
-        ray.init(**(here if address == "local" else {"address": address}), log_to_driver=False)
+    try:
+        ray.init(address=address, log_to_driver=False, **here)  # local: never another one that runs here
     except (ConnectionError, ValueError) as error:
         raise ConfigError(f"--ray {address}: cannot be reached ({str(error).splitlines()[0]})") from None
     try:
