@@ -10,6 +10,7 @@ import pytest
 # Left out where its package is not installed: `make clients` has an environment with all of them.
 NEEDS = {
     "test_rllib.py": "ray",
+    "test_sweep.py": "ray",
     "test_supersuit.py": "supersuit",
     "test_torchrl.py": "torchrl",
 }

@@ -92,7 +92,7 @@ class Losing(Threads):
 def test_a_training_that_loses_workers_goes_on_from_its_checkpoint_to_the_same_bits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Wherever it loses them: as they are made or go back, in a rollout, in a gradient, as they count, or as it saves."""
+    """Wherever it loses them: as they are made or go back, in a rollout, in a gradient, or as it saves."""
     monkeypatch.setattr(progress, "LOG_SECONDS", 0.0)
     config = ReinforceConfig(out=tmp_path, threads=2, **SMALL, evaluation_seconds=0.0)
     whole = reinforce.train(replace(config, name="whole"))
