@@ -69,14 +69,24 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "agents": (*PLANNING, "warehouse_env.observation", "agents"),
     "train.reporting": ("warehouse_env", "train.reporting"),
     "train.books": BELOW_TRAIN,
-    "train.learning": (*BELOW_TRAIN, "train.books", "train.reporting", "train.learning"),
+    "train.own": BELOW_TRAIN,
+    "train.parcels": (*BELOW_TRAIN, "train.own"),
+    "train.learning": (*BELOW_TRAIN, "train.books", "train.own", "train.parcels", "train.reporting", "train.learning"),
     "train.central": (*BELOW_TRAIN, "train.central"),
     # what audits the engine takes none of its geometry and motion
     **dict.fromkeys(
         (f"train.evaluation.audit.{module}" for module in ("bodies", "arcs", "instants")),
         (*BASE, "warehouse_env.simulation.state", "train.evaluation.audit"),
     ),
-    "train.evaluation": (*BELOW_TRAIN, "train.books", "train.reporting", "train.central", "train.evaluation"),
+    "train.evaluation": (
+        *BELOW_TRAIN,
+        "train.books",
+        "train.own",
+        "train.parcels",
+        "train.reporting",
+        "train.central",
+        "train.evaluation",
+    ),
     "train.tables.learning": (
         *BELOW_TRAIN,
         "train.books",

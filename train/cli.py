@@ -165,7 +165,7 @@ def _load_own(options: Any) -> None:
     values = {name: value if isinstance(value, tuple) else (value,) for name, value in given.items() if name in _PARTS}
     typed = [(_PARTS[name], text) for name, texts in values.items() for text in texts if text and ":" in text]
     if typed:
-        from train.evaluation.own import take_in
+        from train.own import take_in
 
         take_in(typed)
 

@@ -13,14 +13,15 @@ from typing import Any
 import pytest
 
 ray = pytest.importorskip("ray")
-cluster_utils = pytest.importorskip("ray.cluster_utils")
+pytestmark = pytest.mark.xdist_group("ray")
 
 from train import reinforce, threaded_ppo  # noqa: E402
-from train.evaluation.own import take_in  # noqa: E402
+from train.evaluation.cluster import connected  # noqa: E402
 from train.learning import progress  # noqa: E402
-from train.learning.actors import Actors, connected  # noqa: E402
+from train.learning.actors import Actors  # noqa: E402
 from train.learning.config import ReinforceConfig, ThreadedPPOConfig  # noqa: E402
 from train.learning.threaded import ThreadedTrainer  # noqa: E402
+from train.own import take_in  # noqa: E402
 from train.reporting.rows import read_rows  # noqa: E402
 from warehouse_env.errors import LostError, MapError  # noqa: E402
 from warehouse_env.maps.movingai import EXAMPLE_MAP  # noqa: E402
@@ -40,20 +41,10 @@ def hall():
 
 
 @pytest.fixture(scope="module")
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    """Two machines of two cores each, and a head without any, all of them processes here; nobody is told."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HOME", str(tmp_path_factory.mktemp("home")))
-        patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-        patch.setenv("RAY_AUTH_MODE", "disabled")
-        soon = {"health_check_initial_delay_ms": 0, "health_check_period_ms": 200, "health_check_failure_threshold": 3}
-        head = {"num_cpus": 0, "include_dashboard": False, "_system_config": soon}  # a lost machine is soon missed
-        own = cluster_utils.Cluster(initialize_head=True, head_node_args=head)
-        for _ in range(2):
-            own.add_node(num_cpus=2)
-        with connected(own.address, 2):
-            yield own
-        own.shutdown()
+def cluster(two_nodes: Any) -> Iterator[Any]:
+    """Two machines of two cores each, to which this process is connected."""
+    with connected(two_nodes.address):
+        yield two_nodes
 
 
 def weights(folder: Path) -> bytes:
@@ -148,6 +139,7 @@ def test_begun_with_threads_and_gone_on_with_actors_of_which_a_machine_is_lost(
         name = ask(trainer, 0, lambda _: ray.get_runtime_context().get_node_id())
         node = next(node for node in cluster.worker_nodes if node.node_id == name)
         cluster.remove_node(node, allow_graceful=False)
+        cluster.add_node(num_cpus=2)
 
     config = ReinforceConfig(out=tmp_path, **SMALL, checkpoint_seconds=0.0)
     whole = reinforce.train(replace(config, name="whole"))

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from train.evaluation.jobs import Job, Result, Tick
-from train.evaluation.own import versions
 from train.evaluation.places import Places
 from train.evaluation.rollout import make_experiment, run
+from train.own import versions
 from train.reporting.rows import Row
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig

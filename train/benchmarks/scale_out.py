@@ -18,7 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from train.learning.actors import Actors, connected
+from train.evaluation.cluster import connected
+from train.learning.actors import Actors
 from train.learning.config import ThreadedPPOConfig
 from train.learning.crew import CrewMaker, Threads
 from train.learning.recipes import by_recipe

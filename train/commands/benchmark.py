@@ -10,11 +10,11 @@ from typing import ClassVar
 
 from train.commands.evaluate import GOES_ON
 from train.evaluation.episodes import play
-from train.evaluation.own import versions
 from train.evaluation.work import WorkOptions
 from train.leaderboard.board import board
 from train.leaderboard.cases import experiments
 from train.leaderboard.entry import SHIPPED, Entry, drive_again, faults, make_entry, read_entry, write_entry
+from train.own import versions
 from train.reporting.rows import RowFile, check_writable, instead
 from warehouse_env.errors import ConfigError, WarehouseError, shown
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, field, make_dataclass
@@ -12,6 +13,7 @@ from typing import Annotated, Any, ClassVar, Self, get_type_hints
 import tyro
 
 from agents.weights_folder import read_record
+from train.evaluation.work import check_address
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
 from train.learning.curves import read_run
 from train.learning.recipes import Recipe, ThreadedPPORecipe, by_recipe
@@ -39,6 +41,15 @@ class _Train:
     json: Path | None = None
     """Also write the rows of the training's progress to this file as JSON lines."""
 
+    seeds: int = 1
+    """Train under so many seeds from --seed on, each in a folder NAME-SEED, and show a table; what was stopped goes on,
+    what has ended stands."""
+
+    ray: str | None = None
+    """Use a Ray cluster: auto (the one this machine belongs to), HOST:PORT, or local (this machine). Several seeds are
+    trained side by side; a single one, by reinforce and threaded_ppo, has each of its --threads on a core of the
+    cluster, and learns the same to the bit on equal processors."""
+
     @classmethod
     def defaults_for(cls, arguments: Sequence[str]) -> Self:
         """Return the options by the recipe that a command line names; what else it says overrides them."""
@@ -50,6 +61,13 @@ class _Train:
 
     def run(self) -> None:
         """Train; the last line says what was written and where, after Ctrl-C as well."""
+        if not 1 <= self.seeds <= 10_000:
+            raise ConfigError(f"--seeds {self.seeds} must lie between 1 and 10,000")
+        if self.ray is not None:
+            check_address(self.ray)
+        if self.seeds > 1:
+            self._train_seeds()
+            return
         file, directory = RowFile(self.json), self.config.directory
         try:
             self._train()
@@ -60,7 +78,26 @@ class _Train:
         self._close(file)
 
     def _train(self) -> None:
+        if self.ray is not None:
+            raise ConfigError(
+                "--ray needs --seeds above 1 here: only reinforce and threaded_ppo train on several machines"
+            )
         importlib.import_module(self.module).train(self.config)
+
+    def _train_seeds(self) -> None:
+        from train.commands.seeds import of_seeds, seeds_table, train_here, train_on_cluster
+
+        file, configs = RowFile(self.json), of_seeds(self.config, self.seeds)
+        if self.ray is None:
+            train_here(self.module, configs)
+        else:
+            train_on_cluster(self.module, configs, self.ray)
+        for config in configs:
+            about = {"run": config.name, "training_seed": config.seed}
+            file.add([{**about, **row} for row in read_rows(config.directory / _ROWS)])
+        seeds_table(configs).print()
+        rows = "" if self.json is None else f", the rows to {self.json}"
+        print(f"wrote {self.seeds} policies to {configs[0].directory} and on{rows}")
 
     def _close(self, file: RowFile) -> None:
         file.add(read_rows(self.config.directory / _ROWS))
@@ -71,17 +108,15 @@ class _Train:
 class _TrainThreaded(_Train):
     """A trainer whose workers can be on several machines."""
 
-    ray: str | None = None
-    """Run the workers, as many as --threads, as Ray actors: local for this machine, auto for the cluster that it is
-    part of, or HOST:PORT. What is learned is the same to the bit, on equal processors."""
-
     def _train(self) -> None:
         if self.ray is None:
             super()._train()
             return
-        from train.learning.actors import Actors, connected
+        from train.evaluation.cluster import joined
+        from train.evaluation.kernels import compile_missing
+        from train.learning.actors import Actors
 
-        with connected(self.ray, self.config.threads):
+        with joined(self.ray, compile_missing, max(self.config.threads, os.cpu_count() or 1)):
             importlib.import_module(self.module).train(self.config, Actors)
 
 

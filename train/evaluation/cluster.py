@@ -19,8 +19,8 @@ from typing import Any
 
 from train.evaluation.jobs import WAIT, Job, Numbered, Progress, Result
 from train.evaluation.nodes import Node, about_this_node, check_nodes
-from train.evaluation.own import Typed, take_in, taken_in
-from train.evaluation.parcels import Parcel, pack, unpacked
+from train.own import Typed, take_in, taken_in
+from train.parcels import Parcel, pack, unpacked
 from train.reporting.report import counted, tell
 from warehouse_env.errors import LostError, WarehouseError
 
@@ -43,7 +43,6 @@ class Cluster:
         self._opened = contextlib.ExitStack()
         self._ray: Any = None
         self._task: Any = None
-        self._source = ""
         self._parcels: dict[tuple[str, ...], Any] = {}
         self._flying: dict[Any, Numbered] = {}
         self._again = 0
@@ -107,7 +106,7 @@ class Cluster:
         """Return the reference to a job's result."""
         if job.files not in self._parcels:
             self._parcels[job.files] = self._ray.put(pack(job.files))
-        return self._task.remote(job, self._parcels[job.files], taken_in(), self._source)
+        return self._task.remote(job, self._parcels[job.files], taken_in(), about_this_node().source)
 
     def _take(self, reference: Any) -> Result | None:
         """Return a result, None if its worker or node was lost; errors of the job are raised as they are."""
@@ -122,18 +121,66 @@ class Cluster:
     def _connected(self) -> Any:
         """Return the library, connected and with all nodes checked."""
         if self._ray is None:
-            ray = self._opened.enter_context(connected(self.address, self._cores))
-            here = about_this_node()
-            nodes = _ask(ray, here)
-            self._source, self._task = here.source, ray.remote(_work).options(num_cpus=1, max_retries=0)
-            for note in check_nodes(here, nodes):
-                tell(note)
-            cores = int(ray.cluster_resources().get("CPU", 0))
-            tell(f"{counted(len(nodes), 'node')} with {counted(cores, 'core')}")
-            if self._prepare is not None:
-                _on_each(ray, self._prepare)
+            ray = self._opened.enter_context(joined(self.address, self._prepare, self._cores))
+            self._task = ray.remote(_work).options(num_cpus=1, max_retries=0)
             self._ray = ray
         return self._ray
+
+
+def streams(
+    ray: Any, task: Callable[..., Iterator[Any]], cores: int, count: int, begin: Callable[[int], tuple[Any, ...]]
+) -> Iterator[tuple[int, Any]]:
+    """Run so many generators side by side, each on some cores of one node; yield number and value of all they give.
+
+    begin: returns the arguments of a generator by its number; asked again where its worker or node was lost. LostError
+    where that happens so often without anything given between; WarehouseError where no node has so many cores.
+    """
+    most = max((node["Resources"].get("CPU", 0) for node in ray.nodes() if node["Alive"]), default=0)
+    if most < cores:
+        raise WarehouseError(f"no node of the cluster has {counted(cores, 'core')}, the most is {most:.0f}")
+    remote = ray.remote(task).options(num_cpus=cores, max_retries=0, num_returns="streaming")
+    running, tried = {remote.remote(*begin(number)): number for number in range(count)}, Counter[int]()
+    try:
+        while running:
+            for stream in ray.wait(list(running), timeout=WAIT)[0]:
+                number = running[stream]
+                try:
+                    value = ray.get(next(stream))
+                except StopIteration:
+                    del running[stream]
+                    continue
+                except ray.exceptions.RayTaskError as error:
+                    raise error.cause from None
+                except ray.exceptions.RayError:
+                    del running[stream]
+                    tried[number] += 1
+                    if tried[number] == TRIES:
+                        raise LostError(f"a worker was lost {TRIES} times without coming forward") from None
+                    running[remote.remote(*begin(number))] = number
+                    continue
+                tried[number] = 0
+                yield number, value
+    finally:
+        for stream in running:
+            ray.cancel(stream, force=True)
+
+
+@contextlib.contextmanager
+def joined(address: str, prepare: Callable[[], None] | None = None, cores: int | None = None) -> Iterator[Any]:
+    """Be connected to a cluster all of whose nodes have this program and are prepared; yields the library.
+
+    The arguments are those of Cluster. WarehouseError names a node that has other code.
+    """
+    with connected(address, cores) as ray:
+        here = about_this_node()
+        nodes = _ask(ray, here)
+        for note in check_nodes(here, nodes):
+            tell(note)
+        cores = int(ray.cluster_resources().get("CPU", 0))
+        tell(f"{counted(len(nodes), 'node')} with {counted(cores, 'core')}")
+        if prepare is not None:
+            _on_each(ray, prepare)
+        yield ray
 
 
 @contextlib.contextmanager

@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from train.evaluation.jobs import WAIT, Job, Numbered, Progress, Result
-from train.evaluation.own import Typed, take_in, taken_in
+from train.own import Typed, take_in, taken_in
 from warehouse_env.errors import LostError
 
 

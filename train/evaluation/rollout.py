@@ -17,7 +17,7 @@ from agents.policy import Action, Observation, Preferring, ranked
 from train.books import simulator_of
 from train.central import CENTRAL, central_config
 from train.evaluation.disturbances import DISTURBANCES, Breakdown, Senses
-from train.evaluation.own import versions
+from train.own import versions
 from train.reporting.report import counted
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__

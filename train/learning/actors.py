@@ -7,11 +7,7 @@ given up, and the training goes on from its last checkpoint with new ones (`run_
 
 from __future__ import annotations
 
-import os
-import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,15 +18,13 @@ from agents.networks import ActorCritic
 from train.learning.config import ThreadedConfig
 from train.learning.crew import ActorLoss, Worker
 from train.learning.timing import set_threads
-from warehouse_env.errors import ConfigError, LostError
-from warehouse_env.maps.layouts import add_layout
-from warehouse_env.own_parts import LOADED
-from warehouse_env.planning import add_planner
+from train.own import Typed, take_in, taken_in
+from train.parcels import Parcel, pack, unpacked
+from warehouse_env.errors import LostError
 
 T = TypeVar("T")
 _PATIENCE = 300.0  # [s] for Ray to find a core for every actor
 _WITH_A_CALL = 100_000  # bytes that Ray sends with a call, in half the time; more goes through its store
-_ADD: dict[str, Callable[[str], None]] = {"layout": add_layout, "planner": add_planner}
 
 
 class Actors:
@@ -46,8 +40,7 @@ class Actors:
         self._actors = [remote.remote() for _ in range(config.threads)]
         try:
             self._await()
-            parts = [(part.kind, name) for name, part in LOADED.items() if part.kind in _ADD]
-            given = (config, actor_loss, _files([*config.layouts, *(name for _, name in parts)]), parts)
+            given = config, actor_loss, pack(config.layouts), taken_in()
             self._get([actor.make.remote(number, *given) for number, actor in enumerate(self._actors)])
         except BaseException:
             self.close()
@@ -100,19 +93,13 @@ class _Host:
         """Say that the actor has begun."""
 
     def make(
-        self, number: int, config: ThreadedConfig, actor_loss: ActorLoss, files: dict[str, bytes],
-        parts: list[tuple[str, str]],
-    ) -> None:  # fmt: skip
+        self, number: int, config: ThreadedConfig, actor_loss: ActorLoss, files: Parcel, parts: list[Typed]
+    ) -> None:
         """Make the worlds, with the files and the parts of one's own that the config names."""
         set_threads(1)
-        if files:
-            os.chdir(tempfile.mkdtemp(prefix="warehouse-worker-"))
-        for name, content in files.items():
-            Path(name).parent.mkdir(parents=True, exist_ok=True)
-            Path(name).write_bytes(content)
-        for kind, name in parts:
-            _ADD[kind](name)
-        self._worker = Worker(config, number, actor_loss)
+        with unpacked(files):
+            take_in(parts)
+            self._worker = Worker(config, number, actor_loss)
         network = self._worker.facts().network
         self._worker.net = ActorCritic(network, np.zeros(network.actions, np.float32))
 
@@ -137,40 +124,8 @@ def _take_over(net: ActorCritic, weights: NDArray[np.float32]) -> None:
             parameter.copy_(piece.view_as(parameter))
 
 
-def _files(names: Sequence[str]) -> dict[str, bytes]:
-    """Return the content of maps and code named by paths from here; what is named from the root must be there."""
-    paths = {name if name.endswith(".map") else name.partition(":")[0] for name in names}
-    relative = [Path(path) for path in sorted(paths) if path.endswith((".map", ".py")) and not Path(path).is_absolute()]
-    return {str(path): path.read_bytes() for path in relative if path.is_file()}
-
-
 def _cores() -> float:
     import ray
 
     resources: dict[str, float] = ray.cluster_resources()  # type: ignore[no-untyped-call]
     return resources.get("CPU", 0.0)
-
-
-@contextmanager
-def connected(address: str, workers: int) -> Iterator[None]:
-    """Be connected to Ray at an address: local begins it here, auto finds the cluster this machine is part of.
-
-    ConfigError where Ray is missing, cannot be reached, or has fewer cores than workers.
-    """
-    try:
-        import ray
-    except ImportError:
-        raise ConfigError('--ray needs Ray: pip install "warehouse-env[ray]"') from None
-    here: dict[str, Any] = {}
-    if address == "local":
-        here = {"num_cpus": max(workers, os.cpu_count() or 1), "include_dashboard": False}
-    try:
-        ray.init(address=address, log_to_driver=False, **here)  # local: never another one that runs here
-    except (ConnectionError, ValueError) as error:
-        raise ConfigError(f"--ray {address}: cannot be reached ({str(error).splitlines()[0]})") from None
-    try:
-        if _cores() < workers:
-            raise ConfigError(f"--ray {address} has {_cores():.0f} cores: give at most as many --threads as that")
-        yield
-    finally:
-        ray.shutdown()

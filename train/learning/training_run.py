@@ -16,7 +16,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.weights_folder import CONFIG, Network, PolicyRecord, save_policy
+from agents.weights_folder import CONFIG, Network, PolicyRecord, read_record, save_policy
 from train.learning import checkpoint
 from train.learning.card import write_card
 from train.learning.config import TrainingConfig
@@ -32,7 +32,7 @@ from warehouse_env.errors import ConfigError, LostError, WarehouseError, Weights
 from warehouse_env.simulation.simulator import Simulator
 
 CHECKPOINT = "checkpoint"
-_LOCK = ".lock"  # in a run's folder, while it is trained in
+LOCK = ".lock"  # in a run's folder, while it is trained in
 _NAMED = 3  # floors that the first line names
 _MOST_LOST = 5  # times in a row that workers are lost before another checkpoint is written; a machine may cost two
 _FREE_ON_RESUME = ("resume", "progress")  # what may differ without changing the schedule
@@ -128,7 +128,7 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
         if config.resume is None:
             check_writable(config.directory / CONFIG)
         if config.resume is None or config.resume.is_dir():  # else there is nothing to go on with, which _begin says
-            stack.enter_context(held(config.directory / _LOCK, config.directory))
+            stack.enter_context(held(config.directory / LOCK, config.directory))
         config, saved = _begin(config, algorithm)
         tell(_beginning(config))
         lost = 0
@@ -176,6 +176,17 @@ def _last(config: TrainingConfig) -> checkpoint.Checkpoint | None:
 
 def _updates(saved: checkpoint.Checkpoint | None) -> int:
     return 0 if saved is None else int(saved.data["update"])
+
+
+def is_done(config: TrainingConfig) -> bool:
+    """Return whether a run was trained to the end of its budget; ConfigError if its folder holds another training."""
+    if not (config.directory / CONFIG).exists() or not checkpoint.exists(config.directory / CHECKPOINT):
+        return False
+    saved = checkpoint.read(config.directory / CHECKPOINT).data
+    stored = type(config).from_dict(saved["config"])
+    if dataclasses.replace(stored, resume=None, progress=config.progress) != config:
+        raise ConfigError(f"{config.directory} was trained with other options: name another --out, or remove it")
+    return bool(read_record(config.directory).training["spent"] >= 1)  # of the weights, written after the checkpoint
 
 
 def profile(trainer: Trainer, updates: int, warm_up: int = 1) -> dict[str, float]:

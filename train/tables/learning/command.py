@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import importlib
 import time
 from collections.abc import Iterator
@@ -10,13 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.weights_folder import CONFIG, read_record
 from train.evaluation.rollout import Experiment, make_experiment
 from train.learning import checkpoint
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
 from train.learning.curves import read_run
 from train.learning.recipes import by_recipe
-from train.learning.training_run import CHECKPOINT
+from train.learning.training_run import CHECKPOINT, is_done
 from train.tables.learning.figures import SETTINGS, START, learning_tables
 from train.tables.options import StudyOptions
 from warehouse_env.config import EnvConfig
@@ -57,7 +55,7 @@ def train_missing(trainings: dict[str, list[TrainingConfig]]) -> Iterator[str]:
     for algorithm, group in trainings.items():
         module = importlib.import_module(ALGORITHMS.get(algorithm, ALGORITHMS["reinforce"])[0])
         for config in group:
-            if _is_done(config):
+            if is_done(config):
                 continue
             yield f"training {config.name}: {config.steps:,} agent-steps"
             begun = checkpoint.exists(config.directory / CHECKPOINT)
@@ -66,17 +64,6 @@ def train_missing(trainings: dict[str, list[TrainingConfig]]) -> Iterator[str]:
             except KeyboardInterrupt as stop:
                 stop.args = (f"the same command goes on with {config.directory}",)
                 raise
-
-
-def _is_done(config: TrainingConfig) -> bool:
-    if not (config.directory / CONFIG).exists() or not checkpoint.exists(config.directory / CHECKPOINT):
-        return False
-    saved = checkpoint.read(config.directory / CHECKPOINT).data
-    stored = type(config).from_dict(saved["config"])
-    if dataclasses.replace(stored, resume=None) != config:
-        raise ConfigError(f"{config.directory} was trained with other options: name another --out, or remove it")
-    steps = read_record(config.directory).training["steps"]  # of the weights, which are written after the checkpoint
-    return bool(config.steps is not None and steps >= config.steps)
 
 
 FLOORS = ("paper46", "narrow")

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from agents.weights_folder import CONFIG, WEIGHTS
-from train.evaluation.own import taken_in
+from train.own import taken_in
 from warehouse_env.files import STAGED, whereabouts
 from warehouse_env.maps import one_way
 from warehouse_env.own_parts import split
