@@ -36,6 +36,25 @@ def speed_before(way, speed, p):
 
 
 @inline
+def speed_on_line(r, p):
+    """Return the most speed [m/s] along the route from which a robot rests at its end; who has docked stays there."""
+    return ZERO if r["docks"] != 0 else speed_before(to_go(r), r["speed"], p)
+
+
+@inline
+def docks_from(r):
+    """Whether a robot's next manoeuvre leads to its goal: near it on its route, at its end, or docked beside it."""
+    return r["docks"] != 0 or to_go(r) <= max(r["join"], RESTS)
+
+
+@inline
+def wants_to_dock(r):
+    """Whether a robot that follows its route is to seek the manoeuvre to its goal: near it, or at rest beside it."""
+    rests = r["docks"] != 0 or to_go(r) <= RESTS
+    return r["speed"] == ZERO if rests else to_go(r) <= r["join"]
+
+
+@inline
 def is_there(r, p):
     """Whether a robot stands at its goal, as near and as well turned as it has to."""
     dx, dy = r["goal_x"] - r["x"], r["goal_y"] - r["y"]

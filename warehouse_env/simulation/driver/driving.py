@@ -2,7 +2,9 @@
 
 API: `begin(r, count, arcs, margin)` starts the manoeuvre that stands in arcs float32[ARCS, 2] (see manoeuvre.py);
 `give_up(r)` ends it; r["arcs"] > 0 says that a robot is in one. `drive_arcs` returns the next step's (speed, steering)
-until it is done, or 0 arcs are left because the robot was pushed off it.
+until it is done, or 0 arcs are left because the robot was pushed off it. One that `docks` ends exactly at its goal:
+where robots stop at goals (`stopping`, see step.Features), it stands at its end, and drives straight arcs as fast as
+may be.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.driver.line import forget_grants, forget_path, to_steering
-from warehouse_env.simulation.physics.kinematics import curvature
+from warehouse_env.simulation.physics.kinematics import curvature, roll
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, arc_tan2, sin_cos, wrap
 
 FASTEST, FASTEST_BACK = np.float32(0.8), np.float32(0.5)  # [m/s] on arcs
@@ -40,7 +42,7 @@ def give_up(r):
 def begin(r, count, arcs, margin):
     """Start a manoeuvre of `count` arcs, planned with `margin` [m], from where the robot stands."""
     r["arc_margin"] = r["arc_planned"] = margin * KEPT
-    r["arcs"], r["arc"] = count, 0
+    r["arcs"], r["arc"], r["docks"] = count, 0, 0
     forget_grants(r)
     r["arc_x"], r["arc_y"], r["arc_heading"] = r["x"], r["y"], r["heading"]
     r["arc_left"] = arcs[0, 0] if count > 0 else ZERO
@@ -79,7 +81,13 @@ def _slide(r, arcs, p):
 
 
 @inline
-def _next_arc(r, arcs):
+def _slide_on(r, bend):
+    """Move the reference pose to the end of its arc, from which the next one leads on exactly."""
+    r["arc_x"], r["arc_y"], r["arc_heading"] = roll(r["arc_x"], r["arc_y"], r["arc_heading"], r["arc_left"], bend)
+
+
+@inline
+def _next_arc(r, arcs, stopping, p):
     """Go on to the next arc at the end of one; where it leads the other way, once the robot stands."""
     ready = EXACT if r["arc_margin"] < NARROW else READY
     while r["arcs"] > 0 and abs(r["arc_left"]) < ready:
@@ -89,16 +97,21 @@ def _next_arc(r, arcs):
         elif arcs[following, 0] * arcs[r["arc"], 0] < ZERO and abs(r["speed"]) > STANDS:
             return
         else:
+            if stopping is not None and r["docks"] != 0:
+                _slide_on(r, curvature(arcs[r["arc"], 1], p["wheelbase"]))
             r["arc"] = following
             r["arc_left"] = arcs[following, 0]
 
 
 @inline
-def _speed_limit(r, arcs, p):
+def _speed_limit(r, arcs, stopping, p):
     """Return the speed [m/s] from which the robot can still stop or steer where the arcs ahead ask for it."""
     k, count = int(r["arc"]), int(r["arcs"])
     forward = arcs[k, 0] > ZERO
     limit = FASTEST if forward else FASTEST_BACK
+    docks = stopping is not None and r["docks"] != 0
+    if docks and arcs[k, 1] == ZERO:
+        limit = p["max_speed"] if forward else -p["min_speed"]
     run, slowing = abs(r["arc_left"]), _TWO * BRAKING * p["max_acceleration"]
     if r["arc_margin"] < NARROW:
         return min(limit, np.sqrt(slowing * run), run / p["time_step"])
@@ -111,11 +124,11 @@ def _speed_limit(r, arcs, p):
             return limit
         k += 1
         run += abs(arcs[k, 0])
-    return limit if forward else min(limit, np.sqrt(slowing * run))
+    return limit if forward and not docks else min(limit, np.sqrt(slowing * run))
 
 
 @part
-def drive_arcs(r, arcs, wanted, p):
+def drive_arcs(r, arcs, wanted, stopping, p):
     """Return the (speed [m/s], steering [rad]) that follow the arcs at `wanted` [m/s] >= 0 at most.
 
     r["arcs"] is 0 afterwards if the manoeuvre is over; what is returned then is not to be used.
@@ -123,7 +136,7 @@ def drive_arcs(r, arcs, wanted, p):
     lateral, turned = _slide(r, arcs, p)
     if abs(lateral) > LOST or abs(turned) > LOST_TURN:
         give_up(r)
-    _next_arc(r, arcs)
+    _next_arc(r, arcs, stopping, p)
     if r["arcs"] == 0:
         return ZERO, ZERO
     k = r["arc"]
@@ -131,7 +144,7 @@ def drive_arcs(r, arcs, wanted, p):
     bend = curvature(arcs[k, 1], p["wheelbase"]) - BACK_TO_ARC * lateral - direction * ALONG_ARC * turned
     steer = to_steering(bend, p["wheelbase"], p["max_steer"])
     off = abs(steer - r["steer"])
-    speed = min(_speed_limit(r, arcs, p), STEER_SLACK / max(off, np.float32(0.01)))
+    speed = min(_speed_limit(r, arcs, stopping, p), STEER_SLACK / max(off, np.float32(0.01)))
     if r["arc_margin"] < NARROW and off > EXACT_STEER and abs(r["speed"]) < STANDS:
         speed = ZERO
     return direction * min(speed, wanted), steer

@@ -45,13 +45,13 @@ def _brake_steer(r, steer, margin, p, solid, clearance):
 
 
 @inline
-def _manoeuvre(r, arcs, wanted, p, solid, clearance):
+def _manoeuvre(r, arcs, wanted, stopping, p, solid, clearance):
     """Return (speed, steering) along the arcs; give the manoeuvre up where it is no longer free.
 
     Where the planned margin cannot be kept it is lowered, and raised again as soon as it can be: where it was not, a
     robot that began beside a shelf drove all its arcs as near to shelves, and in one of 170 episodes one wedged itself.
     """
-    speed, steer = drive_arcs(r, arcs, wanted, p)
+    speed, steer = drive_arcs(r, arcs, wanted, stopping, p)
     if r["arcs"] == 0:
         return ZERO, r["steer"]
     margin = r["arc_margin"]
@@ -111,15 +111,16 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, solid, clearance):
         bend = max(abs(steer) / BEND_SCALE, abs(steer - r["steer"]) / STEER_SCALE)
         on_line = min(speed, CREEP + (p["max_speed"] - CREEP) * max(ZERO, ONE - bend))
         if stopping is not None:
-            rest = arrival.speed_before(arrival.to_go(r), r["speed"], p)
-            on_line = min(on_line, rest)
-            if rest + r["speed"] == ZERO and r["arcs"] == 0 and r["search_wait"] <= ZERO:  # it stands, but not there
+            on_line = min(on_line, arrival.speed_on_line(r, p))
+            if r["arcs"] == 0 and r["search_wait"] <= ZERO and arrival.wants_to_dock(r):
                 r["seeks"], r["search_wait"] = ALONE if alone else AROUND_OTHERS, AGAIN
         aligned = max(abs(angle), abs(r["bearing"])) < BACK_ON and r["stalled_time"] < PATIENCE
+        if stopping is not None:
+            aligned = aligned and r["docks"] == 0
         if aligned and leads_ahead(r, arcs) and may_drive(r, on_line, steer, MARGIN, p, solid, clearance):
             give_up(r)
     if r["arcs"] > 0 and speed >= ZERO:  # one that backs has its manoeuvre left for when it drives on
-        speed, steer = _manoeuvre(r, arcs, speed, p, solid, clearance)
+        speed, steer = _manoeuvre(r, arcs, speed, stopping, p, solid, clearance)
     elif speed > ZERO:
         speed, steer = _forward(r, alone, on_line, steer, angle, p, solid, clearance)
     elif r["speed"] > ZERO or speed == ZERO:
