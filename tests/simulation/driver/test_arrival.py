@@ -51,9 +51,11 @@ def test_who_brakes_before_an_end_stands_there_and_never_beyond(way: float, spee
     p = parameters_of(EnvConfig(), 1.0)
     p["max_acceleration"] = brake
     most = brake * 0.1
-    speed = min(speed, float(speed_before(np.float32(way), np.float32(0.0), p[0])))  # from which it can stop
+    nothing = np.float32(0.0)
+    speed = min(speed, float(speed_before(np.float32(way), nothing, nothing, p[0])))  # from which it can stop
     for _ in range(400):
-        after = float(approach(np.float32(speed), speed_before(np.float32(way), np.float32(speed), p[0]), most))
+        wanted = nothing if way <= RESTS else speed_before(np.float32(way), nothing, np.float32(speed), p[0])
+        after = float(approach(np.float32(speed), wanted, most))
         way, speed = way - 0.05 * (speed + after), after
         assert way > -0.003
     assert speed == 0.0

@@ -13,7 +13,7 @@ from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_c
 
 RESTS = np.float32(0.01)  # [m] before the end of its route at which a robot may rest
 STILL = np.float32(0.01)  # [m/s] under which it stands
-_BRAKING = np.float32(0.9)  # share of the full deceleration that stops are planned with
+BRAKING = np.float32(0.9)  # share of the full deceleration that stops are planned with
 _TWO, _FIVE = np.float32(2.0), np.float32(5.0)
 _FARTHEST = np.float32(4.0)  # times 5 m that a goal is seen away at most
 
@@ -25,20 +25,20 @@ def to_go(r):
 
 
 @inline
-def speed_before(way, speed, p):
-    """Return the speed [m/s] after the next physics step from which a robot at `speed` stops within `way` [m]."""
-    if way <= RESTS:
-        return ZERO
-    brake = _BRAKING * p["max_acceleration"]
+def speed_before(way, at_end, speed, p):
+    """Return the speed [m/s] after the next physics step, from one of `speed`, that can be `at_end` in `way` [m]."""
+    brake = BRAKING * p["max_acceleration"]
     lag = HALF * brake * p["time_step"]
-    left = max(way - HALF * max(speed, ZERO) * p["time_step"], ZERO)
-    return np.sqrt(lag * lag + _TWO * brake * left) - lag
+    left = max(way - HALF * abs(speed) * p["time_step"], ZERO)
+    return np.sqrt(lag * lag + at_end * at_end + _TWO * brake * left) - lag
 
 
 @inline
 def speed_on_line(r, p):
     """Return the most speed [m/s] along the route from which a robot rests at its end; who has docked stays there."""
-    return ZERO if r["docks"] != 0 else speed_before(to_go(r), r["speed"], p)
+    if r["docks"] != 0 or to_go(r) <= RESTS:
+        return ZERO
+    return speed_before(to_go(r), ZERO, max(r["speed"], ZERO), p)
 
 
 @inline
@@ -73,5 +73,5 @@ def observe(r, p, row, at):
     row[at + 2] = row[at + 3] = ZERO
     if not np.isnan(turn):
         row[at + 3], row[at + 2] = sin_cos(turn)
-    stop = HALF * r["speed"] * abs(r["speed"]) / (_BRAKING * p["max_acceleration"])
+    stop = HALF * r["speed"] * abs(r["speed"]) / (BRAKING * p["max_acceleration"])
     row[at + 4] = ONE if to_go(r) <= stop + RESTS else ZERO

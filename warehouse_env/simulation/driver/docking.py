@@ -10,9 +10,8 @@ import numpy as np
 
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.driver import manoeuvre
-from warehouse_env.simulation.driver.arrival import docks_from
+from warehouse_env.simulation.driver.arrival import BRAKING, docks_from
 from warehouse_env.simulation.driver.bodies import write_rooms
-from warehouse_env.simulation.driver.driving import BRAKING
 from warehouse_env.simulation.driver.driving import begin as begin_manoeuvre
 from warehouse_env.simulation.driver.rejoin import (
     AMONG_OTHERS,

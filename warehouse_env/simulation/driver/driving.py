@@ -12,12 +12,12 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline, part
+from warehouse_env.simulation.driver.arrival import BRAKING, speed_before
 from warehouse_env.simulation.driver.line import forget_grants, forget_path, to_steering
 from warehouse_env.simulation.physics.kinematics import curvature, roll
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, arc_tan2, sin_cos, wrap
 
 FASTEST, FASTEST_BACK = np.float32(0.8), np.float32(0.5)  # [m/s] on arcs
-BRAKING = np.float32(0.9)  # share of the full deceleration that stops are planned with
 STEER_SLACK = np.float32(0.2)  # [rad m/s]: how fast times how far off the wanted steering angle
 READY = np.float32(0.02)  # [m] before the end of an arc that count as its end
 NARROW = np.float32(1e-3)  # [m] of margin under which it drives exactly: it stands while it steers, and ends arcs at
@@ -27,6 +27,9 @@ BACK_TO_ARC = np.float32(9.0)  # [1/m^2] of curvature per metre beside the arc, 
 ALONG_ARC = np.float32(6.0)  # [1/m] per radian off its direction: critically damped after a third of a metre
 LOST, LOST_TURN = np.float32(0.15), np.float32(0.35)  # [m], [rad] off the reference at which it is given up
 KEPT = np.float32(1.0 / 3.0)  # of the margin that it was planned with is kept when it is driven
+EXACT_END = np.float32(0.003)  # [m] before the end of a manoeuvre that docks, and before it turns back
+SLACK_PER_METRE = np.float32(0.2)  # [rad/s] of STEER_SLACK for each metre of an arc of one that docks
+_LEAST_OFF = np.float32(0.01)  # [rad]
 _STRAIGHT = np.float32(1e-3)  # [1/m]
 _TWO = np.float32(2.0)
 
@@ -81,13 +84,7 @@ def _slide(r, arcs, p):
 
 
 @inline
-def _slide_on(r, bend):
-    """Move the reference pose to the end of its arc, from which the next one leads on exactly."""
-    r["arc_x"], r["arc_y"], r["arc_heading"] = roll(r["arc_x"], r["arc_y"], r["arc_heading"], r["arc_left"], bend)
-
-
-@inline
-def _next_arc(r, arcs, stopping, p):
+def _next_arc(r, arcs):
     """Go on to the next arc at the end of one; where it leads the other way, once the robot stands."""
     ready = EXACT if r["arc_margin"] < NARROW else READY
     while r["arcs"] > 0 and abs(r["arc_left"]) < ready:
@@ -97,21 +94,16 @@ def _next_arc(r, arcs, stopping, p):
         elif arcs[following, 0] * arcs[r["arc"], 0] < ZERO and abs(r["speed"]) > STANDS:
             return
         else:
-            if stopping is not None and r["docks"] != 0:
-                _slide_on(r, curvature(arcs[r["arc"], 1], p["wheelbase"]))
             r["arc"] = following
             r["arc_left"] = arcs[following, 0]
 
 
 @inline
-def _speed_limit(r, arcs, stopping, p):
+def _speed_limit(r, arcs, p):
     """Return the speed [m/s] from which the robot can still stop or steer where the arcs ahead ask for it."""
     k, count = int(r["arc"]), int(r["arcs"])
     forward = arcs[k, 0] > ZERO
     limit = FASTEST if forward else FASTEST_BACK
-    docks = stopping is not None and r["docks"] != 0
-    if docks and arcs[k, 1] == ZERO:
-        limit = p["max_speed"] if forward else -p["min_speed"]
     run, slowing = abs(r["arc_left"]), _TWO * BRAKING * p["max_acceleration"]
     if r["arc_margin"] < NARROW:
         return min(limit, np.sqrt(slowing * run), run / p["time_step"])
@@ -124,7 +116,50 @@ def _speed_limit(r, arcs, stopping, p):
             return limit
         k += 1
         run += abs(arcs[k, 0])
-    return limit if forward and not docks else min(limit, np.sqrt(slowing * run))
+    return limit if forward else min(limit, np.sqrt(slowing * run))
+
+
+@inline
+def _next_arc_exactly(r, arcs, p):
+    """Go on as `_next_arc` does, in a manoeuvre that docks: the next arc begins at the very end of the last."""
+    while r["arcs"] > 0:
+        k, following = r["arc"], r["arc"] + 1
+        turns_back = following == r["arcs"] or arcs[following, 0] * arcs[k, 0] < ZERO
+        if abs(r["arc_left"]) >= (EXACT_END if turns_back else READY) or (turns_back and abs(r["speed"]) > STANDS):
+            return
+        if following == r["arcs"]:
+            r["arcs"] = 0
+            return
+        bend = curvature(arcs[k, 1], p["wheelbase"])
+        r["arc_x"], r["arc_y"], r["arc_heading"] = roll(r["arc_x"], r["arc_y"], r["arc_heading"], r["arc_left"], bend)
+        r["arc"], r["arc_left"] = following, arcs[following, 0]
+
+
+@inline
+def _docking_speed(r, arcs, off, p):
+    """Return the speed [m/s] of a manoeuvre that docks, `off` [rad] the wanted steering.
+
+    It stands at its end and wherever it turns back, and the shorter an arc, the more of its steering is done before.
+    """
+    k, count = int(r["arc"]), int(r["arcs"])
+    forward = arcs[k, 0] > ZERO
+    limit = FASTEST if forward else FASTEST_BACK
+    if arcs[k, 1] == ZERO:
+        limit = p["max_speed"] if forward else -p["min_speed"]
+    limit = min(limit, _slack(arcs[k, 0]) / max(off, _LEAST_OFF))
+    run = abs(r["arc_left"])
+    while k + 1 < count and arcs[k, 0] * arcs[k + 1, 0] > ZERO:
+        at_end = _slack(arcs[k + 1, 0]) / max(abs(arcs[k + 1, 1] - arcs[k, 1]), _LEAST_OFF)
+        limit = min(limit, speed_before(max(run - HALF * READY, ZERO), at_end, r["speed"], p))
+        k += 1
+        run += abs(arcs[k, 0])
+    return min(limit, speed_before(run, ZERO, r["speed"], p), run / p["time_step"])
+
+
+@inline
+def _slack(length):
+    """Return what a speed times radians off the wanted steering may be [rad m/s] on an arc of a length [m]."""
+    return min(STEER_SLACK, SLACK_PER_METRE * abs(length))
 
 
 @part
@@ -136,7 +171,11 @@ def drive_arcs(r, arcs, wanted, stopping, p):
     lateral, turned = _slide(r, arcs, p)
     if abs(lateral) > LOST or abs(turned) > LOST_TURN:
         give_up(r)
-    _next_arc(r, arcs, stopping, p)
+    docks = stopping is not None and r["docks"] != 0
+    if docks:
+        _next_arc_exactly(r, arcs, p)
+    else:
+        _next_arc(r, arcs)
     if r["arcs"] == 0:
         return ZERO, ZERO
     k = r["arc"]
@@ -144,7 +183,9 @@ def drive_arcs(r, arcs, wanted, stopping, p):
     bend = curvature(arcs[k, 1], p["wheelbase"]) - BACK_TO_ARC * lateral - direction * ALONG_ARC * turned
     steer = to_steering(bend, p["wheelbase"], p["max_steer"])
     off = abs(steer - r["steer"])
-    speed = min(_speed_limit(r, arcs, stopping, p), STEER_SLACK / max(off, np.float32(0.01)))
+    if docks:
+        return direction * min(_docking_speed(r, arcs, off, p), wanted), steer
+    speed = min(_speed_limit(r, arcs, p), STEER_SLACK / max(off, _LEAST_OFF))
     if r["arc_margin"] < NARROW and off > EXACT_STEER and abs(r["speed"]) < STANDS:
         speed = ZERO
     return direction * min(speed, wanted), steer
