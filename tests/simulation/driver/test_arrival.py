@@ -26,6 +26,21 @@ def simulator(**changes: object) -> Simulator:
     return sim
 
 
+POINT = (9.3, 5.2)
+
+
+@pytest.mark.parametrize("arrival", ["pass", "stop", "pose"])
+@pytest.mark.parametrize("goal", [POINT, (*POINT, 1.0), (*POINT, float("nan"))])
+def test_goals_may_be_points_and_poses_whenever_a_robot_has_arrived(arrival: str, goal: tuple[float, ...]) -> None:
+    sim = simulator(arrival=arrival)
+    sim.reset_to([Assignment([(2.5, 5.5, 0.0)], [goal])], seed=1)
+    last = int(sim.state.route_points[0, 0]) - 1
+    np.testing.assert_allclose(sim.routes[0, 0, last], POINT, atol=1e-6)
+    assert sim.state.goal[0, 0].tolist() == [6, 9]
+    off, _ = drive(sim)
+    assert off <= (0.05 if arrival == "pose" else 0.5)
+
+
 def drive(sim: Simulator, steps: int = 300) -> tuple[float, float]:
     """Cruise up to the first arrival; return the metres off the goal and the speed [m/s] at which it came."""
     goal = sim.robots[0, 0][["goal_x", "goal_y"]].copy()

@@ -27,6 +27,8 @@ BACK_TO_ARC = np.float32(9.0)  # [1/m^2] of curvature per metre beside the arc, 
 ALONG_ARC = np.float32(6.0)  # [1/m] per radian off its direction: critically damped after a third of a metre
 LOST, LOST_TURN = np.float32(0.15), np.float32(0.35)  # [m], [rad] off the reference at which it is given up
 KEPT = np.float32(1.0 / 3.0)  # of the margin that it was planned with is kept when it is driven
+# [m/s] with so little, of one that docks: between two samples a corner leaves its chord by 1e-5 m
+GRAZING = np.float32(0.1)
 EXACT_END = np.float32(0.003)  # [m] before the end of a manoeuvre that docks, and before it turns back
 SLACK_PER_METRE = np.float32(0.2)  # [rad/s] of STEER_SLACK for each metre of an arc of one that docks
 _LEAST_OFF = np.float32(0.01)  # [rad]
@@ -146,6 +148,8 @@ def _docking_speed(r, arcs, off, p):
     limit = FASTEST if forward else FASTEST_BACK
     if arcs[k, 1] == ZERO:
         limit = p["max_speed"] if forward else -p["min_speed"]
+    if r["arc_margin"] < NARROW:
+        limit = GRAZING
     limit = min(limit, _slack(arcs[k, 0]) / max(off, _LEAST_OFF))
     run = abs(r["arc_left"])
     while k + 1 < count and arcs[k, 0] * arcs[k + 1, 0] > ZERO:
@@ -184,8 +188,9 @@ def drive_arcs(r, arcs, wanted, stopping, p):
     steer = to_steering(bend, p["wheelbase"], p["max_steer"])
     off = abs(steer - r["steer"])
     if docks:
-        return direction * min(_docking_speed(r, arcs, off, p), wanted), steer
-    speed = min(_speed_limit(r, arcs, p), STEER_SLACK / max(off, _LEAST_OFF))
+        speed = _docking_speed(r, arcs, off, p)
+    else:
+        speed = min(_speed_limit(r, arcs, p), STEER_SLACK / max(off, _LEAST_OFF))
     if r["arc_margin"] < NARROW and off > EXACT_STEER and abs(r["speed"]) < STANDS:
         speed = ZERO
     return direction * min(speed, wanted), steer
