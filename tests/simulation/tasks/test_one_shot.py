@@ -44,12 +44,12 @@ def test_the_disc_holds_every_parked_body() -> None:
 
 
 def test_who_parks_in_parallel_bars_a_rectangle() -> None:
-    # 0.3 + 0.116 m across, 0.45 + 0.116 m along, and 0.35 m for who passes: only the own cell's centre is nearer.
+    # 0.3 + 0.097 m across, 0.45 + 0.097 + 1 m along, and 0.35 m for who passes
     config = ONE_SHOT.replace(arrival="pose")
-    assert rectangle_of(config, 1.0, upright=False).tolist() == [[0, 0]]
-    # cells of 0.5 m: 0.75 m about, so 1 up and down, and 0.9 m, 1 to either side, with the corners
+    assert rectangle_of(config, 1.0, upright=False).tolist() == [[0, -1], [0, 0], [0, 1]]
+    # cells of 0.5 m: 1.9 m, so 3 up and down, and 0.75 m, 1 to either side, with the corners
     assert sorted(map(tuple, rectangle_of(config, 0.5, upright=True).tolist())) == [
-        (row, column) for row in (-1, 0, 1) for column in (-1, 0, 1)
+        (row, column) for row in range(-3, 4) for column in (-1, 0, 1)
     ]
     grid = drawn(["......", "..##..", "......", "......"])
     kinds = parking_of(grid, config).kinds

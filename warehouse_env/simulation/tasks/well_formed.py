@@ -9,7 +9,7 @@ empty until the robot is there). This is the condition of well-formed infrastruc
 arrivals a robot alone on the floor could then still drive to its goal.
 
 With `arrival="pose"` a robot that faces along what is beside it lies in a rectangle instead of a disc, larger than its
-body by what it may be off: neighbouring faces can then be goals at once.
+body by what it may be off, and by the room to drive in: faces on both sides of an aisle can then be goals at once.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ from warehouse_env.maps.grid_map import MOVES, GridMap
 from warehouse_env.routes.goals import face
 
 MARGIN = 0.05  # [m] between a passing body and the disc of a parked one
+ENTRY = 1.0  # [m] ahead of and behind who stands in parallel, to drive in and out: two bodies one behind the other
+# with less between them leave nobody room to park there
 
 
 def body_reach(config: EnvConfig) -> float:
@@ -51,10 +53,10 @@ def _offsets(most: int) -> NDArray[np.int64]:
 
 
 def rectangle_of(config: EnvConfig, cell: float, upright: bool) -> NDArray[np.int64]:
-    """Return what `disc_of` does, of a body whose middle is the cell's, parallel to the rows, or upright."""
+    """Return what `disc_of` does, of a body with its middle in the cell's, along the rows or upright, and of ENTRY."""
     robot = config.robot
     off = config.pose_radius + robot.farthest * math.sin(config.pose_angle)
-    half = np.array([robot.width / 2 + off, robot.length / 2 + off]) / cell
+    half = np.array([robot.width / 2 + off, robot.length / 2 + off + ENTRY]) / cell
     half = half[::-1] if upright else half
     passing = (robot.width / 2 + MARGIN) / cell
     offsets = _offsets(math.floor(half.max() + passing))
