@@ -34,7 +34,8 @@ TRAFFIC = (*ROUTES, "warehouse_env.traffic")
 SIMULATION = (*TRAFFIC, "warehouse_env.observation", "warehouse_env.simulation")
 # The rooms of the simulation, from the ground up: each sees those below it, and the records of `state`.
 PHYSICS = (*BASE, "warehouse_env.maps", "warehouse_env.simulation.state", "warehouse_env.simulation.physics")
-DRIVER = (*PHYSICS, "warehouse_env.simulation.driver")
+# A driver shoots along curves, which know of no map; of routes it sees nothing else.
+DRIVER = (*PHYSICS, "warehouse_env.routes.reeds_shepp", "warehouse_env.simulation.driver")
 SENSES = (*DRIVER, "warehouse_env.observation", "warehouse_env.simulation.senses")
 RULES = (*TRAFFIC, *SENSES, "warehouse_env.simulation.rules")
 TASKS = (*RULES, "warehouse_env.simulation.tasks")

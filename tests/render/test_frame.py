@@ -156,6 +156,15 @@ def test_goal_and_route_have_the_robots_colour(make_scene: Callable[..., Scene])
     assert changed(frame, scene)[int(3.5 * SCALE), int(7.7 * SCALE)] == 0
 
 
+def test_a_goal_with_a_heading_has_a_nose_on_that_side(make_scene: Callable[..., Scene]) -> None:
+    pose = (2.0, 2.0, 0.0)
+    plain = draw(make_scene(pose, goal_pose=np.array([(8.0, 5.0, np.nan)], np.float32)), 32).astype(int)
+    east = draw(make_scene(pose, goal_pose=np.array([(8.0, 5.0, 0.0)], np.float32)), 32).astype(int)
+    changed = np.argwhere(np.abs(east - plain).sum(axis=-1) > 60)
+    assert len(changed) > 20
+    assert changed[:, 1].min() > 8.0 * 32
+
+
 def test_caption_shows_text_and_time(make_scene: Callable[..., Scene]) -> None:
     scene = make_scene((8.0, 4.0, 0.0))
     strip = draw(scene, SCALE)[-CAPTION_HEIGHT:]

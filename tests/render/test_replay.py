@@ -164,3 +164,15 @@ def test_what_is_packed_is_what_was_there() -> None:
     np.testing.assert_array_equal(np.argwhere(cells & 4), sorted(replay.grid.stations.tolist()))
     np.testing.assert_allclose(found["height"].reshape(10, 14), replay.grid.height, atol=1e-3)
     np.testing.assert_array_equal(found["one_way"].reshape(10, 14), replay.grid.one_way)
+
+
+def test_goals_that_are_poses_are_packed_as_such() -> None:
+    replay = replay_of(driven(), "follow")
+    assert replay.ends is None
+    ends = np.zeros((*replay.pose.shape[:2], 3), np.float32)
+    ends[..., 0], ends[..., 1], ends[:, 0, 2], ends[:, 1:, 2] = 3.25, 4.5, -1.0, np.nan
+    found = unpacked(dataclasses.replace(replay, ends=ends))
+    np.testing.assert_allclose(found["goal_x"], 3.25, atol=0.002)
+    np.testing.assert_allclose(found["goal_y"], 4.5, atol=0.002)
+    np.testing.assert_allclose(found["goal_heading"][0], 2 * np.pi - 1.0, atol=1e-3)
+    assert (found["goal_heading"][1:] < 0).all()

@@ -12,7 +12,7 @@ from train.evaluation.scenes import SCENES, SceneJob, scene_table
 from train.reporting.rows import Row, read_rows, wilson_interval
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.tasks.well_formed import cut_off, disc_of
+from warehouse_env.simulation.tasks.well_formed import cut_off, parking_of
 
 BASE = EnvConfig(planner="astar", tasks="one_shot")
 
@@ -28,7 +28,7 @@ def test_scenes_are_well_formed_and_touch_nothing(name: str) -> None:
         starts = scene.grid.cell(one.pose[:, :2])
         if name.startswith("swap"):  # a start is another's goal, so all that can be asked is the way from the middle
             starts = np.broadcast_to(np.array(scene.grid.shape) // 2, starts.shape)
-        assert not cut_off(scene.grid, starts, one.goal, disc_of(BASE, 1.0)).any()
+        assert not cut_off(scene.grid, starts, one.goal, parking_of(scene.grid, BASE)).any()
 
 
 def played(seconds: float, seeds: range) -> list[Row]:

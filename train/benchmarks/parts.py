@@ -28,6 +28,7 @@ _POOL = 32  # random actions are drawn before the clock starts, and then cycled
 _SIMULATED = 100  # seconds that the path follower drives, or robots under the field, for each second of the budget
 _TRAINED = 5  # seconds of each training for each second of the budget
 _ALONE = 300  # seconds that each robot alone drives for each second of the budget
+_PAIRS = 3334  # of poses for each second of the budget
 _TURNS = 3  # chunks of the step and its reference for each second of the budget
 _CHUNKS = 9  # the rate of a row is the median over these
 _START_SEEDS = 16  # large batches repeat so many starts, for laying 30,000 routes is not what is measured
@@ -252,6 +253,13 @@ def alone(budget: Budget) -> Iterator[Row]:
     yield from drive(_ALONE * budget.seconds, budget.seed, budget.maps)
 
 
+def poses(budget: Budget) -> Iterator[Row]:
+    """A robot alone from random poses to random poses on every layout: who arrives, how exactly, and how soon."""
+    from train.benchmarks.poses import poses as drive
+
+    yield from drive(round(_PAIRS * budget.seconds), budget.seed)
+
+
 _FIRST_STEP = (
     "from warehouse_env import parallel_env; env = parallel_env(num_agents=8, planner='astar'); env.reset(seed=0); "
     "env.step({agent: 0 for agent in env.agents})"
@@ -279,5 +287,6 @@ PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
     "field": _elsewhere("field", _SIMULATED),
     "alone": alone,
     "jobs": jobs,
+    "poses": poses,
     "start": start,
 }

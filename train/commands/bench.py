@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 What = Literal[
     "simulator", "reference", "pettingzoo", "vec_env", "policy", "training", "plan", "ant_walk", "tracking",
-    "traffic", "looks", "field", "alone", "jobs", "start",
+    "traffic", "looks", "field", "alone", "poses", "jobs", "start",
 ]  # fmt: skip
 
 _SMALL = 32  # robots of the single world that larger ones are held against
@@ -31,7 +31,7 @@ _SMALL = 32  # robots of the single world that larger ones are held against
 class Bench(Checked):
     """Measure agent-steps/s of the simulator, the environments, a policy's drive and the trainers, the step beside
     fixed work, plans/s, the path follower's tracking error, what right of way costs, contacts under the protective
-    field, whether a robot alone always arrives, episodes by who drives them, and the time to start."""
+    field, whether a robot alone always arrives, and at any pose, episodes by who drives them, and the time to start."""
 
     only: tuple[What, ...] = ()
     """What to measure (everything if left out)."""
@@ -172,6 +172,7 @@ TABLES: dict[str, Callable[[list[Row]], list[Table]]] = {
     "looks": _elsewhere("looks", "looks_table"),
     "field": _elsewhere("field", "field_tables"),
     "alone": _elsewhere("alone", "alone_table"),
+    "poses": _elsewhere("poses", "poses_table"),
     "jobs": _elsewhere("jobs", "jobs_table"),
     "start": _starts,
 }

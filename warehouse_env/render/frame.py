@@ -17,7 +17,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.colours import CONTACT, DEADLOCK, RGB, WAITING, mix, robot_colour
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor import FLOOR, floor_image
-from warehouse_env.render.replay import places
+from warehouse_env.render.replay import goal_poses, places
 from warehouse_env.render.sprites import (
     Tile,
     body_centre,
@@ -53,6 +53,7 @@ class Scene(NamedTuple):
     steer: NDArray[np.float32] | None = None  # [N], angle of the rear wheels [rad]
     waits_for: NDArray[np.int32] | None = None  # [N], the robot that a waiting one waits for, else -1
     deadlocked: NDArray[np.bool_] | None = None  # [N], those that wait for each other in a circle
+    goal_pose: NDArray[np.float32] | None = None  # [N, 3] where robots stop: front axle x, y [m], heading, nan: any
     people: NDArray[np.float32] | None = None  # [M, 3], x [m], y [m], the way that they walk [rad]
 
 
@@ -82,6 +83,7 @@ def scene_of(simulator: Any, world: int = 0) -> Scene:
         steer=np.array(state.steer[world]),
         waits_for=jams.waits_for[world],
         deadlocked=jams.cycle[world] >= 0,
+        goal_pose=goal_poses(simulator, world),
         people=places(simulator.people.persons[world]),
     )
 
@@ -169,9 +171,10 @@ def _thinned(route: NDArray[np.float32], scale: float) -> NDArray[np.float32]:
 
 def _draw_goals(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float) -> None:
     centres = scene.grid.centre(np.asarray(scene.goal)).reshape(-1, 2)
-    for i in np.flatnonzero(scene.alive):
-        place = (float(centres[i, 0]) * scale, (top - float(centres[i, 1])) * scale)
-        stamp_goal(pygame, canvas, place, robot_colour(int(i)), scale)
+    poses = [(x, y, math.nan) for x, y in centres.tolist()] if scene.goal_pose is None else scene.goal_pose.tolist()
+    for i in np.flatnonzero(scene.alive).tolist():
+        x, y, heading = poses[i]
+        stamp_goal(pygame, canvas, (x * scale, (top - y) * scale), robot_colour(i), scale, heading)
 
 
 def _draw_robots(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float) -> None:

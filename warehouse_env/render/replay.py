@@ -74,6 +74,7 @@ class Replay:
     people: NDArray[np.float32]  # [F, M, 3] x [m], y [m], the way that they walk [rad]
     totals: NDArray[np.int32]  # [F, 3], goals, collisions and near misses so far; a pair's counts once
     liked: NDArray[np.float32] | None = None  # [F, N, A] in [0, 1], how much the policy likes each action
+    ends: NDArray[np.float32] | None = None  # [F, N, 3], see `goal_poses`
     every: int = 1  # steps between two moments
 
     @property
@@ -137,7 +138,8 @@ def moment_of(simulator: Any, world: int, stations: NDArray[np.bool_]) -> dict[s
         events.hit_robot[world], events.hit_shelf[world], events.near_miss[world], events.hit_person[world],
     )  # fmt: skip
     flags = sum((np.asarray(bit) > 0).astype(np.uint16) << k for k, bit in enumerate(bits))
-    return {
+    ends = goal_poses(simulator, world)
+    return ({} if ends is None else {"ends": ends}) | {
         "pose": state.pose[world].copy(), "speed": state.speed[world].copy(), "steer": state.steer[world].copy(),
         "goal": goal.astype(np.int32), "flags": np.asarray(flags, dtype=np.uint16),
         "waits_for": jams.waits_for[world], "yields_to": robots["yields_to"].copy(),
@@ -145,6 +147,14 @@ def moment_of(simulator: Any, world: int, stations: NDArray[np.bool_]) -> dict[s
         "along": state.route_position[world].copy(), "people": places(simulator.people.persons[world]),
         "totals": _totals(robots),
     }  # fmt: skip
+
+
+def goal_poses(simulator: Any, world: int) -> NDArray[np.float32] | None:
+    """Return float32[N, 3], where robots stop at goals: front axle x, y [m], heading [rad] (nan: any); else None."""
+    robots = simulator.robots[world]
+    if simulator.config.arrival == "pass":
+        return None
+    return np.stack([robots[name] for name in ("goal_x", "goal_y", "goal_heading")], axis=-1)
 
 
 def places(persons: NDArray[np.void]) -> NDArray[np.float32]:

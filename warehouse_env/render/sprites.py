@@ -181,19 +181,34 @@ def paint_person(tile: Tile, place: tuple[float, float], heading: float) -> None
     tile.circle((x, y), 0.09, _WHITE)
 
 
-def stamp_goal(pygame: Any, canvas: Any, centre: tuple[float, float], colour: RGB, scale: float) -> None:
-    """Lay a target of the robot's colour around a place of the frame's surface [px]; `scale` [px/m]."""
+def stamp_goal(
+    pygame: Any, canvas: Any, centre: tuple[float, float], colour: RGB, scale: float, heading: float = math.nan
+) -> None:
+    """Lay a target of the robot's colour around a place of the frame's surface [px]; `scale` [px/m].
+
+    heading [rad]: which way the robot is to face there, nan: any.
+    """
     left, upper = math.floor(centre[0]), math.floor(centre[1])
     parts = (math.floor((value - math.floor(value)) * _OVERSAMPLE) for value in centre)
-    picture, x, y = _goal(pygame, colour, scale, *parts)
+    turn = None if math.isnan(heading) else round(heading / _NOSE_STEP) * _NOSE_STEP
+    picture, x, y = _goal(pygame, colour, scale, *parts, turn)
     canvas.blit(picture, (left + x, upper + y), special_flags=pygame.BLEND_PREMULTIPLIED)
 
 
+_NOSE_STEP = math.pi / 36  # [rad]
+
+
 @lru_cache(maxsize=512)
-def _goal(pygame: Any, colour: RGB, scale: float, right: int, down: int) -> tuple[Any, int, int]:
-    """Return a target around a point that many `_OVERSAMPLE`ths of a pixel off, and where its corner lies [px]."""
+def _goal(pygame: Any, colour: RGB, scale: float, right: int, down: int, turn: float | None) -> tuple[Any, int, int]:
+    """Return a target around a point that many `_OVERSAMPLE`ths of a pixel off, and where its corner lies [px].
+
+    turn [rad]: which way its nose points, None: it has none.
+    """
     x, y = right / _OVERSAMPLE / scale, -down / _OVERSAMPLE / scale
-    tile = Tile(pygame, (x, y), 0.45, 0.0, scale)
+    tile = Tile(pygame, (x, y), 0.45 if turn is None else 0.75, 0.0, scale)
+    if turn is not None:
+        for tip, side, ink in ((0.72, 0.30, _WHITE), (0.66, 0.24, colour)):
+            tile.polygon(np.array([[tip, 0.0], [0.2, side], [0.2, -side]]) @ _rotation(turn) + (x, y), ink)
     for radius, ink, alpha in ((0.40, _WHITE, 200), (0.36, colour, 255), (0.26, _WHITE, 235), (0.13, colour, 255)):
         tile.circle((x, y), radius, ink, alpha)
     return tile.shrunk(), tile.left, tile.upper

@@ -26,6 +26,7 @@ from warehouse_env.errors import MapError, PlanError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.plan import Plan, Planner, validate
 from warehouse_env.portable import Portable
+from warehouse_env.routes.goals import Pose, facing
 from warehouse_env.routes.lanes import drivable_line
 from warehouse_env.threads import get_num_threads
 
@@ -155,6 +156,7 @@ class Route(NamedTuple):
     cells: NDArray[np.int32]  # [L, 2] (row, column)
     line: NDArray[np.float32]  # [R, 2] [m], way-points
     reach: float = math.inf  # [m] of the line that are made drivable
+    end: Pose | None = None  # at which it ends, if that is not the centre of the last cell
 
 
 class RouteBook(Portable):
@@ -177,7 +179,7 @@ class RouteBook(Portable):
     def _bind(self) -> None:
         self._solid = np.pad(self.grid.occupied[::-1], 1, constant_values=True).astype(np.uint8)
         self._one_way = np.pad(self.grid.one_way[::-1], 1)
-        self._routes: dict[tuple[Cell, Cell, Cell | None], Route] = {}
+        self._routes: dict[tuple[Cell, Cell, Cell | None, tuple[Pose, ...]], Route] = {}
         self._fresh: dict[tuple[Cell, Cell, Cell | None], NDArray[np.int64]] = {}  # plans whose routes are not made yet
         self._store = PlanStore(cache_directory())
         self._usual = 1.0  # [s] that a plan takes, the mean of the last few
@@ -208,7 +210,7 @@ class RouteBook(Portable):
         Each has its own generator, so the plans are the same in any order and number of threads. What fails is found
         out when its route is asked for.
         """
-        new = [task for task in dict.fromkeys(tasks) if (*task, None) not in self._routes]
+        new = [task for task in dict.fromkeys(tasks) if (*task, None, ()) not in self._routes]
         new = [task for task in new if self._stored(*task) is None]
         threads = min(get_num_threads(), len(new))
         if threads < 2:
@@ -270,14 +272,14 @@ class RouteBook(Portable):
         inside = 0 <= behind[0] < rows and 0 <= behind[1] < columns
         return behind if inside and behind != goal and not self.grid.occupied[behind] else None
 
-    def route(self, start: Cell, goal: Cell, heading: float | None = None) -> Route:
-        """Return the route from start's centre to goal's centre; PlanError where there is no path.
+    def route(self, start: Cell, goal: Cell, heading: float | None = None, ends: tuple[Pose, ...] = ()) -> Route:
+        """Return the route from start's centre to goal's centre, or one of `ends` there; PlanError where there is none.
 
         heading [rad]: of the robot at start. In a single lane its route goes on ahead where it can, since a robot
         cannot turn round there.
         """
         behind = None if heading is None else self._blocked_turn(start, goal, heading)
-        known = self._routes.get((start, goal, behind))
+        known = self._routes.get((start, goal, behind, ends))
         if known is None:
             try:
                 cells = self.cells(start, goal, behind)
@@ -285,24 +287,34 @@ class RouteBook(Portable):
                 if behind is None:
                     raise
                 cells = self.cells(start, goal)  # a dead end: it must back out
-            known = Route(cells.astype(np.int32), self.lay(cells))
+            known = self.along(cells.astype(np.int32), ends=ends)
             with self._lock:
                 if len(self._routes) >= MEMORY:
                     self._routes.pop(next(iter(self._routes)))
-                self._routes[start, goal, behind] = known
+                self._routes[start, goal, behind, ends] = known
                 self._fresh.pop((start, goal, behind), None)
         return known
 
-    def lay(
-        self, cells: NDArray[np.integer[Any]], begin: NDArray[np.floating[Any]] | None = None, reach: float = math.inf
-    ) -> NDArray[np.float32]:
-        """Return way-points float32[R, 2] [m] along cells int[L, 2], from the point `begin` [m] in the first.
+    def along(
+        self, cells: NDArray[np.int32], begin: NDArray[np.floating[Any]] | None = None, reach: float = math.inf,
+        ends: tuple[Pose, ...] = (),
+    ) -> Route:  # fmt: skip
+        """Return the route along cells [L, 2], from the point `begin` [m] in the first to one of `ends` in the last.
 
         reach [m]: how much of it is made drivable.
         """
+        end = facing(ends, cells) if ends else None
+        return Route(cells, self._lay(cells, begin, reach, end), reach, end)
+
+    def _lay(
+        self, cells: NDArray[np.int32], begin: NDArray[np.floating[Any]] | None, reach: float, end: Pose | None
+    ) -> NDArray[np.float32]:
+        """Return way-points float32[R, 2] [m]; see `along`."""
         points = self.grid.centre(cells)
         if begin is not None:
             points[0] = begin
+        if end is not None:
+            points[-1] = end[:2]
         floor = self._solid, self._one_way, self.grid.cell_size
         line: NDArray[np.float32] = drivable_line(points, *floor, self._keep_right, reach)
         return line

@@ -20,7 +20,7 @@ from warehouse_env.portable import Portable
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation import given, state, step
 from warehouse_env.simulation.actions import ActionDecoder
-from warehouse_env.simulation.driver import rejoin
+from warehouse_env.simulation.driver import docking, rejoin
 from warehouse_env.simulation.driver.manoeuvre import ARCS
 from warehouse_env.simulation.driver.turning import turning_metric
 from warehouse_env.simulation.physics.buckets import bucket_grid
@@ -187,7 +187,8 @@ class Simulator(Portable):
             persons, self.arcs, self._commands[0], self._paths, self._params, self._choices, self._floor.clearance,
         )  # fmt: skip
         self._room_arguments = (persons, self.arcs, self._paths, self._params, *floor)
-        self._observe_arguments = (persons, self._waiting, features.walking, self._true_params, *seen)
+        walking, stopping = features.walking, features.stopping
+        self._observe_arguments = (persons, self._waiting, stopping, walking, self._true_params, *seen)
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:
         """Write observations into this array [B, N, D] from now on; the last one stays as it is, its holder's own."""
@@ -348,7 +349,8 @@ class Simulator(Portable):
             making_room.make_room(*where, *self._room_arguments, self._metric)
         arrivals, seeking = advance(*where, *self._advance_arguments)
         if seeking:
-            rejoin.seek(*where, self.arcs, self._params, self._floor.solid, self._floor.clearance, self._metric)
+            seek: Callable[..., None] = rejoin.seek if self._features.stopping is None else docking.seek
+            seek(*where, self.arcs, self._params, self._floor.solid, self._floor.clearance, self._metric)
         if not self.dispatcher.all_look:
             observe(begin, end, False, self._planned, self.dispatcher.routes, *self._observe_arguments)
         return arrivals

@@ -273,12 +273,12 @@ def test_a_short_search_finds_what_one_in_large_arrays_finds() -> None:
             given = (x, y, heading, steer, goal, NOBODY, NOBODY, 1)
             rest = (PARAMETERS[0], floor.solid, floor.clearance, metric, arcs)
             if large:
-                count = manoeuvre._search_within(*given, MOST, manoeuvre._SLOTS, *rest)
+                count = manoeuvre._search_within(*given, MOST, manoeuvre._SLOTS, None, *rest)
             else:
                 count = manoeuvre.search_once(*given, MOST, *rest)
             found.append((count, arcs.tolist()))
         assert found[0] == found[1]
-        short = manoeuvre._search_within(*given, manoeuvre._SHORT, manoeuvre._SHORT_SLOTS, *rest)
+        short = manoeuvre._search_within(*given, manoeuvre._SHORT, manoeuvre._SHORT_SLOTS, None, *rest)
         counts.append(short)
     assert manoeuvre.CUT_OFF in counts
     assert max(counts) > 0

@@ -114,9 +114,16 @@ class Episode {
   }
 
   goalAt(robot, frame) {
+    if (this.columns.goal_x) return [this.get("goal_x", robot, frame), this.get("goal_y", robot, frame)];
     const cell = this.columns.goal.values[robot * this.frames + frame];
     const row = Math.floor(cell / this.gridColumns);
     const column = cell - row * this.gridColumns;
     return [(column + 0.5) * this.cell, (this.gridRows - row - 0.5) * this.cell];
+  }
+
+  // Which way a robot is to face at its goal, null where any will do.
+  goalHeading(robot, frame) {
+    const heading = this.columns.goal_heading ? this.get("goal_heading", robot, frame) : -1;
+    return heading < 0 ? null : heading;
   }
 }

@@ -68,12 +68,27 @@ function drawGoals(context, episode, place, style) {
     const px = place.left + x * place.scale, py = place.bottom - y * place.scale;
     const size = Math.max(2.5 * style.ratio, 0.3 * episode.cell * place.scale);
     context.globalAlpha = style.robot >= 0 && style.robot !== i ? 0.55 : 1;
+    const heading = episode.goalHeading(i, episode.moment);
+    if (heading !== null) {
+      nose(context, px, py, heading, 1.9 * size, style.inks.nose);
+      nose(context, px, py, heading, 1.7 * size, style.colours[i]);
+    }
     disc(context, px, py, size, style.inks.nose);
     disc(context, px, py, 0.85 * size, style.colours[i]);
     disc(context, px, py, 0.6 * size, style.inks.nose);
     disc(context, px, py, 0.32 * size, style.colours[i]);
   }
   context.globalAlpha = 1;
+}
+
+// A triangle that points where a robot is to face.
+function nose(context, x, y, heading, reach, ink) {
+  const c = Math.cos(heading), s = -Math.sin(heading);
+  context.beginPath();
+  context.moveTo(x + reach * c, y + reach * s);
+  for (const side of [0.4, -0.4]) context.lineTo(x + reach * (0.3 * c - side * s), y + reach * (0.3 * s + side * c));
+  context.fillStyle = ink;
+  context.fill();
 }
 
 function disc(context, x, y, radius, ink) {

@@ -2,7 +2,9 @@
 
 API: `begin(r, count, arcs, margin)` starts the manoeuvre that stands in arcs float32[ARCS, 2] (see manoeuvre.py);
 `give_up(r)` ends it; r["arcs"] > 0 says that a robot is in one. `drive_arcs` returns the next step's (speed, steering)
-until it is done, or 0 arcs are left because the robot was pushed off it.
+until it is done, or 0 arcs are left because the robot was pushed off it. One that `docks` ends exactly at its goal:
+where robots stop at goals (`stopping`, see step.Features), it stands at its end, and drives straight arcs as fast as
+may be.
 """
 
 from __future__ import annotations
@@ -10,12 +12,12 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline, part
+from warehouse_env.simulation.driver.arrival import BRAKING, speed_before
 from warehouse_env.simulation.driver.line import forget_grants, forget_path, to_steering
-from warehouse_env.simulation.physics.kinematics import curvature
+from warehouse_env.simulation.physics.kinematics import curvature, roll
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, arc_tan2, sin_cos, wrap
 
 FASTEST, FASTEST_BACK = np.float32(0.8), np.float32(0.5)  # [m/s] on arcs
-BRAKING = np.float32(0.9)  # share of the full deceleration that stops are planned with
 STEER_SLACK = np.float32(0.2)  # [rad m/s]: how fast times how far off the wanted steering angle
 READY = np.float32(0.02)  # [m] before the end of an arc that count as its end
 NARROW = np.float32(1e-3)  # [m] of margin under which it drives exactly: it stands while it steers, and ends arcs at
@@ -25,6 +27,11 @@ BACK_TO_ARC = np.float32(9.0)  # [1/m^2] of curvature per metre beside the arc, 
 ALONG_ARC = np.float32(6.0)  # [1/m] per radian off its direction: critically damped after a third of a metre
 LOST, LOST_TURN = np.float32(0.15), np.float32(0.35)  # [m], [rad] off the reference at which it is given up
 KEPT = np.float32(1.0 / 3.0)  # of the margin that it was planned with is kept when it is driven
+# [m/s] with so little, of one that docks: between two samples a corner leaves its chord by 1e-5 m
+GRAZING = np.float32(0.1)
+EXACT_END = np.float32(0.003)  # [m] before the end of a manoeuvre that docks, and before it turns back
+SLACK_PER_METRE = np.float32(0.2)  # [rad/s] of STEER_SLACK for each metre of an arc of one that docks
+_LEAST_OFF = np.float32(0.01)  # [rad]
 _STRAIGHT = np.float32(1e-3)  # [1/m]
 _TWO = np.float32(2.0)
 
@@ -40,7 +47,7 @@ def give_up(r):
 def begin(r, count, arcs, margin):
     """Start a manoeuvre of `count` arcs, planned with `margin` [m], from where the robot stands."""
     r["arc_margin"] = r["arc_planned"] = margin * KEPT
-    r["arcs"], r["arc"] = count, 0
+    r["arcs"], r["arc"], r["docks"] = count, 0, 0
     forget_grants(r)
     r["arc_x"], r["arc_y"], r["arc_heading"] = r["x"], r["y"], r["heading"]
     r["arc_left"] = arcs[0, 0] if count > 0 else ZERO
@@ -114,8 +121,53 @@ def _speed_limit(r, arcs, p):
     return limit if forward else min(limit, np.sqrt(slowing * run))
 
 
+@inline
+def _next_arc_exactly(r, arcs, p):
+    """Go on as `_next_arc` does, in a manoeuvre that docks: the next arc begins at the very end of the last."""
+    while r["arcs"] > 0:
+        k, following = r["arc"], r["arc"] + 1
+        turns_back = following == r["arcs"] or arcs[following, 0] * arcs[k, 0] < ZERO
+        if abs(r["arc_left"]) >= (EXACT_END if turns_back else READY) or (turns_back and abs(r["speed"]) > STANDS):
+            return
+        if following == r["arcs"]:
+            r["arcs"] = 0
+            return
+        bend = curvature(arcs[k, 1], p["wheelbase"])
+        r["arc_x"], r["arc_y"], r["arc_heading"] = roll(r["arc_x"], r["arc_y"], r["arc_heading"], r["arc_left"], bend)
+        r["arc"], r["arc_left"] = following, arcs[following, 0]
+
+
+@inline
+def _docking_speed(r, arcs, off, p):
+    """Return the speed [m/s] of a manoeuvre that docks, `off` [rad] the wanted steering.
+
+    It stands at its end and wherever it turns back, and the shorter an arc, the more of its steering is done before.
+    """
+    k, count = int(r["arc"]), int(r["arcs"])
+    forward = arcs[k, 0] > ZERO
+    limit = FASTEST if forward else FASTEST_BACK
+    if arcs[k, 1] == ZERO:
+        limit = p["max_speed"] if forward else -p["min_speed"]
+    if r["arc_margin"] < NARROW:
+        limit = GRAZING
+    limit = min(limit, _slack(arcs[k, 0]) / max(off, _LEAST_OFF))
+    run = abs(r["arc_left"])
+    while k + 1 < count and arcs[k, 0] * arcs[k + 1, 0] > ZERO:
+        at_end = _slack(arcs[k + 1, 0]) / max(abs(arcs[k + 1, 1] - arcs[k, 1]), _LEAST_OFF)
+        limit = min(limit, speed_before(max(run - HALF * READY, ZERO), at_end, r["speed"], p))
+        k += 1
+        run += abs(arcs[k, 0])
+    return min(limit, speed_before(run, ZERO, r["speed"], p), run / p["time_step"])
+
+
+@inline
+def _slack(length):
+    """Return what a speed times radians off the wanted steering may be [rad m/s] on an arc of a length [m]."""
+    return min(STEER_SLACK, SLACK_PER_METRE * abs(length))
+
+
 @part
-def drive_arcs(r, arcs, wanted, p):
+def drive_arcs(r, arcs, wanted, stopping, p):
     """Return the (speed [m/s], steering [rad]) that follow the arcs at `wanted` [m/s] >= 0 at most.
 
     r["arcs"] is 0 afterwards if the manoeuvre is over; what is returned then is not to be used.
@@ -123,7 +175,11 @@ def drive_arcs(r, arcs, wanted, p):
     lateral, turned = _slide(r, arcs, p)
     if abs(lateral) > LOST or abs(turned) > LOST_TURN:
         give_up(r)
-    _next_arc(r, arcs)
+    docks = stopping is not None and r["docks"] != 0
+    if docks:
+        _next_arc_exactly(r, arcs, p)
+    else:
+        _next_arc(r, arcs)
     if r["arcs"] == 0:
         return ZERO, ZERO
     k = r["arc"]
@@ -131,7 +187,10 @@ def drive_arcs(r, arcs, wanted, p):
     bend = curvature(arcs[k, 1], p["wheelbase"]) - BACK_TO_ARC * lateral - direction * ALONG_ARC * turned
     steer = to_steering(bend, p["wheelbase"], p["max_steer"])
     off = abs(steer - r["steer"])
-    speed = min(_speed_limit(r, arcs, p), STEER_SLACK / max(off, np.float32(0.01)))
+    if docks:
+        speed = _docking_speed(r, arcs, off, p)
+    else:
+        speed = min(_speed_limit(r, arcs, p), STEER_SLACK / max(off, _LEAST_OFF))
     if r["arc_margin"] < NARROW and off > EXACT_STEER and abs(r["speed"]) < STANDS:
         speed = ZERO
     return direction * min(speed, wanted), steer

@@ -19,6 +19,8 @@ most: nodes of each of TRIES, each nearer to shelves and bodies and with shorter
 p, solid, clearance: PARAMETERS record and the floor; metric: turning_metric(PARAMETERS[1]), made once a Simulator.
 arcs float32[ARCS, 2]: is filled with (signed length [m], steering [rad]) of one arc after the other.
 search_once(..., bodies, trial, most, ...): a single try.
+search_exact(..., bodies, trial, most, ...): a single try whose goals are reached exactly, by a shot (shots.py) from a
+    pose near enough: analytic expansion (Dolgov et al. 2010).
 Returns the number of arcs, 0 if the start is a goal already, NONE if there is none (search_once: CUT_OFF if there may
 be, but not within `most` nodes), and search also the margin [m] that it keeps. A manoeuvre of more than ARCS arcs is
 cut off there; it is all free, and the next search begins at its end.
@@ -32,6 +34,7 @@ from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.simulation.driver import turning
 from warehouse_env.simulation.driver.bodies import bars, clear_of_bodies, write_rooms
 from warehouse_env.simulation.driver.heap import pop, push
+from warehouse_env.simulation.driver.shots import MOST_ARCS, shoot
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, sweep_is_free
 from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos, wrap
 
@@ -50,6 +53,9 @@ GREED = np.float32(1.1)  # how much the heuristic weighs: soon found before best
 _HEADINGS = 36  # cells of 10 degrees
 _SLOTS = 1 << 14  # of the table of cells, more than twice MOST
 _SHORT, _SHORT_SLOTS = 300, 1 << 10  # nodes of a short search, no fewer than rejoin.AMONG_OTHERS, and slots for them
+_SHOTS = 4  # nodes of an exact search from one of which a shot is tried,
+_SHOT_WITHIN = np.float32(12.0)  # [s] of way to go at most
+_TWICE, _SPARE = np.float32(2.0), np.float32(4.0)  # times as long, and [s] longer, that a shot may take
 _REACHED, _ALONG = np.float32(0.1), np.float32(0.15)  # [m] beside and along a goal pose that count as there
 _ALIGNED = np.float32(0.2)  # [rad]
 X, Y, HEADING, COSINE, SINE, COST, MARGIN = range(7)  # columns of `poses`; MARGIN: of arcs from there [m]
@@ -144,11 +150,34 @@ def _seconds(poses, node, steer, by, move, moves, p):
 
 
 @part
+def _finish(
+    poses, node, steer, parents, by, moves, goals, facing, bodies, rooms, exact, p, solid, clearance, metric, arcs
+):
+    """Return the number of arcs to a goal over a node, -1 if no shot is tried from there or none is free."""
+    x, y, heading = poses[node, X], poses[node, Y], poses[node, HEADING]
+    rest = _to_go(x, y, heading, goals, facing, metric)[1]
+    if node % _SHOTS != 0 or rest > _SHOT_WITHIN:
+        return -1
+    last = moves[by[node], turning.STEER] if by[node] >= 0 else steer
+    more, _ = shoot(
+        x, y, heading, last, goals, poses[node, MARGIN], _TWICE * rest + _SPARE, bodies, rooms, p, solid, clearance,
+        exact,
+    )  # fmt: skip
+    if more < 0:
+        return -1
+    count = _write_arcs(node, parents, by, moves, arcs)
+    for k in range(min(more, arcs.shape[0] - count)):
+        arcs[count, 0], arcs[count, 1] = exact[k, 0], exact[k, 1]
+        count += 1
+    return count
+
+
+@part
 def _search(
-    x, y, heading, steer, goals, facing, avoid, bodies, rooms, margin, stride, cell, tree, table, queue,
+    x, y, heading, steer, goals, facing, avoid, bodies, rooms, margin, stride, cell, tree, table, queue, exact,
     p, solid, clearance, metric, arcs,
 ):  # fmt: skip
-    """Search as search_once does, with its arrays.
+    """Search as search_once does, or search_exact if `exact` (float32[MOST_ARCS, 2], else None), with its arrays.
 
     Moves wait in the queue unseen: whether one is free is looked at when it is the soonest, for most never are.
     """
@@ -162,7 +191,9 @@ def _search(
     poses[0, X], poses[0, Y], poses[0, HEADING], poses[0, COSINE], poses[0, SINE] = x, y, heading, c, s
     poses[0, COST], poses[0, MARGIN] = ZERO, _margin_at(x, y, c, s, margin, p, solid, clearance)
     parents[0], by[0] = -1, -1
-    if (not bars(x, y, c, s, avoid, p)) if aside else _to_go(x, y, heading, goals, facing, metric)[0]:
+    if exact is None and (
+        (not bars(x, y, c, s, avoid, p)) if aside else _to_go(x, y, heading, goals, facing, metric)[0]
+    ):
         return 0
     size, waiting, used, node = 0, 0, 1, whole(0)
     while True:
@@ -209,13 +240,36 @@ def _search(
         parents[used], by[used] = node, k
         node = used
         used += 1
-        if ends[entry]:
+        if exact is not None:
+            count = _finish(
+                poses,
+                node,
+                steer,
+                parents,
+                by,
+                moves,
+                goals,
+                facing,
+                bodies,
+                rooms,
+                exact,
+                p,
+                solid,
+                clearance,
+                metric,
+                arcs,
+            )
+            if count >= 0:
+                return count
+        elif ends[entry]:
             return _write_arcs(node, parents, by, moves, arcs)
 
 
 @kernel
-def _search_within(x, y, heading, steer, goals, avoid, bodies, trial, most, slots, p, solid, clearance, metric, arcs):
-    """Search as search_once does, in arrays for `most` nodes and a table of `slots` cells, a power of two."""
+def _search_within(
+    x, y, heading, steer, goals, avoid, bodies, trial, most, slots, exact, p, solid, clearance, metric, arcs
+):
+    """Search as `_search` does, in arrays for `most` nodes and a table of `slots` cells, a power of two."""
     tree = (
         np.empty((turning.MOVES, 9), np.float32), np.empty((most, 7), np.float32), np.empty(most, np.int32),
         np.empty(most, np.int8),
@@ -230,7 +284,7 @@ def _search_within(x, y, heading, steer, goals, avoid, bodies, trial, most, slot
         facing[k, 1], facing[k, 0] = sin_cos(goals[k, 2])
     return _search(
         x, y, heading, steer, goals, facing, avoid, bodies, rooms, MARGINS[trial], STRIDES[trial], CELLS[trial],
-        tree, table, queue, p, solid, clearance, metric, arcs,
+        tree, table, queue, exact, p, solid, clearance, metric, arcs,
     )  # fmt: skip
 
 
@@ -244,11 +298,20 @@ def search_once(x, y, heading, steer, goals, avoid, bodies, trial, most, p, soli
     for large in range(2):
         nodes, slots = (most, _SLOTS) if large else (min(most, _SHORT), _SHORT_SLOTS)
         count = _search_within(
-            x, y, heading, steer, goals, avoid, bodies, trial, nodes, slots, p, solid, clearance, metric, arcs
+            x, y, heading, steer, goals, avoid, bodies, trial, nodes, slots, None, p, solid, clearance, metric, arcs
         )
         if count != CUT_OFF or nodes == most:
             break
     return count
+
+
+@kernel
+def search_exact(x, y, heading, steer, goals, bodies, trial, most, p, solid, clearance, metric, arcs):
+    """Search as search_once does, for a way that ends exactly at one of the goals."""
+    exact, nothing = np.empty((MOST_ARCS, 2), np.float32), np.empty((0, 4), np.float32)
+    return _search_within(
+        x, y, heading, steer, goals, nothing, bodies, trial, most, _SLOTS, exact, p, solid, clearance, metric, arcs
+    )
 
 
 @inline

@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline
+from warehouse_env.simulation.driver import arrival
 from warehouse_env.simulation.driver.driving import KEPT, STANDS, drive_arcs, give_up, leads_ahead
 from warehouse_env.simulation.driver.line import aim, room_beside, steer_for
 from warehouse_env.simulation.driver.off_shelves import may_drive
@@ -44,13 +45,13 @@ def _brake_steer(r, steer, margin, p, solid, clearance):
 
 
 @inline
-def _manoeuvre(r, arcs, wanted, p, solid, clearance):
+def _manoeuvre(r, arcs, wanted, stopping, p, solid, clearance):
     """Return (speed, steering) along the arcs; give the manoeuvre up where it is no longer free.
 
     Where the planned margin cannot be kept it is lowered, and raised again as soon as it can be: where it was not, a
     robot that began beside a shelf drove all its arcs as near to shelves, and in one of 170 episodes one wedged itself.
     """
-    speed, steer = drive_arcs(r, arcs, wanted, p)
+    speed, steer = drive_arcs(r, arcs, wanted, stopping, p)
     if r["arcs"] == 0:
         return ZERO, r["steer"]
     margin = r["arc_margin"]
@@ -90,8 +91,11 @@ def _backwards(r, speed, p, solid, clearance):
 
 
 @inline
-def follow(r, route, arcs, wanted_speed, offset, p, solid, clearance):
-    """Set target_speed, target_steer and follow_steer from a wanted speed [m/s] and lateral offset [m]."""
+def follow(r, route, arcs, wanted_speed, offset, stopping, p, solid, clearance):
+    """Set target_speed, target_steer and follow_steer from a wanted speed [m/s] and lateral offset [m].
+
+    stopping: see step.Features.
+    """
     tx, ty, ux, uy, angle = aim(r, route, p)
     r["search_wait"] = max(r["search_wait"] - p["time_step"], ZERO)
     steer = r["follow_steer"]
@@ -106,11 +110,17 @@ def follow(r, route, arcs, wanted_speed, offset, p, solid, clearance):
             give_up(r)
         bend = max(abs(steer) / BEND_SCALE, abs(steer - r["steer"]) / STEER_SCALE)
         on_line = min(speed, CREEP + (p["max_speed"] - CREEP) * max(ZERO, ONE - bend))
+        if stopping is not None:
+            on_line = min(on_line, arrival.speed_on_line(r, p))
+            if r["arcs"] == 0 and r["search_wait"] <= ZERO and arrival.wants_to_dock(r):
+                r["seeks"], r["search_wait"] = ALONE if alone else AROUND_OTHERS, AGAIN
         aligned = max(abs(angle), abs(r["bearing"])) < BACK_ON and r["stalled_time"] < PATIENCE
+        if stopping is not None:
+            aligned = aligned and r["docks"] == 0
         if aligned and leads_ahead(r, arcs) and may_drive(r, on_line, steer, MARGIN, p, solid, clearance):
             give_up(r)
     if r["arcs"] > 0 and speed >= ZERO:  # one that backs has its manoeuvre left for when it drives on
-        speed, steer = _manoeuvre(r, arcs, speed, p, solid, clearance)
+        speed, steer = _manoeuvre(r, arcs, speed, stopping, p, solid, clearance)
     elif speed > ZERO:
         speed, steer = _forward(r, alone, on_line, steer, angle, p, solid, clearance)
     elif r["speed"] > ZERO or speed == ZERO:

@@ -12,6 +12,7 @@ from warehouse_env.kernel import inline
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos, wrap
 
 _SIXTH = np.float32(1.0 / 6.0)
+_SMALL = np.float32(1e-3)  # [rad] under which sine and angle are the same in single precision
 _OVER_120 = np.float32(1.0 / 120.0)
 
 
@@ -59,6 +60,15 @@ def roll(x, y, heading, distance, bend):
     chord = distance * (ONE - q * (_SIXTH - q * _OVER_120))  # sin(half) / half
     s, c = sin_cos(heading + half)
     return x + chord * c, y + chord * s, wrap(heading + turn)
+
+
+@inline
+def arc_end(x, y, heading, distance, bend):
+    """Return what `roll` does, for a turn of any angle."""
+    half = HALF * distance * bend
+    s, c = sin_cos(heading + half)
+    chord = distance if abs(half) < _SMALL else distance * (sin_cos(half)[0] / half)
+    return x + chord * c, y + chord * s, wrap(wrap(heading + half) + half)
 
 
 @inline

@@ -39,6 +39,7 @@ from warehouse_env.maps.grid_map import MOVES, Cell
 from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE, Box, CostToGo, to_go
 from warehouse_env.portable import Portable
 from warehouse_env.routes.book import Route, RouteBook
+from warehouse_env.routes.goals import Pose
 from warehouse_env.simulation.rules.ants import Ants
 from warehouse_env.simulation.rules.passing import (
     NOTHING,
@@ -236,11 +237,11 @@ class LiveRoutes(Portable):
 
     def route(
         self, robots: NDArray[Any], routes: NDArray[np.float32], world: int, me: int, step: int, goal: Cell,
-        on_its_way: bool = False,
+        on_its_way: bool = False, ends: tuple[Pose, ...] = (),
     ) -> Route | None:  # fmt: skip
-        """Return a route from where robot `me` of ROBOT[N] is to a goal, around all others.
+        """Return a route from where robot `me` of ROBOT[N] is to a goal, or one of `ends` there, around all others.
 
-        None where there is no way, or the robot is in the goal's cell already: its route leads to the centre. Also for
+        None where there is no way, or the robot is in the goal's cell already: its route leads to its end. Also for
         one `on_its_way` there, if a new route would save too little. step: the world's env step.
         """
         r = robots[me]
@@ -260,7 +261,7 @@ class LiveRoutes(Portable):
         saving = self._saving if on_its_way else -1
         runs_out = on_its_way and bool(runs_out_of(r, self._laid[world, me]))
         cells = self.finder.find(look, self._cells[world, me], saving, runs_out, goal, step)
-        return Route(cells, self._book.lay(cells, pose, self._reach), self._reach) if len(cells) else None
+        return self._book.along(cells, pose, self._reach, ends) if len(cells) else None
 
     def towards(self, world: int, robot: int, cell: Cell, goal: Cell) -> NDArray[np.float32] | None:
         """Return the direction (x, y) of a cheapest way from a cell to a goal; None where there is none."""

@@ -16,6 +16,7 @@ from warehouse_env.kernel import compiled_for, kernel
 from warehouse_env.maps.grid_map import Cell
 from warehouse_env.portable import Portable
 from warehouse_env.routes.book import Route, RouteBook
+from warehouse_env.routes.goals import Goal, Pose, face, facing
 from warehouse_env.simulation.driver.line import forget_grants
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.rules.astray import far_off, find_astray
@@ -25,6 +26,7 @@ from warehouse_env.simulation.tasks.one_shot import OneShotTasks
 from warehouse_env.simulation.tasks.placement import place, stand
 from warehouse_env.simulation.tasks.tasks import Arrival, Tasks, book_arrival
 
+JOIN = 3.0  # [m] before the end of a route at which a robot seeks the manoeuvre to its goal's pose
 ROUTE_BLOCK = 64  # way-points by which the routes' array grows
 
 
@@ -39,9 +41,18 @@ def _take_route(robots, routes, world, robot, points):
     r = robots[world, robot]
     r["points"], r["spacing"] = len(points), spacing
     r["position"] = r["lateral"] = r["bearing"] = np.float32(0.0)
-    r["arcs"] = r["seeks"] = 0  # of a manoeuvre to the route before
+    r["arcs"] = r["seeks"] = r["docks"] = 0  # of a manoeuvre to the route before
     r["search_wait"] = r["side"] = np.float32(0.0)
     forget_grants(r)
+    r["goal_heading"], r["join"] = np.float32(np.nan), np.float32(0.0)
+
+
+@kernel
+def _take_end(robots, world, robot, x, y, heading, join):
+    """Write the pose at which a robot's route ends: its goal, which it seeks from `join` [m] before the end on."""
+    r = robots[world, robot]
+    r["goal_x"], r["goal_y"], r["goal_heading"] = x, y, heading
+    r["join"] = np.float32(0.0) if np.isnan(heading) else join
 
 
 @kernel
@@ -79,6 +90,8 @@ class Dispatcher(Portable):
         self.tasks = [tasks(book.grid, config) for _ in range(len(robots))]
         # made when first used: never seeded copies of a Simulator that has not begun go their own ways
         self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
+        self._told: dict[tuple[int, int], Goal] = {}  # points and poses that an assignment gives, up to the arrival
+        self._faces: dict[Cell, tuple[Pose, ...]] = {}  # of endpoints, once asked for
         self._bind()
 
     def _bind(self) -> None:
@@ -97,6 +110,8 @@ class Dispatcher(Portable):
         if entropy is not None:
             self._rngs[world] = np.random.default_rng(np.random.SeedSequence(entropy))
         self.tasks[world].reset(self._rngs[world])
+        for robot in range(self.robots.shape[1]):
+            self._told.pop((world, robot), None)
         if self.live is not None:
             self.live.begin(world)
         if assignment is None:
@@ -106,13 +121,25 @@ class Dispatcher(Portable):
 
     def _assign(self, world: int, assignment: Assignment, floor: Floor) -> None:
         """Stand the robots of a world where they are told to, with the goals that they are given."""
-        starts = self.book.grid.cell(assignment.pose[:, :2])
-        tasks = [((int(r), int(c)), (int(u), int(v))) for (r, c), (u, v) in zip(starts, assignment.goal, strict=True)]
-        self.tasks[world].assign(*zip(*tasks, strict=True))
-        for robot, (start, goal) in enumerate(tasks):
+        starts = [(int(row), int(column)) for row, column in self.book.grid.cell(assignment.pose[:, :2])]
+        goals = assignment.goals(self.book.grid)
+        self.tasks[world].assign(starts, [goal.cell for goal in goals])
+        for robot, (start, goal) in enumerate(zip(starts, goals, strict=True)):
             stand(self.robots[world], robot, assignment.pose[robot], self._params, floor)
             heading = float(assignment.pose[robot, 2])
-            self.give_task(world, robot, goal, self._first_route(world, robot, start, goal, heading))
+            self._told[world, robot] = goal
+            self.give_task(world, robot, goal.cell, self._first_route(world, robot, start, goal.cell, heading))
+
+    def _ends(self, world: int, robot: int, goal: Cell) -> tuple[Pose, ...]:
+        """Return the poses at one of which a robot's routes to a goal end, none: at the cell's centre."""
+        told = self._told.get((world, robot))
+        if told is not None and told.cell == goal and told.poses:
+            return told.poses if self._config.arrival == "pose" else tuple((x, y, math.nan) for x, y, _ in told.poses)
+        if self._config.arrival != "pose":
+            return ()
+        if goal not in self._faces:
+            self._faces[goal] = face(self.book.grid, goal, self._config.robot).poses
+        return self._faces[goal]
 
     def _place_all(self, world: int, floor: Floor) -> None:
         """Give every robot of a world a start, a goal and a route."""
@@ -139,7 +166,7 @@ class Dispatcher(Portable):
         if self.live is not None and self.live.plans_first:
             direction = self.live.towards(world, robot, cell, goal)
         if direction is None:
-            line = self.book.route(cell, goal).line
+            line = self.book.route(cell, goal, None, self._ends(world, robot, goal)).line
             direction = line[min(2, len(line) - 1)] - line[0]
         if not place(self.robots[world], robot, self.book.grid.centre(cell), direction, self._params, floor):
             return False
@@ -149,7 +176,9 @@ class Dispatcher(Portable):
     def _first_route(self, world: int, robot: int, cell: Cell, goal: Cell, heading: float | None = None) -> Route:
         """Return the route that a robot which stands on a cell begins with."""
         live = self._live_route(world, robot, goal, 0) if self.live is not None and self.live.plans_first else None
-        return live if live is not None else self.book.route(cell, goal, heading)
+        if live is not None:
+            return live
+        return self.book.route(cell, goal, heading, self._ends(world, robot, goal))
 
     def give_task(self, world: int, robot: int, goal: Cell, route: Route) -> None:
         """Give a robot a goal and its first route there."""
@@ -170,6 +199,8 @@ class Dispatcher(Portable):
         if self.live is not None:
             self.live.give_up(world, robot)
         _take_route(self.robots, self.routes, world, robot, points)
+        if route.end is not None:
+            _take_end(self.robots, world, robot, *route.end, JOIN)
         if self.live is not None:
             self.live.take_up(self.robots, self.routes, world, robot, route.cells, route.reach)
 
@@ -186,6 +217,7 @@ class Dispatcher(Portable):
             lengths = book_arrival(self.robots, world, robot, seconds, 2 * step > config.max_steps)
             arrivals.append(Arrival(world, robot, *lengths))
             if config.tasks == "lifelong" and r["alive"]:
+                self._told.pop((world, robot), None)
                 start = state.goal_of(r)
                 goal = self.tasks[world].next_goal(robot, start, self._rngs[world])
                 self.give_task(world, robot, goal, self._route(world, robot, start, goal, step))
@@ -216,8 +248,10 @@ class Dispatcher(Portable):
         goal, pose = state.goal_of(r), np.array([r["x"], r["y"]])
         row, column = self.book.grid.cell(pose).tolist()
         if (row, column) == goal:
-            line = np.array([pose, self.book.grid.centre(np.array(goal))], dtype=np.float32)
-            return Route(np.array([goal], dtype=np.int32), line)
+            cells, ends = np.array([goal], dtype=np.int32), self._ends(world, robot, goal)
+            end = facing(ends, cells) if ends else None
+            there = self.book.grid.centre(cells[0]) if end is None else np.array(end[:2])
+            return Route(cells, np.array([pose, there], dtype=np.float32), end=end)
         return self._route(world, robot, (row, column), goal, step)
 
     def _give_another(self, world: int, robot: int, route: Route) -> None:
@@ -230,10 +264,13 @@ class Dispatcher(Portable):
     def _route(self, world: int, robot: int, start: Cell, goal: Cell, step: int) -> Route:
         """Return a live route if there is one, else that from the cell in which a robot is."""
         live = self._live_route(world, robot, goal, step)
-        return live if live is not None else self.book.route(start, goal, float(self.robots[world, robot]["heading"]))
+        if live is not None:
+            return live
+        return self.book.route(start, goal, float(self.robots[world, robot]["heading"]), self._ends(world, robot, goal))
 
     def _live_route(self, world: int, robot: int, goal: Cell, step: int, on_its_way: bool = False) -> Route | None:
         """Return a route from where a robot is, around all others; None if live routes are off or find none."""
         if self.live is None:
             return None
-        return self.live.route(self.robots[world], self.routes[world], world, robot, step, goal, on_its_way)
+        ends = self._ends(world, robot, goal)
+        return self.live.route(self.robots[world], self.routes[world], world, robot, step, goal, on_its_way, ends)

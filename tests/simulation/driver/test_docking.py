@@ -1,0 +1,161 @@
+"""Docking: shots and searches that end exactly at a pose, and robots that drive them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from tests.simulation.worlds import drawn, room
+from warehouse_env.config import EnvConfig
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.driver.manoeuvre import ARCS, MOST, search_exact
+from warehouse_env.simulation.driver.shots import MOST_ARCS, shoot
+from warehouse_env.simulation.driver.turning import turning_metric
+from warehouse_env.simulation.physics.floor import floor_of
+from warehouse_env.simulation.physics.footprint import body_touches_shelf
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import parameters_of
+from warehouse_env.simulation.tasks.assignment import Assignment
+
+ROBOT = EnvConfig().robot
+PARAMETERS = parameters_of(EnvConfig(), 1.0)
+NOBODY = np.zeros((0, 4), np.float32)
+WALL = drawn(["......", ".####.", "......", "......"])
+Pose = tuple[float, float, float]
+
+
+def driven(pose: Pose, arcs: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Poses [K, 3] along the arcs, on exact circles: eq. (2) of paper 000 in double precision."""
+    poses = [pose]
+    x, y, heading = pose
+    for length, steer in arcs.astype(np.float64).tolist():
+        bend = -math.tan(steer) / ROBOT.wheelbase
+        for part in np.linspace(0, 1, 30)[1:]:
+            way = length * part
+            turn = way * bend
+            dx, dy = (way, 0.0) if abs(bend) < 1e-9 else (math.sin(turn) / bend, (1 - math.cos(turn)) / bend)
+            c, s = math.cos(heading), math.sin(heading)
+            poses.append((x + dx * c - dy * s, y + dx * s + dy * c, heading + turn))
+        x, y, heading = poses[-1]
+    return np.array(poses)
+
+
+def shot(grid: GridMap, start: Pose, goal: Pose) -> NDArray[np.float32] | None:
+    floor, arcs = floor_of(grid, 1.0), np.zeros((MOST_ARCS, 2), np.float32)
+    x, y, heading = (np.float32(value) for value in start)
+    count, _ = shoot(
+        x, y, heading, np.float32(0.0), np.array([(*goal, 0.0)], np.float32), np.float32(0.03), np.float32(np.inf),
+        NOBODY, np.empty(0, np.float32), PARAMETERS[0], floor.solid, floor.clearance, arcs,
+    )  # fmt: skip
+    return arcs[:count] if count >= 0 else None
+
+
+def ends_at(poses: NDArray[np.float64], goal: Pose) -> None:
+    x, y, heading = poses[-1]
+    assert math.hypot(x - goal[0], y - goal[1]) < 0.01
+    assert abs(math.remainder(heading - goal[2], 2 * math.pi)) < 0.005
+
+
+places = st.tuples(st.floats(3.0, 9.0), st.floats(3.0, 9.0), st.floats(-3.1, 3.1))
+
+
+@given(places, places)
+@settings(max_examples=200)
+def test_on_open_floor_a_shot_leads_from_any_pose_to_any(start: Pose, goal: Pose) -> None:
+    arcs = shot(room(12, 12), start, goal)
+    assert arcs is not None
+    ends_at(driven(start, arcs), goal)
+    assert (np.abs(arcs[:, 1]) < ROBOT.max_steering).all()
+
+
+def test_straight_ahead_is_one_arc_and_behind_a_wall_is_none() -> None:
+    arcs = shot(WALL, (1.0, 0.9, 0.0), (4.0, 0.9, 0.0))
+    assert arcs is not None
+    np.testing.assert_allclose(arcs, [[3.0, 0.0]], atol=1e-4)
+    assert shot(WALL, (3.0, 1.2, 0.0), (3.0, 3.5, 0.0)) is None
+
+
+def test_the_search_leads_round_the_wall_and_ends_exactly() -> None:
+    start, goal = (2.5, 1.5, 0.0), (3.2, 3.6, math.pi)
+    grid = drawn(["......", "......", ".###..", "......", "......"])
+    assert shot(grid, (2.5, 1.2, 0.0), (2.5, 3.8, 0.0)) is None
+    floor, arcs = floor_of(grid, 1.0), np.zeros((ARCS, 2), np.float32)
+    x, y, heading = (np.float32(value) for value in start)
+    count = search_exact(
+        x, y, heading, np.float32(0.0), np.array([(*goal, 0.0)], np.float32), NOBODY, 1, MOST, PARAMETERS[0],
+        floor.solid, floor.clearance, turning_metric(PARAMETERS), arcs,
+    )  # fmt: skip
+    assert count > 0
+    poses = driven(start, arcs[:count])
+    ends_at(poses, goal)
+    p = PARAMETERS[0]
+    for px, py, turned in poses.astype(np.float32):
+        c, s = np.cos(turned), np.sin(turned)
+        body = (px - p["offset"] * c, py - p["offset"] * s, c, s, p["half_length"], p["half_width"])
+        assert not body_touches_shelf(*body, floor.solid, floor.clearance, np.float32(1.0))
+
+
+HARD: dict[str, tuple[Pose, Pose]] = {
+    "ahead": ((1.5, 0.8, 0.0), (4.5, 0.8, 0.0)),
+    "the other way round": ((1.5, 0.8, 0.0), (4.5, 0.8, math.pi)),
+    "beside": ((3.0, 0.8, 0.0), (3.0, 1.3, 0.0)),
+    "behind": ((4.5, 1.0, 0.0), (2.0, 1.0, 0.0)),
+    "beyond the wall, facing back": ((2.5, 1.2, 0.0), (3.2, 3.5, math.pi)),
+    "in the same cell, turned": ((2.6, 1.2, 0.0), (2.4, 1.3, 1.2)),
+}
+
+
+def arrive(start: Pose, goal: Pose, **changes: object) -> tuple[Simulator, float]:
+    """Drive from one pose to another at full speed; return the simulator and the seconds that it took."""
+    config = EnvConfig(num_agents=1, planner="astar", arrival="pose", tasks="one_shot").replace(**changes)
+    sim = Simulator(config, grid=WALL)
+    sim.reset_to([Assignment([start], [goal])], seed=1)
+    for _ in range(900):
+        sim.step(np.full((1, 1), sim.cruise_action))
+        if sim.arrivals:
+            return sim, sim.seconds(0)
+    raise AssertionError(f"not there: {sim.state.pose[0, 0]}")
+
+
+@pytest.mark.parametrize("case", HARD)
+def test_a_robot_stands_at_the_pose_when_it_has_arrived(case: str) -> None:
+    start, goal = HARD[case]
+    sim, seconds = arrive(start, goal)
+    x, y, heading = sim.state.pose[0, 0].tolist()
+    assert math.hypot(x - goal[0], y - goal[1]) <= 0.05
+    assert abs(math.remainder(heading - goal[2], 2 * math.pi)) <= math.radians(5.0)
+    assert abs(float(sim.state.speed[0, 0])) <= 0.01
+    assert seconds < 40.0
+    assert sim.robots["hits_shelf"].sum() == 0
+
+
+def test_a_tighter_goal_is_reached_as_well() -> None:
+    start, goal = HARD["beyond the wall, facing back"]
+    sim, _ = arrive(start, goal, pose_radius=0.01, pose_angle=math.radians(1.0))
+    x, y, heading = sim.state.pose[0, 0].tolist()
+    assert math.hypot(x - goal[0], y - goal[1]) <= 0.01
+    assert abs(math.remainder(heading - goal[2], 2 * math.pi)) <= math.radians(1.0)
+
+
+def test_lifelong_robots_stand_beside_the_shelves_that_they_are_sent_to() -> None:
+    config = EnvConfig(num_agents=4, planner="astar", arrival="pose", layout="narrow", max_steps=10**6)
+    sim = Simulator(config)
+    sim.reset(seed=31_000_000)
+    goals = 0
+    for _ in range(1200):
+        before = sim.robots[0][["goal_x", "goal_y", "goal_heading"]].copy()
+        sim.step(np.full((1, 4), sim.cruise_action))
+        for _, robot, *_ in sim.arrivals:
+            goals += 1
+            x, y, heading = sim.state.pose[0, robot].tolist()
+            goal_x, goal_y, goal_heading = before[robot].tolist()
+            assert math.hypot(x - goal_x, y - goal_y) <= 0.05
+            if not math.isnan(goal_heading):
+                assert abs(math.remainder(heading - goal_heading, 2 * math.pi)) <= math.radians(5.0)
+                assert abs(math.sin(2 * goal_heading)) < 1e-5  # along the grid
+    assert goals > 8

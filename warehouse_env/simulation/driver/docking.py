@@ -1,0 +1,119 @@
+"""Docking: the manoeuvre to a goal's exact pose, of robots that stop at their goals.
+
+A single shot from where the robot will be once it has slowed down (shots.py), else a search that ends with one.
+`seek` takes the place of rejoin.seek where robots stop at goals; what it begins, driving.py drives.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import inline, kernel
+from warehouse_env.simulation.driver import manoeuvre
+from warehouse_env.simulation.driver.arrival import BRAKING, docks_from
+from warehouse_env.simulation.driver.bodies import write_rooms
+from warehouse_env.simulation.driver.driving import begin as begin_manoeuvre
+from warehouse_env.simulation.driver.rejoin import (
+    AMONG_OTHERS,
+    FEW,
+    MOST_NEAR,
+    NEAR,
+    plan_to_route,
+    write_bodies_near,
+)
+from warehouse_env.simulation.driver.shots import MOST_ARCS, shoot
+from warehouse_env.simulation.physics.footprint import sweep_is_free
+from warehouse_env.simulation.physics.kinematics import curvature, roll
+from warehouse_env.simulation.physics.trigonometry import HALF, HALF_PI, ZERO, sin_cos, wrap
+from warehouse_env.simulation.state import AROUND_OTHERS
+
+HEADINGS = 4  # tried where any heading will do
+_TURNING = np.float32(0.2)  # [m/s] from which a robot may take any turn
+
+
+@inline
+def _write_goals(r, goals):
+    """Write the robot's goal into goals float32[HEADINGS, 4], for each heading that is tried; return how many."""
+    free = np.isnan(r["goal_heading"])
+    for k in range(HEADINGS):
+        goals[k, 0], goals[k, 1], goals[k, 3] = r["goal_x"], r["goal_y"], ZERO
+        goals[k, 2] = wrap(r["heading"] + np.float32(k) * HALF_PI) if free else r["goal_heading"]
+    return HEADINGS if free else 1
+
+
+@inline
+def _slowed_down(r, p):
+    """Return (pose x, y, heading, metres to it) at which a robot that brakes now has slowed down enough to turn."""
+    way = max(r["speed"] * r["speed"] - _TURNING * _TURNING, ZERO) * HALF / (BRAKING * p["max_acceleration"])
+    way = way if r["speed"] > ZERO else -way
+    x, y, heading = roll(r["x"], r["y"], r["heading"], way, curvature(r["steer"], p["wheelbase"]))
+    return x, y, heading, way
+
+
+@kernel
+def plan_to_goal(r, arcs, bodies, tries, most, p, solid, clearance, metric):
+    """Begin the soonest manoeuvre found to the robot's goal; return the number of its arcs, NONE if there is none.
+
+    Arguments: see rejoin.plan_to_route.
+    """
+    goals, rooms = np.empty((HEADINGS, 4), np.float32), np.empty(bodies.shape[0], np.float32)
+    goals, shot = goals[: _write_goals(r, goals)], np.empty((MOST_ARCS, 2), np.float32)
+    x, y, heading, way = _slowed_down(r, p)
+    steer = r["steer"]
+    s, c = sin_cos(r["heading"])
+    for trial in range(tries):
+        margin = manoeuvre.MARGINS[trial]
+        write_rooms(r["x"], r["y"], c, s, margin, bodies, p, rooms)
+        if not sweep_is_free(r["x"], r["y"], c, s, curvature(steer, p["wheelbase"]), way, margin, p, solid, clearance):
+            continue
+        count, _ = shoot(
+            x, y, heading, steer, goals, margin, np.float32(np.inf), bodies, rooms, p, solid, clearance, shot
+        )
+        if count >= 0:
+            first = 0
+            if way != ZERO:
+                arcs[0, 0], arcs[0, 1] = way, steer
+                first = 1
+            for k in range(count):
+                arcs[first + k, 0], arcs[first + k, 1] = shot[k, 0], shot[k, 1]
+            begin_manoeuvre(r, first + count, arcs, margin)
+            r["docks"] = 1
+            return first + count
+    if abs(r["speed"]) > _TURNING:  # it is driven from where the robot stands
+        return manoeuvre.NONE
+    for k in range(tries):
+        trial = manoeuvre.trial_of(k, bodies)
+        found = manoeuvre.search_exact(
+            r["x"], r["y"], r["heading"], steer, goals, bodies, trial, most, p, solid, clearance, metric, arcs
+        )
+        if found >= 0:
+            begin_manoeuvre(r, found, arcs, manoeuvre.MARGINS[trial])
+            r["docks"] = 1
+            return found
+        if found == manoeuvre.CUT_OFF and most < manoeuvre.MOST:
+            break
+    return manoeuvre.NONE
+
+
+@kernel
+def seek(begin, end, robots, routes, arcs, params, solid, clearance, metric):
+    """Search for all who seek their goal or their route in the worlds from `begin` to before `end`.
+
+    Arguments: see step.advance.
+    """
+    p = params[0]
+    near = np.empty((MOST_NEAR, 4), np.float32)
+    for b in range(begin, end):
+        for i in range(robots.shape[1]):
+            r = robots[b, i]
+            kind, r["seeks"] = r["seeks"], 0
+            if kind == 0 or r["alive"] == 0 or r["arrived"] != 0:  # who has arrived gets another route
+                continue
+            others = write_bodies_near(r, robots[b], NEAR, p, near) if kind == AROUND_OTHERS else 0
+            tries, most = (manoeuvre.TRIES, manoeuvre.MOST) if others == 0 else (FEW, AMONG_OTHERS)
+            bodies = near[:others]
+            if docks_from(r):
+                r["docks"] = 0
+                if plan_to_goal(r, arcs[b, i], bodies, tries, most, p, solid, clearance, metric) >= 0:
+                    continue
+            plan_to_route(r, routes[b, i], arcs[b, i], bodies, tries, most, p, solid, clearance, metric)

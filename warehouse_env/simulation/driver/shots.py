@@ -1,0 +1,100 @@
+"""Shots: a Reeds-Shepp curve from a pose to exact poses, taken whole if the body can drive it.
+
+Of all words (routes/reeds_shepp.py), at several turning radii, the soonest counts that the body can drive, by the same
+prices as the search for manoeuvres (turning.py): the shortest curve turns at full lock, and its jumps of the steering
+cost more than a wider turn does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warehouse_env.kernel import part
+from warehouse_env.routes.reeds_shepp import TURNS, WORDS, seen_from, word
+from warehouse_env.simulation.driver.bodies import clear_of_bodies
+from warehouse_env.simulation.driver.line import to_steering
+from warehouse_env.simulation.driver.turning import BACKWARD_SPEED, FORWARD_SPEED, LOCK_SHARE, change_time
+from warehouse_env.simulation.physics.footprint import sweep_is_free
+from warehouse_env.simulation.physics.kinematics import arc_end, curvature
+from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos
+
+MOST_ARCS = 5  # of a shot
+RADII = (1.3, 2.0, 3.5)  # times the least radius: what is left of the steering keeps a robot on its arcs
+_STRAIGHT_SPEED = np.float32(1.2)  # [m/s] that straight pieces are priced by
+_GRAIN = 1e-4  # [m] to which arcs are rounded: the same on machines whose sines differ in the last bit
+_LEAST = np.float32(1e-3)  # [m] of an arc
+
+
+@part
+def _seconds(n, lengths, radius, steer, p):
+    """Return the seconds [s] that the segments of word n take; steer [rad]: the steering angle before."""
+    seconds, last = ZERO, ZERO
+    for k in range(MOST_ARCS):
+        length = np.float32(lengths[k])
+        if abs(length) < _LEAST:
+            continue
+        bend = np.float32(TURNS[n, k] / radius)
+        wanted = to_steering(bend, p["wheelbase"], p["max_steer"])
+        speed = BACKWARD_SPEED
+        if length > ZERO:
+            speed = FORWARD_SPEED if bend != ZERO else _STRAIGHT_SPEED
+        seconds += abs(length) / speed + change_time(last, steer, length, wanted, p)
+        last, steer = length, wanted
+    return seconds
+
+
+@part
+def _is_free(n, lengths, radius, x, y, heading, margin, bodies, rooms, p, solid, clearance):
+    """Whether the body keeps off shelves and bodies along word n from a pose."""
+    for k in range(MOST_ARCS):
+        length = np.float32(lengths[k])
+        if abs(length) < _LEAST:
+            continue
+        bend = curvature(to_steering(np.float32(TURNS[n, k] / radius), p["wheelbase"], p["max_steer"]), p["wheelbase"])
+        s, c = sin_cos(heading)
+        if not sweep_is_free(x, y, c, s, bend, length, margin, p, solid, clearance):
+            return False
+        if not clear_of_bodies(x, y, c, s, bend, length, bodies, rooms, p):
+            return False
+        x, y, heading = arc_end(x, y, heading, length, bend)
+    return True
+
+
+@part
+def shoot(x, y, heading, steer, goals, margin, most, bodies, rooms, p, solid, clearance, arcs):
+    """Write the soonest free curve from a pose to one of goals float32[G, 4] into arcs float32[MOST_ARCS, 2].
+
+    most [s]: of curves that take as long or longer none is looked at. Returns (arcs, seconds), -1 arcs where there is
+    none; arguments as of manoeuvre.search.
+    """
+    count, least = -1, most
+    sharpest = abs(curvature(LOCK_SHARE * p["max_steer"], p["wheelbase"]))
+    for g in range(goals.shape[0]):
+        ahead, left, turn = seen_from(
+            np.float64(x),
+            np.float64(y),
+            np.float64(heading),
+            np.float64(goals[g, 0]),
+            np.float64(goals[g, 1]),
+            np.float64(goals[g, 2]),
+        )
+        for share in RADII:
+            radius = share / np.float64(sharpest)
+            for n in range(WORDS):
+                length, a, b, c, d, e = word(n, ahead, left, turn, radius)
+                if length >= least * _STRAIGHT_SPEED:
+                    continue
+                lengths = (a, b, c, d, e)
+                seconds = _seconds(n, lengths, radius, steer, p)
+                if seconds >= least or not _is_free(
+                    n, lengths, radius, x, y, heading, margin, bodies, rooms, p, solid, clearance
+                ):
+                    continue
+                count, least = 0, seconds
+                for k in range(MOST_ARCS):
+                    way = lengths[k]
+                    if abs(way) >= _LEAST:
+                        arcs[count, 0] = np.float32(np.round(way / _GRAIN) * _GRAIN)
+                        arcs[count, 1] = to_steering(np.float32(TURNS[n, k] / radius), p["wheelbase"], p["max_steer"])
+                        count += 1
+    return count, least
