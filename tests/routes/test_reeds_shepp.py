@@ -1,0 +1,120 @@
+"""Reeds-Shepp curves: known lengths, every word drives to its goal, and no way of many short arcs is shorter."""
+
+from __future__ import annotations
+
+import heapq
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from warehouse_env.routes.reeds_shepp import (
+    SEGMENTS,
+    TURNS,
+    WORDS,
+    best_word,
+    distance,
+    rolled,
+    seen_from,
+    shortest_curve,
+    word,
+    wrapped,
+)
+
+PLACE = st.floats(-12.0, 12.0)
+HEADING = st.floats(-7.0, 7.0)
+RADIUS = st.floats(0.3, 5.0)
+POSE = st.tuples(PLACE, PLACE, HEADING)
+
+
+def end_of(lengths: tuple[float, ...], n: int, radius: float) -> tuple[float, float, float]:
+    pose = (0.0, 0.0, 0.0)
+    for k in range(SEGMENTS):
+        pose = rolled(*pose, lengths[k], TURNS[n, k] / radius)
+    return pose
+
+
+@pytest.mark.parametrize(
+    ("goal", "length"),
+    [
+        ((5.0, 0.0, 0.0), 5.0),
+        ((-5.0, 0.0, 0.0), 5.0),
+        ((1.0, 1.0, math.pi / 2), math.pi / 2),  # a quarter of a circle to the left
+        ((-1.0, 1.0, -math.pi / 2), math.pi / 2),  # the same in reverse
+        ((0.0, 2.0, math.pi), math.pi),
+        ((0.0, 0.0, math.pi), math.pi),  # three arcs of a third of pi each: a turn on the spot
+        ((0.0, 0.0, 0.0), 0.0),
+        ((11.0, 1.0, math.pi / 2), 10.0 + math.pi / 2),
+    ],
+)
+def test_known_lengths(goal: tuple[float, float, float], length: float) -> None:
+    assert distance(*goal, 1.0) == pytest.approx(length, abs=1e-9)
+    assert distance(3.0 * goal[0], 3.0 * goal[1], goal[2], 3.0) == pytest.approx(3.0 * length, abs=1e-8)
+
+
+@given(PLACE, PLACE, HEADING, RADIUS)
+def test_every_word_leads_to_its_goal(ahead: float, left: float, turn: float, radius: float) -> None:
+    lengths = []
+    for n in range(WORDS):
+        length, *parts = word(n, ahead, left, turn, radius)
+        if math.isfinite(length):
+            x, y, heading = end_of(tuple(parts), n, radius)
+            assert (x, y) == (pytest.approx(ahead, abs=1e-5), pytest.approx(left, abs=1e-5))
+            assert wrapped(heading - turn) == pytest.approx(0.0, abs=1e-5)
+            assert length == pytest.approx(sum(map(abs, parts)))
+            lengths.append(length)
+    n, least, *_ = best_word(ahead, left, turn, radius)
+    assert least == min(lengths) == distance(ahead, left, turn, radius) == word(n, ahead, left, turn, radius)[0]
+
+
+@given(POSE, POSE, RADIUS)
+def test_it_is_a_metric_that_no_mirror_and_no_reversal_changes(
+    a: tuple[float, float, float], b: tuple[float, float, float], radius: float
+) -> None:
+    there = distance(*seen_from(*a, *b), radius)
+    assert there == pytest.approx(distance(*seen_from(*b, *a), radius), abs=1e-5)
+    ahead, left, turn = seen_from(*a, *b)
+    assert there == pytest.approx(distance(ahead, -left, -turn, radius), abs=1e-5)
+    assert there == pytest.approx(distance(-ahead, left, -turn, radius), abs=1e-5)
+    assert there >= math.hypot(ahead, left) - 1e-9
+    assert there >= radius * abs(wrapped(turn)) - 1e-6
+
+
+@given(POSE, POSE, POSE)
+def test_no_detour_is_shorter(
+    a: tuple[float, float, float], b: tuple[float, float, float], c: tuple[float, float, float]
+) -> None:
+    direct = distance(*seen_from(*a, *c), 1.0)
+    assert direct <= distance(*seen_from(*a, *b), 1.0) + distance(*seen_from(*b, *c), 1.0) + 1e-5
+
+
+def test_no_way_of_short_arcs_is_shorter() -> None:
+    """Dijkstra's algorithm over arcs of 15 degrees and lines as long, whose ends lie exactly where they lie."""
+    step = math.pi / 12
+    best = {(0, 0, 0): 0.0}
+    queue = [(0.0, (0.0, 0.0, 0.0))]
+    seen = 0
+    while queue and seen < 3000:
+        cost, pose = heapq.heappop(queue)
+        seen += 1
+        assert distance(*pose[:2], wrapped(pose[2]), 1.0) <= cost + 1e-6
+        for length in (step, -step):
+            for bend in (-1.0, 0.0, 1.0):
+                end = rolled(*pose, length, bend)
+                cell = (round(end[0] * 20), round(end[1] * 20), round(end[2] / step) % 24)
+                if cost + step < best.get(cell, math.inf) - 1e-12:
+                    best[cell] = cost + step
+                    heapq.heappush(queue, (cost + step, end))
+    assert seen == 3000
+
+
+def test_curves_between_poses() -> None:
+    arcs = shortest_curve(np.array([3.0, 4.0, math.pi / 2]), np.array([3.0, 10.0, math.pi / 2]), 3.0)
+    assert arcs.tolist() == [[pytest.approx(6.0), 0.0]]
+    pose = (1.0, -2.0, 0.7)
+    for length, bend in shortest_curve(np.array(pose), np.array([0.0, 5.0, -2.0]), 2.0):
+        pose = rolled(*pose, length, bend)
+    assert pose == (pytest.approx(0.0), pytest.approx(5.0), pytest.approx(-2.0))
+    assert shortest_curve(np.zeros(3), np.zeros(3), 1.0).shape == (0, 2)
