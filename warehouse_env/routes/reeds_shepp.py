@@ -89,7 +89,7 @@ def _same_turns(family, x, y, s, c, turn):
     if family == _CSC:  # 8.1
         v = wrapped(turn - theta)
         return theta >= -_TINY and v >= -_TINY, theta, rho, v
-    if family == _CCC or family == _CCC_BACK:  # 8.3 and 8.4
+    if family in (_CCC, _CCC_BACK):  # 8.3 and 8.4
         if rho > 4.0:
             return _NONE
         u = -2.0 * math.asin(0.25 * rho)
@@ -152,7 +152,7 @@ def _segments(family, t, u, v):
         return t, u, -u, v, 0.0
     if family == _CUUC:
         return t, u, u, v, 0.0
-    if family == _CCSC or family == _CCSD:
+    if family in (_CCSC, _CCSD):
         return t, -_QUARTER, u, v, 0.0
     if family == _CCSCC:
         return t, -_QUARTER, u, -_QUARTER, v
@@ -166,9 +166,9 @@ def _unit_word(n, x, y, s, c, turn):
     flip = -1.0 if n & 1 else 1.0  # what is driven forwards is driven backwards
     mirror = -1.0 if n & 2 else 1.0
     x, y, s, turn = x * flip, y * mirror, s * flip * mirror, turn * flip * mirror
-    if family == _CCC_BACK or family == _CSCC_BACK or family == _DSCC_BACK:
+    if family in (_CCC_BACK, _CSCC_BACK, _DSCC_BACK):
         x, y = x * c + y * s, x * s - y * c
-    alike = family == _CSC or family == _CCC or family == _CCC_BACK or family == _CCSC or family == _CSCC_BACK
+    alike = family in (_CSC, _CCC, _CCC_BACK, _CCSC, _CSCC_BACK)
     if alike:
         found, t, u, v = _same_turns(family, x, y, s, c, turn)
     else:
