@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from train.central.car_like.floor import Floor, point_speed
+from train.central.car_like.floor import point_speed
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.routes.reeds_shepp import rolled
 from warehouse_env.simulation.physics.geometry import separation
@@ -90,8 +90,7 @@ def _meets(x, y, heading, rate, curvature, begin, start, end, traffic, j, slot, 
             return True
         if t >= end:
             return False
-        until = end
-        their = 0.0
+        until, their = end, 0.0
         if t < pieces[j, n, END]:
             their = point_speed(pieces[j, n, RATE], pieces[j, n, BEND], floor)
             until = min(end, pieces[j, n, END])
@@ -120,32 +119,17 @@ def meetings(i, x, y, heading, rate, curvature, begin, seconds, most, traffic, f
 
 
 @kernel
-def passers(i, x, y, heading, traffic, floor, later):
-    """Write into later int32[S + 1] how often others pass over a parked body, in each slot and all after it."""
-    later[-1] = 0
-    for slot in range(traffic.first.shape[0] - 1, -1, -1):
-        later[slot] = later[slot + 1] + meetings(
-            i, x, y, heading, 0.0, 0.0, float(slot), 1.0, 1 << 20, traffic, floor
-        )
-
-
-@kernel
-def who_meets(i, traffic, floor, met):
-    """Write into met int32[N] in how many slots robot i meets each other one, up to the end of both routes."""
-    pieces, counts = traffic.pieces, traffic.counts
-    robots, horizon = counts.size, traffic.first.shape[0]
-    met[:] = 0
-    near = 2.0 * (floor.circle + _DRIFT) + floor.margin
-    for j in range(robots):
-        if j == i or counts[j] == 0 or counts[i] == 0:
-            continue
-        until = max(pieces[i, counts[i] - 1, END], pieces[j, counts[j] - 1, END])
-        for slot in range(min(horizon, int(until) + 1)):
-            dx = traffic.middles[slot, i, 0] - traffic.middles[slot, j, 0]
-            dy = traffic.middles[slot, i, 1] - traffic.middles[slot, j, 1]
-            if dx * dx + dy * dy > near * near:
-                continue
-            met[j] += _meets_in(i, j, slot, traffic, floor)
+def passers(i, pose, traffic, floor, later):
+    """Write into later int32[S + 1] how often others pass over a body parked there, in each slot and all after it."""
+    pieces, counts, until = traffic.pieces, traffic.counts, 0
+    for j in range(counts.size):
+        if counts[j] > 0 and j != i:
+            until = max(until, int(pieces[j, counts[j] - 1, END]))
+    x, y, heading = pose
+    later[:] = 0
+    for slot in range(min(until, traffic.first.shape[0] - 1), -1, -1):
+        met = meetings(i, x, y, heading, 0.0, 0.0, float(slot), 1.0, 1 << 20, traffic, floor)
+        later[slot] = later[slot + 1] + met
 
 
 @part
@@ -165,3 +149,22 @@ def _meets_in(i, j, slot, traffic, floor):
             return True
         t = until
     return False
+
+
+@kernel
+def who_meets(i, traffic, floor, met):
+    """Write into met int32[N] in how many slots robot i meets each other one, up to the end of both routes."""
+    pieces, counts = traffic.pieces, traffic.counts
+    robots, horizon = counts.size, traffic.first.shape[0]
+    met[:] = 0
+    near = 2.0 * (floor.circle + _DRIFT) + floor.margin
+    for j in range(robots):
+        if j == i or counts[j] == 0 or counts[i] == 0:
+            continue
+        until = max(pieces[i, counts[i] - 1, END], pieces[j, counts[j] - 1, END])
+        for slot in range(min(horizon, int(until) + 1)):
+            dx = traffic.middles[slot, i, 0] - traffic.middles[slot, j, 0]
+            dy = traffic.middles[slot, i, 1] - traffic.middles[slot, j, 1]
+            if dx * dx + dy * dy > near * near:
+                continue
+            met[j] += _meets_in(i, j, slot, traffic, floor)
