@@ -18,7 +18,6 @@ from train.central.car_like.floor import Floor
 from train.central.car_like.search import search
 from train.central.car_like.traffic import (
     BEGIN,
-    BEND,
     END,
     HEADING,
     PIECE,
@@ -53,6 +52,9 @@ class Effort(NamedTuple):
     repair: int = 3_000  # a robot, until no two meet; then all begins anew
     starts: int = 4
     improve: int = 300  # a robot, afterwards
+
+
+_EFFORT = Effort()
 
 
 class Together(NamedTuple):
@@ -226,7 +228,7 @@ def _improve(fleet: _Fleet, budget: int, nodes: int, least: NDArray[np.float64],
 
 
 def plan_together(
-    starts: Sequence[Pose], goals: Sequence[Pose], floor: Floor, seed: int = 0, effort: Effort = Effort()
+    starts: Sequence[Pose], goals: Sequence[Pose], floor: Floor, seed: int = 0, effort: Effort = _EFFORT
 ) -> Together:
     """Return routes for all robots from their starts to their goals, x, y and heading each; deterministic by seed."""
     fleet, random = _Fleet(starts, goals, floor), np.random.default_rng(seed)

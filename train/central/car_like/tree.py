@@ -38,9 +38,9 @@ class Tree(NamedTuple):
 
 def make_tree(nodes: int) -> Tree:
     """Return the arrays for searches of up to this many nodes, no more than half of the table's places."""
-    whole, real = (lambda: np.empty(nodes, np.int32)), (lambda: np.empty(nodes))
+    steps, met, parents, queue = np.empty((4, nodes), np.int32)
     return Tree(
-        np.empty((nodes, 4)), whole(), whole(), whole(), np.empty(nodes, np.int8), real(), whole(),
+        np.empty((nodes, 4)), steps, met, parents, np.empty(nodes, np.int8), np.empty(nodes), queue,
         np.empty(_SLOTS, np.int64), np.zeros(_SLOTS, np.int32), np.empty(_SLOTS, np.int32), np.empty(WORDS),
     )  # fmt: skip
 
