@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from train.clmapf.contact import NEVER, Shape, body_and_disc, two_bodies
 from train.clmapf.instance import BODY, DISC_RADIUS, Instance
-from train.clmapf.motions import BEGIN, END, LENGTH, Fault, Motions, body_beyond, motions_of, seconds_of_time
+from train.clmapf.motions import BEGIN, END, LENGTH, Fault, Motions, body_beyond, motions_of
 from train.clmapf.solution import States
 
 TOLERANCE = 0.01  # of stated poses, lengths and turns: the authors' files have six digits
@@ -31,13 +31,15 @@ class Checked(NamedTuple):
     unit: float  # [s] of a unit of t
 
 
-def check(instance: Instance, schedule: dict[str, States], tolerance: float = TOLERANCE) -> Checked:
-    """Check a solution: its robots, ends, arcs, curvature, speed, border, bodies and discs."""
+def check(instance: Instance, schedule: dict[str, States], unit: float = 1.0, tolerance: float = TOLERANCE) -> Checked:
+    """Check a solution: its robots, ends, arcs, curvature, speed, border, bodies and discs.
+
+    unit: seconds of a unit of t; tolerance: of stated poses, lengths and turns.
+    """
     faults = [Fault("has no states", name, "", 0.0, 0.0) for name in instance.names if name not in schedule]
     faults += [Fault("is no robot", name, "", 0.0, 0.0) for name in schedule if name not in instance.names]
     if faults:
-        return Checked(faults, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0.0, 1.0)
-    unit = seconds_of_time(schedule)
+        return Checked(faults, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0.0, unit)
     motions, found = motions_of(instance, schedule, unit, tolerance)
     slack = max(_LEAST_SLACK, 2.0 * motions.miss)
     shape = Shape(

@@ -52,6 +52,7 @@ class CheckJob(Job):
     folder: Path
     name: str
     solutions: Path
+    unit: float  # seconds of a unit of t
 
     titled = "{name}"
 
@@ -61,7 +62,7 @@ class CheckJob(Job):
         path = self.solutions / self.name
         row = row_of(instance)
         if path.is_file():
-            row |= figures(check(instance, read_solution(path)))
+            row |= figures(check(instance, read_solution(path), self.unit))
         return Result([row])
 
 

@@ -41,15 +41,6 @@ class Motions(NamedTuple):
     miss: float  # how far [m] a stated state is off the end of the arc that leads to it, at the most
 
 
-def seconds_of_time(schedule: dict[str, States]) -> float:
-    """Return the seconds of a unit of t: the authors' step where all t are whole and some way is longer than its t."""
-    whole = all(bool((states[:, 3] == np.round(states[:, 3])).all()) for states in schedule.values())
-    ways = [
-        (math.dist(a[:2], b[:2]), b[3] - a[3]) for states in schedule.values() for a, b in itertools.pairwise(states)
-    ]
-    return AUTHORS_STEP if whole and any(way > 1.01 * time for way, time in ways) else 1.0
-
-
 def arc_between(state: NDArray[np.float64], after: NDArray[np.float64]) -> tuple[float, float, float]:
     """Return (signed length, turn [rad], miss) of the arc from a state towards another.
 

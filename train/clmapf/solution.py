@@ -1,8 +1,8 @@
 """A solution's file, as the benchmark's authors write it: statistics, and of each robot the states x, y, yaw and t.
 
-How it is read: t are seconds at unit speed, or the authors' whole steps, each of 2.118 s. Between two states in a row a
-robot drives one arc of constant curvature at constant speed, forwards or backwards, turning by less than half a circle;
-it waits where they are the same. Before its first state and after its last it stands.
+How it is read: t are seconds at unit speed; in the authors' files whole steps, each of 2.118 s. Between two states in a
+row a robot drives one arc of constant curvature at constant speed, forwards or backwards, turning by less than half a
+circle; it waits where they are the same. Before its first state and after its last it stands.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ import tyro
 from train.clmapf.draw import draw_instance
 from train.clmapf.instance import write_instance
 from train.clmapf.jobs import CheckJob, SolveJob, instances_in
+from train.clmapf.motions import AUTHORS_STEP
 from train.clmapf.table import cells_table, impossible_lines, published_table, unsolved_lines
 from train.evaluation.jobs import Job, Runner
 from train.evaluation.rollout import MOST
@@ -34,6 +35,8 @@ class Clmapf(Checked):
     if one has a fault."""
     solutions: Path | None = None
     """Folder for the solutions, in the format of the benchmark's authors (OUT/solutions if left out)."""
+    authors_steps: bool = False
+    """With --check, t counts the steps of the authors' solver, each 2.118 long; else it is seconds at unit speed."""
     generate: int = 0
     """Draw so many instances a number of robots, like the benchmark's, instead of planning."""
     side: int = 50
@@ -73,11 +76,13 @@ class Clmapf(Checked):
     def _jobs(self) -> Sequence[Job]:
         solutions = self.solutions or self.out / "solutions"
         names = instances_in(self.folder)
+        if self.authors_steps and not self.check:
+            raise ConfigError("--authors-steps says how solutions are checked; give it with --check")
         if not self.check:
             return [SolveJob(self.folder, name, solutions, self.seed) for name in names]
         if not any((solutions / name).is_file() for name in names):
             raise MapError(f"{solutions} holds no solution named as an instance in {self.folder}")
-        return [CheckJob(self.folder, name, solutions) for name in names]
+        return [CheckJob(self.folder, name, solutions, AUTHORS_STEP if self.authors_steps else 1.0) for name in names]
 
     def _tell(self, rows: Sequence[Row]) -> None:
         tables = cells_table(rows), published_table()
