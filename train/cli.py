@@ -67,6 +67,7 @@ _COMMANDS = {
         "commands.benchmark:Benchmark",
         "drive a policy through the fixed set that all drive, and show the board",
     ),
+    "clmapf": ("commands.clmapf:Clmapf", "plan car-like robots' routes on a public benchmark, and check any solution"),
     "advise": ("commands.advise:Advise", "say how many robots a floor bears, where they wait, what a change brings"),
     "record": ("commands.replay:Record", "drive a policy through one episode and keep it as a file"),
     "replay": ("commands.replay:ReplayCommand", "show recorded episodes: a page for the browser, a video, a window"),

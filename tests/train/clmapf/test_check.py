@@ -1,0 +1,204 @@
+"""The exact check: hand-made faults are found, and no overlap that dense sampling finds is missed."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from train.central.car_like.traffic import PIECE
+from train.clmapf.check import check
+from train.clmapf.instance import BODY, Instance, body_gap, disc_gap, read_instance, why_impossible, write_instance
+from train.clmapf.motions import AUTHORS_STEP, extent
+from train.clmapf.solution import read_solution, write_solution
+from train.clmapf.solve import solve
+from warehouse_env.routes.reeds_shepp import rolled
+
+
+def instance_of(starts: list[Any], goals: list[Any], discs: list[Any] | None = None, side: float = 50.0) -> Instance:
+    names = tuple(f"agent{i}" for i in range(len(starts)))
+    return Instance(
+        "hand", side, side, names, np.array(starts, float), np.array(goals, float),
+        np.array(discs or [], float).reshape(-1, 2),
+    )  # fmt: skip
+
+
+def straight(*, seconds: float = 10.0, y: float = 20.0) -> np.ndarray[Any, Any]:
+    """From (10, y) east to (20, y)."""
+    return np.array([[10.0, y, 0.0, 0.0], [20.0, y, 0.0, seconds]])
+
+
+EAST = instance_of([[10, 20, 0]], [[20, 20, 0]])
+
+
+def kinds(instance: Instance, *states: np.ndarray[Any, Any]) -> list[str]:
+    found = check(instance, {f"agent{i}": one for i, one in enumerate(states)})
+    return [fault.kind for fault in found.faults]
+
+
+def test_a_straight_way_is_whole_and_measured() -> None:
+    found = check(EAST, {"agent0": straight()})
+    assert (found.faults, found.makespan, found.flowtime, found.driven) == ([], 10.0, 10.0, 10.0)
+    waits = np.vstack([straight(), [20.0, 20.0, 0.0, 30.0]])
+    assert check(EAST, {"agent0": waits}).makespan == 10.0  # standing at the goal is no driving
+
+
+@pytest.mark.parametrize(
+    ("states", "kind"),
+    [
+        (straight(seconds=9.0), "too fast"),
+        ([[10, 20, 0, 0], [19, 20, 0, 9]], "ends off its goal"),
+        ([[11, 20, 0, 0], [20, 20, 0, 9]], "begins off its start"),
+        ([[10, 20, 0, 0], [20, 20, math.pi, 20]], "ends off its goal"),
+        ([[10, 20, 0, 0], [15, 20.5, 0, 6], [20, 20, 0, 12]], "states that no arc joins"),
+        ([[10, 20, 0, 0], [10, 20, 0.5, 2], [20, 20, 0, 20]], "a turn that is too tight"),
+        ([[10, 20, 0, 0], [10, 20, 0, -1], [20, 20, 0, 20]], "time runs backwards"),
+        ([[10, 20, 0, 0], [-2, 20, 0, 12], [20, 20, 0, 40]], "the axle leaves the floor"),
+    ],
+)
+def test_each_fault_is_found(states: Any, kind: str) -> None:
+    assert kind in kinds(EAST, np.array(states, float))
+
+
+def test_missing_and_unknown_robots() -> None:
+    assert [fault.kind for fault in check(EAST, {"other": straight()}).faults] == ["has no states", "is no robot"]
+
+
+def test_the_curvature_and_the_border_of_an_arc() -> None:
+    """A half circle to the left of radius 3 about (10, 23) in two arcs; radius 2.9 is too tight."""
+    for radius, faults in ((3.0, []), (2.9, ["a turn that is too tight"] * 2)):
+        quarter = 0.5 * math.pi * radius
+        middle = [10 + radius, 20 + radius, 0.5 * math.pi, quarter]
+        end = [10.0, 20 + 2 * radius, math.pi, 2 * quarter]
+        assert kinds(instance_of([[10, 20, 0]], [end[:3]]), np.array([[10, 20, 0, 0], middle, end])) == faults
+    arc = (0.0, 1.0, 10.0, 20.0, -0.25 * math.pi, 1.5 * math.pi, 1 / 3)  # past due south: heading 0 is the lowest
+    assert extent(arc, 0.0, 0.0)[2] == pytest.approx(20.0 + 3.0 * math.cos(0.25 * math.pi) - 3.0)
+
+
+def test_contacts_between_stated_states_and_after_them() -> None:
+    two = instance_of([[10, 20, 0], [20, 23, math.pi]], [[20, 20, 0], [10, 23, math.pi]])
+    back = np.array([[20, 23, math.pi, 0], [10, 23, math.pi, 10]])
+    assert kinds(two, straight(), back) == []  # they pass each other a unit apart
+    assert check(two, {"agent0": straight(), "agent1": back}).gap == pytest.approx(1.0, abs=1e-9)
+    near = instance_of([[10, 20, 0], [20, 21.9, math.pi]], [[20, 20, 0], [10, 21.9, math.pi]])
+    found = check(near, {"agent0": straight(), "agent1": np.array([[20, 21.9, math.pi, 0], [10, 21.9, math.pi, 10]])})
+    assert [fault.kind for fault in found.faults] == ["overlaps"]
+    assert found.faults[0].time == pytest.approx(3.0, abs=1e-3)  # 10 - 2 * 2 apart, at 2 a second
+    parked = instance_of([[10, 20, 0], [30, 20, 0]], [[20, 20, 0], [40, 20, 0]])
+    through = np.array([[30, 20, 0, 0], [40, 20, 0, 10]])
+    assert kinds(parked, straight(), through) == []
+    late = np.array([[10, 20, 0, 40], [20, 20, 0, 50]])
+    crossing = instance_of([[10, 20, 0], [15, 10, math.pi / 2]], [[20, 20, 0], [15, 30, math.pi / 2]])
+    up = np.array([[15, 10, math.pi / 2, 0], [15, 30, math.pi / 2, 20]])
+    assert kinds(crossing, late, up) == []
+    assert kinds(crossing, straight(), up) == []  # at 7 s one has just left the square that the other enters
+    assert kinds(crossing, straight(seconds=10.1), up) == ["overlaps"]
+
+
+@pytest.mark.parametrize(("y", "clips"), [(21.81, False), (21.79, True)])
+def test_discs_are_round_and_exact(y: float, clips: bool) -> None:
+    assert kinds(instance_of([[10, 20, 0]], [[20, 20, 0]], [[15, y]]), straight()) == ["overlaps obstacle"] * clips
+
+
+def test_the_authors_steps() -> None:
+    states = np.array([[10, 20, 0, 0], [10 + AUTHORS_STEP, 20, 0, 1], [13, 20, 0, 2]])
+    instance = instance_of([[10, 20, 0]], [[13, 20, 0]])
+    assert kinds(instance, states) == ["too fast"]
+    found = check(instance, {"agent0": states}, AUTHORS_STEP)
+    assert (found.faults, found.unit, found.makespan) == ([], AUTHORS_STEP, 2 * AUTHORS_STEP)
+
+
+def wander(rates: list[int], start: tuple[float, float, float]) -> np.ndarray[Any, Any]:
+    """Drive a step of 1.2 for each rate: -3 to 3 by direction and side; 0 waits."""
+    states = [(*start, 0.0)]
+    for n, rate in enumerate(rates, start=1):
+        bend = 0.0 if abs(rate) == 1 else (1 / 3 if abs(rate) == 2 else -1 / 3)
+        states.append((*rolled(*states[-1][:3], 1.2 * np.sign(rate), bend), 1.2 * n))
+    return np.array(states, float)
+
+
+def sampled(states: np.ndarray[Any, Any], t: float) -> np.ndarray[Any, Any]:
+    """Follow the arcs by 40 short chords, apart from the check's own formulas."""
+    n = int(np.searchsorted(states[:, 3], t, side="right")) - 1
+    if n + 1 >= len(states):
+        return states[-1, :3]
+    share = (t - states[n, 3]) / (states[n + 1, 3] - states[n, 3])
+    turn = math.remainder(states[n + 1, 2] - states[n, 2], math.tau)
+    way = states[n + 1, :2] - states[n, :2]
+    forwards = way @ [math.cos(states[n, 2] + turn / 2), math.sin(states[n, 2] + turn / 2)] >= 0
+    length = np.hypot(*way) * (turn / 2 / math.sin(turn / 2) if turn else 1.0) * (1 if forwards else -1)
+    x, y, heading = states[n, :3]
+    for _ in range(40):
+        middle = heading + share * turn / 80
+        x, y = x + share * length / 40 * math.cos(middle), y + share * length / 40 * math.sin(middle)
+        heading += share * turn / 40
+    return np.array([x, y, heading])
+
+
+RATES = st.lists(st.integers(-3, 3), min_size=1, max_size=6)
+
+
+@settings(max_examples=60, deadline=None)
+@given(RATES, RATES, st.floats(-4, 4), st.floats(-4, 4), st.floats(-4, 4), st.floats(-4, 4), st.floats(-4, 4))
+def test_it_agrees_with_dense_sampling(
+    one: list[int], two: list[int], dx: float, dy: float, heading: float, disc_x: float, disc_y: float
+) -> None:
+    own, other = wander(one, (25.0, 25.0, 0.0)), wander(two, (25.0 + dx, 25.0 + dy, heading))
+    disc = np.array([25.0 + disc_x, 25.0 + disc_y])
+    instance = instance_of([own[0, :3], other[0, :3]], [own[-1, :3], other[-1, :3]], [disc])
+    found = check(instance, {"agent0": own, "agent1": other})
+    times = np.arange(0.0, max(own[-1, 3], other[-1, 3]) + 0.01, 0.02)
+    bodies = min(body_gap(sampled(own, t), sampled(other, t)) for t in times)
+    discs = min(disc_gap(sampled(own, t), disc) for t in times)
+    discs = min(discs, *(disc_gap(sampled(other, t), disc) for t in times))
+    overlaps = [fault.size for fault in found.faults if fault.kind == "overlaps"]
+    clips = [fault.size for fault in found.faults if fault.kind == "overlaps obstacle"]
+    step = 0.02 * 1.5  # which a gap may change by between two samples
+    for least, faults, depth in ((bodies, overlaps, 2 * step), (discs, clips, step)):
+        assert bool(faults) >= (least < -1e-3)  # what sampling finds the check finds
+        assert least < depth or not faults  # and what the check finds is there
+        if faults:
+            assert max(faults) == pytest.approx(-least, abs=depth + 1e-3)
+    if not overlaps:
+        assert found.gap == pytest.approx(min(bodies, 1.0), abs=2 * step)
+    if not clips:
+        assert found.disc_gap == pytest.approx(min(discs, 1.0), abs=step + 2e-3)
+
+
+def test_what_is_impossible_as_stated() -> None:
+    assert not list(why_impossible(EAST))
+    told = " ".join(why_impossible(instance_of([[10, 20, 0], [12, 21, 0]], [[20, 20, 0], [55, 5, 0]], [[22.7, 20.0]])))
+    assert "the starts of agent0 and agent1 overlap" in told
+    assert "the goal of agent0 overlaps obstacle 0 by 0.100" in told
+    assert "the goal of agent1 is off the floor" in told
+
+
+def test_a_solved_instance_is_written_read_and_whole(tmp_path: Any) -> None:
+    """Three robots that change places around a disc; one must wait or go round."""
+    instance = instance_of(
+        [[5, 15, 0], [25, 15, math.pi], [15, 5, 1.57]],
+        [[25, 15, 0], [5, 15, math.pi], [15, 25, 1.57]],
+        [[15, 15]],
+        30.0,
+    )
+    write_instance(instance, tmp_path / "a.yaml")
+    again = read_instance(tmp_path / "a.yaml", "hand")
+    assert again.names == instance.names
+    assert np.abs(again.starts - instance.starts).max() < 1e-9
+    assert again.discs.tolist() == instance.discs.tolist()
+    solved = solve(again, 0)
+    assert solved.complete
+    assert all(route.shape[1] == PIECE for route in solved.routes)
+    write_solution(tmp_path / "s.yaml", again.names, solved.routes, 0.0, 0.0)
+    found = check(again, read_solution(tmp_path / "s.yaml"))
+    assert found.faults == []
+    assert found.gap > 0.004
+    assert found.disc_gap > 0.004
+    assert found.makespan == pytest.approx(max(route[-1, -1] for route in solved.routes))
+    assert BODY.radius == 3.0
+    same = solve(again, 0)
+    assert all(np.array_equal(a, b) for a, b in zip(solved.routes, same.routes, strict=True))

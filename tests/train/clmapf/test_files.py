@@ -1,0 +1,116 @@
+"""The benchmark's files and the command: what is read is right, and bad input ends in one sentence."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from train.cli import main
+from train.clmapf.instance import read_instance
+from train.clmapf.plain_yaml import parse_plain_yaml
+from train.clmapf.solution import read_solution
+from train.reporting.rows import read_rows
+from warehouse_env.errors import MapError
+
+TEXT = """agents:
+  - start: [5, 15, 0]
+    name: agent0
+    goal: [22, 15, 1.57]
+map:
+  dimensions: [30, 40]
+  obstacles:
+    - [15.5, 1e1]  # a disc
+"""
+VALUES = st.recursive(
+    st.floats(-1e6, 1e6) | st.from_regex(r"[a-z]{1,4}", fullmatch=True) | st.lists(st.floats(-9, 9), max_size=3),
+    lambda inner: (
+        st.dictionaries(st.from_regex(r"[a-z]{1,4}", fullmatch=True), inner, min_size=1, max_size=3)
+        | st.lists(inner, min_size=1, max_size=3)
+    ),
+    max_leaves=6,
+)
+
+
+def test_an_instance_is_read_in_our_frame(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text(TEXT)
+    instance = read_instance(tmp_path / "a.yaml", "a")
+    assert (instance.width, instance.height, instance.names) == (30.0, 40.0, ("agent0",))
+    assert instance.goals.tolist() == [[22.0, 15.0, -1.57]]  # yaw turns clockwise
+    assert instance.discs.tolist() == [[15.5, 10.0]]
+    (tmp_path / "b.yaml").write_text(TEXT.replace("[15.5, 1e1]", "[-1, -1]"))
+    assert read_instance(tmp_path / "b.yaml", "b").discs.shape == (0, 2)
+
+
+@given(st.dictionaries(st.from_regex(r"[a-z]{1,4}", fullmatch=True), VALUES, min_size=1, max_size=3))
+def test_it_reads_what_a_whole_reader_of_yaml_reads(data: object) -> None:
+    yaml = pytest.importorskip("yaml")
+    text = yaml.safe_dump(data, default_flow_style=None, width=10_000)
+    whole = yaml.safe_load(text)
+    try:
+        ours = parse_plain_yaml(text, "it")
+    except MapError:  # braces, quotes, or what YAML takes for something else, as `no` for False
+        return
+    assert json.loads(json.dumps(ours)) == json.loads(json.dumps(whole))
+
+
+@given(st.text(alphabet="agentsmp:-[]{}, 0123.e#\n\t&*!'\"", max_size=200), st.integers(0, len(TEXT)))
+def test_bad_files_end_in_one_sentence(tmp_path_factory: pytest.TempPathFactory, text: str, cut: int) -> None:
+    path = tmp_path_factory.getbasetemp() / "bad.yaml"
+    for made in (text, TEXT[:cut] + text, TEXT[:cut] + text + TEXT[cut:]):
+        path.write_text(made, encoding="utf-8")
+        for read in (lambda: read_instance(path, "it"), lambda: read_solution(path)):
+            with contextlib.suppress(MapError):  # anything else is a traceback
+                read()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("agents:", "robots:", "has no agents"),
+        ("[5, 15, 0]", "[5, 15]", "must be 3 numbers"),
+        ("[5, 15, 0]", "[5, x, 0]", "must hold a number where 'x' stands"),
+        ("[30, 40]", "[30, -40]", "must lie between 0"),
+        ("    goal", "  goal", "is indented unlike"),
+        ("name: agent0", "start: [1, 2, 3]", "gives the same name twice"),
+        ("[5, 15, 0]", "[5, 15, 1e999]", "must hold a number"),
+    ],
+)
+def test_what_is_wrong_is_said(tmp_path: Path, old: str, new: str, sentence: str) -> None:
+    (tmp_path / "a.yaml").write_text(TEXT.replace(old, new))
+    with pytest.raises(MapError, match=sentence.replace("[", r"\[")):
+        read_instance(tmp_path / "a.yaml", "a")
+
+
+def test_the_command_draws_solves_and_checks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder, out = str(tmp_path / "drawn"), str(tmp_path / "out")
+    drawn = ["clmapf", folder, "--generate", "2", "--side", "30", "--robots", "3", "--discs", "4", "--seed", "31000000"]
+    assert main(drawn) == 0
+    assert main(["clmapf", folder, "--out", out, "--processes", "1"]) == 0
+    shown = capsys.readouterr().out
+    assert "2: 100 [34, 100]%" in shown
+    assert "impossible as stated: none" in shown
+    rows = read_rows(Path(out) / "rows.jsonl")
+    assert all(row["solved"] and row["flowtime"] >= row["flowtime_alone"] - 1.0 for row in rows)
+    checked = ["clmapf", folder, "--check", "--solutions", f"{out}/solutions", "--out", str(tmp_path / "checked")]
+    assert main([*checked, "--processes", "1"]) == 0
+    solution = next((Path(out) / "solutions").iterdir())
+    lines = solution.read_text().splitlines()
+    last = max(k for k, line in enumerate(lines) if line.startswith("    - x:"))
+    solution.write_text("\n".join([*lines[:last], "    - x: 1.0", *lines[last + 1 :]]) + "\n")
+    assert main([*checked, "--processes", "1"]) == 1
+    assert "ends off its goal" in capsys.readouterr().out
+
+
+def test_the_command_says_what_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["clmapf", str(tmp_path / "none")]) == 2
+    assert "is no folder" in capsys.readouterr().err
+    assert main(["clmapf", str(tmp_path)]) == 2
+    assert "holds no instances" in capsys.readouterr().err
+    (tmp_path / "a.yaml").write_text(TEXT)
+    assert main(["clmapf", str(tmp_path), "--check", "--out", str(tmp_path / "out")]) == 2
+    assert "no solution named" in capsys.readouterr().err

@@ -1,0 +1,124 @@
+"""Whole Reeds-Shepp curves from a node of a search to the goal, held against the best route so far."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from train.central.car_like.floor import is_free
+from train.central.car_like.traffic import BEGIN, BEND, END, HEADING, RATE, X, Y, meetings
+from warehouse_env.kernel import part
+from warehouse_env.routes.reeds_shepp import SEGMENTS, TURNS, WORDS, rolled, seen_from, word
+
+_MANY = 1e6  # meetings, as good as no limit
+
+
+class Task(NamedTuple):
+    """What one robot is to find: a route to a gate, from where the tail leads to the goal."""
+
+    robot: int
+    start: tuple[float, float, float]
+    gate: tuple[float, float, float]  # the goal itself, unless it is too tight for a search to end there
+    tail: Any  # float64[K, PIECE], times from the gate on; K 0: the gate is the goal
+    tail_seconds: float
+    later: Any  # int32[S + 1], see traffic.passers
+    price: float  # [s] of a meeting
+    fine: int  # 1, 2, 4 or 8: steps to one of tree.TURN
+
+
+class Best(NamedTuple):
+    """The best route so far: to a node, a wait there, and a word from there to the gate."""
+
+    cost: float  # [s], meetings included
+    node: int
+    word: int
+    wait: float
+
+
+@part
+def _is_free_curve(x, y, heading, n, parts, floor):
+    """Whether the segments of word n keep on the floor and off the discs."""
+    for k in range(SEGMENTS):
+        if parts[k] != 0.0:
+            bend = TURNS[n, k] / floor.radius
+            if not is_free(x, y, heading, parts[k], bend, floor):
+                return False
+            x, y, heading = rolled(x, y, heading, parts[k], bend)
+    return True
+
+
+@part
+def _curve_meetings(task, x, y, heading, t, n, parts, most, traffic, floor):
+    """Return how often a robot meets others on a curve begun at t [s] and on the tail, up to `most`."""
+    count = 0
+    for k in range(SEGMENTS):
+        if parts[k] != 0.0 and count < most:
+            bend, rate, seconds = TURNS[n, k] / floor.radius, 1.0 if parts[k] > 0.0 else -1.0, abs(parts[k])
+            count += meetings(task.robot, x, y, heading, rate, bend, t, seconds, most - count, traffic, floor)
+            x, y, heading = rolled(x, y, heading, parts[k], bend)
+            t += seconds
+    for k in range(task.tail.shape[0]):
+        p = task.tail[k]
+        if count < most:
+            count += meetings(
+                task.robot, p[X], p[Y], p[HEADING], p[RATE], p[BEND], t + p[BEGIN], p[END] - p[BEGIN], most - count,
+                traffic, floor,
+            )  # fmt: skip
+    return count
+
+
+@part
+def _hold(task, pose, t, met, n, length, parts, wait, best, node, traffic, floor):
+    """Hold a wait and a curve, known to be free, against the best so far; return the better.
+
+    Where others still pass over the goal when it arrives, it waits for as much longer.
+    """
+    x, y, heading = pose
+    for _ in range(2):
+        arrival = t + wait + length + task.tail_seconds
+        if arrival >= task.later.size - 2:
+            break
+        passing = task.later[int(arrival)]
+        total = arrival + task.price * (met + passing)
+        if total < best.cost:
+            most, count = int(min((best.cost - total) / task.price, _MANY)) + 1, 0
+            if wait > 0.0:
+                count = meetings(task.robot, x, y, heading, 0.0, 0.0, t, wait, most, traffic, floor)
+            count += _curve_meetings(task, x, y, heading, t + wait, n, parts, most - count, traffic, floor)
+            total += task.price * count
+            if total < best.cost:
+                best = Best(total, node, n, wait)
+        if passing == 0:
+            break
+        clear = int(arrival) + 1
+        while task.later[clear] > 0:
+            clear += 1
+        wait += clear - arrival
+    return best
+
+
+@part
+def try_curves(task, node, t, best, tries, waits, step_time, traffic, floor, tree):
+    """Try the shortest curves from a node, reached at t [s], at once and after waits; return the best so far."""
+    x, y, heading, met = tree.nodes[node, 0], tree.nodes[node, 1], tree.nodes[node, 2], tree.met[node]
+    so_far = t + task.price * met + task.tail_seconds
+    gate = task.gate
+    ahead, left, turn = seen_from(x, y, heading, gate[0], gate[1], gate[2])
+    for n in range(WORDS):
+        tree.lengths[n] = word(n, ahead, left, turn, floor.radius)[0]
+    for _ in range(tries):
+        n = int(np.argmin(tree.lengths))
+        length = tree.lengths[n]
+        if so_far + length >= best.cost:
+            break
+        tree.lengths[n] = np.inf
+        parts = word(n, ahead, left, turn, floor.radius)[1:]
+        if not _is_free_curve(x, y, heading, n, parts, floor):
+            continue
+        for k in range(waits + 1):
+            if so_far + length + k * step_time >= best.cost:
+                break
+            pose = (x, y, heading)
+            best = _hold(task, pose, t, met, n, length, parts, k * step_time, best, node, traffic, floor)
+    return best

@@ -1,0 +1,128 @@
+"""One body on an arc: where it is, and whether it keeps off the discs and its axle inside the floor. Exact.
+
+A piece of a route is (x, y, heading) where it begins, its rate (1 forwards, -1 backwards, 0 waits), its curvature and
+its seconds, at unit speed. Lengths are in the floor's units.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from warehouse_env.kernel import inline, part
+from warehouse_env.routes.reeds_shepp import rolled
+
+_EDGE = 1e-6  # that axles keep from the floor's edge
+_RIGHT_ANGLE = 0.5 * math.pi
+
+
+class Body(NamedTuple):
+    """A rectangle about its rear axle."""
+
+    ahead: float  # of the axle to the front
+    behind: float  # of the axle to the tail
+    half_width: float
+    radius: float  # least turning radius
+
+    @property
+    def half_length(self) -> float:
+        """Half of its length."""
+        return 0.5 * (self.ahead + self.behind)
+
+
+class Floor(NamedTuple):
+    """What does not move, and the body that drives there."""
+
+    width: float
+    height: float
+    discs: Any  # float64[K, 2]
+    disc_radius: float
+    half_length: float  # of the body
+    half_width: float
+    middle: float  # of the body, ahead of its axle
+    circle: float  # radius of the circle around the body
+    radius: float  # least turning radius
+    turning_speed: float  # of the body's fastest point on the tightest arc at unit speed
+    margin: float  # looked for between bodies and to discs; half of it is kept for certain
+
+
+def floor_of(width: float, height: float, discs: Any, disc_radius: float, body: Body, margin: float) -> Floor:
+    """Return the floor of these discs float64[K, 2] for this body."""
+    half_length, middle = body.half_length, 0.5 * (body.ahead - body.behind)
+    far = max(body.ahead, body.behind)
+    return Floor(
+        width, height, discs, disc_radius, half_length, body.half_width, middle,
+        math.hypot(half_length, body.half_width), body.radius,
+        math.hypot(body.radius + body.half_width, far) / body.radius, margin,
+    )  # fmt: skip
+
+
+@inline
+def point_speed(rate, curvature, floor):
+    """Return a bound of how fast any point of a body moves on a piece."""
+    return 0.0 if rate == 0.0 else (1.0 if curvature == 0.0 else floor.turning_speed)
+
+
+@inline
+def axle_inside(x, y, floor):
+    """Whether a point lies on the floor."""
+    return _EDGE <= x <= floor.width - _EDGE and _EDGE <= y <= floor.height - _EDGE
+
+
+@part
+def stays_inside(x, y, heading, length, curvature, floor):
+    """Whether the axle stays on the floor along an arc of signed length, whose outermost points face along an axis."""
+    to_x, to_y, to_heading = rolled(x, y, heading, length, curvature)
+    if not (axle_inside(x, y, floor) and axle_inside(to_x, to_y, floor)):
+        return False
+    if curvature == 0.0:
+        return True
+    first, last = min(heading, to_heading), max(heading, to_heading)
+    for quarter in range(math.ceil(first / _RIGHT_ANGLE), math.floor(last / _RIGHT_ANGLE) + 1):
+        at_x, at_y, _ = rolled(x, y, heading, (quarter * _RIGHT_ANGLE - heading) / curvature, curvature)
+        if not axle_inside(at_x, at_y, floor):
+            return False
+    return True
+
+
+@inline
+def disc_gap(x, y, heading, disc_x, disc_y, floor):
+    """Return how far a disc is from a body; less than its true distance, negative, where they overlap."""
+    c, s = math.cos(heading), math.sin(heading)
+    dx, dy = disc_x - x, disc_y - y
+    beyond = abs(dx * c + dy * s - floor.middle) - floor.half_length
+    aside = abs(dy * c - dx * s) - floor.half_width
+    if beyond <= 0.0 or aside <= 0.0:
+        return max(beyond, aside) - floor.disc_radius
+    return math.sqrt(beyond * beyond + aside * aside) - floor.disc_radius
+
+
+@part
+def off_discs(x, y, heading, length, curvature, floor):
+    """Whether a body keeps the margin from all discs along an arc of signed length: conservative advancement."""
+    way, rate = abs(length), 1.0 if length >= 0.0 else -1.0
+    speed = point_speed(rate, curvature, floor)
+    margin = floor.margin
+    reach = floor.circle + floor.disc_radius + margin + 0.5 * speed * way
+    mid_x, mid_y, mid_heading = rolled(x, y, heading, 0.5 * length, curvature)
+    mid_x, mid_y = mid_x + floor.middle * math.cos(mid_heading), mid_y + floor.middle * math.sin(mid_heading)
+    for k in range(floor.discs.shape[0]):
+        disc_x, disc_y = floor.discs[k, 0], floor.discs[k, 1]
+        if (disc_x - mid_x) ** 2 + (disc_y - mid_y) ** 2 > reach * reach:
+            continue
+        t = 0.0
+        while True:
+            at_x, at_y, at_heading = rolled(x, y, heading, rate * t, curvature)
+            gap = disc_gap(at_x, at_y, at_heading, disc_x, disc_y, floor)
+            if gap < margin:
+                return False
+            if t >= way:
+                break
+            t = min(way, t + max(gap - 0.5 * margin, 0.5 * margin) / speed)
+    return True
+
+
+@inline
+def is_free(x, y, heading, length, curvature, floor):
+    """Whether an arc keeps the axle on the floor and the body off the discs."""
+    return stays_inside(x, y, heading, length, curvature, floor) and off_discs(x, y, heading, length, curvature, floor)

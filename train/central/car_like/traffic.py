@@ -1,0 +1,170 @@
+"""The routes of all robots in time, and how often a piece of one more meets them.
+
+Time is cut into slots of one second; meetings are counted by pairs of a slot and a robot that a body comes nearer to
+than the margin within the slot. Between two looks passes no more time than the faster points of both bodies need to
+close the gap (conservative advancement; Mirtich 1996), so none is missed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from train.central.car_like.floor import point_speed
+from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.routes.reeds_shepp import rolled
+from warehouse_env.simulation.physics.geometry import separation
+
+BEGIN, X, Y, HEADING, RATE, BEND, END = range(7)  # columns of a piece: times [s], where it begins, how it is driven
+PIECE = 7
+_DRIFT = 0.51  # that a body's middle moves in half a slot, at the most
+
+
+class Traffic(NamedTuple):
+    """The routes of N robots; who has come to the end of a route stays there."""
+
+    pieces: Any  # float64[N, P, PIECE]
+    counts: Any  # int32[N], pieces of each; 0: the robot is left out
+    first: Any  # int32[S, N], the piece at the beginning of each slot
+    middles: Any  # float64[S, N, 2], the body's middle in the middle of each slot
+
+    @property
+    def horizon(self) -> int:
+        """Slots that are looked at; by then all have parked."""
+        return len(self.first)
+
+
+def empty_traffic(robots: int, pieces: int, slots: int) -> Traffic:
+    """Return the traffic of robots that are all left out."""
+    return Traffic(
+        np.zeros((robots, pieces, PIECE)), np.zeros(robots, np.int32), np.zeros((slots, robots), np.int32),
+        np.zeros((slots, robots, 2)),
+    )  # fmt: skip
+
+
+@inline
+def pose_at(pieces, i, n, t):
+    """Return the pose of robot i at t [s] within its piece n, or parked after it."""
+    p = pieces[i, n]
+    return rolled(p[X], p[Y], p[HEADING], p[RATE] * (min(t, p[END]) - p[BEGIN]), p[BEND])
+
+
+@kernel
+def insert(traffic, i, route, count, floor):
+    """Put the route float64[count, PIECE] of robot i in."""
+    pieces, first, middles = traffic.pieces, traffic.first, traffic.middles
+    pieces[i, :count] = route[:count]
+    traffic.counts[i] = count
+    n = 0
+    for slot in range(first.shape[0]):
+        while n + 1 < count and pieces[i, n, END] <= slot:
+            n += 1
+        first[slot, i] = n
+        m = n
+        while m + 1 < count and pieces[i, m, END] <= slot + 0.5:
+            m += 1
+        x, y, heading = pose_at(pieces, i, m, slot + 0.5)
+        middles[slot, i, 0] = x + floor.middle * math.cos(heading)
+        middles[slot, i, 1] = y + floor.middle * math.sin(heading)
+
+
+@part
+def _meets(x, y, heading, rate, curvature, begin, start, end, traffic, j, slot, floor):
+    """Whether a piece that begins at `begin` meets robot j between two times within a slot."""
+    pieces, last = traffic.pieces, traffic.counts[j] - 1
+    n, t, margin = traffic.first[slot, j], start, floor.margin
+    speed = point_speed(rate, curvature, floor)
+    half_length, half_width = floor.half_length, floor.half_width
+    while True:
+        while n < last and pieces[j, n, END] <= t:
+            n += 1
+        own_x, own_y, own = rolled(x, y, heading, rate * (t - begin), curvature)
+        to_x, to_y, to = pose_at(pieces, j, n, t)
+        c, s, to_c, to_s = math.cos(own), math.sin(own), math.cos(to), math.sin(to)
+        dx = to_x - own_x + floor.middle * (to_c - c)
+        dy = to_y - own_y + floor.middle * (to_s - s)
+        gap = separation(dx, dy, c, s, to_c, to_s, half_length, half_width)
+        if gap < margin:
+            return True
+        if t >= end:
+            return False
+        until, their = end, 0.0
+        if t < pieces[j, n, END]:
+            their = point_speed(pieces[j, n, RATE], pieces[j, n, BEND], floor)
+            until = min(end, pieces[j, n, END])
+        step = (gap - 0.5 * margin) / (speed + their) if speed + their > 0.0 else np.inf
+        t = min(until, t + step)
+
+
+@part
+def meetings(i, x, y, heading, rate, curvature, begin, seconds, most, traffic, floor):
+    """Return how often robot i meets others on a piece: pairs of slot and robot, counted up to `most`."""
+    end, count = begin + seconds, 0
+    near = 2.0 * (floor.circle + _DRIFT) + floor.margin
+    slot = int(begin)
+    horizon, robots = traffic.first.shape
+    while slot < end and slot < horizon and count < most:
+        start, stop = max(begin, float(slot)), min(end, slot + 1.0)
+        mid_x, mid_y, mid = rolled(x, y, heading, rate * (0.5 * (start + stop) - begin), curvature)
+        mid_x, mid_y = mid_x + floor.middle * math.cos(mid), mid_y + floor.middle * math.sin(mid)
+        for j in range(robots):
+            dx, dy = traffic.middles[slot, j, 0] - mid_x, traffic.middles[slot, j, 1] - mid_y
+            if dx * dx + dy * dy > near * near or j == i or traffic.counts[j] == 0:
+                continue
+            count += _meets(x, y, heading, rate, curvature, begin, start, stop, traffic, j, slot, floor)
+        slot += 1
+    return count
+
+
+@kernel
+def passers(i, pose, traffic, floor, later):
+    """Write into later int32[S + 1] how often others pass over a body parked there, in each slot and all after it."""
+    pieces, counts, until = traffic.pieces, traffic.counts, 0
+    for j in range(counts.size):
+        if counts[j] > 0 and j != i:
+            until = max(until, int(pieces[j, counts[j] - 1, END]))
+    x, y, heading = pose
+    later[:] = 0
+    for slot in range(min(until, traffic.first.shape[0] - 1), -1, -1):
+        met = meetings(i, x, y, heading, 0.0, 0.0, float(slot), 1.0, 1 << 20, traffic, floor)
+        later[slot] = later[slot + 1] + met
+
+
+@part
+def _meets_in(i, j, slot, traffic, floor):
+    """Whether two routes meet in a slot."""
+    pieces, last = traffic.pieces, traffic.counts[i] - 1
+    n, t = traffic.first[slot, i], float(slot)
+    while t < slot + 1.0:
+        while n < last and pieces[i, n, END] <= t:
+            n += 1
+        p = pieces[i, n]
+        if t >= p[END]:
+            x, y, heading = pose_at(pieces, i, n, t)
+            return _meets(x, y, heading, 0.0, 0.0, t, t, slot + 1.0, traffic, j, slot, floor)
+        until = min(p[END], slot + 1.0)
+        if _meets(p[X], p[Y], p[HEADING], p[RATE], p[BEND], p[BEGIN], t, until, traffic, j, slot, floor):
+            return True
+        t = until
+    return False
+
+
+@kernel
+def who_meets(i, traffic, floor, met):
+    """Write into met int32[N] in how many slots robot i meets each other one, up to the end of both routes."""
+    pieces, counts = traffic.pieces, traffic.counts
+    robots, horizon = counts.size, traffic.first.shape[0]
+    met[:] = 0
+    near = 2.0 * (floor.circle + _DRIFT) + floor.margin
+    for j in range(robots):
+        if j == i or counts[j] == 0 or counts[i] == 0:
+            continue
+        until = max(pieces[i, counts[i] - 1, END], pieces[j, counts[j] - 1, END])
+        for slot in range(min(horizon, int(until) + 1)):
+            dx = traffic.middles[slot, i, 0] - traffic.middles[slot, j, 0]
+            dy = traffic.middles[slot, i, 1] - traffic.middles[slot, j, 1]
+            if dx * dx + dy * dy > near * near:
+                continue
+            met[j] += _meets_in(i, j, slot, traffic, floor)

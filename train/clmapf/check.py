@@ -1,0 +1,87 @@
+"""The exact check of any solution, ours or others': what it must not do, at any instant, and its figures."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from train.clmapf.contact import NEVER, Shape, body_and_disc, two_bodies
+from train.clmapf.instance import BODY, DISC_RADIUS, Instance
+from train.clmapf.motions import BEGIN, END, LENGTH, Fault, Motions, body_beyond, motions_of
+from train.clmapf.solution import States
+
+TOLERANCE = 0.01  # of stated poses, lengths and turns: the authors' files have six digits
+_LEAST_SLACK = 1e-6
+_HORIZON = 1.0  # gaps beyond are not asked for
+
+
+class Checked(NamedTuple):
+    """What a check found."""
+
+    faults: list[Fault]
+    makespan: float  # [s] until the last robot stands at its end for good
+    flowtime: float  # [s] of all robots
+    driven: float  # length of all robots' ways
+    gap: float  # the least between two bodies, at most _HORIZON
+    disc_gap: float  # the least between a body and a disc, at most _HORIZON
+    beyond: float  # how far a body reaches beyond the border
+    slack: float  # overlaps up to this are taken for rounding, all over twice this are found
+    unit: float  # [s] of a unit of t
+
+
+def check(instance: Instance, schedule: dict[str, States], unit: float = 1.0, tolerance: float = TOLERANCE) -> Checked:
+    """Check a solution: its robots, ends, arcs, curvature, speed, border, bodies and discs.
+
+    unit: seconds of a unit of t; tolerance: of stated poses, lengths and turns.
+    """
+    faults = [Fault("has no states", name, "", 0.0, 0.0) for name in instance.names if name not in schedule]
+    faults += [Fault("is no robot", name, "", 0.0, 0.0) for name in schedule if name not in instance.names]
+    if faults:
+        return Checked(faults, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0.0, unit)
+    motions, found = motions_of(instance, schedule, unit, tolerance)
+    slack = max(_LEAST_SLACK, 2.0 * motions.miss)
+    shape = Shape(
+        BODY.half_length, BODY.half_width, 0.5 * (BODY.ahead - BODY.behind), max(BODY.ahead, BODY.behind),
+        DISC_RADIUS, slack,
+    )  # fmt: skip
+    bodies, gap = _bodies(instance, motions, shape)
+    discs, disc_gap = _discs(instance, motions, shape)
+    ends = list(_arrivals(motions))
+    driven = float(abs(motions.arcs[:, LENGTH]).sum())
+    faults = [*found, *bodies, *discs]
+    return Checked(
+        faults, max(ends), sum(ends), driven, gap, disc_gap, body_beyond(motions, instance), slack, unit
+    )  # fmt: skip
+
+
+def _arrivals(motions: Motions) -> Iterator[float]:
+    """Yield when each robot stands for good [s]."""
+    for begin, end in itertools.pairwise(motions.first.tolist()):
+        driving = [arc for arc in motions.arcs[begin:end].tolist() if abs(arc[LENGTH]) > _LEAST_SLACK]
+        yield max(0.0, driving[-1][END]) if driving else 0.0
+
+
+def _bodies(instance: Instance, motions: Motions, shape: Shape) -> tuple[list[Fault], float]:
+    """Return which robots overlap, and the least gap of two."""
+    faults, least, first, arcs = [], _HORIZON, motions.first.tolist(), motions.arcs
+    for i, j in itertools.combinations(range(len(instance.names)), 2):
+        end = max(arcs[first[i + 1] - 1, BEGIN], arcs[first[j + 1] - 1, BEGIN])
+        pair = first[i], first[i + 1] - 1, first[j], first[j + 1] - 1
+        since, depth, least = two_bodies(arcs, *pair, end, least, shape)
+        if since != NEVER:
+            faults.append(Fault("overlaps", instance.names[i], instance.names[j], since, depth))
+    return faults, least
+
+
+def _discs(instance: Instance, motions: Motions, shape: Shape) -> tuple[list[Fault], float]:
+    """Return which robots overlap discs, and the least gap."""
+    faults, least, first = [], _HORIZON, motions.first.tolist()
+    for i, name in enumerate(instance.names):
+        for k, (x, y) in enumerate(instance.discs.tolist()):
+            own = first[i], first[i + 1] - 1
+            since, depth, least = body_and_disc(motions.arcs, *own, x, y, least, shape)
+            if since != NEVER:
+                faults.append(Fault("overlaps obstacle", name, str(k), since, depth))
+    return faults, least

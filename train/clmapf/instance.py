@@ -1,0 +1,155 @@
+"""An instance of the benchmark: poses to go from and to, discs, and what makes it impossible as stated.
+
+Its frame is left-handed: forward is (cos yaw, -sin yaw). Here headings are -yaw at the same x and y.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from train.central.car_like.floor import Body
+from train.clmapf.plain_yaml import read_plain_yaml
+from train.evaluation.audit.bodies import gap, point_gap
+from warehouse_env.errors import MapError, shown
+from warehouse_env.files import complete_file
+
+BODY = Body(ahead=2.0, behind=1.0, half_width=1.0, radius=3.0)
+DISC_RADIUS = 0.8
+NO_DISC = (-1.0, -1.0)  # what stands in a file without obstacles
+_MOST, _WIDEST = 1000, 4000.0  # robots, and the floor's side
+
+Poses = NDArray[np.float64]  # [N, 3]: x, y and heading
+
+
+@dataclass(frozen=True)
+class Instance:
+    """What is to be solved."""
+
+    name: str
+    width: float
+    height: float
+    names: tuple[str, ...]  # of the robots
+    starts: Poses
+    goals: Poses
+    discs: NDArray[np.float64]  # [K, 2]
+
+    @property
+    def cell(self) -> tuple[float, bool, int]:
+        """Which of the benchmark's cells it belongs to: side of the floor, whether there are discs, robots."""
+        return self.width, len(self.discs) > 0, len(self.names)
+
+
+def middle_of(pose: Sequence[float] | NDArray[np.float64]) -> tuple[float, float, float, float]:
+    """Return the centre of the body at a pose, and its cosine and sine."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    ahead = 0.5 * (BODY.ahead - BODY.behind)
+    return float(pose[0] + ahead * c), float(pose[1] + ahead * s), c, s
+
+
+def disc_gap(pose: NDArray[np.float64], disc: NDArray[np.float64]) -> float:
+    """Return how far a body is from a disc, negative where they overlap."""
+    x, y, c, s = middle_of(pose)
+    dx, dy = float(disc[0]) - x, float(disc[1]) - y
+    return float(point_gap(dx * c + dy * s, dy * c - dx * s, BODY.half_length, BODY.half_width)) - DISC_RADIUS
+
+
+def body_gap(pose: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """Return how far two bodies are apart, negative where they overlap."""
+    (x, y, c, s), (to_x, to_y, to_c, to_s) = middle_of(pose), middle_of(other)
+    half = BODY.half_length, BODY.half_width
+    return float(gap(to_x - x, to_y - y, c, s, *half, to_c, to_s, *half))
+
+
+def why_impossible(instance: Instance) -> Iterator[str]:
+    """Say what no route can mend: poses that overlap discs or each other, or whose axle is off the floor."""
+    for what, poses in (("start", instance.starts), ("goal", instance.goals)):
+        for i, pose in enumerate(poses):
+            who = f"the {what} of {instance.names[i]}"
+            if not (0.0 <= pose[0] <= instance.width and 0.0 <= pose[1] <= instance.height):
+                yield f"{who} is off the floor"
+            for k, disc in enumerate(instance.discs):
+                if disc_gap(pose, disc) < 0.0:
+                    yield f"{who} overlaps obstacle {k} by {-disc_gap(pose, disc):.3f}"
+        for (i, pose), (j, other) in itertools.combinations(enumerate(poses), 2):
+            if body_gap(pose, other) < 0.0:
+                yield f"the {what}s of {instance.names[i]} and {instance.names[j]} overlap"
+
+
+def least_gap(instance: Instance) -> float:
+    """Return how near a start or goal is to a disc or to another at the least."""
+    found = math.inf
+    for poses in (instance.starts, instance.goals):
+        found = min([found, *(disc_gap(pose, disc) for pose in poses for disc in instance.discs)])
+        found = min([found, *(body_gap(pose, other) for pose, other in itertools.combinations(poses, 2))])
+    return found
+
+
+def read_instance(path: Path, name: str) -> Instance:
+    """Read a file of the benchmark; MapError says what is wrong with it."""
+    data = read_plain_yaml(path)
+    agents, floor = _member(data, "agents", list, path), _member(data, "map", dict, path)
+    width, height = _numbers(_member(floor, "dimensions", list, path), 2, "dimensions", path)
+    if not (0.0 < width <= _WIDEST and 0.0 < height <= _WIDEST):
+        raise MapError(f"{path}: dimensions [{width}, {height}] must lie between 0 and {_WIDEST}")
+    if not 1 <= len(agents) <= _MOST:
+        raise MapError(f"{path} has {len(agents)} agents; between 1 and {_MOST} can be read")
+    names = tuple(_name(agent, path) for agent in agents)
+    if len(set(names)) < len(names):
+        raise MapError(f"{path} names two agents alike")
+    starts, goals = (_poses(agents, what, path) for what in ("start", "goal"))
+    discs = [_numbers(disc, 2, "obstacles", path) for disc in _member(floor, "obstacles", list, path)]
+    kept = np.array([disc for disc in discs if disc != NO_DISC], np.float64).reshape(-1, 2)
+    return Instance(name, width, height, names, starts, goals, kept)
+
+
+def write_instance(instance: Instance, path: Path) -> None:
+    """Write an instance as the benchmark does."""
+    lines = ["agents:"]
+    for name, start, goal in zip(instance.names, instance.starts, instance.goals, strict=True):
+        lines += [f"  - start: {_listed(start)}", f"    name: {name}", f"    goal: {_listed(goal)}"]
+    lines += ["map:", f"  dimensions: [{instance.width:g}, {instance.height:g}]", "  obstacles:"]
+    discs = instance.discs.tolist() or [NO_DISC]
+    lines += [f"    - [{x:.6g}, {y:.6g}]" for x, y in discs]
+    with complete_file(path) as part:
+        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _listed(pose: NDArray[np.float64]) -> str:
+    return f"[{pose[0]:.10g}, {pose[1]:.10g}, {0.0 - pose[2]:.10g}]"
+
+
+def _member(data: Any, key: str, kind: type, path: Path) -> Any:
+    """Return what stands under a name, which must be a list or a dict."""
+    found = data.get(key) if isinstance(data, dict) else None
+    if not isinstance(found, kind):
+        raise MapError(f"{path} has no {key}, so it is no instance of the benchmark")
+    return found
+
+
+def _numbers(given: Any, count: int, what: str, path: Path) -> tuple[float, ...]:
+    if not (isinstance(given, list) and len(given) == count and all(isinstance(value, float) for value in given)):
+        raise MapError(f"{path}: {what} {shown(given)} must be {count} numbers")
+    return tuple(given)
+
+
+def _name(agent: Any, path: Path) -> str:
+    name = agent.get("name") if isinstance(agent, dict) else None
+    if not isinstance(name, str):
+        raise MapError(f"{path} has an agent without a name")
+    return name
+
+
+def _poses(agents: list[Any], what: str, path: Path) -> Poses:
+    poses = np.array([_numbers(agent.get(what), 3, what, path) for agent in agents], np.float64)
+    if np.abs(poses).max() > 10 * _WIDEST:
+        raise MapError(f"{path}: a {what} lies too far off")
+    poses[:, 2] *= -1.0
+    return poses

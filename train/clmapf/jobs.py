@@ -1,0 +1,95 @@
+"""An instance solved, or a solution of it checked, as a job whose row is kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from train.clmapf.check import Checked, check
+from train.clmapf.instance import Instance, read_instance, why_impossible
+from train.clmapf.solution import read_solution, write_solution
+from train.clmapf.solve import solve
+from train.evaluation.jobs import Job, Result, Tick
+from train.reporting.rows import Row
+from warehouse_env import __version__
+from warehouse_env.errors import MapError
+
+_FAULTS = 20  # that a row tells
+
+
+@dataclass(frozen=True)
+class SolveJob(Job):
+    """Plan the routes of an instance, write them, and check what was written."""
+
+    folder: Path
+    name: str  # of the file in the folder
+    solutions: Path  # a folder
+    seed: int
+
+    titled = "{name}"
+
+    def run(self, tick: Tick) -> Result:
+        """Solve and check; nothing is planned where the instance is impossible as stated."""
+        instance = read_instance(self.folder / self.name, self.name)
+        row = row_of(instance) | {"seed": self.seed, "version": __version__}
+        if row["impossible"]:
+            return Result([row])
+        solved = solve(instance, self.seed)
+        row |= {"seconds": solved.seconds, "nodes": solved.found.nodes, "meeting": solved.found.meeting}
+        row |= {"stranded": [instance.names[i] for i in solved.found.stranded]}
+        if solved.complete:
+            path = self.solutions / self.name
+            flowtime = float(sum(route[-1, -1] for route in solved.routes))
+            write_solution(path, instance.names, solved.routes, flowtime, solved.seconds)
+            row |= figures(check(instance, read_solution(path))) | {"flowtime_alone": float(solved.found.alone.sum())}
+        return Result([row])
+
+
+@dataclass(frozen=True)
+class CheckJob(Job):
+    """Check the solution of an instance."""
+
+    folder: Path
+    name: str
+    solutions: Path
+    unit: float  # seconds of a unit of t
+
+    titled = "{name}"
+
+    def run(self, tick: Tick) -> Result:
+        """Check what is there."""
+        instance = read_instance(self.folder / self.name, self.name)
+        path = self.solutions / self.name
+        row = row_of(instance)
+        if path.is_file():
+            row |= figures(check(instance, read_solution(path), self.unit))
+        return Result([row])
+
+
+def row_of(instance: Instance) -> Row:
+    """Return what a row says of an instance, solved or not."""
+    return {
+        "instance": instance.name, "size": instance.width, "agents": len(instance.names),
+        "obstacle": len(instance.discs) > 0, "obstacles": len(instance.discs),
+        "impossible": list(why_impossible(instance)), "solved": False,
+    }  # fmt: skip
+
+
+def figures(checked: Checked) -> Row:
+    """Return what a row says of a solution."""
+    return {
+        "solved": not checked.faults, "faults": [str(fault) for fault in checked.faults[:_FAULTS]],
+        "fault_count": len(checked.faults), "makespan": checked.makespan, "flowtime": checked.flowtime,
+        "driven": checked.driven, "least_gap": checked.gap, "least_disc_gap": checked.disc_gap,
+        "body_beyond_border": checked.beyond, "slack": checked.slack, "unit_of_t": checked.unit,
+    }  # fmt: skip
+
+
+def instances_in(folder: Path) -> list[str]:
+    """Return the names of all instances below a folder, in order."""
+    if not folder.is_dir():
+        raise MapError(f"{folder} is no folder; name one that holds the benchmark's instances, *.yaml")
+    names = sorted(str(path.relative_to(folder)) for path in folder.rglob("*.yaml"))
+    if not names:
+        raise MapError(f"{folder} holds no instances, *.yaml")
+    return names

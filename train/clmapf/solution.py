@@ -1,0 +1,74 @@
+"""A solution's file, as the benchmark's authors write it: statistics, and of each robot the states x, y, yaw and t.
+
+How it is read: t are seconds at unit speed; in the authors' files whole steps, each of 2.118 s. Between two states in a
+row a robot drives one arc of constant curvature at constant speed, forwards or backwards, turning by less than half a
+circle; it waits where they are the same. Before its first state and after its last it stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from train.central.car_like.traffic import BEGIN, END, HEADING, PIECE, X, Y, pose_at
+from train.clmapf.plain_yaml import read_plain_yaml
+from warehouse_env.errors import MapError, shown
+from warehouse_env.files import complete_file
+
+_KEYS = ("x", "y", "yaw", "t")
+_FARTHEST = 1e6  # of a coordinate or time that is read
+_STEP = 2.0  # of a piece between two states that are written, at the most
+States = NDArray[np.float64]  # [K, 4]: x, y, heading, t
+
+
+def read_solution(path: Path) -> dict[str, States]:
+    """Return the states of each robot by its name; MapError says what is wrong with the file."""
+    data = read_plain_yaml(path)
+    schedule = data.get("schedule") if isinstance(data, dict) else None
+    if not isinstance(schedule, dict) or not schedule:
+        raise MapError(f"{path} has no schedule, so it is no solution of the benchmark")
+    return {name: _states(rows, name, path) for name, rows in schedule.items()}
+
+
+def _states(rows: Any, name: str, path: Path) -> States:
+    if not isinstance(rows, list) or not rows:
+        raise MapError(f"{path}: {name} has no states")
+    for row in rows:
+        numbers = [row.get(key) for key in _KEYS] if isinstance(row, dict) else [None]
+        if not all(isinstance(value, float) and abs(value) <= _FARTHEST for value in numbers):
+            raise MapError(f"{path}: {name} has a state {shown(row)}, where x, y, yaw and t must be numbers")
+    states = np.array([[row[key] for key in _KEYS] for row in rows], np.float64)
+    states[:, 2] *= -1.0
+    return states
+
+
+def states_of(route: NDArray[np.float64]) -> States:
+    """Return the states of a route float64[K, PIECE] of the planner: long pieces in several, so that arcs are told."""
+    states = [route[0, [X, Y, HEADING, BEGIN]].tolist()]
+    for n, piece in enumerate(route):
+        seconds = piece[END] - piece[BEGIN]
+        parts = max(1, int(np.ceil(seconds / _STEP))) if seconds > 0.0 else 0
+        for k in range(1, parts + 1):
+            t = piece[BEGIN] + seconds * k / parts
+            states.append([*pose_at(route[None], 0, n, t), t])
+    return np.array(states)
+
+
+def write_solution(
+    path: Path, names: Sequence[str], routes: Sequence[NDArray[np.float64]], flowtime: float, seconds: float
+) -> None:
+    """Write the routes of all robots."""
+    assert all(route.shape[1] == PIECE for route in routes)
+    makespan = max(float(route[-1, END]) for route in routes)
+    lines = ["statistics:", f"  cost: {flowtime:.9g}", f"  makespan: {makespan:.9g}", f"  flowtime: {flowtime:.9g}"]
+    lines += [f"  runtime: {seconds:.6g}", "schedule:"]
+    for name, route in zip(names, routes, strict=True):
+        lines.append(f"  {name}:")
+        for x, y, heading, t in states_of(route).tolist():
+            lines += [f"    - x: {x:.9f}", f"      y: {y:.9f}", f"      yaw: {0.0 - heading:.9f}", f"      t: {t:.9f}"]
+    with complete_file(path) as part:
+        part.write_text("\n".join(lines) + "\n", encoding="utf-8")

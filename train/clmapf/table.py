@@ -1,0 +1,92 @@
+"""The table of the benchmark's cells, and what others have published on it with the rules of each figure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from train.reporting.report import Table, grouped, number, with_interval
+from train.reporting.rows import Row, mean_interval, wilson_interval
+
+_HEADER = (
+    "floor", "obstacles", "robots", "instances", "impossible", "solved of the others", "makespan", "flowtime",
+    "seconds", "most", "makespan, authors", "ours there", "flowtime, authors", "ours there ",
+)  # fmt: skip
+# Means over ex 0 to 3 on empty 50 x 50 by the authors' solver, run for this table; its own rule of collision.
+AUTHORS = {5: (29.0, 116.0), 10: (32.0, 233.0), 15: (35.0, 377.0), 20: (40.0, 508.0)}
+_AUTHORS_RUNS = ("ex00", "ex01", "ex02", "ex03")
+NOTE = (
+    "solved: by the exact check, of the instances that are not impossible as stated [95% interval by Wilson's score]. "
+    "makespan, flowtime: means over the solved ones, at unit speed. seconds: of one core. authors: means over ex 0 to "
+    "3, run once with their own rule, axles 4.47 apart at whole steps of 2.118; ours on the same instances."
+)
+PUBLISHED = (
+    ("CL-CBS", "77.9% of 480 of its instances", "own rule (see above), within 120 s", "arXiv 2512.12243"),
+    ("CAHC", "84.8% of the same 480", "theirs, as CL-CBS there", "arXiv 2512.12243"),
+    ("SMART", "over 90% to 25 robots on 50 x 50, over 95% to 50 on 100 x 100", "own simulator", "arXiv 2509.15737"),
+    ("ESCoT", "over 50% in the hardest dense cells", "own rule", "arXiv 2508.09581"),
+    ("CSDO", "up to 95% on 50 x 50, about 1 s", "instances of its own, the same body", "arXiv 2405.20858"),
+    ("MA-DV2F", "97% of the robots, 50 of them, 25 obstacles", "instances of its own, a share of robots", "RA-L 2025"),
+)  # fmt: skip
+
+
+def published_table() -> Table:
+    """Return what others say of themselves; none of these rules is the one of our table."""
+    return Table("Published, each by its own rule", ("method", "solved", "rule and instances", "source"), PUBLISHED)
+
+
+def cells_table(rows: Sequence[Row]) -> Table:
+    """Return one line for each cell of the benchmark."""
+    ordered = sorted(rows, key=lambda row: (row["size"], row["obstacle"], row["agents"]))
+    lines = [
+        _line(group)
+        for group in grouped(ordered, ("size", "obstacle", "agents")).values()
+    ]  # fmt: skip
+    return Table("CL-MAPF, as stated", _HEADER, tuple(lines), NOTE, labels=3)
+
+
+def _line(group: Sequence[Row]) -> tuple[str, ...]:
+    first = group[0]
+    possible = [row for row in group if not row["impossible"]]
+    solved = [row for row in possible if row["solved"]]
+    share = with_interval(wilson_interval(len(solved), len(possible)), 100.0) + "%" if possible else "-"
+    seconds = [row["seconds"] for row in possible if "seconds" in row]
+    side, obstacles = f"{first['size']:g}", "yes" if first["obstacle"] else "none"
+    return (
+        f"{side} x {side}", obstacles, str(first["agents"]), str(len(group)), str(len(group) - len(possible)),
+        f"{len(solved)}: {share}", _mean(solved, "makespan"), _mean(solved, "flowtime"),
+        number(sum(seconds) / len(seconds), 2) if seconds else "-", number(max(seconds), 2) if seconds else "-",
+        *_beside(first, solved),
+    )  # fmt: skip
+
+
+def _beside(first: Row, solved: Sequence[Row]) -> tuple[str, str, str, str]:
+    """Return the authors' makespan and flowtime, each with ours on the same instances."""
+    same = [row for row in solved if any(run in row["instance"] for run in _AUTHORS_RUNS)]
+    if first["size"] != 50 or first["obstacle"] or first["agents"] not in AUTHORS or len(same) != len(_AUTHORS_RUNS):
+        return "-", "-", "-", "-"
+    makespan, flowtime = AUTHORS[first["agents"]]
+    return number(makespan), _mean(same, "makespan"), number(flowtime), _mean(same, "flowtime")
+
+
+def _mean(rows: Iterable[Row], name: str) -> str:
+    values = [row[name] for row in rows]
+    return number(mean_interval(values).mean) if values else "-"
+
+
+def impossible_lines(rows: Iterable[Row]) -> list[str]:
+    """Return a sentence for each instance that nobody can solve as stated."""
+    return [f"{row['instance']}: {row['impossible'][0]}" for row in rows if row["impossible"]]
+
+
+def unsolved_lines(rows: Iterable[Row]) -> list[str]:
+    """Return a sentence for each possible instance that is not solved."""
+    return [f"{row['instance']}: {_why(row)}" for row in rows if not (row["solved"] or row["impossible"])]
+
+
+def _why(row: Row) -> str:
+    if row.get("faults"):
+        more = f" (and {row['fault_count'] - 1} more)" if row["fault_count"] > 1 else ""
+        return f"{row['faults'][0]}{more}"
+    if row.get("stranded"):
+        return f"no route for {', '.join(row['stranded'])} even alone"
+    return f"{row['meeting']} pairs still meet" if "meeting" in row else "no solution"
