@@ -66,9 +66,11 @@ class LearnedPolicy:
                 raise WeightsError(f"{directory} is made for {field}={trained}, not {given}; {fits}")
         if self.record.env.protective_field and not config.protective_field:
             raise WeightsError(f"{directory} was trained under the protective field, and needs protective_field=True")
-        # the field's slice, which comes last, is no news to a policy that was trained without: it reads what it knows
-        fielded = self.record.env.protective_field
-        seen = config if fielded else config.replace(protective_field=False, right_of_way=False)  # which needs it
+        # slices of field and goal come last, so a policy that was trained without them reads what it knows
+        fielded, passing = self.record.env.protective_field, self.record.env.arrival == "pass"
+        seen = config.replace(arrival="pass") if passing else config
+        if passing and not fielded:
+            seen = seen.replace(protective_field=False, right_of_way=False)  # which needs it
         size, network = observation_layout(seen).size, self.record.network
         if network.observation_size != size:
             given = f"observations of {network.observation_size} values"

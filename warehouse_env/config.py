@@ -12,6 +12,7 @@ from warehouse_env.field_notes import documented
 
 ActionType = Literal["discrete", "continuous", "raw"]
 TaskMode = Literal["lifelong", "one_shot"]
+ArrivalMode = Literal["pass", "stop", "pose"]
 
 # What single precision and an afternoon can bear; a warehouse needs a thousandth of it.
 _LEAST, _MOST = 1e-3, 1e4  # [m], [s], [m/s] ...
@@ -176,7 +177,11 @@ class EnvConfig(Checked):
     time_step: float = 0.1  # [s] of physics
     substeps: int = 2  # contact checks per physics step
     action_repeat: int = 1  # physics steps per env step; trainings set 2, and see twice the time
-    arrival_radius: float = 0.5  # [m], front axle to the goal cell's centre
+    # when a robot has reached its goal: near it, whatever its speed; near it and standing; standing as its pose says
+    arrival: ArrivalMode = "pass"
+    arrival_radius: float = 0.5  # [m], front axle to the goal's point, of "pass" and "stop"
+    pose_radius: float = 0.05  # [m], so of "pose"
+    pose_angle: float = math.radians(5.0)  # [rad], heading to the goal's, of "pose"
     near_miss_gap: float = 0.1  # [m]
     stuck_after: float = 60.0  # [s] without a metre of progress on the route
     terminate_on_collision: bool = False  # end a robot's episode at its first contact
@@ -209,7 +214,8 @@ class EnvConfig(Checked):
         self._between(1, 2**63 - 1, "max_steps")
         self._between(1, 1000, "substeps", "action_repeat")
         self._between(_LEAST, 10.0, "time_step")
-        self._between(_LEAST, _MOST, "arrival_radius", "near_miss_gap")
+        self._between(_LEAST, _MOST, "arrival_radius", "pose_radius", "near_miss_gap")
+        self._between(_LEAST, math.pi, "pose_angle")
         self._between(_LEAST, 1e12, "stuck_after")
         self._between(0.0, 100.0, "keep_right")
         self._between(0.0, _MOST, "right_of_way_after")
@@ -271,7 +277,10 @@ class EnvOptions(TypedDict, total=False):
     time_step: float
     substeps: int
     action_repeat: int
+    arrival: ArrivalMode
     arrival_radius: float
+    pose_radius: float
+    pose_angle: float
     near_miss_gap: float
     stuck_after: float
     terminate_on_collision: bool

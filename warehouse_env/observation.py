@@ -8,6 +8,7 @@ from warehouse_env.config import EnvConfig
 
 EGO = 8  # speed, steering, follower's steering, bearing, lateral, remaining, contact time, waiting time
 FIELD = 2  # held, time held
+GOAL = 5  # x, y, cos, sin, to be braked for
 NEIGHBOUR = 7  # x, y, cos, sin, vx, vy, present
 
 
@@ -34,6 +35,8 @@ def observation_layout(config: EnvConfig) -> ObservationLayout:
         would lead to a conflict, 1 where it would not (simulation/senses/prediction.py).
     field[2], if there is a protective field: share of the last env step in which it held the robot back,
         min(seconds for which it has done so without a break, 5) / 5.
+    goal[5], if robots stop at goals (EnvConfig.arrival): (x, y) / 5 m of the goal's point, each within +-4; cos and sin
+        of the goal's heading minus the own, both 0 where any will do; 1 where it must brake to stop there, else 0.
     """
     sensor = config.sensor
     sizes = {
@@ -46,6 +49,8 @@ def observation_layout(config: EnvConfig) -> ObservationLayout:
         sizes["predictions"] = len(config.speed_levels) * len(config.lateral_offsets)
     if config.protective_field:
         sizes["field"] = FIELD
+    if config.arrival != "pass":  # the last, so that policies who know nothing of it read what comes before
+        sizes["goal"] = GOAL
     slices, start = {}, 0
     for name, size in sizes.items():
         slices[name] = slice(start, start + size)

@@ -187,7 +187,8 @@ class Simulator(Portable):
             persons, self.arcs, self._commands[0], self._paths, self._params, self._choices, self._floor.clearance,
         )  # fmt: skip
         self._room_arguments = (persons, self.arcs, self._paths, self._params, *floor)
-        self._observe_arguments = (persons, self._waiting, features.walking, self._true_params, *seen)
+        walking, stopping = features.walking, features.stopping
+        self._observe_arguments = (persons, self._waiting, stopping, walking, self._true_params, *seen)
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:
         """Write observations into this array [B, N, D] from now on; the last one stays as it is, its holder's own."""

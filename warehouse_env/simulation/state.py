@@ -35,6 +35,7 @@ ROBOT = np.dtype(
         ("points", I), ("spacing", F), ("position", F),  # way-points, [m] between them, [m] of arc length reached
         ("lateral", F), ("bearing", F),  # [m] left of the route; route direction minus heading [rad]
         ("goal_x", F), ("goal_y", F), ("goal_row", I), ("goal_col", I),
+        ("goal_heading", F),  # [rad], nan: any; of no meaning where robots arrive in passing
         ("alive", B), ("acting", B),  # acting: was alive when the env step began
         # events of the last env step
         ("progress", F), ("driven", F), ("gap", F), ("arrived", B), ("touching", B),
@@ -90,7 +91,8 @@ PARAMETERS = np.dtype(
         ("half_length", F), ("half_width", F), ("offset", F), ("radius", F),  # [m]; offset: front axle to centre
         ("wheelbase", F), ("min_speed", F), ("max_speed", F), ("max_acceleration", F),
         ("max_steer", F), ("max_steer_rate", F),
-        ("arrival_radius", F), ("near_miss_gap", F), ("pair_range", F), ("stride", F), ("blur", F),
+        ("arrival_radius", F), ("arrival_angle", F), ("beyond", F),  # [m], [rad], and [m] aimed at beyond a route
+        ("near_miss_gap", F), ("pair_range", F), ("stride", F), ("blur", F),
         ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
         ("predictions", B),
         ("most_pairs", I), ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator
@@ -130,7 +132,9 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
         "wheelbase": robot.wheelbase, "min_speed": robot.min_speed, "max_speed": robot.max_speed,
         "max_acceleration": robot.max_acceleration,
         "max_steer": robot.max_steering, "max_steer_rate": robot.max_steering_rate,
-        "arrival_radius": config.arrival_radius, "near_miss_gap": config.near_miss_gap,
+        "arrival_radius": config.pose_radius if config.arrival == "pose" else config.arrival_radius,
+        "arrival_angle": config.pose_angle, "beyond": 0.0 if config.arrival == "pass" else np.inf,
+        "near_miss_gap": config.near_miss_gap,
         "pair_range": 2 * radius + GAP_HORIZON + 2 * stride, "stride": stride, "blur": blur,
         "cell": cell, "lidar_range": sensor.lidar_range, "rays": sensor.rays, "neighbours": sensor.neighbours,
         "route_points": sensor.route_points, "route_spacing": sensor.route_spacing,

@@ -16,8 +16,8 @@ import numpy as np
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import inline, kernel
-from warehouse_env.observation import EGO, NEIGHBOUR
-from warehouse_env.simulation.driver import line, tracking
+from warehouse_env.observation import EGO, FIELD, GOAL, NEIGHBOUR
+from warehouse_env.simulation.driver import arrival, line, tracking
 from warehouse_env.simulation.physics import buckets, contact, contact_episodes, deviation, people
 from warehouse_env.simulation.physics.kinematics import approach, braking
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
@@ -33,6 +33,7 @@ class Features(NamedTuple):
     """What a config has: True, or None where it has not."""
 
     followed: Literal[True] | None  # actions are commands to the path follower, not raw
+    stopping: Literal[True] | None  # robots arrive at their goals when they stand there (driver/arrival.py)
     walking: Literal[True] | None  # people
     guarded: Literal[True] | None  # the protective field
     checked: Literal[True] | None  # and looked for faults (audit.py)
@@ -43,7 +44,8 @@ class Features(NamedTuple):
         """Return the features of a config."""
         field = config.protective_field
         checked = field and audit.is_wanted()
-        has = (config.action_type != "raw", config.people > 0, field, checked, deviation.errs(config))
+        stopping = config.arrival != "pass"
+        has = (config.action_type != "raw", stopping, config.people > 0, field, checked, deviation.errs(config))
         return cls(*(True if one else None for one in has))
 
 
@@ -77,14 +79,14 @@ def _take_raw(r, acceleration, steer_rate, p):
 
 
 @inline
-def _follow(r, route, arcs, first, second, p, solid, clearance):
+def _follow(r, route, arcs, first, second, stopping, p, solid, clearance):
     """Turn a speed [m/s] and an offset [m] into (acceleration [m/s^2], steering rate [rad/s]) for a physics step."""
     if r["alive"] == 0:
         return braking(r["speed"], p), ZERO
     dt = p["time_step"]
     if p["right_of_way"] != 0 and r["settled"] > ZERO:
         first, second = right_of_way.limit(r, first, p), r["side"]
-    tracking.follow(r, route, arcs, first, second, p, solid, clearance)
+    tracking.follow(r, route, arcs, first, second, stopping, p, solid, clearance)
     next_speed = approach(r["speed"], r["target_speed"], p["max_acceleration"] * dt)
     next_steer = approach(r["steer"], r["target_steer"], p["max_steer_rate"] * dt)
     return (next_speed - r["speed"]) / dt, (next_steer - r["steer"]) / dt
@@ -99,7 +101,7 @@ def _park(r, p):
 
 
 @inline
-def _end(r, route, p):
+def _end(r, route, stopping, p):
     """Advance along the route after a physics step; return 1 on arrival."""
     if r["alive"] == 0:
         return 0
@@ -109,9 +111,13 @@ def _end(r, route, p):
     r["age"] += 1
     if r["arrived"] != 0:
         return 0
-    dx, dy = r["goal_x"] - r["x"], r["goal_y"] - r["y"]
-    if dx * dx + dy * dy > p["arrival_radius"] * p["arrival_radius"]:
-        return 0
+    if stopping is not None:
+        if not arrival.is_there(r, p):
+            return 0
+    else:
+        dx, dy = r["goal_x"] - r["x"], r["goal_y"] - r["y"]
+        if dx * dx + dy * dy > p["arrival_radius"] * p["arrival_radius"]:
+            return 0
     r["arrived"] = 1
     if p["one_shot"] != 0:
         _park(r, p)
@@ -153,8 +159,8 @@ def _move(robots, persons, near, motions, walking, guarded, p, solid, clearance)
 
 @inline
 def _choose(
-    robots, persons, routes, arcs, commands, places, motions, guards, followed, walking, guarded, scanners, sights,
-    looks, p, solid, clearance,
+    robots, persons, routes, arcs, commands, places, motions, guards, followed, stopping, walking, guarded, scanners,
+    sights, looks, p, solid, clearance,
 ):  # fmt: skip
     """Choose each robot's motion of one physics step.
 
@@ -164,7 +170,7 @@ def _choose(
     for i in range(robots.shape[0]):
         first, second = commands[i, 0], commands[i, 1]
         if followed is not None:
-            first, second = _follow(robots[i], routes[i], arcs[i], first, second, p, solid, clearance)
+            first, second = _follow(robots[i], routes[i], arcs[i], first, second, stopping, p, solid, clearance)
         else:
             first, second = _take_raw(robots[i], first, second, p)
         contact.load(robots, i, first, second, p, clearance, motion)
@@ -197,8 +203,9 @@ def _carry_out(
 
 @inline
 def _observe_world(
-    robots, persons, routes, places, sights, walking, p, rays, table, weights, edges, seen, first, out, terms, reward
-):
+    robots, persons, routes, places, sights, stopping, walking, p, rays, table, weights, edges, seen, first, out, terms,
+    reward,
+):  # fmt: skip
     """Write observations, reward terms and rewards of one world."""
     order, starts, bodies = places
     turned, legs, path = sights
@@ -223,8 +230,12 @@ def _observe_world(
             prediction.write_predictions(
                 row, ego, route, near, table, p, near + NEIGHBOUR * p["neighbours"], legs, path
             )
+        end = row.shape[0]
+        if stopping is not None:
+            end -= GOAL
+            arrival.observe(r, p, row, end)
         if p["field"] != 0:
-            field.observe(r, p, row)
+            field.observe(r, p, row, end - FIELD)
         reward[i] = write_terms(r, p, weights, terms[i])
 
 
@@ -241,7 +252,7 @@ def _count_step(robots, steps, b, truncated, terminated, p):
 @kernel
 def advance(
     begin, end, robots, routes, persons, ways, arcs, commands, stamps, steps, truncated, terminated, waiting, faults,
-    actual, errors, followed, walking, guarded, checked, erring, scanners, sights, params, true_params, solid,
+    actual, errors, followed, stopping, walking, guarded, checked, erring, scanners, sights, params, true_params, solid,
     clearance,
 ):  # fmt: skip
     """Move the worlds from `begin` to before `end` on by one env step; return (arrivals, robots that seek a manoeuvre).
@@ -274,8 +285,8 @@ def advance(
             said = max(p["latency"] - repeat + p["repeat"] - 1, 0) // p["repeat"]  # env steps ago
             _choose(
                 robots[b], persons[b], routes[b], arcs[b], commands[said, b], places, motions, guards,
-                followed, walking, guarded, scanners, None if scanners is None else sights[b], looks, p, solid,
-                clearance,
+                followed, stopping, walking, guarded, scanners, None if scanners is None else sights[b], looks, p,
+                solid, clearance,
             )  # fmt: skip
             _carry_out(
                 robots[b], persons[b], actual[b], errors[b, repeat], near, motions, own, walking, guarded, erring, p,
@@ -290,7 +301,7 @@ def advance(
             if walking is not None:
                 people.end_contacts(robots[b], persons[b], p)
             for i in range(count):
-                waiting[b] += _end(robots[b, i], routes[b, i], p)
+                waiting[b] += _end(robots[b, i], routes[b, i], stopping, p)
         for i in range(count):
             _total(robots[b, i], p)
             seeking += robots[b, i]["seeks"] != 0
@@ -301,8 +312,8 @@ def advance(
 
 @kernel
 def observe(
-    begin, end, late, robots, routes, persons, waiting, walking, params, rays, table, weights, edges, seen, first, out,
-    terms, reward,
+    begin, end, late, robots, routes, persons, waiting, stopping, walking, params, rays, table, weights, edges, seen,
+    first, out, terms, reward,
 ):  # fmt: skip
     """Write observations, rewards and their terms of the worlds from `begin` to before `end`: those that are `waiting`
     if `late`, which then are no more, else all others.
@@ -316,6 +327,6 @@ def observe(
         if (waiting[b] != 0) == late:
             waiting[b] = 0
             _observe_world(
-                robots[b], persons[b], routes[b], places, sights, walking, p, rays, table, weights, edges, seen, first,
-                out[b], terms[b], reward[b],
+                robots[b], persons[b], routes[b], places, sights, stopping, walking, p, rays, table, weights, edges,
+                seen, first, out[b], terms[b], reward[b],
             )  # fmt: skip

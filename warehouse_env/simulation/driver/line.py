@@ -57,21 +57,24 @@ def locate(r, route):
 
 
 @inline
-def point_at(route, points, spacing, along):
-    """Return the point `along` [m] a route of at least 2 points and its direction (x, y, ux, uy); its end at most."""
+def point_at(route, points, spacing, along, beyond):
+    """Return the point `along` [m] a route of at least 2 points and its direction (x, y, ux, uy).
+
+    It lies `beyond` its end at most, straight on: in spacings, for 0 and infinity alike in metres.
+    """
     at = along / spacing
     k = min(int(at), points - 2)
-    part = min(at - np.float32(k), ONE)
+    part = min(at - np.float32(k), ONE + beyond)
     dx, dy = route[k + 1, 0] - route[k, 0], route[k + 1, 1] - route[k, 1]
     return route[k, 0] + part * dx, route[k, 1] + part * dy, dx / spacing, dy / spacing
 
 
 @inline
-def way_point(r, route, ahead):
-    """Return the route's point `ahead` [m] of the robot and its direction (x, y, ux, uy); the goal at most."""
+def way_point(r, route, ahead, beyond):
+    """Return the route's point `ahead` [m] of the robot and its direction (x, y, ux, uy); `beyond` the goal at most."""
     if r["points"] < 2:
         return r["goal_x"], r["goal_y"], ONE, ZERO
-    return point_at(route, r["points"], r["spacing"], r["position"] + ahead)
+    return point_at(route, r["points"], r["spacing"], r["position"] + ahead, beyond)
 
 
 @inline
@@ -121,7 +124,7 @@ def steer_for(r, tx, ty, p):
 @inline
 def aim(r, route, p):
     """Set follow_steer towards a point of the route ahead; return that, the direction there, and the angle to it."""
-    tx, ty, ux, uy = way_point(r, route, look_ahead(max(r["speed"], ZERO)))
+    tx, ty, ux, uy = way_point(r, route, look_ahead(max(r["speed"], ZERO)), p["beyond"])
     r["follow_steer"], angle = steer_for(r, tx, ty, p)
     return tx, ty, ux, uy, angle
 

@@ -36,7 +36,7 @@ def _write_goals(r, route, apart, many, goals):
     count = 0
     for k in range(many):
         ahead = min(FIRST + apart * np.float32(k), to_go)
-        x, y, ux, uy = way_point(r, route, ahead)
+        x, y, ux, uy = way_point(r, route, ahead, ZERO)
         heading = arc_tan2(uy, ux)
         goals[count, 0], goals[count, 1], goals[count, 2] = x, y, heading
         goals[count, 3] = (last - ahead) / CRUISE

@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline
+from warehouse_env.simulation.driver import arrival
 from warehouse_env.simulation.driver.driving import KEPT, STANDS, drive_arcs, give_up, leads_ahead
 from warehouse_env.simulation.driver.line import aim, room_beside, steer_for
 from warehouse_env.simulation.driver.off_shelves import may_drive
@@ -90,8 +91,11 @@ def _backwards(r, speed, p, solid, clearance):
 
 
 @inline
-def follow(r, route, arcs, wanted_speed, offset, p, solid, clearance):
-    """Set target_speed, target_steer and follow_steer from a wanted speed [m/s] and lateral offset [m]."""
+def follow(r, route, arcs, wanted_speed, offset, stopping, p, solid, clearance):
+    """Set target_speed, target_steer and follow_steer from a wanted speed [m/s] and lateral offset [m].
+
+    stopping: see step.Features.
+    """
     tx, ty, ux, uy, angle = aim(r, route, p)
     r["search_wait"] = max(r["search_wait"] - p["time_step"], ZERO)
     steer = r["follow_steer"]
@@ -106,6 +110,11 @@ def follow(r, route, arcs, wanted_speed, offset, p, solid, clearance):
             give_up(r)
         bend = max(abs(steer) / BEND_SCALE, abs(steer - r["steer"]) / STEER_SCALE)
         on_line = min(speed, CREEP + (p["max_speed"] - CREEP) * max(ZERO, ONE - bend))
+        if stopping is not None:
+            rest = arrival.speed_before(arrival.to_go(r), r["speed"], p)
+            on_line = min(on_line, rest)
+            if rest + r["speed"] == ZERO and r["arcs"] == 0 and r["search_wait"] <= ZERO:  # it stands, but not there
+                r["seeks"], r["search_wait"] = ALONE if alone else AROUND_OTHERS, AGAIN
         aligned = max(abs(angle), abs(r["bearing"])) < BACK_ON and r["stalled_time"] < PATIENCE
         if aligned and leads_ahead(r, arcs) and may_drive(r, on_line, steer, MARGIN, p, solid, clearance):
             give_up(r)

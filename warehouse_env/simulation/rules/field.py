@@ -19,7 +19,6 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part, whole
-from warehouse_env.observation import FIELD
 from warehouse_env.simulation.physics import people
 from warehouse_env.simulation.physics.buckets import bucket_at
 from warehouse_env.simulation.physics.contact import ACCELERATION, COS, HEADING, SIN, SPEED, STEER, STEER_RATE, X, Y
@@ -211,8 +210,7 @@ def settle(robots):
 
 
 @inline
-def observe(r, p, row):
-    """Write the slice `field`, the last of a row: how often and for how long the field has held the robot."""
-    at = row.shape[0] - FIELD
+def observe(r, p, row, at):
+    """Write the slice `field` from row[at] on: how often and for how long the field has held the robot."""
     row[at] = np.float32(r["held"]) / np.float32(p["repeat"])
     row[at + 1] = min(r["held_time"], LONG_HELD) / LONG_HELD

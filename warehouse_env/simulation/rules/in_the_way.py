@@ -58,7 +58,7 @@ def first_in_the_way(robots, i, route, p, near):
     count = _list_near(robots, i, p, near)
     if count == 0 or points < 2:
         return NOBODY
-    x, y, ux, uy = point_at(route, points, spacing, r["position"])
+    x, y, ux, uy = point_at(route, points, spacing, r["position"], ZERO)
     off_x, off_y = r["x"] - x, r["y"] - y
     turned = wrap(r["heading"] - arc_tan2(uy, ux))
     to_go = np.float32(points - 1) * spacing - r["position"]
@@ -67,7 +67,7 @@ def first_in_the_way(robots, i, route, p, near):
         if ahead > to_go:
             return NOBODY
         left = max(ZERO, ONE - ahead / _ONTO_LINE)
-        x, y, ux, uy = point_at(route, points, spacing, r["position"] + ahead)
+        x, y, ux, uy = point_at(route, points, spacing, r["position"] + ahead, ZERO)
         s, c = sin_cos(left * turned)
         c, s = ux * c - uy * s, uy * c + ux * s
         cx, cy = x + left * off_x - p["offset"] * c, y + left * off_y - p["offset"] * s

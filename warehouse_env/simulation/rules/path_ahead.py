@@ -24,7 +24,7 @@ _STRIDE = np.float32(0.125)  # [m] of driving in one step of the prediction
 _FARTHEST = np.float32(16.0)  # [m] of driving looked at
 _STEERED = np.float32(0.19)  # [rad] that the steering changes in a stride at 1 m/s
 _SLOWEST, _FASTEST = np.float32(0.4), np.float32(1.2)  # [m/s] at which the follower's look-ahead is taken
-_THERE = np.float32(0.3)  # [m] before its end at which a route is over
+_THERE = np.float32(0.3)  # [m] before its end at which a route is over that leads through its goal
 RENEWED = 2.0  # [m] of driving after which a path is written anew,
 OFF, TURNED = np.float32(0.05), np.float32(0.15)  # [m] beside a pose just passed, or sine of the angle to it: too
 _JOIN = 40  # way-points in which the route is searched for the end of a manoeuvre
@@ -84,7 +84,7 @@ def _joins(r, route, x, y):
 @inline
 def _steer(route, points, spacing, along, end, side, look, x, y, c, s, p, clearance):
     """Return the steering [rad] of the follower at `along` [m] of its route, with an offset `side` [m]."""
-    tx, ty, ux, uy = point_at(route, points, spacing, min(along + look, end))
+    tx, ty, ux, uy = point_at(route, points, spacing, min(along + look, end + p["beyond"]), p["beyond"])
     if side != ZERO:
         side = room_beside(tx, ty, ux, uy, side, end - along, clearance, p)
     return pursue(x, y, c, s, tx - side * uy, ty + side * ux, p)[0]
@@ -152,9 +152,14 @@ def write_path(r, route, arcs, side, many, p, clearance, path):
             return k, False
         along = _joins(r, route, x, y)
     end = np.float32(points - 1) * spacing
+    stops = p["beyond"] > ZERO
+    over = end if stops else end - _THERE
     look = look_ahead(min(max(r["speed"], _SLOWEST), _FASTEST))
     while k < many and driven < _FARTHEST:
-        if along >= end - _THERE:
+        if along >= over:
+            if stops and to_next < APART:
+                _put(path, k, x, y, heading, driven, p)
+                k += 1
             return k, True
         s, c = sin_cos(heading)
         wanted = _steer(route, points, spacing, along, end, side, look, x, y, c, s, p, clearance)

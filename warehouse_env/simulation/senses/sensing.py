@@ -160,7 +160,7 @@ def write_ego_and_route(r, route, p, out, start):
     out[start + 7] = min(r["waiting_time"], _TWENTY) / _TWENTY
     at = start + EGO
     for k in range(p["route_points"]):
-        x, y, _, _ = way_point(r, route, np.float32(k + 1) * p["route_spacing"])
+        x, y, _, _ = way_point(r, route, np.float32(k + 1) * p["route_spacing"], ZERO)
         dx, dy = x - r["x"], y - r["y"]
         out[at] = (dx * r["cos"] + dy * r["sin"]) / _FIVE
         out[at + 1] = (dy * r["cos"] - dx * r["sin"]) / _FIVE

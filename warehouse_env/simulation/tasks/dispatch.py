@@ -52,7 +52,7 @@ def _take_goal(robots, routes, world, robot, row, column):
     last = r["points"] - 1
     r["task_length"] = np.float64(last) * np.float64(r["spacing"])
     r["goal_x"], r["goal_y"] = routes[world, robot, last, 0], routes[world, robot, last, 1]
-    r["goal_row"], r["goal_col"] = row, column
+    r["goal_row"], r["goal_col"], r["goal_heading"] = row, column, np.float32(np.nan)
 
 
 class Dispatcher(Portable):
