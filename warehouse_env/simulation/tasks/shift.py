@@ -314,7 +314,7 @@ class Shift:
             "served_share": served / time,
             "queueing_share": waited / time,
             "station_utilisation": at_stations / (len(self._stations) * now) if now > 0 else math.nan,
-            "empty_driving": empty / float(driven.sum()) if driven.sum() > 0 else math.nan,
+            "empty_driving": float(empty / driven.sum()) if driven.sum() > 0 else math.nan,
             **({} if self.ledger is None else self.ledger.row(now)),
             **({} if self.batteries is None else self.batteries.row(now)),
         }
