@@ -24,7 +24,7 @@ from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.one_shot import OneShotTasks
 from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.simulation.tasks.placement import place, stand
-from warehouse_env.simulation.tasks.shifts import Shifts
+from warehouse_env.simulation.tasks.shifts import Shifts, check_given
 from warehouse_env.simulation.tasks.tasks import Arrival, Tasks, book_arrival, pass_by, set_out
 
 ROUTE_BLOCK = 64  # way-points by which the routes' array grows
@@ -82,6 +82,7 @@ class Dispatcher(Portable):
         self.live = LiveRoutes(config, book, persons) if config.reroute else None
         tasks = OneShotTasks if config.tasks == "one_shot" else Tasks
         self.tasks = [tasks(book.grid, config) for _ in range(len(robots))]
+        check_given(orders, config)
         self.shifts = Shifts(config, book.grid, self.tasks, params, orders) if config.works else None
         # made when first used: never seeded copies of a Simulator that has not begun go their own ways
         self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.simulation.tasks.allocation import make_allocator
-from warehouse_env.simulation.tasks.battery import CRITICAL, Batteries
+from warehouse_env.simulation.tasks.battery import Batteries
 from warehouse_env.simulation.tasks.duty import Doing, Duty
 from warehouse_env.simulation.tasks.ledger import Ledger
 from warehouse_env.simulation.tasks.places import Places, nearest_cell
@@ -39,15 +39,17 @@ class Shift:
     """What the robots of one world do next."""
 
     def __init__(
-        self, config: EnvConfig, grid: GridMap, tasks: Tasks, waiting: Sequence[Cell], chargers: Sequence[Cell]
-    ) -> None:
+        self, config: EnvConfig, grid: GridMap, tasks: Tasks, waiting: Sequence[Cell], chargers: Sequence[Cell],
+        batteries: Batteries | None,
+    ) -> None:  # fmt: skip
+        """waiting, chargers: cells to stand at; batteries: of its robots."""
         self._config, self._grid, self._tasks = config, grid, tasks
         self._waiting, self._chargers = list(waiting), list(chargers)
         self._stations = set(grid.endpoints[1])
         self._step = config.time_step * config.action_repeat  # [s]
         self._full = config.battery.full if config.battery else 0.0
         self._allocate_by = make_allocator(config.orders.allocation) if config.orders else None
-        self.batteries = Batteries(config.battery, config.robot, config.num_agents) if config.battery else None
+        self.batteries = batteries
         self.load = np.zeros(config.num_agents)  # [kg]
         self.begin(np.random.default_rng(), None)
 
@@ -143,11 +145,13 @@ class Shift:
         share = batteries.share
         for robot in np.flatnonzero(charging & (share >= spec.full)).tolist():
             self._next(robot)
-        for robot in np.flatnonzero(share < spec.low).tolist():
+        cells = self._grid.cell(np.stack([robots["x"], robots["y"]], axis=-1))
+        critical = batteries.is_critical(cells, self.load)
+        for robot in np.flatnonzero(critical | (share < spec.low)).tolist():
             duty = self.duties[robot]
             if duty.doing == Doing.RESTS:
                 self._go_and_charge(robot)
-            if share[robot] >= CRITICAL * spec.low:
+            if not critical[robot]:
                 continue
             if share[robot] <= 0.0 and duty.doing != Doing.CHARGES:
                 robots[robot]["alive"] = 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
@@ -10,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, shown
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.simulation.state import goal_of
+from warehouse_env.simulation.tasks.battery import Batteries
 from warehouse_env.simulation.tasks.demand import Demand
 from warehouse_env.simulation.tasks.ledger import Ledger
 from warehouse_env.simulation.tasks.loads import limits_for, put_on
@@ -22,6 +24,35 @@ from warehouse_env.simulation.tasks.shift import Shift
 from warehouse_env.simulation.tasks.tasks import Tasks
 
 _STREAM = 4  # behind the world's own entropy
+
+
+def check_given(orders: object, config: EnvConfig) -> None:
+    """Raise ConfigError for what is no sequence of orders, and where the config has none."""
+    if orders is None:
+        return
+    if not isinstance(orders, Sequence) or not all(isinstance(order, Order) for order in orders):
+        raise ConfigError(f"orders={shown(orders)} must be a list of type Order")
+    if config.orders is None:
+        raise ConfigError("orders that are given need orders=OrderSpec() in the config")
+
+
+def _ways_home(grid: GridMap, chargers: Sequence[Cell]) -> NDArray[np.float64]:
+    """Return float64[H, W] [m]: the way from each cell to the nearest charger; inf where there is none."""
+    fields = [grid.distance_to(charger) for charger in chargers]
+    return np.min(fields, axis=0) * grid.cell_size if fields else np.full(grid.shape, np.inf)
+
+
+def _check_reach(config: EnvConfig, grid: GridMap, batteries: Batteries, home: NDArray[np.float64]) -> None:
+    """Raise ConfigError for batteries with which a robot cannot go from a charger to any place and back."""
+    spec = config.battery
+    assert spec is not None
+    way = float(home[tuple(np.array(grid.endpoints[2]).T)].max())
+    least = 2 * float(batteries.needed(way, config.robot.payload)) / spec.full
+    if spec.capacity < least:
+        raise ConfigError(
+            f"BatterySpec.capacity={spec.capacity:g} Wh is too little for map {grid.name!r}, where a charger may be "
+            f"{way:.0f} m away; give at least {math.ceil(least)}, or more chargers"
+        )
 
 
 class Shifts:
@@ -37,7 +68,13 @@ class Shifts:
         if self.orders is not None:
             check_orders(self.orders, grid, config.robot.payload)
         waiting, chargers = self._places(config, grid)
-        self._each = [Shift(config, grid, one, waiting, chargers) for one in tasks]
+        home = _ways_home(grid, chargers)
+        batteries = [Batteries(config, home) if config.battery is not None else None for _ in tasks]
+        if batteries and batteries[0] is not None:
+            _check_reach(config, grid, batteries[0], home)
+        self._each = [
+            Shift(config, grid, one, waiting, chargers, battery) for one, battery in zip(tasks, batteries, strict=True)
+        ]
         self.limits = limits_for(params, len(tasks), config.num_agents) if config.loads else None
         self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
 
