@@ -23,6 +23,7 @@ from warehouse_env.simulation.tasks.duty import Doing
 from warehouse_env.simulation.tasks.loads import slowed
 from warehouse_env.simulation.tasks.orders import Order, write_orders
 from warehouse_env.simulation.tasks.places import Places, standing_places
+from warehouse_env.simulation.tasks.service import service_time
 from warehouse_env.simulation.tasks.well_formed import disc_of
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
@@ -82,6 +83,16 @@ def test_a_service_takes_its_time_and_the_robot_stands() -> None:
     assert row["served_share"] * row["seconds"] == pytest.approx(6.0)
     assert row["station_utilisation"] * row["seconds"] * len(STATIONS) == pytest.approx(2.0)
     assert shift.load[0] == 0
+
+
+def test_service_varies_about_its_mean_as_asked() -> None:
+    rng, spec = np.random.default_rng(0), ServiceSpec(pick=20.0, station=40.0, variation=0.5)
+    for at_station, mean in ((False, 20.0), (True, 40.0)):
+        drawn = [service_time(spec, at_station, rng) for _ in range(4000)]
+        assert np.mean(drawn) == pytest.approx(mean, rel=0.05)
+        assert np.std(drawn) == pytest.approx(mean / 2, rel=0.05)
+    assert service_time(ServiceSpec(pick=7.0), False, rng) == 7.0
+    assert service_time(None, True, rng) == 0.0
 
 
 def test_a_load_slows_by_the_rule() -> None:

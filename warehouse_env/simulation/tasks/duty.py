@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from enum import IntEnum, auto
 
@@ -30,5 +29,4 @@ class Duty:
     stops: list[Cell] = field(default_factory=list)  # of its work, to come
     order: int | None = None  # its number, if the work is one
     wants: Cell | None = None  # that it waits for
-    until: float = math.inf  # [s], end of its service
     since: float = 0.0  # [s], when it began to wait

@@ -21,6 +21,7 @@ from warehouse_env.errors import ConfigError, WarehouseError, shown
 from warehouse_env.files import complete_file, path_of
 from warehouse_env.maps.grid_map import Cell, GridMap
 
+EXAMPLE_ORDERS = Path(__file__).parents[2] / "maps" / "data" / "paper46-orders.csv"  # an hour on the floor paper46
 FIELDS = ("release_s", "picks", "drop", "due_s", "weight_kg")
 _MOST = 1_000_000  # orders, and seconds times a thousand: nobody plans further
 _LATEST = 1e9  # [s]

@@ -28,10 +28,13 @@ from warehouse_env.simulation.tasks.battery import Batteries
 from warehouse_env.simulation.tasks.duty import Doing, Duty
 from warehouse_env.simulation.tasks.ledger import Ledger
 from warehouse_env.simulation.tasks.places import Places, nearest_cell
+from warehouse_env.simulation.tasks.service import service_time
+from warehouse_env.simulation.tasks.tally import Tally
 from warehouse_env.simulation.tasks.tasks import Tasks
 
 WINDOW = 64  # open orders that are looked at for an allocation, the oldest
 _LOOK = 1.0  # [s] between two looks at the batteries
+_ROUNDING = 1e-9  # [s]
 _MINUTE = 60.0  # [s] of service from which on the observation says the same
 
 
@@ -62,10 +65,10 @@ class Shift:
         self.load[:] = 0.0
         self.carries = np.zeros(count, dtype=np.bool_)
         self._goals: dict[int, Cell] = {}
-        self._at_stations = self._served = self._waited = 0.0  # [s]
+        self._until = np.full(count, np.inf)  # [s], end of each robot's service
+        self._tally = Tally(count)
         self._ticks = -1  # env steps since the reset
-        self._empty, self._seen = 0.0, np.zeros(count)  # [m]
-        self._looked = -math.inf
+        self._looked = self._wake = -math.inf  # [s], of the batteries; when something is to be done
         if self.batteries is not None:
             self.batteries.begin(rng)
 
@@ -84,33 +87,23 @@ class Shift:
         duty, ledger = self.duties[robot], self.ledger
         if ledger is not None and duty.order is not None and not self.carries[robot]:
             ledger.give_back(duty.order)
-        self._places.leave(robot)
-        self.duties[robot] = Duty(Doing.BROKEN)
+        if duty.doing not in (Doing.SERVED, Doing.CHARGES):  # else it stands where nobody else is to go
+            self._places.leave(robot)
+        self.duties[robot], self._until[robot], self._wake = Duty(Doing.BROKEN), math.inf, -math.inf
 
     def arrive(self, robot: int) -> bool:
         """Let a robot that has reached its goal stand there; return whether that is a stop of its work."""
         duty = self.duties[robot]
         if duty.doing == Doing.STOP:
-            seconds = self._service(duty.stops[0])
-            duty.doing, duty.until = Doing.SERVED, self._now + self._step + seconds
-            self._served += seconds
-            if duty.stops[0] in self._stations:
-                self._at_stations += seconds
+            at_station = duty.stops[0] in self._stations
+            seconds = service_time(self._config.service, at_station, self._rng)
+            self._tally.serve(seconds, at_station)
+            duty.doing, self._until[robot] = Doing.SERVED, (self._ticks + 1) * self._step + seconds
+            self._wake = min(self._wake, float(self._until[robot]))
             return True
         if duty.doing == Doing.CHARGER:
             duty.doing = Doing.CHARGES
         return False
-
-    def _service(self, cell: Cell) -> float:
-        """Draw how long a service takes [s]."""
-        spec = self._config.service
-        if spec is None:
-            return 0.0
-        mean = spec.station if cell in self._stations else spec.pick
-        if spec.variation == 0 or mean == 0:
-            return mean
-        shape = 1.0 / spec.variation**2
-        return float(self._rng.gamma(shape, mean / shape))
 
     def go_on(self, robots: NDArray[Any]) -> dict[int, Cell]:
         """Return the goals of those robots ROBOT[N] that are to drive elsewhere now.
@@ -121,9 +114,10 @@ class Shift:
         self._goals, now = {}, self._now
         if self.batteries is not None and now - self._looked >= _LOOK:
             self._look_at_batteries(now, robots)
-        for robot, duty in enumerate(self.duties):
-            if duty.until <= now:
-                self._end_service(robot, now, robots)
+        if now < self._wake - _ROUNDING:
+            return self._goals
+        for robot in np.flatnonzero(self._until <= now + _ROUNDING).tolist():
+            self._end_service(robot, now, robots)
         if self.ledger is not None:
             self.ledger.release(now)
             self._allocate(robots)
@@ -132,6 +126,7 @@ class Shift:
         for robot, duty in enumerate(self.duties):
             if duty.doing == Doing.FREE:
                 self._rest(robot, robots)
+        self._wake = min(float(self._until.min()), math.inf if self.ledger is None else self.ledger.next_release)
         return self._goals
 
     def _look_at_batteries(self, now: float, robots: NDArray[Any]) -> None:
@@ -162,10 +157,9 @@ class Shift:
     def _end_service(self, robot: int, now: float, robots: NDArray[Any]) -> None:
         """Load or unload, and go on to what is next."""
         duty = self.duties[robot]
-        duty.until = math.inf
-        cell, driven = duty.stops.pop(0), float(robots["distance"][robot])
-        self._empty += 0.0 if self.carries[robot] else driven - self._seen[robot]
-        self._seen[robot] = driven
+        self._until[robot] = math.inf
+        cell = duty.stops.pop(0)
+        self._tally.drive(robot, float(robots["distance"][robot]), bool(self.carries[robot]))
         self._reload(robot, cell)
         if duty.order is not None and not duty.stops:
             assert self.ledger is not None
@@ -190,7 +184,7 @@ class Shift:
     def _next(self, robot: int) -> None:
         """Send a robot to what comes next, if that is settled already: charging, or a stop."""
         duty, spec = self.duties[robot], self._config.battery
-        duty.doing = Doing.FREE
+        duty.doing, self._wake = Doing.FREE, -math.inf
         low = spec is not None and self.batteries is not None and self.batteries.share[robot] < spec.low
         if low and not duty.stops:
             self._go_and_charge(robot)
@@ -208,7 +202,7 @@ class Shift:
             self._wait(robot, cell)
             return
         if duty.doing == Doing.WAITS:
-            self._waited += self._now - duty.since
+            self._tally.waited += self._now - duty.since
         self._drive(robot, cell, doing)
         duty.wants = None
 
@@ -241,6 +235,7 @@ class Shift:
 
     def _go_and_charge(self, robot: int) -> None:
         """Send a robot to the charger for which the fewest wait."""
+        self._wake = -math.inf
         held = self._places.held_by
         charger = min(self._chargers, key=lambda cell: (cell in held) + self._places.queued(cell))
         self._head_for(robot, charger, Doing.CHARGER)
@@ -287,11 +282,10 @@ class Shift:
 
     def write_needs(self, out: NDArray[np.float32]) -> None:
         """Write each robot's own needs into float32[N, K] of the observation (see observation_layout)."""
-        left = np.array([min(max(duty.until - self._now, 0.0), _MINUTE) for duty in self.duties])
-        served = np.array([duty.doing == Doing.SERVED for duty in self.duties])
+        served = np.isfinite(self._until)
         out[:, 0] = self.load / max(self._config.robot.payload, 1.0)
         out[:, 1] = served
-        out[:, 2] = np.where(served, left, 0.0) / _MINUTE
+        out[:, 2] = np.where(served, np.clip(self._until - self._now, 0.0, _MINUTE) / _MINUTE, 0.0)
         if self.batteries is not None:
             out[:, 3] = self.batteries.share
 
@@ -301,24 +295,13 @@ class Shift:
         return self._ticks * self._step
 
     def row(self, robots: NDArray[Any]) -> dict[str, float]:
-        """Return the metrics of the shift so far.
-
-        `served_share`, `queueing_share`: of the robots' time, in service and waiting for a cell that another holds;
-        `station_utilisation`: of the stations' time, with a robot in service; `empty_driving`: of the metres driven,
-        those without a load; and those of orders and batteries (Ledger.row, Batteries.row).
-        """
-        now, driven = self._now, robots["distance"]
-        empty = self._empty + float((driven - self._seen)[~self.carries].sum())
-        left = [(max(duty.until - now, 0.0), duty.stops[0]) for duty in self.duties if duty.doing == Doing.SERVED]
-        at_stations = self._at_stations - sum(seconds for seconds, cell in left if cell in self._stations)
-        served = self._served - sum(seconds for seconds, _ in left)
-        waited = self._waited + sum(now - duty.since for duty in self.duties if duty.doing == Doing.WAITS)
-        time = len(self.duties) * now if now > 0 else math.nan
+        """Return the metrics of the shift so far, and of its orders and batteries (Tally, Ledger, Batteries)."""
+        now, duties = self._now, self.duties
+        served = [(k, duty.stops[0] in self._stations) for k, duty in enumerate(duties) if duty.doing == Doing.SERVED]
+        to_come = [(max(float(self._until[robot]) - now, 0.0), at_station) for robot, at_station in served]
+        waiting = sum(now - duty.since for duty in duties if duty.doing == Doing.WAITS)
         return {
-            "served_share": served / time,
-            "queueing_share": waited / time,
-            "station_utilisation": at_stations / (len(self._stations) * now) if now > 0 else math.nan,
-            "empty_driving": float(empty / driven.sum()) if driven.sum() > 0 else math.nan,
+            **self._tally.row(now, robots["distance"], self.carries, to_come, waiting, len(self._stations)),
             **({} if self.ledger is None else self.ledger.row(now)),
             **({} if self.batteries is None else self.batteries.row(now)),
         }
