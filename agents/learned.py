@@ -66,9 +66,11 @@ class LearnedPolicy:
                 raise WeightsError(f"{directory} is made for {field}={trained}, not {given}; {fits}")
         if self.record.env.protective_field and not config.protective_field:
             raise WeightsError(f"{directory} was trained under the protective field, and needs protective_field=True")
-        # slices of field and goal come last, so a policy that was trained without them reads what it knows
+        # slices of field, goal and needs come last, so a policy that was trained without them reads what it knows
         fielded, passing = self.record.env.protective_field, self.record.env.arrival == "pass"
-        seen = config.replace(arrival="pass") if passing else config
+        works = self.record.env.works
+        seen = config if works else config.replace(service=None, orders=None, battery=None)
+        seen = seen.replace(arrival="pass") if passing else seen
         if passing and not fielded:
             seen = seen.replace(protective_field=False, right_of_way=False)  # which needs it
         size, network = observation_layout(seen).size, self.record.network

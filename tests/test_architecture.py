@@ -27,6 +27,7 @@ BASE = (
     "warehouse_env.own_parts",
     "warehouse_env.portable",
     "warehouse_env.threads",
+    "warehouse_env.work",
 )
 PLANNING = (*BASE, "warehouse_env.maps", "warehouse_env.planning")
 ROUTES = (*PLANNING, "warehouse_env.routes")
@@ -50,6 +51,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.kernel": ("warehouse_env.compiled",),
     "warehouse_env.files": ("warehouse_env.errors",),
     "warehouse_env.threads": ("warehouse_env.errors",),
+    "warehouse_env.work": ("warehouse_env.errors", "warehouse_env.checked", "warehouse_env.field_notes"),
     "warehouse_env.own_parts": ("warehouse_env.errors", "warehouse_env.checked", "warehouse_env.files"),
     "warehouse_env.config": BASE,
     "warehouse_env.observation": BASE,

@@ -22,6 +22,7 @@ from train.learning.config import TrainingConfig
 from train.reporting.rows import read_rows
 from warehouse_env import EnvConfig, SensorSpec, Simulator, observation_layout, read_map
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS
+from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 PROGRAMS = ("warehouse", "make", "pip", "python", "tensorboard", "jupyter")
 PYTHON = python_blocks()
@@ -214,7 +215,8 @@ def test_the_observation_table_is_the_layout() -> None:
 def test_names_are_those_of_the_code() -> None:
     reward = section("Reward")
     assert tuple(re.findall(r"`(\w+)` \(", reward)) == REWARD_TERMS
-    metrics = Simulator(EnvConfig(layout="open", num_agents=1, planner="astar", people=1))
+    work = {"arrival": "stop", "service": ServiceSpec(), "orders": OrderSpec(), "battery": BatterySpec()}
+    metrics = Simulator(EnvConfig(layout="open", num_agents=1, planner="astar", people=1, **work))
     metrics.reset(seed=0)
     named = re.findall(r"`(\w+)`", "\n".join(re.findall(r"^\| (`.*?) \|", section("Metrics"), re.MULTILINE)))
     assert len(named) > 8

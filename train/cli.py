@@ -61,6 +61,7 @@ _COMMANDS = {
     "train reinforce": ("commands.training:TrainReinforce", "train our policy gradient"),
     "train ppo": ("commands.training:TrainPPO", "train PPO by stable-baselines3"),
     "train threaded_ppo": ("commands.training:TrainThreadedPPO", "train our PPO, in threads"),
+    "orders": ("commands.orders:Orders", "draw orders for a floor, as a file that evaluate carries out"),
     "evaluate": ("commands.evaluate:Evaluate", "drive policies over held-out episodes and count collisions"),
     "compare": ("commands.compare:Compare", "hold runs of evaluate against each other, in pairs"),
     "benchmark": (

@@ -31,16 +31,20 @@ if TYPE_CHECKING:
     from warehouse_env.render.video import VideoWriter
     from warehouse_env.simulation.simulator import Simulator
     from warehouse_env.threads import set_num_threads
+    from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 __version__ = "0.1.0"
 
 _HOME = {
+    "BatterySpec": "work",
     "EnvConfig": "config",
     "FieldSpec": "config",
+    "OrderSpec": "work",
     "RerouteSpec": "config",
     "RewardWeights": "config",
     "RobotSpec": "config",
     "SensorSpec": "config",
+    "ServiceSpec": "work",
     "MetricsCallback": "envs.callback",
     "WarehouseParallelEnv": "envs.parallel",
     "aec_env": "envs.parallel",
@@ -81,12 +85,14 @@ __all__ = [
     "PLANNERS",
     "ActionError",
     "BasePlanner",
+    "BatterySpec",
     "ConfigError",
     "EnvConfig",
     "FieldSpec",
     "GridMap",
     "MapError",
     "MetricsCallback",
+    "OrderSpec",
     "Plan",
     "PlanError",
     "Planner",
@@ -95,6 +101,7 @@ __all__ = [
     "RobotSpec",
     "Scene",
     "SensorSpec",
+    "ServiceSpec",
     "Simulator",
     "VideoWriter",
     "WarehouseError",

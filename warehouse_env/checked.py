@@ -79,16 +79,30 @@ def from_plain(cls: type[T], data: Any) -> T:
     data = _without_retired(cls, data)
     check_names(f"{cls.__name__} parameter", data, cls)
     kinds = _kinds_of(cls)
-    inner: dict[str, Any] = {name: kind for name, kind in kinds.items() if dataclasses.is_dataclass(kind)}
+    inner: dict[str, Any] = {name: part for name, kind in kinds.items() if (part := _dataclass_of(kind)) is not None}
     for field in dataclasses.fields(cls):  # type: ignore[arg-type]
         missing = field.default is field.default_factory is dataclasses.MISSING
         if missing and field.name not in data:
             raise ConfigError(f"{cls.__name__} lacks the entry {field.name!r}")
     given = {
-        name: from_plain(inner[name], value) if name in inner and not isinstance(value, inner[name]) else value
+        name: from_plain(inner[name], value) if name in inner and not _fits(value, kinds[name]) else value
         for name, value in data.items()
     }
     return cls(**given)
+
+
+def _dataclass_of(kind: Any) -> Any:
+    """Return the dataclass that an annotation is or may be, as `Part | None`; None if there is none."""
+    return next((one for one in (kind, *get_args(kind)) if dataclasses.is_dataclass(one)), None)
+
+
+def _fits(value: Any, kind: Any) -> bool:
+    """Whether a value is what an annotation of a dataclass asks for already."""
+    try:
+        _fitted(value, kind)
+    except _WrongError:
+        return False
+    return True
 
 
 def _without_retired(cls: type, data: Any) -> Any:

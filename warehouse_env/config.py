@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal, TypedDict, Unpack
 
 from warehouse_env.checked import Checked, check_names, from_plain
 from warehouse_env.field_notes import documented
+from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 ActionType = Literal["discrete", "continuous", "raw"]
 TaskMode = Literal["lifelong", "one_shot"]
@@ -38,12 +39,14 @@ class RobotSpec(Checked):
     max_acceleration: float = 1.0  # [m/s^2], braking as well
     max_steering: float = math.radians(60.0)  # [rad], of the rear wheels, either side
     max_steering_rate: float = 1.5  # [rad/s]
-    payload: float = 500.0  # [kg], paper 000; for pictures and cards only
+    mass: float = 500.0  # [kg] without load
+    payload: float = 500.0  # [kg] that it carries at most, paper 000
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._between(_LEAST, _MOST, "length", "width", "height", "wheelbase")
         self._between(_LEAST, _MOST, "max_speed", "max_acceleration", "max_steering_rate")
+        self._between(_LEAST, 1e9, "mass")
         self._between(0.0, 1e9, "payload")
         self._between(-_MOST, 0.0, "min_speed")
         self._between(_LEAST, 1.57, "max_steering")
@@ -204,6 +207,9 @@ class EnvConfig(Checked):
     message_burst: float = 0.0  # [s] for which nobody does each time; an env step at the least
     reroute: bool = False  # route robots anew around others that stand, and against the stream of all others
     reroute_spec: RerouteSpec = field(default_factory=RerouteSpec)  # when, and by which planner
+    service: ServiceSpec | None = None  # robots stand to be loaded and unloaded; None: an arrival takes no time
+    orders: OrderSpec | None = None  # goals are what somebody orders; None: they are drawn, and never end
+    battery: BatterySpec | None = None  # robots use up energy and charge; None: they need none
     robot: RobotSpec = field(default_factory=RobotSpec)  # its body and limits
     sensor: SensorSpec = field(default_factory=SensorSpec)  # what it perceives
     reward: RewardWeights = field(default_factory=RewardWeights)  # weights of its terms
@@ -233,6 +239,7 @@ class EnvConfig(Checked):
         rule = f"at most {_COMMANDS // levels} numbers beside {levels} speed_levels"
         self._require(levels * len(self.lateral_offsets) <= _COMMANDS, "lateral_offsets", rule)
         self._check_traffic()
+        self._check_work()
 
     def _check_traffic(self) -> None:
         """Refuse options of traffic that make no sense together (docs/traffic.md).
@@ -246,6 +253,28 @@ class EnvConfig(Checked):
         exact = not any(getattr(spec, name) for spec in (self, self.field_spec) for name in errors)
         rule = "False or True with any pose_error, heading_error or actuation_error, of EnvConfig or FieldSpec"
         self._require(exact or self.protective_field != "lidar", "protective_field", rule)
+
+    def _check_work(self) -> None:
+        """Refuse work where robots do not work on: who is served stands as if parked, for a while."""
+        for name in ("service", "orders", "battery"):
+            on = getattr(self, name) is not None
+            goes_on = self.tasks == "lifelong" and not self.terminate_on_collision
+            self._require(goes_on or not on, name, "None unless tasks are lifelong and no collision ends an episode")
+            stands = self.arrival != "pass"
+            self._require(stands or not on, name, 'None unless robots stand where they arrive; set arrival="stop"')
+        if self.service is not None:
+            fits = self.service.load <= self.robot.payload
+            self._require(fits, "service", f"of a load up to the robot's payload of {self.robot.payload:g} kg")
+
+    @property
+    def works(self) -> bool:
+        """Whether robots do more than drive from goal to goal: they are served, carry out orders, or charge."""
+        return any(part is not None for part in (self.service, self.orders, self.battery))
+
+    @property
+    def loads(self) -> bool:
+        """Whether robots carry what makes them slower."""
+        return self.orders is not None or (self.service is not None and self.service.load > 0)
 
     def replace(self, **changes: Unpack[ConfigChanges]) -> EnvConfig:
         """Return a copy with some fields changed; unknown names raise ConfigError."""
@@ -301,6 +330,9 @@ class EnvOptions(TypedDict, total=False):
     message_burst: float
     reroute: bool
     reroute_spec: RerouteSpec
+    service: ServiceSpec | None
+    orders: OrderSpec | None
+    battery: BatterySpec | None
     robot: RobotSpec
     sensor: SensorSpec
     reward: RewardWeights

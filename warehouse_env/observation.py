@@ -9,6 +9,7 @@ from warehouse_env.config import EnvConfig
 EGO = 8  # speed, steering, follower's steering, bearing, lateral, remaining, contact time, waiting time
 FIELD = 2  # held, time held
 GOAL = 5  # x, y, cos, sin, to be braked for
+NEEDS = 3  # load, being served, seconds of it left; with a battery its charge
 NEIGHBOUR = 7  # x, y, cos, sin, vx, vy, present
 
 
@@ -37,6 +38,8 @@ def observation_layout(config: EnvConfig) -> ObservationLayout:
         min(seconds for which it has done so without a break, 5) / 5.
     goal[5], if robots stop at goals (EnvConfig.arrival): (x, y) / 5 m of the goal's point, each within +-4; cos and sin
         of the goal's heading minus the own, both 0 where any will do; 1 where it must brake to stop there, else 0.
+    needs[3 or 4], if robots are served, carry out orders or charge: load / payload, 1 while it is served,
+        min(seconds of that left, 60) / 60, and with a battery the share of its capacity that is left.
     """
     sensor = config.sensor
     sizes = {
@@ -51,6 +54,8 @@ def observation_layout(config: EnvConfig) -> ObservationLayout:
         sizes["field"] = FIELD
     if config.arrival != "pass":  # the last, so that policies who know nothing of it read what comes before
         sizes["goal"] = GOAL
+    if config.works:
+        sizes["needs"] = NEEDS + (config.battery is not None)
     slices, start = {}, 0
     for name, size in sizes.items():
         slices[name] = slice(start, start + size)

@@ -28,6 +28,7 @@ from agents.weights_folder import read_record
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.errors import ConfigError, WeightsError
 from warehouse_env.observation import observation_layout
+from warehouse_env.work import BatterySpec, ServiceSpec
 
 
 def observations(count: int = 5) -> np.ndarray[Any, np.dtype[np.float32]]:
@@ -256,3 +257,15 @@ def test_preferences_are_the_logits_and_are_drawn_as_actions_are(folder: Path) -
     assert np.array_equal(liked.argmax(-1), policy.act(seen, np.random.default_rng(5)))
     policy.record = dataclasses.replace(policy.record, mode="greedy")
     assert np.array_equal(ranked(policy, seen, np.random.default_rng(5)), policy.output(seen))
+
+
+@pytest.mark.parametrize("name", ["reinforce", "ppo", "threaded_ppo", "unshielded"])
+def test_a_shipped_policy_passes_over_what_its_robot_needs(name: str) -> None:
+    config = policy_config(name, EnvConfig(num_agents=3, arrival="stop"))
+    busy = config.replace(service=ServiceSpec(), battery=BatterySpec())
+    seen = np.random.default_rng(0).normal(size=(1, 3, observation_layout(busy).size)).astype(np.float32)
+    short = seen[..., : observation_layout(config).size]
+    policies = [make_policy(name, one) for one in (config, busy)]
+    outputs = [one.output(o) for one, o in zip(policies, (short, seen), strict=True) if isinstance(one, LearnedPolicy)]
+    assert len(outputs) == 2
+    np.testing.assert_array_equal(*outputs)

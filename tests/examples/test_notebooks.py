@@ -17,13 +17,14 @@ ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
 # What each must have shown in the end, beside having run: parts of its outputs as text.
 SHOWN = {
+    "day_of_orders": ("orders_done", "stranded", "image/png"),
     "compare_planners": ("| astar_turns | 4 of 4 | 0.00% |", "image/png"),
     "train_and_evaluate": ("wrote the rows to", "# threaded_ppo", "image/png"),
     "watch_robots": ("goals_per_robot_hour", "image/gif", "image/png"),
 }
 
 
-def test_there_are_three() -> None:
+def test_there_are_four() -> None:
     assert {path.stem for path in NOTEBOOKS} == set(SHOWN)
 
 

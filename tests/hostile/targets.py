@@ -49,6 +49,8 @@ from warehouse_env.routes.book import PlanStore
 from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
+from warehouse_env.simulation.tasks.orders import check_orders, read_orders, write_orders
+from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 
 class Target(NamedTuple):
@@ -60,13 +62,20 @@ class Target(NamedTuple):
 
 
 SMALL: dict[str, Any] = {"num_agents": 2, "planner": "astar", "layout": "open", "max_steps": 6}
-CONFIGS = (EnvConfig, RobotSpec, SensorSpec, RerouteSpec, RewardWeights, ReinforceConfig, PPOConfig, ThreadedPPOConfig)
+CONFIGS = (
+    EnvConfig, RobotSpec, SensorSpec, RerouteSpec, RewardWeights, BatterySpec, OrderSpec, ServiceSpec,
+    ReinforceConfig, PPOConfig, ThreadedPPOConfig,
+)  # fmt: skip
 LIVE: tuple[dict[str, Any], ...] = (
     {"do": "play", "playing": True}, {"do": "speed", "speed": 2.5}, {"do": "leave", "person": 0},
     {"do": "make", "policy": "greedy", "floor": "open", "robots": 8, "seed": 1},
     {"do": "shelves", "cells": [[1, 2], [3, 4]], "stand": True}, {"do": "person", "cell": [5, 6]},
 )  # fmt: skip
 MAP = b"type octile\nheight 4\nwidth 5\nmap\n.@...\n.....\n..@..\n.....\n"
+ORDERS = {
+    "o.csv": b"release_s,picks,drop,due_s,weight_kg\n0,1:1 1:4,9:1,600,120\n5,1:7,9:1,600,1\n",
+    "o.jsonl": b'{"release_s": 0, "picks": [[1, 1]], "drop": [9, 1], "due_s": 9, "weight_kg": 1.5}\n',
+}
 ONE_WAY = b".....\n.>>>.\n.....\n..v..\n"
 SCEN = EXAMPLE_SCEN.read_bytes()[:300]
 RECORD = json.loads((WEIGHTS_FOLDER / "threaded_ppo" / CONFIG).read_text())
@@ -93,6 +102,18 @@ def _map(given: tuple[bytes, bytes], folder: Path) -> None:
     grid = read_map(_written(given[0], folder, "f.map"))
     _use(grid)
     write_map(grid, folder / "g.map")
+
+
+def _make_orders(rng: Random) -> tuple[str, bytes]:
+    name = rng.choice(["o.csv", "o.jsonl"])
+    return name, damaged(rng, ORDERS[name])
+
+
+def _orders(given: tuple[str, bytes], folder: Path) -> None:
+    name, content = given
+    orders = read_orders(_written(content, folder, name))
+    write_orders(folder / f"again-{name}", orders)
+    check_orders(orders, make_layout("open"), 500.0)
 
 
 def _use(grid: GridMap) -> None:
@@ -429,6 +450,7 @@ TARGETS: dict[str, Target] = {
     "model": Target(_make_model, lambda given, f: read_policy(_written(given, f, "model.zip")), 100),
     "checkpoint": Target(_make_checkpoint, _checkpoint, 400),
     "plan store": Target(lambda rng: damaged(rng, _plans()), _store, 20),
+    "orders": Target(_make_orders, _orders, 1000),
     "config": Target(_make_config, _config, 800),
     "plain config": Target(_make_plain, _plain, 500),
     "named": Target(lambda rng: damaged(rng, b"aisles:seed=7,rows=40"), _named, 1500),

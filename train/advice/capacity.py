@@ -11,7 +11,7 @@ from train.advice.curve import Load, goals_of, jams_from, knee, loads, peak, run
 from train.advice.race import FEWEST, mean
 from train.advice.study import Crew, Study
 from train.advice.trials import Use
-from train.reporting.report import MEASURES
+from train.reporting.columns import MEASURES
 from train.reporting.rows import Interval, paired
 from warehouse_env.maps.grid_map import GridMap
 

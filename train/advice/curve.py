@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from train.reporting.report import MEASURES
+from train.reporting.columns import MEASURES
 from train.reporting.rows import Interval, Row, t_quantile
 
 STUCK = 0.05  # share of robots stuck at the end from which a floor counts as jammed

@@ -15,6 +15,7 @@ from train.clmapf.jobs import CheckJob, SolveJob, instances_in
 from train.clmapf.motions import AUTHORS_STEP
 from train.clmapf.table import cells_table, impossible_lines, published_table, unsolved_lines
 from train.evaluation.jobs import Job, Runner
+from train.evaluation.processes import Processes
 from train.evaluation.rollout import MOST
 from train.reporting.rows import Row, RowFile, check_writable, write_text
 from warehouse_env.checked import Checked
@@ -66,7 +67,7 @@ class Clmapf(Checked):
             return
         jobs, path = self._jobs(), self.json or self.out / "rows.jsonl"
         check_writable(self.out / "table.md")
-        with RowFile(path) as file, Runner(file, processes=self.processes) as run:
+        with RowFile(path) as file, Runner(file, workers=Processes(self.processes)) as run:
             rows = run(jobs)
         self._tell(rows)
         print(f"wrote the rows to {path}, the table to {self.out}")

@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar
 
 import tyro
 
+from train.commands.orders import Work
 from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED, known
 from train.evaluation.episodes import Episodes as EpisodesJob
 from train.evaluation.episodes import play
@@ -56,7 +57,7 @@ class Drive(Checked):
     seed: int = HELD_OUT_SEED
     """The first seed, the next ones count on; no training uses seeds from the default on."""
 
-    def chosen(self) -> dict[str, bool | float | str]:
+    def chosen(self) -> dict[str, Any]:
         """Return what options set of EnvConfig; ConfigError where right of way shall step in without being there, and
         where there is to be no field and yet one by lidar.
         """
@@ -78,7 +79,16 @@ GOES_ON = "the same command with --resume goes on"
 
 
 @dataclass(frozen=True)
-class Episodes(Drive, ShardOptions):
+class Working(Work, Drive):
+    """Options of worlds in which robots may be served, carry out orders, or charge."""
+
+    def chosen(self) -> dict[str, Any]:
+        """Return what options set of EnvConfig."""
+        return super().chosen() | self.work()
+
+
+@dataclass(frozen=True)
+class Episodes(Working, ShardOptions):
     """Which episodes to drive, and where their rows go: what evaluate and robust share."""
 
     policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo", "threaded_ppo")

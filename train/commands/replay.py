@@ -13,7 +13,7 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from train.commands.evaluate import Drive
+from train.commands.evaluate import Working
 from train.evaluation.recorded import record, shares_of
 from train.evaluation.rollout import Experiment, identity, make_experiment
 from train.reporting.report import make_progress, require_video
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Record(Drive):
+class Record(Working):
     """Drive a policy through one episode and keep it as a file, for `warehouse replay`."""
 
     policy: str = "ppo"

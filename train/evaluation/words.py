@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from train.evaluation.places import Floor
-from train.reporting.report import MEASURES, counted, difference, grouped, number, short_names, with_interval
+from train.reporting.columns import MEASURES
+from train.reporting.report import counted, difference, grouped, number, short_names, with_interval
 from train.reporting.rows import Interval, Row, apart, is_told, mean_interval, paired, select
 
 _SAME_EPISODE = ("layout", "robots", "tasks", "planner", "seed")

@@ -8,9 +8,8 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from train.reporting.columns import MEASURES, Measure
 from train.reporting.report import (
-    MEASURES,
-    Measure,
     Table,
     counted,
     difference,

@@ -6,7 +6,7 @@ import math
 import re
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
@@ -15,7 +15,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table as RichTable
 
-from train.reporting.rows import Interval, Row, mean_interval, values_of
+from train.reporting.columns import Measure, field_of, measures_for, note_for
+from train.reporting.rows import Interval, Row, values_of
 from warehouse_env.render.extras import load
 
 _PLAIN_WIDTH = 180  # [characters] where the output is no terminal, at the least: tables go to files and pipes whole
@@ -169,72 +170,9 @@ def difference(found: Interval, factor: float = 1.0, digits: int = 3) -> str:
     return f"+{text}" if found.mean > 0 else text
 
 
-@dataclass(frozen=True)
-class Measure:
-    """One column of the evaluation table: how to read it from a row, and in which unit to show it."""
-
-    name: str
-    heading: str
-    value: Callable[[Row], float | None]
-    factor: float = 1.0
-    most: float = math.inf
-    shown: bool = True  # in the table; the others only in `summarise`
-
-    def interval(self, rows: Iterable[Row]) -> Interval:
-        """Return mean and 95% interval over rows, the interval cut to the values that are possible."""
-        return mean_interval(map(self.value, rows)).cut(self.most)
-
-
-def _field(name: str) -> Callable[[Row], float | None]:
-    return lambda row: row.get(name)
-
-
-def _per_km(name: str) -> Callable[[Row], float | None]:
-    return lambda row: row[name] / row["robot_km"] if row.get("robot_km") and name in row else None
-
-
-_COLUMNS = (
-    Measure("collisions_per_km", "collisions/km", _field("collisions_per_km")),
-    Measure("robot_collisions_per_km", "robot-robot/km", _per_km("collisions_robot"), shown=False),
-    Measure("shelf_collisions_per_km", "of it shelves", _per_km("collisions_shelf")),
-    Measure("person_collisions_per_km", "with people/km", _per_km("collisions_person"), shown=False),
-    Measure("near_misses_per_km", "near misses/km", _per_km("near_misses"), shown=False),
-    Measure("goals_per_robot_hour", "goals/robot-h", _field("goals_per_robot_hour")),
-    Measure("late_goals_per_robot_hour", "late", _field("late_goals_per_robot_hour")),
-    Measure("stuck", "stuck %", _field("stuck"), factor=100.0, most=1.0),
-    Measure("deadlocks", "deadlocks", _field("deadlocks")),
-    Measure("longest_standing_s", "longest standing s", _field("longest_standing_s")),
-    Measure("waiting_share", "waiting %", _field("waiting_share"), factor=100.0, most=1.0, shown=False),
-    Measure("path_length_ratio", "driven/planned", _field("path_length_ratio"), shown=False),
-    Measure("ms_per_step", "ms/step", _field("ms_per_step")),
-)
-_PEOPLE = (Measure("longest_person_kept_s", "longest person kept s", _field("longest_person_kept_s")),)
-_ONE_SHOT = (
-    Measure("success_rate", "success %", _field("success_rate"), factor=100.0, most=1.0),
-    Measure("makespan_s", "makespan s", _field("makespan_s")),
-)
-MEASURES = {measure.name: measure for measure in _COLUMNS + _PEOPLE}
 _GROUP = ("layout", "robots", "tasks", "planner", "policy")
-EVALUATION_NOTE = (
-    "Means over episodes [95% interval by Student's t over episodes, cut at what is possible]; a collision counts once "
-    "per contact and pair; late: goals/robot-h of the second half; stuck: share of robots that at the end have not "
-    "advanced for over a minute; deadlocks: circles of robots that waited for each other, an episode; longest "
-    "standing: of any robot within a metre of one place, in an episode."
-)
-_PEOPLE_NOTE = (
-    " Longest person kept: that anybody who wanted to walk had a robot half a metre away, without coming a metre."
-)
 FREE_FLOW = "free_flow_share"
 _FREE_FLOW_NOTE = " Free flow: late goals/robot-h as a share of those of one robot alone under the same policy."
-
-
-def measures_for(rows: Sequence[Row]) -> tuple[Measure, ...]:
-    """Return the columns that say something about these rows: success and makespan only where tasks end, and
-    people only where some walk.
-    """
-    people = _PEOPLE if any("longest_person_kept_s" in row for row in rows) else ()
-    ends = _ONE_SHOT if any(row["tasks"] == "one_shot" for row in rows) else ()
-    return _COLUMNS[:-1] + people + ends + _COLUMNS[-1:]
 
 
 def grouped(rows: Iterable[Row], names: Sequence[str]) -> dict[tuple[object, ...], list[Row]]:
@@ -286,7 +224,7 @@ def evaluation_table(rows: Sequence[Row]) -> Table:
     summary = summarise(rows)
     flow = any(FREE_FLOW in line for line in summary)
     if flow:
-        shown.insert(-1, Measure(FREE_FLOW, "free flow %", _field(FREE_FLOW), factor=100.0))
+        shown.insert(-1, Measure(FREE_FLOW, "free flow %", field_of(FREE_FLOW), factor=100.0))
     short = short_names({str(row[name]) for row in rows for name in names})
     cells = []
     for line in summary:
@@ -294,6 +232,5 @@ def evaluation_table(rows: Sequence[Row]) -> Table:
         cells.append((*(short[str(line[name])] for name in names), str(line["episodes"]), *texts))
     shared = ", ".join(f"{name} {rows[0][name]}" for name in constant)
     header = (*names, "episodes", *(m.heading for m in shown))
-    walked = any(one in shown for one in _PEOPLE)
-    note = EVALUATION_NOTE + (_PEOPLE_NOTE if walked else "") + (_FREE_FLOW_NOTE if flow else "")
+    note = note_for(shown) + (_FREE_FLOW_NOTE if flow else "")
     return Table(f"Evaluation ({shared})" if shared else "Evaluation", header, tuple(cells), note, len(names))

@@ -21,7 +21,8 @@ EPISODE_METRICS = "episode_metrics"  # the key under which a robot's last info h
 _FIELDS = ("driven", "gap", "arrived", "hit_robot", "hit_shelf", "near_miss", "hit_person")
 
 
-Moment = tuple[bytes, bytes, "list[Arrival]"]  # reward terms and records of robots, and who arrived
+# reward terms and records of robots, who arrived, and what a shift says of each
+Moment = tuple[bytes, bytes, "list[Arrival]", "list[dict[str, Any]] | None"]
 
 
 class RobotInfos:
@@ -44,7 +45,9 @@ class RobotInfos:
 
     def keep(self) -> Moment:
         """Return what `read` needs of the last step, for later."""
-        return self._terms_memory.tobytes(), self._events_memory.tobytes(), self._simulator.arrivals
+        shifts, simulator = self._simulator.dispatcher.shifts, self._simulator
+        needs = None if shifts is None else shifts[0].needs()
+        return self._terms_memory.tobytes(), self._events_memory.tobytes(), simulator.arrivals, needs
 
     def read(self, moment: Moment) -> list[dict[str, Any]]:
         """Return one fresh dict per robot, of plain Python numbers about a step that was kept.
@@ -52,10 +55,11 @@ class RobotInfos:
         "reward_terms": the terms of REWARD_TERMS, weighed, whose sum is the reward; "distance_m": driven, in any
         direction; "goals": goals reached; "collisions_robot", "collisions_shelf", "collisions_person": contact
         episodes that began; "near_misses"; "gap" [m] to the nearest robot, as far as gaps are measured. At an arrival
-        also "path_length_m" and "planned_length_m": driven and planned for the task that it finished.
+        also "path_length_m" and "planned_length_m": driven and planned for the task that it finished. Of one that is
+        served, carries out orders or charges also what it is at (`Shift.needs`).
         The names are spelled out, for a dict written so takes half the time of one zipped together.
         """
-        terms, events, arrivals = moment
+        terms, events, arrivals, needs = moment
         infos: list[dict[str, Any]] = [
             {
                 "reward_terms": {
@@ -82,6 +86,8 @@ class RobotInfos:
                 self._terms.iter_unpack(terms), self._events.iter_unpack(events)
             )
         ]  # fmt: skip
+        for info, need in zip(infos, needs or (), strict=False):
+            info |= need
         for arrival in arrivals:
             if arrival.world == 0 and arrival.robot < self._count:
                 infos[arrival.robot] |= finished_task(arrival)
@@ -133,8 +139,8 @@ def finished_task(arrival: Arrival) -> dict[str, float]:
 
 
 def final_metrics(simulator: Simulator, robots: ArrayLike) -> list[dict[str, float]]:
-    """Return the rows of metrics (`robot_rows`, and its world's `people_row`) of robots whose episode has ended with
-    this step.
+    """Return the rows of metrics (`robot_rows`, its world's `people_row` and `work_row`) of robots whose episode has
+    ended with this step.
 
     robots: int[K], counted over all worlds: world * num_agents + robot.
     """
@@ -142,7 +148,8 @@ def final_metrics(simulator: Simulator, robots: ArrayLike) -> list[dict[str, flo
     config, worlds, persons = simulator.config, chosen // simulator.num_agents, simulator.people.persons
     seconds = simulator.steps[worlds] * config.action_repeat * config.time_step
     rows = robot_rows(simulator.robots.reshape(-1)[chosen], seconds, config)
-    return [row | people_row(persons[world]) for row, world in zip(rows, worlds, strict=True)]
+    work = {world: simulator.dispatcher.work_row(world) for world in set(worlds.tolist())}
+    return [row | people_row(persons[world]) | work[int(world)] for row, world in zip(rows, worlds, strict=True)]
 
 
 def _struct_of(record: np.dtype[Any], fields: tuple[str, ...]) -> Struct:

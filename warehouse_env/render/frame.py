@@ -22,6 +22,7 @@ from warehouse_env.render.sprites import (
     Tile,
     body_centre,
     paint_arrow,
+    paint_load,
     paint_person,
     paint_robot,
     plate_centre,
@@ -54,6 +55,7 @@ class Scene(NamedTuple):
     waits_for: NDArray[np.int32] | None = None  # [N], the robot that a waiting one waits for, else -1
     deadlocked: NDArray[np.bool_] | None = None  # [N], those that wait for each other in a circle
     goal_pose: NDArray[np.float32] | None = None  # [N, 3] where robots stop: front axle x, y [m], heading, nan: any
+    loaded: NDArray[np.bool_] | None = None  # [N], those that carry something
     people: NDArray[np.float32] | None = None  # [M, 3], x [m], y [m], the way that they walk [rad]
 
 
@@ -65,7 +67,7 @@ def scene_of(simulator: Any, world: int = 0) -> Scene:
         route_ahead(simulator.routes[world, i, : int(count)], float(state.route_position[world, i]))
         for i, count in enumerate(counts)
     ]
-    jams = simulator.jams()
+    jams, shifts = simulator.jams(), simulator.dispatcher.shifts
     totals = simulator.episode_metrics(world)
     collisions = totals["collisions_robot"] + totals["collisions_shelf"] + totals["collisions_person"]
     parts = [simulator.grid.name, _count(len(counts), "robot")]
@@ -77,13 +79,14 @@ def scene_of(simulator: Any, world: int = 0) -> Scene:
         goal=np.array(state.goal[world], dtype=np.int64),
         routes=routes,
         touching=np.array(simulator.events.touching[world], dtype=np.bool_),
-        alive=np.array(state.alive[world], dtype=np.bool_),
+        alive=np.array(state.alive[world], dtype=np.bool_) if shifts is None else shifts[world].at_work(),
         time=float(simulator.seconds(world)),
         text="   ".join(parts),
         steer=np.array(state.steer[world]),
         waits_for=jams.waits_for[world],
         deadlocked=jams.cycle[world] >= 0,
         goal_pose=goal_poses(simulator, world),
+        loaded=None if shifts is None else shifts[world].carries.copy(),
         people=places(simulator.people.persons[world]),
     )
 
@@ -187,6 +190,8 @@ def _draw_robots(pygame: Any, canvas: Any, scene: Scene, top: float, scale: floa
         steer = 0.0 if scene.steer is None else float(scene.steer[i])
         rim = CONTACT if scene.touching[i] else _waiting_colour(scene, int(i))
         paint_robot(tile, scene.pose[i], steer, robot, robot_colour(int(i)), rim, bool(scene.alive[i]))
+        if scene.loaded is not None and scene.loaded[i]:
+            paint_load(tile, scene.pose[i], robot)
         tile.stamp(canvas)
         if scale >= _NUMBERS_FROM:
             x, y = plate_centre(scene.pose[i], robot)

@@ -19,7 +19,18 @@ Shares = Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]
 """How much a policy likes each action: shares in [0, 1] float[1, N, A] from observations float32[1, N, D]."""
 
 REWARD_TERMS = tuple(field.name for field in dataclasses.fields(RewardWeights))
-FLAGS = ("alive", "loaded", "touching", "deadlocked", "arrived", "hit_robot", "hit_shelf", "near_miss", "hit_person")
+FLAGS = (
+    "alive",
+    "loaded",
+    "touching",
+    "deadlocked",
+    "arrived",
+    "hit_robot",
+    "hit_shelf",
+    "near_miss",
+    "hit_person",
+    "served",
+)
 _STRAIGHT = 0.001  # [m] beside a route at which a way-point of it goes straight on
 
 
@@ -126,16 +137,22 @@ def station_cells(grid: GridMap) -> NDArray[np.bool_]:
 
 
 def moment_of(simulator: Any, world: int, stations: NDArray[np.bool_]) -> dict[str, NDArray[Any]]:
-    """Copy what is to be seen of one world now but its routes; loaded is who is on its way to a station.
+    """Copy what is to be seen of one world now but its routes; loaded is who is on its way to a station, or carries
+    what somebody ordered; served who stands to be loaded or to charge.
 
     stations: bool[H * W], see `station_cells`.
     """
     state, events, robots = simulator.state, simulator.events, simulator.robots[world]
     jams = simulator.jams()
     goal = state.goal[world, :, 0] * simulator.grid.shape[1] + state.goal[world, :, 1]
+    alive, loaded, shifts = state.alive[world] > 0, stations[goal], simulator.dispatcher.shifts
+    served = np.zeros_like(alive)
+    if shifts is not None:
+        served, loaded = shifts[world].at_work() & ~alive, shifts[world].carries
     bits = (
-        state.alive[world], stations[goal], events.touching[world], jams.cycle[world] >= 0, events.arrived[world],
+        alive | served, loaded, events.touching[world], jams.cycle[world] >= 0, events.arrived[world],
         events.hit_robot[world], events.hit_shelf[world], events.near_miss[world], events.hit_person[world],
+        served,
     )  # fmt: skip
     flags = sum((np.asarray(bit) > 0).astype(np.uint16) << k for k, bit in enumerate(bits))
     ends = goal_poses(simulator, world)

@@ -19,6 +19,7 @@ Points = NDArray[np.float64]
 _OVERSAMPLE = 4
 _WHITE: RGB = (255, 255, 255)
 _WHEEL: RGB = (28, 31, 36)
+_CRATE: RGB = (196, 154, 96)
 _VEST_EDGE: RGB = (43, 32, 6)
 _WHEELS_FROM = 11.0  # [px/m]
 _NOSE, _PLATE_FRONT, _PLATE_GAP = 0.32, 0.41, 0.10  # [m] behind the front: of the nose, of the plate; off the tail
@@ -131,6 +132,16 @@ def paint_robot(
     middle = (len(still) + len(points)) // 2
     steered = [(len(still), middle, wheel, 255), (middle, len(points), wheel, 255)]
     tile.polygons(points, [*shapes[begin:6], *steered, *shapes[6:]])
+
+
+def paint_load(tile: Tile, pose: NDArray[np.float32], robot: RobotSpec) -> None:
+    """Paint a crate on a robot whose front axle stands at pose (x [m], y [m], heading [rad])."""
+    x, y, heading = (float(value) for value in pose)
+    half, back = robot.width / 2 - 0.12, 0.12 - robot.rear_reach
+    edges = [rounded_box(back + s, back + 0.45 * robot.length - s, s - half, half - s, 0.02) for s in (0.0, 0.03)]
+    points = np.concatenate(edges) @ _rotation(heading) + (x, y)
+    cut = len(edges[0])
+    tile.polygons(points, [(0, cut, mix(_CRATE, (0, 0, 0), 0.45), 255), (cut, len(points), _CRATE, 255)])
 
 
 @lru_cache(maxsize=16)

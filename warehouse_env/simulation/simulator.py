@@ -38,6 +38,7 @@ from warehouse_env.simulation.senses.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.senses.scanners import scanners_of
 from warehouse_env.simulation.tasks.assignment import Assignment, check_assignments
 from warehouse_env.simulation.tasks.dispatch import ROUTE_BLOCK, Dispatcher
+from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.simulation.tasks.placement import put_all
 from warehouse_env.simulation.tasks.tasks import Arrival
 from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
@@ -76,10 +77,11 @@ class Simulator(Portable):
         grid: GridMap | None = None,
         planner: Planner | None = None,
         routes: RouteBook | None = None,
+        orders: Sequence[Order] | None = None,
     ) -> None:
         """Build the worlds; call `reset` before the first step.
 
-        grid, planner: instead of those that the config names; routes: a RouteBook shared with other simulators.
+        grid, planner, orders: instead of those that the config names; routes: a RouteBook shared with other simulators.
         """
         given.check_parts(config, grid, planner, routes)
         num_worlds = given.check_count("num_worlds", num_worlds)
@@ -105,7 +107,7 @@ class Simulator(Portable):
         self._planned = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
         self.robots = self._planned.copy() if errs(config) else self._planned  # where they are, in truth
         self.people = People(planned, self.grid, num_worlds)
-        self.dispatcher = Dispatcher(planned, routes, self._planned, self.people.persons, self._params)
+        self.dispatcher = Dispatcher(planned, routes, self._planned, self.people.persons, self._params, orders)
         self._deviation = Deviation(config, num_worlds)
         self._messages = Messages(config, num_worlds)
         self._make_arrays(planned)
@@ -178,10 +180,12 @@ class Simulator(Portable):
         )  # fmt: skip
         floor = (self._floor.solid, self._floor.clearance)
         persons, features = self.people.persons, self._features
+        shifts = self.dispatcher.shifts
         self._advance_arguments = (
             persons, self.people.ways, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
             self.terminated, self._waiting, self._faults, self._deviation.bodies, self._deviation.errors,
-            *features, self._scanners, self._sights, self._params, self._true_params, *floor,
+            None if shifts is None else shifts.limits, *features, self._scanners, self._sights, self._params,
+            self._true_params, *floor,
         )  # fmt: skip
         self._agree_arguments = (
             persons, self.arcs, self._commands[0], self._paths, self._params, self._choices, self._floor.clearance,
@@ -302,6 +306,8 @@ class Simulator(Portable):
         """Take a robot out of service until its world's reset: it brakes, and stands in the others' way for good."""
         self.robots["alive"][world, robot] = self._planned["alive"][world, robot] = 0
         self.terminated[world, robot] = True
+        if self.dispatcher.shifts is not None:
+            self.dispatcher.shifts[world].break_down(robot)
 
     def step(self, actions: ArrayLike) -> NDArray[np.float32]:
         """Advance all worlds by one env step (action_repeat physics steps) and return the observation.
@@ -320,13 +326,20 @@ class Simulator(Portable):
             raise_fault(self._faults)
         self.people.send_on(self._planned)
         self.arrivals = self.dispatcher.arrive(self.steps) if arrivals else []
-        rerouted = self.dispatcher.reroute(self.steps)
+        rerouted = self.dispatcher.work_on(self.steps) + self.dispatcher.reroute(self.steps)
         if self.dispatcher.all_look:
             self._observe()
         elif arrivals or rerouted:
             self._observe(rerouted)
+        else:
+            self._tell_needs()
         self._show()
         return self.observation
+
+    def _tell_needs(self) -> None:
+        """Write what robots are to know of their own work into their observations."""
+        if self.dispatcher.shifts is not None:
+            self.dispatcher.shifts.write_needs(self.observation, self.layout.slices["needs"])
 
     def _code(self) -> _Code:
         """Return the code of `advance` and of `observe` for the arguments at hand, whose types never change."""
@@ -370,6 +383,7 @@ class Simulator(Portable):
         """Observe these worlds, and those that wait for it."""
         self._waiting[worlds] = 1
         self._each(self._observe_waiting)
+        self._tell_needs()
 
     def _observe_waiting(self, begin: int, end: int) -> int:
         _, observe = self._code()
@@ -379,7 +393,8 @@ class Simulator(Portable):
     def episode_metrics(self, world: int = 0) -> dict[str, float]:
         """Return the row of numbers of a world's episode so far (see metrics.episode_row, and Tasks.cut_off)."""
         row = metrics.episode_row(self.robots[world], self.seconds(world), self.config, self.people.persons[world])
-        return row | {"cut_off": self.dispatcher.tasks[world].cut_off()}
+        row |= {"cut_off": self.dispatcher.tasks[world].cut_off()}
+        return row | self.dispatcher.work_row(world)
 
     def jams(self) -> Jams:
         """Return whom each standing robot waits for, who of them wait in a circle, and their stages (jams.jams_of)."""

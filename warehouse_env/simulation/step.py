@@ -93,6 +93,16 @@ def _follow(r, route, arcs, first, second, stopping, p, solid, clearance):
 
 
 @inline
+def _slowed(r, acceleration, own):
+    """Return a raw acceleration [m/s^2] that speeds a robot up no more than its load lets it."""
+    speed, most = r["speed"], own["max_acceleration"]
+    if speed * acceleration < ZERO:
+        return acceleration
+    fastest = max((own["max_speed"] - speed) / own["time_step"], ZERO)
+    return min(max(acceleration, -most), min(most, fastest))
+
+
+@inline
 def _park(r, p):
     """Take a robot out of service: at once, but under the field it brakes first, as the others count on."""
     r["alive"] = 0
@@ -159,20 +169,24 @@ def _move(robots, persons, near, motions, walking, guarded, p, solid, clearance)
 
 @inline
 def _choose(
-    robots, persons, routes, arcs, commands, places, motions, guards, followed, stopping, walking, guarded, scanners,
-    sights, looks, p, solid, clearance,
+    robots, persons, routes, arcs, commands, limits, places, motions, guards, followed, stopping, walking, guarded,
+    scanners, sights, looks, p, solid, clearance,
 ):  # fmt: skip
     """Choose each robot's motion of one physics step.
 
-    scanners, sights float32[N, N], looks: None without them; see scanners.py and by_sight.py.
+    limits PARAMETERS[N]: of each robot its own, None where all have those of p; scanners, sights float32[N, N], looks:
+    None without them; see scanners.py and by_sight.py.
     """
     _, motion, _, _ = motions
     for i in range(robots.shape[0]):
         first, second = commands[i, 0], commands[i, 1]
         if followed is not None:
-            first, second = _follow(robots[i], routes[i], arcs[i], first, second, stopping, p, solid, clearance)
+            own = p if limits is None else limits[i]
+            first, second = _follow(robots[i], routes[i], arcs[i], first, second, stopping, own, solid, clearance)
         else:
             first, second = _take_raw(robots[i], first, second, p)
+            if limits is not None:
+                first = _slowed(robots[i], first, limits[i])
         contact.load(robots, i, first, second, p, clearance, motion)
     if scanners is not None:
         by_sight.guard(robots, persons, motion, guards, places, sights, looks, walking, p, solid, clearance, scanners)
@@ -252,8 +266,8 @@ def _count_step(robots, steps, b, truncated, terminated, p):
 @kernel
 def advance(
     begin, end, robots, routes, persons, ways, arcs, commands, stamps, steps, truncated, terminated, waiting, faults,
-    actual, errors, followed, stopping, walking, guarded, checked, erring, scanners, sights, params, true_params, solid,
-    clearance,
+    actual, errors, limits, followed, stopping, walking, guarded, checked, erring, scanners, sights, params,
+    true_params, solid, clearance,
 ):  # fmt: skip
     """Move the worlds from `begin` to before `end` on by one env step; return (arrivals, robots that seek a manoeuvre).
 
@@ -262,7 +276,8 @@ def advance(
     [m], or raw acceleration and steering rate; stamps int32[B, N, K, 2]; steps int64[B] since the reset, truncated
     bool[B], terminated bool[B, N];
     waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator has given out new tasks;
-    faults int32[B, 3]: see audit.find_fault; actual BODY[B, N], errors, true_params: see deviation.py; followed to
+    faults int32[B, 3]: see audit.find_fault; actual BODY[B, N], errors, true_params: see deviation.py; limits
+    PARAMETERS[B, N]: of robots under loads (loads.py), None where nobody carries any; followed to
     erring: see Features; scanners, sights float32[B, N, N]: see scanners.py and by_sight.py, None without them.
     """
     p, true = params[0], true_params[0]
@@ -284,9 +299,9 @@ def advance(
             near = contact.list_pairs(bodies, order, starts, p, pairs)
             said = max(p["latency"] - repeat + p["repeat"] - 1, 0) // p["repeat"]  # env steps ago
             _choose(
-                robots[b], persons[b], routes[b], arcs[b], commands[said, b], places, motions, guards,
-                followed, stopping, walking, guarded, scanners, None if scanners is None else sights[b], looks, p,
-                solid, clearance,
+                robots[b], persons[b], routes[b], arcs[b], commands[said, b], None if limits is None else limits[b],
+                places, motions, guards, followed, stopping, walking, guarded, scanners,
+                None if scanners is None else sights[b], looks, p, solid, clearance,
             )  # fmt: skip
             _carry_out(
                 robots[b], persons[b], actual[b], errors[b, repeat], near, motions, own, walking, guarded, erring, p,

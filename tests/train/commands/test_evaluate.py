@@ -325,3 +325,22 @@ def test_bad_input_leaves_old_rows_alone(tmp_path: Path) -> None:
     RowFile(tmp_path / "rows.jsonl").add([{"old": 1}])
     assert main(command(tmp_path, "--policy", "brake", "--robots", "100000")) == 2
     assert read_rows(tmp_path / "rows.jsonl") == [{"old": 1}]
+
+
+def test_orders_are_drawn_carried_out_and_tabled(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    orders, out = tmp_path / "orders.csv", tmp_path / "out"
+    drawn = ["--layout", "open", "--per-hour", "3600", "--hours", "0.01", "--out", str(orders)]
+    assert main(["orders", *drawn, "--json", str(tmp_path / "o.jsonl")]) == 0
+    assert read_rows(tmp_path / "o.jsonl")[0]["orders"] == len(orders.read_text().splitlines()) - 1
+    drive = ["--policy", "follow", "--layout", "open", "--robots", "4", "--episodes", "1", "--seconds", "60"]
+    work = ["--planner", "astar", "--service", "1", "--orders", str(orders), "--allocation", "optimal", "--battery"]
+    assert main(["evaluate", *drive, *work, "--no-pictures", "--out", str(out)]) == 0
+    row = read_rows(out / "rows.jsonl")[0]
+    assert 0 < row["orders_done"] <= row["orders_released"]
+    assert {"station_utilisation", "empty_driving", "lowest_charge"} <= set(row)
+    table = (out / "table.md").read_text()
+    assert all(heading in table for heading in ("orders/h", "late orders", "stations used %", "lowest charge %"))
+    capsys.readouterr()
+    assert main(["evaluate", *drive, "--orders", str(tmp_path / "none.csv"), "--out", str(out)]) == 2
+    assert "none.csv cannot be read" in capsys.readouterr().err
+    assert main(["evaluate", *drive, "--orders", str(orders), "--orders-per-hour", "9", "--out", str(out)]) == 2

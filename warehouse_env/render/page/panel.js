@@ -149,6 +149,7 @@ function stateOf(episode, robot) {
   const yields = episode.get("yields_to", robot, k);
   if (episode.flag("touching", robot, k)) said.push("touches something");
   if (waits >= 0) said.push(`waits for ${waits}${episode.flag("deadlocked", robot, k) ? ", in a circle" : ""}`);
+  else if (episode.flag("served", robot, k)) said.push("stands at its place");
   else said.push(Math.abs(episode.now[5 * robot + 3]) > 0.05 ? "drives" : "stands");
   if (yields >= 0 && yields !== waits) said.push(`gives way to ${yields}`);
   if (held >= 0 && held !== waits) said.push(`is braked before ${held}`);

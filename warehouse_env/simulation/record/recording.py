@@ -28,6 +28,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.given import listed, whole_seed
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.orders import Order, as_table, from_table
 
 FORMAT = 1
 _LONGEST_TEXT = 2**20  # [bytes] of the config and all else that is no array
@@ -49,17 +50,22 @@ class Episode:
     actions: NDArray[Any]  # int[T, B, N], preferences uint16[T, B, N, A] (ActionDecoder.shortened), float[T, B, N, 2]
     pose: NDArray[np.float32]  # [T + 1, B, N, 3], front axle x [m], y [m], heading [rad]; the first after the reset
     policy: str = ""  # name or folder of what chose the actions, if it was told
+    orders: tuple[Order, ...] | None = None  # those of the file that the config names
 
     def save(self, path: str | Path) -> None:
         """Write to a file (.npz), as a whole or not at all; WarehouseError where it cannot be written."""
         grid = self.grid
         text = {"format": FORMAT, "config": self.config.to_dict(), "map": grid.name, "cell_size": grid.cell_size}
         text["policy"] = self.policy
+        ordered: dict[str, Any] = (
+            {} if self.orders is None else {"orders": np.array(as_table(self.orders), dtype=np.float64)}
+        )
         with complete_file(path) as part, part.open("wb") as file:
             np.savez_compressed(
                 file, about=np.frombuffer(json.dumps(text).encode(), dtype=np.uint8), occupied=grid.occupied,
                 height=grid.height, picks=grid.picks, stations=grid.stations, one_way=grid.one_way,
                 seeds=np.array(self.seeds, dtype=np.int64), actions=self.actions, pose=self.pose,
+                **ordered,
             )  # fmt: skip
 
     @classmethod
@@ -94,11 +100,12 @@ class Episode:
         seeds = tuple(arrays.read("seeds").tolist())
         if not all(isinstance(seed, int) and seed >= 0 for seed in seeds):
             raise WarehouseError(f"the seeds {shown(seeds)} must be one whole number a world, none negative")
-        return cls(config, grid, seeds, arrays.read("actions"), arrays.read("pose"), policy)
+        orders = from_table(arrays.read("orders").tolist()) if "orders" in arrays else None
+        return cls(config, grid, seeds, arrays.read("actions"), arrays.read("pose"), policy, orders)
 
     def replay(self) -> Iterator[Simulator]:
         """Run the episode again: yield the simulator after the reset and after every step."""
-        simulator = Simulator(self.config, len(self.seeds), grid=self.grid)
+        simulator = Simulator(self.config, len(self.seeds), grid=self.grid, orders=self.orders)
         simulator.reset(self.seeds)
         yield simulator
         for actions in self.actions:
@@ -191,4 +198,6 @@ class Recorder:
         """What has been recorded so far."""
         simulator = self.simulator
         actions = np.array(self._actions)
-        return Episode(simulator.config, simulator.grid, self._seeds, actions, np.array(self._pose), self._policy)
+        shifts, pose = simulator.dispatcher.shifts, np.array(self._pose)
+        orders = None if shifts is None else shifts.orders
+        return Episode(simulator.config, simulator.grid, self._seeds, actions, pose, self._policy, orders)

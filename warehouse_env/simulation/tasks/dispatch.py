@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,10 @@ from warehouse_env.simulation.rules.astray import far_off, find_astray
 from warehouse_env.simulation.rules.live import LiveRoutes
 from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.one_shot import OneShotTasks
+from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.simulation.tasks.placement import place, stand
-from warehouse_env.simulation.tasks.tasks import Arrival, Tasks, book_arrival
+from warehouse_env.simulation.tasks.shifts import Shifts, check_given
+from warehouse_env.simulation.tasks.tasks import Arrival, Tasks, book_arrival, pass_by, set_out
 
 JOIN = 3.0  # [m] before the end of a route at which a robot seeks the manoeuvre to its goal's pose
 ROUTE_BLOCK = 64  # way-points by which the routes' array grows
@@ -78,9 +80,12 @@ class Dispatcher(Portable):
 
     def __init__(
         self, config: EnvConfig, book: RouteBook, robots: NDArray[np.void], persons: NDArray[np.void],
-        params: NDArray[np.void],
+        params: NDArray[np.void], orders: Sequence[Order] | None = None,
     ) -> None:  # fmt: skip
-        """Make each world's tasks; ConfigError where they, or live routes, cannot be had."""
+        """Make each world's tasks; ConfigError where they, or live routes, cannot be had.
+
+        orders: instead of those that the config names.
+        """
         self.book, self.robots = book, robots
         self.routes = np.zeros((*robots.shape, ROUTE_BLOCK, 2), dtype=np.float32)
         self._config, self._params = config, params
@@ -88,6 +93,8 @@ class Dispatcher(Portable):
         self.live = LiveRoutes(config, book, persons) if config.reroute else None
         tasks = OneShotTasks if config.tasks == "one_shot" else Tasks
         self.tasks = [tasks(book.grid, config) for _ in range(len(robots))]
+        check_given(orders, config)
+        self.shifts = Shifts(config, book.grid, self.tasks, params, orders) if config.works else None
         # made when first used: never seeded copies of a Simulator that has not begun go their own ways
         self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
         self._told: dict[tuple[int, int], Goal] = {}  # points and poses that an assignment gives, up to the arrival
@@ -114,10 +121,22 @@ class Dispatcher(Portable):
             self._told.pop((world, robot), None)
         if self.live is not None:
             self.live.begin(world)
-        if assignment is None:
-            self._place_all(world, floor)
-        else:
+        if self.shifts is not None:
+            self.shifts.begin(world, entropy)
+        if assignment is not None:
             self._assign(world, assignment, floor)
+        elif self._config.orders is not None:
+            self._place_all(world, floor, idle=True)
+        else:
+            self._place_all(world, floor, idle=False)
+        if self.shifts is not None:
+            self._begin_shift(world)
+
+    def _begin_shift(self, world: int) -> None:
+        """Tell a world's shift what its robots are at, and send them on."""
+        assert self.shifts is not None
+        self.shifts.begin_at(world, self.robots[world])
+        self._go_on(world, 0)
 
     def _assign(self, world: int, assignment: Assignment, floor: Floor) -> None:
         """Stand the robots of a world where they are told to, with the goals that they are given."""
@@ -141,12 +160,12 @@ class Dispatcher(Portable):
             self._faces[goal] = face(self.book.grid, goal, self._config.robot).poses
         return self._faces[goal]
 
-    def _place_all(self, world: int, floor: Floor) -> None:
-        """Give every robot of a world a start, a goal and a route."""
+    def _place_all(self, world: int, floor: Floor, idle: bool) -> None:
+        """Give every robot of a world a start, a goal and a route; idle: it stands, and its goal is where."""
         rng, tasks, robots = self._rngs[world], self.tasks[world], self.robots.shape[1]
         places = tasks.starts(rng)
         cells, spare = places[:robots], places[robots:]
-        goals = tasks.first_goals(cells, rng)
+        goals = cells if idle else tasks.first_goals(cells, rng)
         if self.live is None or not self.live.plans_first:
             self.book.prepare(list(zip(cells, goals, strict=True)))
         for robot in range(robots):
@@ -158,7 +177,7 @@ class Dispatcher(Portable):
                         "start that touches nothing; use fewer robots or a larger map"
                     )
                 cell = spare.pop(0)
-                placed = self._place(world, robot, cell, tasks.next_goal(robot, cell, rng), floor)
+                placed = self._place(world, robot, cell, cell if idle else tasks.next_goal(robot, cell, rng), floor)
 
     def _place(self, world: int, robot: int, cell: Cell, goal: Cell, floor: Floor) -> bool:
         """Put a robot on a cell, facing along its route; False if it touches something there."""
@@ -209,19 +228,47 @@ class Dispatcher(Portable):
         self.give_route(world, robot, Route(self.book.grid.cell(line).astype(np.int32), line))
 
     def arrive(self, steps: NDArray[np.int64]) -> list[Arrival]:
-        """Book the arrivals and return them, and give lifelong robots their next task. steps [B]: since the resets."""
+        """Book the arrivals and return them, and give lifelong robots their next task. steps [B]: since the resets.
+
+        Where robots work on a shift, an arrival at a place that is no stop of its work is none.
+        """
         config, arrivals = self._config, []
         for world, robot in np.argwhere(self.robots["arrived"] != 0).tolist():
             r, step = self.robots[world, robot], int(steps[world])
             seconds = step * config.action_repeat * config.time_step
+            if self.shifts is not None:
+                r["alive"] = 0
+                if not self.shifts[world].arrive(robot):
+                    pass_by(self.robots, world, robot)
+                    continue
             lengths = book_arrival(self.robots, world, robot, seconds, 2 * step > config.max_steps)
             arrivals.append(Arrival(world, robot, *lengths))
-            if config.tasks == "lifelong" and r["alive"]:
+            if config.tasks == "lifelong":
                 self._told.pop((world, robot), None)
+            if self.shifts is None and config.tasks == "lifelong" and r["alive"]:
                 start = state.goal_of(r)
                 goal = self.tasks[world].next_goal(robot, start, self._rngs[world])
                 self.give_task(world, robot, goal, self._route(world, robot, start, goal, step))
         return arrivals
+
+    def work_on(self, steps: NDArray[np.int64]) -> list[int]:
+        """Send those on whom their shift sends elsewhere; return the worlds of those who got another goal."""
+        if self.shifts is None:
+            return []
+        return [world for world in range(len(self.robots)) if self._go_on(world, int(steps[world]))]
+
+    def _go_on(self, world: int, step: int) -> bool:
+        """Give a world's robots the goals that its shift has for them now; return whether it has any."""
+        assert self.shifts is not None
+        goals = self.shifts.go_on(world, self.robots[world])
+        for robot, goal in goals.items():
+            set_out(self.robots, world, robot, *goal)
+            self.give_task(world, robot, goal, self._route_from_here(world, robot, step))
+        return bool(goals)
+
+    def work_row(self, world: int) -> dict[str, float]:
+        """Return the metrics of a world's shift (Shift.row); none where nobody works one."""
+        return {} if self.shifts is None else self.shifts[world].row(self.robots[world])
 
     def reroute(self, steps: NDArray[np.int64]) -> list[int]:
         """Route those anew who are astray or find a better way; return the worlds of those who got another route."""

@@ -43,6 +43,27 @@ def book_arrival(robots, world, robot, seconds, late):
     return driven, planned
 
 
+@kernel
+def pass_by(robots, world, robot):
+    """End a robot's way to a place that is no goal of its work: it counts as none, nor do the metres driven there."""
+    r = robots[world, robot]
+    r["arrived"] = 0
+    r["longest_age"] = max(r["longest_age"], r["age"])
+    r["age"] = 0
+    r["distance_at_goal"] = r["distance"]
+
+
+@kernel
+def set_out(robots, world, robot, row, column):
+    """Let a robot that stood, or was on its way elsewhere, drive to the goal's cell: its clocks begin anew."""
+    r = robots[world, robot]
+    if r["alive"] == 0:
+        r["waiting_time"] = r["standing_time"] = r["held_time"] = np.float32(0.0)
+        r["anchor_x"], r["anchor_y"] = r["x"], r["y"]
+    r["alive"] = 1
+    r["goal_row"], r["goal_col"] = row, column
+
+
 class Tasks(Portable):
     """The goals of one world's robots. Lifelong robots alternate between a pick face and a station."""
 

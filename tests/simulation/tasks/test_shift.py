@@ -1,0 +1,263 @@
+"""Shifts: service takes its time, orders are carried out, queues stand aside, loads slow, nobody strands."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from warehouse_env.config import EnvConfig, RobotSpec
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.distance import label_regions
+from warehouse_env.maps.layouts import make_layout
+from warehouse_env.simulation.record.recording import Episode, Recorder
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.assignment import Assignment
+from warehouse_env.simulation.tasks.battery import GRAVITY, Batteries
+from warehouse_env.simulation.tasks.duty import Doing
+from warehouse_env.simulation.tasks.loads import slowed
+from warehouse_env.simulation.tasks.orders import Order, write_orders
+from warehouse_env.simulation.tasks.places import Places, standing_places
+from warehouse_env.simulation.tasks.service import service_time
+from warehouse_env.simulation.tasks.well_formed import disc_of
+from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
+
+FLOOR = make_layout("open")
+PICKS, STATIONS, _ = FLOOR.endpoints
+ORDERS = OrderSpec(per_hour=3000, picks=2)
+BASE = EnvConfig(layout="open", num_agents=4, planner="astar", arrival="stop", max_steps=10**6)
+BATTERY = BatterySpec(capacity=40.0, power=4000.0)
+BUSY = BASE.replace(service=ServiceSpec(3.0, 2.0, variation=0.5), orders=ORDERS, battery=BATTERY)
+
+
+def cruise(simulator: Simulator, steps: int = 1) -> None:
+    actions = np.full((simulator.num_worlds, simulator.num_agents), simulator.cruise_action)
+    for _ in range(steps):
+        simulator.step(actions)
+
+
+def until(simulator: Simulator, doing: Doing, robot: int = 0, most: int = 2000) -> Any:
+    """Drive until a robot of the first world is at something; return its duty."""
+    for _ in range(most):
+        duty = simulator.dispatcher.shifts[0].duties[robot]  # type: ignore[index]
+        if duty.doing == doing:
+            return duty
+        cruise(simulator)
+    raise AssertionError(f"robot {robot} never {doing.name}")
+
+
+def single(orders: list[Order], **changes: Any) -> Simulator:
+    config = BASE.replace(num_agents=1, orders=OrderSpec(), **changes)
+    simulator = Simulator(config, orders=orders)
+    simulator.reset(1)
+    return simulator
+
+
+def same(one: Simulator, other: Simulator) -> bool:
+    a, b = one.robots, other.robots
+    kept = all(np.array_equal(a[name], b[name], equal_nan=a[name].dtype.kind == "f") for name in a.dtype.names)
+    return kept and np.array_equal(one.observation, other.observation)
+
+
+def test_a_service_takes_its_time_and_the_robot_stands() -> None:
+    order = Order(0.0, (PICKS[5],), STATIONS[3], 500.0, 300.0)
+    simulator = single([order], service=ServiceSpec(pick=4.0, station=2.0))
+    until(simulator, Doing.SERVED)
+    begun, place = simulator.steps[0], simulator.state.pose[0, 0].copy()
+    needs = simulator.observation[0, 0, simulator.layout.slices["needs"]]
+    assert needs[1] == 1 and needs[2] == pytest.approx(4 / 60)  # noqa: PT018
+    until(simulator, Doing.STOP)
+    assert simulator.steps[0] - begun == 40  # four seconds of 0.1 s
+    np.testing.assert_array_equal(simulator.state.pose[0, 0], place)
+    shift = simulator.dispatcher.shifts[0]  # type: ignore[index]
+    assert shift.load[0] == 300
+    assert shift.carries[0]
+    until(simulator, Doing.RESTS)
+    row = simulator.episode_metrics()
+    assert (row["orders_done"], row["orders_late"], row["goals"]) == (1, 0, 2)
+    assert row["served_share"] * row["seconds"] == pytest.approx(6.0)
+    assert row["station_utilisation"] * row["seconds"] * len(STATIONS) == pytest.approx(2.0)
+    assert shift.load[0] == 0
+
+
+def test_service_varies_about_its_mean_as_asked() -> None:
+    rng, spec = np.random.default_rng(0), ServiceSpec(pick=20.0, station=40.0, variation=0.5)
+    for at_station, mean in ((False, 20.0), (True, 40.0)):
+        drawn = [service_time(spec, at_station, rng) for _ in range(4000)]
+        assert np.mean(drawn) == pytest.approx(mean, rel=0.05)
+        assert np.std(drawn) == pytest.approx(mean / 2, rel=0.05)
+    assert service_time(ServiceSpec(pick=7.0), False, rng) == 7.0
+    assert service_time(None, True, rng) == 0.0
+
+
+def test_a_load_slows_by_the_rule() -> None:
+    robot = RobotSpec(mass=300.0)
+    speed, acceleration = slowed(robot, 100.0)
+    assert acceleration == pytest.approx(0.75)
+    assert speed**2 / acceleration == pytest.approx(robot.max_speed**2 / robot.max_acceleration)  # stops as soon
+    simulator = single([Order(0.0, (PICKS[0],), STATIONS[-1], 500.0, 500.0)])
+    fastest = {False: 0.0, True: 0.0}
+    for _ in range(700):
+        shift, before = simulator.dispatcher.shifts[0], float(simulator.state.speed[0, 0])  # type: ignore[index]
+        loaded = bool(shift.carries[0])
+        cruise(simulator)
+        now = float(simulator.state.speed[0, 0])
+        fastest[loaded] = max(fastest[loaded], now)
+        if loaded and bool(shift.carries[0]):
+            assert now - before <= 0.05 + 1e-6
+    assert fastest[True] == pytest.approx(1.5 * math.sqrt(0.5), abs=1e-3)
+    assert fastest[False] > 1.4
+
+
+def test_several_stops_are_visited_in_order_and_what_is_held_is_queued_for() -> None:
+    first = Order(0.0, (PICKS[7], PICKS[20]), STATIONS[0], 500.0, 100.0)
+    simulator = single([first, first._replace(release=1.0)])
+    seen = []
+    for _ in range(1500):
+        cruise(simulator)
+        seen += [(int(a["goal_row"]), int(a["goal_col"])) for a in simulator.robots[0] if simulator.arrivals]
+        if simulator.episode_metrics()["orders_done"] == 2:
+            break
+    assert simulator.episode_metrics()["goals"] == 6
+
+
+def test_who_wants_a_held_cell_waits_at_a_place_and_gets_it_next() -> None:
+    places = Places(waiting=[(0, 0), (0, 5)], spare=[(9, 9)])
+    places.take(1, (5, 5))
+    assert places.near((1, 4)) == (0, 5)
+    places.take(2, (0, 5))
+    places.queue(2, (5, 5))
+    places.take(3, (0, 0))
+    places.queue(3, (5, 5))
+    assert places.near((1, 4)) == (9, 9)
+    assert places.next_in() == []
+    places.leave(1)
+    assert places.next_in() == [(2, (5, 5))]
+    places.take(2, (5, 5))
+    assert places.queued((5, 5)) == 1
+    assert not places.stands(2)
+    assert places.stands(3)
+
+
+@pytest.mark.parametrize("layout", ["paper46", "narrow", "aisles:seed=741"])
+def test_who_stands_at_all_places_leaves_all_endpoints_joined(layout: str) -> None:
+    grid, config = make_layout(layout), BASE.replace(num_agents=40)
+    places = standing_places(grid, config, 44)
+    free = ~grid.occupied
+    for place in places:
+        cells = disc_of(config, grid.cell_size) + place
+        free[tuple(cells[((cells >= 0) & (cells < grid.shape)).all(axis=1)].T)] = False
+    labels = label_regions(free)
+    assert len({int(labels[cell]) for cell in grid.endpoints[2]}) == 1
+    assert len(places) >= 14
+    assert not set(places) & set(grid.endpoints[2])
+
+
+def test_a_battery_gives_by_hand() -> None:
+    spec = BatterySpec(capacity=100.0, resistance=0.05, standing=72.0, power=720.0)
+    config = BASE.replace(num_agents=2, robot=RobotSpec(mass=400.0), battery=spec)
+    batteries = Batteries(config, np.full((2, 2), 100.0))
+    batteries.charge[:] = 50.0
+    batteries.use(10.0, np.array([20.0, 0.0]), np.array([100.0, 0.0]), np.array([False, True]))
+    driven = 0.05 * 500.0 * GRAVITY * 20.0 / 3600.0
+    np.testing.assert_allclose(batteries.charge, [50.0 - driven - 0.2, 50.0 - 0.2 + 2.0])
+    assert batteries.row(10.0)["charging_share"] == 0.5
+    needed = 1.5 * 100.0 * (0.05 * 500.0 * GRAVITY + 144.0) / 3600.0
+    assert batteries.needed(100.0, 100.0) == pytest.approx(needed)
+    batteries.charge[:] = needed - 0.1, needed + 0.1
+    np.testing.assert_array_equal(batteries.is_critical(np.zeros((2, 2), int), np.full(2, 100.0)), [True, False])
+
+
+def test_nobody_strands_and_orders_are_carried_out() -> None:
+    simulator = Simulator(BUSY.replace(num_agents=2))
+    simulator.reset(31_000_001)
+    charged = set()
+    for _ in range(6000):
+        cruise(simulator)
+        duties = simulator.dispatcher.shifts[0].duties  # type: ignore[index]
+        charged |= {robot for robot, duty in enumerate(duties) if duty.doing == Doing.CHARGES}
+        held = [duty.stops[0] for duty in duties if duty.doing in (Doing.STOP, Doing.SERVED)]
+        assert len(set(held)) == len(held)
+    row = simulator.episode_metrics()
+    assert row["orders_done"] > 10
+    assert row["stranded"] == 0 < row["lowest_charge"]
+    assert charged == {0, 1}
+    assert 0 < row["empty_driving"] < 1
+
+
+def test_the_same_seed_has_the_same_bits_in_any_batch_and_any_copy() -> None:
+    both, one = Simulator(BUSY, 2), Simulator(BUSY)
+    both.reset([5, 6])
+    one.reset([6])
+    cruise(both, 300)
+    cruise(one, 300)
+    assert both.robots[1].tobytes() == one.robots[0].tobytes()
+    np.testing.assert_array_equal(both.observation[1], one.observation[0])
+    copies = [copy.deepcopy(one), pickle.loads(pickle.dumps(one))]
+    for simulator in (one, *copies):
+        cruise(simulator, 200)
+    assert all(same(one, other) for other in copies)
+
+
+def test_an_episode_of_a_file_of_orders_replays_without_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "orders.csv"
+    write_orders(path, [Order(float(k), (PICKS[3 * k],), STATIONS[k], 300.0, 50.0) for k in range(8)])
+    recorder = Recorder(Simulator(BUSY.replace(orders=OrderSpec(file=str(path)))), (7,))
+    for _ in range(200):
+        recorder.step(np.full((1, 4), recorder.simulator.cruise_action))
+    recorder.episode.save(tmp_path / "e.npz")
+    path.unlink()
+    *_, last = Episode.load(tmp_path / "e.npz").replay()
+    assert same(last, recorder.simulator)
+
+
+def test_goals_given_by_hand_are_served_and_then_orders_are() -> None:
+    simulator = Simulator(BUSY.replace(battery=None))
+    poses = np.column_stack([FLOOR.centre(np.array(PICKS[:4])), np.zeros(4)])
+    simulator.reset_to([Assignment(poses, np.array(PICKS[10:14]))], seed=2)
+    assert [duty.stops for duty in simulator.dispatcher.shifts[0].duties] == [[c] for c in PICKS[10:14]]  # type: ignore[index]
+    cruise(simulator, 1200)
+    assert simulator.episode_metrics()["orders_done"] > 0
+
+
+def test_who_has_broken_down_stands_for_good_and_its_order_is_open_again() -> None:
+    simulator = single([Order(0.0, (PICKS[5],), STATIONS[3], 500.0, 300.0)])
+    assert simulator.episode_metrics()["orders_open"] == 0
+    simulator.break_down(0, 0)
+    cruise(simulator, 100)
+    assert simulator.episode_metrics()["orders_open"] == 1
+    assert simulator.state.alive[0, 0] == 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"arrival": "pass", "service": ServiceSpec()}, 'set arrival="stop"'),
+        ({"tasks": "one_shot", "orders": OrderSpec()}, "lifelong"),
+        ({"terminate_on_collision": True, "battery": BatterySpec()}, "no collision"),
+        ({"service": ServiceSpec(load=900.0)}, "payload of 500 kg"),
+    ],
+)
+def test_what_makes_no_sense_together_is_refused(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        BASE.replace(**changes)
+
+
+def test_wrong_specs_say_what_is_right() -> None:
+    with pytest.raises(ConfigError, match="shares that make 1"):
+        OrderSpec(demand=(0.5, 0.2), faces=(0.5, 0.5))
+    with pytest.raises(ConfigError, match="less than full"):
+        BatterySpec(low=0.9, full=0.5)
+    with pytest.raises(ConfigError, match="chargers=4000 are too many"):
+        Simulator(BASE.replace(battery=BatterySpec(chargers=4000)))
+    with pytest.raises(ConfigError, match="capacity=4 Wh is too little"):
+        Simulator(BASE.replace(battery=BatterySpec(capacity=4.0)))
+    with pytest.raises(ConfigError, match="neares"):
+        Simulator(BASE.replace(orders=OrderSpec(allocation="neares")))
+    with pytest.raises(ConfigError, match="need orders=OrderSpec"):
+        Simulator(BASE, orders=[Order(0.0, (PICKS[0],), STATIONS[0], 1.0, 1.0)])

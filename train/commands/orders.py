@@ -1,0 +1,117 @@
+"""`warehouse orders`, which draws a file of orders, and the options of commands whose robots carry them out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from train.reporting.report import Table, counted, number
+from train.reporting.rows import Row, RowFile, check_writable
+from warehouse_env.checked import Checked
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.layouts import make_layout
+from warehouse_env.simulation.tasks.allocation import make_allocator
+from warehouse_env.simulation.tasks.demand import draw_orders
+from warehouse_env.simulation.tasks.orders import Order, read_orders, write_orders
+from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
+
+
+@dataclass(frozen=True)
+class Work(Checked):
+    """Options of what robots work at; all but these of EnvConfig.service, orders and battery are at their defaults."""
+
+    service: float | None = None
+    """Let robots stand so long at every pick face and station [s] (none if left out)."""
+    orders: Path | None = None
+    """Orders to carry out: a file as `warehouse orders` writes it, CSV or JSON lines."""
+    orders_per_hour: float | None = None
+    """Draw so many orders an hour instead, at random moments."""
+    allocation: str = OrderSpec.allocation
+    """Who gets which order: nearest, fifo or optimal."""
+    battery: bool = False
+    """Let robots use up energy, and charge."""
+
+    def work(self) -> dict[str, Any]:
+        """Return what these options set of EnvConfig; ConfigError for a file that holds no orders, say."""
+        make_allocator(self.allocation)
+        given: dict[str, Any] = {}
+        if self.orders is not None and self.orders_per_hour is not None:
+            raise ConfigError("--orders-per-hour must be left out with --orders, which says when they come")
+        if self.orders is not None:
+            read_orders(self.orders)
+            given["orders"] = OrderSpec(file=str(self.orders), allocation=self.allocation)
+        if self.orders_per_hour is not None:
+            given["orders"] = OrderSpec(per_hour=self.orders_per_hour, allocation=self.allocation)
+        if self.service is not None:
+            given["service"] = ServiceSpec(pick=self.service, station=self.service)
+        if self.battery:
+            given["battery"] = BatterySpec()
+        return given | {"arrival": "stop"} if given else given
+
+
+@dataclass(frozen=True)
+class Orders(Checked):
+    """Draw orders for a floor and write them to a file, which `warehouse evaluate --orders` carries out."""
+
+    layout: str = EnvConfig.layout
+    """Floor: a name of `warehouse layouts`, a MovingAI file NAME.map, or your own, FILE.py:FUNCTION."""
+    hours: float = 8.0
+    """How long orders come."""
+    per_hour: float = OrderSpec.per_hour
+    """Orders an hour in the mean, at random moments."""
+    demand: tuple[float, ...] = OrderSpec.demand
+    """Shares of the orders that want something of class A, B, C, ..."""
+    faces: tuple[float, ...] = OrderSpec.faces
+    """Shares of the pick faces that are of these classes."""
+    picks: int = OrderSpec.picks
+    """Pick faces that an order visits, from 1 to this many."""
+    weight: float = OrderSpec.weight
+    """Weight of an order in the mean [kg]."""
+    due: float = OrderSpec.due
+    """When it is due after its release [s]."""
+    wave: float = OrderSpec.wave
+    """Seconds from one release of all that has come to the next; 0: each as it comes."""
+    seed: int = 0
+    """Seed of the orders."""
+    out: Path = Path("orders.csv")
+    """File for the orders: .jsonl for JSON lines, else CSV."""
+    json: Path | None = None
+    """Write a row about the orders to this file as JSON lines."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(0.001, 10_000.0, "hours")
+        self._require(self.hours * self.per_hour <= 1e6, "per_hour", "so few that all make a million at most")
+        self._require(self.seed >= 0, "seed", "at least 0")
+
+    def run(self) -> None:
+        """Draw the orders, write them, and say what they are."""
+        spec = OrderSpec(None, self.per_hour, self.demand, self.faces, self.picks, self.weight, self.due, self.wave)
+        grid = make_layout(self.layout)
+        check_writable(self.out)
+        file = RowFile(self.json)
+        orders = draw_orders(EnvConfig(arrival="stop", orders=spec), grid, 3600.0 * self.hours, self.seed)
+        write_orders(self.out, orders)
+        row = row_of(orders) | {"layout": self.layout, "seed": self.seed, "out": self.out}
+        file.add([row])
+        names = ("orders", "pick_faces", "busiest_share", "weight_kg")
+        cells = (tuple(str(row[name]) if isinstance(row[name], int) else number(row[name]) for name in names),)
+        Table(f"Orders for {self.layout}", names, cells, _NOTE).print()
+        print(f"wrote {counted(len(orders), 'order')} to {self.out}")
+
+
+_NOTE = "busiest_share: of the visits to pick faces, those to the busiest fifth of the faces that are visited."
+
+
+def row_of(orders: tuple[Order, ...]) -> Row:
+    """Return how many orders there are, of how many pick faces, how uneven these are visited, and the mean weight."""
+    visits: dict[tuple[int, int], int] = {}
+    for order in orders:
+        for pick in order.picks:
+            visits[pick] = visits.get(pick, 0) + 1
+    most = sorted(visits.values(), reverse=True)[: max(1, len(visits) // 5)]
+    every = max(sum(visits.values()), 1)
+    weight = sum(order.weight for order in orders) / max(len(orders), 1)
+    return {"orders": len(orders), "pick_faces": len(visits), "busiest_share": sum(most) / every, "weight_kg": weight}

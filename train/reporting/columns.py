@@ -1,0 +1,105 @@
+"""The columns of an evaluation's table: how each is read from rows, its unit, and what it means."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+from train.reporting.rows import Interval, Row, mean_interval
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One column of the evaluation table: how to read it from a row, and in which unit to show it."""
+
+    name: str
+    heading: str
+    value: Callable[[Row], float | None]
+    factor: float = 1.0
+    most: float = math.inf
+    shown: bool = True  # in the table; the others only in `summarise`
+
+    def interval(self, rows: Iterable[Row]) -> Interval:
+        """Return mean and 95% interval over rows, the interval cut to the values that are possible."""
+        return mean_interval(map(self.value, rows)).cut(self.most)
+
+
+def field_of(name: str) -> Callable[[Row], float | None]:
+    """Return what reads a field of a row, None where it has none."""
+    return lambda row: row.get(name)
+
+
+def _per_km(name: str) -> Callable[[Row], float | None]:
+    return lambda row: row[name] / row["robot_km"] if row.get("robot_km") and name in row else None
+
+
+_COLUMNS = (
+    Measure("collisions_per_km", "collisions/km", field_of("collisions_per_km")),
+    Measure("robot_collisions_per_km", "robot-robot/km", _per_km("collisions_robot"), shown=False),
+    Measure("shelf_collisions_per_km", "of it shelves", _per_km("collisions_shelf")),
+    Measure("person_collisions_per_km", "with people/km", _per_km("collisions_person"), shown=False),
+    Measure("near_misses_per_km", "near misses/km", _per_km("near_misses"), shown=False),
+    Measure("goals_per_robot_hour", "goals/robot-h", field_of("goals_per_robot_hour")),
+    Measure("late_goals_per_robot_hour", "late", field_of("late_goals_per_robot_hour")),
+    Measure("stuck", "stuck %", field_of("stuck"), factor=100.0, most=1.0),
+    Measure("deadlocks", "deadlocks", field_of("deadlocks")),
+    Measure("longest_standing_s", "longest standing s", field_of("longest_standing_s")),
+    Measure("waiting_share", "waiting %", field_of("waiting_share"), factor=100.0, most=1.0, shown=False),
+    Measure("path_length_ratio", "driven/planned", field_of("path_length_ratio"), shown=False),
+    Measure("ms_per_step", "ms/step", field_of("ms_per_step")),
+)
+_PEOPLE = (Measure("longest_person_kept_s", "longest person kept s", field_of("longest_person_kept_s")),)
+_WORK = (
+    Measure("served_share", "served %", field_of("served_share"), factor=100.0, most=1.0, shown=False),
+    Measure("queueing_share", "queueing %", field_of("queueing_share"), factor=100.0, most=1.0),
+    Measure("station_utilisation", "stations used %", field_of("station_utilisation"), factor=100.0, most=1.0),
+    Measure("empty_driving", "empty driving %", field_of("empty_driving"), factor=100.0, most=1.0),
+)
+_ORDERS = (
+    Measure("orders_per_hour", "orders/h", field_of("orders_per_hour")),
+    Measure("order_median_s", "order median s", field_of("order_median_s")),
+    Measure("order_p95_s", "order 95% s", field_of("order_p95_s")),
+    Measure("orders_late", "late orders", field_of("orders_late")),
+    Measure("orders_open", "open orders", field_of("orders_open"), shown=False),
+)
+_BATTERY = (
+    Measure("charging_share", "charging %", field_of("charging_share"), factor=100.0, most=1.0),
+    Measure("lowest_charge", "lowest charge %", field_of("lowest_charge"), factor=100.0, most=1.0),
+    Measure("stranded", "stranded", field_of("stranded")),
+)
+_ONE_SHOT = (
+    Measure("success_rate", "success %", field_of("success_rate"), factor=100.0, most=1.0),
+    Measure("makespan_s", "makespan s", field_of("makespan_s")),
+)
+MEASURES = {measure.name: measure for measure in _COLUMNS + _PEOPLE + _WORK + _ORDERS + _BATTERY}
+EVALUATION_NOTE = (
+    "Means over episodes [95% interval by Student's t over episodes, cut at what is possible]; a collision counts once "
+    "per contact and pair; late: goals/robot-h of the second half; stuck: share of robots that at the end have not "
+    "advanced for over a minute; deadlocks: circles of robots that waited for each other, an episode; longest "
+    "standing: of any robot within a metre of one place, in an episode."
+)
+_PEOPLE_NOTE = (
+    " Longest person kept: that anybody who wanted to walk had a robot half a metre away, without coming a metre."
+)
+_WORK_NOTE = (
+    " Queueing: of the robots' time, waiting for a place that another holds; stations used: of the stations' time, "
+    "with a robot in service; empty driving: of the metres driven, those without a load."
+)
+_ORDERS_NOTE = " Order median and 95%: from an order's release until it is dropped; late: dropped late, or due and not."
+_NOTES = ((_PEOPLE, _PEOPLE_NOTE), (_WORK, _WORK_NOTE), (_ORDERS[:-1], _ORDERS_NOTE))
+
+
+def measures_for(rows: Sequence[Row]) -> tuple[Measure, ...]:
+    """Return the columns that say something about these rows: success and makespan only where tasks end, and
+    those of people, work, orders and batteries only where there are some.
+    """
+    parts = (_PEOPLE, _WORK, _ORDERS, _BATTERY)
+    some = tuple(one for part in parts if any(part[0].name in row for row in rows) for one in part)
+    ends = _ONE_SHOT if any(row["tasks"] == "one_shot" for row in rows) else ()
+    return _COLUMNS[:-1] + some + ends + _COLUMNS[-1:]
+
+
+def note_for(shown: Sequence[Measure]) -> str:
+    """Return what is said under a table of these columns."""
+    return EVALUATION_NOTE + "".join(note for part, note in _NOTES if part[-1] in shown)

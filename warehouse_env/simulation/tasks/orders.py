@@ -1,0 +1,163 @@
+"""Orders: what somebody wants fetched, from where, to where, and until when; read from and written to files.
+
+A file holds one order a line, as CSV with the names of FIELDS in its first line, or as JSON lines (`.jsonl`):
+
+    release_s,picks,drop,due_s,weight_kg
+    0,12:7 15:7,1:9,900,120
+
+Cells are row:column; an order with several pick faces visits them in this order.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from warehouse_env.errors import ConfigError, WarehouseError, shown
+from warehouse_env.files import complete_file, path_of
+from warehouse_env.maps.grid_map import Cell, GridMap
+
+EXAMPLE_ORDERS = Path(__file__).parents[2] / "maps" / "data" / "paper46-orders.csv"  # an hour on the floor paper46
+FIELDS = ("release_s", "picks", "drop", "due_s", "weight_kg")
+_MOST = 1_000_000  # orders, and seconds times a thousand: nobody plans further
+_LATEST = 1e9  # [s]
+
+
+class Order(NamedTuple):
+    """One robot fetches it at its pick faces, one after the other, and drops it at a station."""
+
+    release: float  # [s] after the reset, from when on it is known
+    picks: tuple[Cell, ...]
+    drop: Cell
+    due: float  # [s] after the reset
+    weight: float  # [kg], an equal part from each pick face
+
+
+def read_orders(path: str | Path) -> tuple[Order, ...]:
+    """Return the orders of a file by their release; ConfigError names the line that cannot be used."""
+    path = path_of(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"orders {path} cannot be read: {shown(str(error))[1:-1]}") from None
+    rows = _json_rows(text, path) if path.suffix in (".jsonl", ".json") else _csv_rows(text, path)
+    orders = [_order(row, f"{path}, line {line}") for line, row in rows]
+    if not orders:
+        raise ConfigError(f"orders {path} hold none; give one a line: {', '.join(FIELDS)}")
+    return tuple(sorted(orders, key=lambda order: order.release))
+
+
+def write_orders(path: str | Path, orders: Iterable[Order]) -> None:
+    """Write orders to a file, which `read_orders` reads; as JSON lines where it is called so, else as CSV."""
+    as_json = Path(path).suffix in (".jsonl", ".json")
+    with complete_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        if as_json:
+            file.writelines(json.dumps(dict(zip(FIELDS, order, strict=True))) + "\n" for order in orders)
+            return
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(FIELDS)
+        for release, picks, drop, due, weight in orders:
+            table.writerow([f"{release:g}", " ".join(map(_named, picks)), _named(drop), f"{due:g}", f"{weight:g}"])
+
+
+def check_orders(orders: Sequence[Order], grid: GridMap, payload: float) -> None:
+    """Raise ConfigError or MapError for an order that no robot of `payload` [kg] can carry out on this floor."""
+    there = grid.return_region(grid.endpoints[2][0])
+    for number, order in enumerate(orders, 1):
+        for cell, what in [*((pick, "pick") for pick in order.picks), (order.drop, "drop")]:
+            grid.check_cell(cell, f"{what} of order {number}")
+            if not there[cell]:
+                raise ConfigError(f"{what} {cell} of order {number} cannot be reached on map {grid.name!r}; move it")
+        if order.weight > payload:
+            raise ConfigError(
+                f"order {number} weighs {order.weight:g} kg, more than a robot's payload of {payload:g}; split it"
+            )
+
+
+def _named(cell: Cell) -> str:
+    return f"{cell[0]}:{cell[1]}"
+
+
+def _csv_rows(text: str, path: Path) -> list[tuple[int, dict[str, Any]]]:
+    table = csv.DictReader(text.splitlines())
+    try:
+        rows = [(table.line_num, dict(row)) for row in table]
+    except csv.Error as error:
+        raise ConfigError(f"orders {path}, line {table.line_num}: {error}") from None
+    for _, row in rows:
+        for name in ("picks", "drop"):
+            row[name] = [cell.split(":") for cell in str(row.get(name) or "").split()]
+        row["drop"] = row["drop"][0] if len(row["drop"]) == 1 else row["drop"]
+    return rows
+
+
+def _json_rows(text: str, path: Path) -> list[tuple[int, Any]]:
+    rows = []
+    for line, part in enumerate(text.splitlines(), 1):
+        if part.strip():
+            try:
+                rows.append((line, json.loads(part)))
+            except (ValueError, RecursionError):
+                raise ConfigError(f"orders {path}, line {line}: {shown(part)} is no JSON") from None
+    return rows
+
+
+def _order(row: Any, where: str) -> Order:
+    """Return the order of a line's values."""
+    if not isinstance(row, dict) or set(row) != set(FIELDS):
+        raise ConfigError(f"{where} must have exactly the fields {', '.join(FIELDS)}")
+    release, due, weight = (_number(row[name], name, where) for name in ("release_s", "due_s", "weight_kg"))
+    picks = row["picks"]
+    if not isinstance(picks, list) or not picks:
+        raise ConfigError(f"{where}: picks={shown(picks)} must be one or more cells, row:column")
+    if due < release:
+        raise ConfigError(f"{where}: due_s={due:g} must not be before release_s={release:g}")
+    return Order(release, tuple(_cell(pick, where) for pick in picks), _cell(row["drop"], where), due, weight)
+
+
+def _number(value: Any, name: str, where: str) -> float:
+    try:
+        number = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not 0.0 <= number <= _LATEST:
+        raise ConfigError(f"{where}: {name}={shown(value)} must be a number from 0 to {_LATEST:g}")
+    return number
+
+
+def _cell(value: Any, where: str) -> Cell:
+    try:
+        row, column = (int(str(number)) for number in value)
+    except (TypeError, ValueError):
+        raise ConfigError(f"{where}: the cell {shown(value)} must be two whole numbers, row:column") from None
+    return row, column
+
+
+def as_table(orders: Sequence[Order]) -> list[list[float]]:
+    """Return a row of numbers for each stop of each order: its number, release, row, column, due, weight.
+
+    What an episode's file keeps; `from_table` reads it.
+    """
+    return [
+        [k, order.release, *cell, order.due, order.weight]
+        for k, order in enumerate(orders)
+        for cell in (*order.picks, order.drop)
+    ]
+
+
+def from_table(rows: Iterable[Sequence[float]]) -> tuple[Order, ...]:
+    """Return the orders that `as_table` has written; WarehouseError where these are none."""
+    stops: dict[float, list[Sequence[float]]] = {}
+    for row in rows:
+        stops.setdefault(row[0], []).append(row)
+    orders = []
+    for several in stops.values():
+        if len(several) < 2 or not all(math.isfinite(number) for row in several for number in row):
+            raise WarehouseError("its orders need a pick face and a station each, and finite numbers")
+        cells = [(int(row[2]), int(row[3])) for row in several]
+        orders.append(Order(several[0][1], tuple(cells[:-1]), cells[-1], several[0][4], several[0][5]))
+    return tuple(orders)

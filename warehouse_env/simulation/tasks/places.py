@@ -1,0 +1,135 @@
+"""Where robots stand that have nothing to drive to: waiting places beside the traffic, and who queues for what.
+
+A place is a cell that is nobody's pick face or station. Whoever stands there, at any heading, leaves all endpoints
+joined, and wherever the floor allows it bars no aisle: what is free around it hangs together without it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.maps.distance import label_regions
+from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.simulation.tasks.well_formed import body_reach, disc_of
+
+APART = 0.3  # [m] between the bodies of two that stand at neighbouring places, at any headings
+
+
+def standing_places(grid: GridMap, config: EnvConfig, count: int) -> list[Cell]:
+    """Return up to `count` places, those first that bar nothing, and of these those nearest to a station.
+
+    Fewer where no more keep the endpoints joined.
+    """
+    disc = disc_of(config, grid.cell_size)
+    endpoints = grid.endpoints[2]
+    inside = np.zeros(grid.shape, dtype=np.bool_)
+    inside[tuple(grid.free_cells.T)] = True
+    order = _by_use(grid, config, disc, inside)
+    apart = (2 * body_reach(config) + APART) / grid.cell_size
+    free, chosen = inside.copy(), list[Cell]()
+    for cell in order:
+        if len(chosen) == count:
+            break
+        if any(np.hypot(cell[0] - r, cell[1] - c) < apart for r, c in chosen):
+            continue
+        left = free.copy()
+        left[_covered(cell, disc, grid.shape)] = False
+        labels = label_regions(left)
+        ends = {int(labels[end]) for end in endpoints}
+        if len(ends) == 1 and 0 not in ends:
+            free = left
+            chosen.append(cell)
+    return chosen
+
+
+def _by_use(grid: GridMap, config: EnvConfig, disc: NDArray[np.int64], inside: NDArray[np.bool_]) -> list[Cell]:
+    """Return the cells that could be places, whose disc covers no endpoint, the best ones first."""
+    ends = np.array(grid.endpoints[2])
+    stations = grid.stations
+    reach = float(np.sqrt((disc**2).sum(axis=1).max()))
+    found = []
+    for row, column in grid.free_cells.tolist():
+        if np.hypot(ends[:, 0] - row, ends[:, 1] - column).min() <= reach:
+            continue
+        way = float(np.hypot(stations[:, 0] - row, stations[:, 1] - column).min())
+        found.append((_bars((row, column), disc, inside), way, (row, column)))
+    return [cell for _, _, cell in sorted(found)]
+
+
+def _bars(cell: Cell, disc: NDArray[np.int64], inside: NDArray[np.bool_]) -> bool:
+    """Whether a robot on a cell parts what is free around it."""
+    reach = int(np.abs(disc).max()) + 1
+    padded = np.pad(inside, reach)
+    window = padded[cell[0] : cell[0] + 2 * reach + 1, cell[1] : cell[1] + 2 * reach + 1].copy()
+    window[tuple((disc + reach).T)] = False
+    labels = label_regions(window)
+    return int(labels.max()) != 1
+
+
+def _covered(cell: Cell, disc: NDArray[np.int64], shape: tuple[int, ...]) -> tuple[NDArray[np.int64], ...]:
+    """Return the cells that a robot on a cell may bar, as an index."""
+    cells = disc + cell
+    return tuple(cells[((cells >= 0) & (cells < shape)).all(axis=1)].T)
+
+
+class Places:
+    """The cells of one world that robots hold, each one's alone, and the queues of those who want one that is held."""
+
+    def __init__(self, waiting: Sequence[Cell], spare: Sequence[Cell]) -> None:
+        """waiting: the places to stand; spare: other cells, where no place is left."""
+        self._waiting, self._spare = list(waiting), list(spare)
+        self.held_by: dict[Cell, int] = {}
+        self._held: dict[int, Cell] = {}
+        self._queues: dict[Cell, deque[int]] = {}
+
+    def take(self, robot: int, cell: Cell) -> None:
+        """Let a robot hold a free cell, and no other any more; it waits for none."""
+        self.leave(robot)
+        self.held_by[cell], self._held[robot] = robot, cell
+
+    def leave(self, robot: int) -> None:
+        """Let a robot hold nothing and wait for nothing."""
+        if robot in self._held:
+            del self.held_by[self._held.pop(robot)]
+        for cell in [cell for cell, queue in self._queues.items() if robot in queue]:
+            self._queues[cell].remove(robot)
+            if not self._queues[cell]:
+                del self._queues[cell]
+
+    def queue(self, robot: int, cell: Cell) -> None:
+        """Put a robot at the end of those who wait for a cell."""
+        self._queues.setdefault(cell, deque()).append(robot)
+
+    def queued(self, cell: Cell) -> int:
+        """Return how many wait for a cell."""
+        return len(self._queues.get(cell, ()))
+
+    def next_in(self) -> list[tuple[int, Cell]]:
+        """Return who may have the cell that it waits for, as nobody holds it: the first of each queue."""
+        return [(queue[0], cell) for cell, queue in self._queues.items() if cell not in self.held_by]
+
+    def stands(self, robot: int) -> bool:
+        """Whether what a robot holds is a place to wait at."""
+        return self._held.get(robot) in self._waiting
+
+    def near(self, cell: Cell) -> Cell | None:
+        """Return the free place nearest to a cell, else a spare one, None where all are held."""
+        return self._nearest(self._waiting, cell) or self._nearest(self._spare, cell)
+
+    def cell_of(self, robot: int) -> Cell:
+        """Return the cell that a robot holds."""
+        return self._held[robot]
+
+    def _nearest(self, cells: Sequence[Cell], to: Cell) -> Cell | None:
+        free = [cell for cell in cells if cell not in self.held_by]
+        return nearest_cell(free, to) if free else None
+
+
+def nearest_cell(cells: Sequence[Cell], to: Cell) -> Cell:
+    """Return the cell nearest to another, as the crow flies."""
+    return min(cells, key=lambda cell: ((cell[0] - to[0]) ** 2 + (cell[1] - to[1]) ** 2, cell))

@@ -1,0 +1,307 @@
+"""A shift: what each robot of one world does next, where driving is not all: service, orders, queues, charging.
+
+A robot drives to a cell that it alone holds, or it stands: served, at a waiting place, or at a charger. What it does
+changes when it arrives, when its service ends, when an order is released, when a cell that it waits for becomes free,
+and when its battery says so.
+
+    FREE -> STOP -> SERVED -> STOP ... -> FREE     an order's pick faces and its station, or a drawn goal
+            WAITS                                  at a place beside the traffic, for a cell that another holds
+    FREE -> RESTS                                  at such a place, for an order
+            CHARGER -> CHARGES                     below BatterySpec.low between orders; at once when it is critical
+
+Robots that stand count as parked (`alive` 0): others see them standing, and nobody asks them to leave.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.simulation.tasks.allocation import make_allocator
+from warehouse_env.simulation.tasks.battery import Batteries
+from warehouse_env.simulation.tasks.duty import Doing, Duty
+from warehouse_env.simulation.tasks.ledger import Ledger
+from warehouse_env.simulation.tasks.places import Places, nearest_cell
+from warehouse_env.simulation.tasks.service import service_time
+from warehouse_env.simulation.tasks.tally import Tally
+from warehouse_env.simulation.tasks.tasks import Tasks
+
+WINDOW = 64  # open orders that are looked at for an allocation, the oldest
+_LOOK = 1.0  # [s] between two looks at the batteries
+_ROUNDING = 1e-9  # [s]
+_MINUTE = 60.0  # [s] of service from which on the observation says the same
+
+
+class Shift:
+    """What the robots of one world do next."""
+
+    def __init__(
+        self, config: EnvConfig, grid: GridMap, tasks: Tasks, waiting: Sequence[Cell], chargers: Sequence[Cell],
+        batteries: Batteries | None,
+    ) -> None:  # fmt: skip
+        """waiting, chargers: cells to stand at; batteries: of its robots."""
+        self._config, self._grid, self._tasks = config, grid, tasks
+        self._waiting, self._chargers = list(waiting), list(chargers)
+        self._stations = set(grid.endpoints[1])
+        self._step = config.time_step * config.action_repeat  # [s]
+        self._full = config.battery.full if config.battery else 0.0
+        self._allocate_by = make_allocator(config.orders.allocation) if config.orders else None
+        self.batteries = batteries
+        self.load = np.zeros(config.num_agents)  # [kg]
+        self.begin(np.random.default_rng(), None)
+
+    def begin(self, rng: np.random.Generator, ledger: Ledger | None) -> None:
+        """Begin an episode in which nobody has anything to do."""
+        count = self._config.num_agents
+        self._rng, self.ledger = rng, ledger
+        self.duties = [Duty() for _ in range(count)]
+        self._places = Places(self._waiting, self._grid.endpoints[2])
+        self.load[:] = 0.0
+        self.carries = np.zeros(count, dtype=np.bool_)
+        self._goals: dict[int, Cell] = {}
+        self._until = np.full(count, np.inf)  # [s], end of each robot's service
+        self._tally = Tally(count)
+        self._ticks = -1  # env steps since the reset
+        self._looked = self._wake = -math.inf  # [s], of the batteries; when something is to be done
+        if self.batteries is not None:
+            self.batteries.begin(rng)
+
+    def assign(self, robot: int, goal: Cell) -> None:
+        """Let a robot that has nothing to do drive to a goal, which is work and no order."""
+        self._places.take(robot, goal)
+        self.duties[robot] = Duty(Doing.STOP, [goal])
+
+    def stand(self, robot: int, cell: Cell) -> None:
+        """Let a robot that has nothing to do stand where it is."""
+        self._places.take(robot, cell)
+        self.duties[robot] = Duty(Doing.RESTS)
+
+    def break_down(self, robot: int) -> None:
+        """Let a robot stand for good; an order that it has not begun is open again."""
+        duty, ledger = self.duties[robot], self.ledger
+        if ledger is not None and duty.order is not None and not self.carries[robot]:
+            ledger.give_back(duty.order)
+        if duty.doing not in (Doing.SERVED, Doing.CHARGES):  # else it stands where nobody else is to go
+            self._places.leave(robot)
+        self.duties[robot], self._until[robot], self._wake = Duty(Doing.BROKEN), math.inf, -math.inf
+
+    def arrive(self, robot: int) -> bool:
+        """Let a robot that has reached its goal stand there; return whether that is a stop of its work."""
+        duty = self.duties[robot]
+        if duty.doing == Doing.STOP:
+            at_station = duty.stops[0] in self._stations
+            seconds = service_time(self._config.service, at_station, self._rng)
+            self._tally.serve(seconds, at_station)
+            duty.doing, self._until[robot] = Doing.SERVED, (self._ticks + 1) * self._step + seconds
+            self._wake = min(self._wake, float(self._until[robot]))
+            return True
+        if duty.doing == Doing.CHARGER:
+            duty.doing = Doing.CHARGES
+        return False
+
+    def go_on(self, robots: NDArray[Any]) -> dict[int, Cell]:
+        """Return the goals of those robots ROBOT[N] that are to drive elsewhere now.
+
+        To be called after the reset and after each step, of which it counts the time.
+        """
+        self._ticks += 1
+        self._goals, now = {}, self._now
+        if self.batteries is not None and now - self._looked >= _LOOK:
+            self._look_at_batteries(now, robots)
+        if now < self._wake - _ROUNDING:
+            return self._goals
+        for robot in np.flatnonzero(self._until <= now + _ROUNDING).tolist():
+            self._end_service(robot, now, robots)
+        if self.ledger is not None:
+            self.ledger.release(now)
+            self._allocate(robots)
+        for robot, cell in self._places.next_in():
+            self._head_for(robot, cell, Doing.CHARGER if cell in self._chargers else Doing.STOP)
+        for robot, duty in enumerate(self.duties):
+            if duty.doing == Doing.FREE:
+                self._rest(robot, robots)
+        self._wake = min(float(self._until.min()), math.inf if self.ledger is None else self.ledger.next_release)
+        return self._goals
+
+    def _look_at_batteries(self, now: float, robots: NDArray[Any]) -> None:
+        """Let charge be used and given; who has enough goes on, who is critical goes to charge."""
+        spec, batteries = self._config.battery, self.batteries
+        assert spec is not None
+        assert batteries is not None
+        self._looked = now
+        charging = np.array([duty.doing == Doing.CHARGES for duty in self.duties])
+        batteries.use(now, robots["distance"], self.load, charging)
+        share = batteries.share
+        for robot in np.flatnonzero(charging & (share >= spec.full)).tolist():
+            self._next(robot)
+        cells = self._grid.cell(np.stack([robots["x"], robots["y"]], axis=-1))
+        critical = batteries.is_critical(cells, self.load)
+        for robot in np.flatnonzero(critical | (share < spec.low)).tolist():
+            duty = self.duties[robot]
+            if duty.doing == Doing.RESTS:
+                self._go_and_charge(robot)
+            if not critical[robot]:
+                continue
+            if share[robot] <= 0.0 and duty.doing != Doing.CHARGES:
+                robots[robot]["alive"] = 0
+                self.break_down(robot)
+            elif duty.doing == Doing.STOP or (duty.doing == Doing.WAITS and duty.wants not in self._chargers):
+                self._go_and_charge(robot)
+
+    def _end_service(self, robot: int, now: float, robots: NDArray[Any]) -> None:
+        """Load or unload, and go on to what is next."""
+        duty = self.duties[robot]
+        self._until[robot] = math.inf
+        cell = duty.stops.pop(0)
+        self._tally.drive(robot, float(robots["distance"][robot]), bool(self.carries[robot]))
+        self._reload(robot, cell)
+        if duty.order is not None and not duty.stops:
+            assert self.ledger is not None
+            self.ledger.complete(duty.order, now)
+            duty.order = None
+        self._next(robot)
+
+    def _reload(self, robot: int, cell: Cell) -> None:
+        """Put on what a stop gives, or take off all at the last one."""
+        duty, service = self.duties[robot], self._config.service
+        if self.ledger is not None:
+            if duty.order is None:  # a goal given by hand
+                return
+            order = self.ledger.given[duty.order]
+            self.load[robot] = self.load[robot] + order.weight / len(order.picks) if duty.stops else 0.0
+            self.carries[robot] = bool(duty.stops)
+            return
+        fetched = cell not in self._stations
+        self.carries[robot] = fetched
+        self.load[robot] = service.load if fetched and service is not None else 0.0
+
+    def _next(self, robot: int) -> None:
+        """Send a robot to what comes next, if that is settled already: charging, or a stop."""
+        duty, spec = self.duties[robot], self._config.battery
+        duty.doing, self._wake = Doing.FREE, -math.inf
+        low = spec is not None and self.batteries is not None and self.batteries.share[robot] < spec.low
+        if low and not duty.stops:
+            self._go_and_charge(robot)
+        elif duty.stops:
+            self._head_for(robot, duty.stops[0], Doing.STOP)
+        elif self.ledger is None:
+            held = self._places.cell_of(robot)
+            duty.stops = [self._tasks.next_goal(robot, held, self._rng)]
+            self._head_for(robot, duty.stops[0], Doing.STOP)
+
+    def _head_for(self, robot: int, cell: Cell, doing: Doing) -> None:
+        """Send a robot to a cell, or where another holds it to a place to wait for it."""
+        duty = self.duties[robot]
+        if cell in self._places.held_by:
+            self._wait(robot, cell)
+            return
+        if duty.doing == Doing.WAITS:
+            self._tally.waited += self._now - duty.since
+        self._drive(robot, cell, doing)
+        duty.wants = None
+
+    def _drive(self, robot: int, cell: Cell, doing: Doing) -> None:
+        duty = self.duties[robot]
+        self._places.take(robot, cell)
+        duty.doing, self._goals[robot] = doing, cell
+
+    def _wait(self, robot: int, cell: Cell) -> None:
+        """Put a robot in the queue for a cell; it waits at the place nearest to that, or where it rests already."""
+        duty = self.duties[robot]
+        if not self._places.stands(robot):
+            place = self._places.near(cell)
+            if place is not None:
+                self._drive(robot, place, Doing.WAITS)
+        self._places.queue(robot, cell)
+        duty.doing, duty.wants, duty.since = Doing.WAITS, cell, self._now
+
+    def _rest(self, robot: int, robots: NDArray[Any]) -> None:
+        """Send a robot that has nothing to do to a free charger, if it can use one, or to a place to stand."""
+        duty, batteries = self.duties[robot], self.batteries
+        duty.doing = Doing.RESTS
+        free = [cell for cell in self._chargers if cell not in self._places.held_by]
+        if batteries is not None and free and batteries.share[robot] < self._full:
+            self._drive(robot, nearest_cell(free, self._cell(robots, robot)), Doing.CHARGER)
+        elif not self._places.stands(robot):
+            place = self._places.near(self._cell(robots, robot))
+            if place is not None:
+                self._drive(robot, place, Doing.RESTS)
+
+    def _go_and_charge(self, robot: int) -> None:
+        """Send a robot to the charger for which the fewest wait."""
+        self._wake = -math.inf
+        held = self._places.held_by
+        charger = min(self._chargers, key=lambda cell: (cell in held) + self._places.queued(cell))
+        self._head_for(robot, charger, Doing.CHARGER)
+
+    def _allocate(self, robots: NDArray[Any]) -> None:
+        """Give open orders whose first pick face is free to robots that have nothing to do, and charge enough."""
+        ledger, spec, batteries = self.ledger, self._config.battery, self.batteries
+        assert ledger is not None
+        assert self._allocate_by is not None
+        free = [robot for robot, duty in enumerate(self.duties) if duty.doing in (Doing.FREE, Doing.RESTS)]
+        if spec is not None and batteries is not None:
+            share = batteries.share
+            free = [robot for robot in free if share[robot] >= spec.low]
+        if not ledger.open or not free:
+            return
+        held = self._places.held_by
+        numbers = [number for number, order in ledger.open.items() if order.picks[0] not in held][:WINDOW]
+        picks = tuple(np.array([ledger.open[number].picks[0] for number in numbers], dtype=np.int64).reshape(-1, 2).T)
+        cost = np.array([self._grid.distance_to(self._cell(robots, robot))[picks] for robot in free])
+        for one, column in self._allocate_by(cost) if numbers else ():
+            if ledger.open[numbers[column]].picks[0] not in held and np.isfinite(cost[one, column]):
+                robot, order = free[one], ledger.give(numbers[column])
+                self.duties[robot].order, self.duties[robot].stops = numbers[column], [*order.picks, order.drop]
+                self._head_for(robot, order.picks[0], Doing.STOP)
+
+    def _cell(self, robots: NDArray[Any], robot: int) -> Cell:
+        row, column = self._grid.cell(np.array([robots[robot]["x"], robots[robot]["y"]])).tolist()
+        return row, column
+
+    def at_work(self) -> NDArray[np.bool_]:
+        """Return bool[N]: whether a robot that stands will go on."""
+        return np.array([duty.doing != Doing.BROKEN for duty in self.duties])
+
+    def needs(self) -> list[dict[str, Any]]:
+        """Return what each robot's info says of its work: "doing", "load_kg", and with a battery "charge" [Wh]."""
+        rows: list[dict[str, Any]] = [
+            {"doing": duty.doing.name.lower(), "load_kg": load}
+            for duty, load in zip(self.duties, self.load.tolist(), strict=True)
+        ]
+        if self.batteries is not None:
+            for row, charge in zip(rows, self.batteries.charge.tolist(), strict=True):
+                row["charge_wh"] = charge
+        return rows
+
+    def write_needs(self, out: NDArray[np.float32]) -> None:
+        """Write each robot's own needs into float32[N, K] of the observation (see observation_layout)."""
+        served = np.isfinite(self._until)
+        out[:, 0] = self.load / max(self._config.robot.payload, 1.0)
+        out[:, 1] = served
+        out[:, 2] = np.where(served, np.clip(self._until - self._now, 0.0, _MINUTE) / _MINUTE, 0.0)
+        if self.batteries is not None:
+            out[:, 3] = self.batteries.share
+
+    @property
+    def _now(self) -> float:
+        """Seconds since the reset."""
+        return self._ticks * self._step
+
+    def row(self, robots: NDArray[Any]) -> dict[str, float]:
+        """Return the metrics of the shift so far, and of its orders and batteries (Tally, Ledger, Batteries)."""
+        now, duties = self._now, self.duties
+        served = [(k, duty.stops[0] in self._stations) for k, duty in enumerate(duties) if duty.doing == Doing.SERVED]
+        to_come = [(max(float(self._until[robot]) - now, 0.0), at_station) for robot, at_station in served]
+        waiting = sum(now - duty.since for duty in duties if duty.doing == Doing.WAITS)
+        return {
+            **self._tally.row(now, robots["distance"], self.carries, to_come, waiting, len(self._stations)),
+            **({} if self.ledger is None else self.ledger.row(now)),
+            **({} if self.batteries is None else self.batteries.row(now)),
+        }
