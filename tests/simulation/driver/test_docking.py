@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 
 import numpy as np
@@ -10,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from tests.simulation.worlds import drawn, room
+from tests.simulation.worlds import drawn, plain_python, room
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.driver.manoeuvre import ARCS, MOST, search_exact
@@ -159,3 +160,27 @@ def test_lifelong_robots_stand_beside_the_shelves_that_they_are_sent_to() -> Non
                 assert abs(math.remainder(heading - goal_heading, 2 * math.pi)) <= math.radians(5.0)
                 assert abs(math.sin(2 * goal_heading)) < 1e-5  # along the grid
     assert goals > 8
+
+
+PROGRAM = """
+import hashlib
+import numpy as np
+from tests.simulation.driver.test_docking import bits_of_docking
+print(bits_of_docking())
+"""
+
+
+def bits_of_docking() -> str:
+    """A digest of all that a robot does which docks."""
+    config = EnvConfig(num_agents=1, planner="astar", arrival="pose", tasks="one_shot")
+    sim, digest = Simulator(config, grid=room(8, 8)), hashlib.blake2b()
+    sim.reset_to([Assignment([(2.5, 4.5, 0.3)], [(4.2, 3.1, 2.0)])], seed=1)
+    for _ in range(30):
+        sim.step(np.full((1, 1), sim.cruise_action))
+        digest.update(sim.robots.tobytes() + sim.observation.tobytes())
+    assert sim.robots["docks"].all()
+    return digest.hexdigest()
+
+
+def test_docking_is_the_same_in_plain_python() -> None:
+    assert plain_python(PROGRAM) == [bits_of_docking()]
