@@ -208,7 +208,9 @@ def test_every_page_is_linked_from_the_first() -> None:
 
 def test_the_observation_table_is_the_layout() -> None:
     table = dict(re.findall(r"^\| `(\w+)` \| (\d+) \|", section("Observation"), re.MULTILINE))
-    slices = observation_layout(EnvConfig(sensor=SensorSpec(predictions=True), protective_field=True)).slices
+    slices = observation_layout(
+        EnvConfig(sensor=SensorSpec(predictions=True), protective_field=True, arrival="stop")
+    ).slices
     assert {name: int(size) for name, size in table.items()} == {n: s.stop - s.start for n, s in slices.items()}
 
 

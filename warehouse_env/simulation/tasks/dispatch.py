@@ -243,9 +243,8 @@ class Dispatcher(Portable):
                     continue
             lengths = book_arrival(self.robots, world, robot, seconds, 2 * step > config.max_steps)
             arrivals.append(Arrival(world, robot, *lengths))
-            if config.tasks == "lifelong":
-                self._told.pop((world, robot), None)
             if self.shifts is None and config.tasks == "lifelong" and r["alive"]:
+                self._told.pop((world, robot), None)
                 start = state.goal_of(r)
                 goal = self.tasks[world].next_goal(robot, start, self._rngs[world])
                 self.give_task(world, robot, goal, self._route(world, robot, start, goal, step))
@@ -262,6 +261,7 @@ class Dispatcher(Portable):
         assert self.shifts is not None
         goals = self.shifts.go_on(world, self.robots[world])
         for robot, goal in goals.items():
+            self._told.pop((world, robot), None)
             set_out(self.robots, world, robot, *goal)
             self.give_task(world, robot, goal, self._route_from_here(world, robot, step))
         return bool(goals)
