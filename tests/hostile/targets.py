@@ -26,6 +26,8 @@ from agents.weights_folder import CONFIG, WEIGHTS, read_record, read_tensors
 from tests.hostile import making
 from tests.hostile.making import damaged, json_bytes, json_lines, options, value
 from train import cli
+from train.clmapf.instance import read_instance
+from train.clmapf.solution import read_solution
 from train.evaluation.episodes import Episodes
 from train.evaluation.jobs import go_on
 from train.evaluation.rollout import make_experiment
@@ -77,6 +79,14 @@ ORDERS = {
     "o.jsonl": b'{"release_s": 0, "picks": [[1, 1]], "drop": [9, 1], "due_s": 9, "weight_kg": 1.5}\n',
 }
 ONE_WAY = b".....\n.>>>.\n.....\n..v..\n"
+CLMAPF = (
+    b"agents:\n  - start: [5, 15, 0]\n    name: agent0\n    goal: [22, 15, 1.57]\nmap:\n  dimensions: [30, 40]\n"
+    b"  obstacles:\n    - [15.5, 10]\n"
+)
+CLMAPF_SOLUTION = (
+    b"statistics:\n  cost: 9\nschedule:\n  agent0:\n    - x: 5\n      y: 15\n      yaw: 0\n      t: 0\n"
+    b"    - x: 6.5\n      y: 15\n      yaw: 0\n      t: 1.5\n"
+)
 SCEN = EXAMPLE_SCEN.read_bytes()[:300]
 RECORD = json.loads((WEIGHTS_FOLDER / "threaded_ppo" / CONFIG).read_text())
 NETWORK = Network(3, 2, True, (2,))
@@ -434,6 +444,10 @@ def _named(words: bytes, folder: Path) -> None:
 TARGETS: dict[str, Target] = {
     "map": Target(lambda rng: (damaged(rng, MAP), rng.choice([ONE_WAY, damaged(rng, ONE_WAY)])), _map, 500),
     "scen": Target(lambda rng: damaged(rng, SCEN), lambda given, f: read_scen(_written(given, f, "s")), 1000),
+    "clmapf instance": Target(lambda rng: damaged(rng, CLMAPF),
+                              lambda given, f: read_instance(_written(given, f, "i"), "i"), 1000),
+    "clmapf solution": Target(lambda rng: damaged(rng, CLMAPF_SOLUTION),
+                              lambda given, f: read_solution(_written(given, f, "s")), 1000),
     "episode": Target(lambda rng: making.archive(rng, _members()), _replayed, 120),
     "episode bytes": Target(lambda rng: damaged(rng, an_episode()), _replayed, 200),
     "rows": Target(lambda rng: json_lines(rng, EVALUATED), _rows, 200),

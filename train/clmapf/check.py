@@ -31,16 +31,20 @@ class Checked(NamedTuple):
     unit: float  # [s] of a unit of t
 
 
-def check(instance: Instance, schedule: dict[str, States], unit: float = 1.0, tolerance: float = TOLERANCE) -> Checked:
+def check(
+    instance: Instance, schedule: dict[str, States], unit: float = 1.0, whole: bool = False,
+    tolerance: float = TOLERANCE,
+) -> Checked:  # fmt: skip
     """Check a solution: its robots, ends, arcs, curvature, speed, border, bodies and discs.
 
-    unit: seconds of a unit of t; tolerance: of stated poses, lengths and turns.
+    unit: seconds of a unit of t; whole: bodies, not only axles, must stay on the floor; tolerance: of stated poses,
+    lengths and turns.
     """
     faults = [Fault("has no states", name, "", 0.0, 0.0) for name in instance.names if name not in schedule]
     faults += [Fault("is no robot", name, "", 0.0, 0.0) for name in schedule if name not in instance.names]
     if faults:
         return Checked(faults, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, 0.0, unit)
-    motions, found = motions_of(instance, schedule, unit, tolerance)
+    motions, found = motions_of(instance, schedule, unit, whole, tolerance)
     slack = max(_LEAST_SLACK, 2.0 * motions.miss)
     shape = Shape(
         BODY.half_length, BODY.half_width, 0.5 * (BODY.ahead - BODY.behind), max(BODY.ahead, BODY.behind),

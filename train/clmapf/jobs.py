@@ -25,23 +25,26 @@ class SolveJob(Job):
     name: str  # of the file in the folder
     solutions: Path  # a folder
     seed: int
+    whole: bool  # whether whole bodies must stay on the floor
 
     titled = "{name}"
 
     def run(self, tick: Tick) -> Result:
         """Solve and check; nothing is planned where the instance is impossible as stated."""
         instance = read_instance(self.folder / self.name, self.name)
-        row = row_of(instance) | {"seed": self.seed, "version": __version__}
+        row = row_of(instance) | {"seed": self.seed, "whole_bodies": self.whole, "version": __version__}
         if row["impossible"]:
             return Result([row])
-        solved = solve(instance, self.seed)
+        solved = solve(instance, self.seed, self.whole)
         row |= {"seconds": solved.seconds, "nodes": solved.found.nodes, "meeting": solved.found.meeting}
         row |= {"stranded": [instance.names[i] for i in solved.found.stranded]}
         if solved.complete:
             path = self.solutions / self.name
             flowtime = float(sum(route[-1, -1] for route in solved.routes))
             write_solution(path, instance.names, solved.routes, flowtime, solved.seconds)
-            row |= figures(check(instance, read_solution(path))) | {"flowtime_alone": float(solved.found.alone.sum())}
+            row |= figures(check(instance, read_solution(path), whole=self.whole)) | {
+                "flowtime_alone": float(solved.found.alone.sum())
+            }
         return Result([row])
 
 
@@ -53,6 +56,7 @@ class CheckJob(Job):
     name: str
     solutions: Path
     unit: float  # seconds of a unit of t
+    whole: bool  # see SolveJob
 
     titled = "{name}"
 
@@ -62,7 +66,7 @@ class CheckJob(Job):
         path = self.solutions / self.name
         row = row_of(instance)
         if path.is_file():
-            row |= figures(check(instance, read_solution(path), self.unit))
+            row |= figures(check(instance, read_solution(path), self.unit, self.whole))
         return Result([row])
 
 

@@ -15,7 +15,8 @@ from train.clmapf.solution import States
 
 AUTHORS_STEP = 2.118  # seconds of a step of the authors' solver: radius 3 times 0.706 rad
 BEGIN, END, X, Y, HEADING, LENGTH, BEND = range(7)  # columns of motions float64[M, 7]; LENGTH is negative in reverse
-_FAR = math.hypot(max(BODY.ahead, BODY.behind), BODY.half_width)  # of the axle from the farthest point of the body
+_AXLE = ((0.0, 0.0),)
+_CORNERS = tuple((ahead, left) for ahead in (BODY.ahead, -BODY.behind) for left in (BODY.half_width, -BODY.half_width))
 _STILL = 1e-12  # [rad] of a turn that is none
 
 
@@ -54,7 +55,7 @@ def arc_between(state: NDArray[np.float64], after: NDArray[np.float64]) -> tuple
 
 
 def motions_of(
-    instance: Instance, schedule: dict[str, States], unit: float, tolerance: float
+    instance: Instance, schedule: dict[str, States], unit: float, whole: bool, tolerance: float
 ) -> tuple[Motions, list[Fault]]:
     """Return what is driven, and what is wrong with each robot: ends, times, jumps, curvature, speed, the border."""
     arcs, first, worst = [], [0], 0.0
@@ -69,7 +70,7 @@ def motions_of(
             if not found:
                 worst = max(worst, miss)
             faults += found
-            faults += _border(name, arc, instance, tolerance)
+            faults += _border(name, arc, instance, whole, tolerance)
             arcs.append(arc if arc[1] > arc[0] else (arc[0], arc[0], *state[:3], 0.0, 0.0))
         last = states[-1]
         arcs.append((unit * last[3], unit * last[3], *last[:3], 0.0, 0.0))
@@ -101,21 +102,23 @@ def _limits(name: str, arc: tuple[float, ...], turn: float, miss: float, toleran
         yield Fault("too fast", name, "", arc[BEGIN], length / max(seconds, 1e-9) - 1.0)
 
 
-def _border(name: str, arc: tuple[float, ...], instance: Instance, tolerance: float) -> Iterator[Fault]:
-    low_x, high_x, low_y, high_y = extent(arc, 0.0, 0.0)
-    off = max(-low_x, high_x - instance.width, -low_y, high_y - instance.height)
+def _border(name: str, arc: tuple[float, ...], instance: Instance, whole: bool, tolerance: float) -> Iterator[Fault]:
+    off = _beyond(arc, instance, _CORNERS if whole else _AXLE)
     if off > tolerance:
-        yield Fault("the axle leaves the floor", name, "", arc[BEGIN], off)
+        yield Fault(f"the {'body' if whole else 'axle'} leaves the floor", name, "", arc[BEGIN], off)
 
 
 def body_beyond(motions: Motions, instance: Instance) -> float:
     """Return how far a corner of a body reaches beyond the floor's border, exactly; 0 where none does."""
-    most = 0.0
-    for arc in motions.arcs.tolist():
-        for ahead in (BODY.ahead, -BODY.behind):
-            for left in (BODY.half_width, -BODY.half_width):
-                low_x, high_x, low_y, high_y = extent(arc, ahead, left)
-                most = max(most, -low_x, high_x - instance.width, -low_y, high_y - instance.height)
+    return max(0.0, *(_beyond(arc, instance, _CORNERS) for arc in motions.arcs.tolist()))
+
+
+def _beyond(arc: tuple[float, ...], instance: Instance, points: tuple[tuple[float, float], ...]) -> float:
+    """Return how far points of a body, ahead and left of its axle, get beyond the border on an arc."""
+    most = -math.inf
+    for ahead, left in points:
+        low_x, high_x, low_y, high_y = extent(arc, ahead, left)
+        most = max(most, -low_x, high_x - instance.width, -low_y, high_y - instance.height)
     return most
 
 

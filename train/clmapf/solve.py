@@ -33,13 +33,12 @@ class Solved(NamedTuple):
         return self.found.routes
 
 
-def solve(instance: Instance, seed: int) -> Solved:
-    """Plan routes for all robots of an instance; the time has no compiling in it."""
+def solve(instance: Instance, seed: int, whole: bool = False) -> Solved:
+    """Plan routes for all robots; whole: keep whole bodies, not only axles, on the floor. Compiling takes no part."""
     _warm_up()
     begun = time.process_time()
-    floor = floor_of(
-        instance.width, instance.height, instance.discs, DISC_RADIUS, BODY, min(_MARGIN, 0.5 * least_gap(instance))
-    )
+    margin = min(_MARGIN, 0.5 * least_gap(instance))
+    floor = floor_of(instance.width, instance.height, instance.discs, DISC_RADIUS, BODY, margin, whole)
     found = plan_together(_tuples(instance.starts), _tuples(instance.goals), floor, seed)
     return Solved(found, time.process_time() - begun)
 

@@ -38,6 +38,8 @@ class Clmapf(Checked):
     """Folder for the solutions, in the format of the benchmark's authors (OUT/solutions if left out)."""
     authors_steps: bool = False
     """With --check, t counts the steps of the authors' solver, each 2.118 long; else it is seconds at unit speed."""
+    whole_bodies: bool = False
+    """Whole bodies must stay on the floor; the benchmark's own rule, and the default, asks it of rear axles alone."""
     generate: int = 0
     """Draw so many instances a number of robots, like the benchmark's, instead of planning."""
     side: int = 50
@@ -80,10 +82,11 @@ class Clmapf(Checked):
         if self.authors_steps and not self.check:
             raise ConfigError("--authors-steps says how solutions are checked; give it with --check")
         if not self.check:
-            return [SolveJob(self.folder, name, solutions, self.seed) for name in names]
+            return [SolveJob(self.folder, name, solutions, self.seed, self.whole_bodies) for name in names]
         if not any((solutions / name).is_file() for name in names):
             raise MapError(f"{solutions} holds no solution named as an instance in {self.folder}")
-        return [CheckJob(self.folder, name, solutions, AUTHORS_STEP if self.authors_steps else 1.0) for name in names]
+        unit = AUTHORS_STEP if self.authors_steps else 1.0
+        return [CheckJob(self.folder, name, solutions, unit, self.whole_bodies) for name in names]
 
     def _tell(self, rows: Sequence[Row]) -> None:
         tables = cells_table(rows), published_table()

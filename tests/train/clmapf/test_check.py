@@ -64,6 +64,15 @@ def test_each_fault_is_found(states: Any, kind: str) -> None:
     assert kind in kinds(EAST, np.array(states, float))
 
 
+def test_whole_bodies_on_the_floor() -> None:
+    """An axle at x = 1.5 that faces west has its front half a unit beyond the border."""
+    instance = instance_of([[10, 20, math.pi]], [[1.5, 20, math.pi]])
+    schedule = {"agent0": np.array([[10, 20, math.pi, 0], [1.5, 20, math.pi, 8.5]])}
+    found = check(instance, schedule)
+    assert (found.faults, found.beyond) == ([], pytest.approx(0.5))
+    assert [fault.kind for fault in check(instance, schedule, whole=True).faults] == ["the body leaves the floor"]
+
+
 def test_missing_and_unknown_robots() -> None:
     assert [fault.kind for fault in check(EAST, {"other": straight()}).faults] == ["has no states", "is no robot"]
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from warehouse_env.kernel import inline, part
 from warehouse_env.routes.reeds_shepp import rolled
 
-_EDGE = 1e-6  # that axles keep from the floor's edge
+_AXLE_EDGE, _BODY_EDGE = 1e-9, 0.005  # beyond the floor that is none: yaw 3.14 turns a body out by .002
 _RIGHT_ANGLE = 0.5 * math.pi
 
 
@@ -43,17 +43,22 @@ class Floor(NamedTuple):
     circle: float  # radius of the circle around the body
     radius: float  # least turning radius
     turning_speed: float  # of the body's fastest point on the tightest arc at unit speed
+    whole: bool  # whether whole bodies, not only axles, must stay on the floor
+    edge: float  # by which what must stay there may be off it
     margin: float  # looked for between bodies and to discs; half of it is kept for certain
 
 
-def floor_of(width: float, height: float, discs: Any, disc_radius: float, body: Body, margin: float) -> Floor:
+def floor_of(
+    width: float, height: float, discs: Any, disc_radius: float, body: Body, margin: float, whole: bool = False
+) -> Floor:
     """Return the floor of these discs float64[K, 2] for this body."""
     half_length, middle = body.half_length, 0.5 * (body.ahead - body.behind)
     far = max(body.ahead, body.behind)
     return Floor(
         width, height, discs, disc_radius, half_length, body.half_width, middle,
         math.hypot(half_length, body.half_width), body.radius,
-        math.hypot(body.radius + body.half_width, far) / body.radius, margin,
+        math.hypot(body.radius + body.half_width, far) / body.radius, whole,
+        _BODY_EDGE if whole else _AXLE_EDGE, margin,
     )  # fmt: skip
 
 
@@ -64,25 +69,50 @@ def point_speed(rate, curvature, floor):
 
 
 @inline
-def axle_inside(x, y, floor):
+def _on_floor(x, y, floor):
     """Whether a point lies on the floor."""
-    return _EDGE <= x <= floor.width - _EDGE and _EDGE <= y <= floor.height - _EDGE
+    edge = floor.edge
+    return -edge <= x <= floor.width + edge and -edge <= y <= floor.height + edge
+
+
+@part
+def _point_stays(x, y, heading, length, curvature, ahead, left, floor):
+    """Whether a point of the body stays on the floor along an arc of signed length.
+
+    On a circle it is outermost at an end or due east, north, west or south of the centre.
+    """
+    c, s = math.cos(heading), math.sin(heading)
+    px, py = x + ahead * c - left * s, y + ahead * s + left * c
+    to_x, to_y, to = rolled(x, y, heading, length, curvature)
+    to_c, to_s = math.cos(to), math.sin(to)
+    to_x, to_y = to_x + ahead * to_c - left * to_s, to_y + ahead * to_s + left * to_c
+    if not (_on_floor(px, py, floor) and _on_floor(to_x, to_y, floor)):
+        return False
+    if curvature == 0.0:
+        return True
+    middle_x, middle_y = x - s / curvature, y + c / curvature
+    dx, dy = px - middle_x, py - middle_y
+    radius, angle, turn = math.sqrt(dx * dx + dy * dy), math.atan2(dy, dx), length * curvature
+    first, last = min(angle, angle + turn), max(angle, angle + turn)
+    for quarter in range(math.ceil(first / _RIGHT_ANGLE), math.floor(last / _RIGHT_ANGLE) + 1):
+        at = quarter * _RIGHT_ANGLE
+        if not _on_floor(middle_x + radius * math.cos(at), middle_y + radius * math.sin(at), floor):
+            return False
+    return True
 
 
 @part
 def stays_inside(x, y, heading, length, curvature, floor):
-    """Whether the axle stays on the floor along an arc of signed length, whose outermost points face along an axis."""
-    to_x, to_y, to_heading = rolled(x, y, heading, length, curvature)
-    if not (axle_inside(x, y, floor) and axle_inside(to_x, to_y, floor)):
-        return False
-    if curvature == 0.0:
-        return True
-    first, last = min(heading, to_heading), max(heading, to_heading)
-    for quarter in range(math.ceil(first / _RIGHT_ANGLE), math.floor(last / _RIGHT_ANGLE) + 1):
-        at_x, at_y, _ = rolled(x, y, heading, (quarter * _RIGHT_ANGLE - heading) / curvature, curvature)
-        if not axle_inside(at_x, at_y, floor):
-            return False
-    return True
+    """Whether the axle, or the whole body if that is asked for, stays on the floor along an arc of signed length."""
+    if not floor.whole:
+        return _point_stays(x, y, heading, length, curvature, 0.0, 0.0, floor)
+    front, tail, side = floor.middle + floor.half_length, floor.middle - floor.half_length, floor.half_width
+    return (
+        _point_stays(x, y, heading, length, curvature, front, side, floor)
+        and _point_stays(x, y, heading, length, curvature, front, -side, floor)
+        and _point_stays(x, y, heading, length, curvature, tail, side, floor)
+        and _point_stays(x, y, heading, length, curvature, tail, -side, floor)
+    )
 
 
 @inline
