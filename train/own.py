@@ -28,12 +28,14 @@ def taken_in() -> list[Typed]:
     return [(part.kind, name) for name, part in LOADED.items()]
 
 
-def versions(policy: str, planner: str, layout: str) -> dict[str, str]:
-    """Return name -> digest for what is not ours and may change under its name: code, and weights of a policy."""
+def versions(policy: str, planner: str, layout: str, orders: str = "") -> dict[str, str]:
+    """Return name -> digest for what is not ours and may change under its name: code, a policy's weights, orders."""
     found = digests(policy, planner, layout)
     if policy not in POLICIES:
         path = whereabouts(policy)
         weights = path / WEIGHTS if path.is_dir() else path
         if weights.is_file():
             found[policy] = file_digest(weights)
+    if orders:
+        found[orders] = file_digest(whereabouts(orders))
     return found

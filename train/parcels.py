@@ -18,14 +18,13 @@ Parcel = dict[str, dict[str, bytes]]
 """Name as it was typed -> its files, by their names within a folder; the first is what the name stands for, or all lie
 in a folder of that name."""
 
-# suffix of a file -> those of files that go with it
-_BESIDE = {".map": (one_way.SUFFIX,), ".zip": (), ".py": (), ".npz": ()}
+_BESIDE = {".map": (one_way.SUFFIX,)}  # suffix of a file -> those of files that go with it
 
 
 def pack(names: Iterable[str]) -> Parcel:
     """Return the content of those names that are files or policy folders, and of all own parts of this process."""
     homes = [part[0].rpartition(":")[0] for _, text in taken_in() if (part := split(text))]
-    packed = {name: _content(name) for name in dict.fromkeys([*homes, *names])}
+    packed = {name: _content(name) for name in dict.fromkeys([*homes, *names]) if name}
     return {name: content for name, content in packed.items() if content}
 
 
@@ -33,10 +32,8 @@ def _content(name: str) -> dict[str, bytes]:
     path = whereabouts(name)
     if path.is_dir():
         found = [path / file for file in (CONFIG, WEIGHTS)]
-    elif path.suffix in _BESIDE:
-        found = [path, *(path.with_suffix(suffix) for suffix in _BESIDE[path.suffix])]
     else:
-        return {}
+        found = [path, *(path.with_suffix(suffix) for suffix in _BESIDE.get(path.suffix, ()))]
     return {file.relative_to(path.parent).as_posix(): file.read_bytes() for file in found if file.is_file()}
 
 

@@ -286,7 +286,7 @@ PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
     "looks": _elsewhere("looks"),
     "field": _elsewhere("field", _SIMULATED),
     "alone": alone,
-    "jobs": jobs,
     "poses": poses,
+    "jobs": jobs,
     "start": start,
 }

@@ -23,7 +23,7 @@ from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, check_writable, instead, whole_rows, write_text
 from warehouse_env.checked import Checked
-from warehouse_env.config import EnvConfig, TaskMode
+from warehouse_env.config import ArrivalMode, EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner
@@ -54,6 +54,9 @@ class Drive(Checked):
     """Plan routes anew around robots that stand."""
     people: int | None = None
     """People who walk among the robots; none if left out."""
+    arrival: ArrivalMode | None = None
+    """When a robot is at its goal. pass (if left out): once it drives by; stop: once it stands there; pose: once it
+    also faces the way it is to."""
     seed: int = HELD_OUT_SEED
     """The first seed, the next ones count on; no training uses seeds from the default on."""
 
@@ -61,7 +64,7 @@ class Drive(Checked):
         """Return what options set of EnvConfig; ConfigError where right of way shall step in without being there, and
         where there is to be no field and yet one by lidar.
         """
-        options = ("protective_field", "right_of_way", "right_of_way_after", "reroute", "people")
+        options = ("protective_field", "right_of_way", "right_of_way_after", "reroute", "people", "arrival")
         given = {name: getattr(self, name) for name in options}
         if self.right_of_way_after is not None:
             if self.right_of_way is False:
@@ -84,7 +87,7 @@ class Working(Work, Drive):
 
     def chosen(self) -> dict[str, Any]:
         """Return what options set of EnvConfig."""
-        return super().chosen() | self.work()
+        return self.work() | super().chosen()  # where both have a word on arriving, --arrival says it
 
 
 @dataclass(frozen=True)

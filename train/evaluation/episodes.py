@@ -45,9 +45,10 @@ class Episodes(Job):
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The policy, the planners and the floor."""
+        """The policy, the planner, the floor and the orders."""
         config = self.experiment.config
-        return self.experiment.policy, config.planner, config.layout, config.map_file or ""
+        orders = (config.orders and config.orders.file) or ""
+        return self.experiment.policy, config.planner, config.layout, config.map_file or "", orders
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Episodes | None]:
         """Return the rows that stand, and the experiment of the missing episodes."""

@@ -185,7 +185,8 @@ def identity(experiment: Experiment) -> Row:
     if experiment.disturbance is not None:
         strengths = DISTURBANCES[experiment.disturbance].strengths
         shared |= {"disturbance": experiment.disturbance, "strengths": strengths}
-    if made_of := versions(experiment.policy, config.planner, config.layout):
+    orders = (config.orders and config.orders.file) or ""
+    if made_of := versions(experiment.policy, config.planner, config.layout, orders):
         shared["versions"] = made_of
     return dict(plain({**shared, "tasks": config.tasks, "planner": config.planner, "config": config.to_dict()}))
 

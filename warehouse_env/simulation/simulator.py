@@ -146,6 +146,7 @@ class Simulator(Portable):
         )
         bucket_rows, bucket_columns, side = bucket_grid(n, columns * size, rows * size, look)
         p["bucket_rows"], p["bucket_columns"], p["bucket"] = bucket_rows, bucket_columns, side
+        p["needs"] = len(range(self.layout.size)[self.layout.slices.get("needs", slice(0))])
         self._true_params = p  # of the bodies, where these are not what is planned
         if self.robots is not self._planned:
             self._true_params = state.parameters_of(self.config, size)

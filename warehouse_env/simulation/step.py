@@ -244,7 +244,7 @@ def _observe_world(
             prediction.write_predictions(
                 row, ego, route, near, table, p, near + NEIGHBOUR * p["neighbours"], legs, path
             )
-        end = row.shape[0]
+        end = row.shape[0] - p["needs"]
         if stopping is not None:
             end -= GOAL
             arrival.observe(r, p, row, end)

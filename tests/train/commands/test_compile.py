@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from train.cli import main
-from train.commands import compile as ahead
 from train.evaluation.kernels import PARTS, is_compiled
 from train.reporting.rows import read_rows
 
@@ -58,7 +57,7 @@ def test_every_part_runs_in_processes(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_kept_kernels_are_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ahead.warehouse_env, "__file__", str(tmp_path / "__init__.py"))
+    monkeypatch.setattr("warehouse_env.__file__", str(tmp_path / "__init__.py"))
     assert not is_compiled()
     (tmp_path / "simulation" / "__pycache__").mkdir(parents=True)
     (tmp_path / "simulation" / "__pycache__" / "step.advance-1.py311.nbi").touch()

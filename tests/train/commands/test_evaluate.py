@@ -181,7 +181,7 @@ def test_resume_plays_only_what_is_missing(tmp_path: Path, monkeypatch: pytest.M
 
     monkeypatch.setattr(episodes, "run", watched)
     assert main(command(tmp_path, "--policy", "brake", "follow", "--episodes", "2", "--resume")) == 0
-    assert played == [("brake", (1,)), ("follow", (0, 1))]
+    assert played == [("brake", (1,)), ("follow", (0,)), ("follow", (1,))]
     resumed = read_rows(tmp_path / "rows.jsonl")
     assert main(command(tmp_path / "fresh", "--policy", "brake", "follow", "--episodes", "2")) == 0
     assert timeless(resumed) == timeless(read_rows(tmp_path / "fresh" / "rows.jsonl"))
@@ -222,7 +222,7 @@ def test_processes_give_the_same_rows(tmp_path: Path) -> None:
     assert main(command(tmp_path / "one", *options)) == 0
     assert main(command(tmp_path / "two", *options, "--processes", "2")) == 0
     one, two = (read_rows(tmp_path / name / "rows.jsonl") for name in ("one", "two"))
-    assert timeless(one) == timeless(sorted(two, key=lambda row: row["policy"]))
+    assert timeless(one) == timeless(sorted(two, key=lambda row: (row["policy"], row["episode"])))
     tables = [(tmp_path / name / "table.md").read_text() for name in ("one", "two")]
     assert [line.split("|")[3] for line in tables[0].splitlines()[2:6]] == [
         line.split("|")[3] for line in tables[1].splitlines()[2:6]

@@ -33,8 +33,11 @@ ROUTE_BLOCK = 64  # way-points by which the routes' array grows
 
 
 @kernel
-def _take_route(robots, routes, world, robot, points):
-    """Write way-points float32[R, 2] [m] into routes float32[B, N, R', 2], and that its robot begins them."""
+def _take_route(robots, routes, world, robot, points, heading):
+    """Write way-points float32[R, 2] [m] into routes float32[B, N, R', 2], and that its robot begins them.
+
+    heading: that of a goal that says none.
+    """
     spacing = np.float32(0.0)
     for k in range(len(points)):
         routes[world, robot, k, 0], routes[world, robot, k, 1] = points[k, 0], points[k, 1]
@@ -46,7 +49,7 @@ def _take_route(robots, routes, world, robot, points):
     r["arcs"] = r["seeks"] = r["docks"] = 0  # of a manoeuvre to the route before
     r["search_wait"] = r["side"] = np.float32(0.0)
     forget_grants(r)
-    r["goal_heading"], r["join"] = np.float32(np.nan), np.float32(0.0)
+    r["goal_heading"], r["join"] = heading, np.float32(0.0)
 
 
 @kernel
@@ -99,6 +102,8 @@ class Dispatcher(Portable):
         self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
         self._told: dict[tuple[int, int], Goal] = {}  # points and poses that an assignment gives, up to the arrival
         self._faces: dict[Cell, tuple[Pose, ...]] = {}  # of endpoints, once asked for
+        # nan only where headings matter, since it is equal to nothing, not even in a copy of the same robot
+        self._any_heading = np.float32(0.0 if config.arrival == "pass" else np.nan)
         self._bind()
 
     def _bind(self) -> None:
@@ -217,7 +222,7 @@ class Dispatcher(Portable):
             self.routes = grown
         if self.live is not None:
             self.live.give_up(world, robot)
-        _take_route(self.robots, self.routes, world, robot, points)
+        _take_route(self.robots, self.routes, world, robot, points, self._any_heading)
         if route.end is not None:
             _take_end(self.robots, world, robot, *route.end, JOIN)
         if self.live is not None:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from warehouse_env.errors import ConfigError, WarehouseError, shown
-from warehouse_env.files import complete_file, path_of
+from warehouse_env.files import STAGED, complete_file, path_of
 from warehouse_env.maps.grid_map import Cell, GridMap
 
 EXAMPLE_ORDERS = Path(__file__).parents[2] / "maps" / "data" / "paper46-orders.csv"  # an hour on the floor paper46
@@ -39,7 +39,7 @@ class Order(NamedTuple):
 
 def read_orders(path: str | Path) -> tuple[Order, ...]:
     """Return the orders of a file by their release; ConfigError names the line that cannot be used."""
-    path = path_of(path)
+    path = path_of(STAGED.get(str(path), path))
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
