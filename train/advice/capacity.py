@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from train.advice.curve import Load, goals_of, jams_from, knee, loads, peak, rungs, smallest
+from train.advice.curve import Load, jams_from, knee, loads, peak, rungs, smallest
 from train.advice.race import FEWEST, mean
 from train.advice.study import Crew, Study
 from train.advice.trials import Use
@@ -136,7 +136,7 @@ def _alone(study: Study, policy: str) -> Interval:
     """Return what one robot makes."""
     plan = study.plan
     (rows,) = study.rows([Crew(policy, 1)], plan.seeds(Use.ALONE, plan.at_most(ALONE)))
-    return loads({1: rows})[0].goals
+    return loads({1: rows}, plan.aim)[0].goals
 
 
 def _below(study: Study, crew: Crew, alone: Interval) -> None:
@@ -149,7 +149,7 @@ def _below(study: Study, crew: Crew, alone: Interval) -> None:
         if not study.affords(crews, seeds, _KNEE):
             return
         (rows, *_) = study.rows(crews, seeds)
-        if mean([goals_of(row) for row in rows]) >= EASY * number * alone.mean:
+        if mean([plan.aim.made(row) for row in rows]) >= EASY * number * alone.mean:
             return
 
 
@@ -179,7 +179,7 @@ def _others(study: Study, crew: Crew) -> list[Versus]:
         if policy == crew.policy or not study.affords([other], seeds, _JAM):
             continue
         mine, theirs = study.rows([crew, other], seeds)
-        found.append(Versus(policy, paired(mine, theirs, goals_of, ("seed",))))
+        found.append(Versus(policy, paired(mine, theirs, plan.aim.made, ("seed",))))
     return found
 
 

@@ -29,9 +29,9 @@ class Advice(NamedTuple):
     """All that was found out."""
 
     plan: Plan
-    crew: Crew  # whose bottlenecks and changes are shown: the fewest that make the goals asked for, else the most
+    crew: Crew  # whose bottlenecks and changes are shown: the fewest that make what is asked for, else the most
     capacity: Capacity
-    asked: Asked | None  # where a number of goals was asked for
+    asked: Asked | None  # where a number of goals was asked for, or orders are given
     floor: Floor  # where those robots wait
     bottlenecks: list[Bottleneck]
     visits: NDArray[np.float64]  # share of trips over each cell
@@ -54,8 +54,8 @@ def advise(plan: Plan, drive: Drive, clock: Clock, say: Say) -> Advice:
     answered = asked(study, found, _ASKED) if plan.wanted is not None else None
     crew = Crew(found.crew.policy, answered.robots if answered and answered.robots else found.crew.robots)
     worst = _places(study, crew, visits)[1]
-    most = changes.affordable(clock.left, study.seconds(crew.robots))
-    chosen = changes.options(plan, worst, trips, flow, crew.robots, most)
+    most = changes.affordable(clock.left, study.seconds(crew.robots), len(changes.kinds(plan)))
+    chosen = changes.options(plan, worst, trips, flow, crew, most)
     if not chosen and plan.episodes is None:
         confirm(study, found.crew, _MOST, 1.0)
         found = found._replace(goals=confirmed(study, found.crew))
