@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from agents import POLICIES
-from train.advice.answer import answer, effect_text, told
+from train.advice.answer import answer, effect_text, held, told
 from train.advice.candidates import Candidate, storage_lost
 from train.advice.changes import KINDS, kinds, sure
 from train.advice.course import Advice
@@ -139,7 +139,6 @@ def _panel(one: Candidate, letter: str, advice: Advice) -> Panel:
 def changes_table(advice: Advice) -> Table:
     """Return a line for each change of the floor that was tried."""
     gained, timed = advice.plan.aim.gained, advice.plan.aim.share is not None
-    held = f"{'both' if len(kinds(advice.plan)) == 2 else 'all'} kinds together hold with 95%"
     cells = [
         (
             effect.candidate.text, effect.candidate.kind, told(effect.first), str(effect.first.samples),
@@ -155,7 +154,7 @@ def changes_table(advice: Advice) -> Table:
     )  # fmt: skip
     note = (
         "Differences from the floor as it is, in pairs of episodes with the same seeds [interval by Student's t: 95% "
-        f"at first look, {100 * sure(advice.plan):.3g}% of what was measured, so that {held}]."
+        f"at first look, {100 * sure(advice.plan):.3g}% of what was measured, so that {held(advice.plan)}]."
     )
     return Table("Changes of the floor", header, tuple(cells), note)
 

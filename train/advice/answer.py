@@ -13,6 +13,7 @@ from train.advice.capacity import UNRACED, Capacity
 from train.advice.changes import KINDS, PAIRS, Effect, kinds
 from train.advice.course import Advice
 from train.advice.curve import NEAR, STUCK, Load, peak
+from train.advice.fittings import FEWER
 from train.advice.trials import Plan
 from train.reporting.report import difference, number, with_interval
 from train.reporting.rows import Interval, apart, is_told
@@ -77,7 +78,8 @@ def _most(advice: Advice) -> Iterator[str]:
     open_ = found.crew.robots == largest > 1
     most = f"{name} makes at least this with {robots}" if open_ else f"{name} makes the most with {robots}"
     yield (
-        f"**{most}: {made} {aim.noun} an hour**, in {goals.episodes} episodes that had no part in choosing that number."
+        f"**{most}: {made} {aim.noun} an hour**{_of_all(advice.plan)}, in {goals.episodes} episodes that had no part "
+        "in choosing that number."
     )
     if found.best != found.crew.robots:
         yield (
@@ -102,6 +104,12 @@ def _why(advice: Advice) -> str:
     if advice.capacity.stopped:
         return f"the time was over before {_listed(advice.capacity.stopped)}"
     return "it is the most to try, or as many as have goals of their own"
+
+
+def _of_all(plan: Plan) -> str:
+    """Say how many orders come, where they are drawn."""
+    orders = plan.work.get("orders")
+    return f" of {orders.per_hour:,.0f} that come" if orders is not None and orders.file is None else ""
 
 
 def knee_text(found: Capacity, aim: Aim = GOALS) -> str:
@@ -223,11 +231,13 @@ def effect_text(effect: Effect, aim: Aim = GOALS) -> str:
     )
     if effect.took is not None:
         text += f"; an order takes {difference(effect.took)} s"
+    verb, hoped = ("cost", -1) if effect.candidate.kind in FEWER else ("bring", 1)
     if effect.told:
         return f"it {'brings' if effect.goals.mean > 0 else 'costs'} {text}"
     if effect.goals.samples < PAIRS:
-        return f"it may bring something, but these are too few pairs to say so: {text}"
-    what = "it may bring something, or nothing" if effect.goals.mean > 0 else "it brings nothing that could be told"
+        return f"it may {verb} something, but these are too few pairs to say so: {text}"
+    may = hoped * effect.goals.mean > 0
+    what = f"it may {verb} something, or nothing" if may else f"it {verb}s nothing that could be told"
     return f"{what}: {text}"
 
 
@@ -238,16 +248,18 @@ def told(interval: Interval | None, factor: float = 1.0) -> str:
 
 def _basis(advice: Advice) -> str:
     plan = advice.plan
-    drawn = plan.aim is GOALS
-    favour = " Where orders favour some shelves, this may be otherwise." if drawn else ""
+    favour = " Where orders favour some shelves, this may be otherwise." if plan.aim is GOALS else ""
     return (
-        f"Simulated: {_worked(plan)}, robots of 0.9 x 0.6 m, episodes of "
-        f"{plan.seconds:g} s of which the second half is counted. Brackets are 95% intervals over episodes; "
-        f"those of changes are so much wider that {'both' if len(kinds(plan)) == 2 else 'all'} kinds together hold with "
-        "95%. A change is chosen in some "
-        "episodes and measured in others with new seeds, in pairs with the floor as it is; pick faces and stations "
-        f"stay, also where their shelf goes.{favour}"
+        f"Simulated: {_worked(plan)}, robots of 0.9 x 0.6 m, episodes of {plan.seconds:g} s of which the second half "
+        f"is counted. Brackets are 95% intervals over episodes; those of changes are so much wider that {held(plan)}. "
+        "A change is chosen in some episodes and measured in others with new seeds, in pairs with the floor as it is; "
+        f"{'other ' if plan.work else ''}pick faces and stations stay, also where their shelf goes.{favour}"
     )
+
+
+def held(plan: Plan) -> str:
+    """Say what the intervals of changes hold."""
+    return f"{'both' if len(kinds(plan)) == 2 else 'all'} kinds together hold with 95%"
 
 
 def _worked(plan: Plan) -> str:

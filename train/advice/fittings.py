@@ -19,7 +19,8 @@ from warehouse_env.maps.endpoints import STATION_SPACING
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.simulation.tasks.places import standing_places
 
-SITES = 24  # for one more station that are thought of
+FEWER: tuple[Kind, ...] = ("station fewer", "charger fewer")  # kinds that may cost, and bring nothing by themselves
+SITES = 24  # of one station more, and of one fewer, that are thought of
 
 
 def kinds(work: Mapping[str, Any]) -> tuple[Kind, ...]:
@@ -57,8 +58,13 @@ def _stations_more(plan: Plan, crew: Crew) -> Iterator[Candidate]:
     grid = plan.grid
     config = EnvConfig(num_agents=crew.robots, **plan.work)
     sites = [cell for cell in standing_places(grid, config, len(grid.free_cells)) if _is_apart(cell, grid)]
-    for cell in sites[:: max(1, -(-len(sites) // SITES))]:
+    for cell in _spread(sites):
         yield _with_stations(grid, [*grid.endpoints[1], cell], cell, "station more")
+
+
+def _spread(cells: list[Cell]) -> list[Cell]:
+    """Return up to SITES of the cells, evenly."""
+    return cells[:: max(1, -(-len(cells) // SITES))]
 
 
 def _is_apart(cell: Cell, grid: GridMap) -> bool:
@@ -68,7 +74,7 @@ def _is_apart(cell: Cell, grid: GridMap) -> bool:
 def _stations_fewer(grid: GridMap) -> Iterator[Candidate]:
     """Yield floors with one station fewer."""
     stations = grid.endpoints[1]
-    for cell in stations if len(stations) > 1 else ():
+    for cell in _spread(stations) if len(stations) > 1 else ():
         yield _with_stations(grid, [one for one in stations if one != cell], cell, "station fewer")
 
 
