@@ -198,20 +198,17 @@ def _changes(advice: Advice, kind: Kind) -> Iterator[str]:
     if not own and not advice.sought:
         yield f"**{what}**: there was no time to try any."
         return
+    at_bottlenecks = kind in KINDS
     if not own:
-        placed = kind not in KINDS
-        yield f"**{what}**: there is no place for it." if placed else _none_possible(what, advice)
+        where = "at the bottlenecks" if at_bottlenecks else "here"
+        said = advice.bottlenecks or not at_bottlenecks
+        yield f"**{what}**: no change of this kind is possible {where}." if said else ""
         return
-    best = own[0]
-    tried = f"of {len(own)} tried with {_robots(advice.crew.robots)}"
-    text = f"**{what}**: {tried} the best is {best.candidate.text}; {effect_text(best, advice.plan.aim)}."
-    yield text if len(own) > 1 or kind in KINDS else text.replace(f"{tried} the best is ", "")
+    best, crew = own[0], f"with {_robots(advice.crew.robots)}"
+    which = f"of {len(own)} tried {crew} the best is" if at_bottlenecks or len(own) > 1 else f"{crew},"
+    yield f"**{what}**: {which} {best.candidate.text}; {effect_text(best, advice.plan.aim)}."
     if kind == "aisle":
         yield f"It costs {storage_text(advice.plan.grid, best.candidate)}."
-
-
-def _none_possible(what: str, advice: Advice) -> str:
-    return f"**{what}**: no change of this kind is possible at the bottlenecks." if advice.bottlenecks else ""
 
 
 def storage_text(grid: GridMap, one: Candidate) -> str:
@@ -248,12 +245,14 @@ def told(interval: Interval | None, factor: float = 1.0) -> str:
 
 def _basis(advice: Advice) -> str:
     plan = advice.plan
+    whole = ", of orders in time all" if plan.aim is not GOALS else ""
     favour = " Where orders favour some shelves, this may be otherwise." if plan.aim is GOALS else ""
     return (
         f"Simulated: {_worked(plan)}, robots of 0.9 x 0.6 m, episodes of {plan.seconds:g} s of which the second half "
-        f"is counted. Brackets are 95% intervals over episodes; those of changes are so much wider that {held(plan)}. "
-        "A change is chosen in some episodes and measured in others with new seeds, in pairs with the floor as it is; "
-        f"{'other ' if plan.work else ''}pick faces and stations stay, also where their shelf goes.{favour}"
+        f"is counted{whole}. Brackets are 95% intervals over episodes; those of changes are so much wider that "
+        f"{held(plan)}. A change is chosen in some episodes and measured in others with new seeds, in pairs with the "
+        f"floor as it is; {'other ' if plan.work else ''}pick faces and stations stay, also where their shelf "
+        f"goes.{favour}"
     )
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from train.advice import changes
 from train.advice.asked import Asked, asked
 from train.advice.candidates import Bottleneck, bottlenecks, draw_trips, passing, plan_trips, traffic
-from train.advice.capacity import ALONE, OVER, SCOUTS, Capacity, begins_with, capacity, confirm, confirmed
+from train.advice.capacity import OVER, SCOUTS, Capacity, alone_seeds, begins_with, capacity, confirm, confirmed
 from train.advice.changes import Effect
 from train.advice.cost import expected, needed
 from train.advice.study import Crew, Study
@@ -67,7 +67,7 @@ def _begun(plan: Plan, drive: Drive, clock: Clock, say: Say) -> Study:
     """Drive what compiles, robots alone and the first number of them; then begin to count and say what to expect."""
     study = Study(plan, drive, clock)
     first = [Crew(policy, begins_with(plan.grid, plan.most)) for policy in plan.policies]
-    study.rows([Crew(policy, 1) for policy in plan.policies], plan.seeds(Use.ALONE, plan.at_most(ALONE)))
+    study.rows([Crew(policy, 1) for policy in plan.policies], alone_seeds(plan))
     study.rows(first, plan.seeds(Use.CHOOSE, plan.at_most(SCOUTS)))
     study.restart()
     study.rows(first, plan.seeds(Use.CHOOSE, SCOUTS, plan.at_most(SCOUTS)))

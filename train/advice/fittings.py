@@ -48,9 +48,11 @@ def _cheapest(candidates: Iterable[Candidate], plan: Plan, crew: Crew, most: int
     possible = [one for one in candidates if _drives(one, plan, crew)] if most else []
     if len(possible) < 2:
         return possible
-    return sorted(possible, key=lambda one: expected_cost(one.grid, draw_trips(one.grid, plan.seed), crew.robots))[
-        :most
-    ]
+
+    def cost(one: Candidate) -> float:
+        return expected_cost(one.grid, draw_trips(one.grid, plan.seed), crew.robots)
+
+    return sorted(possible, key=cost)[:most]
 
 
 def _stations_more(plan: Plan, crew: Crew) -> Iterator[Candidate]:

@@ -41,7 +41,8 @@ class Advise(Work, WorkOptions):
 
     Robots drive for good between pick faces and stations: more and more of them, then around the best number, under the
     policy that drives best there. What is chosen is measured again on new seeds. Then aisles are opened at the worst
-    bottlenecks and made one way, each in pairs of episodes with the floor as it is. Example:
+    bottlenecks and made one way, each in pairs of episodes with the floor as it is. Where robots are served, carry out
+    orders or charge, they are judged by that, and stations and chargers are added and left out, too. Example:
     warehouse advise --map hall.map --minutes 10 --goals 4000
     """
 

@@ -93,7 +93,7 @@ def test_a_station_more_is_apart_and_one_fewer_is_gone(monkeypatch: pytest.Monke
     monkeypatch.setattr(fittings, "SITES", 4)
     grid = make_layout("open")
     plan = plan_of(grid, policies=("greedy",), work=SERVED | {"battery": BatterySpec(chargers=1)})
-    found = {kind: [] for kind in fittings.kinds(SERVED)}
+    found: dict[str, list[Candidate]] = {kind: [] for kind in fittings.kinds(SERVED)}
     for one in fittings.options(plan, Crew("greedy", 2), 3):
         found[one.kind].append(one)
     stations = set(grid.endpoints[1])
@@ -159,7 +159,10 @@ def test_the_command_carries_out_orders(
     printed = capsys.readouterr().out
     rows = read_rows(tmp_path / "rows.jsonl")
     assert "50% of the orders in time" in printed
-    assert "One charger fewer: 3 chargers instead of 4; it may cost something, but these are too few pairs" in printed
+    assert (
+        "One charger fewer: with 2 robots, 3 chargers instead of 4; it may cost something, but these are too few pairs"
+        in printed
+    )
     assert {row["work"]["battery"]["chargers"] for row in rows} == {3, 4, 5}
     assert all(0.0 <= row["in_time_share"] <= 1.0 for row in rows)
     assert main([*command, "--resume"]) == 0
@@ -173,8 +176,8 @@ def test_the_command_moves_stations(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     command = [*COMMON, "--service", "1", "--layout", "open", "--seconds", "10", "--out", str(tmp_path)]
     assert main(command) == 0
     printed = capsys.readouterr().out
-    assert "One more station: a station more at x" in printed
-    assert "One station fewer: no station at x" in printed
+    assert "One more station: with 1 robot, a station more at x" in printed
+    assert "One station fewer: with 1 robot, no station at x" in printed
     assert "goals an hour in 2 pairs" in printed
 
 
