@@ -62,7 +62,7 @@ def loads_table(advice: Advice) -> Table:
     note = (
         "The first line is the answer; the others are the episodes by which it was chosen. Of those that looked worse "
         "there are fewer. Stuck: robots that at the end have not got on for over a minute."
-        f"{' In time: of the orders that were due by the end.' if share else ''}"
+        f"{' In time: of the orders due by the end; no more than do not pile up.' if share else ''}"
     )
     return Table(f"Robots under {capacity.crew.policy}", header, tuple(cells), note)
 

@@ -50,23 +50,31 @@ ORDERS = Aim(
 
 
 class OrdersSoFar:
-    """A watcher of one world that counts the orders done in each half of an episode."""
+    """A watcher of one world that counts orders in each half of an episode."""
 
     def __init__(self, middle: int) -> None:
         """middle: steps after which the second half begins."""
         self._middle = middle
-        self._before = 0.0
+        self._before: dict[str, float] = {}  # metrics then
 
     def __call__(self, simulator: Simulator, steps: int) -> None:
         """Look once."""
         if steps == self._middle:
-            self._before = simulator.episode_metrics(0)["orders_done"]
+            self._before = simulator.episode_metrics(0)
 
     def row(self, row: Row, hours: float) -> Row:
-        """Return what `ORDERS` reads, of an episode's row and the hours of its second half."""
+        """Return what `ORDERS` reads, of an episode's row and the hours of its second half.
+
+        Where the queue of those that nobody has grows, all will be late one day, though an episode may not see it: no
+        larger a share counts as in time than does not pile up of those that come in the second half.
+        """
         robots, due = row["robots"], row["orders_due"]
+        done, came, piled = (
+            row[name] - self._before[name] for name in ("orders_done", "orders_released", "orders_open")
+        )
+        kept = 1.0 - max(0.0, piled) / came if came else 1.0
         return {
-            "late_orders_per_robot_hour": (row["orders_done"] - self._before) / hours / robots,
+            "late_orders_per_robot_hour": done / hours / robots,
             "orders_in_time_per_robot_hour": row["orders_in_time"] / (row["seconds"] / 3600.0) / robots,
-            "in_time_share": 1.0 - row["orders_late"] / due if due else None,
+            "in_time_share": min(kept, 1.0 - row["orders_late"] / due) if due else None,
         }

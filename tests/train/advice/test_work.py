@@ -45,14 +45,18 @@ def worked(trials: Sequence[Trial]) -> list[dict[str, Any]]:
 
 def test_orders_are_counted_by_halves_and_shares_by_hand() -> None:
     watcher = OrdersSoFar(10)
-    watcher._before = 5.0
+    watcher._before = {"orders_done": 5.0, "orders_released": 20.0, "orders_open": 4.0}
     row = {"robots": 4, "seconds": 1800.0, "orders_done": 25.0, "orders_due": 20.0, "orders_in_time": 24.0}
+    row |= {"orders_released": 40.0, "orders_open": 8.0}
     read = watcher.row({**row, "orders_late": 5.0}, 0.25)
     assert read == {
         "late_orders_per_robot_hour": 20.0, "orders_in_time_per_robot_hour": 12.0, "in_time_share": 0.75,
     }  # fmt: skip
     assert ORDERS.made({**row, **read}) == 80.0
     assert ORDERS.asked({**row, **read}) == 0.75
+    assert (
+        watcher.row({**row, "orders_late": 5.0, "orders_open": 14.0}, 0.25)["in_time_share"] == 0.5
+    )  # 10 of 20 pile up
     assert watcher.row({**row, "orders_due": 0.0, "orders_late": 0.0}, 0.25)["in_time_share"] is None
 
 
