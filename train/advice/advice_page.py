@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from agents import POLICIES
-from train.advice.answer import answer, effect_text, told
-from train.advice.candidates import storage_lost
-from train.advice.changes import SURE
+from train.advice.answer import answer, effect_text, held, told
+from train.advice.candidates import Candidate, storage_lost
+from train.advice.changes import KINDS, kinds, sure
 from train.advice.course import Advice
 from train.advice.trials import BLOCK
 from train.reporting.page import Page, Part, Shown, made_by
@@ -31,7 +31,8 @@ def advice_page(advice: Advice) -> Page:
 
 def _throughput(advice: Advice) -> Shown:
     capacity = advice.capacity
-    label = "Goals per hour of all robots together over their number"
+    noun = advice.plan.aim.noun
+    label = f"{noun.capitalize()} per hour of all robots together over their number"
     found = [report_charts.Load(load.robots, *load.goals[:3], load.jammed) for load in capacity.loads]
     named = report_charts.Load(capacity.goals.robots, *capacity.goals.goals[:3], False)
     caption = (
@@ -39,25 +40,29 @@ def _throughput(advice: Advice) -> Shown:
         "episodes of its own. The dashed line is what they would reach if each were alone on the floor."
     )
     knee = capacity.knee[:3] if capacity.knee else None
-    return Shown(report_charts.throughput(found, capacity.alone.mean, named, knee, label), caption)
+    return Shown(report_charts.throughput(found, capacity.alone.mean, named, knee, label, noun), caption)
 
 
 def loads_table(advice: Advice) -> Table:
     """Return a line for each number of robots, first the answer in episodes of its own."""
-    capacity = advice.capacity
+    capacity, aim = advice.capacity, advice.plan.aim
     lines = [(f"{capacity.goals.robots}, new seeds", capacity.goals)]
     lines += [(str(load.robots), load) for load in capacity.loads]
     cells = [
         (
             name, str(load.episodes), with_interval(load.goals), with_interval(load.each),
-            with_interval(load.waiting, 100), with_interval(load.stuck, 100), "jams" if load.jammed else "drives",
+            with_interval(load.waiting, 100), with_interval(load.stuck, 100),
+            *([with_interval(load.share, aim.share.factor)] if load.share and aim.share else []),
+            "jams" if load.jammed else "drives",
         )
         for name, load in lines
     ]  # fmt: skip
-    header = ("robots", "episodes", "goals/h, all", "goals/robot-h", "waiting %", "stuck %", "")
+    share = (aim.share.heading,) if aim.share else ()
+    header = ("robots", "episodes", f"{aim.noun}/h, all", f"{aim.noun}/robot-h", "waiting %", "stuck %", *share, "")
     note = (
         "The first line is the answer; the others are the episodes by which it was chosen. Of those that looked worse "
         "there are fewer. Stuck: robots that at the end have not got on for over a minute."
+        f"{' In time: of the orders due by the end; no more than do not pile up.' if share else ''}"
     )
     return Table(f"Robots under {capacity.crew.policy}", header, tuple(cells), note)
 
@@ -95,51 +100,61 @@ def _changes(advice: Advice) -> list[Shown]:
     best = [effect for effect in advice.effects if effect.goals is not None]
     if not best:
         return []
-    panels = [
-        Panel(
-            f"{'A' if effect.candidate.kind == 'aisle' else 'B'}: {effect.candidate.kind}", advice.plan.grid,
-            advice.floor.waiting, opened=effect.candidate.changed if effect.candidate.kind == "aisle" else None,
-            one_way=effect.candidate.grid.one_way if effect.candidate.kind == "one-way" else None,
-        )
-        for effect in best
-    ]  # fmt: skip
+    aim, letters = advice.plan.aim, dict(zip(kinds(advice.plan), "ABCDEF", strict=False))
+    drawn_at = [effect for effect in best if effect.candidate.changed.any()]
+    panels = [_panel(effect.candidate, letters[effect.candidate.kind], advice) for effect in drawn_at]
     label = "The changes that were measured"
-    said = " ".join(f"**{panel.title}**: {effect.candidate.text}; {effect_text(effect)}." for panel, effect in zip(
-        panels, best, strict=True))  # fmt: skip
+    said = " ".join(
+        f"**{letters[effect.candidate.kind]}: {effect.candidate.kind}**: {effect.candidate.text}; "
+        f"{effect_text(effect, aim)}."
+        for effect in best
+    )
     caption = f"{label}, in green, over where robots wait without them [s per hour]. {said}"
     raced = [one for one in advice.effects if one.first.samples]
     looks = {
         "first look": [report_charts.Pair(one.candidate.text, *one.first[:3]) for one in raced],
         "measured": [report_charts.Pair(one.candidate.text, *one.goals[:3]) for one in best if one.goals is not None],
     }
-    differences = "Goals per hour of all robots, difference from the floor as it is"
+    differences = f"{aim.gained.capitalize()} per hour of all robots, difference from the floor as it is"
     below = (
         f"{differences}: paired, with intervals; blue and filled where the interval leaves out 0. The best of each "
         "kind at first look was driven again with new seeds: what it was chosen by flatters it."
     )
     drawn = report_charts.differences(
-        {title: pairs for title, pairs in looks.items() if pairs}, differences, "goals per hour"
+        {title: pairs for title, pairs in looks.items() if pairs}, differences, f"{aim.gained} per hour"
     )
-    return [Shown(heat_maps(panels, "standing [s per hour]", label), caption), Shown(drawn, below)]
+    maps = [Shown(heat_maps(panels, "standing [s per hour]", label), caption)] if panels else []
+    return [*maps, Shown(drawn, below)]
+
+
+def _panel(one: Candidate, letter: str, advice: Advice) -> Panel:
+    """Return the floor with a change."""
+    grid = advice.plan.grid if one.kind in KINDS else one.grid
+    return Panel(
+        f"{letter}: {one.kind}", grid, advice.floor.waiting, opened=None if one.kind == "one-way" else one.changed,
+        one_way=one.grid.one_way if one.kind == "one-way" else None,
+    )  # fmt: skip
 
 
 def changes_table(advice: Advice) -> Table:
     """Return a line for each change of the floor that was tried."""
+    gained, timed = advice.plan.aim.gained, advice.plan.aim.share is not None
     cells = [
         (
             effect.candidate.text, effect.candidate.kind, told(effect.first), str(effect.first.samples),
             told(effect.goals), str(effect.goals.samples) if effect.goals else "", told(effect.waiting, 100),
-            told(effect.trip), f"{100 * storage_lost(advice.plan.grid, effect.candidate).share:.0f}",
+            told(effect.trip), *([told(effect.took)] if timed else []),
+            f"{100 * storage_lost(advice.plan.grid, effect.candidate).share:.0f}",
         )
         for effect in advice.effects
     ]  # fmt: skip
     header = (
-        "change", "kind", "goals/h, first look", "pairs", "goals/h, measured", "pairs", "waiting %", "metres a trip",
-        "storage lost %",
+        "change", "kind", f"{gained}/h, first look", "pairs", f"{gained}/h, measured", "pairs", "waiting %",
+        "metres a trip", *(["s an order"] if timed else []), "storage lost %",
     )  # fmt: skip
     note = (
         "Differences from the floor as it is, in pairs of episodes with the same seeds [interval by Student's t: 95% "
-        f"at first look, {100 * SURE:g}% of what was measured, so that both kinds together hold with 95%]."
+        f"at first look, {100 * sure(advice.plan):.3g}% of what was measured, so that {held(advice.plan)}]."
     )
     return Table("Changes of the floor", header, tuple(cells), note)
 

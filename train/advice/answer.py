@@ -6,12 +6,15 @@ import math
 import re
 from collections.abc import Iterator
 
+from train.advice.aim import FELL, GOALS, Aim
 from train.advice.asked import SURE, Asked
-from train.advice.candidates import Candidate, storage_lost
+from train.advice.candidates import Candidate, Kind, storage_lost
 from train.advice.capacity import UNRACED, Capacity
-from train.advice.changes import PAIRS, Effect
+from train.advice.changes import KINDS, PAIRS, Effect, kinds
 from train.advice.course import Advice
-from train.advice.curve import FELL, NEAR, STUCK, Load, peak
+from train.advice.curve import NEAR, STUCK, Load, peak
+from train.advice.fittings import FEWER
+from train.advice.trials import Plan
 from train.reporting.report import difference, number, with_interval
 from train.reporting.rows import Interval, apart, is_told
 from warehouse_env.maps.grid_map import GridMap
@@ -22,28 +25,36 @@ NAMED = 3  # bottlenecks named in words
 def answer(advice: Advice) -> list[str]:
     """Return the paragraphs of the answer, in Markdown's bold and italics."""
     capacity = advice.capacity
-    parts = [asked_text(advice.asked, capacity)] if advice.asked else []
-    parts += [" ".join(_most(advice)), knee_text(capacity), " ".join(_jam(advice)), " ".join(_policies(advice))]
-    parts += [" ".join(_bottlenecks(advice)), *(" ".join(_changes(advice, kind)) for kind in ("aisle", "one-way"))]
+    parts = [asked_text(advice.asked, capacity, advice.plan.aim)] if advice.asked else []
+    knee = knee_text(capacity, advice.plan.aim)
+    parts += [" ".join(_most(advice)), knee, " ".join(_jam(advice)), " ".join(_policies(advice))]
+    parts += [" ".join(_bottlenecks(advice)), *(" ".join(_changes(advice, kind)) for kind in kinds(advice.plan))]
     return [part for part in (*parts, _basis(advice)) if part]
 
 
-def asked_text(asked: Asked, capacity: Capacity) -> str:
-    """Say how many robots make the goals that were asked for."""
-    goals, wanted = _commas(with_interval(asked.goals)), f"{asked.wanted:,.0f} goals an hour"
+def asked_text(asked: Asked, capacity: Capacity, aim: Aim = GOALS) -> str:
+    """Say how many robots make the goals, or the share of the orders in time, that were asked for."""
+    if aim.share is None:
+        wanted, makes, they = f"{asked.wanted:,.0f} goals an hour", "make", "they make"
+        factor, unit, most = 1.0, "", "the most is"
+    else:
+        wanted, makes, they = f"{100 * asked.wanted:g}% of the orders in time", "drop", "of those due they drop"
+        factor, unit, most = aim.share.factor, "%", "of those due it drops"
+    goals = _commas(with_interval(asked.goals, factor)) + unit
     if asked.robots is None:
-        most = f"the most is {goals}, with {capacity.crew.robots} robots"
+        most = f"{most} {goals}, with {capacity.crew.robots} robots"
         if asked.possible:
-            return f"**Whether this floor makes {wanted} is not told**: {most}, and of no number it is sure."
-        return f"**This floor does not make {wanted}**: {most}."
+            return f"**Whether this floor {makes}s {wanted} is not told**: {most}, and of no number it is sure."
+        return f"**This floor does not {makes} {wanted}**: {most}."
     text = (
-        f"**{wanted} take {_robots(asked.robots)}**: they make {goals}, in {asked.goals.samples} episodes that had no "
+        f"**{wanted} take {_robots(asked.robots)}**: {they} {goals}, in {asked.goals.samples} episodes that had no "
         f"part in finding them [{100 * SURE:.0f}% interval]."
     )
     if asked.fewer is None:
         return text
-    told = "are too few" if asked.fewer.goals.high < asked.wanted else "may be too few"
-    return f"{text} {_robots(asked.fewer.robots)} {told}: {_commas(with_interval(asked.fewer.goals))}."
+    fewer = asked.fewer.asked
+    told = "are too few" if fewer.high < asked.wanted else "may be too few"
+    return f"{text} {_robots(asked.fewer.robots)} {told}: {_commas(with_interval(fewer, factor))}{unit}."
 
 
 def _listed(texts: list[str]) -> str:
@@ -60,13 +71,16 @@ def _robots(count: int) -> str:
 
 
 def _most(advice: Advice) -> Iterator[str]:
-    """Say how many goals the floor makes at most, and with how many robots."""
-    found, name = advice.capacity, advice.plan.grid.name
+    """Say how many goals, or orders, the floor makes at most, and with how many robots."""
+    found, name, aim = advice.capacity, advice.plan.grid.name, advice.plan.aim
     goals, made = found.goals, _commas(with_interval(found.goals.goals))
     largest, robots = found.loads[-1].robots, _robots(found.crew.robots)
     open_ = found.crew.robots == largest > 1
     most = f"{name} makes at least this with {robots}" if open_ else f"{name} makes the most with {robots}"
-    yield (f"**{most}: {made} goals an hour**, in {goals.episodes} episodes that had no part in choosing that number.")
+    yield (
+        f"**{most}: {made} {aim.noun} an hour**{_of_all(advice.plan)}, in {goals.episodes} episodes that had no part "
+        "in choosing that number."
+    )
     if found.best != found.crew.robots:
         yield (
             f"In those that had, {found.best} robots made most; the smaller number is named, since it was not told "
@@ -80,7 +94,7 @@ def _most(advice: Advice) -> Iterator[str]:
         yield f"More were not tried, so it may be more: {_why(advice)}."
     elif found.stopped:
         yield f"The time was over before {_listed(found.stopped)}."
-    if found.alone.mean > 0:
+    if found.alone.mean > 0 and aim.share is None:
         share = number(100 * goals.each.mean / found.alone.mean, 2)
         waiting = with_interval(goals.waiting, 100, 2)
         yield f"Each of them makes {share}% of what one alone does, and waits {waiting}% of its time."
@@ -92,9 +106,15 @@ def _why(advice: Advice) -> str:
     return "it is the most to try, or as many as have goals of their own"
 
 
-def knee_text(found: Capacity) -> str:
+def _of_all(plan: Plan) -> str:
+    """Say how many orders come, where they are drawn."""
+    orders = plan.work.get("orders")
+    return f" of {orders.per_hour:,.0f} that come" if orders is not None and orders.file is None else ""
+
+
+def knee_text(found: Capacity, aim: Aim = GOALS) -> str:
     """Say from how many robots on a further one is worth less than half of the first."""
-    each = f"{with_interval(found.alone)} goals an hour"
+    each = f"{with_interval(found.alone)} {aim.noun} an hour"
     if found.knee is None:
         largest = found.loads[-1].robots
         return f"Up to {_robots(largest)}, as many as were tried, a further one brings over half of the first ({each})."
@@ -129,8 +149,8 @@ def jam_text(advice: Advice, jams: Load) -> str:
     fall = apart(jams.goals, most.goals)
     open_ = "" if is_told(fall) else "; so few episodes do *not tell* this *apart* from chance"
     return (
-        f"all together make {_commas(with_interval(jams.goals))} goals an hour, less than {100 * FELL:g}% of what "
-        f"{most.robots} did (difference {_commas(difference(fall))}{open_})"
+        f"all together make {_commas(with_interval(jams.goals))} {advice.plan.aim.noun} an hour, less than "
+        f"{100 * FELL:g}% of what {most.robots} did (difference {_commas(difference(fall))}{open_})"
     )
 
 
@@ -142,7 +162,8 @@ def _policies(advice: Advice) -> Iterator[str]:
     if len(found.others) < policies - 1:
         yield "The time was over before all others were measured on new seeds."
     for other in found.others:
-        gain = f"{_commas(difference(other.difference))} goals an hour in {other.difference.samples} pairs of episodes"
+        gain = f"{_commas(difference(other.difference))} {advice.plan.aim.noun} an hour"
+        gain += f" in {other.difference.samples} pairs of episodes"
         told = "" if is_told(other.difference) else ", which is *not told apart* from none"
         yield f"Its difference from `{other.policy}` with as many robots is {gain}{told}."
     if found.contacts.mean > 0:
@@ -165,18 +186,27 @@ def _bottlenecks(advice: Advice) -> Iterator[str]:
         yield f"Waiting is spread: the {count} worst places have {100 * together:.0f}% of it together."
 
 
-def _changes(advice: Advice, kind: str) -> Iterator[str]:
+_ASKED_OF = {
+    "aisle": "One more aisle", "one-way": "A one-way rule", "station more": "One more station",
+    "station fewer": "One station fewer", "charger more": "One more charger", "charger fewer": "One charger fewer",
+}  # fmt: skip
+
+
+def _changes(advice: Advice, kind: Kind) -> Iterator[str]:
     own = [effect for effect in advice.effects if effect.candidate.kind == kind]
-    what = "One more aisle" if kind == "aisle" else "A one-way rule"
+    what = _ASKED_OF[kind]
     if not own and not advice.sought:
         yield f"**{what}**: there was no time to try any."
         return
+    at_bottlenecks = kind in KINDS
     if not own:
-        yield f"**{what}**: no change of this kind is possible at the bottlenecks." if advice.bottlenecks else ""
+        where = "at the bottlenecks" if at_bottlenecks else "here"
+        said = advice.bottlenecks or not at_bottlenecks
+        yield f"**{what}**: no change of this kind is possible {where}." if said else ""
         return
-    best = own[0]
-    tried = f"of {len(own)} tried with {_robots(advice.crew.robots)}"
-    yield f"**{what}**: {tried} the best is {best.candidate.text}; {effect_text(best)}."
+    best, crew = own[0], f"with {_robots(advice.crew.robots)}"
+    which = f"of {len(own)} tried {crew} the best is" if at_bottlenecks or len(own) > 1 else f"{crew},"
+    yield f"**{what}**: {which} {best.candidate.text}; {effect_text(best, advice.plan.aim)}."
     if kind == "aisle":
         yield f"It costs {storage_text(advice.plan.grid, best.candidate)}."
 
@@ -188,17 +218,23 @@ def storage_text(grid: GridMap, one: Candidate) -> str:
     return f"{cells}; {lost.faces} of {lost.of} pick faces have no shelf left" if lost.faces else cells
 
 
-def effect_text(effect: Effect) -> str:
+def effect_text(effect: Effect, aim: Aim = GOALS) -> str:
     """Say what a change brings or may bring; it is said to bring something from PAIRS pairs on."""
     if effect.goals is None:
         return "it was not driven again"
     share = f" ({100 * effect.goals.mean / effect.base.mean:+.1f}%)" if effect.base.mean > 0 else ""
-    text = f"{_commas(difference(effect.goals))} goals an hour{share} in {effect.goals.samples} pairs of episodes"
+    text = (
+        f"{_commas(difference(effect.goals))} {aim.gained} an hour{share} in {effect.goals.samples} pairs of episodes"
+    )
+    if effect.took is not None:
+        text += f"; an order takes {difference(effect.took)} s"
+    verb, hoped = ("cost", -1) if effect.candidate.kind in FEWER else ("bring", 1)
     if effect.told:
         return f"it {'brings' if effect.goals.mean > 0 else 'costs'} {text}"
     if effect.goals.samples < PAIRS:
-        return f"it may bring something, but these are too few pairs to say so: {text}"
-    what = "it may bring something, or nothing" if effect.goals.mean > 0 else "it brings nothing that could be told"
+        return f"it may {verb} something, but these are too few pairs to say so: {text}"
+    may = hoped * effect.goals.mean > 0
+    what = f"it may {verb} something, or nothing" if may else f"it {verb}s nothing that could be told"
     return f"{what}: {text}"
 
 
@@ -209,10 +245,34 @@ def told(interval: Interval | None, factor: float = 1.0) -> str:
 
 def _basis(advice: Advice) -> str:
     plan = advice.plan
+    whole = ", of orders in time all" if plan.aim is not GOALS else ""
+    favour = " Where orders favour some shelves, this may be otherwise." if plan.aim is GOALS else ""
     return (
-        "Simulated: lifelong trips between pick faces and stations drawn at random, robots of 0.9 x 0.6 m, episodes of "
-        f"{plan.seconds:g} s of which the second half is counted. Brackets are 95% intervals over episodes; "
-        "those of changes are so much wider that both kinds together hold with 95%. A change is chosen in some "
-        "episodes and measured in others with new seeds, in pairs with the floor as it is; pick faces and stations "
-        "stay, also where their shelf goes. Where orders favour some shelves, this may be otherwise."
+        f"Simulated: {_worked(plan)}, robots of 0.9 x 0.6 m, episodes of {plan.seconds:g} s of which the second half "
+        f"is counted{whole}. Brackets are 95% intervals over episodes; those of changes are so much wider that "
+        f"{held(plan)}. A change is chosen in some episodes and measured in others with new seeds, in pairs with the "
+        f"floor as it is; {'other ' if plan.work else ''}pick faces and stations stay, also where their shelf "
+        f"goes.{favour}"
     )
+
+
+def held(plan: Plan) -> str:
+    """Say what the intervals of changes hold."""
+    return f"{'both' if len(kinds(plan)) == 2 else 'all'} kinds together hold with 95%"
+
+
+def _worked(plan: Plan) -> str:
+    """Say what robots work at."""
+    orders, service, battery = (plan.work.get(name) for name in ("orders", "service", "battery"))
+    texts = ["lifelong trips between pick faces and stations drawn at random"]
+    if orders is not None:
+        come = (
+            f"those of {orders.file}" if orders.file else f"{orders.per_hour:g} an hour in the mean, at random moments"
+        )
+        texts = [f"orders ({come}), given out by the rule {orders.allocation}"]
+    if service is not None:
+        texts.append(f"{service.pick:g} s at every pick face and {service.station:g} s at every station")
+    if battery is not None:
+        chargers = f"{battery.chargers} charger{'s' * (battery.chargers > 1)}"
+        texts.append(f"batteries of {battery.capacity:g} Wh, {chargers} of {battery.power:g} W")
+    return ", ".join(texts)

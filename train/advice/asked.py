@@ -1,4 +1,4 @@
-"""How many robots make so many goals an hour: the fewest that do, on seeds that had no part in finding them."""
+"""The fewest robots that make so many goals an hour, or orders in time, on seeds that had no part in finding them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from train.advice.capacity import Capacity
-from train.advice.curve import Load, bracket, fewest_that, goals_of
+from train.advice.curve import Load, bracket, fewest_that
 from train.advice.study import Crew, Study
 from train.advice.trials import Use
 from train.reporting.rows import Interval, mean_interval
@@ -18,9 +18,9 @@ SURE = 1 - 0.05 / TRIES  # of each interval, so that all of them together hold w
 
 
 class Asked(NamedTuple):
-    """What it takes to make so many goals an hour."""
+    """What it takes to make so many goals an hour, or such a share of the orders in time."""
 
-    wanted: float  # goals per hour
+    wanted: float  # goals per hour, or the share
     robots: int | None  # that make them; None where of none it is sure
     goals: Interval  # what those make, at SURE; else what the best do
     fewer: Load | None  # the most robots tried below, which may not
@@ -32,10 +32,10 @@ class Asked(NamedTuple):
 
 
 def asked(study: Study, capacity: Capacity, share: float) -> Asked:
-    """Return the fewest robots of the chosen policy that make as many goals as the plan wants, if the floor can."""
+    """Return the fewest robots of the chosen policy that make as much as the plan wants, if the floor can."""
     plan, policy = study.plan, capacity.crew.policy
     wanted = plan.wanted or 0.0
-    none = Asked(wanted, None, capacity.goals.goals, None)
+    none = Asked(wanted, None, capacity.goals.asked, None)
     ends = bracket(capacity.loads, wanted)
     if ends is None:
         return none
@@ -46,13 +46,13 @@ def asked(study: Study, capacity: Capacity, share: float) -> Asked:
             seeds = plan.seeds(Use.ASK, plan.at_most(episodes))
             if not made.low < wanted <= made.high or not study.affords([crew], seeds, share):
                 break
-            made = mean_interval(map(goals_of, *study.rows([crew], seeds)))
+            made = mean_interval(map(plan.aim.asked, *study.rows([crew], seeds)))
         return made.low >= wanted
 
     number = fewest_that(reaches, *ends)
     for _ in range(TRIES):
         (rows,) = study.rows([Crew(policy, number)], plan.seeds(Use.ANSWER, plan.at_most(ANSWERS)))
-        made = mean_interval(map(goals_of, rows), SURE)
+        made = mean_interval(map(plan.aim.asked, rows), SURE)
         if made.low >= wanted:
             fewer = [load for load in study.loads(policy, Use.ASK) if load.robots < number]
             return Asked(wanted, number, made, fewer[-1] if fewer else None)

@@ -6,8 +6,9 @@ Pick faces and stations stay where they are, so that robots have the same tasks 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice, takewhile
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -79,7 +80,7 @@ def bottlenecks(grid: GridMap, waiting: NDArray[np.float64], visits: NDArray[np.
     return found
 
 
-Kind = Literal["aisle", "one-way"]
+Kind = Literal["aisle", "one-way", "station more", "station fewer", "charger more", "charger fewer"]
 REACH = 4  # [cells] from a bottleneck to a shelf that may be opened
 MOST_CELLS = 60  # of shelf that one change takes away
 WIDEST = 2  # [cells] across what still counts as an aisle
@@ -96,7 +97,8 @@ class Candidate(NamedTuple):
     kind: Kind
     text: str  # what is changed, in words
     grid: GridMap
-    changed: NDArray[np.bool_]  # [H, W], cells opened or given a direction
+    changed: NDArray[np.bool_]  # [H, W], cells opened, given a direction, or made a station or none
+    work: Mapping[str, Any] = MappingProxyType({})  # fields of EnvConfig, where they are what is changed
 
 
 class Storage(NamedTuple):

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from train.advice.curve import Load, goals_of, jams_from, knee, loads, peak, rungs, smallest
+from train.advice.aim import GOALS
+from train.advice.curve import Load, jams_from, knee, loads, peak, rungs, smallest
 from train.advice.race import FEWEST, mean
 from train.advice.study import Crew, Study
-from train.advice.trials import Use
+from train.advice.trials import Plan, Use
 from train.reporting.columns import MEASURES
 from train.reporting.rows import Interval, paired
 from warehouse_env.maps.grid_map import GridMap
@@ -20,7 +21,7 @@ SCOUTS = 2  # episodes of a number of robots on the way up
 ROUNDS = 8  # of a race, at most
 STEADY = 4  # episodes of each number below the best, for the knee
 CONFIRMED = 12  # episodes of what was chosen, with seeds of their own, where there is time
-ALONE = 40  # episodes of one robot alone, which are quick and vary much
+ALONE = 40  # episodes of one robot alone, which are quick and vary much; with orders they are long, and vary little
 UNRACED = "the policies were raced"  # what the time may be over before
 EASY = 0.75  # of what one alone makes, each: with so many robots nobody is in the way yet
 OVER = 0.65  # of the time, when all this is
@@ -132,11 +133,15 @@ def _choose_load(study: Study, crew: Crew, stopped: list[str]) -> tuple[Crew, in
     return Crew(crew.policy, smallest(means, list(means))), best
 
 
+def alone_seeds(plan: Plan) -> range:
+    """Return the seeds of one robot alone."""
+    return plan.seeds(Use.ALONE, plan.at_most(ALONE if plan.aim is GOALS else STEADY))
+
+
 def _alone(study: Study, policy: str) -> Interval:
     """Return what one robot makes."""
-    plan = study.plan
-    (rows,) = study.rows([Crew(policy, 1)], plan.seeds(Use.ALONE, plan.at_most(ALONE)))
-    return loads({1: rows})[0].goals
+    (rows,) = study.rows([Crew(policy, 1)], alone_seeds(study.plan))
+    return loads({1: rows}, study.plan.aim)[0].goals
 
 
 def _below(study: Study, crew: Crew, alone: Interval) -> None:
@@ -149,7 +154,7 @@ def _below(study: Study, crew: Crew, alone: Interval) -> None:
         if not study.affords(crews, seeds, _KNEE):
             return
         (rows, *_) = study.rows(crews, seeds)
-        if mean([goals_of(row) for row in rows]) >= EASY * number * alone.mean:
+        if mean([plan.aim.made(row) for row in rows]) >= EASY * number * alone.mean:
             return
 
 
@@ -179,7 +184,7 @@ def _others(study: Study, crew: Crew) -> list[Versus]:
         if policy == crew.policy or not study.affords([other], seeds, _JAM):
             continue
         mine, theirs = study.rows([crew, other], seeds)
-        found.append(Versus(policy, paired(mine, theirs, goals_of, ("seed",))))
+        found.append(Versus(policy, paired(mine, theirs, plan.aim.made, ("seed",))))
     return found
 
 

@@ -32,7 +32,9 @@ def needed(study: Study) -> tuple[float, float]:
     plan = study.plan
     first = capacity.begins_with(plan.grid, plan.most)
     most = min(plan.most, UPWARD * first)
-    return _minutes(study, _for_the_number(study, first, most)), _minutes(study, _for_changes(most))
+    return _minutes(study, _for_the_number(study, first, most)), _minutes(
+        study, _for_changes(most, len(changes.kinds(plan)))
+    )
 
 
 def _for_the_number(study: Study, first: int, most: int) -> Iterable[tuple[int, int]]:
@@ -46,9 +48,9 @@ def _for_the_number(study: Study, first: int, most: int) -> Iterable[tuple[int, 
     yield capacity.CONFIRMED * policies, most
 
 
-def _for_changes(most: int) -> Iterable[tuple[int, int]]:
-    yield FEWEST * (len(changes.KINDS) * (changes.SOUGHT + 1)), most
-    yield changes.PAIRS * (1 + len(changes.KINDS)), most
+def _for_changes(most: int, kinds: int) -> Iterable[tuple[int, int]]:
+    yield FEWEST * (kinds * (changes.SOUGHT + 1)), most
+    yield changes.PAIRS * (1 + kinds), most
 
 
 def _minutes(study: Study, asked: Iterable[tuple[int, int]]) -> float:

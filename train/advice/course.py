@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from train.advice import changes
 from train.advice.asked import Asked, asked
 from train.advice.candidates import Bottleneck, bottlenecks, draw_trips, passing, plan_trips, traffic
-from train.advice.capacity import ALONE, OVER, SCOUTS, Capacity, begins_with, capacity, confirm, confirmed
+from train.advice.capacity import OVER, SCOUTS, Capacity, alone_seeds, begins_with, capacity, confirm, confirmed
 from train.advice.changes import Effect
 from train.advice.cost import expected, needed
 from train.advice.study import Crew, Study
@@ -29,9 +29,9 @@ class Advice(NamedTuple):
     """All that was found out."""
 
     plan: Plan
-    crew: Crew  # whose bottlenecks and changes are shown: the fewest that make the goals asked for, else the most
+    crew: Crew  # whose bottlenecks and changes are shown: the fewest that make what is asked for, else the most
     capacity: Capacity
-    asked: Asked | None  # where a number of goals was asked for
+    asked: Asked | None  # where a number of goals was asked for, or orders are given
     floor: Floor  # where those robots wait
     bottlenecks: list[Bottleneck]
     visits: NDArray[np.float64]  # share of trips over each cell
@@ -54,8 +54,8 @@ def advise(plan: Plan, drive: Drive, clock: Clock, say: Say) -> Advice:
     answered = asked(study, found, _ASKED) if plan.wanted is not None else None
     crew = Crew(found.crew.policy, answered.robots if answered and answered.robots else found.crew.robots)
     worst = _places(study, crew, visits)[1]
-    most = changes.affordable(clock.left, study.seconds(crew.robots))
-    chosen = changes.options(plan, worst, trips, flow, crew.robots, most)
+    most = changes.affordable(clock.left, study.seconds(crew.robots), len(changes.kinds(plan)))
+    chosen = changes.options(plan, worst, trips, flow, crew, most)
     if not chosen and plan.episodes is None:
         confirm(study, found.crew, _MOST, 1.0)
         found = found._replace(goals=confirmed(study, found.crew))
@@ -67,7 +67,7 @@ def _begun(plan: Plan, drive: Drive, clock: Clock, say: Say) -> Study:
     """Drive what compiles, robots alone and the first number of them; then begin to count and say what to expect."""
     study = Study(plan, drive, clock)
     first = [Crew(policy, begins_with(plan.grid, plan.most)) for policy in plan.policies]
-    study.rows([Crew(policy, 1) for policy in plan.policies], plan.seeds(Use.ALONE, plan.at_most(ALONE)))
+    study.rows([Crew(policy, 1) for policy in plan.policies], alone_seeds(plan))
     study.rows(first, plan.seeds(Use.CHOOSE, plan.at_most(SCOUTS)))
     study.restart()
     study.rows(first, plan.seeds(Use.CHOOSE, SCOUTS, plan.at_most(SCOUTS)))

@@ -13,15 +13,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from train.advice.aim import GOALS, Aim
 from train.reporting.columns import MEASURES
 from train.reporting.rows import Interval, Row, t_quantile
 
 STUCK = 0.05  # share of robots stuck at the end from which a floor counts as jammed
-FELL = 0.9  # of the throughput with fewer robots, below which it counts as jammed as well
 NEAR = 0.97  # of the most goals: with less, a smaller number is not named in place of the best, though none can be told
 HALF = 0.5  # of what the first robot brings: what a further one should
 DRAWS = 2_000  # of the means, for the interval of the knee
-_SHOWN = ("late_goals_per_robot_hour", "stuck", "waiting_share")
 
 
 class Load(NamedTuple):
@@ -29,33 +28,35 @@ class Load(NamedTuple):
 
     robots: int
     episodes: int
-    goals: Interval  # per hour, all robots together, in the second half of the episodes
+    goals: Interval  # or orders per hour, all robots together, in the second half of the episodes
     each: Interval  # per robot and hour, the same
     stuck: Interval  # share at the end
     waiting: Interval  # share of time
     jammed: bool
+    share: Interval | None = None  # of what is made, where that is asked for
+
+    @property
+    def asked(self) -> Interval:
+        """What is held against the wish."""
+        return self.goals if self.share is None else self.share
 
 
-def loads(rows: Mapping[int, Sequence[Row]]) -> list[Load]:
+def loads(rows: Mapping[int, Sequence[Row]], aim: Aim = GOALS) -> list[Load]:
     """Return what was measured for each number of robots, fewest first.
 
-    A floor is jammed with so many robots where STUCK of them are stuck, or all together reach less than FELL of the
-    most that fewer robots reached.
+    A floor is jammed with so many robots where STUCK of them are stuck, or all together reach less than `aim.fell` of
+    the most that fewer robots reached.
     """
     found: list[Load] = []
     for robots in sorted(rows):
         own = rows[robots]
-        each, stuck, waiting = (MEASURES[name].interval(own) for name in _SHOWN)
+        each, stuck, waiting = (one.interval(own) for one in (aim.late, MEASURES["stuck"], MEASURES["waiting_share"]))
         goals = each.times(robots)
         best = max((load.goals.mean for load in found), default=0.0)
-        jammed = stuck.mean >= STUCK or goals.mean < FELL * best
-        found.append(Load(robots, len(own), goals, each, stuck, waiting, jammed))
+        jammed = stuck.mean >= STUCK or goals.mean < aim.fell * best
+        share = None if aim.share is None else aim.share.interval(own)
+        found.append(Load(robots, len(own), goals, each, stuck, waiting, jammed, share))
     return found
-
-
-def goals_of(row: Row) -> float:
-    """Return the goals per hour of all robots together in the second half of an episode, 0 where it has none."""
-    return float(row["robots"] * (row["late_goals_per_robot_hour"] or 0.0))
 
 
 def peak(found: Sequence[Load]) -> Load:
@@ -141,13 +142,14 @@ def fewest_that(reaches: Callable[[int], bool], low: int, high: int) -> int:
 
 
 def bracket(found: Sequence[Load], wanted: float) -> tuple[int, int] | None:
-    """Return between which numbers the fewest lie that make `wanted` goals; None where no mean is as high.
+    """Return between which numbers the fewest lie that make `wanted` goals, or such a share; None where no mean does.
 
-    The first has a mean below (0: none), the second is the first with an interval above, or that with the most goals.
+    The first has a mean below (0: none), the second is the first with an interval above, or that with the most.
     """
-    rising = [load for load in found if load.robots <= peak(found).robots]
-    enough = [load.robots for load in rising if load.goals.mean >= wanted]
+    top = max(found, key=lambda load: (not load.jammed, load.asked.mean, -load.robots))
+    rising = [load for load in found if load.robots <= top.robots]
+    enough = [load.robots for load in rising if load.asked.mean >= wanted]
     if not enough:
         return None
     below = max((load.robots for load in rising if load.robots < enough[0]), default=0)
-    return below, next((load.robots for load in rising if load.goals.low >= wanted), rising[-1].robots)
+    return below, next((load.robots for load in rising if load.asked.low >= wanted), rising[-1].robots)

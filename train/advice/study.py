@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from train.advice.curve import STUCK, Load, goals_of, loads
+from train.advice.curve import STUCK, Load, loads
 from train.advice.race import Raced, race
 from train.advice.trials import BLOCK, Clock, Drive, Plan, Use
 from train.reporting.rows import Row
@@ -76,7 +76,7 @@ class Study:
         for (crew, seed), row in sorted(self._rows.items()):
             if crew.policy == policy and seed in own:
                 found.setdefault(crew.robots, []).append(row)
-        return loads(found)
+        return loads(found, self.plan.aim)
 
     def of(self, crew: Crew) -> list[Row]:
         """Return all rows of a crew."""
@@ -86,14 +86,14 @@ class Study:
         self, crews: Sequence[Crew], rounds: int, share: float,
         settled: Callable[[Sequence[Crew]], bool] = lambda left: len(left) <= 1,
     ) -> Raced[Crew]:  # fmt: skip
-        """Race crews for the most goals of all robots together, a seed a round, within a share of the time.
+        """Race crews for what all robots make together, a seed a round, within a share of the time.
 
         An episode at whose end robots are stuck counts nothing.
         """
 
         def play(left: Sequence[Crew], number: int) -> list[float]:
             rows = self.rows(left, self.plan.seeds(Use.CHOOSE, 1, number))
-            return [goals_of(row) * (row["stuck"] < STUCK) for (row,) in rows]
+            return [self.plan.aim.made(row) * (row["stuck"] < STUCK) for (row,) in rows]
 
         def go_on(left: Sequence[Crew], number: int) -> bool:
             return self.affords(left, self.plan.seeds(Use.CHOOSE, 1, number), share)

@@ -5,17 +5,22 @@ All trials of a seed have the same starts and first goals where floors have the 
 
 from __future__ import annotations
 
+import hashlib
 import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import IntEnum
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
+from train.advice.aim import GOALS, ORDERS, Aim, OrdersSoFar
 from train.evaluation.jobs import Job, Result, Tick
 from train.evaluation.places import Places
 from train.evaluation.rollout import make_experiment, run
 from train.own import versions
-from train.reporting.rows import Row
+from train.reporting.rows import Row, plain
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
@@ -37,6 +42,7 @@ class Trial(Job):
     seed: int
     seconds: float
     planner: str
+    work: Mapping[str, Any] = field(default_factory=dict)  # fields of EnvConfig: service, orders, battery
 
     @property
     def identity(self) -> Row:
@@ -47,6 +53,7 @@ class Trial(Job):
             "robots": self.robots, "seed": self.seed, "planner": self.planner,
             "asked_seconds": self.seconds, "version": __version__,
             **({"versions": code} if code else {}),
+            **({"work": _plain(self.work)} if self.work else {}),
         }  # fmt: skip
 
     @property
@@ -57,23 +64,44 @@ class Trial(Job):
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The policy and the planner."""
-        return self.policy, self.planner
+        """The policy, the planner and the orders."""
+        return self.policy, self.planner, *filter(None, [_orders_file(self.work)])
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Trial | None]:
-        """Return its row, if there is one."""
-        return (rows[:1], None) if rows else ([], self)
+        """Return its row, if there is one; one of other work is another's."""
+        own = [row for row in rows if row.get("work") == self.identity.get("work")]
+        return (own[:1], None) if own else ([], self)
 
     def run(self, tick: Tick) -> Result:
         """Drive an episode; its row also says what was noted of places."""
         env = EnvConfig(num_agents=self.robots, planner=self.planner)
-        experiment = make_experiment(self.policy, env, 1, self.seconds, self.seed)
+        experiment = make_experiment(self.policy, env, 1, self.seconds, self.seed, self.work)
         places, begin = Places(experiment), time.perf_counter()
-        (row,) = run(experiment, [places], self.grid)
+        half = experiment.config.max_steps // 2
+        orders = [OrdersSoFar(half)] if "orders" in self.work else []
+        (row,) = run(experiment, [places, *orders], self.grid)
         (note,) = places.rows()
+        for one in orders:
+            rest = (experiment.config.max_steps - half) * env.time_step * experiment.config.action_repeat
+            row |= one.row(row, rest / 3600.0)
         left_out = ("config", "layout", "deadlock_log", "episode")
         kept = {name: value for name, value in {**note, **row}.items() if name not in left_out}
         return Result([kept | self.identity | {"took_s": time.perf_counter() - begin}])
+
+
+def _orders_file(work: Mapping[str, Any]) -> str | None:
+    """Return the name of the file of the orders, None where there is none."""
+    return work["orders"].file if "orders" in work else None
+
+
+def _plain(work: Mapping[str, Any]) -> Row:
+    """Return fields of EnvConfig as plain JSON, and what is in the file of the orders, if there is one."""
+    config = EnvConfig(**work).to_dict()
+    given = {name: config[name] for name in work}
+    file = _orders_file(work)
+    if file is not None:
+        given["orders"]["content"] = hashlib.blake2b(Path(file).read_bytes(), digest_size=16).hexdigest()
+    return dict(plain(given))
 
 
 Drive = Callable[[Sequence[Trial]], list[Row]]
@@ -103,12 +131,22 @@ class Plan:
     seed: int
     episodes: int | None  # of everything; None: what the clock allows
     most: int  # robots
-    wanted: float | None = None  # goals per hour of all robots together
+    wanted: float | None = None  # goals per hour of all robots together, or share of the orders in time
     processes: int = 1  # episodes driven at a time
+    work: Mapping[str, Any] = field(default_factory=dict)  # fields of EnvConfig: service, orders, battery
 
-    def trials(self, grid: GridMap, policy: str, robots: int, seeds: Sequence[int], floor: str = AS_IS) -> list[Trial]:
-        """Return an episode for each seed."""
-        return [Trial(floor, grid, policy, robots, seed, self.seconds, self.planner) for seed in seeds]
+    @property
+    def aim(self) -> Aim:
+        """What the floor is judged by."""
+        return ORDERS if "orders" in self.work else GOALS
+
+    def trials(
+        self, grid: GridMap, policy: str, robots: int, seeds: Sequence[int], floor: str = AS_IS,
+        work: Mapping[str, Any] = MappingProxyType({}),
+    ) -> list[Trial]:  # fmt: skip
+        """Return an episode for each seed; work: instead of the plan's own fields of these names."""
+        given = {**self.work, **work}
+        return [Trial(floor, grid, policy, robots, seed, self.seconds, self.planner, given) for seed in seeds]
 
     def seeds(self, use: Use, count: int, first: int = 0) -> range:
         """Return seeds of a use, from its number `first` on; at most BLOCK of them are its own."""

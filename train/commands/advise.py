@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import sys
 import time
@@ -18,6 +19,7 @@ from train.advice.course import advise
 from train.advice.trials import Clock, Plan
 from train.commands.evaluate import GOES_ON
 from train.commands.layouts import check_connected
+from train.commands.orders import Work
 from train.evaluation.jobs import Progress, Runner
 from train.evaluation.work import WorkOptions
 from train.reporting.report import make_console, make_progress, require_charts
@@ -27,17 +29,20 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner
+from warehouse_env.simulation.tasks.orders import read_orders
 
 MOST = 1024  # robots tried if --most does not say otherwise
+SECONDS, ORDERED = 300.0, 1800.0  # [s] of an episode, and of one with orders, twice the time until drawn ones are due
 
 
 @dataclass(frozen=True)
-class Advise(WorkOptions):
+class Advise(Work, WorkOptions):
     """Say how many robots make the most of a floor, from when on one more is hardly worth it, and what would help.
 
     Robots drive for good between pick faces and stations: more and more of them, then around the best number, under the
     policy that drives best there. What is chosen is measured again on new seeds. Then aisles are opened at the worst
-    bottlenecks and made one way, each in pairs of episodes with the floor as it is. Example:
+    bottlenecks and made one way, each in pairs of episodes with the floor as it is. Where robots are served, carry out
+    orders or charge, they are judged by that, and stations and chargers are added and left out, too. Example:
     warehouse advise --map hall.map --minutes 10 --goals 4000
     """
 
@@ -48,14 +53,16 @@ class Advise(WorkOptions):
     if there are any, or your own, FILE.py:FUNCTION."""
     goals: float | None = None
     """Also say how many robots it takes to make so many goals an hour, all together."""
+    in_time: float = 0.95
+    """Share of the orders, where there are some, that are to be dropped in time: it says how many robots that takes."""
     policy: tuple[str, ...] = ()
     """Policies that may drive, names or folders: the best of them does (the shipped ones that hold off contact)."""
     minutes: float = 5.0
     """Time to take [min], about, beside compilation at first use; more means more episodes, narrower intervals."""
     episodes: int | None = None
     """Episodes of everything instead of a time: the same advice on every machine, however long it takes."""
-    seconds: float = 300.0
-    """Simulated time of an episode [s]."""
+    seconds: float | None = None
+    """Simulated time of an episode [s] (300, and where orders are given 1,800 if left out)."""
     most: int = MOST
     """Most robots to try."""
     planner: str = "astar_turns"
@@ -81,6 +88,7 @@ class Advise(WorkOptions):
         self._between(1, 100_000, "most")
         self._between(0, 2**62, "seed")
         self._between(1e-3, 1e9, "goals")
+        self._between(1e-3, 1.0, "in_time")
 
     def run(self) -> None:
         """Drive, print the answer, write rows and page."""
@@ -90,18 +98,14 @@ class Advise(WorkOptions):
         page = self.out / "index.html"
         check_writable(page)
         require_charts()
-        most = min(self.most, len(grid.endpoints[2]) - 1, len(grid.free_cells) // 4)
-        policies = tuple(dict.fromkeys(self.policy)) or contact_free()
-        for policy in policies:  # finds what is wrong before the start
-            make_policy(policy, policy_config(policy, EnvConfig(planner=self.planner)))
+        plan = self._plan(grid)
+        for policy in plan.policies:  # finds what is wrong before the start
+            make_policy(policy, policy_config(policy, EnvConfig(planner=self.planner)).replace(**plan.work))
         with (
             RowFile(self.json or self.out / "rows.jsonl", self.resume, instead(self.overwrite)) as file,
             closing(self.workers()) as workers,
         ):
-            plan = Plan(
-                grid, policies, self.planner, self.seconds, self.seed, self.episodes, max(1, most), self.goals,
-                workers.width,
-            )  # fmt: skip
+            plan = dataclasses.replace(plan, processes=workers.width)
             clock, begin = Clock(None if self.episodes else self.minutes), time.monotonic()
             with (
                 self._bar(clock, file) as moved,
@@ -117,6 +121,22 @@ class Advise(WorkOptions):
             console.print(text.replace("*", "").replace("`", ""), highlight=False, soft_wrap=not console.is_terminal)
         advice_page(advice).write(page)
         print(f"wrote {file.count:,} rows to {file.path} and the page to {page} in {time.monotonic() - begin:.0f} s")
+
+    def _plan(self, grid: GridMap) -> Plan:
+        """Return what is asked."""
+        most = min(self.most, len(grid.endpoints[2]) - 1, len(grid.free_cells) // 4)
+        policies, work = tuple(dict.fromkeys(self.policy)) or contact_free(), self.work()
+        seconds, wanted = self.seconds or SECONDS, self.goals
+        if "orders" in work:
+            seconds, wanted = self.seconds or ORDERED, self.in_time
+            due = work["orders"].due if self.orders is None else min(order.due for order in read_orders(self.orders))
+            if self.goals is not None:
+                raise ConfigError("--goals must be left out where orders are given, which say how much there is to do")
+            if due >= seconds:
+                raise ConfigError(f"--seconds {seconds:g} must be more than {due:g}, when the first order is due")
+        return Plan(
+            grid, policies, self.planner, seconds, self.seed, self.episodes, max(1, most), wanted, work=work
+        )  # fmt: skip
 
     def _floor(self) -> GridMap:
         if (self.map is None) == (self.layout is None):

@@ -123,11 +123,13 @@ def differences(panels: Mapping[str, Sequence[Pair]], label: str, unit: str = ""
 
 
 def throughput(
-    loads: Sequence[Load], alone: float, most: Load, knee: tuple[float, float, float] | None, label: str
-) -> str:
+    loads: Sequence[Load], alone: float, most: Load, knee: tuple[float, float, float] | None, label: str,
+    what: str = "goals",
+) -> str:  # fmt: skip
     """Draw the goals per hour of a whole floor over its robots; alone: those of one robot that nobody hinders.
 
-    most: the answer, drawn large. knee: robots from which a further one is hardly worth it, with its interval.
+    most: the answer, drawn large. knee: robots from which a further one is hardly worth it, with its interval. what:
+    instead of goals.
     """
     with style():
         figure = empty_figure(7.6, 3.6)
@@ -144,10 +146,11 @@ def throughput(
             at, low, high = knee
             ax.axvspan(low, min(high, robots[-1]), color=hexed(GREY), alpha=0.18, lw=0)
             ax.axvline(at, color=INK, lw=1.2, label=f"a further one brings half, from {at:.0f}")
-        shapes = (("o", GREEN, f"most goals, {most.robots} robots"), ("o", BLUE, "drives"), ("X", CONTACT, "jams"))
+        shapes = (("o", GREEN, f"most {what}, {most.robots} robots"), ("o", BLUE, "drives"), ("X", CONTACT, "jams"))
         for marker, colour, text in shapes:
             ax.plot([], [], marker, color=hexed(colour), label=text)
-        ax.set(xlim=(0, robots[-1] * 1.05), ylim=(0, top * 1.12), xlabel="robots", ylabel="goals per hour, all robots")
+        ax.set(xlim=(0, robots[-1] * 1.05), ylim=(0, top * 1.12))
+        ax.set(xlabel="robots", ylabel=f"{what} per hour, all robots")
         ax.grid(axis="y")
         figure.legend(loc="outside upper left", ncols=5)
         return svg(figure, label)

@@ -153,3 +153,5 @@ def test_the_ledger_counts_by_hand() -> None:
     row = ledger.row(72.0)
     assert (row["orders_done"], row["orders_per_hour"], row["orders_late"]) == (2, 100, 1)
     assert (row["order_median_s"], row["orders_open"], row["orders_released"]) == (45, 0, 2)
+    assert (row["orders_due"], row["orders_in_time"]) == (2, 1)
+    assert ledger.row(45.0)["orders_due"] == 1  # of 20 s; the one of 50 s is done before it is due

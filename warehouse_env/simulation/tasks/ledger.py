@@ -22,6 +22,7 @@ class Ledger:
         self.given: dict[int, Order] = {}  # on their way
         self._released = 0
         self._took: list[float] = []  # [s] from release to done
+        self._due: list[float] = []  # [s] of those done
         self._late = 0
 
     def release(self, now: float) -> None:
@@ -50,10 +51,11 @@ class Ledger:
         """Count an order as done."""
         order = self.given.pop(number)
         self._took.append(now - order.release)
+        self._due.append(order.due)
         self._late += now > order.due
 
     def row(self, now: float) -> dict[str, float]:
-        """Return the metrics of the orders so far; late: done too late, or due and not done."""
+        """Return the metrics of the orders so far; due: done or not; late: done too late, or due and not done."""
         overdue = sum(order.due < now for orders in (self.open, self.given) for order in orders.values())
         median, slow = np.quantile(self._took, (0.5, 0.95)).tolist() if self._took else (math.nan, math.nan)
         return {
@@ -62,6 +64,8 @@ class Ledger:
             "orders_per_hour": len(self._took) / now * 3600.0 if now > 0 else math.nan,
             "order_median_s": median,
             "order_p95_s": slow,
+            "orders_due": float(sum(due < now for due in self._due) + overdue),
+            "orders_in_time": float(len(self._took) - self._late),
             "orders_late": float(self._late + overdue),
             "orders_open": float(len(self.open)),
         }
