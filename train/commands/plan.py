@@ -19,7 +19,8 @@ from train.reporting.rows import Row, RowFile, check_writable, mean_interval, wr
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapError
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
+from warehouse_env.maps.halls.hall import is_hall
+from warehouse_env.maps.layouts import NAMED_TASKS, make_layout, read_file
 from warehouse_env.maps.movingai import read_map, read_scen
 from warehouse_env.planning import Planner, make_planner
 
@@ -88,8 +89,8 @@ class PlanCommand(Checked):
 
     def _grid(self) -> GridMap:
         if self.map is not None:
-            return read_map(self.map)
-        if self.scen is not None and not self.layout.endswith(".map"):
+            return read_file(str(self.map))
+        if self.scen is not None and not (self.layout.endswith(".map") or is_hall(self.layout)):
             names = {scenario.map_name for scenario in read_scen(self.scen)}
             if len(names) != 1:
                 raise MapError(f"{self.scen} names {len(names)} maps; choose one with --map")
