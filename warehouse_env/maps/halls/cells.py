@@ -108,11 +108,11 @@ def closed(occupancy: Occupancy, floor: NDArray[np.bool_], raster: Raster, unkno
 
 
 def _square_fits(free: NDArray[np.bool_], side: float) -> NDArray[np.float64]:
-    """Return float64[h, w]: 1 where a square of that side [pixels] around a pixel's centre is free."""
-    reach = max(0, math.ceil((side - 1) / 2 - 1e-6))
-    if 2 * reach + 1 > min(free.shape):
-        return np.zeros(free.shape)
-    total = np.pad((~free).astype(np.int64), ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
-    k = 2 * reach + 1
-    taken = total[k:, k:] - total[:-k, k:] - total[k:, :-k] + total[:-k, :-k]
-    return np.pad(taken == 0, reach).astype(np.float64)
+    """Return float64[h, w]: 1 in the middle of each free square of that side [pixels], rounded up."""
+    k = max(1, math.ceil(side - 1e-6))
+    found = np.zeros(free.shape)
+    if k <= min(free.shape):
+        total = np.pad((~free).astype(np.int32), ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
+        taken = total[k:, k:] - total[:-k, k:] - total[k:, :-k] + total[:-k, :-k]
+        found[k // 2 : k // 2 + taken.shape[0], k // 2 : k // 2 + taken.shape[1]] = taken == 0
+    return found

@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -230,7 +230,8 @@ class _Reader:
         if count > 1:
             lost = int((~occupied).sum() - largest_region(~occupied).sum())
             self._notes.append(
-                f"{count - 1} regions with {lost} cells are cut off and not driven on; a smaller cell= or a larger "
+                f"{_counted(count - 1, 'region')} with {_counted(lost, 'cell')} cut off and "
+                "not driven on; a smaller cell= or a larger "
                 "share= may join them"
             )
 
@@ -245,22 +246,26 @@ class _Reader:
             f"free: {driven:,} are driven on, {driven * size:,.0f} of the map's {free * pixel:,.0f} m² of free floor"
         )
         if barred.any():
-            yield f"{int(barred.sum()):,} cells are closed by keepout or off the lanes"
+            yield f"closed by keepout, or off the lanes: {_counted(barred.sum(), 'cell')}"
         lost = closed(self._occupancy, ~self._walls, self._raster, how.unknown == "floor")
         if lost.any():
             labels = label_regions(lost)
             x, y = self._raster.centres(np.argwhere(lost)[0]).tolist()
             yield (
-                f"{labels.max()} places where a robot has room close in cells, {int(lost.sum())} cells in all, one "
-                f"near ({x:.1f}, {y:.1f}) m; a smaller cell= may open them"
+                f"aisles close: {_counted(labels.max(), 'place')} where a robot has room, "
+                f"{_counted(lost.sum(), 'cell')} long, one near ({x:.1f}, {y:.1f}) m; a smaller cell= may open them"
             )
         if unknown:
             other = spread(self._occupancy, not_free(self._occupancy.values, how.unknown != "floor"), self._raster)
             changed = int(((other > how.share + 1e-9) != self._walls).sum())
-            yield f"{changed:,} cells are {how.unknown} by unknown pixels alone"
+            yield f"{how.unknown} by unknown pixels alone: {_counted(changed, 'cell')}"
         for what, given in (("keepout", how.keepout), ("speed", how.speed)):
             mask = self._path.with_name(f"{self._path.stem}_{what}.yaml")
             if given is None and mask.exists():
                 yield f"{mask.name} lies beside and is not read; {what}={mask.name} reads it"
         x, y = grid.origin
         yield f"its south-west corner is at ({x:g}, {y:g}) m of the map"
+
+
+def _counted(number: int | np.integer[Any], what: str) -> str:
+    return f"{int(number):,} {what}{'' if number == 1 else 's'}"

@@ -2,7 +2,7 @@
 
 Of each lane's line the cells it crosses are taken in steps to a neighbour. A step that no lane takes back is one way.
 A cell gets a direction if one-way steps lead into it and on out of it; what that does not yet keep, the step's first
-cell does, or its second. Cells of crossings stay open.
+cell does, or its second, where that bars no other step.
 """
 
 from __future__ import annotations
@@ -129,16 +129,23 @@ def arrows(steps: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], int]:
     held = np.where(lone, np.argmax(through, axis=2) + 1, 0).astype(np.uint8)
     lost = 0
     for row, column, move in np.argwhere(single).tolist():
-        ahead = (row + STEPS[move][0], column + STEPS[move][1])
-        if move + 1 in (held[row, column], held[ahead]):
+        ends = ((row, column), (row + STEPS[move][0], column + STEPS[move][1]))
+        if any(held[end] == move + 1 for end in ends):
             continue
-        if not held[row, column]:
-            held[row, column] = move + 1
-        elif not held[ahead]:
-            held[ahead] = move + 1
+        able = [end for end in ends if not held[end] and not _bars(steps, end, move)]
+        if able:
+            held[able[0]] = move + 1
         else:
             lost += 1
     return held, lost
+
+
+def _bars(steps: NDArray[np.bool_], cell: tuple[int, int], move: int) -> bool:
+    """Whether a direction on a cell would bar a step that lanes take, out of it or into it."""
+    row, column = cell[0] + STEPS[move][0], cell[1] + STEPS[move][1]
+    inside = 0 <= row < steps.shape[0] and 0 <= column < steps.shape[1]
+    back = (move + 2) % 4
+    return bool(steps[(*cell, back)] or (inside and steps[row, column, back]))
 
 
 def of_floor(grid: GridMap, speed: NDArray[np.float64] | None = None) -> Lanes:

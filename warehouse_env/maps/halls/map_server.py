@@ -60,7 +60,7 @@ def read_occupancy(path: Path, resolution: float | None = None) -> Occupancy:
 
 def beside(path: Path, name: Any, what: str) -> Path:
     """Return where a file lies that another names: in its folder or below, so that both can travel; else MapError."""
-    inside = isinstance(name, str) and name.strip() and not set(name) & set("\0\r\n")
+    inside = isinstance(name, str) and name.strip() and len(name) < 200 and name.isprintable()
     if not inside or Path(name).is_absolute() or ".." in Path(name).parts or "\\" in name:
         raise MapError(f"{path}: {what} {shown(name)} must be the name of a file in the same folder; copy it there")
     return path.parent / str(name)
@@ -87,9 +87,8 @@ def _mapping(path: Path) -> dict[Any, Any]:
     content = read_bytes(path, "map", _LARGEST_YAML)
     try:
         text = content.decode("utf-8-sig")
-        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader)):
-            raise MapError(f"{path} has an alias (*name), which no map needs; write the value itself")
-        about = yaml.safe_load(text)
+        aliased = any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader))
+        about = None if aliased else yaml.safe_load(text)
     except UnicodeDecodeError:
         raise MapError(f"{path} is no text, so no map of map_server") from None
     except yaml.MarkedYAMLError as error:
@@ -97,6 +96,8 @@ def _mapping(path: Path) -> dict[Any, Any]:
         raise MapError(f"{path}{line} is no YAML: {shown(error.problem)[1:-1]}") from None
     except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
         raise MapError(f"{path} is no YAML: {shown(str(error))[1:-1]}") from None
+    if aliased:
+        raise MapError(f"{path} has an alias (*name), which no map needs; write the value itself")
     if not isinstance(about, dict):
         raise MapError(f"{path} is no map of map_server: it holds no entries like 'resolution: 0.05'")
     return about
