@@ -38,14 +38,14 @@ class PlacesCommand(Checked):
         file = path.with_suffix(places.SUFFIX)
         there = file.exists() and not self.propose
         hall = read_hall(self.map, edited=there)
-        numbered = places.places_at(hall.raster, hall.grid.picks, hall.grid.stations)
         if not there:
-            places.write_places(numbered, file)
+            places.write_places(hall.places, file)
         from warehouse_env.render.places import draw_places
 
         picture = self.png or path.with_suffix(".places.png")
-        draw_places(hall.grid, picture)
+        picks, stations = ([place.name for place in hall.places[kind]] for kind in places.KINDS)
+        draw_places(hall.grid, picks, stations, picture)
         for note in hall.notes:
             print(f"note: {note}")
-        counts = " and ".join(f"{len(listed)} {kind}" for kind, listed in numbered.items())
+        counts = " and ".join(f"{len(listed)} {kind}" for kind, listed in hall.places.items())
         print(f"{'read' if there else 'wrote'} {counts} {'from' if there else 'to'} {file}, drew them in {picture}")

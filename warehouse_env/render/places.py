@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.chart_style import INK, save, style
 from warehouse_env.render.charts import floor_figure
 
-_LEGIBLE = 1500  # numbers; more of them are a grey patch
+_LEGIBLE = 1500  # names; more of them are a grey patch
+_LONGEST = 12  # characters of a name
 
 
-def draw_places(grid: GridMap, path: str | os.PathLike[str]) -> None:
-    """Write a picture of a floor with the numbers of its places: picks upright, stations in a box."""
+def draw_places(grid: GridMap, picks: Sequence[str], stations: Sequence[str], path: str | os.PathLike[str]) -> None:
+    """Write a picture of a floor with the names of its picks and stations, these in boxes."""
     with style():
         figure, ax = floor_figure(grid, f"{grid.name}: {len(grid.picks)} picks, {len(grid.stations)} stations")
-        size = max(2.5, min(8.0, 260.0 * min(1.0, 40 / max(grid.shape)) / 40))
-        for cells, box in (
-            (grid.picks, None),
-            (grid.stations, {"boxstyle": "round,pad=0.15", "fc": "white", "lw": 0.5}),
-        ):
-            if len(cells) <= _LEGIBLE:
-                for number, (x, y) in enumerate(grid.centre(cells).tolist(), start=1):
-                    ax.text(x, y, str(number), size=size, color=INK, ha="center", va="center", bbox=box, zorder=5)
+        size = max(2.5, min(6.5, 260.0 / max(grid.shape)))
+        boxed = {"boxstyle": "round,pad=0.15", "fc": "white", "lw": 0.5}
+        for cells, names, box in ((grid.picks, picks, None), (grid.stations, stations, boxed)):
+            if len(cells) > _LEGIBLE:
+                continue
+            for name, (x, y) in zip(names, grid.centre(cells).tolist(), strict=True):
+                text = name[:_LONGEST].replace("$", r"\$")
+                ax.text(x, y, text, size=size, color=INK, ha="center", va="center", bbox=box, zorder=5)
         save(figure, path)

@@ -65,6 +65,7 @@ class Hall:
     grid: GridMap
     occupancy: Occupancy
     raster: Raster
+    places: places.Places  # picks and stations by name, as the grid has them
     barred: NDArray[np.bool_]  # [H, W], floor of the map that masks or lanes close
     speed: NDArray[np.float64]  # [H, W], [m/s] at most, inf without a limit; robots do not keep it yet
     notes: tuple[str, ...]  # what the floor does not hold, one sentence each
@@ -140,7 +141,7 @@ class _Reader:
                 barred |= ~on_cells.used & ~self._walls
                 self._check_floor(~(self._walls | barred), "lanes_only leaves")
         occupied = self._walls | barred
-        picks, stations = self._places(lanes, occupied)
+        (picks, stations), named = self._places(lanes, occupied)
         if lanes is not None:
             self._notes += lanes.noted()
         if np.isfinite(speed[~occupied]).any():
@@ -151,7 +152,7 @@ class _Reader:
         )  # fmt: skip
         self._note_regions(occupied)
         report = tuple(self._report(grid, barred))
-        return Hall(grid, self._occupancy, self._raster, barred, speed, tuple(self._notes), report)
+        return Hall(grid, self._occupancy, self._raster, named, barred, speed, tuple(self._notes), report)
 
     def _check_floor(self, floor: NDArray[np.bool_], who: str) -> None:
         if not floor.any():
@@ -211,19 +212,24 @@ class _Reader:
         except MapError as error:
             raise MapError(f"{path}: {error}") from None
 
-    def _places(self, lanes: Lanes | None, occupied: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return picks and stations: of the file that a person edits, else of the lanes, else proposed."""
+    def _places(
+        self, lanes: Lanes | None, occupied: NDArray[np.bool_]
+    ) -> tuple[list[NDArray[np.int64]], places.Places]:
+        """Return the cells of picks and stations, and both by name: of the file, else the lanes, else proposed."""
         path = self._path.with_suffix(places.SUFFIX)
         given = dict(lanes.places) if lanes is not None else {}
         if self._edited and path.exists():
             given |= places.read_places(path)
         cells = list(places.propose(occupied, self._walls))
         region = largest_region(~occupied)
+        named: places.Places = {}
         for k, kind in enumerate(places.KINDS):
+            names = None
             if kind in given:
-                cells[k], notes = places.cells_of(given[kind], kind, region, self._raster)
+                cells[k], names, notes = places.cells_of(given[kind], kind, region, self._raster)
                 self._notes += notes
-        return cells[0], cells[1]
+            named[kind] = places.places_at(self._raster, cells[k], names)
+        return cells, named
 
     def _note_regions(self, occupied: NDArray[np.bool_]) -> None:
         count = int(label_regions(~occupied).max())
@@ -231,8 +237,7 @@ class _Reader:
             lost = int((~occupied).sum() - largest_region(~occupied).sum())
             self._notes.append(
                 f"{_counted(count - 1, 'region')} with {_counted(lost, 'cell')} cut off and "
-                "not driven on; a smaller cell= or a larger "
-                "share= may join them"
+                "not driven on; a smaller cell= or a larger share= may join them"
             )
 
     def _report(self, grid: GridMap, barred: NDArray[np.bool_]) -> Iterator[str]:

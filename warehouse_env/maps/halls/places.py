@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -136,31 +137,30 @@ def write_places(places: Places, path: Path) -> None:
         part.write_text("{\n" + ",\n".join(kinds) + "\n}\n", encoding="utf-8")
 
 
-def places_at(raster: Raster, picks: NDArray[np.int64], stations: NDArray[np.int64]) -> Places:
-    """Return cells (row, column) as places, numbered from 1."""
-    found: Places = {}
-    for kind, cells in zip(KINDS, (picks, stations), strict=True):
-        points = np.round(raster.centres(cells), 6).tolist()
-        found[kind] = tuple(Place(str(k), x, y) for k, (x, y) in enumerate(points, start=1))
-    return found
+def places_at(raster: Raster, cells: NDArray[np.int64], names: Iterable[str] | None = None) -> tuple[Place, ...]:
+    """Return cells (row, column) as places, numbered from 1 where they have no names."""
+    points = np.round(raster.centres(cells), 6).tolist()
+    named = map(str, range(1, len(points) + 1)) if names is None else names
+    return tuple(Place(name, x, y) for name, (x, y) in zip(named, points, strict=True))
 
 
 def cells_of(
     places: tuple[Place, ...], kind: str, floor: NDArray[np.bool_], raster: Raster
-) -> tuple[NDArray[np.int64], list[str]]:
-    """Return int64[K, 2], the nearest cell of floor to each place, each once, and notes on those that moved or fell.
+) -> tuple[NDArray[np.int64], list[str], list[str]]:
+    """Return int64[K, 2], the nearest cell of floor to each place, each once, their names, and notes on the others.
 
     A place farther than a cell from any floor is left out; MapError where none is left.
     """
-    cells, lost, same = [], [], 0
+    names: dict[tuple[int, int], str] = {}
+    lost, same = [], 0
     for place in places:
         cell = _nearest(np.array([place.x, place.y]), floor, raster)
         if cell is None:
             lost.append(place)
-        elif cell in cells:
+        elif cell in names:
             same += 1
         else:
-            cells.append(cell)
+            names[cell] = place.name
     notes = []
     if lost:
         first = lost[0]
@@ -170,9 +170,9 @@ def cells_of(
         )
     if same:
         notes.append(f"{same} of {len(places)} {kind} share a cell with another and count once")
-    if not cells:
+    if not names:
         raise MapError(f"none of the {len(places)} {kind} is on floor that robots reach; {notes[0]}")
-    return np.array(cells, dtype=np.int64), notes
+    return np.array(list(names), dtype=np.int64), list(names.values()), notes
 
 
 def _nearest(point: NDArray[np.float64], floor: NDArray[np.bool_], raster: Raster) -> tuple[int, int] | None:

@@ -51,7 +51,9 @@ def write_hall(
         percent = np.where(np.isfinite(speed), np.clip(speed / RobotSpec.max_speed * 100, 1, 100), 0)
         write(np.rint(percent).astype(np.int64), path.with_name(f"{path.stem}_speed.yaml"))
     raster = Raster(*grid.shape, grid.cell_size, grid.origin)
-    places.write_places(places.places_at(raster, grid.picks, grid.stations), path.with_suffix(places.SUFFIX))
+    both = zip(places.KINDS, (grid.picks, grid.stations), strict=True)
+    listed = {kind: places.places_at(raster, cells) for kind, cells in both}
+    places.write_places(listed, path.with_suffix(places.SUFFIX))
     arrows = path.with_suffix(one_way.SUFFIX)
     if grid.one_way.any():
         with complete_file(arrows) as part:
