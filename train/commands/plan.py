@@ -32,10 +32,10 @@ class PlanCommand(Checked):
     """Compare planners on the tasks of a map: how often they find the shortest path, with how many turns, how fast."""
 
     layout: str = "paper46"
-    """The floor: a name of `warehouse layouts`, a MovingAI file NAME.map, or your own, FILE.py:FUNCTION; its named
+    """The floor: a name of `warehouse layouts`, a file NAME.map or NAME.yaml, or your own, FILE.py:FUNCTION; its named
     tasks are planned unless other tasks are given."""
     map: Path | None = None
-    """A MovingAI .map file instead of the layout."""
+    """A map's file instead of the layout: NAME.map, or NAME.yaml of map_server."""
     scen: Path | None = None
     """A MovingAI .scen file with tasks for the map; without --map, the map of that name beside it is used."""
     planner: tuple[str, ...] = ("pf_aco", "aco", "astar_turns", "astar")

@@ -65,7 +65,7 @@ def test_places_are_written_once_and_edited(hall: Path, capsys: pytest.CaptureFi
     assert run("places", "paper46") == 2
 
 
-def test_what_is_lost_is_a_note_of_one_line(hall: Path) -> None:
+def test_what_is_lost_is_a_note_of_one_line(hall: Path, tmp_path: Path) -> None:
     (hall.with_suffix(".places.json")).write_text('{"picks": [{"x": 2.5, "y": 2.5}, {"x": -99, "y": 0}]}')
     with pytest.warns(MapWarning, match="1 of 2 picks are on no floor") as warned:
         run(
