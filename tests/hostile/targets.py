@@ -483,7 +483,7 @@ TARGETS: dict[str, Target] = {
     "plain config": Target(_make_plain, _plain, 500),
     "named": Target(lambda rng: damaged(rng, b"aisles:seed=7,rows=40"), _named, 1500),
     "grid map": Target(lambda rng: options(rng, ["occupied", "height", "cell_size", "picks", "stations", "name",
-                                                 "one_way"]), _grid, 500),
+                                                 "one_way", "origin"]), _grid, 500),
     "layout": Target(_make_layout, lambda given, f: make_layout(given[0], **given[1]), 60),
     "planner": Target(_make_planned, _planned, 500),
     "scenario": Target(lambda rng: (0, 0, options(rng, list(Scenario._fields))), _scenarios, 500),

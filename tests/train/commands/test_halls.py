@@ -5,13 +5,17 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from train import cli
 from train.cli import main
+from warehouse_env.config import EnvConfig
 from warehouse_env.errors import MapWarning
 from warehouse_env.maps.halls.hall import read_hall
 from warehouse_env.maps.layouts import make_layout
+from warehouse_env.simulation.record.recording import Episode, Recorder
+from warehouse_env.simulation.simulator import Simulator
 
 
 def run(*words: str) -> int:
@@ -73,3 +77,13 @@ def test_what_is_lost_is_a_note_of_one_line(hall: Path, tmp_path: Path) -> None:
         )
     assert cli._noted(warned[0].message, MapWarning, "x.py", 3).startswith("warehouse: note: hall: 1 of 2 picks")
     assert "\n" not in str(warned[0].message)
+
+
+def test_a_recording_keeps_where_the_floor_is(hall: Path, tmp_path: Path) -> None:
+    hall.write_text(hall.read_text().replace("[0.0, 0.0, 0.0]", "[-15.1, 2.0, 0.0]"))
+    hall.with_suffix(".places.json").unlink()
+    config = EnvConfig(map_file=str(hall), num_agents=2, planner="astar")
+    recorder = Recorder(Simulator(config), (31_000_000,))
+    recorder.step(np.zeros((1, 2), np.int64))
+    recorder.episode.save(tmp_path / "e.npz")
+    assert Episode.load(tmp_path / "e.npz").grid.origin == (-15.1, 2.0)
