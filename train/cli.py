@@ -11,12 +11,13 @@ import os
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Annotated, Any, NamedTuple, Union, get_type_hints
 
-from warehouse_env.errors import LostError, WarehouseError, unknown_name
+from warehouse_env.errors import LostError, MapWarning, WarehouseError, unknown_name
 
 PROGRAM = "warehouse"
 LOST = 3  # exit code where jobs were lost
@@ -56,6 +57,7 @@ _COMMANDS = {
         "drive policies and the rule on many floors, some drawn at random",
     ),
     "layouts": ("commands.layouts:Layouts", "list, draw, check and convert maps"),
+    "places": ("commands.places:PlacesCommand", "propose pick faces and stations of a hall, draw and number them"),
     "policies": ("commands.parts:Policies", "list the policies"),
     "planners": ("commands.parts:Planners", "list the planners"),
     "train reinforce": ("commands.training:TrainReinforce", "train our policy gradient"),
@@ -94,6 +96,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     That is 0, 2 for bad input (one sentence on stderr), 3 if a job was lost, 130 after Ctrl-C, and 143 after SIGTERM.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
+    warnings.formatwarning = _noted
     try:
         with _terminable():
             return _run(arguments)
@@ -112,6 +115,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         where = f"{error.filename}: " if error.filename else ""
         print(f"{PROGRAM}: {where}{error.strerror or error}", file=sys.stderr)
         return 2
+
+
+def _noted(message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None) -> str:
+    """Return a warning as it is shown: what a map says that its floor does not hold, as one sentence."""
+    if issubclass(category, MapWarning):
+        return f"{PROGRAM}: note: {message}\n"
+    return _USUAL(message, category, filename, lineno, line)
+
+
+_USUAL = warnings.formatwarning
 
 
 class _TerminationError(KeyboardInterrupt):

@@ -12,6 +12,7 @@ from agents.weights_folder import CONFIG, WEIGHTS
 from train.own import taken_in
 from warehouse_env.files import STAGED, whereabouts
 from warehouse_env.maps import one_way
+from warehouse_env.maps.halls.hall import files_of, is_hall
 from warehouse_env.own_parts import split
 
 Parcel = dict[str, dict[str, bytes]]
@@ -30,7 +31,10 @@ def pack(names: Iterable[str]) -> Parcel:
 
 def _content(name: str) -> dict[str, bytes]:
     path = whereabouts(name)
-    if path.is_dir():
+    if is_hall(name):
+        found = list(files_of(name))
+        path = found[0]
+    elif path.is_dir():
         found = [path / file for file in (CONFIG, WEIGHTS)]
     else:
         found = [path, *(path.with_suffix(suffix) for suffix in _BESIDE.get(path.suffix, ()))]

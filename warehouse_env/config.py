@@ -170,8 +170,8 @@ class EnvConfig(Checked):
     """One warehouse with its robots: all that defines an episode but the seed."""
 
     retired: ClassVar[dict[str, Any]] = {"smooth_routes": False}
-    layout: str = "paper46"  # a name of LAYOUTS, as "aisles:seed=7", or a MovingAI file, as "hall.map"
-    map_file: str | None = None  # a MovingAI .map instead of the layout
+    layout: str = "paper46"  # a name of LAYOUTS, as "aisles:seed=7", or a file, as "hall.map" or "hall.yaml:cell=0.75"
+    map_file: str | None = None  # a map's file instead of the layout
     num_agents: int = 8  # robots
     planner: str = "pf_aco"  # a name of PLANNERS
     tasks: TaskMode = "lifelong"  # a new goal after every arrival; or one goal each, then parked

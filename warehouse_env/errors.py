@@ -21,6 +21,10 @@ class MapError(WarehouseError):
     """A map or scenario cannot be read or used."""
 
 
+class MapWarning(UserWarning):
+    """What a map says that its floor does not hold."""
+
+
 class PlanError(WarehouseError):
     """No route exists, or a start or goal cannot be used."""
 

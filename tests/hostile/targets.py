@@ -44,6 +44,10 @@ from warehouse_env.envs.parallel import parallel_env
 from warehouse_env.envs.single import single_env
 from warehouse_env.envs.vector import vec_env
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.halls.hall import files_of, read_hall
+from warehouse_env.maps.halls.lif import write_lif
+from warehouse_env.maps.halls.route_graph import write_route_graph
+from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.maps.movingai import EXAMPLE_SCEN, Scenario, read_map, read_scen, write_map, write_scen
 from warehouse_env.planning import PLANNERS, make_planner
@@ -87,6 +91,29 @@ CLMAPF_SOLUTION = (
     b"statistics:\n  cost: 9\nschedule:\n  agent0:\n    - x: 5\n      y: 15\n      yaw: 0\n      t: 0\n"
     b"    - x: 6.5\n      y: 15\n      yaw: 0\n      t: 1.5\n"
 )
+LIF = {"metaInformation": {}, "layouts": [{"layoutId": "a", "nodes": [
+    {"nodeId": name, "nodePosition": {"x": x, "y": 1.5}, "vehicleTypeNodeProperties": [{"vehicleTypeId": "v"}]}
+    for name, x in (("a", 0.5), ("b", 3.5))], "edges": [{
+    "edgeId": "e", "startNodeId": "a", "endNodeId": "b", "vehicleTypeEdgeProperties": [{
+        "vehicleTypeId": "v", "rotationAllowed": True, "maxSpeed": 1.0, "trajectory": {
+            "degree": 2, "knotVector": [0, 0, 0, 1, 1, 1], "controlPoints": [
+                {"x": 0.5, "y": 1.5}, {"x": 2.0, "y": 2.5, "weight": 0.7}, {"x": 3.5, "y": 1.5}]}}]}],
+    "stations": [{"stationId": "s", "interactionNodeIds": ["b"], "stationHeight": "0.5"}]}]}  # fmt: skip
+GRAPH = {"features": [
+    {"properties": {"id": 0}, "geometry": {"type": "Point", "coordinates": [0.5, 1.5]}},
+    {"properties": {"id": 1}, "geometry": {"type": "Point", "coordinates": [3.5, 1.5]}},
+    {"properties": {"id": 2, "startid": 0, "endid": 1, "metadata": {"speed_limit": 50}},
+     "geometry": {"type": "LineString", "coordinates": [[0.5, 1.5], [3.5, 1.5]]}}]}  # fmt: skip
+HALL = {
+    "h.yaml": b"image: h.pgm\nmode: scale\nresolution: 0.5\norigin: [0.0, -1.5, 0]\nnegate: 0\n"
+              b"occupied_thresh: 0.65\nfree_thresh: 0.25\n",
+    "h.pgm": b"P5\n8 8\n255\n" + bytes([254] * 40 + [0] * 4 + [205] * 20),
+    "k.yaml": b"image: h.pgm\nresolution: 1\norigin: [1, 0.0, 0]\nnegate: 1\noccupied_thresh: .9\nfree_thresh: .3\n",
+    "h.png": b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x04\0\0\0\x04\x08\0\0\0\0",
+    "h.places.json": b'{"picks": [{"id": 1, "x": 0.5, "y": 1.0}], "stations": [{"x": 2.5, "y": 1.5}]}',
+    "h.oneway": b"....\n.>..\n....\n....\n",
+    "l.json": json.dumps(LIF).encode(), "l.geojson": json.dumps(GRAPH).encode(),
+}  # fmt: skip
 SCEN = EXAMPLE_SCEN.read_bytes()[:300]
 RECORD = json.loads((WEIGHTS_FOLDER / "threaded_ppo" / CONFIG).read_text())
 NETWORK = Network(3, 2, True, (2,))
@@ -124,6 +151,28 @@ def _orders(given: tuple[str, bytes], folder: Path) -> None:
     orders = read_orders(_written(content, folder, name))
     write_orders(folder / f"again-{name}", orders)
     check_orders(orders, make_layout("open"), 500.0)
+
+
+def _make_hall(rng: Random) -> tuple[dict[str, bytes], str]:
+    """Return the files of a hall, some of them hostile, and how it is read."""
+    files = dict(HALL)
+    for name in rng.sample(sorted(files), rng.randint(1, 2)):
+        is_json = name.endswith("json")
+        files[name] = json_bytes(rng, json.loads(files[name])) if is_json else damaged(rng, files[name])
+    how = rng.choice(["", "cell=0.5", "keepout=k.yaml", "speed=k.yaml", "lanes=l.json", "lanes=l.geojson",
+                      "lanes=l.json,lanes_only=true", "cell=" + making.text(rng), making.text(rng)])  # fmt: skip
+    return files, rng.choice(["h.yaml", "h.yaml", "h.yaml", "h.png"]) + (f":{how}" if how else "")
+
+
+def _hall(given: tuple[dict[str, bytes], str], folder: Path) -> None:
+    for name, content in given[0].items():
+        _written(content, folder, name)
+    hall = read_hall(f"{folder}/{given[1]}")
+    _use(hall.grid)
+    list(files_of(f"{folder}/{given[1]}"))
+    write_hall(hall.grid, folder / "g.yaml", None, hall.barred, hall.speed)
+    write_lif(hall.grid, folder / "g.json", hall.speed)
+    write_route_graph(hall.grid, folder / "g.geojson", hall.speed)
 
 
 def _use(grid: GridMap) -> None:
@@ -443,6 +492,7 @@ def _named(words: bytes, folder: Path) -> None:
 
 TARGETS: dict[str, Target] = {
     "map": Target(lambda rng: (damaged(rng, MAP), rng.choice([ONE_WAY, damaged(rng, ONE_WAY)])), _map, 500),
+    "hall": Target(_make_hall, _hall, 100),
     "scen": Target(lambda rng: damaged(rng, SCEN), lambda given, f: read_scen(_written(given, f, "s")), 1000),
     "clmapf instance": Target(lambda rng: damaged(rng, CLMAPF),
                               lambda given, f: read_instance(_written(given, f, "i"), "i"), 1000),
@@ -469,7 +519,7 @@ TARGETS: dict[str, Target] = {
     "plain config": Target(_make_plain, _plain, 500),
     "named": Target(lambda rng: damaged(rng, b"aisles:seed=7,rows=40"), _named, 1500),
     "grid map": Target(lambda rng: options(rng, ["occupied", "height", "cell_size", "picks", "stations", "name",
-                                                 "one_way"]), _grid, 500),
+                                                 "one_way", "origin"]), _grid, 500),
     "layout": Target(_make_layout, lambda given, f: make_layout(given[0], **given[1]), 60),
     "planner": Target(_make_planned, _planned, 500),
     "scenario": Target(lambda rng: (0, 0, options(rng, list(Scenario._fields))), _scenarios, 500),

@@ -295,3 +295,13 @@ def test_a_checked_cell_is_two_python_ints() -> None:
     cell = floor("...").check_cell(np.array([0, 2], dtype=np.int32), "start")
     assert cell == (0, 2)
     assert [type(number) for number in cell] == [int, int]
+
+
+def test_the_origin_is_where_the_floor_is_in_its_files_frame() -> None:
+    grid = GridMap(np.zeros((2, 3)), cell_size=0.5, origin=[-15.1, 2])
+    assert grid.world(grid.centre((1, 0))).tolist() == pytest.approx([-14.85, 2.25])
+    assert pickle.loads(pickle.dumps(grid)).origin == grid.origin == (-15.1, 2.0)
+    assert grid.key == GridMap(np.zeros((2, 3)), cell_size=0.5).key  # what is driven is the same
+    for origin in (3, (1, 2, 3), (np.nan, 0), ("x", 0), None, (10**400, 0)):
+        with pytest.raises(MapError, match="origin"):
+            GridMap(np.zeros((2, 3)), origin=origin)  # type: ignore[arg-type]

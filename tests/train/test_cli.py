@@ -55,7 +55,8 @@ def test_every_command_has_help_with_the_common_options(capsys: pytest.CaptureFi
         assert main([*name.split(), "--help"]) == 0
         shown = capsys.readouterr().out
         assert f"warehouse {name}" in shown
-        assert ("--seed" in shown) == (name not in ("policies", "planners", "benchmark"))  # which draw nothing
+        drawn = name not in ("policies", "planners", "benchmark", "places")  # which draw nothing
+        assert ("--seed" in shown) == drawn
         assert "{None,True,False}" not in shown
         assert ("--json" in shown) == (name != "benchmark")  # which writes one file of JSON, under --out
 

@@ -69,7 +69,7 @@ def loads_table(advice: Advice) -> Table:
 
 def _heat(advice: Advice) -> Shown:
     grid = advice.plan.grid
-    places = [(place.x, place.y) for place in advice.bottlenecks]
+    places = [tuple(grid.centre(place.cell).tolist()) for place in advice.bottlenecks]
     panels = [
         Panel("waiting [s per hour and cell]", grid, advice.floor.waiting, numbers=places),
         Panel("trips that pass [%]", grid, 100 * advice.visits),

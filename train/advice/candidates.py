@@ -75,7 +75,7 @@ def bottlenecks(grid: GridMap, waiting: NDArray[np.float64], visits: NDArray[np.
     found = []
     for row, column, heat in peaks(waiting, MOST, RADIUS):
         around = (slice(max(0, row - RADIUS), row + RADIUS + 1), slice(max(0, column - RADIUS), column + RADIUS + 1))
-        x, y = grid.centre((row, column)).tolist()
+        x, y = grid.world(grid.centre((row, column))).tolist()
         found.append(Bottleneck((row, column), x, y, heat, heat / float(waiting.sum()), float(visits[around].max())))
     return found
 
@@ -204,7 +204,7 @@ def _opened(grid: GridMap, cells: Iterable[Cell], what: str) -> Candidate:
 
 def _where(grid: GridMap, changed: NDArray[np.bool_]) -> str:
     """Say where cells are, in metres."""
-    corners = grid.centre(np.argwhere(changed))
+    corners = grid.world(grid.centre(np.argwhere(changed)))
     half = grid.cell_size / 2
     (left, low), (right, high) = corners.min(axis=0) - half, corners.max(axis=0) + half
     return f"x {left:g} to {right:g} m, y {low:g} to {high:g} m"

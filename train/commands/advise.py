@@ -47,10 +47,10 @@ class Advise(Work, WorkOptions):
     """
 
     map: Path | None = None
-    """MovingAI .map file of the floor, as --layout takes it, too."""
+    """File of the floor, as --layout takes it, too: NAME.map, or NAME.yaml of map_server, as in hall.yaml:cell=0.75."""
     layout: str | None = None
-    """The floor: a name of `warehouse layouts`, a MovingAI file NAME.map, with one-way cells beside it in NAME.oneway
-    if there are any, or your own, FILE.py:FUNCTION."""
+    """The floor: a name of `warehouse layouts`, a file NAME.map or NAME.yaml, with one-way cells beside it in
+    NAME.oneway if there are any, or your own, FILE.py:FUNCTION."""
     goals: float | None = None
     """Also say how many robots it takes to make so many goals an hour, all together."""
     in_time: float = 0.95

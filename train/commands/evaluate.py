@@ -98,10 +98,11 @@ class Episodes(Working, ShardOptions):
     """Policies to compare: names of `warehouse policies`, folders of trained ones, models of stable-baselines3
     (FILE.zip), or your own, FILE.py:CLASS or MODULE:CLASS."""
     layout: tuple[str, ...] = ()
-    """Floors to drive on: names of `warehouse layouts`, MovingAI files NAME.map, or your own, FILE.py:FUNCTION (paper46
-    if neither layout nor map is given)."""
+    """Floors to drive on: names of `warehouse layouts`, files NAME.map or NAME.yaml, or your own, FILE.py:FUNCTION
+    (paper46 if neither layout nor map is given)."""
     map: tuple[Path, ...] = ()
-    """MovingAI .map files to drive on, as --layout takes them, too."""
+    """Files of maps to drive on, as --layout takes them, too: NAME.map, or NAME.yaml of map_server with how it is read,
+    as in hall.yaml:cell=0.75."""
     robots: tuple[int, ...] = (16,)
     """Numbers of robots."""
     episodes: int = 5

@@ -5,8 +5,10 @@ from __future__ import annotations
 import inspect
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import tyro
 
 from train.advice.candidates import cut_off, run_lengths
 from train.reporting.report import Table
@@ -14,6 +16,11 @@ from train.reporting.rows import Row, RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapError
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.halls import lif, route_graph
+from warehouse_env.maps.halls.hall import Hall, is_hall, read_hall
+from warehouse_env.maps.halls.map_server import YAMLS
+from warehouse_env.maps.halls.picture import SUFFIXES as PICTURES
+from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.maps.movingai import read_map, write_map
 from warehouse_env.maps.one_way import ARROWS
@@ -21,16 +28,23 @@ from warehouse_env.maps.one_way import ARROWS
 
 @dataclass(frozen=True)
 class Layouts(Checked):
-    """List the layouts; or draw one, check a map file, or convert a layout or map into a MovingAI file."""
+    """List the layouts; or draw one, check a map's file, or write a floor as a file of another kind.
+
+    Files are MovingAI's NAME.map, map_server's NAME.yaml with a picture beside it, or a plain picture (PGM, PNG, BMP).
+    The name says how a hall is read, as in "hall.yaml:cell=0.75,share=0.1,unknown=floor,keepout=hall_keepout.yaml".
+    """
 
     draw: str | None = None
-    """Name of a layout, or a .map file, to draw in the terminal."""
+    """Name of a layout, or a map's file, to draw in the terminal."""
     png: Path | None = None
     """Also write the drawing as a picture to this file."""
     check: Path | None = None
-    """A MovingAI .map file to check."""
-    convert: Path | None = None
-    """Write the layout or map named by --draw to this .map file instead of drawing it."""
+    """A map's file to check."""
+    convert: Annotated[Path | None, tyro.conf.arg(aliases=("--save",))] = None
+    """Write the layout or map named by --draw to this file instead of drawing it: NAME.map (MovingAI), NAME.yaml
+    (map_server, with masks and places beside it), NAME.lif.json (lanes as LIF) or NAME.geojson (Nav2's route graph)."""
+    resolution: float | None = None
+    """Width of a pixel [m]: of a plain picture to draw, or of what is saved as NAME.yaml (there a cell's)."""
     seed: int | None = None
     """Seed of the generated layouts (their own default if left out)."""
     json: Path | None = None
@@ -53,6 +67,29 @@ class Layouts(Checked):
         seeded = name in LAYOUTS and "seed" in inspect.signature(LAYOUTS[name]).parameters
         return make_layout(name, **({"seed": self.seed} if seeded and self.seed is not None else {}))
 
+    def _hall(self, name: str) -> Hall | None:
+        """Read a hall, with the resolution that stands for itself; None for another floor."""
+        if not is_hall(name):
+            return None
+        if self.resolution is not None and name.partition(":")[0].lower().endswith(PICTURES):
+            name = f"{name}{',' if ':' in name else ':'}resolution={self.resolution}"
+        return read_hall(name)
+
+    def _convert(self, grid: GridMap, hall: Hall | None, path: Path) -> None:
+        barred, speed = (None, None) if hall is None else (hall.barred, hall.speed)
+        if path.suffix == ".map":
+            write_map(grid, path)
+        elif path.name.endswith(lif.SUFFIX):
+            lif.write_lif(grid, path, speed)
+        elif path.suffix == route_graph.SUFFIX:
+            route_graph.write_route_graph(grid, path, speed)
+        elif path.suffix in YAMLS:
+            print(f"wrote {path}, which is read by --map {write_hall(grid, path, self.resolution, barred, speed)}")
+            return
+        else:
+            raise ConfigError(f"--save {path} must end in .map, {YAMLS[0]}, {lif.SUFFIX} or {route_graph.SUFFIX}")
+        print(f"wrote {path}")
+
     def _list(self) -> None:
         rows = [facts(self._floor(name)) for name in LAYOUTS]
         file = RowFile(self.json)
@@ -71,14 +108,15 @@ class Layouts(Checked):
         print(file.written())
 
     def _draw(self, name: str) -> None:
-        grid = self._floor(name)
+        hall = self._hall(name)
+        grid = self._floor(name) if hall is None else hall.grid
         if self.convert is not None:
-            write_map(grid, self.convert)
-            print(f"wrote {self.convert}")
+            self._convert(grid, hall, self.convert)
             return
         print("\n".join(grid.text()))
         arrows = f"   {' '.join(ARROWS[1:])} one way" if grid.one_way.any() else ""
         print(f"# shelf   p pick   s station   ~ uneven floor   . floor{arrows}")
+        say(hall)
         file = RowFile(self.json)
         file.add([facts(grid)])
         if self.png is not None:
@@ -89,7 +127,9 @@ class Layouts(Checked):
             print("wrote " + " and ".join(str(path) for path in (self.json, self.png) if path is not None))
 
     def _check(self, path: Path) -> None:
-        grid = read_map(path)
+        hall = self._hall(str(path))
+        grid = read_map(path) if hall is None else hall.grid
+        say(hall)
         check_connected(grid)
         row = facts(grid)
         file = RowFile(self.json)
@@ -101,6 +141,12 @@ class Layouts(Checked):
             f"{row['picks']} picks, {row['stations']} stations, narrowest aisle {row['narrowest']} cells"
         )
         print(file.written())
+
+
+def say(hall: Hall | None) -> None:
+    """Say what was read of a hall, what was lost, and what its floor does not hold."""
+    if hall is not None:
+        print("\n".join([*hall.report, *(f"note: {text}" for text in hall.notes)]))
 
 
 def check_connected(grid: GridMap) -> None:

@@ -33,7 +33,7 @@ class Live(Drive):
     layout: str = "paper46"
     """Layout to begin with."""
     map: Path | None = None
-    """MovingAI .map file to begin with, instead."""
+    """A map's file to begin with, instead: NAME.map, or NAME.yaml of map_server."""
     robots: int = 32
     """Number of robots to begin with."""
     port: int = 0

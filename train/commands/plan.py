@@ -19,7 +19,8 @@ from train.reporting.rows import Row, RowFile, check_writable, mean_interval, wr
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapError
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
+from warehouse_env.maps.halls.hall import is_hall
+from warehouse_env.maps.layouts import NAMED_TASKS, make_layout, read_file
 from warehouse_env.maps.movingai import read_map, read_scen
 from warehouse_env.planning import Planner, make_planner
 
@@ -31,10 +32,10 @@ class PlanCommand(Checked):
     """Compare planners on the tasks of a map: how often they find the shortest path, with how many turns, how fast."""
 
     layout: str = "paper46"
-    """The floor: a name of `warehouse layouts`, a MovingAI file NAME.map, or your own, FILE.py:FUNCTION; its named
+    """The floor: a name of `warehouse layouts`, a file NAME.map or NAME.yaml, or your own, FILE.py:FUNCTION; its named
     tasks are planned unless other tasks are given."""
     map: Path | None = None
-    """A MovingAI .map file instead of the layout."""
+    """A map's file instead of the layout: NAME.map, or NAME.yaml of map_server."""
     scen: Path | None = None
     """A MovingAI .scen file with tasks for the map; without --map, the map of that name beside it is used."""
     planner: tuple[str, ...] = ("pf_aco", "aco", "astar_turns", "astar")
@@ -88,8 +89,8 @@ class PlanCommand(Checked):
 
     def _grid(self) -> GridMap:
         if self.map is not None:
-            return read_map(self.map)
-        if self.scen is not None and not self.layout.endswith(".map"):
+            return read_file(str(self.map))
+        if self.scen is not None and not (self.layout.endswith(".map") or is_hall(self.layout)):
             names = {scenario.map_name for scenario in read_scen(self.scen)}
             if len(names) != 1:
                 raise MapError(f"{self.scen} names {len(names)} maps; choose one with --map")

@@ -38,9 +38,9 @@ class Record(Working):
     policy: str = "ppo"
     """Policy to drive, named as for `warehouse evaluate`."""
     layout: str = "paper46"
-    """Floor to drive on: a name of `warehouse layouts`, a MovingAI file NAME.map, or your own, FILE.py:FUNCTION."""
+    """Floor to drive on: a name of `warehouse layouts`, a file NAME.map or NAME.yaml, or your own, FILE.py:FUNCTION."""
     map: Path | None = None
-    """MovingAI .map file to drive on, instead."""
+    """A map's file to drive on, instead: NAME.map, NAME.yaml of map_server, or a picture."""
     robots: int = 16
     """Number of robots."""
     seconds: float = 120.0

@@ -48,8 +48,8 @@ class TrainingConfig(Checked):
     steps: int | None = None
     """Budget of agent-steps (one decision of one robot); 45 million if MINUTES is not given either."""
     layouts: _Floors = ("paper46", "narrow", "single_lane", *DRAWN[:4])
-    """Floors to train on: names of `warehouse layouts`, MovingAI files NAME.map, or your own, FILE.py:FUNCTION; each is
-    mixed with each robot count."""
+    """Floors to train on: names of `warehouse layouts`, files NAME.map or NAME.yaml, or your own, FILE.py:FUNCTION;
+    each is mixed with each robot count."""
     robots: tuple[int, ...] = (16, 32)
     """Robots in a world."""
     rows: int = 1056
@@ -268,7 +268,7 @@ class ThreadedPPOConfig(ThreadedConfig, ClippedConfig):
     name: str = "threaded_ppo"
     """Name of the run; its folder is OUT/NAME."""
     layouts: _Floors = ("paper46", "narrow", "single_lane", *DRAWN)
-    """Layouts to train on, by name, or MovingAI .map files; each is mixed with each robot count."""
+    """Layouts to train on, by name, or files NAME.map or NAME.yaml; each is mixed with each robot count."""
     robots: tuple[int, ...] = (64,)
     """Robots in a world."""
     rows: int = 1216

@@ -26,6 +26,7 @@ MOVES: NDArray[np.int64] = np.array(
 
 SMALLEST_CELL, LARGEST_CELL = 0.01, 1000.0  # [m]
 HIGHEST = 1e4  # [m], up or down
+FARTHEST = 1e8  # [m] of an origin
 DISTANCE_FIELDS_KEPT = 128  # per map; 17 kB each on 46 x 46 cells
 
 
@@ -38,6 +39,7 @@ class GridMap:
     cell_size: side of a cell [m].
     picks, stations: int64[K, 2], endpoint cells (row, col) of lifelong tasks; `default_endpoints` if not given.
     one_way: uint8[H, W], a direction to keep on a cell, as an index into one_way.ARROWS; none if not given.
+    origin: (x, y) [m] of the south-west corner in the frame of the file that the map is from (`world`).
     """
 
     occupied: NDArray[np.bool_]
@@ -47,6 +49,7 @@ class GridMap:
     stations: NDArray[np.int64] = None  # type: ignore[assignment]
     name: str = "unnamed"
     one_way: NDArray[np.uint8] = None  # type: ignore[assignment]
+    origin: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         occupied = _checked_occupied(self.occupied)
@@ -58,6 +61,7 @@ class GridMap:
         if not (number and SMALLEST_CELL <= size <= LARGEST_CELL):
             raise MapError(f"cell_size={shown(size)} must be a number from {SMALLEST_CELL} to {LARGEST_CELL} metres")
         object.__setattr__(self, "cell_size", float(size))
+        object.__setattr__(self, "origin", _checked_origin(self.origin))
         if not isinstance(self.name, str):
             raise MapError(f"name={shown(self.name)} must be a text")
         if self.picks is None or self.stations is None:
@@ -71,7 +75,8 @@ class GridMap:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the fields only; the copy is checked and read-only again, its caches are empty."""
-        return GridMap, (self.occupied, self.height, self.cell_size, self.picks, self.stations, self.name, self.one_way)
+        of_cells = (self.occupied, self.height, self.cell_size, self.picks, self.stations, self.name, self.one_way)
+        return GridMap, (*of_cells, self.origin)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> GridMap:
         """Return itself: nobody can change it, and what it has worked out serves all."""
@@ -175,6 +180,10 @@ class GridMap:
         row = self.shape[0] - 1 - np.floor(array[..., 1] / self.cell_size)
         return np.stack([row, column], axis=-1).astype(np.int64)
 
+    def world(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return float64[..., 2], points (x, y) [m] of the simulation in the frame of the map's file."""
+        return np.asarray(points, dtype=np.float64)[..., :2] + self.origin
+
     @cached_property
     def _distance_fields(self) -> OrderedDict[Cell, NDArray[np.float64]]:
         return OrderedDict()
@@ -271,6 +280,17 @@ def _checked_occupied(occupied: ArrayLike) -> NDArray[np.bool_]:
     if checked.all():
         raise MapError("the map has no free cell; a robot needs at least one")
     return checked
+
+
+def _checked_origin(origin: object) -> tuple[float, float]:
+    """Return an origin as two floats, or raise MapError."""
+    try:
+        x, y = (float(number) for number in origin)  # type: ignore[attr-defined]
+    except (TypeError, ValueError, OverflowError):
+        x = y = np.nan
+    if not (abs(x) <= FARTHEST and abs(y) <= FARTHEST):
+        raise MapError(f"origin={shown(origin)} must be two numbers of metres up to {FARTHEST:g}")
+    return x, y
 
 
 def _checked_height(height: ArrayLike | None, shape: tuple[int, ...]) -> NDArray[np.float32]:

@@ -18,6 +18,7 @@ from warehouse_env import own_parts
 from warehouse_env.errors import ConfigError, shown, unknown_name
 from warehouse_env.maps.generators import aisles, blocks, open_floor, random_floor, single_lane
 from warehouse_env.maps.grid_map import Cell, GridMap
+from warehouse_env.maps.halls.hall import is_hall, read_floor
 from warehouse_env.maps.movingai import read_map
 
 
@@ -127,14 +128,21 @@ def add_layout(text: str) -> None:
         LAYOUTS[name] = made
 
 
+def read_file(name: str) -> GridMap:
+    """Return the floor of a map's file: map_server's or a picture's, with parameters, or else MovingAI's; MapError."""
+    return read_floor(name) if is_hall(name) else read_map(name)
+
+
 def make_layout(name: str, **parameters: Any) -> GridMap:
-    """Return the named layout, or the floor of a MovingAI file NAME.map.
+    """Return the named layout, or the floor of a file: MovingAI's NAME.map, map_server's NAME.yaml, or a picture.
 
     The name may carry parameters, so that a configuration or a command line can: "aisles:seed=7,rows=40". ConfigError,
     with near matches, for an unknown name or an unknown parameter; MapError for a file that is none.
     """
     if isinstance(name, str) and name.endswith(".map") and not parameters:
         return read_map(name)
+    if is_hall(name) and not parameters:
+        return read_floor(name)
     name, named = own_parts.parse(name, "layout", _EXAMPLE, LAYOUTS)
     if not isinstance(name, str) or name not in LAYOUTS:
         raise own_parts.unknown("layout", name, LAYOUTS)

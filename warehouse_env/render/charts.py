@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -40,9 +41,16 @@ def draw_floor(ax: Axes, grid: GridMap) -> None:
     image = floor_image(grid, scale_for(grid, _FLOOR_PIXELS, most=24.0))
     ax.imshow(image, extent=(0, width, 0, height), interpolation="antialiased")
     ax.set(xlim=(0, width), ylim=(0, height), xlabel="x [m]", ylabel="y [m]")
+    for axis, shift in zip((ax.xaxis, ax.yaxis), grid.origin, strict=True):  # as the map's file counts
+        if shift:
+            axis.set_major_formatter(partial(_shifted, shift))
     ax.set_aspect("equal")
     for side in ("top", "right"):
         ax.spines[side].set_visible(True)
+
+
+def _shifted(shift: float, value: float, _: int) -> str:
+    return f"{value + shift:.6g}"
 
 
 def trajectories(
@@ -57,7 +65,7 @@ def trajectories(
     tracks: one float[T, 2] a robot [m] (nan breaks the line); hits: float[K, 2], where collisions happened [m].
     """
     with style():
-        figure, ax = _floor_figure(grid, title)
+        figure, ax = floor_figure(grid, title)
         for i, track in enumerate(tracks):
             track = np.asarray(track, dtype=np.float64).reshape(-1, 2)
             if not len(track):
@@ -87,7 +95,7 @@ def paths(
     stands there as having none. colours: of the names, where several pictures are to agree.
     """
     with style():
-        figure, ax = _floor_figure(grid, title)
+        figure, ax = floor_figure(grid, title)
         colours = colours or name_colours(cells)
         shown = {name: np.asarray(way) for name, way in cells.items() if len(way)}
         for k, (name, way) in enumerate(shown.items()):
@@ -265,7 +273,7 @@ def _sideways(line: NDArray[np.float64], shift: float) -> NDArray[np.float64]:
     return moved
 
 
-def _floor_figure(grid: GridMap, title: str) -> tuple[Figure, Axes]:
+def floor_figure(grid: GridMap, title: str) -> tuple[Figure, Axes]:
     ratio = grid.shape[0] / grid.shape[1]
     width = 7.2 if ratio > 0.6 else 11.0
     figure = empty_figure(width, min(12.0, max(2.5, (width - 0.7) * ratio + 0.9)))

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.layouts import make_layout
-from warehouse_env.maps.movingai import read_map
+from warehouse_env.maps.layouts import make_layout, read_file
 from warehouse_env.simulation.physics.edges import Edges, edges_of
 
 FINE = 8  # samples of the clearance field per cell side
@@ -22,7 +21,7 @@ UNIT = 0.01  # [m] per count of the clearance field, which saturates at 2.55 m
 
 def load_grid(config: EnvConfig) -> GridMap:
     """Return the map that a config names: its map_file, or else its layout."""
-    return make_layout(config.layout) if config.map_file is None else read_map(config.map_file)
+    return make_layout(config.layout) if config.map_file is None else read_file(config.map_file)
 
 
 class Floor(NamedTuple):

@@ -60,6 +60,8 @@ class Episode:
         ordered: dict[str, Any] = (
             {} if self.orders is None else {"orders": np.array(as_table(self.orders), dtype=np.float64)}
         )
+        if any(grid.origin):
+            text["origin"] = grid.origin
         with complete_file(path) as part, part.open("wb") as file:
             np.savez_compressed(
                 file, about=np.frombuffer(json.dumps(text).encode(), dtype=np.uint8), occupied=grid.occupied,
@@ -96,7 +98,8 @@ class Episode:
         each = {name: arrays.read(name, most=cells.size) for name in of_cells}
         picks, stations = (arrays.read(name, most=2 * cells.size) for name in ("picks", "stations"))
         floor = (cells, each["height"], about["cell_size"], picks, stations, about["map"])
-        grid = GridMap(*floor, one_way=each.get("one_way"))  # type: ignore[arg-type]  # None: none given
+        one_way, origin = each.get("one_way"), about.get("origin", (0.0, 0.0))
+        grid = GridMap(*floor, one_way=one_way, origin=origin)  # type: ignore[arg-type]  # None: none given
         seeds = tuple(arrays.read("seeds").tolist())
         if not all(isinstance(seed, int) and seed >= 0 for seed in seeds):
             raise WarehouseError(f"the seeds {shown(seeds)} must be one whole number a world, none negative")

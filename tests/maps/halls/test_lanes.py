@@ -1,0 +1,245 @@
+"""Lanes and places: arrows by hand, floors written and read back, LIF's own examples, one sentence for damage."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from tests.maps.halls.test_map_server import REAL, hall, room
+from warehouse_env.errors import MapError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.halls.cells import Raster
+from warehouse_env.maps.halls.hall import read_hall
+from warehouse_env.maps.halls.lanes import STEPS, Lane, Lanes, arrows, lay, of_floor
+from warehouse_env.maps.halls.lif import read_lif, write_lif
+from warehouse_env.maps.halls.places import cells_of, propose, read_places
+from warehouse_env.maps.halls.route_graph import read_route_graph, write_route_graph
+from warehouse_env.maps.one_way import ARROWS
+
+RASTER = Raster(3, 5, 1.0, (0.0, 0.0))
+
+
+def lane(*points: tuple[float, float], speed: float = np.inf) -> Lane:
+    return Lane("a", "s", "e", np.array(points), speed)
+
+
+def drawn(lanes: list[Lane]) -> list[str]:
+    found = lay(Lanes(lanes=lanes), np.ones((3, 5), np.bool_), RASTER)
+    return ["".join(ARROWS[k] for k in row) for row in found.one_way.tolist()]
+
+
+def test_arrows_by_hand() -> None:
+    east, west = lane((0.5, 1.5), (4.5, 1.5)), lane((4.5, 1.5), (0.5, 1.5))
+    north = lane((2.5, 0.5), (2.5, 2.5))
+    assert drawn([east]) == [".....", ".>>>.", "....."]
+    assert drawn([east, west]) == ["....."] * 3
+    assert drawn([east, west, north]) == [".....", "..^..", "....."]
+    assert drawn([east, north]) == [".....", ".>^>.", "....."]  # across a direction robots may drive
+    back = lane((1.5, 1.5), (0.5, 1.5)), lane((4.5, 1.5), (3.5, 1.5))
+    assert drawn([east, *back]) == [".....", "..>..", "....."]
+    assert drawn([lane((0.5, 0.5), (1.5, 0.5))]) == [".....", ".....", ">...."]
+
+
+def test_lanes_over_walls_and_far_away_are_noted() -> None:
+    lanes = Lanes(
+        lanes=[lane((0.5, 1.5), (4.5, 1.5), speed=0.5), lane((0.0, 0.0), (1e9, 0.0)), lane((9.0, 9.0), (9.0, 8.0))]
+    )
+    floor = np.ones((3, 5), np.bool_)
+    floor[1, 2] = False
+    found = lay(lanes, floor, RASTER)
+    assert found.speed[1].tolist() == [0.5, 0.5, np.inf, 0.5, 0.5]
+    assert "3 of 3 lanes lead over what is no floor" in lanes.noted()[0]
+
+
+@given(hnp.arrays(np.bool_, (5, 6, 4)))
+def test_arrows_keep_single_steps_and_bar_no_other(steps: np.ndarray) -> None:
+    """What is not kept is counted; a step that lanes take back is never barred."""
+    grid_steps = steps.copy()
+    grid_steps[:, -1, 0] = grid_steps[0, :, 1] = grid_steps[:, 0, 2] = grid_steps[-1, :, 3] = False
+    one_way, lost = arrows(grid_steps)
+    legal = GridMap(np.zeros((5, 6)), one_way=one_way).legal_moves[..., ::2]
+    kept = single = 0
+    for row, column, move in np.argwhere(grid_steps).tolist():
+        ahead = (row + (0, -1, 0, 1)[move], column + (1, 0, -1, 0)[move])
+        assert legal[row, column, move]
+        if not grid_steps[(*ahead, (move + 2) % 4)]:
+            single += 1
+            kept += not legal[(*ahead, (move + 2) % 4)]
+    assert kept == single - lost
+
+
+ROWS = ["#####.....", "..........", ".########.", ".>>>>>>>>.", ".########.", "..........", ".<<<<<<<..", ".........."]
+
+
+def streets() -> GridMap:
+    letters = np.array([list(row) for row in ROWS])
+    return GridMap(letters == "#", one_way=np.array([[max(0, ARROWS.find(x)) for x in row] for row in ROWS]),
+                   cell_size=0.75, origin=(-3.0, 7.5), name="streets")  # fmt: skip
+
+
+@pytest.mark.parametrize(("write", "read", "name"), [
+    (write_lif, read_lif, "f.lif.json"), (write_route_graph, read_route_graph, "f.geojson"),
+])  # fmt: skip
+def test_a_floor_is_read_back_to_the_same(tmp_path: Path, write: Any, read: Any, name: str) -> None:
+    grid = streets()
+    speed = np.where(np.arange(10) < 3, 0.7, np.inf) + np.zeros(grid.shape)
+    write(grid, tmp_path / name, speed)
+    lanes, raster = read(tmp_path / name), Raster(*grid.shape, grid.cell_size, grid.origin)
+    found = lay(lanes, ~grid.occupied, raster)
+    assert not lanes.notes
+    assert np.array_equal(found.one_way, grid.one_way)
+    assert (found.speed[1, :3] == 0.7).all()
+    for kind, cells in (("picks", grid.picks), ("stations", grid.stations)):
+        assert cells_of(lanes.places[kind], kind, ~grid.occupied, raster)[0].tolist() == cells.tolist()
+
+
+@pytest.mark.skipif(not REAL.exists(), reason="the schema is not here")
+def test_what_is_written_is_valid_lif(tmp_path: Path) -> None:
+    validate = pytest.importorskip("jsonschema").validate
+    write_lif(streets(), tmp_path / "f.json")
+    validate(json.loads((tmp_path / "f.json").read_text()), json.loads((REAL / "LIF-1.0.0.schema.json").read_text()))
+
+
+@pytest.mark.skipif(not REAL.exists(), reason="the examples are not here")
+def test_lifs_own_examples() -> None:
+    """All but the first are read, which holds words where numbers stand."""
+    files = sorted((REAL / "lif").iterdir())
+    for file in files[1:]:
+        assert read_lif(file).nodes
+    with pytest.raises(MapError, match="'number' must be a number"):
+        read_lif(files[0])
+
+
+@pytest.mark.skipif(not REAL.exists(), reason="the real halls are not here")
+def test_a_real_route_graph_on_its_hall() -> None:
+    found = read_hall(f"{REAL / 'warehouse.yaml'}:lanes=warehouse_graph.geojson,lanes_only=true")
+    assert not found.notes
+    assert (found.grid.one_way > 0).sum() == 152
+    lanes = read_route_graph(REAL / "warehouse_graph.geojson")
+    assert (len(lanes.nodes), len(lanes.lanes)) == (96, 172)
+
+
+def test_a_curve_goes_through_its_arc(tmp_path: Path) -> None:
+    """A quarter circle of radius 10 as a rational curve of degree 2."""
+    write_lif(GridMap(np.zeros((1, 2))), tmp_path / "f.json")
+    data = json.loads((tmp_path / "f.json").read_text())
+    nodes, edges = data["layouts"][0]["nodes"], data["layouts"][0]["edges"]
+    nodes[0]["nodePosition"], nodes[1]["nodePosition"] = {"x": 10, "y": 0}, {"x": 0, "y": 10}
+    points = [{"x": 10, "y": 0}, {"x": 10, "y": 10, "weight": 0.5**0.5}, {"x": 0, "y": 10}]
+    curve = {"degree": 2, "knotVector": [0, 0, 0, 1, 1, 1], "controlPoints": points}
+    edges[0]["vehicleTypeEdgeProperties"][0]["trajectory"] = curve
+    (tmp_path / "f.json").write_text(json.dumps(data))
+    line = read_lif(tmp_path / "f.json").lanes[0].line
+    assert np.allclose(np.hypot(*line.T), 10.0)
+    assert len(line) > 10
+
+
+def change(data: Any, path: list[Any], value: Any) -> Any:
+    for key in path[:-1]:
+        data = data[key]
+    data[path[-1]] = value
+
+
+FIRST = ["layouts", 0]
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "sentence"),
+    [
+        (["layouts"], [], "list of one or more"),
+        ([*FIRST, "nodes"], 3, "nodes must be a list"),
+        ([*FIRST, "nodes", 0], 3, "a node is 3"),
+        ([*FIRST, "nodes", 0, "nodeId"], "r0c1", "stands for two nodes"),
+        ([*FIRST, "nodes", 0, "nodeId"], None, "nodeId None must be a text"),
+        ([*FIRST, "nodes", 0, "nodePosition", "x"], float("nan"), "finite number"),
+        ([*FIRST, "nodes", 0, "nodePosition"], [1, 2], "position of"),
+        ([*FIRST, "edges", 0, "endNodeId"], "nowhere", "which there is not"),
+        ([*FIRST, "edges", 0, "vehicleTypeEdgeProperties", 0, "maxSpeed"], -1, "must be above 0"),
+        ([*FIRST, "stations", 0, "interactionNodeIds"], ["nowhere"], "which there is not"),
+    ],
+)
+def test_a_wrong_lif_is_one_sentence(tmp_path: Path, path: list[Any], value: Any, sentence: str) -> None:
+    file = tmp_path / "f.json"
+    write_lif(GridMap(np.zeros((1, 3))), file)
+    data = json.loads(file.read_text())
+    change(data, path, value)
+    file.write_text(json.dumps(data))
+    with pytest.raises(MapError, match=sentence):
+        read_lif(file)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "sentence"),
+    [
+        (["features"], {}, "no route graph"),
+        (["features", 0, "properties"], None, "no properties"),
+        (["features", 0, "properties", "id"], 1, "stands for two nodes"),
+        (["features", 0, "geometry", "coordinates"], ["x"], "coordinates"),
+        (["features", 0, "geometry", "coordinates"], [1e300, 0], "coordinates"),
+        (["features", -1, "properties", "endid"], 99, "which there is not"),
+        (["features", -1, "properties", "metadata"], {"speed_limit": 0}, "above 0"),
+    ],
+)
+def test_a_wrong_route_graph_is_one_sentence(tmp_path: Path, path: list[Any], value: Any, sentence: str) -> None:
+    file = tmp_path / "f.geojson"
+    write_route_graph(GridMap(np.zeros((1, 3))), file)
+    data = json.loads(file.read_text())
+    change(data, path, value)
+    file.write_text(json.dumps(data))
+    with pytest.raises(MapError, match=sentence):
+        read_route_graph(file)
+
+
+def test_places_are_beside_straight_obstacles() -> None:
+    occupied = np.zeros((9, 11), np.bool_)
+    occupied[4, 3:8] = True  # a rack; the pillar is none
+    occupied[1, 5] = True
+    picks, stations = propose(occupied, occupied)
+    assert sorted(map(tuple, picks.tolist())) == [(row, column) for row in (3, 5) for column in range(3, 8)]
+    assert {column for _, column in stations.tolist()} == {1, 9}
+
+
+def test_places_of_a_hand_are_read(tmp_path: Path) -> None:
+    name = hall(tmp_path, room())
+    file = tmp_path / "hall.places.json"
+    file.write_text(
+        '{"picks": [{"x": -2.5, "y": 2.5}, {"x": -2.4, "y": 2.4}], "stations": [{"id": 7, "x": 99, "y": 0}]}'
+    )
+    with pytest.raises(MapError, match="none of the 1 stations is on floor"):
+        read_hall(name)
+    file.write_text(file.read_text().replace("99", "2.9").replace('"y": 0', '"y": 5.9'))
+    found = read_hall(name)
+    assert (found.grid.picks.tolist(), found.grid.stations.tolist()) == ([[3, 0]], [[0, 5]])
+    assert "share a cell" in found.notes[0]
+    twice = '{"picks": [{"id": 1, "x": 1, "y": 1}, {"id": 1, "x": 2, "y": 1}]}'
+    for text in ("{}", "[", '{"picks": [{"x": 1}]}', twice, '{"picks": [{"x": NaN, "y": 1}]}', '{"picks": []}',
+                 "[" * 100_000, '{"picks": [3]}'):  # fmt: skip
+        file.write_text(text)
+        with pytest.raises(MapError):
+            read_places(file)
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=20, deadline=None)
+def test_floors_as_lanes_lay_back_on_their_cells(seed: int) -> None:
+    """Random arrows: all steps of the floor stay, and no step back comes in that no note counts."""
+    rng = np.random.default_rng(seed)
+    occupied = rng.random((5, 6)) < 0.2
+    occupied[0, 0] = False
+    grid = GridMap(occupied, one_way=rng.integers(0, 5, (5, 6)) * (rng.random((5, 6)) < 0.4) * ~occupied)
+    region = np.zeros(grid.shape, np.bool_)
+    region[tuple(grid.free_cells.T)] = True
+    made, legal = of_floor(grid), grid.legal_moves[..., ::2]
+    found = lay(made, region, Raster(5, 6, 1.0, (0.0, 0.0)))
+    again = GridMap(~region, one_way=found.one_way).legal_moves[..., ::2]
+    assert not (legal & region[..., None] & ~again).any()
+    new = again & ~legal
+    ahead = np.stack([np.roll(legal[..., (m + 2) % 4], (-r, -c), (0, 1)) for m, (r, c) in enumerate(STEPS)], axis=-1)
+    assert (new & ahead).sum() == sum(made.notes.values())

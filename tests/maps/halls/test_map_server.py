@@ -1,0 +1,229 @@
+"""Maps of map_server: pixels as Nav2 reads them, cells by hand, real halls' counts, one sentence for damage."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from train.evaluation.parcels import pack, unpacked
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import MapError, MapWarning, WarehouseError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.halls.hall import read_hall
+from warehouse_env.maps.halls.map_server import UNKNOWN, Occupancy, read_occupancy, write_occupancy
+from warehouse_env.maps.halls.picture import read_picture, write_pgm
+from warehouse_env.maps.halls.saved import write_hall
+from warehouse_env.maps.layouts import make_layout
+from warehouse_env.simulation.physics.floor import load_grid
+
+REAL = Path(__file__).parents[4] / "shared" / "buildings"
+YAML = (
+    "image: hall.pgm\nresolution: 0.5\norigin: [-3.0, 2.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
+)
+
+
+def hall(folder: Path, grey: np.ndarray, text: str = YAML) -> str:
+    """Write a hall and return its name."""
+    write_pgm(grey.astype(np.uint8), folder / "hall.pgm")
+    (folder / "hall.yaml").write_text(text)
+    return str(folder / "hall.yaml")
+
+
+def room(rows: int = 8, columns: int = 12) -> np.ndarray:
+    """Return a free floor of pixels."""
+    return np.full((rows, columns), 254)
+
+
+@pytest.mark.parametrize(
+    ("mode", "free", "negate", "expected"),
+    [
+        ("trinary", 0.25, 0, [100, 0, 0, UNKNOWN, UNKNOWN]),  # 205 is .19608
+        ("trinary", 0.196, 0, [100, UNKNOWN, 0, UNKNOWN, UNKNOWN]),
+        ("trinary", 0.196, 1, [0, 100, 100, UNKNOWN, UNKNOWN]),
+        ("scale", 0.1, 0, [100, 17, 0, 73, 91]),  # (.19608 - .1) / .55, (.50196 - .1) / .55, (.6 - .1) / .55
+        ("raw", 0.1, 0, [0, UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN]),
+    ],
+)
+def test_levels_are_read_as_nav2_does(tmp_path: Path, mode: str, free: float, negate: int, expected: list[int]) -> None:
+    text = YAML.replace("0.25", str(free)).replace("negate: 0", f"negate: {negate}") + f"mode: {mode}\n"
+    name = hall(tmp_path, np.array([[0, 205, 254, 127, 102]]), text)
+    assert read_occupancy(Path(name)).values.tolist() == [expected]
+
+
+def test_cells_by_hand(tmp_path: Path) -> None:
+    """Cells of 1 m are 2 x 2 pixels from the upper left on; half a cell at the bottom and the right is left over."""
+    grey = room(7, 9)
+    grey[0, 2] = 0  # a quarter of cell (0, 1)
+    grey[5, 0:2] = 205  # unknown is free at .25
+    grid = read_hall(hall(tmp_path, grey)).grid
+    assert grid.occupied.astype(int).tolist() == [[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]
+    assert grid.origin == (-3.0, 2.5)  # the lower half row is no cell
+    assert grid.world(grid.centre((2, 0))).tolist() == [-2.5, 3.0]
+    name = str(tmp_path / "hall.yaml:share=0.25")
+    assert not make_layout(name).occupied.any()
+    assert load_grid(EnvConfig(map_file=name)).key == load_grid(EnvConfig(layout=name)).key == make_layout(name).key
+
+
+def test_what_is_lost_is_told(tmp_path: Path) -> None:
+    """An aisle of 1 m between racks, half a cell off the grid: a robot of .6 m fits, yet no cell does."""
+    grey = room(20, 16)
+    grey[4:16, 2:7], grey[4:16, 9:14] = 0, 0
+    grey[0:2, 15] = 205
+    found = read_hall(hall(tmp_path, grey, YAML.replace("0.25", "0.19")))
+    told = "\n".join(found.report)
+    assert "aisles close: 1 place where a robot has room, 4 cells long" in told
+    assert "wall by unknown pixels alone: 1 cell" in told
+    assert not read_hall(str(tmp_path / "hall.yaml:cell=0.5")).grid.occupied[4:16, 7:9].any()
+    assert read_hall(str(tmp_path / "hall.yaml:unknown=floor")).grid.occupied.sum() == found.grid.occupied.sum() - 1
+
+
+def test_regions_are_cut_off_and_said(tmp_path: Path) -> None:
+    grey = room()
+    grey[:, 8] = 0
+    name = hall(tmp_path, grey)
+    with pytest.warns(MapWarning, match="1 region with 4 cells cut off"):
+        grid = make_layout(name)
+    assert len(grid.free_cells) == 16
+
+
+def test_masks_bar_and_slow(tmp_path: Path) -> None:
+    name = hall(tmp_path, room())
+    mask = Occupancy(np.zeros((4, 4), np.int8), 1.0, (-3.0, 2.0))
+    mask.values[0, 1], mask.values[2, 2:] = 100, 50
+    write_occupancy(mask, tmp_path / "m.yaml")
+    found = read_hall(f"{name}:keepout=m.yaml,speed=m.yaml")
+    assert np.argwhere(found.barred).tolist() == [[0, 1]]
+    assert found.speed[2].tolist() == [np.inf, np.inf, 0.75, 0.75, np.inf, np.inf]
+    assert any("do not keep" in note for note in found.notes)
+
+
+@given(
+    hnp.arrays(np.bool_, st.tuples(st.integers(2, 7), st.integers(2, 7))),
+    st.sampled_from([(1.0, None), (1.0, 0.25), (0.5, 0.25)]),
+    st.tuples(st.integers(-50, 50), st.integers(-50, 50)),
+    st.randoms(),
+)
+@settings(max_examples=25, deadline=None)
+def test_a_floor_is_read_back_as_it_was_written(tmp_path_factory, occupied, sizes, origin, rng) -> None:  # type: ignore[no-untyped-def]
+    occupied[0, 0] = False
+    cell, resolution = sizes
+    arrows = np.array([[rng.randrange(5) for _ in row] for row in occupied]) * ~occupied
+    grid = GridMap(occupied, cell_size=cell, one_way=arrows, origin=origin, name="hall")
+    barred = np.array([[rng.random() < 0.3 for _ in row] for row in occupied]) & occupied
+    name = write_hall(grid, tmp_path_factory.mktemp("h") / "hall.yaml", resolution, barred)
+    found = read_hall(name)
+    assert found.grid.key == grid.key
+    assert np.array_equal(found.grid.picks, grid.picks)
+    assert np.array_equal(found.grid.stations, grid.stations)
+    assert np.allclose(found.grid.origin, origin)
+    assert np.array_equal(found.barred, barred)
+
+
+def test_pictures_of_other_kinds(tmp_path: Path) -> None:
+    image = pytest.importorskip("PIL.Image")
+    grey = room()
+    grey[2:4, 2:4] = 0
+    for name in ("hall.png", "hall.bmp"):
+        image.fromarray(grey.astype(np.uint8)).save(tmp_path / name)
+        assert read_hall(f"{tmp_path / name}:resolution=0.5").grid.occupied.sum() == 1
+        with pytest.raises(MapError, match=r"resolution=0\.05"):
+            read_hall(str(tmp_path / name))
+    colours = np.dstack([grey, grey, grey, np.where(np.arange(12) < 2, 0, 255) + 0 * grey]).astype(np.uint8)
+    image.fromarray(colours).save(tmp_path / "hall.png")  # its first two columns are transparent, so unknown
+    assert read_hall(f"{tmp_path / 'hall.png'}:resolution=0.5").grid.occupied.sum() == 5
+    (tmp_path / "p2.pgm").write_text("P2 # a comment\n2 1\n# another\n15\n0 15\n")
+    assert read_picture(tmp_path / "p2.pgm").grey.tolist() == [[0, 255]]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("image: hall.pgm", "image: ../hall.pgm", "same folder"),
+        ("image: hall.pgm", "image: /etc/passwd", "same folder"),
+        ("image: hall.pgm", "image: hall.txt", "no picture"),
+        ("image: hall.pgm", "image: no.pgm", "does not exist"),
+        ("image: hall.pgm\n", "", "no entry image"),
+        ("resolution: 0.5\n", "", "no entry resolution"),
+        ("resolution: 0.5", "resolution: 1e400", "resolution must be a number"),
+        ("resolution: 0.5", "resolution: true", "resolution must be a number"),
+        ("-3.0", ".nan", "origin must be a number"),
+        ("2.0, 0.0", "2.0, 1.57", "yaw"),
+        ("[-3.0, 2.0, 0.0]", "3", "origin must be a list"),
+        ("negate: 0", "negate: 7", "negate 7 must be 0 or 1"),
+        ("0.65", "0.2", "must be below"),
+        ("negate: 0", "negate: 0\nmode: [x]", "must be one of"),
+        ("negate: 0", "a: &a [1]\nb: [*a, *a]", "alias"),
+        ("negate: 0", "negate: [", "is no YAML"),
+        ("negate: 0", "x: !!python/object/apply:os.system [ls]", "is no YAML"),
+        (YAML, "- 1\n", "no entries"),
+        (YAML, "\x00", "is no YAML"),
+        (YAML, "x" * 70_000, "at most"),
+    ],
+)
+def test_a_wrong_yaml_is_one_sentence(tmp_path: Path, old: str, new: str, sentence: str) -> None:
+    name = hall(tmp_path, room(), YAML.replace(old, new))
+    with pytest.raises(MapError, match=sentence) as raised:
+        read_hall(name)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"P5 40000 40000 255\n", "make it coarser"), (b"P5 2 2 255\n\0", "1 of its 4"), (b"P6 2 2 255\n", "no PGM"),
+        (b"P5 2 2 65535\n" + bytes(8), "8 bits"), (b"P2 1 1 255 x", "whole numbers"), (b"\x89PNG", "no picture"),
+        (b"P5 0 2 255\n", "pixels"),
+    ],
+)  # fmt: skip
+def test_a_wrong_picture_is_one_sentence(tmp_path: Path, content: bytes, sentence: str) -> None:
+    name = hall(tmp_path, room())
+    (tmp_path / "hall.pgm").write_bytes(content)
+    with pytest.raises(MapError, match=sentence):
+        read_hall(name)
+
+
+@pytest.mark.parametrize(
+    "how", ["cell=0", "share=2", "unknown=lava", "zz=1", "keepout=../x.yaml", "lanes=a.txt", "lanes_only=true",
+            "cell=50", "resolution=1", "cell=x"],
+)  # fmt: skip
+def test_a_wrong_way_of_reading_is_one_sentence(tmp_path: Path, how: str) -> None:
+    with pytest.raises(WarehouseError):
+        read_hall(f"{hall(tmp_path, room())}:{how}")
+
+
+def test_it_travels_with_jobs(tmp_path: Path) -> None:
+    name = hall(tmp_path, room()) + ":keepout=m.yaml"
+    write_occupancy(Occupancy(np.full((1, 1), 100, np.int8), 1.0, (-3.0, 2.0)), tmp_path / "m.yaml")
+    before, parcel = make_layout(name).key, pack([name])
+    for file in tmp_path.iterdir():
+        file.unlink()
+    with unpacked(parcel):
+        assert make_layout(name).key == before
+
+
+@pytest.mark.skipif(not REAL.exists(), reason="the real halls are not here")
+@pytest.mark.parametrize(
+    ("name", "counts", "floor"),
+    [
+        ("depot", (5947, 179481, 0), (315, 353, 604, 652)),
+        ("warehouse", (30951, 1422292, 230801), (1019, 1052, 1943, 1996)),
+    ],
+)
+def test_real_halls(name: str, counts: tuple[int, ...], floor: tuple[int, ...]) -> None:
+    path = REAL / f"{name}.yaml"
+    assert read_occupancy(path).counts == counts
+    found = [read_hall(f"{path}:cell={cell},share={share}").grid for cell in (1, 0.75) for share in (0, 0.05)]
+    assert tuple(int((~grid.occupied).sum()) for grid in found) == floor
+    assert len(found[1].free_cells) == (352 if name == "depot" else 1052)
+
+
+def test_no_warning_where_nothing_is_lost(tmp_path: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        make_layout(hall(tmp_path, room()))

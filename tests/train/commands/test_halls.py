@@ -1,0 +1,89 @@
+"""Halls on the command line: made, drawn, numbered, saved, driven; what is lost is a note of one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from train import cli
+from train.cli import main
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import MapWarning
+from warehouse_env.maps.halls.hall import read_hall
+from warehouse_env.maps.layouts import make_layout
+from warehouse_env.simulation.record.recording import Episode, Recorder
+from warehouse_env.simulation.simulator import Simulator
+
+
+def run(*words: str) -> int:
+    return main(list(words))
+
+
+@pytest.fixture
+def hall(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    path = tmp_path / "hall.yaml"
+    assert run("layouts", "--draw", "aisles:seed=7", "--save", str(path), "--resolution", "0.25") == 0
+    assert f"wrote {path}, which is read by --map {path}" in capsys.readouterr().out
+    return path
+
+
+def test_a_layout_becomes_a_hall_and_stays_itself(hall: Path) -> None:
+    assert make_layout(str(hall)).key == make_layout("aisles:seed=7").key
+
+
+def test_it_is_drawn_checked_and_converted(hall: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("layouts", "--check", str(hall)) == 0
+    assert "is good" in capsys.readouterr().out
+    assert run("layouts", "--draw", f"{hall}:cell=0.5", "--png", str(hall.with_suffix(".png"))) == 0
+    assert "cells of 0.5 m" in capsys.readouterr().out
+    for name in ("h.map", "h.lif.json", "h.geojson"):
+        assert run("layouts", "--draw", str(hall), "--convert", str(hall.parent / name)) == 0
+    assert run("layouts", "--draw", str(hall), "--save", "h.txt") == 2
+    assert "must end in .map, .yaml, .lif.json or .geojson" in capsys.readouterr().err
+
+
+def test_a_picture_with_its_resolution(hall: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = str(hall.with_suffix(".pgm"))
+    assert run("layouts", "--draw", picture) == 2
+    assert "resolution=0.05" in capsys.readouterr().err
+    assert run("layouts", "--draw", picture, "--resolution", "0.25") == 0
+
+
+def test_places_are_written_once_and_edited(hall: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = hall.with_suffix(".places.json")
+    file.unlink()
+    assert run("places", str(hall)) == 0
+    assert f"picks and {len(read_hall(str(hall)).grid.stations)} stations to {file}" in capsys.readouterr().out
+    places = json.loads(file.read_text())
+    del places["picks"][0]
+    file.write_text(json.dumps(places))
+    assert run("places", str(hall)) == 0
+    assert "read " in capsys.readouterr().out
+    assert [place.name for place in read_hall(str(hall)).places["picks"]][:2] == ["2", "3"]
+    assert json.loads(file.read_text()) == places
+    assert run("places", str(hall), "--propose") == 0
+    assert len(json.loads(file.read_text())["picks"]) == len(places["picks"]) + 1
+    assert run("places", "paper46") == 2
+
+
+def test_what_is_lost_is_a_note_of_one_line(hall: Path, tmp_path: Path) -> None:
+    (hall.with_suffix(".places.json")).write_text('{"picks": [{"x": 2.5, "y": 2.5}, {"x": -99, "y": 0}]}')
+    with pytest.warns(MapWarning, match="1 of 2 picks are on no floor") as warned:
+        run(
+            "plan", "--map", str(hall), "--tasks", "1", "--planner", "astar", "--no-pictures", "--out", str(hall.parent)
+        )
+    assert cli._noted(warned[0].message, MapWarning, "x.py", 3).startswith("warehouse: note: hall: 1 of 2 picks")
+    assert "\n" not in str(warned[0].message)
+
+
+def test_a_recording_keeps_where_the_floor_is(hall: Path, tmp_path: Path) -> None:
+    hall.write_text(hall.read_text().replace("[0.0, 0.0, 0.0]", "[-15.1, 2.0, 0.0]"))
+    hall.with_suffix(".places.json").unlink()
+    config = EnvConfig(map_file=str(hall), num_agents=2, planner="astar")
+    recorder = Recorder(Simulator(config), (31_000_000,))
+    recorder.step(np.zeros((1, 2), np.int64))
+    recorder.episode.save(tmp_path / "e.npz")
+    assert Episode.load(tmp_path / "e.npz").grid.origin == (-15.1, 2.0)

@@ -1,0 +1,276 @@
+"""A hall: a robot's map of it and what lies beside, as a floor of cells, with a report of what was lost.
+
+A name carries how it is read, as those of layouts do: "hall.yaml:cell=0.75,keepout=hall_keepout.yaml". Robots drive on
+the largest region: maps that scanners made nearly always show specks of free floor behind walls and windows, so that
+to refuse these would refuse most maps; `Hall.notes` says what was cut off.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.checked import Checked, from_plain, parse_named
+from warehouse_env.config import RobotSpec
+from warehouse_env.errors import MapError, MapWarning
+from warehouse_env.files import STAGED, path_of
+from warehouse_env.maps import one_way
+from warehouse_env.maps.distance import label_regions
+from warehouse_env.maps.endpoints import largest_region
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.halls import lif, picture, places, route_graph
+from warehouse_env.maps.halls.cells import Raster, closed, not_free, raster_of, spread
+from warehouse_env.maps.halls.lanes import Lanes, lay
+from warehouse_env.maps.halls.map_server import YAMLS, Occupancy, beside, image_of, read_occupancy
+
+SUFFIXES = (*YAMLS, *picture.SUFFIXES)
+EXAMPLE = "hall.yaml:cell=0.75"
+
+
+@dataclass(frozen=True)
+class Reading(Checked):
+    """How a hall is read; files are named as they lie beside the map."""
+
+    cell: float = 1.0  # [m], side of the cells
+    share: float = 0.05  # of a cell that may be not free for it to be floor
+    unknown: Literal["wall", "floor"] = "wall"  # what pixels count as of which the map knows nothing
+    resolution: float | None = None  # [m/pixel] of a plain picture
+    keepout: str | None = None  # mask of where nobody drives: a map of map_server
+    speed: str | None = None  # mask of how fast, in per cent
+    lanes: str | None = None  # LIF (.json) or route graph (.geojson)
+    vehicle: str | None = None  # type whose lanes these are (LIF)
+    lanes_only: bool = False  # nobody drives off the lanes
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(0.1, 100.0, "cell")
+        self._between(0.0, 1.0, "share")
+        self._between(1e-3, 100.0, "resolution")
+        self._require(not self.lanes_only or self.lanes is not None, "lanes_only", "false without lanes=FILE")
+        self._require(self.vehicle is None or self.lanes is not None, "vehicle", "left out without lanes=FILE")
+
+
+@dataclass(frozen=True, eq=False)
+class Hall:
+    """A hall as it was understood."""
+
+    grid: GridMap
+    occupancy: Occupancy
+    raster: Raster
+    places: places.Places  # picks and stations by name, as the grid has them
+    barred: NDArray[np.bool_]  # [H, W], floor of the map that masks or lanes close
+    speed: NDArray[np.float64]  # [H, W], [m/s] at most, inf without a limit; robots do not keep it yet
+    notes: tuple[str, ...]  # what the floor does not hold, one sentence each
+    report: tuple[str, ...]  # what was read, and lost in cells
+
+
+def is_hall(name: object) -> bool:
+    """Whether a name is that of a hall's map, with or without parameters."""
+    return isinstance(name, str) and name.partition(":")[0].lower().endswith(SUFFIXES)
+
+
+def parse(name: str) -> tuple[Path, Reading]:
+    """Return where a hall's map lies, and how it is to be read; ConfigError or MapError."""
+    given, parameters = parse_named(name, "map", EXAMPLE)
+    return path_of(STAGED.get(name, given), MapError), from_plain(Reading, parameters)
+
+
+def files_of(name: str) -> Iterator[Path]:
+    """Yield the files that a hall is read from, its map first, so that they can travel; those there are."""
+    path, how = parse(name)
+    named = [beside(path, other, "file") for other in (how.keepout, how.speed, how.lanes) if other]
+    for one in (path, *named):
+        yield one
+        if one.suffix.lower() in YAMLS:
+            with contextlib.suppress(MapError):  # who reads it says what is wrong
+                yield image_of(one)
+    yield from (path.with_suffix(suffix) for suffix in (places.SUFFIX, one_way.SUFFIX))
+
+
+def read_floor(name: str) -> GridMap:
+    """Return the floor of a hall; what it does not hold is warned of (MapWarning)."""
+    hall = read_hall(name)
+    for note in hall.notes if multiprocessing.parent_process() is None else ():  # workers' parents have said it
+        warnings.warn(f"{hall.grid.name}: {note}", MapWarning, stacklevel=2)
+    return hall.grid
+
+
+def read_hall(name: str, edited: bool = True) -> Hall:
+    """Return a hall as it is understood; ConfigError or MapError in one sentence where it cannot be.
+
+    edited: whether the file of places beside it is read, if there is one.
+    """
+    path, how = parse(name)
+    try:
+        return _Reader(path, how, edited).hall()
+    except MapError as error:
+        text = str(error)
+        raise MapError(text if text.startswith(str(path.parent)) else f"{path}: {text}") from None
+
+
+class _Reader:
+    """A hall as it is read."""
+
+    def __init__(self, path: Path, how: Reading, edited: bool) -> None:
+        self._path, self._how, self._edited = path, how, edited
+        self._notes: list[str] = []
+        self._occupancy = read_occupancy(path, how.resolution)
+        self._raster = raster_of(self._occupancy, how.cell)
+        weights = not_free(self._occupancy.values, how.unknown == "floor")
+        self._walls = spread(self._occupancy, weights, self._raster) > how.share + 1e-9
+
+    def hall(self) -> Hall:
+        """Read all that lies beside, and put it together."""
+        speed = self._speeds()
+        barred = self._keepout()
+        self._check_floor(~(self._walls | barred), "keepout leaves")
+        lanes = self._lanes()
+        on_cells = None if lanes is None else lay(lanes, ~(self._walls | barred), self._raster)
+        arrows = self._one_way()
+        if on_cells is not None:
+            speed, arrows = np.minimum(speed, on_cells.speed), on_cells.one_way
+            if self._how.lanes_only:
+                barred |= ~on_cells.used & ~self._walls
+                self._check_floor(~(self._walls | barred), "lanes_only leaves")
+        occupied = self._walls | barred
+        (picks, stations), named = self._places(lanes, occupied)
+        if lanes is not None:
+            self._notes += lanes.noted()
+        if np.isfinite(speed[~occupied]).any():
+            self._notes.append("robots do not keep its speed limits: they are read and written only")
+        grid = GridMap(
+            occupied, None, self._how.cell, picks, stations, self._path.stem,  # type: ignore[arg-type]
+            np.where(occupied, 0, arrows), self._raster.origin,
+        )  # fmt: skip
+        self._note_regions(occupied)
+        report = tuple(self._report(grid, barred))
+        return Hall(grid, self._occupancy, self._raster, named, barred, speed, tuple(self._notes), report)
+
+    def _check_floor(self, floor: NDArray[np.bool_], who: str) -> None:
+        if not floor.any():
+            raise MapError(f"{who} no cell of floor")
+
+    def _mask(self, name: str, what: str) -> Occupancy:
+        """Return a mask, as shares of what is known."""
+        return read_occupancy(beside(self._path, name, what))
+
+    def _keepout(self) -> NDArray[np.bool_]:
+        if not (~self._walls).any():
+            raise MapError(
+                f"no cell of {self._how.cell:g} m is free to {1 - self._how.share:.0%}; choose a smaller cell=, a "
+                "larger share=, or look at negate and the thresholds"
+            )
+        if self._how.keepout is None:
+            return np.zeros_like(self._walls)
+        mask = self._mask(self._how.keepout, "keepout")
+        taken = spread(mask, (mask.values == 100).astype(np.float64), self._raster) > self._how.share + 1e-9
+        if ((mask.values > 0) & (mask.values < 100)).any():
+            self._notes.append("its keepout mask makes some floor dear without closing it; that floor is open here")
+        return np.asarray(taken & ~self._walls)
+
+    def _speeds(self) -> NDArray[np.float64]:
+        """Return float64[H, W], [m/s] at most by the mask: the mean of a cell's pixels with a limit; 0 is none."""
+        if self._how.speed is None:
+            return np.full(self._walls.shape, np.inf)
+        mask = self._mask(self._how.speed, "speed")
+        limited = mask.values > 0
+        share, total = (
+            spread(mask, weights.astype(np.float64), self._raster) for weights in (limited, mask.values * limited)
+        )
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.where(share > 0.5, total / share / 100 * RobotSpec.max_speed, np.inf)
+
+    def _lanes(self) -> Lanes | None:
+        if self._how.lanes is None:
+            return None
+        path = beside(self._path, self._how.lanes, "lanes")
+        if path.suffix.lower() == route_graph.SUFFIX:
+            return route_graph.read_route_graph(path)
+        if path.suffix.lower() == ".json":
+            return lif.read_lif(path, self._how.vehicle)
+        raise MapError(f"{path} must end in .json (LIF) or {route_graph.SUFFIX} (route graph)")
+
+    def _one_way(self) -> NDArray[np.uint8]:
+        """Return the directions that stand beside the map as beside a MovingAI file; none where there are none."""
+        path = self._path.with_suffix(one_way.SUFFIX)
+        if not path.exists():
+            return np.zeros(self._walls.shape, np.uint8)
+        text = picture.read_bytes(path, "one-way file", 64_000_000).decode("utf-8", "replace").split()
+        try:
+            found = one_way.parse(text)
+            if found.shape != self._walls.shape:
+                raise MapError(f"it has {found.shape} rows and columns, the floor {self._walls.shape}; remove it")
+            return np.where(self._walls, 0, found).astype(np.uint8)
+        except MapError as error:
+            raise MapError(f"{path}: {error}") from None
+
+    def _places(
+        self, lanes: Lanes | None, occupied: NDArray[np.bool_]
+    ) -> tuple[list[NDArray[np.int64]], places.Places]:
+        """Return the cells of picks and stations, and both by name: of the file, else the lanes, else proposed."""
+        path = self._path.with_suffix(places.SUFFIX)
+        given = dict(lanes.places) if lanes is not None else {}
+        if self._edited and path.exists():
+            given |= places.read_places(path)
+        cells = list(places.propose(occupied, self._walls))
+        region = largest_region(~occupied)
+        named: places.Places = {}
+        for k, kind in enumerate(places.KINDS):
+            names = None
+            if kind in given:
+                cells[k], names, notes = places.cells_of(given[kind], kind, region, self._raster)
+                self._notes += notes
+            named[kind] = places.places_at(self._raster, cells[k], names)
+        return cells, named
+
+    def _note_regions(self, occupied: NDArray[np.bool_]) -> None:
+        count = int(label_regions(~occupied).max())
+        if count > 1:
+            lost = int((~occupied).sum() - largest_region(~occupied).sum())
+            self._notes.append(
+                f"{_counted(count - 1, 'region')} with {_counted(lost, 'cell')} cut off and "
+                "not driven on; a smaller cell= or a larger share= may join them"
+            )
+
+    def _report(self, grid: GridMap, barred: NDArray[np.bool_]) -> Iterator[str]:
+        how, pixel = self._how, self._occupancy.resolution**2
+        occupied, free, unknown = self._occupancy.counts
+        yield f"pixels of {self._occupancy.resolution:g} m: {occupied:,} occupied, {free:,} free, {unknown:,} unknown"
+        size = how.cell**2
+        driven = len(grid.free_cells)
+        yield (
+            f"{grid.shape[0]} x {grid.shape[1]} cells of {how.cell:g} m, of which up to {how.share:.0%} may be not "
+            f"free: {driven:,} are driven on, {driven * size:,.0f} of the map's {free * pixel:,.0f} m² of free floor"
+        )
+        if barred.any():
+            yield f"closed by keepout, or off the lanes: {_counted(barred.sum(), 'cell')}"
+        lost = closed(self._occupancy, ~self._walls, self._raster, how.unknown == "floor")
+        if lost.any():
+            labels = label_regions(lost)
+            x, y = self._raster.centres(np.argwhere(lost)[0]).tolist()
+            yield (
+                f"aisles close: {_counted(labels.max(), 'place')} where a robot has room, "
+                f"{_counted(lost.sum(), 'cell')} long, one near ({x:.1f}, {y:.1f}) m; a smaller cell= may open them"
+            )
+        if unknown:
+            other = spread(self._occupancy, not_free(self._occupancy.values, how.unknown != "floor"), self._raster)
+            changed = int(((other > how.share + 1e-9) != self._walls).sum())
+            yield f"{how.unknown} by unknown pixels alone: {_counted(changed, 'cell')}"
+        for what, given in (("keepout", how.keepout), ("speed", how.speed)):
+            mask = self._path.with_name(f"{self._path.stem}_{what}.yaml")
+            if given is None and mask.exists():
+                yield f"{mask.name} lies beside and is not read; {what}={mask.name} reads it"
+        x, y = grid.origin
+        yield f"its south-west corner is at ({x:g}, {y:g}) m of the map"
+
+
+def _counted(number: int | np.integer[Any], what: str) -> str:
+    return f"{int(number):,} {what}{'' if number == 1 else 's'}"

@@ -1,0 +1,168 @@
+"""Lanes of a hall: a graph in metres, laid on cells as directions, and made of a floor.
+
+Of each lane's line the cells it crosses are taken in steps to a neighbour. A step that no lane takes back is one way.
+A cell gets a direction if one-way steps lead into it and on out of it; what that does not yet keep, the step's first
+cell does, or its second, where that bars no other step.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.halls.cells import Raster
+from warehouse_env.maps.halls.places import Place
+
+STEPS = ((0, 1), (-1, 0), (0, -1), (1, 0))  # east, north, west, south, as one_way.ARROWS from 1 on
+_FINE = 8  # points of a line looked at per cell
+MOST = 200_000  # nodes or edges of a file
+
+
+class Lane(NamedTuple):
+    """A way from one node to another, and not back."""
+
+    name: str
+    start: str
+    end: str
+    line: NDArray[np.float64]  # [K, 2], (x, y) [m] of its course
+    speed: float = np.inf  # [m/s] at most
+
+
+@dataclass
+class Lanes:
+    """Nodes by name, at (x, y) [m], lanes between them, places, and notes of what was read liberally, with counts."""
+
+    nodes: dict[str, tuple[float, float]] = field(default_factory=dict)
+    lanes: list[Lane] = field(default_factory=list)
+    places: dict[str, tuple[Place, ...]] = field(default_factory=dict)
+    notes: Counter[str] = field(default_factory=Counter)
+
+    def noted(self) -> list[str]:
+        """Return the notes as sentences."""
+        return [text if count == 1 else f"{text} ({count} times)" for text, count in self.notes.items()]
+
+
+class OnCells(NamedTuple):
+    """Lanes as cells hold them."""
+
+    one_way: NDArray[np.uint8]  # [H, W], as in GridMap
+    used: NDArray[np.bool_]  # [H, W], cells with a lane
+    speed: NDArray[np.float64]  # [H, W], [m/s] at most, inf where no lane says
+
+
+def lay(lanes: Lanes, floor: NDArray[np.bool_], raster: Raster) -> OnCells:
+    """Return what cells of floor hold of lanes; what they cannot hold goes into the notes."""
+    steps = np.zeros((*floor.shape, 4), dtype=np.bool_)
+    speed, astray = np.full(floor.shape, np.inf), []
+    for lane in lanes.lanes:
+        cells = _cells_along(lane, raster)
+        there = raster.inside(cells)
+        good = np.zeros(len(cells), dtype=np.bool_)
+        good[there] = floor[tuple(cells[there].T)]
+        if not (len(good) and good.all()):
+            x, y = (raster.centres(cells[np.argmin(good)]) if len(cells) else lane.line[0]).tolist()
+            astray.append(f"{lane.name} near ({x:.1f}, {y:.1f}) m")
+        _step(steps, cells, good)
+        on = tuple(cells[good].T)
+        speed[on] = np.minimum(speed[on], lane.speed)
+    if astray:
+        lead = f"{len(astray)} of {len(lanes.lanes)} lanes lead over what is no floor, and hold on floor only"
+        lanes.notes[f"{lead}: the first is {astray[0]}"] += 1
+    one_way, open_steps = arrows(steps)
+    if open_steps:
+        lanes.notes["one-way steps cross or meet so closely that cells cannot keep them"] += open_steps
+    used: NDArray[np.bool_] = np.asarray(steps.any(axis=2))
+    for move, (row, column) in enumerate(STEPS):
+        used |= np.asarray(_from(steps[..., move], -row, -column))
+    return OnCells(np.where(floor, one_way, 0).astype(np.uint8), used, speed)
+
+
+def _step(steps: NDArray[np.bool_], cells: NDArray[np.int64], good: NDArray[np.bool_]) -> None:
+    """Mark the steps between neighbouring cells of a walk, both on floor."""
+    moves = cells[1:] - cells[:-1]
+    for move, by in enumerate(STEPS):
+        along = (moves == by).all(axis=1) & good[1:] & good[:-1]
+        steps[(*cells[:-1][along].T, move)] = True
+
+
+def _cells_along(lane: Lane, raster: Raster) -> NDArray[np.int64]:
+    """Return int64[K, 2], the cells that a line crosses, each a neighbour of the one before; none if it is far away."""
+    reach = 4 * (raster.rows + raster.columns + 8) * raster.cell
+    lengths = np.hypot(*np.diff(lane.line, axis=0).T)
+    if not np.isfinite(lane.line).all() or lengths.sum() > reach:
+        return np.empty((0, 2), dtype=np.int64)
+    points = [lane.line[:1]]
+    for start, end, length in zip(lane.line, lane.line[1:], lengths, strict=False):
+        count = max(1, int(np.ceil(length / raster.cell * _FINE)))
+        points.append(start + (end - start) * (np.arange(1, count + 1) / count)[:, None])
+    cells = raster.cells(np.concatenate(points))
+    cells = cells[np.concatenate([[True], (np.diff(cells, axis=0) != 0).any(axis=1)])]
+    walk = [cells[0]]
+    for cell in cells[1:]:
+        if np.abs(cell - walk[-1]).sum() > 1:  # over a corner: by the cell beside
+            walk.append(np.array([walk[-1][0], cell[1]]))
+        walk.append(cell)
+    return np.array(walk)
+
+
+def _from(mask: NDArray[np.bool_], row: int, column: int) -> NDArray[np.bool_]:
+    """Return bool[H, W]: the mask as seen from each cell so many rows and columns on; False outside."""
+    rows, columns = mask.shape
+    return np.pad(mask, 1)[1 + row : 1 + row + rows, 1 + column : 1 + column + columns]
+
+
+def arrows(steps: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], int]:
+    """Return uint8[H, W], directions that keep one-way steps, and how many steps they cannot keep.
+
+    steps: bool[H, W, 4], steps that lanes take from each cell.
+    """
+    back = np.stack([_from(steps[..., (m + 2) % 4], *by) for m, by in enumerate(STEPS)], axis=-1)
+    single = steps & ~back
+    into = np.stack([_from(single[..., m], -r, -c) for m, (r, c) in enumerate(STEPS)], axis=-1)
+    through = single & into
+    lone = through.sum(axis=2) == 1
+    held = np.where(lone, np.argmax(through, axis=2) + 1, 0).astype(np.uint8)
+    lost = 0
+    for row, column, move in np.argwhere(single).tolist():
+        ends = ((row, column), (row + STEPS[move][0], column + STEPS[move][1]))
+        if any(held[end] == move + 1 for end in ends):
+            continue
+        able = [end for end in ends if not held[end] and not _bars(steps, end, move)]
+        if able:
+            held[able[0]] = move + 1
+        else:
+            lost += 1
+    return held, lost
+
+
+def _bars(steps: NDArray[np.bool_], cell: tuple[int, int], move: int) -> bool:
+    """Whether a direction on a cell would bar a step that lanes take, out of it or into it."""
+    row, column = cell[0] + STEPS[move][0], cell[1] + STEPS[move][1]
+    inside = 0 <= row < steps.shape[0] and 0 <= column < steps.shape[1]
+    back = (move + 2) % 4
+    return bool(steps[(*cell, back)] or (inside and steps[row, column, back]))
+
+
+def of_floor(grid: GridMap, speed: NDArray[np.float64] | None = None) -> Lanes:
+    """Return a floor as lanes: a node in the middle of each cell that robots reach, a lane for each step they may take.
+
+    speed: float64[H, W], [m/s] at most, inf where there is no limit.
+    """
+    centres = grid.world(grid.centre(grid.free_cells)).round(6)
+    names = {(r, c): f"r{r}c{c}" for r, c in grid.free_cells.tolist()}
+    made = Lanes({name: (x, y) for name, (x, y) in zip(names.values(), centres.tolist(), strict=True)})
+    for (row, column), name in names.items():
+        for move, (d_row, d_column) in enumerate(STEPS):
+            other = names.get((row + d_row, column + d_column))
+            if other is not None and grid.legal_moves[row, column, 2 * move]:
+                most = np.inf if speed is None else min(speed[row, column], speed[row + d_row, column + d_column])
+                line = np.array([made.nodes[name], made.nodes[other]])
+                made.lanes.append(Lane(f"{name}-{other}", name, other, line, float(most)))
+    for kind, cells in (("picks", grid.picks), ("stations", grid.stations)):
+        made.places[kind] = tuple(Place(names[r, c], *made.nodes[names[r, c]]) for r, c in cells.tolist())
+    return made

@@ -1,0 +1,245 @@
+"""Lanes in the Layout Interchange Format, LIF 1.0.0 (VDMA, 2024): read liberally, written as its schema asks.
+
+A node or edge without an entry for a type of vehicle is closed to it; a trajectory is a NURBS.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.errors import MapError, shown
+from warehouse_env.files import complete_file, path_of
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.halls.lanes import MOST, Lane, Lanes, of_floor
+from warehouse_env.maps.halls.places import KINDS, Place, is_number, read_json
+
+SUFFIX = ".lif.json"
+VERSION = "1.0.0"
+VEHICLE = "robot"  # type of what is written
+_LARGEST_FILE = 64_000_000  # [bytes]
+_MOST_POINTS = 1000  # of a trajectory
+
+
+def read_lif(path: Path, vehicle: str | None = None) -> Lanes:
+    """Return the lanes of a file, of the level of its first layout; those open to a type of vehicle if one is named.
+
+    MapError in one sentence where it cannot be used; what breaks the format and is understood all the same is noted.
+    """
+    data = read_json(path, "LIF file", _LARGEST_FILE)
+    if not isinstance(data, dict) or not isinstance(data.get("layouts"), list) or not data["layouts"]:
+        raise MapError(f'{path} is no LIF file: it must hold "layouts", a list of one or more')
+    return _Reading(path, vehicle).layouts(data["layouts"])
+
+
+class _Reading:
+    """One file as it is read."""
+
+    def __init__(self, path: Path, vehicle: str | None) -> None:
+        self._path, self._vehicle, self._made = path, vehicle, Lanes()
+        self._actions: dict[str, set[str]] = {}  # node -> types of what is done there
+        self._elsewhere: set[str] = set()  # nodes of other levels
+
+    def layouts(self, layouts: list[Any]) -> Lanes:
+        level: Any = None
+        for number, layout in enumerate(layouts):
+            self._object(layout, "layout")
+            level = layout.get("layoutLevelId") if number == 0 else level
+            if layout.get("layoutLevelId") != level:
+                self._note(f"a layout of another level than {shown(level)} is left out")
+                self._elsewhere |= {str(node.get("nodeId")) for node in self._each(layout, "nodes")}
+        chosen = [layout for layout in layouts if layout.get("layoutLevelId") == level]
+        for key, take in (("nodes", self._node), ("edges", self._edge), ("stations", self._station)):
+            for layout in chosen:
+                for entry in self._each(layout, key):
+                    take(entry)
+        if not self._made.nodes:
+            for_whom = "" if self._vehicle is None else f" open to vehicle {shown(self._vehicle)}"
+            raise MapError(f"{self._path} has no node{for_whom}")
+        return self._made
+
+    def _note(self, text: str) -> None:
+        self._made.notes[text] += 1
+
+    def _bad(self, text: str) -> MapError:
+        return MapError(f"{self._path}: {text}")
+
+    def _object(self, entry: Any, what: str) -> None:
+        if not isinstance(entry, dict):
+            raise self._bad(f"a {what} is {shown(entry)}, not an object of names and values")
+
+    def _list(self, owner: dict[str, Any], key: str) -> list[Any]:
+        if key not in owner:
+            self._note(f"{key} are missing, and taken for none")
+            return []
+        if not isinstance(owner[key], list) or len(owner[key]) > MOST:
+            raise self._bad(f"{key} must be a list of at most {MOST:,}")
+        return list(owner[key])
+
+    def _each(self, layout: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:
+        for entry in self._list(layout, key):
+            self._object(entry, key[:-1])
+            yield entry
+
+    def _id(self, entry: dict[str, Any], key: str) -> str:
+        name = entry.get(key)
+        if is_number(name):
+            self._note(f"{key} is a number, and taken for its text")
+            name = str(name)
+        if not isinstance(name, str) or not 1 <= len(name) <= 1000:
+            raise self._bad(f"{key} {shown(name)} must be a text")
+        return name
+
+    def _number(self, value: Any, what: str) -> float:
+        if isinstance(value, str):
+            try:
+                value = float(value)
+            except ValueError:
+                raise self._bad(f"{what} {shown(value)} must be a number") from None
+            self._note(f"a number is written as text: {what.rpartition(' ')[2]}")
+        if not is_number(value):
+            raise self._bad(f"{what} {shown(value)} must be a finite number")
+        return float(value)
+
+    def _point(self, where: Any, what: str) -> tuple[float, float]:
+        self._object(where, f"position of {what}")
+        return self._number(where.get("x"), f"{what}: x"), self._number(where.get("y"), f"{what}: y")
+
+    def _for_us(self, entry: dict[str, Any], key: str) -> dict[str, Any] | None:
+        """Return the first entry for our vehicle, or for any; None where there is none, as the thing is closed then."""
+        listed = [one for one in self._list(entry, key) if isinstance(one, dict)]
+        return next((one for one in listed if self._vehicle in (None, one.get("vehicleTypeId"))), None)
+
+    def _node(self, entry: dict[str, Any]) -> None:
+        name = self._id(entry, "nodeId")
+        if name in self._actions:
+            raise self._bad(f"nodeId {shown(name)} stands for two nodes; give each its own")
+        where = self._point(entry.get("nodePosition"), f"node {shown(name)}")
+        ours = self._for_us(entry, "vehicleTypeNodeProperties")
+        actions = ours.get("actions") if ours else None
+        listed = actions if isinstance(actions, list) else []
+        self._actions[name] = {str(one.get("actionType")).lower() for one in listed if isinstance(one, dict)}
+        if ours is not None:
+            self._made.nodes[name] = where
+
+    def _edge(self, entry: dict[str, Any]) -> None:
+        name = self._id(entry, "edgeId")
+        ends = self._id(entry, "startNodeId"), self._id(entry, "endNodeId")
+        for end in ends:
+            if end not in self._actions and end not in self._elsewhere:
+                raise self._bad(f"edge {shown(name)} leads to node {shown(end)}, which there is not")
+        ours = self._for_us(entry, "vehicleTypeEdgeProperties")
+        if ours is None or not all(end in self._made.nodes for end in ends):
+            return
+        straight = np.array([self._made.nodes[end] for end in ends])
+        line, speed = self._course(ours.get("trajectory"), name, straight), np.inf
+        if ours.get("maxSpeed") is not None:
+            speed = self._number(ours["maxSpeed"], f"edge {shown(name)}: maxSpeed")
+            if speed <= 0:
+                raise self._bad(f"edge {shown(name)}: maxSpeed {speed:g} must be above 0")
+        self._made.lanes.append(Lane(name, *ends, line, speed))
+
+    def _course(self, trajectory: Any, name: str, straight: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return float64[K, 2], the points of an edge's course; the straight one where it names none that is sound."""
+        if trajectory is None:
+            return straight
+        self._object(trajectory, f"trajectory of edge {shown(name)}")
+        what = f"edge {shown(name)}: "
+        points, knots = (self._list(trajectory, key)[: _MOST_POINTS + 20] for key in ("controlPoints", "knotVector"))
+        places = np.array([self._point(point, what + "controlPoint") for point in points]).reshape(-1, 2)
+        weights = np.array([self._number(point.get("weight", 1.0), what + "weight") for point in points])
+        knot = np.array([self._number(value, what + "knotVector") for value in knots])
+        degree = self._number(trajectory.get("degree", 1), what + "degree")
+        sound = 2 <= len(places) <= _MOST_POINTS and degree in (1, 2, 3, 4, 5) and (weights > 0).all()
+        sound = sound and len(knot) == len(places) + degree + 1 and (np.diff(knot) >= 0).all()
+        if not sound or not knot[int(degree)] < knot[len(places)] or np.abs(places).max() > 1e9:
+            self._note("a trajectory is no NURBS that can be followed, and taken for straight")
+            return straight
+        return np.concatenate([straight[:1], _nurbs(places, weights, knot, int(degree)), straight[1:]])
+
+    def _station(self, entry: dict[str, Any]) -> None:
+        name, height = self._id(entry, "stationId"), entry.get("stationHeight")
+        if height is not None:
+            self._number(height, f"station {shown(name)}: stationHeight")
+        for node in self._list(entry, "interactionNodeIds"):
+            if not isinstance(node, str) or node not in self._actions:
+                raise self._bad(f"station {shown(name)} names node {shown(node)}, which there is not")
+            if node not in self._made.nodes:
+                continue
+            kind = KINDS[0] if self._actions[node] == {"pick"} else KINDS[1]
+            known = self._made.places.get(kind, ())
+            own = name if all(place.name != name for place in known) else f"{name} {node}"
+            self._made.places[kind] = (*known, Place(own, *self._made.nodes[node]))
+
+
+def _nurbs(
+    points: NDArray[np.float64], weights: NDArray[np.float64], knots: NDArray[np.float64], degree: int
+) -> NDArray[np.float64]:
+    """Return points on a NURBS curve, float64[K, 2], by de Boor's rule (Piegl and Tiller, "The NURBS Book", 1997)."""
+    of = np.column_stack([points * weights[:, None], weights])
+    found = []
+    for u in np.linspace(knots[degree], knots[len(points)], 8 * len(points) + 1):
+        span = min(max(int(np.searchsorted(knots, u, side="right")) - 1, degree), len(points) - 1)
+        while span > degree and knots[span] == knots[span + 1]:
+            span -= 1
+        d = of[span - degree : span + 1].copy()
+        for r in range(1, degree + 1):
+            for j in range(degree, r - 1, -1):
+                low, high = knots[j + span - degree], knots[j + 1 + span - r]
+                share = (u - low) / (high - low) if high > low else 0.0
+                d[j] = (1 - share) * d[j - 1] + share * d[j]
+        found.append(d[degree, :2] / d[degree, 2])
+    return np.array(found)
+
+
+def write_lif(
+    grid: GridMap, path: str | os.PathLike[str], speed: NDArray[np.float64] | None = None, when: datetime | None = None
+) -> None:
+    """Write a floor's lanes, one-way rules, picks and stations as LIF, whole or not at all.
+
+    speed: float64[H, W], [m/s] at most on a cell. when: the time that the file says it was made, now if not given.
+    """
+    lanes = of_floor(grid, speed)
+    words = zip(KINDS, ("pick", "drop"), strict=True)
+    action = {place.name: word for kind, word in words for place in lanes.places[kind]}
+    stamp = (when or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%S.00Z")
+    data = {
+        "metaInformation": {
+            "projectIdentification": grid.name, "creator": "warehouse_env", "exportTimestamp": stamp,
+            "lifVersion": VERSION,
+        },
+        "layouts": [{
+            "layoutId": grid.name, "layoutVersion": "1",
+            "nodes": [_node(name, where, action.get(name)) for name, where in lanes.nodes.items()],
+            "edges": [_edge(lane) for lane in lanes.lanes],
+            "stations": [
+                {"stationId": f"{kind[:-1]} {k}", "interactionNodeIds": [place.name]}
+                for kind in KINDS for k, place in enumerate(lanes.places[kind], start=1)
+            ],
+        }],
+    }  # fmt: skip
+    with complete_file(path_of(path, MapError)) as part:
+        part.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+
+
+def _node(name: str, where: tuple[float, float], action: str | None) -> dict[str, Any]:
+    ours: dict[str, Any] = {"vehicleTypeId": VEHICLE}
+    if action:
+        ours["actions"] = [{"actionType": action, "requirementType": "CONDITIONAL", "blockingType": "HARD"}]
+    return {"nodeId": name, "nodePosition": {"x": where[0], "y": where[1]}, "vehicleTypeNodeProperties": [ours]}
+
+
+def _edge(lane: Lane) -> dict[str, Any]:
+    ours: dict[str, Any] = {"vehicleTypeId": VEHICLE, "rotationAllowed": True}
+    if np.isfinite(lane.speed):
+        ours["maxSpeed"] = lane.speed
+    return {
+        "edgeId": lane.name, "startNodeId": lane.start, "endNodeId": lane.end, "vehicleTypeEdgeProperties": [ours],
+    }  # fmt: skip

@@ -1,0 +1,175 @@
+"""Maps as ROS 2's map_server keeps them: a YAML file and a picture beside it, read and written.
+
+Rules of nav2_map_server: a level is p = grey / 255, occ = p with `negate`, else 1 - p. trinary: occupied from
+`occupied_thresh` on, free up to `free_thresh`, else unknown. scale: the same, and between them a share. raw: the level
+itself is the share in per cent, unknown above 100. Row 0 of a picture is the north edge.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from warehouse_env.errors import MapError, shown
+from warehouse_env.files import complete_file
+from warehouse_env.maps.halls.picture import SUFFIXES, Picture, read_bytes, read_picture, write_pgm
+
+YAMLS = (".yaml", ".yml")
+MODES = ("trinary", "scale", "raw")
+UNKNOWN = -1
+FREE_GREY, OCCUPIED_GREY, UNKNOWN_GREY = 254, 0, 205  # as map_saver writes them
+FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65  # of plain pictures and what is written here: 205 is unknown
+_LARGEST_YAML = 64_000  # [bytes]
+_FARTHEST = 1e7  # [m] of an origin
+
+
+@dataclass(frozen=True, eq=False)
+class Occupancy:
+    """What a map says of each pixel: int8[H, W], per cent occupied, or UNKNOWN; row 0 is the north edge.
+
+    resolution: [m] of a pixel. origin: (x, y) [m] of the lower left corner.
+    """
+
+    values: NDArray[np.int8]
+    resolution: float
+    origin: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def counts(self) -> tuple[int, int, int]:
+        """Pixels that are occupied, free, and unknown; those between count as neither."""
+        return tuple(int((self.values == value).sum()) for value in (100, 0, UNKNOWN))  # type: ignore[return-value]
+
+
+def read_occupancy(path: Path, resolution: float | None = None) -> Occupancy:
+    """Return a YAML file's map, or that of a plain picture, whose resolution [m/pixel] must be told; MapError."""
+    if path.suffix.lower() in YAMLS:
+        if resolution is not None:
+            raise MapError(f"{path} says its resolution itself; leave resolution={resolution} out")
+        return _read_yaml(path)
+    if resolution is None:
+        raise MapError(f"{path} is a plain picture, so say how wide a pixel is in metres: {path.name}:resolution=0.05")
+    about = {"resolution": resolution, "free_thresh": FREE_THRESH, "occupied_thresh": OCCUPIED_THRESH}
+    return _interpreted(path, read_picture(path), {"origin": [0, 0, 0], **about})
+
+
+def beside(path: Path, name: Any, what: str) -> Path:
+    """Return where a file lies that another names: in its folder or below, so that both can travel; else MapError."""
+    inside = isinstance(name, str) and name.strip() and len(name) < 200 and name.isprintable()
+    if not inside or Path(name).is_absolute() or ".." in Path(name).parts or "\\" in name:
+        raise MapError(f"{path}: {what} {shown(name)} must be the name of a file in the same folder; copy it there")
+    return path.parent / str(name)
+
+
+def _read_yaml(path: Path) -> Occupancy:
+    about = _mapping(path)
+    return _interpreted(path, read_picture(_image(path, about)), about)
+
+
+def image_of(path: Path) -> Path:
+    """Return where the picture of a YAML file lies; MapError where it names none."""
+    return _image(path, _mapping(path))
+
+
+def _image(path: Path, about: dict[Any, Any]) -> Path:
+    if "image" not in about:
+        raise MapError(f"{path} has no entry image, the name of the map's picture")
+    return beside(path, about["image"], "image")
+
+
+def _mapping(path: Path) -> dict[Any, Any]:
+    """Return the entries of a YAML file, without aliases, by which a short file can be endless."""
+    content = read_bytes(path, "map", _LARGEST_YAML)
+    try:
+        text = content.decode("utf-8-sig")
+        aliased = any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader))
+        about = None if aliased else yaml.safe_load(text)
+    except UnicodeDecodeError:
+        raise MapError(f"{path} is no text, so no map of map_server") from None
+    except yaml.MarkedYAMLError as error:
+        line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise MapError(f"{path}{line} is no YAML: {shown(error.problem)[1:-1]}") from None
+    except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
+        raise MapError(f"{path} is no YAML: {shown(str(error))[1:-1]}") from None
+    if aliased:
+        raise MapError(f"{path} has an alias (*name), which no map needs; write the value itself")
+    if not isinstance(about, dict):
+        raise MapError(f"{path} is no map of map_server: it holds no entries like 'resolution: 0.05'")
+    return about
+
+
+def _number(path: Path, about: dict[Any, Any], name: str, low: float, high: float) -> float:
+    if name not in about:
+        raise MapError(f"{path} has no entry {name}")
+    return _within(path, about[name], name, low, high)
+
+
+def _within(path: Path, value: Any, name: str, low: float, high: float) -> float:
+    if isinstance(value, str):  # YAML 1.1 takes 5e-2 for a word
+        try:
+            value = float(value)
+        except ValueError:
+            value = None
+    # Python compares whole numbers of any length
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+        raise MapError(f"{path}: {name} must be a number from {low:g} to {high:g}")
+    return float(value)
+
+
+def _interpreted(path: Path, picture: Picture, about: dict[Any, Any]) -> Occupancy:
+    resolution = _number(path, about, "resolution", 1e-3, 100.0)
+    origin = about.get("origin")
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise MapError(f"{path}: origin must be a list of x, y and yaw, as [0.0, 0.0, 0.0]")
+    x, y, yaw = (_within(path, value, "origin", -_FARTHEST, _FARTHEST) for value in origin)
+    if abs(math.remainder(yaw, math.tau)) > 1e-3:
+        raise MapError(f"{path}: origin has a yaw of {yaw:g} rad; only 0 is read, so turn the picture instead")
+    mode, negate = about.get("mode", "trinary"), about.get("negate", 0)
+    if mode not in MODES:
+        raise MapError(f"{path}: mode {shown(mode)} must be one of {', '.join(MODES)}")
+    if negate not in (0, 1):
+        raise MapError(f"{path}: negate {shown(negate)} must be 0 or 1")
+    if mode == "raw":
+        free, occupied = 0.0, 1.0
+    else:
+        free, occupied = (_number(path, about, name, 0.0, 1.0) for name in ("free_thresh", "occupied_thresh"))
+        if free >= occupied:
+            raise MapError(f"{path}: free_thresh {free:g} must be below occupied_thresh {occupied:g}")
+    values = _levels(mode, bool(negate), free, occupied)[picture.grey]
+    if picture.opaque is not None and mode != "raw":
+        values = np.where(picture.opaque, values, np.int8(UNKNOWN))
+    return Occupancy(values, resolution, (x, y))
+
+
+def _levels(mode: str, negate: bool, free: float, occupied: float) -> NDArray[np.int8]:
+    """Return int8[256]: what each grey level says."""
+    grey = np.arange(256)
+    if mode == "raw":
+        return np.where(grey <= 100, grey, UNKNOWN).astype(np.int8)
+    occ = grey / 255.0 if negate else 1.0 - grey / 255.0
+    between = np.rint((occ - free) / (occupied - free) * 100) if mode == "scale" else np.full(256, UNKNOWN)
+    return np.where(occ <= free, 0, np.where(occ >= occupied, 100, between)).astype(np.int8)
+
+
+def write_occupancy(occupancy: Occupancy, path: Path) -> None:
+    """Write a map as a YAML file and a PGM of the same name beside it: trinary, or raw where it holds shares."""
+    values, picture = occupancy.values, path.with_suffix(SUFFIXES[0])
+    shares = bool(((values > 0) & (values < 100)).any())
+    known = np.where(values >= 100, OCCUPIED_GREY, np.where(values == UNKNOWN, UNKNOWN_GREY, FREE_GREY))
+    write_pgm((np.where(values == UNKNOWN, 255, values) if shares else known).astype(np.uint8), picture)
+    lines = [
+        f"image: {_quoted(picture.name)}", f"mode: {'raw' if shares else 'trinary'}",
+        f"resolution: {occupancy.resolution!r}", f"origin: [{occupancy.origin[0]!r}, {occupancy.origin[1]!r}, 0.0]",
+        "negate: 0", f"occupied_thresh: {OCCUPIED_THRESH}", f"free_thresh: {FREE_THRESH}",
+    ]  # fmt: skip
+    with complete_file(path) as part:
+        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _quoted(name: str) -> str:
+    return str(yaml.safe_dump(name, default_style='"', width=10_000, allow_unicode=True)).strip()

@@ -1,0 +1,189 @@
+"""Where robots fetch and bring in a hall: proposed, and kept in a small file that a person edits.
+
+NAME.places.json beside the map: {"picks": [{"id": 1, "x": 3.5, "y": 2.5}, ...], "stations": [...]}, in metres of the
+map's own frame, so that it holds for any size of cells.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.errors import MapError, shown
+from warehouse_env.files import complete_file
+from warehouse_env.maps.endpoints import beside, default_endpoints, largest_region, shelves
+from warehouse_env.maps.halls.cells import Raster
+from warehouse_env.maps.halls.picture import read_bytes
+
+SUFFIX = ".places.json"
+KINDS = ("picks", "stations")
+STRAIGHT = 3  # [cells] of an obstacle's face in line, from which on goods may stand there
+_LARGEST_FILE = 16_000_000  # [bytes]
+MOST = 100_000
+
+
+class Place(NamedTuple):
+    """A pick face or a station, by its name and where it is in the map's frame [m]."""
+
+    name: str
+    x: float
+    y: float
+
+
+Places = dict[str, tuple[Place, ...]]
+"""Kind, of KINDS -> places; a kind that is missing is proposed."""
+
+
+def propose(occupied: NDArray[np.bool_], walls: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return picks int64[K, 2] and stations int64[S, 2] of a bare map; walls: bool[H, W], what really stands there.
+
+    Picks are floor beside straight obstacles, of those that stand free if there are any; stations stand along the west
+    and the east rim of the floor that robots drive on. What a map is too small or too odd for is as on other maps.
+    """
+    region = largest_region(~occupied)
+    rows, columns = (np.flatnonzero(region.any(axis=axis)) for axis in (1, 0))
+    part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    usual, stations = default_endpoints(~region[part])
+    corner = np.array([rows[0], columns[0]])
+    usual, stations = usual + corner, stations + corner
+    free = region.copy()
+    free[tuple(stations.T)] = False
+    for obstacles in (shelves(walls), walls, occupied):
+        picks = np.argwhere(free & _beside_straight(obstacles, region) & beside(obstacles))
+        if len(picks):
+            return picks, stations
+    return usual, stations
+
+
+def _beside_straight(obstacles: NDArray[np.bool_], floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return bool[H, W]: floor in a row of STRAIGHT cells of floor, all with obstacles on the same side."""
+    found = np.zeros_like(floor)
+    for turns in range(4):
+        near, free = np.rot90(obstacles, turns), np.rot90(floor, turns)
+        face = np.zeros_like(free)
+        face[1:] = free[1:] & near[:-1]
+        for first in range(STRAIGHT):
+            run = np.ones_like(face)
+            for k in range(-first, STRAIGHT - first):
+                run &= _shifted(face, k)
+            found |= np.rot90(run, -turns)
+    return found
+
+
+def _shifted(mask: NDArray[np.bool_], k: int) -> NDArray[np.bool_]:
+    """Return a mask as seen k columns further; False outside."""
+    moved = np.zeros_like(mask)
+    if abs(k) < mask.shape[1]:
+        moved[:, max(0, -k) : mask.shape[1] - max(0, k)] = mask[:, max(0, k) : mask.shape[1] - max(0, -k)]
+    return moved
+
+
+def read_places(path: Path) -> Places:
+    """Return the places of a file; MapError in one sentence, naming the place, where it is damaged."""
+    data = read_json(path, "places file", _LARGEST_FILE)
+    if not isinstance(data, dict) or not data.keys() & set(KINDS):
+        raise MapError(f'{path} must hold "picks" and "stations", each a list of places')
+    found: Places = {}
+    for kind in KINDS:
+        if kind in data:
+            found[kind] = _listed(path, kind, data[kind])
+    return found
+
+
+def read_json(path: Path, kind: str, most: int) -> Any:
+    """Return what a JSON file holds; MapError, with the line, where it holds none."""
+    try:
+        return json.loads(read_bytes(path, kind, most).decode("utf-8-sig"))
+    except json.JSONDecodeError as error:
+        raise MapError(f"{path}, line {error.lineno} is no JSON: {error.msg}") from None
+    except (ValueError, RecursionError):
+        raise MapError(f"{path} is no JSON text") from None
+
+
+def _listed(path: Path, kind: str, entries: Any) -> tuple[Place, ...]:
+    if not isinstance(entries, list) or not 1 <= len(entries) <= MOST:
+        raise MapError(f'{path}: "{kind}" must be a list of 1 to {MOST:,} places like {{"id": 1, "x": 3.5, "y": 2.5}}')
+    places: dict[str, Place] = {}
+    for number, entry in enumerate(entries, start=1):
+        name = str(entry.get("id", number))[:80] if isinstance(entry, dict) else str(number)
+        where: list[Any] = [entry.get(axis) for axis in "xy"] if isinstance(entry, dict) else [None, None]
+        if not all(is_number(value) for value in where):
+            raise MapError(f"{path}: {kind[:-1]} {shown(name)} must have numbers x and y, in metres")
+        if name in places:
+            raise MapError(f"{path}: {kind} names {shown(name)} twice; give each its own id")
+        places[name] = Place(name, float(where[0]), float(where[1]))
+    return tuple(places.values())
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value of a JSON file is a finite number."""
+    plain = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return plain and abs(value) < 1e300 and math.isfinite(value)
+
+
+def write_places(places: Places, path: Path) -> None:
+    """Write a file of places, one a line, as a person edits it."""
+    kinds = []
+    for kind, listed in places.items():
+        lines = [f'    {{"id": {json.dumps(place.name)}, "x": {place.x:g}, "y": {place.y:g}}}' for place in listed]
+        kinds.append(f'  "{kind}": [\n' + ",\n".join(lines) + "\n  ]")
+    with complete_file(path) as part:
+        part.write_text("{\n" + ",\n".join(kinds) + "\n}\n", encoding="utf-8")
+
+
+def places_at(raster: Raster, cells: NDArray[np.int64], names: Iterable[str] | None = None) -> tuple[Place, ...]:
+    """Return cells (row, column) as places, numbered from 1 where they have no names."""
+    points = np.round(raster.centres(cells), 6).tolist()
+    named = map(str, range(1, len(points) + 1)) if names is None else names
+    return tuple(Place(name, x, y) for name, (x, y) in zip(named, points, strict=True))
+
+
+def cells_of(
+    places: tuple[Place, ...], kind: str, floor: NDArray[np.bool_], raster: Raster
+) -> tuple[NDArray[np.int64], list[str], list[str]]:
+    """Return int64[K, 2], the nearest cell of floor to each place, each once, their names, and notes on the others.
+
+    A place farther than a cell from any floor is left out; MapError where none is left.
+    """
+    names: dict[tuple[int, int], str] = {}
+    lost, same = [], 0
+    for place in places:
+        cell = _nearest(np.array([place.x, place.y]), floor, raster)
+        if cell is None:
+            lost.append(place)
+        elif cell in names:
+            same += 1
+        else:
+            names[cell] = place.name
+    notes = []
+    if lost:
+        first = lost[0]
+        notes.append(
+            f"{len(lost)} of {len(places)} {kind} are on no floor that robots reach and are left out, the first is "
+            f"{shown(first.name)} at ({first.x:g}, {first.y:g}) m"
+        )
+    if same:
+        notes.append(f"{same} of {len(places)} {kind} share a cell with another and count once")
+    if not names:
+        raise MapError(f"none of the {len(places)} {kind} is on floor that robots reach; {notes[0]}")
+    return np.array(list(names), dtype=np.int64), list(names.values()), notes
+
+
+def _nearest(point: NDArray[np.float64], floor: NDArray[np.bool_], raster: Raster) -> tuple[int, int] | None:
+    """Return the cell of floor that a point [m] lies in, or else the nearest beside that; None if there is none."""
+    row, column = raster.cells(point).tolist()
+    around = np.array([(row + a, column + b) for a in (0, -1, 1) for b in (0, -1, 1)], dtype=np.int64)
+    around = around[raster.inside(around)]
+    around = around[floor[tuple(around.T)]]
+    if not len(around):
+        return None
+    if tuple(around[0].tolist()) == (row, column):
+        return row, column
+    row, column = around[np.argmin(((raster.centres(around) - point) ** 2).sum(axis=1))].tolist()
+    return row, column

@@ -1,0 +1,154 @@
+"""Lanes as the route graph of nav2_route, a GeoJSON file: read and written.
+
+Points are nodes, with an id; LineStrings are directed edges, with id, startid and endid. `metadata` of an edge may hold
+`abs_speed_limit` [m/s] or `speed_limit` [per cent of the robot's highest speed]; of a node, what we write, its `place`.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import RobotSpec
+from warehouse_env.errors import MapError, shown
+from warehouse_env.files import complete_file, path_of
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.halls.lanes import MOST, Lane, Lanes, of_floor
+from warehouse_env.maps.halls.places import KINDS, Place, is_number, read_json
+
+SUFFIX = ".geojson"
+_LARGEST_FILE = 64_000_000  # [bytes]
+_FARTHEST = 1e9  # [m] of a coordinate
+
+
+def read_route_graph(path: Path) -> Lanes:
+    """Return the lanes of a file; MapError in one sentence where it cannot be used.
+
+    Nodes at the ends of dead-end lanes are stations, unless nodes say what they are.
+    """
+    data = read_json(path, "route graph", _LARGEST_FILE)
+    features = data.get("features") if isinstance(data, dict) else None
+    if not isinstance(features, list) or len(features) > 2 * MOST:
+        raise MapError(f'{path} is no route graph: it must hold "features", a list of at most {2 * MOST:,}')
+    made = Lanes()
+    kinds: dict[str, list[Any]] = {"Point": [], "LineString": [], "MultiLineString": []}
+    for feature in features:
+        geometry = feature.get("geometry") if isinstance(feature, dict) else None
+        geometry = geometry if isinstance(geometry, dict) else {}
+        kind = geometry.get("type")
+        if not isinstance(kind, str) or kind not in kinds:
+            made.notes["a feature is neither Point nor LineString, and left out"] += 1
+        elif not isinstance(feature.get("properties"), dict):
+            raise MapError(f"{path}: a {kind} has no properties, in which its id stands")
+        else:
+            kinds[kind].append((feature["properties"], geometry.get("coordinates")))
+    for properties, coordinates in kinds["Point"]:
+        _take_node(path, made, properties, coordinates)
+    if not made.nodes:
+        raise MapError(f"{path} has no node: no Point with an id")
+    edges = [*kinds["LineString"], *kinds["MultiLineString"]]
+    known: set[str] = set(made.nodes)
+    made.lanes = [_lane(path, made, known, *edge) for edge in edges]
+    if not made.places:
+        _dead_ends(made)
+    return made
+
+
+def _id(path: Path, properties: dict[str, Any], key: str) -> str:
+    value = properties.get(key)
+    if isinstance(value, bool) or not isinstance(value, (int, str)) or len(shown(value)) > 70:
+        raise MapError(f"{path}: {key} {shown(value)} must be a whole number")
+    return str(value)
+
+
+def _line(path: Path, what: str, coordinates: Any) -> NDArray[np.float64]:
+    """Return float64[K, 2] of coordinates that may have heights behind them."""
+    points = coordinates if isinstance(coordinates, list) else []
+    if len(points) == 1 and isinstance(points[0], list) and points[0] and isinstance(points[0][0], list):
+        points = points[0]  # MultiLineString of one line
+    good = bool(points) and all(
+        isinstance(point, list) and len(point) >= 2 and all(is_number(v) and abs(v) < _FARTHEST for v in point[:2])
+        for point in points
+    )
+    if not good:
+        raise MapError(f"{path}: {what} has coordinates {shown(coordinates)}, not [x, y] in metres")
+    return np.array([point[:2] for point in points], dtype=np.float64)
+
+
+def _take_node(path: Path, made: Lanes, properties: dict[str, Any], coordinates: Any) -> None:
+    name = _id(path, properties, "id")
+    if name in made.nodes:
+        raise MapError(f"{path}: id {name} stands for two nodes; give each its own")
+    x, y = _line(path, f"node {name}", [coordinates])[0].tolist()
+    made.nodes[name] = (x, y)
+    metadata = properties.get("metadata")
+    place = metadata.get("place") if isinstance(metadata, dict) else None
+    for kind in KINDS:
+        if place == kind[:-1]:
+            made.places[kind] = (*made.places.get(kind, ()), Place(name, x, y))
+
+
+def _lane(path: Path, made: Lanes, known: set[str], properties: dict[str, Any], coordinates: Any) -> Lane:
+    name = _id(path, properties, "id")
+    if name in known:
+        made.notes["an id stands for several things, and is kept for each"] += 1
+    known.add(name)
+    ends = _id(path, properties, "startid"), _id(path, properties, "endid")
+    for end in ends:
+        if end not in made.nodes:
+            raise MapError(f"{path}: edge {name} leads to node {end}, which there is not")
+    line = _line(path, f"edge {name}", coordinates) if coordinates else np.empty((0, 2))
+    line = np.concatenate([[made.nodes[ends[0]]], line[1:-1], [made.nodes[ends[1]]]])  # nodes say where lanes end
+    metadata = properties.get("metadata")
+    return Lane(name, *ends, line, _speed(path, name, metadata if isinstance(metadata, dict) else {}))
+
+
+def _speed(path: Path, name: str, metadata: dict[str, Any]) -> float:
+    for key, unit in (("abs_speed_limit", 1.0), ("speed_limit", RobotSpec.max_speed / 100)):
+        value = metadata.get(key)
+        if value is not None:
+            if not is_number(value) or value <= 0:
+                raise MapError(f"{path}: edge {name}: {key} {shown(value)} must be a number above 0")
+            return float(value) * unit
+    return float(np.inf)
+
+
+def _dead_ends(made: Lanes) -> None:
+    near: dict[str, set[str]] = {}
+    for lane in made.lanes:
+        near.setdefault(lane.start, set()).add(lane.end)
+        near.setdefault(lane.end, set()).add(lane.start)
+    ends = tuple(Place(name, *made.nodes[name]) for name, others in near.items() if len(others - {name}) == 1)
+    if ends:
+        made.places[KINDS[1]] = ends
+
+
+def write_route_graph(grid: GridMap, path: str | os.PathLike[str], speed: NDArray[np.float64] | None = None) -> None:
+    """Write a floor's lanes, one-way rules, picks and stations as a route graph, whole or not at all.
+
+    speed: float64[H, W], [m/s] at most on a cell.
+    """
+    lanes = of_floor(grid, speed)
+    number = {name: k for k, name in enumerate(lanes.nodes)}
+    place = {one.name: kind[:-1] for kind in KINDS for one in lanes.places[kind]}
+    features = [
+        _feature({"id": number[name]} | ({"metadata": {"place": place[name]}} if name in place else {}), "Point", where)
+        for name, where in lanes.nodes.items()
+    ]
+    for k, lane in enumerate(lanes.lanes, start=len(number)):
+        about: dict[str, Any] = {"id": k, "startid": number[lane.start], "endid": number[lane.end]}
+        if np.isfinite(lane.speed):
+            about["metadata"] = {"abs_speed_limit": lane.speed}
+        features.append(_feature(about, "LineString", lane.line.tolist()))
+    data = {"type": "FeatureCollection", "name": grid.name, "features": features}
+    with complete_file(path_of(path, MapError)) as part:
+        part.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+
+
+def _feature(properties: dict[str, Any], kind: str, coordinates: Any) -> dict[str, Any]:
+    return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}

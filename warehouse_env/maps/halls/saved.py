@@ -1,0 +1,63 @@
+"""A floor written as map_server keeps it: map, keepout and speed masks, and the places and arrows beside them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import RobotSpec
+from warehouse_env.errors import MapError
+from warehouse_env.files import complete_file
+from warehouse_env.maps import one_way
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.halls import places
+from warehouse_env.maps.halls.cells import Raster
+from warehouse_env.maps.halls.map_server import YAMLS, Occupancy, write_occupancy
+from warehouse_env.maps.halls.picture import MOST_PIXELS
+
+
+def write_hall(
+    grid: GridMap,
+    path: Path,
+    resolution: float | None = None,
+    barred: NDArray[np.bool_] | None = None,
+    speed: NDArray[np.float64] | None = None,
+) -> str:
+    """Write a floor as NAME.yaml with all that belongs to it beside it; return the name by which it is read again.
+
+    resolution: [m/pixel], a whole share of a cell; a pixel a cell if not given. barred: bool[H, W], floor that a
+    keepout mask closes. speed: float64[H, W], [m/s] at most, inf where there is no limit.
+    """
+    if path.suffix.lower() not in YAMLS:
+        raise MapError(f"{path} must end in {YAMLS[0]}")
+    fine = 1 if resolution is None else round(grid.cell_size / resolution) if resolution > 0 else 0
+    if fine < 1 or grid.occupied.size * fine**2 > MOST_PIXELS:
+        raise MapError(f"resolution={resolution} must be a share of the cells' {grid.cell_size:g} m, and not too fine")
+    closed = np.zeros(grid.shape, np.bool_) if barred is None else barred
+    parameters = [] if grid.cell_size == 1.0 else [f"cell={grid.cell_size:g}"]
+
+    def write(values: NDArray[np.int64], name: Path) -> None:
+        pixels = values.repeat(fine, axis=0).repeat(fine, axis=1).astype(np.int8)
+        write_occupancy(Occupancy(pixels, grid.cell_size / fine, grid.origin), name)
+
+    write(np.where(grid.occupied & ~closed, 100, 0), path)
+    if closed.any():
+        parameters.append(f"keepout={path.stem}_keepout.yaml")
+        write(np.where(closed, 100, 0), path.with_name(f"{path.stem}_keepout.yaml"))
+    if speed is not None and np.isfinite(speed).any():
+        parameters.append(f"speed={path.stem}_speed.yaml")
+        percent = np.where(np.isfinite(speed), np.clip(speed / RobotSpec.max_speed * 100, 1, 100), 0)
+        write(np.rint(percent).astype(np.int64), path.with_name(f"{path.stem}_speed.yaml"))
+    raster = Raster(*grid.shape, grid.cell_size, grid.origin)
+    both = zip(places.KINDS, (grid.picks, grid.stations), strict=True)
+    listed = {kind: places.places_at(raster, cells) for kind, cells in both}
+    places.write_places(listed, path.with_suffix(places.SUFFIX))
+    arrows = path.with_suffix(one_way.SUFFIX)
+    if grid.one_way.any():
+        with complete_file(arrows) as part:
+            part.write_text("\n".join(one_way.text(grid.one_way)) + "\n", encoding="utf-8")
+    else:
+        arrows.unlink(missing_ok=True)  # of another floor that was written here before
+    return f"{path}:{','.join(parameters)}" if parameters else str(path)
