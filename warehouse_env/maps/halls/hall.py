@@ -23,7 +23,6 @@ from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError, MapWarning
 from warehouse_env.files import STAGED, path_of
 from warehouse_env.maps import one_way
-from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import lif, picture, places, route_graph
@@ -232,6 +231,8 @@ class _Reader:
         return cells, named
 
     def _note_regions(self, occupied: NDArray[np.bool_]) -> None:
+        from warehouse_env.maps.distance import label_regions
+
         count = int(label_regions(~occupied).max())
         if count > 1:
             lost = int((~occupied).sum() - largest_region(~occupied).sum())
@@ -254,6 +255,8 @@ class _Reader:
             yield f"closed by keepout, or off the lanes: {_counted(barred.sum(), 'cell')}"
         lost = closed(self._occupancy, ~self._walls, self._raster, how.unknown == "floor")
         if lost.any():
+            from warehouse_env.maps.distance import label_regions
+
             labels = label_regions(lost)
             x, y = self._raster.centres(np.argwhere(lost)[0]).tolist()
             yield (
