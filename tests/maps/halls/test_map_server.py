@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from train.evaluation.parcels import pack, unpacked
 
+from train.parcels import pack, unpacked
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import MapError, MapWarning, WarehouseError
 from warehouse_env.maps.grid_map import GridMap
