@@ -52,11 +52,11 @@ def jobs(seconds: float, seed: int) -> Iterator[Row]:
 
 def _turn(workers: Workers, count: int, seed: int) -> _Turn:
     """Drive so many episodes, after one for each worker that does not count."""
-    width = 1 if isinstance(workers, Here) else workers.width
     experiment = make_experiment(POLICY, EnvConfig(layout=LAYOUT, planner=PLANNER, num_agents=ROBOTS), 1, EPISODE, seed)
     episode = Episodes(experiment)
     with closing(workers):
         begin = time.perf_counter()
+        width = workers.width  # a cluster is connected to
         for _ in workers.each([(number, episode) for number in range(2 * width)], lambda done, title: None):
             pass
         started = time.perf_counter()
