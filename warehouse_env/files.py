@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from warehouse_env.errors import WarehouseError, shown
+from warehouse_env.errors import MapError, WarehouseError, shown
 
 _LONGEST_NAME, _LONGEST_PATH = 255, 4095  # [bytes]
 
@@ -38,6 +38,18 @@ def path_of(given: object, error: type[WarehouseError] = WarehouseError) -> Path
     if not named:
         raise error(f"{shown(given)} is no file name")
     return path
+
+
+def read_bytes(path: Path, kind: str, most: int) -> bytes:
+    """Return what a plain file holds; MapError if there is none, or more than `most` bytes in it."""
+    try:
+        if not path.is_file():
+            raise MapError(f"{kind} {path} {'is no plain file' if path.exists() else 'does not exist'}")
+        if path.stat().st_size > most:
+            raise MapError(f"{kind} {path} has {path.stat().st_size:,} bytes; at most {most:,} are read")
+        return path.read_bytes()
+    except OSError as error:
+        raise MapError(f"{kind} {path} cannot be read: {error.strerror}") from None
 
 
 def part_file(path: Path) -> Path:

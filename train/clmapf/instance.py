@@ -16,14 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.central.car_like.floor import Body
-from train.clmapf.plain_yaml import read_plain_yaml
 from train.evaluation.audit.bodies import gap, point_gap
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import complete_file
+from warehouse_env.files import complete_file, path_of
+from warehouse_env.maps.plain_yaml import read_yaml
 
 BODY = Body(ahead=2.0, behind=1.0, half_width=1.0, radius=3.0)
 DISC_RADIUS = 0.8
 NO_DISC = (-1.0, -1.0)  # what stands in a file without obstacles
+LARGEST = 8 * 2**20  # [bytes] of a file, instance or solution: those of 100 robots have half a million
 _MOST, _WIDEST = 1000, 4000.0  # robots, and the floor's side
 
 Poses = NDArray[np.float64]  # [N, 3]: x, y and heading
@@ -94,7 +95,7 @@ def least_gap(instance: Instance) -> float:
 
 def read_instance(path: Path, name: str) -> Instance:
     """Read a file of the benchmark; MapError says what is wrong with it."""
-    data = read_plain_yaml(path)
+    data = read_yaml(path_of(path, MapError), "instance", LARGEST)
     agents, floor = _member(data, "agents", list, path), _member(data, "map", dict, path)
     width, height = _numbers(_member(floor, "dimensions", list, path), 2, "dimensions", path)
     if not (0.0 < width <= _WIDEST and 0.0 < height <= _WIDEST):
@@ -129,15 +130,26 @@ def _listed(pose: NDArray[np.float64]) -> str:
 def _member(data: Any, key: str, kind: type, path: Path) -> Any:
     """Return what stands under a name, which must be a list or a dict."""
     found = data.get(key) if isinstance(data, dict) else None
+    if found is None and kind is list and isinstance(data, dict) and key in data:
+        return []  # a name with nothing behind it
     if not isinstance(found, kind):
         raise MapError(f"{path} has no {key}, so it is no instance of the benchmark")
     return found
 
 
 def _numbers(given: Any, count: int, what: str, path: Path) -> tuple[float, ...]:
-    if not (isinstance(given, list) and len(given) == count and all(isinstance(value, float) for value in given)):
+    found = [number(value) for value in given] if isinstance(given, list) else []
+    if len(found) != count or not all(map(math.isfinite, found)):
         raise MapError(f"{path}: {what} {shown(given)} must be {count} numbers")
-    return tuple(given)
+    return tuple(found)
+
+
+def number(value: Any) -> float:
+    """Return what YAML holds as a number, as text where it is written 1e-05; NaN for anything else."""
+    try:
+        return math.nan if isinstance(value, bool) or not isinstance(value, (int, float, str)) else float(value)
+    except (ValueError, OverflowError):
+        return math.nan
 
 
 def _name(agent: Any, path: Path) -> str:

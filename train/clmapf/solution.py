@@ -7,6 +7,7 @@ circle; it waits where they are the same. Before its first state and after its l
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.central.car_like.traffic import BEGIN, END, HEADING, PIECE, X, Y, pose_at
-from train.clmapf.plain_yaml import read_plain_yaml
+from train.clmapf.instance import LARGEST, number
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import complete_file
+from warehouse_env.files import complete_file, path_of
+from warehouse_env.maps.plain_yaml import read_yaml
 
 _KEYS = ("x", "y", "yaw", "t")
 _FARTHEST = 1e6  # of a coordinate or time that is read
@@ -27,21 +29,22 @@ States = NDArray[np.float64]  # [K, 4]: x, y, heading, t
 
 def read_solution(path: Path) -> dict[str, States]:
     """Return the states of each robot by its name; MapError says what is wrong with the file."""
-    data = read_plain_yaml(path)
+    data = read_yaml(path_of(path, MapError), "solution", LARGEST)
     schedule = data.get("schedule") if isinstance(data, dict) else None
     if not isinstance(schedule, dict) or not schedule:
         raise MapError(f"{path} has no schedule, so it is no solution of the benchmark")
-    return {name: _states(rows, name, path) for name, rows in schedule.items()}
+    return {str(name): _states(rows, str(name), path) for name, rows in schedule.items()}
 
 
 def _states(rows: Any, name: str, path: Path) -> States:
     if not isinstance(rows, list) or not rows:
         raise MapError(f"{path}: {name} has no states")
+    found = []
     for row in rows:
-        numbers = [row.get(key) for key in _KEYS] if isinstance(row, dict) else [None]
-        if not all(isinstance(value, float) and abs(value) <= _FARTHEST for value in numbers):
+        found.append([number(row.get(key)) for key in _KEYS] if isinstance(row, dict) else [math.nan])
+        if not all(abs(value) <= _FARTHEST for value in found[-1]):
             raise MapError(f"{path}: {name} has a state {shown(row)}, where x, y, yaw and t must be numbers")
-    states = np.array([[row[key] for key in _KEYS] for row in rows], np.float64)
+    states = np.array(found, np.float64)
     states[:, 2] *= -1.0
     return states
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from warehouse_env.checked import Checked, from_plain, parse_named
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError, MapWarning
-from warehouse_env.files import STAGED, path_of
+from warehouse_env.files import STAGED, path_of, read_bytes
 from warehouse_env.maps import one_way
 from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.grid_map import GridMap
@@ -202,7 +202,7 @@ class _Reader:
         path = self._path.with_suffix(one_way.SUFFIX)
         if not path.exists():
             return np.zeros(self._walls.shape, np.uint8)
-        text = picture.read_bytes(path, "one-way file", 64_000_000).decode("utf-8", "replace").split()
+        text = read_bytes(path, "one-way file", 64_000_000).decode("utf-8", "replace").split()
         try:
             found = one_way.parse(text)
             if found.shape != self._walls.shape:

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
 from warehouse_env.files import complete_file
-from warehouse_env.maps.halls.picture import SUFFIXES, Picture, read_bytes, read_picture, write_pgm
+from warehouse_env.maps.halls.picture import SUFFIXES, Picture, read_picture, write_pgm
+from warehouse_env.maps.plain_yaml import read_yaml
 
 YAMLS = (".yaml", ".yml")
 MODES = ("trinary", "scale", "raw")
@@ -83,21 +84,7 @@ def _image(path: Path, about: dict[Any, Any]) -> Path:
 
 
 def _mapping(path: Path) -> dict[Any, Any]:
-    """Return the entries of a YAML file, without aliases, by which a short file can be endless."""
-    content = read_bytes(path, "map", _LARGEST_YAML)
-    try:
-        text = content.decode("utf-8-sig")
-        aliased = any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader))
-        about = None if aliased else yaml.safe_load(text)
-    except UnicodeDecodeError:
-        raise MapError(f"{path} is no text, so no map of map_server") from None
-    except yaml.MarkedYAMLError as error:
-        line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
-        raise MapError(f"{path}{line} is no YAML: {shown(error.problem)[1:-1]}") from None
-    except (yaml.YAMLError, ValueError, RecursionError, OverflowError) as error:
-        raise MapError(f"{path} is no YAML: {shown(str(error))[1:-1]}") from None
-    if aliased:
-        raise MapError(f"{path} has an alias (*name), which no map needs; write the value itself")
+    about = read_yaml(path, "map", _LARGEST_YAML)
     if not isinstance(about, dict):
         raise MapError(f"{path} is no map of map_server: it holds no entries like 'resolution: 0.05'")
     return about

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import complete_file
+from warehouse_env.files import complete_file, read_bytes
 
 SUFFIXES = (".pgm", ".png", ".bmp")
 MOST_PIXELS = 32_000_000
@@ -36,18 +36,6 @@ def read_picture(path: Path) -> Picture:
         raise MapError(f"{path} is no picture of a map; known are {', '.join(SUFFIXES)}")
     content = read_bytes(path, "picture", _LARGEST_FILE)
     return _pgm(path, content) if content[:1] == b"P" else _by_pillow(path)
-
-
-def read_bytes(path: Path, kind: str, most: int) -> bytes:
-    """Return what a plain file holds; MapError if there is none, or more than `most` bytes in it."""
-    try:
-        if not path.is_file():
-            raise MapError(f"{kind} {path} {'is no plain file' if path.exists() else 'does not exist'}")
-        if path.stat().st_size > most:
-            raise MapError(f"{kind} {path} has {path.stat().st_size:,} bytes; at most {most:,} are read")
-        return path.read_bytes()
-    except OSError as error:
-        raise MapError(f"{kind} {path} cannot be read: {error.strerror}") from None
 
 
 def write_pgm(grey: NDArray[np.uint8], path: Path) -> None:

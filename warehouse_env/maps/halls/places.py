@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import complete_file
+from warehouse_env.files import complete_file, read_bytes
 from warehouse_env.maps.endpoints import beside, default_endpoints, largest_region, shelves
 from warehouse_env.maps.halls.cells import Raster
-from warehouse_env.maps.halls.picture import read_bytes
 
 SUFFIX = ".places.json"
 KINDS = ("picks", "stations")

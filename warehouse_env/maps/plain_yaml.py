@@ -1,0 +1,56 @@
+"""YAML as maps and benchmarks use it: safe, and in time and memory in proportion to the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from warehouse_env.errors import MapError, shown
+from warehouse_env.files import read_bytes
+
+_DEEPEST = 16  # mappings and lists within each other
+
+
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """A safe loader, the one in C where it was built, for which a name given twice is an error."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Return the entries of a mapping."""
+        names = [(key.tag, key.value) for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        if len(set(names)) < len(names):
+            raise yaml.constructor.ConstructorError(None, None, "a name is given twice", node.start_mark)
+        made: dict[Any, Any] = super().construct_mapping(node, deep)
+        return made
+
+
+def read_yaml(path: Path, kind: str, most: int) -> Any:
+    """Return what a file of at most so many bytes holds; MapError in one sentence, which calls it a `kind`.
+
+    Aliases are refused, by which a short file can be endless, and what lies deeper than 16 levels.
+    """
+    content = read_bytes(path, kind, most)
+    try:
+        text = content.decode("utf-8-sig")
+        _check(text, path)
+        return yaml.load(text, _Loader)
+    except MapError:  # a ValueError as well
+        raise
+    except UnicodeDecodeError:
+        raise MapError(f"{path} is no text, so no {kind}") from None
+    except yaml.MarkedYAMLError as error:
+        line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise MapError(f"{path}{line} is no YAML: {shown(error.problem)[1:-1]}") from None
+    except (yaml.YAMLError, ValueError, TypeError, RecursionError, OverflowError) as error:
+        raise MapError(f"{path} is no YAML: {shown(str(error))[1:-1]}") from None
+
+
+def _check(text: str, path: Path) -> None:
+    depth = 0
+    for event in yaml.parse(text, _Loader):
+        if isinstance(event, yaml.AliasEvent):
+            raise MapError(f"{path} has an alias (*name), which it does not need; write the value itself")
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > _DEEPEST:
+            raise MapError(f"{path}, line {event.start_mark.line + 1} is deeper than {_DEEPEST} levels")
