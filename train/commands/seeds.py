@@ -60,15 +60,15 @@ def train_on_cluster(module: str, configs: Sequence[TrainingConfig], address: st
         config = missing[which]
         return module, config, content_of(config.directory), pack(config.layouts), taken_in()
 
-    threads = missing[0].threads
     with ExitStack() as stack:
         for config in missing:
             stack.enter_context(held(config.directory / LOCK, config.directory))
         ray = stack.enter_context(joined(address, compile_missing))
         progress = stack.enter_context(make_progress())
-        bars = [progress.add_task(f"seed {config.seed}", total=100) for config in missing]
+        names = [f"seed {config.seed}" for config in missing]
+        bars = [progress.add_task(name, total=100) for name in names]
         try:
-            for which, changes in streams(ray, train_away, threads, len(missing), begin):
+            for which, changes in streams(ray, train_away, missing[0].threads, names, begin):
                 write(missing[which].directory, changes)
                 spent = read_record(missing[which].directory).training["spent"]
                 progress.update(bars[which], completed=round(100 * spent))

@@ -128,18 +128,21 @@ class Cluster:
 
 
 def streams(
-    ray: Any, task: Callable[..., Iterator[Any]], cores: int, count: int, begin: Callable[[int], tuple[Any, ...]]
-) -> Iterator[tuple[int, Any]]:
-    """Run so many generators side by side, each on some cores of one node; yield number and value of all they give.
+    ray: Any, task: Callable[..., Iterator[Any]], cores: int, names: Sequence[str],
+    begin: Callable[[int], tuple[Any, ...]],
+) -> Iterator[tuple[int, Any]]:  # fmt: skip
+    """Run a generator for each name side by side, on some cores of one node; yield number and value of all they give.
 
-    begin: returns the arguments of a generator by its number; asked again where its worker or node was lost. LostError
-    where that happens so often without anything given between; WarehouseError where no node has so many cores.
+    begin: returns the arguments of a generator by its number; asked again where its worker or node was lost. After all
+    others LostError names those that were lost TRIES times without giving anything between. WarehouseError where no
+    node has so many cores.
     """
     most = max((node["Resources"].get("CPU", 0) for node in ray.nodes() if node["Alive"]), default=0)
     if most < cores:
         raise WarehouseError(f"no node of the cluster has {counted(cores, 'core')}, the most is {most:.0f}")
     remote = ray.remote(task).options(num_cpus=cores, max_retries=0, num_returns="streaming")
-    running, tried = {remote.remote(*begin(number)): number for number in range(count)}, Counter[int]()
+    running = {remote.remote(*begin(number)): number for number in range(len(names))}
+    tried, lost = Counter[int](), list[str]()
     try:
         while running:
             for stream in ray.wait(list(running), timeout=WAIT)[0]:
@@ -154,15 +157,18 @@ def streams(
                 except ray.exceptions.RayError:
                     del running[stream]
                     tried[number] += 1
-                    if tried[number] == TRIES:
-                        raise LostError(f"a worker was lost {TRIES} times without coming forward") from None
-                    running[remote.remote(*begin(number))] = number
+                    if tried[number] < TRIES:
+                        running[remote.remote(*begin(number))] = number
+                    else:
+                        lost.append(names[number])
                     continue
                 tried[number] = 0
                 yield number, value
     finally:
         for stream in running:
             ray.cancel(stream, force=True)
+    if lost:
+        raise LostError(f"{', '.join(lost)} lost their worker {TRIES} times without coming forward")
 
 
 @contextlib.contextmanager

@@ -13,8 +13,10 @@ import pytest
 
 from train.cli import main
 from train.commands import seeds
+from train.evaluation.cluster import connected, streams
 from train.learning import away
 from train.reporting.rows import read_rows
+from warehouse_env.errors import LostError
 
 SHORT = (
     "train", "reinforce", "--layouts", "open", "--robots", "2", "--rows", "8", "--planner", "astar", "--steps", "384",
@@ -68,6 +70,25 @@ def test_side_by_side_with_a_worker_killed_they_are_the_same(
     assert main(line) == 0
     assert killed
     assert weights(tmp_path / "here" / "runs") == weights(tmp_path / "there" / "runs")
+
+
+@pytest.mark.xdist_group("ray")
+def test_what_is_lost_again_and_again_is_named_after_all_others(two_nodes: Any, tmp_path: Path) -> None:
+    given: list[tuple[int, int]] = []
+    with connected(two_nodes.address) as ray:
+        names = ["seed 7", "seed 8", "seed 9"]
+        streamed = streams(ray, counting, 1, names, lambda number: (number == 1,))
+        with pytest.raises(LostError, match="seed 8 lost their worker 4 times"):
+            given.extend(streamed)
+    assert sorted(given) == [(0, 0), (0, 1), (2, 0), (2, 1)]
+
+
+def counting(killed: bool) -> Iterator[int]:
+    """Give 0 and 1, or kill the process."""
+    if killed:
+        os.kill(os.getpid(), signal.SIGKILL)
+    yield 0
+    yield 1
 
 
 def _kill_a_training() -> int:
