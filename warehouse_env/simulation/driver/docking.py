@@ -13,19 +13,11 @@ from warehouse_env.simulation.driver import manoeuvre
 from warehouse_env.simulation.driver.arrival import BRAKING, docks_from
 from warehouse_env.simulation.driver.bodies import write_rooms
 from warehouse_env.simulation.driver.driving import begin as begin_manoeuvre
-from warehouse_env.simulation.driver.rejoin import (
-    AMONG_OTHERS,
-    FEW,
-    MOST_NEAR,
-    NEAR,
-    plan_to_route,
-    write_bodies_near,
-)
+from warehouse_env.simulation.driver.rejoin import MOST_NEAR, plan_to_route, take_up
 from warehouse_env.simulation.driver.shots import MOST_ARCS, shoot
 from warehouse_env.simulation.physics.footprint import sweep_is_free
 from warehouse_env.simulation.physics.kinematics import curvature, roll
 from warehouse_env.simulation.physics.trigonometry import HALF, HALF_PI, ZERO, sin_cos, wrap
-from warehouse_env.simulation.state import AROUND_OTHERS
 
 HEADINGS = 4  # tried where any heading will do
 _TURNING = np.float32(0.2)  # [m/s] from which a robot may take any turn
@@ -106,11 +98,9 @@ def seek(begin, end, robots, routes, arcs, params, solid, clearance, metric):
     for b in range(begin, end):
         for i in range(robots.shape[1]):
             r = robots[b, i]
-            kind, r["seeks"] = r["seeks"], 0
-            if kind == 0 or r["alive"] == 0 or r["arrived"] != 0:  # who has arrived gets another route
+            others, tries, most = take_up(r, robots[b], p, near)
+            if others < 0:
                 continue
-            others = write_bodies_near(r, robots[b], NEAR, p, near) if kind == AROUND_OTHERS else 0
-            tries, most = (manoeuvre.TRIES, manoeuvre.MOST) if others == 0 else (FEW, AMONG_OTHERS)
             bodies = near[:others]
             if docks_from(r):
                 r["docks"] = 0

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel, whole
+from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.simulation.driver import manoeuvre
 from warehouse_env.simulation.driver.driving import begin as begin_manoeuvre
 from warehouse_env.simulation.driver.line import way_point
@@ -106,6 +106,21 @@ def plan_aside(r, arcs, avoid, bodies, p, solid, clearance, metric):
     return found
 
 
+@part
+def take_up(r, robots, p, near):
+    """Take up what a robot seeks; return (others near it, tries, most nodes) of its search.
+
+    near float32[MOST_NEAR, 4]: where the others' bodies are written. others: -1 if it seeks nothing.
+    """
+    kind, r["seeks"] = r["seeks"], 0
+    if kind == 0 or r["alive"] == 0 or r["arrived"] != 0:  # who has arrived gets another route
+        return -1, manoeuvre.TRIES, manoeuvre.MOST
+    others = write_bodies_near(r, robots, NEAR, p, near) if kind == AROUND_OTHERS else 0
+    if others == 0:
+        return 0, manoeuvre.TRIES, manoeuvre.MOST
+    return others, FEW, AMONG_OTHERS
+
+
 @kernel
 def seek(begin, end, robots, routes, arcs, params, solid, clearance, metric):
     """Search for all who seek their route in the worlds from `begin` to before `end`. Arguments: see step.advance."""
@@ -114,9 +129,6 @@ def seek(begin, end, robots, routes, arcs, params, solid, clearance, metric):
     for b in range(begin, end):
         for i in range(robots.shape[1]):
             r = robots[b, i]
-            kind, r["seeks"] = r["seeks"], 0
-            if kind == 0 or r["alive"] == 0 or r["arrived"] != 0:  # who has arrived gets another route
-                continue
-            others = write_bodies_near(r, robots[b], NEAR, p, near) if kind == AROUND_OTHERS else 0
-            tries, most = (manoeuvre.TRIES, manoeuvre.MOST) if others == 0 else (FEW, AMONG_OTHERS)
-            plan_to_route(r, routes[b, i], arcs[b, i], near[:others], tries, most, p, solid, clearance, metric)
+            others, tries, most = take_up(r, robots[b], p, near)
+            if others >= 0:
+                plan_to_route(r, routes[b, i], arcs[b, i], near[:others], tries, most, p, solid, clearance, metric)
