@@ -64,6 +64,14 @@ class Checked:
             raise ConfigError(f"{self._called(name)}={shown(getattr(self, name))} must be {rule}")
 
 
+class CheckedPart(Checked):
+    """Options that are a part of others, whose fields may have the same names."""
+
+    def _called(self, name: str) -> str:
+        """Return what errors call a field, as in FieldSpec.latency."""
+        return f"{type(self).__name__}.{name}"
+
+
 def within(low: float, high: float, each: bool = False) -> str:
     """Say in a few words what lies within low..high; whole numbers where both are; `each` of several."""
     whole = isinstance(low, int) and isinstance(high, int)

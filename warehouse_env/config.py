@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, TypedDict, Unpack
 
-from warehouse_env.checked import Checked, check_names, from_plain
+from warehouse_env.checked import Checked, CheckedPart, check_names, from_plain
 from warehouse_env.field_notes import documented
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
@@ -88,7 +88,7 @@ class SensorSpec(Checked):
 
 @documented
 @dataclass(frozen=True)
-class RewardWeights(Checked):
+class RewardWeights(CheckedPart):
     """Weights of the named reward terms (see simulation/senses/rewards.py); a term is per robot and step."""
 
     progress: float = 1.0  # per metre along the route
@@ -106,14 +106,10 @@ class RewardWeights(Checked):
         super().__post_init__()
         self._between(-1e12, 1e12, *(f.name for f in dataclasses.fields(self)))
 
-    def _called(self, name: str) -> str:
-        """Return what errors call a weight; `contact` alone could be anything."""
-        return f"RewardWeights.{name}"
-
 
 @documented
 @dataclass(frozen=True)
-class RerouteSpec(Checked):
+class RerouteSpec(CheckedPart):
     """When a robot is routed anew on its way (simulation/rules/live.py); at what prices: simulation/rules/prices.py."""
 
     # Names that stored configurations may still hold, with the only values that they may have (checked.from_plain).
@@ -134,14 +130,10 @@ class RerouteSpec(Checked):
         self._between(_LEAST, _MOST, "every")
         self._between(0.0, _MOST, "look_ahead", "stood_for", "saving")
 
-    def _called(self, name: str) -> str:
-        """Return what errors call a parameter; `every` alone could be anything."""
-        return f"RerouteSpec.{name}"
-
 
 @documented
 @dataclass(frozen=True)
-class FieldSpec(Checked):
+class FieldSpec(CheckedPart):
     """Bounds within which the protective field keeps its promise: what robots are declared to be (docs/traffic.md)."""
 
     latency: float = 0.0  # [s] after which what a robot says has been heard, and comes into force; later, it is lost
@@ -158,10 +150,6 @@ class FieldSpec(Checked):
         self._between(36, 7200, "scanner_rays")
         self._between(0.0, 1.0, "pose_error")
         self._between(0.0, 0.5, "heading_error", "actuation_error")
-
-    def _called(self, name: str) -> str:
-        """Return what errors call a bound; EnvConfig has some of the same names."""
-        return f"FieldSpec.{name}"
 
 
 @documented

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from warehouse_env.checked import Checked
+from warehouse_env.checked import CheckedPart
 from warehouse_env.field_notes import documented
 
 _DAY = 86_400.0  # [s]
@@ -12,7 +12,7 @@ _DAY = 86_400.0  # [s]
 
 @documented
 @dataclass(frozen=True)
-class ServiceSpec(Checked):
+class ServiceSpec(CheckedPart):
     """How long a robot stands at a place to be loaded or unloaded, and what it carries where nobody orders anything."""
 
     pick: float = 30.0  # [s] at a pick face, in the mean
@@ -26,14 +26,10 @@ class ServiceSpec(Checked):
         self._between(0.0, 10.0, "variation")
         self._between(0.0, 1e9, "load")
 
-    def _called(self, name: str) -> str:
-        """Return what errors call a field; `load` alone could be anything."""
-        return f"ServiceSpec.{name}"
-
 
 @documented
 @dataclass(frozen=True)
-class OrderSpec(Checked):
+class OrderSpec(CheckedPart):
     """Where orders come from, a file or chance, and who gets them (simulation/tasks/orders.py, demand.py)."""
 
     file: str | None = None  # orders as CSV or JSON lines; None: they are drawn as the next fields say
@@ -61,14 +57,10 @@ class OrderSpec(Checked):
         sold = all(wanted == 0 or there > 0 for wanted, there in zip(self.demand, self.faces, strict=True))
         self._require(sold, "faces", "above 0 for every class that is in demand")
 
-    def _called(self, name: str) -> str:
-        """Return what errors call a field; `file` alone could be anything."""
-        return f"OrderSpec.{name}"
-
 
 @documented
 @dataclass(frozen=True)
-class BatterySpec(Checked):
+class BatterySpec(CheckedPart):
     """What robots use up and where they charge (simulation/tasks/battery.py)."""
 
     capacity: float = 1000.0  # [Wh]
@@ -89,7 +81,3 @@ class BatterySpec(Checked):
         self._between(0.0, 1.0, "low", "full")
         self._require(self.low < self.full, "low", "less than full")
         self._require(self.power > self.standing, "power", "more than a robot takes standing")
-
-    def _called(self, name: str) -> str:
-        """Return what errors call a field; `low` alone could be anything."""
-        return f"BatterySpec.{name}"
