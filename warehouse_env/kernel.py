@@ -41,14 +41,15 @@ def _folder_in(chosen: str) -> str:
     return chosen and str(Path(chosen) / f"warehouse-{source_digest(Path(__file__).parent)[:16]}")
 
 
-_FOLDER = _folder_in(numba.config.CACHE_DIR)  # type: ignore[attr-defined]
+FOLDER = _folder_in(numba.config.CACHE_DIR)  # type: ignore[attr-defined]
+"""Where kernels are kept; empty: beside the source."""
 
 
 @contextlib.contextmanager
 def _kept_apart() -> Iterator[None]:
     """Have Numba keep what is defined within in a folder of this version's own, where the user chose a folder."""
     chosen: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    numba.config.CACHE_DIR = _FOLDER  # type: ignore[attr-defined]
+    numba.config.CACHE_DIR = FOLDER  # type: ignore[attr-defined]
     try:
         yield
     finally:

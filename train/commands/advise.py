@@ -21,7 +21,7 @@ from train.commands.evaluate import GOES_ON
 from train.commands.layouts import check_connected
 from train.commands.orders import Work
 from train.evaluation.jobs import Progress, Runner
-from train.evaluation.work import WorkOptions
+from train.evaluation.workers import WorkerOptions
 from train.reporting.report import make_console, make_progress, require_charts
 from train.reporting.rows import RowFile, check_writable, instead
 from warehouse_env.config import EnvConfig
@@ -36,7 +36,7 @@ SECONDS, ORDERED = 300.0, 1800.0  # [s] of an episode, and of one with orders, t
 
 
 @dataclass(frozen=True)
-class Advise(Work, WorkOptions):
+class Advise(Work, WorkerOptions):
     """Say how many robots make the most of a floor, from when on one more is hardly worth it, and what would help.
 
     Robots drive for good between pick faces and stations: more and more of them, then around the best number, under the

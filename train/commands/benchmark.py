@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from train.commands.evaluate import GOES_ON
 from train.evaluation.episodes import play
-from train.evaluation.work import WorkOptions
+from train.evaluation.workers import WorkerOptions
 from train.leaderboard.board import board
 from train.leaderboard.cases import experiments
 from train.leaderboard.entry import SHIPPED, Entry, drive_again, faults, make_entry, read_entry, write_entry
@@ -20,7 +20,7 @@ from warehouse_env.errors import ConfigError, WarehouseError, shown
 
 
 @dataclass(frozen=True)
-class Benchmark(WorkOptions):
+class Benchmark(WorkerOptions):
     """Drive a policy through the fixed set of floors, fleets and seeds that every entry drives; show the board.
 
     With --policy it writes one file with the version of the set, its hash and one of what the policy is made of.

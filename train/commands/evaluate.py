@@ -18,7 +18,7 @@ from train.evaluation.places import NOTES, PAGE
 from train.evaluation.robustness import robust_table
 from train.evaluation.rollout import MOST, Experiment, Trace, make_experiment
 from train.evaluation.scenes import SCENES, SceneJob, scene_table
-from train.evaluation.work import ShardOptions
+from train.evaluation.workers import ShardOptions
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import Table, evaluation_table, require_charts
 from train.reporting.rows import Row, RowFile, check_writable, instead, whole_rows, write_text

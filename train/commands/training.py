@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, Self, get_type_hints
 import tyro
 
 from agents.weights_folder import read_record
-from train.evaluation.work import check_address
+from train.evaluation.workers import check_address
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
 from train.learning.curves import read_run
 from train.learning.recipes import Recipe, ThreadedPPORecipe, by_recipe

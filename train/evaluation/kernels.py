@@ -21,6 +21,7 @@ from train.evaluation.processes import Processes
 from train.evaluation.rollout import make_experiment, run
 from train.reporting.rows import Row, RowFile
 from warehouse_env import EnvConfig, Simulator, parallel_env
+from warehouse_env.kernel import FOLDER
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner
 from warehouse_env.simulation.rules.live import FINDERS
@@ -31,8 +32,8 @@ _SECONDS = 60.0  # that the crowd drives, in a second of ours
 
 
 def is_compiled() -> bool:
-    """Return whether kernels of this source are kept beside it; what a stopped run left counts as well."""
-    return any(Path(warehouse_env.__file__).parent.rglob("*.nbi"))
+    """Return whether kernels of this source are kept, beside it or where the user chose; a stopped run's count, too."""
+    return any(Path(FOLDER or Path(warehouse_env.__file__).parent).rglob("*.nbi"))
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
+from warehouse_env import __version__
 from warehouse_env.compiled import source_digest
 from warehouse_env.errors import WarehouseError
 
@@ -32,7 +33,7 @@ def about_this_node() -> Node:
     from llvmlite import binding
 
     found = [("python", platform.python_version())]
-    found += [(name, importlib.metadata.version(name)) for name in ("warehouse-env", *_LIBRARIES)]
+    found += [("warehouse_env", __version__), *((name, importlib.metadata.version(name)) for name in _LIBRARIES)]
     homes = [Path(spec.origin).parent for name in _PACKAGES if (spec := importlib.util.find_spec(name)) and spec.origin]
     source = hashlib.sha256("".join(map(source_digest, homes)).encode()).hexdigest()
     return Node(source[:16], tuple(found), binding.get_host_cpu_name())

@@ -12,7 +12,7 @@ from typing import ClassVar
 from train.evaluation.episodes import Episodes
 from train.evaluation.jobs import Job, Runner, go_on
 from train.evaluation.rollout import MOST, Experiment
-from train.evaluation.work import ShardOptions
+from train.evaluation.workers import ShardOptions
 from train.reporting.report import Table
 from train.reporting.rows import Row, RowFile, check_writable, write_text
 

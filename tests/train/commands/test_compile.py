@@ -57,8 +57,12 @@ def test_every_part_runs_in_processes(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_kept_kernels_are_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("warehouse_env.__file__", str(tmp_path / "__init__.py"))
-    assert not is_compiled()
-    (tmp_path / "simulation" / "__pycache__").mkdir(parents=True)
-    (tmp_path / "simulation" / "__pycache__" / "step.advance-1.py311.nbi").touch()
-    assert is_compiled()
+    """Beside the source, or in the folder that the user chose for them."""
+    package, chosen = tmp_path / "package", tmp_path / "chosen"
+    monkeypatch.setattr("warehouse_env.__file__", str(package / "__init__.py"))
+    for folder, home in (("", package / "simulation" / "__pycache__"), (str(chosen), chosen / "simulation")):
+        monkeypatch.setattr("train.evaluation.kernels.FOLDER", folder)
+        assert not is_compiled()
+        home.mkdir(parents=True)
+        (home / "step.advance-1.py311.nbi").touch()
+        assert is_compiled()

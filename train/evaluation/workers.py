@@ -20,7 +20,7 @@ _ADDRESS = re.compile(r"[^\s:/]+:\d{1,5}|\[[0-9a-fA-F:]+\]:\d{1,5}")
 
 
 @dataclass(frozen=True)
-class WorkOptions(Checked):
+class WorkerOptions(Checked):
     """Who does the jobs: processes of this machine, or a cluster."""
 
     processes: int | None = None
@@ -88,7 +88,7 @@ class Shard(NamedTuple):
 
 
 @dataclass(frozen=True)
-class ShardOptions(WorkOptions):
+class ShardOptions(WorkerOptions):
     """Also which share of the jobs, for arrays of jobs in a queue."""
 
     shard: str | None = None
