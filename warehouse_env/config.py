@@ -291,10 +291,15 @@ class EnvConfig(Checked):
         return tuple(kind for kind, count in enumerate(counts) for _ in range(count))
 
     @property
+    def robots(self) -> tuple[RobotSpec, ...]:
+        """Of each robot its kind."""
+        kinds = self.kinds
+        return tuple(kinds[kind] for kind in self.kind_of)
+
+    @property
     def bodies(self) -> tuple[RobotSpec, ...]:
         """The kinds of the robots that there are, each once; one where all are alike."""
-        kinds = self.kinds
-        return tuple(dict.fromkeys(kinds[kind] for kind in self.kind_of)) if self.fleet else (self.robot,)
+        return tuple(dict.fromkeys(self.robots)) if self.fleet else (self.robot,)
 
     @property
     def widest_body(self) -> RobotSpec:

@@ -169,7 +169,7 @@ class LiveRoutes(Portable):
             spec.only_barred,
             spec.look_ahead,
         )
-        behind = np.float32(config.robot.rear_reach - 0.5 * config.robot.length)
+        behind = np.array([robot.rear_reach - 0.5 * robot.length for robot in config.robots], np.float32)
         self._floor = spec.stood_for, behind, np.float32(grid.cell_size)
         self._costs, self._saving = (
             (round(UNIT * (getattr(planner, "hairpin", 0.0) or HAIRPIN)), UNIT * HORIZON),
@@ -177,7 +177,7 @@ class LiveRoutes(Portable):
         )
         self._passing = make_passing(worlds, config.num_agents, grid.occupied.size, SLOTS)
         self._laid = np.full((worlds, config.num_agents), np.inf, np.float32)  # [m] of routes that are drivable
-        fastest = max(config.robot.max_speed, -config.robot.min_speed)
+        fastest = max(max(kind.max_speed, -kind.min_speed) for kind in config.kinds)
         self._reach = LAID if spec.every * fastest < _NEAR / 2 else np.inf
         self._cells: dict[tuple[int, int], NDArray[np.int32]] = {}  # [L, 2], those that a robot's route was made of
         self._boxes: dict[tuple[int, int], tuple[Cell, Box]] = {}  # of the field that each robot goes by, and its goal
