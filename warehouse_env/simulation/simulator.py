@@ -212,9 +212,9 @@ class Simulator(Portable):
         )
 
     def _table(self) -> NDArray[np.float32]:
-        """Return what discrete actions mean, float32[A, 2]; of a fleet of several kinds float32[K, A, 2]."""
+        """Return what discrete actions mean to each kind of robots, float32[K, A, 2]."""
         actions, kinds = self._actions, self.config.kinds
-        return np.stack([actions.commands_of(robot) for robot in kinds]) if self.config.fleet else actions.table
+        return np.stack([actions.commands_of(robot) for robot in kinds]) if len(kinds) > 1 else actions.table[None]
 
     @property
     def _limits(self) -> Limits:

@@ -243,10 +243,8 @@ def _observe_world(
             row[k] = ONE / (ONE + row[k])
         sensing.write_ego_and_route(r, routes[i], own, row, ego)
         if table is not None:
-            prediction.write_predictions(
-                row, ego, route, near, table if kinds is None else table[own["kind"]], own,
-                near + NEIGHBOUR * p["neighbours"], legs, path,
-            )  # fmt: skip
+            start = near + NEIGHBOUR * p["neighbours"]
+            prediction.write_predictions(row, ego, route, near, table[own["kind"]], own, start, legs, path)
         end = row.shape[0] - p["needs"]
         if stopping is not None:
             end -= GOAL
@@ -337,7 +335,7 @@ def observe(
     """Write observations, rewards and their terms of the worlds from `begin` to before `end`: those that are `waiting`
     if `late`, which then are no more, else all others.
 
-    table: of discrete actions, for predictions, or None, and of kinds a table each; rays, weights, edges, seen, first:
+    table: of the discrete actions of each kind of robots, for predictions, or None; rays, weights, edges, seen, first:
     see the Simulator; out: observations float32[B, N, D]; terms float32[B, N, T]; reward float32[B, N].
     """
     p = params[0]

@@ -215,8 +215,9 @@ class LiveRoutes(Portable):
         """
         self._cells[world, robot] = cells
         self._laid[world, robot] = laid
+        stood_for, behind, size = self._floor
         keep_up(
-            self._passing, world, robot, robots[world, robot], routes[world, robot], *self._floor,
+            self._passing, world, robot, robots[world, robot], routes[world, robot], stood_for, behind[robot], size,
             *self._book.grid.shape,
         )  # fmt: skip
 
