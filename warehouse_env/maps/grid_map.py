@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import hashlib
 import operator
 from collections import OrderedDict
@@ -13,8 +14,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError, WarehouseError, shown
-from warehouse_env.maps import one_way
+from warehouse_env.maps import going, one_way
 
 Cell = tuple[int, int]
 T = TypeVar("T", bound=np.generic)
@@ -40,6 +42,9 @@ class GridMap:
     picks, stations: int64[K, 2], endpoint cells (row, col) of lifelong tasks; `default_endpoints` if not given.
     one_way: uint8[H, W], a direction to keep on a cell, as an index into one_way.ARROWS; none if not given.
     origin: (x, y) [m] of the south-west corner in the frame of the file that the map is from (`world`).
+    speed: float64[H, W], [m/s] that robots may drive at most on a cell, inf where nothing limits them; or None.
+    price: float64[H, W, 8], times its length that each of MOVES costs a planner, from 1 on; or None.
+    pace: [m/s] of robots that nothing limits, against which planners count the time that limits cost (`at_pace`).
     """
 
     occupied: NDArray[np.bool_]
@@ -50,12 +55,19 @@ class GridMap:
     name: str = "unnamed"
     one_way: NDArray[np.uint8] = None  # type: ignore[assignment]
     origin: tuple[float, float] = (0.0, 0.0)
+    speed: NDArray[np.float64] | None = None
+    price: NDArray[np.float64] | None = None
+    pace: float = RobotSpec.max_speed
 
     def __post_init__(self) -> None:
         occupied = _checked_occupied(self.occupied)
         object.__setattr__(self, "occupied", _frozen(occupied))
         object.__setattr__(self, "height", _frozen(_checked_height(self.height, occupied.shape)))
         object.__setattr__(self, "one_way", _frozen(one_way.checked(self.one_way, occupied)))
+        object.__setattr__(self, "pace", going.checked_pace(self.pace))
+        speed, price = going.checked_speed(self.speed, occupied), going.checked_price(self.price, occupied)
+        object.__setattr__(self, "speed", None if speed is None else _frozen(speed))
+        object.__setattr__(self, "price", None if price is None else _frozen(price))
         size = self.cell_size
         number = isinstance(size, (int, float, np.integer, np.floating)) and not isinstance(size, bool)
         if not (number and SMALLEST_CELL <= size <= LARGEST_CELL):
@@ -76,7 +88,7 @@ class GridMap:
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the fields only; the copy is checked and read-only again, its caches are empty."""
         of_cells = (self.occupied, self.height, self.cell_size, self.picks, self.stations, self.name, self.one_way)
-        return GridMap, (*of_cells, self.origin)
+        return GridMap, (*of_cells, self.origin, self.speed, self.price, self.pace)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> GridMap:
         """Return itself: nobody can change it, and what it has worked out serves all."""
@@ -109,13 +121,17 @@ class GridMap:
 
     @cached_property
     def key(self) -> str:
-        """Return 32 hex digits that stand for the content (shelves, heights, cell size, directions), for caches."""
+        """Return 32 hex digits that stand for the content (shelves, heights, cell size, rules of lanes), for caches."""
         content = hashlib.blake2b(digest_size=16)
         content.update(f"{self.shape} {self.cell_size!r} ".encode())
         content.update(self.occupied.tobytes())
         content.update(self.height.tobytes())
         if self.one_way.any():
             content.update(self.one_way.tobytes())
+        if self.surplus is not None:
+            content.update(f"{self.pace!r}".encode() + self.surplus.tobytes())
+        if self.speed is not None:
+            content.update(self.speed.tobytes())
         return content.hexdigest()
 
     @cached_property
@@ -165,6 +181,25 @@ class GridMap:
         The same as `legal_moves` but for one-way cells.
         """
         return _frozen(_seen_from_beyond(self.legal_moves)) if self.one_way.any() else self.legal_moves
+
+    @cached_property
+    def surplus(self) -> NDArray[np.float64] | None:
+        """float64[H, W, 8], cells of length that each move costs on top of its own, for `price` and limits of `speed`.
+
+        None where nothing does.
+        """
+        return going.surplus(self.speed, self.price, self.pace, MOVES)
+
+    def at_pace(self, pace: float) -> GridMap:
+        """Return the map for robots that drive so fast [m/s] where nothing limits them."""
+        return self if self.speed is None or pace == self.pace else dataclasses.replace(self, pace=pace)
+
+    def without(self, cell: Cell) -> GridMap:
+        """Return the map with one more cell occupied, and endpoints of its own."""
+        occupied = self.occupied.copy()
+        occupied[cell] = True
+        arrows = np.where(occupied, 0, self.one_way)
+        return dataclasses.replace(self, occupied=occupied, one_way=arrows, picks=None, stations=None)
 
     def centre(self, cells: ArrayLike) -> NDArray[np.float64]:
         """Return float64[..., 2], the centres (x east, y north) [m] of cells (row, col) int[..., 2]."""

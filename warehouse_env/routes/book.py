@@ -239,7 +239,7 @@ class RouteBook(Portable):
 
     def _plan(self, start: Cell, goal: Cell, behind: Cell | None = None) -> Plan:
         rng = np.random.default_rng([self._seed, *start, *goal])
-        return self.planner.plan(self._without(behind), start, goal, rng)
+        return self.planner.plan(self.grid if behind is None else self.grid.without(behind), start, goal, rng)
 
     def _keep(self, start: Cell, goal: Cell, behind: Cell | None, plan: Plan) -> None:
         """Keep a plan until its route is made, and on disk where it took long."""
@@ -248,15 +248,6 @@ class RouteBook(Portable):
             self._usual += 0.5 * (plan.seconds - self._usual)
             if plan.found and plan.seconds > WORTH_KEEPING:
                 self._store.put(self._key(start, goal, behind), plan.cells)
-
-    def _without(self, cell: Cell | None) -> GridMap:
-        """Return the map with one more cell occupied."""
-        if cell is None:
-            return self.grid
-        occupied = self.grid.occupied.copy()
-        occupied[cell] = True
-        one_way = np.where(occupied, 0, self.grid.one_way)
-        return GridMap(occupied, self.grid.height, self.grid.cell_size, name=self.grid.name, one_way=one_way)
 
     def _blocked_turn(self, start: Cell, goal: Cell, heading: float) -> Cell | None:
         """Return the cell behind a robot that stands in a single lane, where it cannot turn round; else None."""

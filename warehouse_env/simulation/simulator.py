@@ -27,6 +27,7 @@ from warehouse_env.simulation.physics.buckets import bucket_grid
 from warehouse_env.simulation.physics.deviation import Deviation, errs, planned_config
 from warehouse_env.simulation.physics.floor import floor_of, load_grid
 from warehouse_env.simulation.physics.people import People
+from warehouse_env.simulation.physics.zones import zones_of
 from warehouse_env.simulation.record import metrics
 from warehouse_env.simulation.rules import agreement, making_room
 from warehouse_env.simulation.rules.audit import raise_fault
@@ -65,7 +66,7 @@ class Simulator(Portable):
     """
 
     bound = (
-        "state", "events", "_floor", "_scanners", "_compiled",
+        "state", "events", "_floor", "_scanners", "_zones", "_compiled",
         "_advance_arguments", "_agree_arguments", "_room_arguments", "_observe_arguments",
     )  # fmt: skip
 
@@ -165,6 +166,7 @@ class Simulator(Portable):
         """Make the views and the floor, and keep the kernels' arguments ready."""
         self.state, self.events = state.state_of(self.robots), state.events_of(self.robots)
         self._floor = floor_of(self.grid, self.config.sensor.lidar_range)
+        self._zones = zones_of(self.grid, planned_config(self.config))
         self._scanners = None
         if self._sights is not None:
             self._scanners = scanners_of(self.config.field_spec.scanner_rays, self._floor.edges)
@@ -185,7 +187,7 @@ class Simulator(Portable):
         self._advance_arguments = (
             persons, self.people.ways, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
             self.terminated, self._waiting, self._faults, self._deviation.bodies, self._deviation.errors,
-            None if shifts is None else shifts.limits, *features, self._scanners, self._sights, self._params,
+            None if shifts is None else shifts.limits, *features, self._scanners, self._sights, self._zones, self._params,
             self._true_params, *floor,
         )  # fmt: skip
         self._agree_arguments = (

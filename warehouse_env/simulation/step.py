@@ -18,7 +18,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.observation import EGO, FIELD, GOAL, NEIGHBOUR
 from warehouse_env.simulation.driver import arrival, line, tracking
-from warehouse_env.simulation.physics import buckets, contact, contact_episodes, deviation, people
+from warehouse_env.simulation.physics import buckets, contact, contact_episodes, deviation, people, zones
 from warehouse_env.simulation.physics.kinematics import approach, braking
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 from warehouse_env.simulation.rules import audit, by_sight, field, right_of_way, waits
@@ -170,16 +170,20 @@ def _move(robots, persons, near, motions, walking, guarded, p, solid, clearance)
 @inline
 def _choose(
     robots, persons, routes, arcs, commands, limits, places, motions, guards, followed, stopping, walking, guarded,
-    scanners, sights, looks, p, solid, clearance,
+    scanners, sights, looks, slow, p, solid, clearance,
 ):  # fmt: skip
     """Choose each robot's motion of one physics step.
 
     limits PARAMETERS[N]: of each robot its own, None where all have those of p; scanners, sights float32[N, N], looks:
-    None without them; see scanners.py and by_sight.py.
+    None without them; see scanners.py and by_sight.py; slow: zones.Zones, None without them.
     """
     _, motion, _, _ = motions
     for i in range(robots.shape[0]):
         first, second = commands[i, 0], commands[i, 1]
+        if slow is not None:
+            most = zones.most_speed(robots[i], slow, p)
+            if followed is not None:
+                first = min(max(first, -most), most)
         if followed is not None:
             own = p if limits is None else limits[i]
             first, second = _follow(robots[i], routes[i], arcs[i], first, second, stopping, own, solid, clearance)
@@ -187,6 +191,8 @@ def _choose(
             first, second = _take_raw(robots[i], first, second, p)
             if limits is not None:
                 first = _slowed(robots[i], first, limits[i])
+        if slow is not None:
+            first = zones.keep_under(robots[i], first, most, p)
         contact.load(robots, i, first, second, p, clearance, motion)
     if scanners is not None:
         by_sight.guard(robots, persons, motion, guards, places, sights, looks, walking, p, solid, clearance, scanners)
@@ -266,7 +272,7 @@ def _count_step(robots, steps, b, truncated, terminated, p):
 @kernel
 def advance(
     begin, end, robots, routes, persons, ways, arcs, commands, stamps, steps, truncated, terminated, waiting, faults,
-    actual, errors, limits, followed, stopping, walking, guarded, checked, erring, scanners, sights, params,
+    actual, errors, limits, followed, stopping, walking, guarded, checked, erring, scanners, sights, slow, params,
     true_params, solid, clearance,
 ):  # fmt: skip
     """Move the worlds from `begin` to before `end` on by one env step; return (arrivals, robots that seek a manoeuvre).
@@ -278,7 +284,8 @@ def advance(
     waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator has given out new tasks;
     faults int32[B, 3]: see audit.find_fault; actual BODY[B, N], errors, true_params: see deviation.py; limits
     PARAMETERS[B, N]: of robots under loads (loads.py), None where nobody carries any; followed to
-    erring: see Features; scanners, sights float32[B, N, N]: see scanners.py and by_sight.py, None without them.
+    erring: see Features; scanners, sights float32[B, N, N]: see scanners.py and by_sight.py, slow: zones.Zones, None
+    without them.
     """
     p, true = params[0], true_params[0]
     arrivals, seeking, count = 0, 0, robots.shape[1]
@@ -301,7 +308,7 @@ def advance(
             _choose(
                 robots[b], persons[b], routes[b], arcs[b], commands[said, b], None if limits is None else limits[b],
                 places, motions, guards, followed, stopping, walking, guarded, scanners,
-                None if scanners is None else sights[b], looks, p, solid, clearance,
+                None if scanners is None else sights[b], looks, slow, p, solid, clearance,
             )  # fmt: skip
             _carry_out(
                 robots[b], persons[b], actual[b], errors[b, repeat], near, motions, own, walking, guarded, erring, p,

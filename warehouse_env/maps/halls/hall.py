@@ -66,7 +66,7 @@ class Hall:
     raster: Raster
     places: places.Places  # picks and stations by name, as the grid has them
     barred: NDArray[np.bool_]  # [H, W], floor of the map that masks or lanes close
-    speed: NDArray[np.float64]  # [H, W], [m/s] at most, inf without a limit; robots do not keep it yet
+    speed: NDArray[np.float64]  # [H, W], [m/s] at most, inf without a limit; the grid has it on floor
     notes: tuple[str, ...]  # what the floor does not hold, one sentence each
     report: tuple[str, ...]  # what was read, and lost in cells
 
@@ -143,11 +143,9 @@ class _Reader:
         (picks, stations), named = self._places(lanes, occupied)
         if lanes is not None:
             self._notes += lanes.noted()
-        if np.isfinite(speed[~occupied]).any():
-            self._notes.append("robots do not keep its speed limits: they are read and written only")
         grid = GridMap(
             occupied, None, self._how.cell, picks, stations, self._path.stem,  # type: ignore[arg-type]
-            np.where(occupied, 0, arrows), self._raster.origin,
+            np.where(occupied, 0, arrows), self._raster.origin, speed,
         )  # fmt: skip
         self._note_regions(occupied)
         report = tuple(self._report(grid, barred))

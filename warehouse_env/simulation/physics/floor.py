@@ -20,8 +20,9 @@ UNIT = 0.01  # [m] per count of the clearance field, which saturates at 2.55 m
 
 
 def load_grid(config: EnvConfig) -> GridMap:
-    """Return the map that a config names: its map_file, or else its layout."""
-    return make_layout(config.layout) if config.map_file is None else read_file(config.map_file)
+    """Return the map that a config names, its map_file or else its layout, for the speed of its robots."""
+    grid = make_layout(config.layout) if config.map_file is None else read_file(config.map_file)
+    return grid.at_pace(config.robot.max_speed)
 
 
 class Floor(NamedTuple):
