@@ -170,9 +170,9 @@ def _hall(given: tuple[dict[str, bytes], str], folder: Path) -> None:
     hall = read_hall(f"{folder}/{given[1]}")
     _use(hall.grid)
     list(files_of(f"{folder}/{given[1]}"))
-    write_hall(hall.grid, folder / "g.yaml", None, hall.barred, hall.speed)
-    write_lif(hall.grid, folder / "g.json", hall.speed)
-    write_route_graph(hall.grid, folder / "g.geojson", hall.speed)
+    write_hall(hall.grid, folder / "g.yaml", None, hall.barred)
+    write_lif(hall.grid, folder / "g.json")
+    write_route_graph(hall.grid, folder / "g.geojson")
 
 
 def _use(grid: GridMap) -> None:

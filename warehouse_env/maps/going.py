@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from warehouse_env.errors import MapError, shown
 
 FASTEST, SLOWEST = 1e4, 1e-3  # [m/s]
-DEAREST = 1000.0  # times its length that a move may cost
+CHEAPEST, DEAREST = 0.01, 1000.0  # times its length that a lane, and a move, may cost
 
 
 def checked_speed(speed: ArrayLike | None, occupied: NDArray[np.bool_]) -> NDArray[np.float64] | None:
@@ -20,7 +20,9 @@ def checked_speed(speed: ArrayLike | None, occupied: NDArray[np.bool_]) -> NDArr
         return None
     array = _numbers(speed, occupied.shape)
     if array is None or not (array >= SLOWEST).all():
-        raise MapError(f"speed must hold a number of at least {SLOWEST} [m/s] for each cell of {occupied.shape}, or inf")
+        raise MapError(
+            f"speed must hold a number of at least {SLOWEST} [m/s] for each cell of {occupied.shape}, or inf"
+        )
     limited = np.where(occupied | (array > FASTEST), np.inf, array)
     return limited if np.isfinite(limited).any() else None
 

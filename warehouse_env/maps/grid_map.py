@@ -199,7 +199,8 @@ class GridMap:
         occupied = self.occupied.copy()
         occupied[cell] = True
         arrows = np.where(occupied, 0, self.one_way)
-        return dataclasses.replace(self, occupied=occupied, one_way=arrows, picks=None, stations=None)
+        none: Any = None  # given: new ones are made
+        return dataclasses.replace(self, occupied=occupied, one_way=arrows, picks=none, stations=none)
 
     def centre(self, cells: ArrayLike) -> NDArray[np.float64]:
         """Return float64[..., 2], the centres (x east, y north) [m] of cells (row, col) int[..., 2]."""

@@ -111,7 +111,8 @@ def edge_cost(grid: GridMap, cost: NDArray[np.float64]) -> NDArray[np.float64]:
 def tolls(grid: GridMap, gentleness: float = 0.0, cost: NDArray[np.float64] | None = None) -> NDArray[np.int64] | None:
     """Return what each legal move costs on top of its length [millionths of a cell], int64[H, W, 8]; None: nothing.
 
-    That is what the floor itself asks for (GridMap.surplus), and, gentleness: cells of length that a metre of climbing, up or down, is worth; cost: a cost map (Planner.plan).
+    What the floor itself asks for (GridMap.surplus) is part of it. gentleness: cells of length that a metre of
+    climbing, up or down, is worth; cost: a cost map (Planner.plan).
     """
     climbing = bool(gentleness) and bool(_climbs(grid).any())
     if not climbing and cost is None and grid.surplus is None:

@@ -187,8 +187,8 @@ class Simulator(Portable):
         self._advance_arguments = (
             persons, self.people.ways, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
             self.terminated, self._waiting, self._faults, self._deviation.bodies, self._deviation.errors,
-            None if shifts is None else shifts.limits, *features, self._scanners, self._sights, self._zones, self._params,
-            self._true_params, *floor,
+            None if shifts is None else shifts.limits, *features, self._scanners, self._sights, self._zones,
+            self._params, self._true_params, *floor,
         )  # fmt: skip
         self._agree_arguments = (
             persons, self.arcs, self._commands[0], self._paths, self._params, self._choices, self._floor.clearance,

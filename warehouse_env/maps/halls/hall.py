@@ -24,10 +24,11 @@ from warehouse_env.errors import MapError, MapWarning
 from warehouse_env.files import STAGED, path_of, read_bytes
 from warehouse_env.maps import one_way
 from warehouse_env.maps.endpoints import largest_region
+from warehouse_env.maps.going import DEAREST
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import lif, picture, places, route_graph
 from warehouse_env.maps.halls.cells import Raster, closed, not_free, raster_of, spread
-from warehouse_env.maps.halls.lanes import Lanes, lay
+from warehouse_env.maps.halls.lanes import Lanes, lay, prices
 from warehouse_env.maps.halls.map_server import YAMLS, Occupancy, beside, image_of, read_occupancy
 
 SUFFIXES = (*YAMLS, *picture.SUFFIXES)
@@ -47,12 +48,14 @@ class Reading(Checked):
     lanes: str | None = None  # LIF (.json) or route graph (.geojson)
     vehicle: str | None = None  # type whose lanes these are (LIF)
     lanes_only: bool = False  # nobody drives off the lanes
+    lanes_prefer: float = 1.5  # times its length that a way off the lanes costs planners
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._between(0.1, 100.0, "cell")
         self._between(0.0, 1.0, "share")
         self._between(1e-3, 100.0, "resolution")
+        self._between(1.0, DEAREST, "lanes_prefer")
         self._require(not self.lanes_only or self.lanes is not None, "lanes_only", "false without lanes=FILE")
         self._require(self.vehicle is None or self.lanes is not None, "vehicle", "left out without lanes=FILE")
 
@@ -66,7 +69,6 @@ class Hall:
     raster: Raster
     places: places.Places  # picks and stations by name, as the grid has them
     barred: NDArray[np.bool_]  # [H, W], floor of the map that masks or lanes close
-    speed: NDArray[np.float64]  # [H, W], [m/s] at most, inf without a limit; the grid has it on floor
     notes: tuple[str, ...]  # what the floor does not hold, one sentence each
     report: tuple[str, ...]  # what was read, and lost in cells
 
@@ -133,9 +135,10 @@ class _Reader:
         self._check_floor(~(self._walls | barred), "keepout leaves")
         lanes = self._lanes()
         on_cells = None if lanes is None else lay(lanes, ~(self._walls | barred), self._raster)
-        arrows = self._one_way()
+        arrows, price = self._one_way(), None
         if on_cells is not None:
             speed, arrows = np.minimum(speed, on_cells.speed), on_cells.one_way
+            price = np.minimum(prices(on_cells, self._how.lanes_prefer), DEAREST)
             if self._how.lanes_only:
                 barred |= ~on_cells.used & ~self._walls
                 self._check_floor(~(self._walls | barred), "lanes_only leaves")
@@ -145,11 +148,11 @@ class _Reader:
             self._notes += lanes.noted()
         grid = GridMap(
             occupied, None, self._how.cell, picks, stations, self._path.stem,  # type: ignore[arg-type]
-            np.where(occupied, 0, arrows), self._raster.origin, speed,
+            np.where(occupied, 0, arrows), self._raster.origin, speed, price,
         )  # fmt: skip
         self._note_regions(occupied)
         report = tuple(self._report(grid, barred))
-        return Hall(grid, self._occupancy, self._raster, named, barred, speed, tuple(self._notes), report)
+        return Hall(grid, self._occupancy, self._raster, named, barred, tuple(self._notes), report)
 
     def _check_floor(self, floor: NDArray[np.bool_], who: str) -> None:
         if not floor.any():
