@@ -44,6 +44,7 @@ class GridMap:
     origin: (x, y) [m] of the south-west corner in the frame of the file that the map is from (`world`).
     speed: float64[H, W], [m/s] that robots may drive at most on a cell, inf where nothing limits them; or None.
     price: float64[H, W, 8], times its length that each of MOVES costs a planner, from 1 on; or None.
+    tight: bool[H, W], floor on which robots' bodies do not fit, and nobody plans (maps/fitting.py); or None.
     pace: [m/s] of robots that nothing limits, against which planners count the time that limits cost (`at_pace`).
     """
 
@@ -57,6 +58,7 @@ class GridMap:
     origin: tuple[float, float] = (0.0, 0.0)
     speed: NDArray[np.float64] | None = None
     price: NDArray[np.float64] | None = None
+    tight: NDArray[np.bool_] | None = None
     pace: float = RobotSpec.max_speed
 
     def __post_init__(self) -> None:
@@ -68,6 +70,7 @@ class GridMap:
         speed, price = going.checked_speed(self.speed, occupied), going.checked_price(self.price, occupied)
         object.__setattr__(self, "speed", None if speed is None else _frozen(speed))
         object.__setattr__(self, "price", None if price is None else _frozen(price))
+        object.__setattr__(self, "tight", _checked_tight(self.tight, occupied))
         size = self.cell_size
         number = isinstance(size, (int, float, np.integer, np.floating)) and not isinstance(size, bool)
         if not (number and SMALLEST_CELL <= size <= LARGEST_CELL):
@@ -88,7 +91,7 @@ class GridMap:
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the fields only; the copy is checked and read-only again, its caches are empty."""
         of_cells = (self.occupied, self.height, self.cell_size, self.picks, self.stations, self.name, self.one_way)
-        return GridMap, (*of_cells, self.origin, self.speed, self.price, self.pace)
+        return GridMap, (*of_cells, self.origin, self.speed, self.price, self.tight, self.pace)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> GridMap:
         """Return itself: nobody can change it, and what it has worked out serves all."""
@@ -128,6 +131,8 @@ class GridMap:
         content.update(self.height.tobytes())
         if self.one_way.any():
             content.update(self.one_way.tobytes())
+        if self.tight is not None:
+            content.update(self.tight.tobytes())
         if self.surplus is not None:
             content.update(f"{self.pace!r}".encode() + self.surplus.tobytes())
         if self.speed is not None:
@@ -139,7 +144,12 @@ class GridMap:
         """bool[H, W], the largest connected free region."""
         from warehouse_env.maps.endpoints import largest_region
 
-        return _frozen(largest_region(~self.occupied))
+        return _frozen(largest_region(~self.closed))
+
+    @cached_property
+    def closed(self) -> NDArray[np.bool_]:
+        """bool[H, W], where nobody drives over by plan: shelves, and floor that is tight."""
+        return self.occupied if self.tight is None else _frozen(self.occupied | self.tight)
 
     @cached_property
     def free_cells(self) -> NDArray[np.int64]:
@@ -157,7 +167,8 @@ class GridMap:
         """bool[H, W, 8]: may a robot on this cell make MOVES[m] (eq. 26, paper 000)?
 
         Start and target are free and inside; a diagonal also needs both orthogonal cells free; and the move is not
-        against the direction of either. Symmetric but for one-way cells.
+        against the direction of either. Symmetric but for one-way cells, and for tight ones, which one may leave and
+        not enter.
         """
         rows, columns = self.shape
         free = np.pad(~self.occupied, 1)
@@ -168,6 +179,9 @@ class GridMap:
         legal = np.empty((rows, columns, 8), dtype=np.bool_)
         for m, (d_row, d_column) in enumerate(MOVES.tolist()):
             legal[:, :, m] = seen(0, 0) & seen(d_row, d_column) & seen(d_row, 0) & seen(0, d_column)
+        if self.tight is not None:
+            closed = np.repeat(self.closed[..., None], 8, axis=2)
+            legal &= self.tight[..., None] | ~_seen_from_beyond(np.roll(closed, 4, axis=2))
         if self.one_way.any():
             against = one_way.against(self.one_way)
             # what leaves a cell by a move enters it from the other side by the opposite one, seen from there
@@ -180,7 +194,8 @@ class GridMap:
 
         The same as `legal_moves` but for one-way cells.
         """
-        return _frozen(_seen_from_beyond(self.legal_moves)) if self.one_way.any() else self.legal_moves
+        symmetric = self.tight is None and not self.one_way.any()
+        return self.legal_moves if symmetric else _frozen(_seen_from_beyond(self.legal_moves))
 
     @cached_property
     def surplus(self) -> NDArray[np.float64] | None:
@@ -195,12 +210,16 @@ class GridMap:
         return self if self.speed is None or pace == self.pace else dataclasses.replace(self, pace=pace)
 
     def without(self, cell: Cell) -> GridMap:
-        """Return the map with one more cell occupied, and endpoints of its own."""
+        """Return the map with one more cell occupied, to plan on: of its endpoints one is left, where it may be."""
+        from warehouse_env.maps.endpoints import largest_region
+
         occupied = self.occupied.copy()
         occupied[cell] = True
-        arrows = np.where(occupied, 0, self.one_way)
-        none: Any = None  # given: new ones are made
-        return dataclasses.replace(self, occupied=occupied, one_way=arrows, picks=none, stations=none)
+        free = ~(occupied | self.closed)
+        arrows, one = np.where(occupied, 0, self.one_way), np.argwhere(largest_region(free))[:1]
+        if not len(one):
+            raise MapError(f"without cell {cell} map {shown(self.name)} has no floor left")
+        return dataclasses.replace(self, occupied=occupied, one_way=arrows, picks=one, stations=one)
 
     def centre(self, cells: ArrayLike) -> NDArray[np.float64]:
         """Return float64[..., 2], the centres (x east, y north) [m] of cells (row, col) int[..., 2]."""
@@ -327,6 +346,16 @@ def _checked_origin(origin: object) -> tuple[float, float]:
     if not (abs(x) <= FARTHEST and abs(y) <= FARTHEST):
         raise MapError(f"origin={shown(origin)} must be two numbers of metres up to {FARTHEST:g}")
     return x, y
+
+
+def _checked_tight(tight: ArrayLike | None, occupied: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
+    """Return a read-only bool[H, W] copy, False on shelves, None where it marks nothing, or raise MapError."""
+    if tight is None:
+        return None
+    array = np.array(tight)
+    if array.shape != occupied.shape or array.dtype != np.bool_:
+        raise MapError(f"tight must hold True or False for each cell of the map's shape {occupied.shape}")
+    return _frozen(array & ~occupied) if (array & ~occupied).any() else None
 
 
 def _checked_height(height: ArrayLike | None, shape: tuple[int, ...]) -> NDArray[np.float32]:

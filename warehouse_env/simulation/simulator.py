@@ -25,7 +25,7 @@ from warehouse_env.simulation.driver.manoeuvre import ARCS
 from warehouse_env.simulation.driver.turning import turning_metric
 from warehouse_env.simulation.physics.buckets import bucket_grid
 from warehouse_env.simulation.physics.deviation import Deviation, errs, planned_config
-from warehouse_env.simulation.physics.floor import floor_of, load_grid
+from warehouse_env.simulation.physics.floor import fit, floor_of, load_grid
 from warehouse_env.simulation.physics.people import People
 from warehouse_env.simulation.physics.zones import zones_of
 from warehouse_env.simulation.record import metrics
@@ -87,12 +87,12 @@ class Simulator(Portable):
         given.check_parts(config, grid, planner, routes)
         num_worlds = given.check_count("num_worlds", num_worlds)
         self.config, self.num_worlds, self.num_agents = config, num_worlds, config.num_agents
-        self.grid = routes.grid if routes is not None else grid if grid is not None else load_grid(config)
+        self.grid = routes.grid if routes is not None else load_grid(config) if grid is None else fit(grid, config)
         if routes is None:
             from warehouse_env.planning import make_planner
 
             planner = planner if planner is not None else make_planner(config.planner)
-            routes = RouteBook(self.grid, planner, keep_right=config.keep_right)
+            routes = RouteBook(self.grid, planner, keep_right=config.keep_right, wider=config.widest_body.wider)
         given.check_pace(config, self.grid.cell_size)
         planned = planned_config(config)
         given.check_stop(config, state.stop_samples(planned))
@@ -102,6 +102,7 @@ class Simulator(Portable):
         cells = self.grid.occupied.size
         given.check_memory(num_worlds, config.num_agents, self.layout.size, each, config.people, cells)
         self._params = state.parameters_of(planned, self.grid.cell_size)
+        self._params["long"], self._params["wide"] = config.robot.longer, config.robot.wider  # whatever errors add
         self._make_spaces(planned)
         self._weights = weight_vector(config.reward)
         self._reward_weights = config.reward

@@ -93,7 +93,7 @@ PARAMETERS = np.dtype(
         ("dt", F), ("time_step", F), ("substeps", I), ("repeat", I), ("latency", I),  # latency: in physics steps
         ("half_length", F), ("half_width", F), ("offset", F), ("radius", F),  # [m]; offset: front axle to centre
         ("wheelbase", F), ("min_speed", F), ("max_speed", F), ("max_acceleration", F),
-        ("max_steer", F), ("max_steer_rate", F),
+        ("max_steer", F), ("max_steer_rate", F), ("long", F), ("wide", F),  # times as long, as wide as RobotSpec()
         ("arrival_radius", F), ("arrival_angle", F), ("beyond", F),  # [m], [rad], and [m] aimed at beyond a route
         ("near_miss_gap", F), ("pair_range", F), ("stride", F), ("blur", F),
         ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
@@ -136,6 +136,7 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
         "wheelbase": robot.wheelbase, "min_speed": robot.min_speed, "max_speed": robot.max_speed,
         "max_acceleration": robot.max_acceleration,
         "max_steer": robot.max_steering, "max_steer_rate": robot.max_steering_rate,
+        "long": robot.longer, "wide": robot.wider,
         "arrival_radius": config.pose_radius if config.arrival == "pose" else config.arrival_radius,
         "arrival_angle": config.pose_angle, "beyond": 0.0 if config.arrival == "pass" else np.inf,
         "near_miss_gap": config.near_miss_gap,

@@ -36,11 +36,12 @@ class Zones(NamedTuple):
 
 def zones_of(grid: GridMap, config: EnvConfig) -> Zones | None:
     """Return the zones of a floor, None where nothing limits these robots."""
-    robot = config.robot
-    fastest = max(robot.max_speed, -robot.min_speed)
+    robots = (config.robot,)
+    fastest = max(max(robot.max_speed, -robot.min_speed) for robot in robots)
+    hardest = min(robot.max_acceleration for robot in robots)  # that all can brake
     if grid.speed is None or not (grid.speed < fastest).any():
         return None
-    slope, most = 2 * _BRAKING * robot.max_acceleration, (_ABOVE * fastest) ** 2
+    slope, most = 2 * _BRAKING * hardest, (_ABOVE * fastest) ** 2
     fine = max(1, math.ceil(grid.cell_size / STEP))
     step = grid.cell_size / fine
     rows, columns = grid.shape

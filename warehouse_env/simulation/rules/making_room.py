@@ -46,7 +46,8 @@ def _write_near(r, robots, persons, p, bodies):
     """Write the bodies near a robot into bodies float32[N + M, 4], and for each person near one that stands before it,
     broadside on, up to where grants end; return how many.
     """
-    count, before = write_bodies_near(r, robots, NEAR, p, bodies), RADIUS + ROOM_FOR_PEOPLE - p["half_width"]
+    count = write_bodies_near(r, robots, NEAR * p["long"], p, bodies)
+    before = RADIUS + ROOM_FOR_PEOPLE - p["half_width"]
     for o in persons:
         dx, dy = o["x"] - (r["x"] - p["offset"] * r["cos"]), o["y"] - (r["y"] - p["offset"] * r["sin"])
         apart = np.sqrt(dx * dx + dy * dy)
@@ -92,7 +93,7 @@ def _go_round(i, robots, persons, routes, arcs, bodies, most, p, solid, clearanc
 def _write_way_back(r, p, avoid):
     """Write the robot's body as it would be on its way straight back into avoid[:BEHIND]."""
     for k in range(BEHIND):
-        behind = p["offset"] + np.float32(k + 1) * BEHIND_STEP
+        behind = p["offset"] + np.float32(k + 1) * BEHIND_STEP * p["long"]
         avoid[k, 0], avoid[k, 1] = r["x"] - behind * r["cos"], r["y"] - behind * r["sin"]
         avoid[k, 2], avoid[k, 3] = r["cos"], r["sin"]
 

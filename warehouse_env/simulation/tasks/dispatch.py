@@ -28,7 +28,9 @@ from warehouse_env.simulation.tasks.placement import place, stand
 from warehouse_env.simulation.tasks.shifts import Shifts, check_given
 from warehouse_env.simulation.tasks.tasks import Arrival, Tasks, book_arrival, pass_by, set_out
 
-JOIN = 3.0  # [m] before the end of a route at which a robot seeks the manoeuvre to its goal's pose
+JOIN = (
+    3.0  # [m], of the default body, before the end of a route at which a robot seeks the manoeuvre to its goal's pose
+)
 ROUTE_BLOCK = 64  # way-points by which the routes' array grows
 
 
@@ -227,7 +229,8 @@ class Dispatcher(Portable):
             self.live.give_up(world, robot)
         _take_route(self.robots, self.routes, world, robot, points, self._any_heading)
         if route.end is not None:
-            _take_end(self.robots, world, robot, *route.end, route.either, JOIN)
+            join = JOIN * float(self._params["long"][0])
+            _take_end(self.robots, world, robot, *route.end, route.either, join)
         if self.live is not None:
             self.live.take_up(self.robots, self.routes, world, robot, route.cells, route.reach)
 
