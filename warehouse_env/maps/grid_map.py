@@ -188,6 +188,21 @@ class GridMap:
         row = self.shape[0] - 1 - np.floor(array[..., 1] / self.cell_size)
         return np.stack([row, column], axis=-1).astype(np.int64)
 
+    def standing(self, points: ArrayLike) -> NDArray[np.int64]:
+        """Return int64[..., 2], the cells from which who stands at points (x, y) [m] plans: those that hold them.
+
+        In a cell that a disc closes there may be room to stand: then it is the nearest free cell of `free_cells`.
+        """
+        cells = self.cell(points)
+        if len(self.discs):
+            rows, columns = self.shape
+            for at in np.ndindex(cells.shape[:-1]):
+                row, column = cells[at]
+                if 0 <= row < rows and 0 <= column < columns and self.occupied[row, column] > self.walls[row, column]:
+                    away = self.centre(self.free_cells) - np.asarray(points, dtype=np.float64)[at]
+                    cells[at] = self.free_cells[np.argmin((away * away).sum(axis=1))]
+        return cells
+
     def world(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return float64[..., 2], points (x, y) [m] of the simulation in the frame of the map's file."""
         return np.asarray(points, dtype=np.float64)[..., :2] + self.origin

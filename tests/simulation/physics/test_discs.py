@@ -198,7 +198,7 @@ def fingerprint() -> list[str]:
     for _ in range(25):
         simulator.step(rng.uniform(-0.5, 1.0, (1, 2, 2)).astype(np.float32))
         found += [simulator.state.pose.tobytes().hex(), simulator.observation.tobytes().hex()[:800]]
-    return [*found, str(int(simulator.robots["hit_shelf"].sum()))]
+    return [*found, str(int(simulator.robots["hits_shelf"].sum()))]
 
 
 def test_plain_python_gives_the_same_bits() -> None:

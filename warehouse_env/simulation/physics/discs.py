@@ -129,7 +129,7 @@ def is_taken(x, y, solid, cell):
 def scan_discs(cx, cy, row, column, outlines, turned, out):
     """Shorten the rays from (cx, cy) [m] that meet a disc.
 
-    row, column: of the padded cell there; turned float32[2 or more, R]: the rays' directions; out float32[R or more] [m].
+    row, column: of the padded cell there; turned float32[2 or more, R]: the rays' directions; out [m]: R or more.
     """
     for n in range(outlines.first[row, column], outlines.first[row, column + 1]):
         e = outlines.near[n]
