@@ -108,8 +108,8 @@ def route_columns(routes: Sequence[NDArray[np.float32]], grid: GridMap) -> Itera
 
 
 def floor_columns(grid: GridMap) -> Iterator[Column]:
-    """Yield what stands on each cell (1 shelf, 2 pick, 4 station), its direction, and its height."""
-    cells = grid.occupied.astype(np.int64)
+    """Yield what stands on each cell (1 shelf as a whole, 2 pick, 4 station), its direction, and its height."""
+    cells = grid.walls.astype(np.int64)
     for cell, mark in ((grid.picks, 2), (grid.stations, 4)):
         cells[tuple(cell.T)] |= mark
     yield Column("cells", cells.reshape(-1), 0, 1)

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, shown
 from warehouse_env.files import complete_file, path_of
+from warehouse_env.maps.discs import MOST
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.given import listed, whole_seed
@@ -66,6 +67,8 @@ class Episode:
         going = {name: array for name in _GOING if (array := getattr(grid, name)) is not None}
         if going:
             text["pace"] = grid.pace
+        if len(grid.discs):
+            ordered |= {"discs": grid.discs, "walls": grid.walls}
         with complete_file(path) as part, part.open("wb") as file:
             np.savez_compressed(
                 file, about=np.frombuffer(json.dumps(text).encode(), dtype=np.uint8), occupied=grid.occupied,
@@ -104,7 +107,11 @@ class Episode:
         floor = (cells, each["height"], about["cell_size"], picks, stations, about["map"])
         going = {name: arrays.read(name, most=8 * cells.size) for name in _GOING if name in arrays}
         going |= {name: about[name] for name in ("origin", "pace") if name in about}
-        grid = GridMap(*floor, one_way=each.get("one_way"), **going)  # type: ignore[arg-type]  # None: none given
+        discs, walls = (
+            arrays.read(name, most=most) if name in arrays else None
+            for name, most in (("discs", 3 * MOST), ("walls", cells.size))
+        )
+        grid = GridMap(*floor, one_way=each.get("one_way"), discs=discs, walls=walls, **going)  # type: ignore[arg-type]
         seeds = tuple(arrays.read("seeds").tolist())
         if not all(isinstance(seed, int) and seed >= 0 for seed in seeds):
             raise WarehouseError(f"the seeds {shown(seeds)} must be one whole number a world, none negative")

@@ -150,7 +150,7 @@ class Dispatcher(Portable):
 
     def _assign(self, world: int, assignment: Assignment, floor: Floor) -> None:
         """Stand the robots of a world where they are told to, with the goals that they are given."""
-        starts = [(int(row), int(column)) for row, column in self.book.grid.cell(assignment.pose[:, :2])]
+        starts = [(int(row), int(column)) for row, column in self.book.grid.standing(assignment.pose[:, :2])]
         goals = assignment.goals(self.book.grid)
         self.tasks[world].assign(starts, [goal.cell for goal in goals])
         for robot, (start, goal) in enumerate(zip(starts, goals, strict=True)):
@@ -304,7 +304,7 @@ class Dispatcher(Portable):
         """Return a route to a robot's goal from the cell in which it is, around others if they count."""
         r = self.robots[world, robot]
         goal, pose = state.goal_of(r), np.array([r["x"], r["y"]])
-        row, column = self.book.grid.cell(pose).tolist()
+        row, column = self.book.grid.standing(pose).tolist()
         if (row, column) == goal:
             cells, ends = np.array([goal], dtype=np.int32), self._ends(world, robot, goal)
             end = facing(ends, cells) if ends else None
