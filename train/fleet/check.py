@@ -7,11 +7,10 @@ import importlib
 import json
 from collections import Counter, defaultdict
 from collections.abc import Callable
-from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from train.fleet.log import Bad, Entry, log_path, read_log
+from train.fleet.log import Bad, Entry, log_path, moment_of, read_log
 from train.fleet.order_rules import OrderBook
 from warehouse_env.errors import WarehouseError, shown
 
@@ -64,17 +63,6 @@ def check_log(given: Path, moved: Callable[[], object] = lambda: None) -> Checke
     if not checker.messages:
         raise WarehouseError(f"{log_path(given)} holds no message of VDA 5050")
     return checker.done()
-
-
-def moment_of(stamp: object) -> float | None:
-    """Return the seconds since 1970 of a timestamp by ISO 8601 with its zone; None for what is none."""
-    if not isinstance(stamp, str) or len(stamp) > 40:
-        return None
-    try:
-        moment = datetime.fromisoformat(stamp)
-        return moment.timestamp() if moment.tzinfo is not None else None
-    except (ValueError, OverflowError):
-        return None
 
 
 class _Vehicle:
@@ -160,7 +148,7 @@ class _Checker:
         version = str(payload.get("version"))
         if f"v{version.split('.')[0]}" != parts[1]:
             self._note("header", f"version {shown(version)} is not that of the topic, {shown(parts[1])}")
-        now = moment_of(payload.get("timestamp"))
+        now = moment_of(payload.get("timestamp"), zoned=True)
         if now is None:
             self._note("time", f"timestamp {shown(payload.get('timestamp'))} is none by ISO 8601 in UTC")
             return

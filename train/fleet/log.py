@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -81,3 +82,19 @@ def decoded(text: bytes) -> dict[str, Any] | Bad:
     except (ValueError, RecursionError) as error:
         return Bad(f"it is no JSON: {shown(str(error))}")
     return data if isinstance(data, dict) else Bad("it is no JSON object")
+
+
+def moment_of(stamp: object, zoned: bool = False) -> float | None:
+    """Return the seconds since 1970 of a timestamp by ISO 8601; None for what is none.
+
+    zoned: whether it must name its zone; else one that does not is taken for UTC.
+    """
+    if not isinstance(stamp, str) or len(stamp) > 40:
+        return None
+    try:
+        moment = datetime.fromisoformat(stamp)
+        if moment.tzinfo is None:
+            return None if zoned else moment.replace(tzinfo=UTC).timestamp()
+        return moment.timestamp()
+    except (ValueError, OverflowError):
+        return None
