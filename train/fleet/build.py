@@ -184,7 +184,7 @@ def _note_places(placed: dict[Key, Places], grid: GridMap, notes: list[str]) -> 
     """Note what of the positions cannot be, on this floor; WarehouseError where none lies on it."""
     side = np.array(grid.shape[::-1]) * grid.cell_size
     poses = np.concatenate([places.pose[:, :2] for places in placed.values()])
-    on = ((poses >= 0) & (poses < side)).all(axis=1)
+    on = np.asarray(((poses >= 0) & (poses < side)).all(axis=1))
     if not on.any():
         low, high = (np.round(grid.world(corner), 1).tolist() for corner in (poses.min(axis=0), poses.max(axis=0)))
         floor = [np.round(grid.world(corner), 1).tolist() for corner in (np.zeros(2), side)]

@@ -41,7 +41,7 @@ class Checked(NamedTuple):
     vehicles: int
     seconds: float  # from the first message to the last
     faults: list[Fault]
-    count: int  # of faults, those that are not kept among them
+    total: int  # of faults, those that are not kept among them
 
 
 @functools.cache
@@ -50,7 +50,7 @@ def validator(name: str) -> Any:
     try:
         jsonschema = importlib.import_module("jsonschema")
     except ImportError:
-        raise WarehouseError('--check needs the package \'jsonschema\'; pip install "warehouse-env[fleet]"') from None
+        raise WarehouseError("--check needs the package 'jsonschema'; pip install \"warehouse-env[fleet]\"") from None
     return jsonschema.Draft202012Validator(json.loads((SCHEMAS / f"{name}.schema").read_text(encoding="utf-8")))
 
 

@@ -87,6 +87,7 @@ class Shown:
         self.reward_terms = np.zeros((1, count, len(REWARD_TERMS)), np.float32)
         self.carries = np.zeros(count, np.bool_)
         self.dispatcher = SimpleNamespace(shifts=(self,))
+        self._present = np.zeros(count, np.bool_)
         self._line = np.full(count, -1)
 
     def take(self, pose: NDArray[np.float32], moment: NDArray[Any]) -> None:
@@ -105,7 +106,7 @@ class Shown:
 
     def at_work(self) -> NDArray[np.bool_]:
         """Return bool[N]: which vehicles say something yet."""
-        return self._present
+        return np.asarray(self._present)
 
     def jams(self) -> Jams:
         """Nobody tells whom it waits for."""
@@ -121,7 +122,7 @@ class Shown:
 
 
 def load_episode(path: str | Path) -> Episode:
-    """Read an episode's file, of `warehouse record` or of `warehouse fleet --listen`; WarehouseError as Episode.load."""
+    """Read an episode's file, of `warehouse record` or `warehouse fleet --listen`; WarehouseError as Episode.load."""
     episode = Episode.load(path)
     try:
         with zipfile.ZipFile(path_of(path)) as archive:
@@ -130,6 +131,16 @@ def load_episode(path: str | Path) -> Episode:
         raise WarehouseError(f"{path} is no complete episode file: {error}") from None
     except (OSError, KeyError, ValueError, TypeError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         raise WarehouseError(f"{path} is no complete episode file: {shown(error)}") from None
+
+
+def load_simulated(path: str | Path) -> Episode:
+    """Read an episode that can be run again; WarehouseError for one of a real fleet, whose commands nobody knows."""
+    episode = load_episode(path)
+    if isinstance(episode, Driven):
+        raise WarehouseError(
+            f"{path} is what a real fleet drove, which cannot be run again; `warehouse replay` shows it"
+        )
+    return episode
 
 
 def _driven(episode: Episode, archive: zipfile.ZipFile) -> Driven:

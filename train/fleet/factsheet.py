@@ -11,7 +11,10 @@ WHEEL = {"diameter": 0.2, "width": 0.08}  # [m]; the simulation has no size of w
 
 
 def factsheet_of(config: EnvConfig, every: float) -> dict[str, Any]:
-    """Return the factsheet of a config's robots, who say every so many seconds where they are."""
+    """Return the factsheet of a config's robots, who say every so many seconds where they are.
+
+    It names no blockingTypes of actions, for the official schema takes no list of them.
+    """
     robot = config.robot
     speeds = {"speedMin": 0.0, "speedMax": robot.max_speed}
     return {
@@ -29,7 +32,7 @@ def factsheet_of(config: EnvConfig, every: float) -> dict[str, Any]:
             "timing": {"minOrderInterval": every, "minStateInterval": every, "visualizationInterval": every},
         },
         "protocolFeatures": {"optionalParameters": [], "agvActions": [
-            {"actionType": kind, "actionScopes": ["NODE"]} for kind in ("pick", "drop")]},  # no array is in the schema's blockingTypes
+            {"actionType": kind, "actionScopes": ["NODE"]} for kind in ("pick", "drop")]},
         "agvGeometry": {"wheelDefinitions": _wheels(robot), "envelopes2d": [_envelope(robot)]},
         "loadSpecification": {"loadSets": [{"setName": "goods", "loadType": "goods", "maxWeight": robot.payload}]},
     }  # fmt: skip

@@ -52,7 +52,11 @@ def _step_robots(robots, poses, before, moments, was, seconds, dt, late):
         r["hits_person"] += r["hit_person"]
         r["distance"] += way
         r["position"] = 0.0 if moments[i]["line"] != was[i]["line"] else r["position"] + way
-        if dt == 0.0 or (stood and r["alive"] != 0) or (x - r["anchor_x"]) ** 2 + (y - r["anchor_y"]) ** 2 > _STANDS_WITHIN**2:
+        if (
+            dt == 0.0
+            or (stood and r["alive"] != 0)
+            or (x - r["anchor_x"]) ** 2 + (y - r["anchor_y"]) ** 2 > _STANDS_WITHIN**2
+        ):
             r["anchor_x"], r["anchor_y"], r["standing_time"] = x, y, 0.0
         elif r["alive"] != 0:
             r["standing_time"] += dt

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
@@ -107,7 +108,7 @@ def _chain(payload: dict[str, Any], nodes: list[Point], edges: list[Point]) -> I
     if numbers != list(range(numbers[0], numbers[0] + len(numbers))) or numbers[0] % 2:
         yield "the sequence ids of its nodes and edges do not count up in turn from an even one"
     ends = [(edge["startNodeId"], edge["endNodeId"]) for edge in payload["edges"]]
-    if ends != [(first[1], last[1]) for first, last in zip(nodes[:-1], nodes[1:], strict=True)]:
+    if ends != [(first[1], last[1]) for first, last in itertools.pairwise(nodes)]:
         yield "its edges do not join its nodes one after the other"
     if [edge[2] for edge in edges] != [node[2] for node in nodes[1:]] or sorted(
         nodes, key=lambda node: not node[2]

@@ -100,11 +100,14 @@ class Fleet:
         if name is None or key is None:
             self.left_out["are of no topic or vehicle of VDA 5050"] += 1
             return
+        online = payload.get("connectionState") == "ONLINE"
+        if name == "connection" and entry.retain and not online and key not in self.vehicles:
+            return  # what a broker has kept from another day
         vehicle = self._vehicle(key)
         if name == "factsheet":
             vehicle.factsheet = vehicle.factsheet or payload
         elif name == "connection":
-            vehicle.online = payload.get("connectionState") == "ONLINE"
+            vehicle.online = online
         else:
             self._report(vehicle, name, payload)
 
@@ -148,10 +151,12 @@ def _kind(entry: Entry) -> str | None:
     """Return the topic's name of a message; by what it holds where a log does not say."""
     if entry.topic is not None:
         name = entry.topic.rpartition("/")[2]
-        return name if name in ("connection", "factsheet", "order", "instantActions", "state", "visualization") else None
+        return (
+            name if name in ("connection", "factsheet", "order", "instantActions", "state", "visualization") else None
+        )
     signs = {
-        "connectionState": "connection", "typeSpecification": "factsheet", "nodes": "order", "actions": "instantActions",
-        "nodeStates": "state", "agvPosition": "visualization",
+        "connectionState": "connection", "typeSpecification": "factsheet", "nodes": "order",
+        "actions": "instantActions", "nodeStates": "state", "agvPosition": "visualization",
     }  # fmt: skip
     return next((name for sign, name in signs.items() if sign in entry.payload), None)
 

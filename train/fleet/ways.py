@@ -117,8 +117,9 @@ def _way(story: Story, robot: int, begin: int, end: int, lasts: bool, start: Nod
             here = there
         between = points[(along > before + 1e-6) & (along < mark - 1e-6)]
         path = np.concatenate([[at], between, [here]])
-        path = simplified(path, _STRAIGHT).astype(np.float64).round(3)  # type: ignore[arg-type]
-        nodes.append(Node(*path[-1].tolist(), mark, path))
+        path = simplified(path, _STRAIGHT).astype(np.float64).round(3)
+        x, y = path[-1].tolist()
+        nodes.append(Node(x, y, mark, path))
         before, at = mark, here
     sure = len(nodes) if stop is None else sum(mark <= stop for mark in marks)
     return Way(begin, end, tuple(nodes), sure)
