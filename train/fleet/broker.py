@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
 from train.fleet.log import Bad, Entry, decoded
-from train.fleet.messages import MAJOR, Message, Names, Sender
+from train.fleet.messages import MAJOR, TOPICS, Message, Names, Sender
 from warehouse_env.errors import ConfigError, WarehouseError, shown
 
 PORT, SECURE_PORT = 1883, 8883
@@ -74,8 +74,8 @@ def publish(
 ) -> Sent:  # fmt: skip
     """Publish messages as they fall due, each vehicle by a connection of its own, whose last will it leaves.
 
-    sent: called after each message. Orders go by one more connection, as of who gives them. Whatever ends it, vehicles
-    that were online say that they are not. Raises WarehouseError where the broker cannot be reached, or is gone.
+    sent: called after each message. A vehicle's orders go by its connection, too, so that nobody gets them before the
+    states that they come after. Whatever ends it, vehicles that were online say that they are not. Raises WarehouseError where the broker cannot be reached, or is gone.
     """
     publisher = _Publisher(broker, names, list(serials), speed, sent)
     try:
@@ -108,15 +108,14 @@ class _Publisher:
                 will = sender.last_will()
                 last = package_.Will(will.topic, will.text, will.qos, will.retain)
                 clients[serial] = await stack.enter_async_context(self._broker.client(will=last))
-            master = await stack.enter_async_context(self._broker.client())
             self.began = True
             try:
-                return await self._publish(messages, clients, master)
+                return await self._publish(messages, clients)
             finally:
                 with contextlib.suppress(package_.MqttError, TimeoutError):
                     await asyncio.wait_for(self._leave(), TIMEOUT)
 
-    async def _publish(self, messages: Iterable[Message], clients: dict[str, Any], master: Any) -> Sent:
+    async def _publish(self, messages: Iterable[Message], clients: dict[str, Any]) -> Sent:
         loop = asyncio.get_running_loop()
         begin, late = loop.time(), 0.0
         for message in messages:
@@ -125,7 +124,7 @@ class _Publisher:
                 await asyncio.sleep(-behind)
             late, self._now = max(late, behind), message.seconds
             serial, name = message.topic.split("/")[-2:]
-            client = master if name == "order" else clients[serial]
+            client = clients[serial]
             if name == "connection":
                 if message.payload["connectionState"] == "ONLINE":
                     self._online[serial] = client
@@ -156,7 +155,7 @@ def receive(
     if re.search(r"[#+\0]", interface) or not interface:
         raise ConfigError(f"--interface {shown(interface)} must be the first part of topics, without # and +")
     try:
-        return asyncio.run(_receive(broker, f"{interface}/{MAJOR}/+/+/+", take, patience, seconds))
+        return asyncio.run(_receive(broker, f"{interface}/{MAJOR}/+/+/", take, patience, seconds))
     except package().MqttError as error:
         raise WarehouseError(f"broker {broker.name} cannot be reached: {_reason(error)}") from None
 
@@ -167,7 +166,7 @@ async def _receive(
     loop = asyncio.get_running_loop()
     end = loop.time() + seconds if seconds is not None else float("inf")
     async with broker.client() as client:
-        await client.subscribe(topics, qos=1)
+        await client.subscribe([(topics + name, int(name == "connection")) for name in (*TOPICS, "instantActions")])
         messages = aiter(client.messages)
         while True:
             left = end - loop.time()

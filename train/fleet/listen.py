@@ -48,6 +48,8 @@ def hear_broker(
 
             def take(moment: str, entry: Entry | Bad) -> bool:
                 if isinstance(entry, Entry) and entry.topic is not None:
+                    if fleet.is_stale(entry):
+                        return False
                     try:
                         text = json.dumps(entry.payload)
                     except RecursionError:

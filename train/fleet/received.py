@@ -100,16 +100,18 @@ class Fleet:
         if name is None or key is None:
             self.left_out["are of no topic or vehicle of VDA 5050"] += 1
             return
-        online = payload.get("connectionState") == "ONLINE"
-        if name == "connection" and entry.retain and not online and key not in self.vehicles:
-            return  # what a broker has kept from another day
         vehicle = self._vehicle(key)
         if name == "factsheet":
             vehicle.factsheet = vehicle.factsheet or payload
         elif name == "connection":
-            vehicle.online = online
+            vehicle.online = payload.get("connectionState") == "ONLINE"
         else:
             self._report(vehicle, name, payload)
+
+    def is_stale(self, entry: Entry) -> bool:
+        """Whether a live message is what the broker has kept of a vehicle that went away before."""
+        offline = _kind(entry) == "connection" and entry.payload.get("connectionState") != "ONLINE"
+        return bool(entry.retain) and offline and _key(entry) not in self.vehicles
 
     @property
     def gone(self) -> bool:
