@@ -75,7 +75,8 @@ def publish(
     """Publish messages as they fall due, each vehicle by a connection of its own, whose last will it leaves.
 
     sent: called after each message. A vehicle's orders go by its connection, too, so that nobody gets them before the
-    states that they come after. Whatever ends it, vehicles that were online say that they are not. Raises WarehouseError where the broker cannot be reached, or is gone.
+    states that they come after. Whatever ends it, vehicles that were online say that they are not. Raises
+    WarehouseError where the broker cannot be reached, or is gone.
     """
     publisher = _Publisher(broker, names, list(serials), speed, sent)
     try:
@@ -103,6 +104,7 @@ class _Publisher:
     async def run(self, messages: Iterable[Message]) -> Sent:
         """Connect, publish all, and leave."""
         package_, clients = package(), dict[str, Any]()
+        _hush()
         async with contextlib.AsyncExitStack() as stack:
             for serial, sender in self._senders.items():
                 will = sender.last_will()
@@ -152,8 +154,6 @@ def receive(
     That is also when nothing has come for `patience` seconds, and after so many `seconds`. Raises WarehouseError where
     the broker cannot be reached; one that goes away later only ends it.
     """
-    if re.search(r"[#+\0]", interface) or not interface:
-        raise ConfigError(f"--interface {shown(interface)} must be the first part of topics, without # and +")
     try:
         return asyncio.run(_receive(broker, f"{interface}/{MAJOR}/+/+/", take, patience, seconds))
     except package().MqttError as error:
@@ -164,6 +164,7 @@ async def _receive(
     broker: Broker, topics: str, take: Callable[[str, Entry | Bad], bool], patience: float, seconds: float | None
 ) -> str:
     loop = asyncio.get_running_loop()
+    _hush()
     end = loop.time() + seconds if seconds is not None else float("inf")
     async with broker.client() as client:
         await client.subscribe([(topics + name, int(name == "connection")) for name in (*TOPICS, "instantActions")])
@@ -175,12 +176,17 @@ async def _receive(
             except TimeoutError:
                 return f"{seconds:g} s are over" if left <= patience else f"nothing came for {patience:g} s"
             except package().MqttError as error:
-                return f"the broker is gone ({_reason(error)})"
+                return f"broker {broker.name} is gone ({_reason(error)})"
             payload = message.payload if isinstance(message.payload, bytes) else str(message.payload).encode()
             data = decoded(payload)
             entry = data if isinstance(data, Bad) else Entry(str(message.topic), data, message.qos, message.retain)
             if take(datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z"), entry):
                 return "all vehicles are offline"
+
+
+def _hush() -> None:
+    """Let nothing be printed of connections that ended: the first error that is raised says it."""
+    asyncio.get_running_loop().set_exception_handler(lambda loop, context: None)
 
 
 def _reason(error: Exception) -> str:

@@ -22,7 +22,7 @@ from warehouse_env.maps.grid_map import GridMap
 
 FINEST = 0.05  # [s] between two moments, unless asked for
 _COARSEST = 10.0  # [s]
-_MOST = 20_000_000  # moments of vehicles
+_MOST, _LONGEST = 5_000_000, 200_000  # moments of all vehicles; of one
 _SILENCE = 30.0  # [s] after which a vehicle should have said something
 
 
@@ -103,7 +103,7 @@ def _clock(placed: dict[Key, Places], every: float | None) -> tuple[float, float
     frames = int((end - begin) / step + 1e-3) + 1
     if frames < 2:
         raise WarehouseError(f"these messages are of {end - begin:g} s, less than the {step:g} s between two moments")
-    if frames * len(placed) > _MOST:
+    if frames > _LONGEST or frames * len(placed) > _MOST:
         first, last = (datetime.fromtimestamp(one, UTC).isoformat(timespec="seconds") for one in (begin, end))
         raise WarehouseError(
             f"these messages go from {first} to {last}, {frames:,} moments of {step:g} s for "

@@ -63,7 +63,11 @@ def body_of(factsheet: dict[str, Any]) -> tuple[dict[str, float], str]:
     found = _outline(factsheet)
     if found is not None:
         (west, east), (south, north) = found
-        return {"length": east - west, "width": north - south, "front_overhang": east}, "the outline in its factsheet"
+        return {
+            "length": round(east - west, 6),
+            "width": round(north - south, 6),
+            "front_overhang": east,
+        }, "the outline in its factsheet"
     parameters = factsheet.get("physicalParameters")
     sizes = [parameters.get(name) if isinstance(parameters, dict) else None for name in ("length", "width")]
     length, width = (_size(size) for size in sizes)

@@ -37,7 +37,7 @@ def _step_robots(robots, poses, before, moments, was, seconds, dt, late):
         x, y, heading = poses[i, 0], poses[i, 1], poses[i, 2]
         dx, dy = x - before[i, 0], y - before[i, 1]
         way = math.sqrt(dx * dx + dy * dy)
-        ahead = dx * math.cos(heading) + dy * math.sin(heading)
+        ahead = dx * (math.cos(heading) + math.cos(before[i, 2])) + dy * (math.sin(heading) + math.sin(before[i, 2]))
         r["x"], r["y"], r["heading"] = x, y, heading
         r["cos"], r["sin"] = math.cos(heading), math.sin(heading)
         r["speed"] = (way if ahead >= 0.0 else -way) / dt if dt > 0.0 else 0.0

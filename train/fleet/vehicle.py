@@ -22,6 +22,7 @@ CONTACTS = ("contactRobot", "contactShelf", "contactPerson")
 _HITS = ("hit_robot", "hit_shelf", "hit_person")
 _MOVES = 0.01  # [m/s] from which a vehicle drives
 _PASSED = 1e-3  # [m]
+_HALF_TURN = 3.1415  # [rad], not more than pi with so many digits
 
 
 def serial_of(robot: int) -> str:
@@ -243,5 +244,11 @@ class Vehicle:
         turn = -speed * math.tan(float(replay.steer[frame, robot])) / replay.config.robot.wheelbase
         turn = -turn if replay.config.robot.front_steered else turn
         velocity = {"vx": round(speed, 3), "vy": 0.0, "omega": round(turn, 4)}
-        position = {"x": x, "y": y, "theta": round(theta, 4), "mapId": self._map, "positionInitialized": True}
+        position = {
+            "x": x,
+            "y": y,
+            "theta": min(max(round(theta, 4), -_HALF_TURN), _HALF_TURN),
+            "mapId": self._map,
+            "positionInitialized": True,
+        }
         return {"agvPosition": position, "velocity": velocity}
