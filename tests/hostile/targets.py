@@ -274,7 +274,7 @@ def _shown(content: bytes, folder: Path) -> None:
 def _watched(path: Path) -> None:
     """Look at an episode of a real fleet as the replay page does."""
     episode = load_episode(path)
-    if isinstance(episode, Driven):
+    if isinstance(episode, Driven) and len(episode.pose) < 20_000:  # of which a page is made in a few seconds
         replay_of(episode, "real")
 
 
