@@ -76,6 +76,8 @@ def _map_of(fleet: Fleet, grid: GridMap, notes: list[str]) -> str:
     others = sum(count.values()) - count[name]
     if others:
         notes.append(f"{counted(others, 'position')} on other maps than {shown(name)}: left out")
+    if name not in ("", grid.name):
+        notes.append(f"positions are on the map {shown(name)}, taken for the floor {shown(grid.name)}")
     return name
 
 
