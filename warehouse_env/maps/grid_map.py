@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import MapError, WarehouseError, shown
+from warehouse_env.maps import discs as round_ones
 from warehouse_env.maps import one_way
 
 Cell = tuple[int, int]
@@ -40,6 +41,8 @@ class GridMap:
     picks, stations: int64[K, 2], endpoint cells (row, col) of lifelong tasks; `default_endpoints` if not given.
     one_way: uint8[H, W], a direction to keep on a cell, as an index into one_way.ARROWS; none if not given.
     origin: (x, y) [m] of the south-west corner in the frame of the file that the map is from (`world`).
+    discs: float32[K, 3], round obstacles (x, y, radius) [m]; none if not given. What they reach into is occupied too.
+    walls: bool[H, W], the cells that are shelves as a whole; if not given, those given as occupied.
     """
 
     occupied: NDArray[np.bool_]
@@ -50,17 +53,19 @@ class GridMap:
     name: str = "unnamed"
     one_way: NDArray[np.uint8] = None  # type: ignore[assignment]
     origin: tuple[float, float] = (0.0, 0.0)
+    discs: NDArray[np.floating[Any]] = None  # type: ignore[assignment]
+    walls: NDArray[np.bool_] = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         occupied = _checked_occupied(self.occupied)
+        object.__setattr__(self, "cell_size", _checked_size(self.cell_size))
+        discs = round_ones.checked(self.discs, occupied.shape, self.cell_size)
+        object.__setattr__(self, "discs", _frozen(discs))
+        walls, occupied = round_ones.among(occupied, self.walls, discs, self.cell_size)
+        object.__setattr__(self, "walls", _frozen(walls))
         object.__setattr__(self, "occupied", _frozen(occupied))
         object.__setattr__(self, "height", _frozen(_checked_height(self.height, occupied.shape)))
         object.__setattr__(self, "one_way", _frozen(one_way.checked(self.one_way, occupied)))
-        size = self.cell_size
-        number = isinstance(size, (int, float, np.integer, np.floating)) and not isinstance(size, bool)
-        if not (number and SMALLEST_CELL <= size <= LARGEST_CELL):
-            raise MapError(f"cell_size={shown(size)} must be a number from {SMALLEST_CELL} to {LARGEST_CELL} metres")
-        object.__setattr__(self, "cell_size", float(size))
         object.__setattr__(self, "origin", _checked_origin(self.origin))
         if not isinstance(self.name, str):
             raise MapError(f"name={shown(self.name)} must be a text")
@@ -76,7 +81,7 @@ class GridMap:
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the fields only; the copy is checked and read-only again, its caches are empty."""
         of_cells = (self.occupied, self.height, self.cell_size, self.picks, self.stations, self.name, self.one_way)
-        return GridMap, (*of_cells, self.origin)
+        return GridMap, (*of_cells, self.origin, self.discs, self.walls)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> GridMap:
         """Return itself: nobody can change it, and what it has worked out serves all."""
@@ -109,13 +114,16 @@ class GridMap:
 
     @cached_property
     def key(self) -> str:
-        """Return 32 hex digits that stand for the content (shelves, heights, cell size, directions), for caches."""
+        """Return 32 hex digits that stand for the content (shelves, discs, heights, cell size, directions)."""
         content = hashlib.blake2b(digest_size=16)
         content.update(f"{self.shape} {self.cell_size!r} ".encode())
         content.update(self.occupied.tobytes())
         content.update(self.height.tobytes())
         if self.one_way.any():
             content.update(self.one_way.tobytes())
+        if len(self.discs):
+            content.update(self.discs.tobytes())
+            content.update(self.walls.tobytes())
         return content.hexdigest()
 
     @cached_property
@@ -179,6 +187,21 @@ class GridMap:
         column = np.floor(array[..., 0] / self.cell_size)
         row = self.shape[0] - 1 - np.floor(array[..., 1] / self.cell_size)
         return np.stack([row, column], axis=-1).astype(np.int64)
+
+    def standing(self, points: ArrayLike) -> NDArray[np.int64]:
+        """Return int64[..., 2], the cells from which who stands at points (x, y) [m] plans: those that hold them.
+
+        In a cell that a disc closes there may be room to stand: then it is the nearest free cell of `free_cells`.
+        """
+        cells = self.cell(points)
+        if len(self.discs):
+            rows, columns = self.shape
+            for at in np.ndindex(cells.shape[:-1]):
+                row, column = cells[at]
+                if 0 <= row < rows and 0 <= column < columns and self.occupied[row, column] > self.walls[row, column]:
+                    away = self.centre(self.free_cells) - np.asarray(points, dtype=np.float64)[at]
+                    cells[at] = self.free_cells[np.argmin((away * away).sum(axis=1))]
+        return cells
 
     def world(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return float64[..., 2], points (x, y) [m] of the simulation in the frame of the map's file."""
@@ -280,6 +303,14 @@ def _checked_occupied(occupied: ArrayLike) -> NDArray[np.bool_]:
     if checked.all():
         raise MapError("the map has no free cell; a robot needs at least one")
     return checked
+
+
+def _checked_size(size: object) -> float:
+    """Return a cell's side as a float, or raise MapError."""
+    number = isinstance(size, (int, float, np.integer, np.floating)) and not isinstance(size, bool)
+    if not (number and SMALLEST_CELL <= size <= LARGEST_CELL):  # type: ignore[operator]
+        raise MapError(f"cell_size={shown(size)} must be a number from {SMALLEST_CELL} to {LARGEST_CELL} metres")
+    return float(size)  # type: ignore[arg-type]
 
 
 def _checked_origin(origin: object) -> tuple[float, float]:

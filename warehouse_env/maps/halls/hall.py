@@ -22,11 +22,13 @@ from warehouse_env.checked import Checked, from_plain, parse_named
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError, MapWarning
 from warehouse_env.files import STAGED, path_of, read_bytes
+from warehouse_env.maps import discs as round_ones
 from warehouse_env.maps import one_way
+from warehouse_env.maps.discs import covered, read_discs
 from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import lif, picture, places, route_graph
-from warehouse_env.maps.halls.cells import Raster, closed, not_free, raster_of, spread
+from warehouse_env.maps.halls.cells import Raster, closed, not_free, raster_of, spread, within
 from warehouse_env.maps.halls.lanes import Lanes, lay
 from warehouse_env.maps.halls.map_server import YAMLS, Occupancy, beside, image_of, read_occupancy
 
@@ -47,6 +49,7 @@ class Reading(Checked):
     lanes: str | None = None  # LIF (.json) or route graph (.geojson)
     vehicle: str | None = None  # type whose lanes these are (LIF)
     lanes_only: bool = False  # nobody drives off the lanes
+    discs: str | None = None  # round obstacles (.json or .csv); pixels in them are theirs
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -85,7 +88,7 @@ def parse(name: str) -> tuple[Path, Reading]:
 def files_of(name: str) -> Iterator[Path]:
     """Yield the files that a hall is read from, its map first, so that they can travel; those there are."""
     path, how = parse(name)
-    named = [beside(path, other, "file") for other in (how.keepout, how.speed, how.lanes) if other]
+    named = [beside(path, other, "file") for other in (how.keepout, how.speed, how.lanes, how.discs) if other]
     for one in (path, *named):
         yield one
         if one.suffix.lower() in YAMLS:
@@ -123,7 +126,9 @@ class _Reader:
         self._notes: list[str] = []
         self._occupancy = read_occupancy(path, how.resolution)
         self._raster = raster_of(self._occupancy, how.cell)
+        self._discs = self._round_ones()
         weights = not_free(self._occupancy.values, how.unknown == "floor")
+        weights[within(self._discs, self._occupancy)] = 0.0
         self._walls = spread(self._occupancy, weights, self._raster) > how.share + 1e-9
 
     def hall(self) -> Hall:
@@ -140,18 +145,34 @@ class _Reader:
                 barred |= ~on_cells.used & ~self._walls
                 self._check_floor(~(self._walls | barred), "lanes_only leaves")
         occupied = self._walls | barred
-        (picks, stations), named = self._places(lanes, occupied)
+        discs = self._discs - (*self._raster.origin, 0.0)
+        taken = occupied | covered(discs.astype(np.float32), occupied.shape, self._how.cell)
+        self._check_floor(~taken, "discs leave")
+        (picks, stations), named = self._places(lanes, taken)
         if lanes is not None:
             self._notes += lanes.noted()
         if np.isfinite(speed[~occupied]).any():
             self._notes.append("robots do not keep its speed limits: they are read and written only")
         grid = GridMap(
             occupied, None, self._how.cell, picks, stations, self._path.stem,  # type: ignore[arg-type]
-            np.where(occupied, 0, arrows), self._raster.origin,
+            np.where(taken, 0, arrows), self._raster.origin, discs,
         )  # fmt: skip
-        self._note_regions(occupied)
+        self._note_regions(taken)
         report = tuple(self._report(grid, barred))
         return Hall(grid, self._occupancy, self._raster, named, barred, speed, tuple(self._notes), report)
+
+    def _round_ones(self) -> NDArray[np.float64]:
+        """Return float64[K, 3], the discs (x, y, radius) [m] in the map's frame whose centres are on its cells."""
+        if self._how.discs is None:
+            return np.zeros((0, 3))
+        found = read_discs(beside(self._path, self._how.discs, "discs"))
+        inside = self._raster.inside(self._raster.cells(found[:, :2]))
+        if not inside.all():
+            x, y, _ = found[np.argmin(inside)].tolist()
+            self._notes.append(
+                f"{_counted((~inside).sum(), 'disc')} with a centre off the floor are left out, one at ({x:g}, {y:g}) m"
+            )
+        return found[inside]
 
     def _check_floor(self, floor: NDArray[np.bool_], who: str) -> None:
         if not floor.any():
@@ -251,6 +272,8 @@ class _Reader:
             f"{grid.shape[0]} x {grid.shape[1]} cells of {how.cell:g} m, of which up to {how.share:.0%} may be not "
             f"free: {driven:,} are driven on, {driven * size:,.0f} of the map's {free * pixel:,.0f} m² of free floor"
         )
+        if len(grid.discs):
+            yield round_ones.lost(grid)
         if barred.any():
             yield f"closed by keepout, or off the lanes: {_counted(barred.sum(), 'cell')}"
         lost = closed(self._occupancy, ~self._walls, self._raster, how.unknown == "floor")

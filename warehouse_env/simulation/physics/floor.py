@@ -13,6 +13,7 @@ from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout, read_file
+from warehouse_env.simulation.physics.discs import Obstacles, lower_clearance, obstacles_of
 from warehouse_env.simulation.physics.edges import Edges, edges_of
 
 FINE = 8  # samples of the clearance field per cell side
@@ -27,10 +28,10 @@ def load_grid(config: EnvConfig) -> GridMap:
 class Floor(NamedTuple):
     """Static arrays of one map."""
 
-    solid: NDArray[np.uint8]  # [H + 2, W + 2], 1 = shelf or outside; row 0 is the rim south of the map
-    clearance: NDArray[np.uint8]  # [H * FINE, W * FINE], y up: lower bound of the distance to the nearest shelf
+    solid: NDArray[np.uint8] | Obstacles  # [H + 2, W + 2], 1 = shelf or outside; row 0 is the rim south of the map
+    clearance: NDArray[np.uint8]  # [H * FINE, W * FINE], y up: lower bound of the distance to the nearest obstacle
     cell: np.float32  # [m]
-    edges: Edges  # what the lidar sees of the shelves
+    edges: Edges  # what the lidar sees of them
 
 
 @kernel
@@ -59,19 +60,25 @@ def _clearance(solid, cell, fine, unit, out):
 
 
 @lru_cache(maxsize=16)
-def _floor(key: str, grid_text: bytes, rows: int, columns: int, cell: float, lidar_range: float) -> Floor:
-    occupied = np.frombuffer(grid_text, dtype=np.uint8).reshape(rows, columns)
+def _floor(
+    key: str, walls: bytes, rows: int, columns: int, cell: float, round_ones: bytes, lidar_range: float
+) -> Floor:
     solid = np.ones((rows + 2, columns + 2), dtype=np.uint8)
-    solid[1:-1, 1:-1] = occupied[::-1]
+    solid[1:-1, 1:-1] = np.frombuffer(walls, dtype=np.uint8).reshape(rows, columns)[::-1]
     clearance = np.empty((rows * FINE, columns * FINE), dtype=np.uint8)
     _clearance(solid, float(cell), FINE, UNIT, clearance)
     solid.flags.writeable = False
+    obstacles: NDArray[np.uint8] | Obstacles = solid
+    discs = np.frombuffer(round_ones, dtype=np.float32).reshape(-1, 3)
+    if len(discs):
+        obstacles = obstacles_of(solid, discs, cell)
+        lower_clearance(clearance, discs, cell / FINE, UNIT)
     clearance.flags.writeable = False
-    return Floor(solid, clearance, np.float32(cell), edges_of(solid, cell, lidar_range))
+    return Floor(obstacles, clearance, np.float32(cell), edges_of(solid, cell, lidar_range, discs))
 
 
 def floor_of(grid: GridMap, lidar_range: float = SensorSpec.lidar_range) -> Floor:
     """Return the kernels' view of a map, with its edges within `lidar_range` [m]; cached by the map's content."""
     rows, columns = grid.shape
-    text = grid.occupied.astype(np.uint8).tobytes()
-    return _floor(grid.key, text, rows, columns, grid.cell_size, lidar_range)
+    walls = grid.walls.astype(np.uint8).tobytes()
+    return _floor(grid.key, walls, rows, columns, grid.cell_size, grid.discs.tobytes(), lidar_range)

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, shown
 from warehouse_env.files import complete_file, path_of
+from warehouse_env.maps.discs import MOST
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.given import listed, whole_seed
@@ -62,6 +63,8 @@ class Episode:
         )
         if any(grid.origin):
             text["origin"] = grid.origin
+        if len(grid.discs):
+            ordered |= {"discs": grid.discs, "walls": grid.walls}
         with complete_file(path) as part, part.open("wb") as file:
             np.savez_compressed(
                 file, about=np.frombuffer(json.dumps(text).encode(), dtype=np.uint8), occupied=grid.occupied,
@@ -99,7 +102,11 @@ class Episode:
         picks, stations = (arrays.read(name, most=2 * cells.size) for name in ("picks", "stations"))
         floor = (cells, each["height"], about["cell_size"], picks, stations, about["map"])
         one_way, origin = each.get("one_way"), about.get("origin", (0.0, 0.0))
-        grid = GridMap(*floor, one_way=one_way, origin=origin)  # type: ignore[arg-type]  # None: none given
+        discs, walls = (
+            arrays.read(name, most=most) if name in arrays else None
+            for name, most in (("discs", 3 * MOST), ("walls", cells.size))
+        )
+        grid = GridMap(*floor, one_way=one_way, origin=origin, discs=discs, walls=walls)  # type: ignore[arg-type]
         seeds = tuple(arrays.read("seeds").tolist())
         if not all(isinstance(seed, int) and seed >= 0 for seed in seeds):
             raise WarehouseError(f"the seeds {shown(seeds)} must be one whole number a world, none negative")

@@ -246,7 +246,7 @@ class LiveRoutes(Portable):
         """
         r = robots[me]
         pose = np.array([r["x"], r["y"]])
-        row, column = self._book.grid.cell(pose).tolist()
+        row, column = self._book.grid.standing(pose).tolist()
         if (row, column) == goal:
             return None
         stood_for, behind, size = self._floor
