@@ -44,6 +44,7 @@ class Part:
     heading: str = ""
     text: str = ""
     pictures: Sequence[Shown] = ()
+    points: Sequence[str] = ()
     tables: Sequence[Table] = ()
     links: Sequence[Link] = ()
     facts: dict[str, str] = field(default_factory=dict)

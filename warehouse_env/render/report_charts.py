@@ -146,11 +146,12 @@ def throughput(
             at, low, high = knee
             ax.axvspan(low, min(high, robots[-1]), color=hexed(GREY), alpha=0.18, lw=0)
             ax.axvline(at, color=INK, lw=1.2, label=f"a further one brings half, from {at:.0f}")
-        shapes = (("o", GREEN, f"most {what}, {most.robots} robots"), ("o", BLUE, "drives"), ("X", CONTACT, "jams"))
-        for marker, colour, text in shapes:
+        shapes = [("o", GREEN, f"most {what}, {most.robots} robots"), ("o", BLUE, "drives"), ("X", CONTACT, "jams")]
+        for marker, colour, text in shapes if any(load.jammed for load in loads) else shapes[:2]:
             ax.plot([], [], marker, color=hexed(colour), label=text)
         ax.set(xlim=(0, robots[-1] * 1.05), ylim=(0, top * 1.12))
         ax.set(xlabel="robots", ylabel=f"{what} per hour, all robots")
+        ax.xaxis.set_major_locator(load("matplotlib.ticker").MaxNLocator(9, steps=[1, 2, 5, 10], integer=True))
         ax.grid(axis="y")
         figure.legend(loc="outside upper left", ncols=5)
         return svg(figure, label)
