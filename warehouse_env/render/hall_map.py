@@ -69,16 +69,9 @@ def hall_map(hall: Hall, label: str) -> str:
         ax.imshow(_pixels(hall), extent=_extent(hall), interpolation="none")
         draw_arrows(ax, grid, grid.one_way, BLUE)
         mark = max(1.5, 130 / max(grid.shape))
-        for cells, what, shape, filled in (
-            (grid.picks, "pick face", "o", hexed(INDIGO)), (grid.stations, "station", "s", "none"),
-        ):  # fmt: skip
-            style_of: dict[str, Any] = {
-                "mec": hexed(BLUE if shape == "s" else INDIGO),
-                "mfc": filled,
-                "ls": "none",
-                "mew": 1.2,
-            }
-            ax.plot(*grid.centre(cells).T, shape, ms=mark * (0.6 if shape == "o" else 1.2), label=what, **style_of)
+        inks: dict[str, Any] = {"ls": "none", "mew": 1.2}
+        ax.plot(*grid.centre(grid.picks).T, "o", ms=0.6 * mark, c=hexed(INDIGO), label="pick face", **inks)
+        ax.plot(*grid.centre(grid.stations).T, "s", ms=1.2 * mark, mec=hexed(BLUE), mfc="none", label="station", **inks)
         set_metres(ax, grid)
         ax.set(xlabel="x [m] of the map", ylabel="y [m] of the map")
         patch = load("matplotlib.patches").Patch

@@ -151,7 +151,7 @@ def throughput(
             ax.plot([], [], marker, color=hexed(colour), label=text)
         ax.set(xlim=(0, robots[-1] * 1.05), ylim=(0, top * 1.12))
         ax.set(xlabel="robots", ylabel=f"{what} per hour, all robots")
-        ax.xaxis.set_major_locator(load("matplotlib.ticker").MaxNLocator(9, steps=[1, 2, 5, 10], integer=True))
+        ax.xaxis.set_major_locator(module("matplotlib.ticker").MaxNLocator(9, steps=[1, 2, 5, 10], integer=True))
         ax.grid(axis="y")
         figure.legend(loc="outside upper left", ncols=5)
         return svg(figure, label)
