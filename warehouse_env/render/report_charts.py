@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from warehouse_env.render.chart_style import FAINT, INK, empty_figure, hexed, style, svg
 from warehouse_env.render.charts import Bar, collision_scale
 from warehouse_env.render.colours import BLUE, CONTACT, GREEN, GREY, RGB, name_colours
+from warehouse_env.render.extras import load as module
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
