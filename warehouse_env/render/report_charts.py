@@ -38,20 +38,25 @@ class Load(NamedTuple):
     jammed: bool
 
 
-def over_robots(floors: Mapping[str, tuple[Sequence[Bar], Sequence[Bar]]], label: str) -> str:
-    """Draw collisions per km and goals per robot-hour over the number of robots, a row of panels a floor."""
+COLLISIONS = "collisions per robot-km"
+
+
+def over_robots(floors: Mapping[str, Mapping[str, Sequence[Bar]]], label: str) -> str:
+    """Draw measures, two or more, by their title over the number of robots, a row of panels a floor."""
     with style():
+        across = max(map(len, floors.values()))
         figure = empty_figure(10.0, 3.1 * len(floors) + 0.4)
-        axes = figure.subplots(len(floors), 2, squeeze=False)
+        axes = figure.subplots(len(floors), across, squeeze=False)
         figure.get_layout_engine().set(w_pad=0.12, h_pad=0.1)  # type: ignore[union-attr,call-arg]
-        for (left, right), (floor, (collisions, goals)) in zip(axes, floors.items(), strict=True):
-            _dots(left, collisions)
-            _dots(right, goals)
-            collision_scale(left, [bar for bar in collisions if np.isfinite(bar.mean)])
-            right.margins(y=0.15)
-            right.set_ylim(bottom=0)
-            left.set(title=f"{floor}: collisions per robot-km", xlabel="robots")
-            right.set(title=f"{floor}: goals per robot-hour", xlabel="robots")
+        for line, (floor, measures) in zip(axes, floors.items(), strict=True):
+            for ax, (title, bars) in zip(line, measures.items(), strict=True):
+                _dots(ax, bars)
+                if title == COLLISIONS:
+                    collision_scale(ax, [bar for bar in bars if np.isfinite(bar.mean)])
+                else:
+                    ax.margins(y=0.15)
+                    ax.set_ylim(bottom=0)
+                ax.set(title=f"{floor}: {title}", xlabel="robots")
         handles, labels = axes[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper left", ncols=6)
         return svg(figure, label)
