@@ -28,7 +28,7 @@ def hall_parts(hall: Hall, name: str) -> list[Part]:
     doubtful = [_sentence(line) for line in doubts(hall, name)]
     shown = [Shown(hall_map(hall, label), caption)]
     heading = "What is doubtful about it, and what settles it"
-    parts = [Part("The hall as it was understood", "", shown, read), Part(heading, points=doubtful)]
+    parts = [Part("The hall as it was understood", pictures=shown, points=read), Part(heading, points=doubtful)]
     return [part for part in parts if part.points]
 
 

@@ -44,10 +44,10 @@ class Part:
     heading: str = ""
     text: str = ""
     pictures: Sequence[Shown] = ()
-    points: Sequence[str] = ()
     tables: Sequence[Table] = ()
     links: Sequence[Link] = ()
     facts: dict[str, str] = field(default_factory=dict)
+    points: Sequence[str] = ()  # of a list, behind the pictures
 
 
 @dataclass(frozen=True)
