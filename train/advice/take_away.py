@@ -42,7 +42,8 @@ class Recommended(NamedTuple):
         """What it is."""
         if self.effect is None:
             return "the floor as it is, since no change was told to bring anything"
-        return f"the floor with the change that brings most by itself: {self.effect.candidate.text}"
+        stands = "; on your own map these shelves still stand" if self.effect.candidate.kind == "aisle" else ""
+        return f"the floor with the change that brings most by itself: {self.effect.candidate.text}{stands}"
 
 
 def recommended(advice: Advice) -> Recommended:
