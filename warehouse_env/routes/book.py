@@ -157,6 +157,7 @@ class Route(NamedTuple):
     line: NDArray[np.float32]  # [R, 2] [m], way-points
     reach: float = math.inf  # [m] of the line that are made drivable
     end: Pose | None = None  # at which it ends, if that is not the centre of the last cell
+    either: bool = False  # the body may as well stand there the other way round
 
 
 class RouteBook(Portable):
@@ -304,7 +305,7 @@ class RouteBook(Portable):
         reach [m]: how much of it is made drivable.
         """
         end = facing(ends, cells) if ends else None
-        return Route(cells, self._lay(cells, begin, reach, end), reach, end)
+        return Route(cells, self._lay(cells, begin, reach, end), reach, end, len(ends) > 1)
 
     def _lay(
         self, cells: NDArray[np.int32], begin: NDArray[np.floating[Any]] | None, reach: float, end: Pose | None

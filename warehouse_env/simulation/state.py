@@ -35,9 +35,10 @@ ROBOT = np.dtype(
         ("points", I), ("spacing", F), ("position", F),  # way-points, [m] between them, [m] of arc length reached
         ("lateral", F), ("bearing", F),  # [m] left of the route; route direction minus heading [rad]
         ("goal_x", F), ("goal_y", F), ("goal_row", I), ("goal_col", I),
-        # where robots stop at goals (driver/arrival.py): [rad], nan: any; [m] before its route's end from which a robot
-        # seeks the manoeuvre to its goal; it is in that one, or has come to its end
-        ("goal_heading", F), ("join", F), ("docks", B),
+        # where robots stop at goals (driver/arrival.py): [rad], nan: any; the body may stand there the other way round;
+        # [m] before its route's end from which a robot seeks the manoeuvre to its goal; it is in that one, or has come
+        # to its end
+        ("goal_heading", F), ("either", B), ("join", F), ("docks", B),
         ("alive", B), ("acting", B),  # acting: was alive when the env step began
         # events of the last env step
         ("progress", F), ("driven", F), ("gap", F), ("arrived", B), ("touching", B),

@@ -49,14 +49,17 @@ def _take_route(robots, routes, world, robot, points, heading):
     r["arcs"] = r["seeks"] = r["docks"] = 0  # of a manoeuvre to the route before
     r["search_wait"] = r["side"] = np.float32(0.0)
     forget_grants(r)
-    r["goal_heading"], r["join"] = heading, np.float32(0.0)
+    r["goal_heading"], r["either"], r["join"] = heading, False, np.float32(0.0)
 
 
 @kernel
-def _take_end(robots, world, robot, x, y, heading, join):
-    """Write the pose at which a robot's route ends: its goal, which it seeks from `join` [m] before the end on."""
+def _take_end(robots, world, robot, x, y, heading, either, join):
+    """Write the pose at which a robot's route ends: its goal, which it seeks from `join` [m] before the end on.
+
+    either: its body may as well stand there the other way round.
+    """
     r = robots[world, robot]
-    r["goal_x"], r["goal_y"], r["goal_heading"] = x, y, heading
+    r["goal_x"], r["goal_y"], r["goal_heading"], r["either"] = x, y, heading, either
     r["join"] = np.float32(0.0) if np.isnan(heading) else join
 
 
@@ -224,7 +227,7 @@ class Dispatcher(Portable):
             self.live.give_up(world, robot)
         _take_route(self.robots, self.routes, world, robot, points, self._any_heading)
         if route.end is not None:
-            _take_end(self.robots, world, robot, *route.end, JOIN)
+            _take_end(self.robots, world, robot, *route.end, route.either, JOIN)
         if self.live is not None:
             self.live.take_up(self.robots, self.routes, world, robot, route.cells, route.reach)
 
@@ -303,7 +306,7 @@ class Dispatcher(Portable):
             cells, ends = np.array([goal], dtype=np.int32), self._ends(world, robot, goal)
             end = facing(ends, cells) if ends else None
             there = self.book.grid.centre(cells[0]) if end is None else np.array(end[:2])
-            return Route(cells, np.array([pose, there], dtype=np.float32), end=end)
+            return Route(cells, np.array([pose, there], dtype=np.float32), end=end, either=len(ends) > 1)
         return self._route(world, robot, (row, column), goal, step)
 
     def _give_another(self, world: int, robot: int, route: Route) -> None:
