@@ -116,6 +116,7 @@ HALL = {
     "h.pgm": b"P5\n8 8\n255\n" + bytes([254] * 40 + [0] * 4 + [205] * 20),
     "k.yaml": b"image: h.pgm\nresolution: 1\norigin: [1, 0.0, 0]\nnegate: 1\noccupied_thresh: .9\nfree_thresh: .3\n",
     "h.png": b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x04\0\0\0\x04\x08\0\0\0\0",
+    "h.discs.json": b'{"discs": [{"x": 1.2, "y": 1.1, "radius": 0.3}]}',
     "h.places.json": b'{"picks": [{"id": 1, "x": 0.5, "y": 1.0}], "stations": [{"x": 2.5, "y": 1.5}]}',
     "h.oneway": b"....\n.>..\n....\n....\n",
     "l.json": json.dumps(LIF).encode(), "l.geojson": json.dumps(GRAPH).encode(),
@@ -165,8 +166,9 @@ def _make_hall(rng: Random) -> tuple[dict[str, bytes], str]:
     for name in rng.sample(sorted(files), rng.randint(1, 2)):
         is_json = name.endswith("json")
         files[name] = json_bytes(rng, json.loads(files[name])) if is_json else damaged(rng, files[name])
-    how = rng.choice(["", "cell=0.5", "keepout=k.yaml", "speed=k.yaml", "lanes=l.json", "lanes=l.geojson",
-                      "lanes=l.json,lanes_only=true", "cell=" + making.text(rng), making.text(rng)])  # fmt: skip
+    how = rng.choice(["", "cell=0.5", "keepout=k.yaml", "speed=k.yaml", "discs=h.discs.json", "lanes=l.json",
+                      "lanes=l.geojson", "lanes=l.json,lanes_only=true", "cell=" + making.text(rng),
+                      making.text(rng)])  # fmt: skip
     return files, rng.choice(["h.yaml", "h.yaml", "h.yaml", "h.png"]) + (f":{how}" if how else "")
 
 
@@ -606,7 +608,7 @@ TARGETS: dict[str, Target] = {
     "plain config": Target(_make_plain, _plain, 500),
     "named": Target(lambda rng: damaged(rng, b"aisles:seed=7,rows=40"), _named, 1500),
     "grid map": Target(lambda rng: options(rng, ["occupied", "height", "cell_size", "picks", "stations", "name",
-                                                 "one_way", "origin"]), _grid, 500),
+                                                 "one_way", "origin", "discs", "walls"]), _grid, 500),
     "layout": Target(_make_layout, lambda given, f: make_layout(given[0], **given[1]), 60),
     "planner": Target(_make_planned, _planned, 500),
     "scenario": Target(lambda rng: (0, 0, options(rng, list(Scenario._fields))), _scenarios, 500),
