@@ -63,6 +63,22 @@ class RobotSpec(Checked):
         return math.hypot(max(self.rear_reach, self.front_overhang), self.width / 2)
 
     @property
+    def least_radius(self) -> float:
+        """Radius [m] of the sharpest turn of the fixed axle's centre."""
+        return self.wheelbase / math.tan(self.max_steering)
+
+    @property
+    def longer(self) -> float:
+        """How many times as long as the default the body is, or as wide its sharpest turn: for lengths along a way."""
+        usual = RobotSpec.wheelbase / math.tan(RobotSpec.max_steering)
+        return max(self.length / RobotSpec.length, self.least_radius / usual)
+
+    @property
+    def wider(self) -> float:
+        """How many times as wide as the default the body is, for lengths across a way."""
+        return self.width / RobotSpec.width
+
+    @property
     def front_steered(self) -> bool:
         """Whether the steered wheels are those ahead: the fixed axle is then under the rear half of the body."""
         return self.front_overhang > self.rear_reach
@@ -191,7 +207,8 @@ class EnvConfig(Checked):
     terminate_on_collision: bool = False  # end a robot's episode at its first contact
     speed_levels: tuple[float, ...] = (-0.4, 0.0, 0.5, 1.5)  # [m/s], of discrete actions
     lateral_offsets: tuple[float, ...] = (0.0, 0.6, -0.6, 1.2, -1.2)  # [m], left of the route is positive
-    keep_right: float = 0.5  # [m] that routes move to the right of the planned path where there is room
+    # [m] that routes move to the right of the planned path where there is room; of the default body, else by its width
+    keep_right: float = 0.5
     # robots brake, whatever they are told, where they could not stop clear of others: of whom they know by what robots
     # tell each other, or by their own scanners alone ("lidar")
     protective_field: bool | Literal["lidar"] = False
@@ -303,14 +320,14 @@ class EnvConfig(Checked):
 
     @property
     def widest_body(self) -> RobotSpec:
-        """What lanes and places are made for: `robot` where all are alike, else a body about the same axle that holds
-        those of all robots, and turns no sharper than any.
+        """What floors, lanes and places are made for: `robot` where all are alike, else a body about the same axle that
+        holds those of all robots, and turns no sharper than any.
         """
         bodies = self.bodies
         if len(bodies) == 1:
             return bodies[0]
         ahead, behind = max(body.front_overhang for body in bodies), max(body.rear_reach for body in bodies)
-        turns = max(bodies, key=lambda body: body.wheelbase / math.tan(body.max_steering))
+        turns = max(bodies, key=lambda body: body.least_radius)
         return dataclasses.replace(
             turns, length=ahead + behind, front_overhang=ahead, width=max(body.width for body in bodies)
         )

@@ -78,6 +78,7 @@ def about_world(name: str, grid: GridMap, config: EnvConfig, seed: int) -> dict[
         "gridRows": rows,
         "gridColumns": across,
         "cell": grid.cell_size,
+        "discs": grid.discs.tolist(),
         "bodies": [
             {"length": body.length, "width": body.width, "wheelbase": body.wheelbase, "front": body.front_overhang}
             for body in config.kinds

@@ -25,8 +25,9 @@ from warehouse_env.simulation.driver.manoeuvre import ARCS
 from warehouse_env.simulation.driver.turning import turning_metrics
 from warehouse_env.simulation.physics.buckets import bucket_grid
 from warehouse_env.simulation.physics.deviation import Deviation, errs, planned_config
-from warehouse_env.simulation.physics.floor import floor_of, load_grid
+from warehouse_env.simulation.physics.floor import fit, floor_of, load_grid
 from warehouse_env.simulation.physics.people import People
+from warehouse_env.simulation.physics.zones import zones_of
 from warehouse_env.simulation.record import metrics
 from warehouse_env.simulation.rules import agreement, making_room
 from warehouse_env.simulation.rules.audit import raise_fault
@@ -65,7 +66,7 @@ class Simulator(Portable):
     """
 
     bound = (
-        "state", "events", "_floor", "_scanners", "_compiled",
+        "state", "events", "_floor", "_scanners", "_zones", "_compiled",
         "_advance_arguments", "_agree_arguments", "_room_arguments", "_observe_arguments",
     )  # fmt: skip
 
@@ -86,12 +87,12 @@ class Simulator(Portable):
         given.check_parts(config, grid, planner, routes)
         num_worlds = given.check_count("num_worlds", num_worlds)
         self.config, self.num_worlds, self.num_agents = config, num_worlds, config.num_agents
-        self.grid = routes.grid if routes is not None else grid if grid is not None else load_grid(config)
+        self.grid = routes.grid if routes is not None else load_grid(config) if grid is None else fit(grid, config)
         if routes is None:
             from warehouse_env.planning import make_planner
 
             planner = planner if planner is not None else make_planner(config.planner)
-            routes = RouteBook(self.grid, planner, keep_right=config.keep_right)
+            routes = RouteBook(self.grid, planner, keep_right=config.keep_right, wider=config.widest_body.wider)
         given.check_pace(config, self.grid.cell_size)
         planned = planned_config(config)
         given.check_stop(config, state.stop_samples(planned))
@@ -101,8 +102,10 @@ class Simulator(Portable):
         cells = self.grid.occupied.size
         given.check_memory(num_worlds, config.num_agents, self.layout.size, each, config.people, cells)
         self._every_kind = state.every_kind(planned, self.grid.cell_size)
+        for name in ("longer", "wider"):  # whatever errors add
+            self._every_kind[name[:4]] = [getattr(robot, name) for robot in config.kinds]
         self._params = self._every_kind[:1].copy()
-        self._kinds = state.kinds_of(planned, self.grid.cell_size)
+        self._kinds = self._every_kind[list(config.kind_of)] if config.fleet else None
         self._make_spaces(planned)
         self._weights = weight_vector(config.reward)
         self._reward_weights = config.reward
@@ -173,6 +176,7 @@ class Simulator(Portable):
         """Make the views and the floor, and keep the kernels' arguments ready."""
         self.state, self.events = state.state_of(self.robots), state.events_of(self.robots)
         self._floor = floor_of(self.grid, self.config.sensor.lidar_range)
+        self._zones = zones_of(self.grid, planned_config(self.config))
         self._scanners = None
         if self._sights is not None:
             self._scanners = scanners_of(self.config.field_spec.scanner_rays, self._floor.edges)
@@ -193,23 +197,16 @@ class Simulator(Portable):
         self._advance_arguments = (
             persons, self.people.ways, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
             self.terminated, self._waiting, self._faults, self._deviation.bodies, self._deviation.errors,
-            None if shifts is None else shifts.limits, *features, self._scanners, self._sights, *self._limits,
-            self._true_params, self._true_kinds, *floor,
+            None if shifts is None else shifts.limits, *features, self._scanners, self._sights, self._zones,
+            *self._limits, self._true_params, self._true_kinds, *floor,
         )  # fmt: skip
         self._agree_arguments = (
             persons, self.arcs, self._commands[0], self._paths, *self._limits, self._choices, self._floor.clearance,
         )  # fmt: skip
         self._room_arguments = (persons, self.arcs, self._paths, *self._limits, *floor)
         walking, stopping = features.walking, features.stopping
-        self._observe_arguments = (
-            persons,
-            self._waiting,
-            stopping,
-            walking,
-            self._true_params,
-            self._true_kinds,
-            *seen,
-        )
+        true = (self._true_params, self._true_kinds)
+        self._observe_arguments = (persons, self._waiting, stopping, walking, *true, *seen)
 
     def _table(self) -> NDArray[np.float32]:
         """Return what discrete actions mean to each kind of robots, float32[K, A, 2]."""

@@ -35,9 +35,10 @@ ROBOT = np.dtype(
         ("points", I), ("spacing", F), ("position", F),  # way-points, [m] between them, [m] of arc length reached
         ("lateral", F), ("bearing", F),  # [m] left of the route; route direction minus heading [rad]
         ("goal_x", F), ("goal_y", F), ("goal_row", I), ("goal_col", I),
-        # where robots stop at goals (driver/arrival.py): [rad], nan: any; [m] before its route's end from which a robot
-        # seeks the manoeuvre to its goal; it is in that one, or has come to its end
-        ("goal_heading", F), ("join", F), ("docks", B),
+        # where robots stop at goals (driver/arrival.py): [rad], nan: any; the body may stand there the other way round;
+        # [m] before its route's end from which a robot seeks the manoeuvre to its goal; it is in that one, or has come
+        # to its end
+        ("goal_heading", F), ("either", B), ("join", F), ("docks", B),
         ("alive", B), ("acting", B),  # acting: was alive when the env step began
         # events of the last env step
         ("progress", F), ("driven", F), ("gap", F), ("arrived", B), ("touching", B),
@@ -93,7 +94,7 @@ PARAMETERS = np.dtype(
         ("half_length", F), ("half_width", F), ("offset", F), ("radius", F),  # [m]; offset: front axle to centre
         ("kind", I), ("widest", F), ("widest_length", F), ("widest_width", F),  # number of its kind; [m], see LARGEST
         ("wheelbase", F), ("min_speed", F), ("max_speed", F), ("max_acceleration", F),
-        ("max_steer", F), ("max_steer_rate", F),
+        ("max_steer", F), ("max_steer_rate", F), ("long", F), ("wide", F),  # times as long, as wide as RobotSpec()
         ("arrival_radius", F), ("arrival_angle", F), ("beyond", F),  # [m], [rad], and [m] aimed at beyond a route
         ("near_miss_gap", F), ("pair_range", F), ("stride", F), ("blur", F),
         ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
@@ -160,6 +161,7 @@ def _parameters_of_one(config: EnvConfig, robot: RobotSpec, cell: float) -> NDAr
         "wheelbase": robot.wheelbase, "min_speed": robot.min_speed, "max_speed": robot.max_speed,
         "max_acceleration": robot.max_acceleration,
         "max_steer": robot.max_steering, "max_steer_rate": robot.max_steering_rate,
+        "long": robot.longer, "wide": robot.wider,
         "arrival_radius": config.pose_radius if config.arrival == "pose" else config.arrival_radius,
         "arrival_angle": config.pose_angle, "beyond": 0.0 if config.arrival == "pass" else np.inf,
         "near_miss_gap": config.near_miss_gap,

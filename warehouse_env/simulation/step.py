@@ -18,7 +18,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.observation import EGO, FIELD, GOAL, NEIGHBOUR
 from warehouse_env.simulation.driver import arrival, line, tracking
-from warehouse_env.simulation.physics import buckets, contact, contact_episodes, deviation, people
+from warehouse_env.simulation.physics import buckets, contact, contact_episodes, deviation, people, zones
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import approach, braking
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
@@ -171,16 +171,21 @@ def _move(robots, persons, near, motions, walking, guarded, p, kinds, solid, cle
 @inline
 def _choose(
     robots, persons, routes, arcs, commands, limits, places, motions, guards, followed, stopping, walking, guarded,
-    scanners, sights, looks, p, kinds, solid, clearance,
+    scanners, sights, looks, slow, p, kinds, solid, clearance,
 ):  # fmt: skip
     """Choose each robot's motion of one physics step.
 
     limits PARAMETERS[N]: of each robot under its load, None where nobody carries any; kinds: without it (kinds.py);
-    scanners, sights float32[N, N], looks: None without them; see scanners.py and by_sight.py.
+    scanners, sights float32[N, N], looks: None without them; see scanners.py and by_sight.py; slow: zones.Zones, None
+    without them.
     """
     _, motion, _, _ = motions
     for i in range(robots.shape[0]):
         first, second, unladen = commands[i, 0], commands[i, 1], kind_of(i, p, kinds)
+        if slow is not None:
+            most = zones.most_speed(robots[i], slow, unladen)
+            if followed is not None:
+                first = min(max(first, -most), most)
         if followed is not None:
             own = unladen if limits is None else limits[i]
             first, second = _follow(robots[i], routes[i], arcs[i], first, second, stopping, own, solid, clearance)
@@ -188,6 +193,8 @@ def _choose(
             first, second = _take_raw(robots[i], first, second, unladen)
             if limits is not None:
                 first = _slowed(robots[i], first, limits[i])
+        if slow is not None:
+            first = zones.keep_under(robots[i], first, most, unladen)
         contact.load(robots, i, first, second, unladen, clearance, motion)
     if scanners is not None:
         by_sight.guard(robots, persons, motion, guards, places, sights, looks, walking, p, solid, clearance, scanners)
@@ -267,7 +274,7 @@ def _count_step(robots, steps, b, truncated, terminated, p):
 @kernel
 def advance(
     begin, end, robots, routes, persons, ways, arcs, commands, stamps, steps, truncated, terminated, waiting, faults,
-    actual, errors, limits, followed, stopping, walking, guarded, checked, erring, scanners, sights, params,
+    actual, errors, limits, followed, stopping, walking, guarded, checked, erring, scanners, sights, slow, params,
     kinds, true_params, true_kinds, solid, clearance,
 ):  # fmt: skip
     """Move the worlds from `begin` to before `end` on by one env step; return (arrivals, robots that seek a manoeuvre).
@@ -280,7 +287,7 @@ def advance(
     faults int32[B, 3]: see audit.find_fault; actual BODY[B, N], errors, true_params, true_kinds: see deviation.py;
     limits PARAMETERS[B, N]: of robots under loads (loads.py), None where nobody carries any; kinds PARAMETERS[N]: of
     robots of several kinds, else None (kinds.py); followed to erring: see Features; scanners, sights float32[B, N, N]:
-    see scanners.py and by_sight.py, None without them.
+    see scanners.py and by_sight.py, slow: zones.Zones, None without them.
     """
     p, true = params[0], true_params[0]
     arrivals, seeking, count = 0, 0, robots.shape[1]
@@ -303,7 +310,7 @@ def advance(
             _choose(
                 robots[b], persons[b], routes[b], arcs[b], commands[said, b], None if limits is None else limits[b],
                 places, motions, guards, followed, stopping, walking, guarded, scanners,
-                None if scanners is None else sights[b], looks, p, kinds, solid, clearance,
+                None if scanners is None else sights[b], looks, slow, p, kinds, solid, clearance,
             )  # fmt: skip
             _carry_out(
                 robots[b], persons[b], actual[b], errors[b, repeat], near, motions, own, walking, guarded, erring, p,

@@ -144,6 +144,24 @@ def test_a_tighter_goal_is_reached_as_well() -> None:
     assert abs(math.remainder(heading - goal[2], 2 * math.pi)) <= math.radians(1.0)
 
 
+@pytest.mark.parametrize("told", [(0, 1), (0, 8)])
+def test_where_a_robot_cannot_turn_round_it_stands_at_a_face_the_way_it_faces(told: tuple[int, int]) -> None:
+    """Backwards along an aisle of one cell: the body has its middle in the goal's cell, so its axle is .3 m ahead."""
+    sim = Simulator(EnvConfig(num_agents=1, planner="astar", arrival="pose", tasks="one_shot"), grid=drawn(["." * 10]))
+    sim.reset_to([Assignment([(5.0, 0.5, 0.0)], [told])], seed=1)
+    for _ in range(400):
+        sim.step(np.full((1, 1), sim.cruise_action))
+        if sim.arrivals:
+            break
+    x, y, heading = sim.state.pose[0, 0].tolist()
+    assert (x, y, heading) == (
+        pytest.approx(told[1] + 0.8, abs=0.05),
+        pytest.approx(0.5, abs=0.05),
+        pytest.approx(0.0, abs=0.01),
+    )
+    assert sim.robots["goal_heading"][0, 0] == pytest.approx(0.0, abs=1e-6)
+
+
 def test_lifelong_robots_stand_beside_the_shelves_that_they_are_sent_to() -> None:
     config = EnvConfig(num_agents=4, planner="astar", arrival="pose", layout="narrow", max_steps=10**6)
     sim = Simulator(config)

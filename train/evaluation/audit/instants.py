@@ -39,6 +39,7 @@ class Scene(NamedTuple):
     people: Any  # float64[M, 2] [m] as the step begins
     walked: Any  # float64[M, 2] [m/s], straight on
     solid: Any  # bool[H, W]: shelves, by columns and rows of cells counted from x = y = 0
+    discs: Any  # float64[K, 3]: x, y, radius [m] of round obstacles
     cell: float  # [m]
     slack: float  # [m] that rounding may make of one body's place
     fleet: Any  # whose bodies, see bodies.Fleet
@@ -53,7 +54,7 @@ def _is_solid(solid, column, row):
 
 @part
 def _shelf_gap(x, y, c, s, scene, body):
-    """Return the gap [m] between a body and the shelf nearest to it, at most a cell."""
+    """Return the gap [m] between a body and the shelf or disc nearest to it, at most a cell."""
     size, half = scene.cell, 0.5 * scene.cell
     least, reach = size, body.radius + size
     for column in range(math.floor((x - reach) / size), math.floor((x + reach) / size) + 1):
@@ -63,6 +64,12 @@ def _shelf_gap(x, y, c, s, scene, body):
                 if point_gap(dx, dy, half, half) - body.radius < least:
                     found = gap(dx, dy, c, s, body.half_length, body.half_width, 1.0, 0.0, half, half)
                     least = min(least, found)
+    for k in range(scene.discs.shape[0]):
+        dx, dy, wide = scene.discs[k, 0] - x, scene.discs[k, 1] - y, scene.discs[k, 2]
+        near = least + wide + body.radius
+        if dx * dx + dy * dy < near * near:
+            found = point_gap(dx * c + dy * s, dy * c - dx * s, body.half_length, body.half_width) - wide
+            least = min(least, found)
     return least
 
 
@@ -258,12 +265,12 @@ def _look_around(faults, count, world, seen, end, scene):
 
 
 @kernel
-def audit_step(before, after, put_back, people, walked, solid, cell, fleet, closest, ways, faults):
+def audit_step(before, after, put_back, people, walked, solid, discs, cell, fleet, closest, ways, faults):
     """Check one env step of all worlds; return how many faults were written.
 
     before, after float64[B, N, STATE]; put_back bool[B, N]: whose motion within the step is not known; people, walked
-    float64[B, M, 2]; solid bool[W, H]: see Scene; fleet: see bodies.py; closest float64[B] [m] and ways float64[B] [m],
-    of each world so far, are brought up to date; faults float64[K, FAULT].
+    float64[B, M, 2]; solid bool[W, H], discs: see Scene; fleet: see bodies.py; closest float64[B] [m] and ways
+    float64[B] [m], of each world so far, are brought up to date; faults float64[K, FAULT].
     """
     worlds, robots = before.shape[:2]
     count, seen, body = 0, np.empty((4, robots)), fleet.bodies[0]  # which all divide an env step alike
@@ -271,7 +278,7 @@ def audit_step(before, after, put_back, people, walked, solid, cell, fleet, clos
     arcs = np.empty((robots, body.pieces, drives.ARC))
     slack = drives.rounding(max(solid.shape) * cell, body)
     for b in range(worlds):
-        scene = Scene(arcs, people[b], walked[b], solid, cell, slack, fleet)
+        scene = Scene(arcs, people[b], walked[b], solid, discs, cell, slack, fleet)
         count, way = _drive_all(faults, count, b, before[b], after[b], put_back[b], seen, end, scene)
         ways[b] += way
         count, closest[b] = _look_at_pairs(faults, count, b, seen, closest[b], end, scene)

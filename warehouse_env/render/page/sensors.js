@@ -10,6 +10,7 @@ function lidarOf(episode, robot) {
     const angle = heading + (TURN * ray) / distances.length;
     const ux = Math.cos(angle), uy = Math.sin(angle);
     let distance = rayToShelf(episode, x, y, ux, uy);
+    for (const disc of episode.discs) distance = Math.min(distance, rayToDisc(x, y, ux, uy, ...disc));
     for (let i = 0; i < episode.people; i++) distance = Math.min(distance, rayToPerson(episode, x, y, ux, uy, i));
     for (const body of near) distance = Math.min(distance, rayToBody(x, y, ux, uy, body));
     distances[ray] = distance;
@@ -62,9 +63,13 @@ function rayToBody(x, y, ux, uy, body) {
 }
 
 function rayToPerson(episode, x, y, ux, uy, person) {
-  const dx = episode.walking[3 * person] - x, dy = episode.walking[3 * person + 1] - y;
+  return rayToDisc(x, y, ux, uy, episode.walking[3 * person], episode.walking[3 * person + 1], episode.personRadius);
+}
+
+function rayToDisc(x, y, ux, uy, discX, discY, radius) {
+  const dx = discX - x, dy = discY - y;
   const along = dx * ux + dy * uy;
-  const inside = along * along - dx * dx - dy * dy + episode.personRadius ** 2;
+  const inside = along * along - dx * dx - dy * dy + radius ** 2;
   return along > 0 && inside >= 0 ? Math.max(along - Math.sqrt(inside), 0) : Infinity;
 }
 

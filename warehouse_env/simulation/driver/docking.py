@@ -18,20 +18,45 @@ from warehouse_env.simulation.driver.shots import MOST_ARCS, shoot
 from warehouse_env.simulation.physics.footprint import sweep_is_free
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import curvature, roll
-from warehouse_env.simulation.physics.trigonometry import HALF, HALF_PI, ZERO, sin_cos, wrap
+from warehouse_env.simulation.physics.trigonometry import HALF, HALF_PI, PI, ZERO, sin_cos, wrap
 
 HEADINGS = 4  # tried where any heading will do
 _TURNING = np.float32(0.2)  # [m/s] from which a robot may take any turn
 
 
 @inline
-def _write_goals(r, goals):
+def _write_goals(r, goals, p):
     """Write the robot's goal into goals float32[HEADINGS, 4], for each heading that is tried; return how many."""
     free = np.isnan(r["goal_heading"])
     for k in range(HEADINGS):
         goals[k, 0], goals[k, 1], goals[k, 3] = r["goal_x"], r["goal_y"], ZERO
         goals[k, 2] = wrap(r["heading"] + np.float32(k) * HALF_PI) if free else r["goal_heading"]
-    return HEADINGS if free else 1
+    if r["either"] == 0:
+        return HEADINGS if free else 1
+    goals[1, 0], goals[1, 1], goals[1, 2] = _other_way_round(r, p)
+    return 2
+
+
+@inline
+def _other_way_round(r, p):
+    """Return the pose (x, y, heading) at which a robot's body stands where it does at its goal, the other way round."""
+    s, c = sin_cos(r["goal_heading"])
+    between = p["offset"] + p["offset"]
+    return r["goal_x"] - between * c, r["goal_y"] - between * s, wrap(r["goal_heading"] + PI)
+
+
+@inline
+def _dock(r, count, arcs, margin, p):
+    """Begin the manoeuvre of `count` arcs to the robot's goal: which way round it stands there is settled with it."""
+    begin_manoeuvre(r, count, arcs, margin)
+    r["docks"] = 1
+    if r["either"] == 0:
+        return
+    heading = r["heading"]
+    for k in range(count):
+        heading = wrap(heading + wrap(arcs[k, 0] * curvature(arcs[k, 1], p["wheelbase"])))
+    if abs(wrap(heading - r["goal_heading"])) > HALF_PI:
+        r["goal_x"], r["goal_y"], r["goal_heading"] = _other_way_round(r, p)
 
 
 @inline
@@ -50,7 +75,7 @@ def plan_to_goal(r, arcs, bodies, tries, most, p, solid, clearance, metric):
     Arguments: see rejoin.plan_to_route.
     """
     goals, rooms = np.empty((HEADINGS, 4), np.float32), np.empty(bodies.shape[0], np.float32)
-    goals, shot = goals[: _write_goals(r, goals)], np.empty((MOST_ARCS, 2), np.float32)
+    goals, shot = goals[: _write_goals(r, goals, p)], np.empty((MOST_ARCS, 2), np.float32)
     x, y, heading, way = _slowed_down(r, p)
     steer = r["steer"]
     s, c = sin_cos(r["heading"])
@@ -69,8 +94,7 @@ def plan_to_goal(r, arcs, bodies, tries, most, p, solid, clearance, metric):
                 first = 1
             for k in range(count):
                 arcs[first + k, 0], arcs[first + k, 1] = shot[k, 0], shot[k, 1]
-            begin_manoeuvre(r, first + count, arcs, margin)
-            r["docks"] = 1
+            _dock(r, first + count, arcs, margin, p)
             return first + count
     if abs(r["speed"]) > _TURNING:  # it is driven from where the robot stands
         return manoeuvre.NONE
@@ -80,8 +104,7 @@ def plan_to_goal(r, arcs, bodies, tries, most, p, solid, clearance, metric):
             r["x"], r["y"], r["heading"], steer, goals, bodies, trial, most, p, solid, clearance, metric, arcs
         )
         if found >= 0:
-            begin_manoeuvre(r, found, arcs, manoeuvre.MARGINS[trial])
-            r["docks"] = 1
+            _dock(r, found, arcs, manoeuvre.MARGINS[trial], p)
             return found
         if found == manoeuvre.CUT_OFF and most < manoeuvre.MOST:
             break

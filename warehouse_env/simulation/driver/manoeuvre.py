@@ -57,6 +57,7 @@ _SHOT_WITHIN = np.float32(12.0)  # [s] of way to go at most
 _TWICE, _SPARE = np.float32(2.0), np.float32(4.0)  # times as long, and [s] longer, that a shot may take
 _REACHED, _ALONG = np.float32(0.1), np.float32(0.15)  # [m] beside and along a goal pose that count as there
 _ALIGNED = np.float32(0.2)  # [rad]
+_LARGE = np.float32(2.0)  # times that for longer bodies at most: the end of a route is a goal that is arrived at
 X, Y, HEADING, COSINE, SINE, COST, MARGIN = range(7)  # columns of `poses`; MARGIN: of arcs from there [m]
 
 
@@ -70,20 +71,23 @@ def _margin_at(x, y, c, s, margin, p, solid, clearance):
 
 
 @inline
-def _to_go(x, y, heading, goals, facing, metric):
+def _to_go(x, y, heading, goals, facing, metric, p):
     """Return (whether a goal is reached, seconds from there on; or estimated seconds to the best goal).
 
     facing float32[G, 2]: cosine and sine of the goals' headings.
     """
-    least, arrived = np.float32(np.inf), False
+    least, arrived, large = np.float32(np.inf), False, min(p["long"], _LARGE)
     for k in range(goals.shape[0]):
         c, s = facing[k, 0], facing[k, 1]
         dx, dy, turn = x - goals[k, 0], y - goals[k, 1], wrap(heading - goals[k, 2])
         ahead, left = dx * c + dy * s, dy * c - dx * s
-        if abs(ahead) <= _ALONG and abs(left) <= _REACHED and abs(turn) <= _ALIGNED:
+        if abs(ahead) <= _ALONG * large and abs(left) <= _REACHED * large and abs(turn) <= _ALIGNED:
             least, arrived = (min(least, goals[k, 3]) if arrived else goals[k, 3]), True
         elif not arrived:
-            least = min(least, goals[k, 3] + GREED * turning.seconds_between(ahead, left, turn, metric))
+            least = min(
+                least,
+                goals[k, 3] + GREED * turning.seconds_between(ahead, left, turn, metric, turning.CELL * p["long"]),
+            )
     return arrived, least
 
 
@@ -154,7 +158,7 @@ def _finish(
 ):
     """Return the number of arcs to a goal over a node, -1 if no shot is tried from there or none is free."""
     x, y, heading = poses[node, X], poses[node, Y], poses[node, HEADING]
-    rest = _to_go(x, y, heading, goals, facing, metric)[1]
+    rest = _to_go(x, y, heading, goals, facing, metric, p)[1]
     if node % _SHOTS != 0 or rest > _SHOT_WITHIN:
         return -1
     last = moves[by[node], turning.STEER] if by[node] >= 0 else steer
@@ -191,7 +195,7 @@ def _search(
     poses[0, COST], poses[0, MARGIN] = ZERO, _margin_at(x, y, c, s, margin, p, solid, clearance)
     parents[0], by[0] = -1, -1
     if exact is None and (
-        (not bars(x, y, c, s, avoid, p)) if aside else _to_go(x, y, heading, goals, facing, metric)[0]
+        (not bars(x, y, c, s, avoid, p)) if aside else _to_go(x, y, heading, goals, facing, metric, p)[0]
     ):
         return 0
     size, waiting, used, node = 0, 0, 1, whole(0)
@@ -208,7 +212,7 @@ def _search(
             if aside:
                 ends[waiting] = not bars(x, y, c, s, avoid, p)
             else:
-                ends[waiting], rest = _to_go(x, y, heading, goals, facing, metric)
+                ends[waiting], rest = _to_go(x, y, heading, goals, facing, metric, p)
             origins[waiting], ways[waiting] = node, k
             size = push(keys, items, size, total + rest, waiting)
             waiting += 1
@@ -282,7 +286,8 @@ def _search_within(
     for k in range(goals.shape[0]):
         facing[k, 1], facing[k, 0] = sin_cos(goals[k, 2])
     return _search(
-        x, y, heading, steer, goals, facing, avoid, bodies, rooms, MARGINS[trial], STRIDES[trial], CELLS[trial],
+        x, y, heading, steer, goals, facing, avoid, bodies, rooms, MARGINS[trial],
+        STRIDES[trial] * p["long"], CELLS[trial] * p["long"],
         tree, table, queue, exact, p, solid, clearance, metric, arcs,
     )  # fmt: skip
 

@@ -31,13 +31,14 @@ AMONG_OTHERS, ASIDE = 300, 700  # nodes of a search round others who may go, and
 
 
 @inline
-def _write_goals(r, route, apart, many, goals):
+def _write_goals(r, route, apart, many, goals, p):
     """Write poses along the route into goals float32[many + 3, 4]; at its end the heading is free. Return how many."""
     to_go = np.float32(r["points"] - 1) * r["spacing"] - r["position"]
-    last = min(FIRST + apart * np.float32(many - 1), to_go)
+    first, apart = FIRST * p["long"], apart * p["long"]
+    last = min(first + apart * np.float32(many - 1), to_go)
     count = 0
     for k in range(many):
-        ahead = min(FIRST + apart * np.float32(k), to_go)
+        ahead = min(first + apart * np.float32(k), to_go)
         x, y, ux, uy = way_point(r, route, ahead, ZERO)
         heading = arc_tan2(uy, ux)
         goals[count, 0], goals[count, 1], goals[count, 2] = x, y, heading
@@ -79,8 +80,8 @@ def plan_to_route(r, route, arcs, bodies, tries, most, p, solid, clearance, metr
         return manoeuvre.NONE
     nothing = np.empty((0, BODY), np.float32)
     near, far = np.empty((MANY + 3, 4), np.float32), np.empty((FAR_MANY + 3, 4), np.float32)
-    near = near[: _write_goals(r, route, APART, whole(MANY), near)]
-    far = far[: _write_goals(r, route, FAR_APART, whole(FAR_MANY), far)]
+    near = near[: _write_goals(r, route, APART, whole(MANY), near, p)]
+    far = far[: _write_goals(r, route, FAR_APART, whole(FAR_MANY), far, p)]
     for k in range(2 * tries):
         trial = manoeuvre.trial_of(k // 2, bodies)
         goals = near if k % 2 == 0 else far
@@ -120,7 +121,7 @@ def take_up(i, robots, p, kinds, near):
     kind, r["seeks"] = r["seeks"], 0
     if kind == 0 or r["alive"] == 0 or r["arrived"] != 0:  # who has arrived gets another route
         return -1, manoeuvre.TRIES, manoeuvre.MOST
-    others = write_bodies_near(i, robots, NEAR, p, kinds, near) if kind == AROUND_OTHERS else 0
+    others = write_bodies_near(i, robots, NEAR * p["long"], p, kinds, near) if kind == AROUND_OTHERS else 0
     if others == 0:
         return 0, manoeuvre.TRIES, manoeuvre.MOST
     return others, FEW, AMONG_OTHERS

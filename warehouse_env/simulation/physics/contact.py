@@ -12,11 +12,12 @@ import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, bucket_at
-from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, disc_room, meets_cell
+from warehouse_env.simulation.physics.disc_sweep import touches_obstacle
+from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, disc_room, meets_obstacle
 from warehouse_env.simulation.physics.geometry import rectangles_touch, separation
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import curvature, drive, way_driven
-from warehouse_env.simulation.physics.sweep import AT_END, BETWEEN, touch_between, touches_shelf, turns_back
+from warehouse_env.simulation.physics.sweep import AT_END, BETWEEN, touch_between, turns_back
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 
 # Rows of `motion` float32[MOTION, N], the robots' motion within one physics step, field by field side by side: the
@@ -172,7 +173,7 @@ def _touches_shelf(motion, i, between, p, solid, clearance):
     x0, y0 = motion[X, i] - p["offset"] * c0, motion[Y, i] - p["offset"] * s0
     x1, y1 = motion[TRY_X, i] - p["offset"] * c1, motion[TRY_Y, i] - p["offset"] * s1
     way, back = motion[WAY, i], _back(motion, i, p)
-    where = touches_shelf(x0, y0, c0, s0, x1, y1, c1, s1, way, back, between, p, solid)
+    where = touches_obstacle(x0, y0, c0, s0, x1, y1, c1, s1, way, back, between, p, solid)
     return where == AT_END or (
         where == BETWEEN
         and not body_touches_shelf(x0, y0, c0, s0, p["half_length"], p["half_width"], solid, clearance, p["cell"])
@@ -192,7 +193,7 @@ def _tries_a_shelf(motion, i, guarded, p, solid, clearance):
     room = disc_room(x, y, c, s, half_length, half_width, clearance, cell)
     motion[ROOM, i] = room
     if guarded is not None:
-        return room <= ZERO and meets_cell(x, y, c, s, half_length, half_width, solid, cell)
+        return room <= ZERO and meets_obstacle(x, y, c, s, half_length, half_width, solid, cell)
     between = max(before, ZERO) + max(room, ZERO) <= way
     return (between or room <= ZERO) and _touches_shelf(motion, i, between, p, solid, clearance)
 

@@ -39,7 +39,8 @@ def separation(dx, dy, c1, s1, l1, w1, c2, s2, l2, w2):
 
 
 @inline
-def _squared_distance_to_box(px, py, half_length, half_width):
+def squared_distance_to_box(px, py, half_length, half_width):
+    """Return the squared distance [m^2] of a point, in the rectangle's own frame, to it; 0 inside."""
     ex = abs(px) - half_length
     ey = abs(py) - half_width
     ex = ex if ex > ZERO else ZERO
@@ -56,10 +57,10 @@ def _nearest_corner(dx, dy, c1, s1, l1, w1, c2, s2, l2, w2):
     s = c1 * s2 - s1 * c2
     lx, ly = l2 * c, l2 * s
     wx, wy = -w2 * s, w2 * c
-    a = _squared_distance_to_box(x + lx + wx, y + ly + wy, l1, w1)
-    b = _squared_distance_to_box(x + lx - wx, y + ly - wy, l1, w1)
-    d = _squared_distance_to_box(x - lx + wx, y - ly + wy, l1, w1)
-    e = _squared_distance_to_box(x - lx - wx, y - ly - wy, l1, w1)
+    a = squared_distance_to_box(x + lx + wx, y + ly + wy, l1, w1)
+    b = squared_distance_to_box(x + lx - wx, y + ly - wy, l1, w1)
+    d = squared_distance_to_box(x - lx + wx, y - ly + wy, l1, w1)
+    e = squared_distance_to_box(x - lx - wx, y - ly - wy, l1, w1)
     return min(min(a, b), min(d, e))
 
 

@@ -190,6 +190,14 @@ def _may_step(o, x, y, robots, p, kinds, solid, clearance):
 
 
 @inline
+def _leads_on(x, y, way, solid, cell):
+    """Whether ways lead on from a point: in cells that discs close they do not, though there may be room."""
+    if hasattr(solid, "cells"):
+        return way[int(y / cell), int(x / cell)] < np.inf
+    return True
+
+
+@inline
 def _is_near(o, robots, gap, p, kinds):
     """Whether a robot is nearer to a person than a gap [m]."""
     near = False
@@ -224,7 +232,9 @@ def _step(o, way, robots, p, kinds, solid, clearance):
     for k in range(_TURNS.shape[0] if _is_near(o, robots, KEEP, p, kinds) else _ONWARD):
         to_c, to_s = c * _TURNS[k, 0] - s * _TURNS[k, 1], s * _TURNS[k, 0] + c * _TURNS[k, 1]
         to_x, to_y = o["x"] + step * to_c, o["y"] + step * to_s
-        if _may_step(o, to_x, to_y, robots, p, kinds, solid, clearance):
+        if _may_step(o, to_x, to_y, robots, p, kinds, solid, clearance) and _leads_on(
+            to_x, to_y, way, solid, p["cell"]
+        ):
             o["x"], o["y"], o["cos"], o["sin"] = to_x, to_y, to_c, to_s
             return
 

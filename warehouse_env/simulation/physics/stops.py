@@ -11,10 +11,11 @@ import numpy as np
 
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.physics.contact import COS, HEADING, SIN, SPEED, STEER, X, Y
+from warehouse_env.simulation.physics.disc_sweep import touches_obstacle
 from warehouse_env.simulation.physics.footprint import body_room, body_touches_shelf
 from warehouse_env.simulation.physics.geometry import rectangles_touch, separation
 from warehouse_env.simulation.physics.kinematics import braking, curvature, roll, way_driven
-from warehouse_env.simulation.physics.sweep import NOWHERE, touch_between, touches_shelf, turns_back
+from warehouse_env.simulation.physics.sweep import NOWHERE, touch_between, turns_back
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 
 REST = np.float32(1e-6)  # [m/s] under which a stop is over: what rounding leaves of a speed
@@ -191,7 +192,7 @@ def meets_shelf(row, paths, outlines, marks, p, solid, clearance):
         room = max(room, ZERO)
         between = before + room <= way
         if near or between:
-            where = touches_shelf(
+            where = touches_obstacle(
                 paths[row, n - 1, CENTRE_X], paths[row, n - 1, CENTRE_Y], paths[row, n - 1, BODY_COS],
                 paths[row, n - 1, BODY_SIN], cx, cy, c, s, way, outlines[TURNS_BACK, row], between, p, solid,
             )  # fmt: skip

@@ -49,7 +49,8 @@ def _write_near(i, robots, persons, p, kinds, bodies):
     it, broadside on, up to where grants end; return how many. p: its own.
     """
     r = robots[i]
-    count, before = write_bodies_near(i, robots, NEAR, p, kinds, bodies), RADIUS + ROOM_FOR_PEOPLE - p["half_width"]
+    count = write_bodies_near(i, robots, NEAR * p["long"], p, kinds, bodies)
+    before = RADIUS + ROOM_FOR_PEOPLE - p["half_width"]
     for o in persons:
         dx, dy = o["x"] - (r["x"] - p["offset"] * r["cos"]), o["y"] - (r["y"] - p["offset"] * r["sin"])
         apart = np.sqrt(dx * dx + dy * dy)
@@ -97,7 +98,7 @@ def _go_round(i, robots, persons, routes, arcs, bodies, most, p, kinds, solid, c
 def _write_way_back(r, p, avoid):
     """Write the robot's body as it would be on its way straight back into avoid[:BEHIND]."""
     for k in range(BEHIND):
-        behind = p["offset"] + np.float32(k + 1) * BEHIND_STEP
+        behind = p["offset"] + np.float32(k + 1) * BEHIND_STEP * p["long"]
         write_body(r["x"] - behind * r["cos"], r["y"] - behind * r["sin"], r["cos"], r["sin"], p, avoid[k])
 
 

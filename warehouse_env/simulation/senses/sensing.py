@@ -12,6 +12,7 @@ from warehouse_env.kernel import inline
 from warehouse_env.observation import EGO, NEIGHBOUR
 from warehouse_env.simulation.driver.line import way_point
 from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, COS, SEARCH, SILENT, SIN, SPEED, bucket_at
+from warehouse_env.simulation.physics.discs import scan_discs
 from warehouse_env.simulation.physics.geometry import ray_to_rectangle
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ONE, PI, ZERO
@@ -25,6 +26,19 @@ TURNED = 4
 
 @inline
 def scan_shelves(cx, cy, c, s, p, edges, seen, first, rays, turned, out):
+    """Write the distance [m] of each ray from (cx, cy) to the nearest shelf or disc, at most lidar_range.
+
+    Arguments as those of `_scan_lines`; `edges` may be Outlines.
+    """
+    if hasattr(edges, "lines"):
+        _scan_lines(cx, cy, c, s, p, edges.lines, seen, first, rays, turned, out)
+        scan_discs(cx, cy, int(cy / p["cell"]) + 1, int(cx / p["cell"]) + 1, edges, turned, out)
+    else:
+        _scan_lines(cx, cy, c, s, p, edges, seen, first, rays, turned, out)
+
+
+@inline
+def _scan_lines(cx, cy, c, s, p, edges, seen, first, rays, turned, out):
     """Write the distance [m] of each ray from (cx, cy) to the nearest shelf, at most lidar_range.
 
     rays: float32[2, R], unit vectors in the robot's frame; (c, s) its heading; edges, seen, first: see Edges;

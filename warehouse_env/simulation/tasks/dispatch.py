@@ -28,7 +28,9 @@ from warehouse_env.simulation.tasks.placement import Limits, place, stand
 from warehouse_env.simulation.tasks.shifts import Shifts, check_given
 from warehouse_env.simulation.tasks.tasks import Arrival, Tasks, book_arrival, pass_by, set_out
 
-JOIN = 3.0  # [m] before the end of a route at which a robot seeks the manoeuvre to its goal's pose
+JOIN = (
+    3.0  # [m], of the default body, before the end of a route at which a robot seeks the manoeuvre to its goal's pose
+)
 ROUTE_BLOCK = 64  # way-points by which the routes' array grows
 
 
@@ -49,14 +51,17 @@ def _take_route(robots, routes, world, robot, points, heading):
     r["arcs"] = r["seeks"] = r["docks"] = 0  # of a manoeuvre to the route before
     r["search_wait"] = r["side"] = np.float32(0.0)
     forget_grants(r)
-    r["goal_heading"], r["join"] = heading, np.float32(0.0)
+    r["goal_heading"], r["either"], r["join"] = heading, False, np.float32(0.0)
 
 
 @kernel
-def _take_end(robots, world, robot, x, y, heading, join):
-    """Write the pose at which a robot's route ends: its goal, which it seeks from `join` [m] before the end on."""
+def _take_end(robots, world, robot, x, y, heading, either, join):
+    """Write the pose at which a robot's route ends: its goal, which it seeks from `join` [m] before the end on.
+
+    either: its body may as well stand there the other way round.
+    """
     r = robots[world, robot]
-    r["goal_x"], r["goal_y"], r["goal_heading"] = x, y, heading
+    r["goal_x"], r["goal_y"], r["goal_heading"], r["either"] = x, y, heading, either
     r["join"] = np.float32(0.0) if np.isnan(heading) else join
 
 
@@ -145,7 +150,7 @@ class Dispatcher(Portable):
 
     def _assign(self, world: int, assignment: Assignment, floor: Floor) -> None:
         """Stand the robots of a world where they are told to, with the goals that they are given."""
-        starts = [(int(row), int(column)) for row, column in self.book.grid.cell(assignment.pose[:, :2])]
+        starts = [(int(row), int(column)) for row, column in self.book.grid.standing(assignment.pose[:, :2])]
         goals = assignment.goals(self.book.grid)
         self.tasks[world].assign(starts, [goal.cell for goal in goals])
         for robot, (start, goal) in enumerate(zip(starts, goals, strict=True)):
@@ -225,7 +230,8 @@ class Dispatcher(Portable):
             self.live.give_up(world, robot)
         _take_route(self.robots, self.routes, world, robot, points, self._any_heading)
         if route.end is not None:
-            _take_end(self.robots, world, robot, *route.end, JOIN)
+            join = JOIN * self._config.robots[robot].longer
+            _take_end(self.robots, world, robot, *route.end, route.either, join)
         if self.live is not None:
             self.live.take_up(self.robots, self.routes, world, robot, route.cells, route.reach)
 
@@ -299,12 +305,12 @@ class Dispatcher(Portable):
         """Return a route to a robot's goal from the cell in which it is, around others if they count."""
         r = self.robots[world, robot]
         goal, pose = state.goal_of(r), np.array([r["x"], r["y"]])
-        row, column = self.book.grid.cell(pose).tolist()
+        row, column = self.book.grid.standing(pose).tolist()
         if (row, column) == goal:
             cells, ends = np.array([goal], dtype=np.int32), self._ends(world, robot, goal)
             end = facing(ends, cells) if ends else None
             there = self.book.grid.centre(cells[0]) if end is None else np.array(end[:2])
-            return Route(cells, np.array([pose, there], dtype=np.float32), end=end)
+            return Route(cells, np.array([pose, there], dtype=np.float32), end=end, either=len(ends) > 1)
         return self._route(world, robot, (row, column), goal, step)
 
     def _give_another(self, world: int, robot: int, route: Route) -> None:

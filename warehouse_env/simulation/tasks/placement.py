@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from warehouse_env.errors import ConfigError, shown
 from warehouse_env.kernel import kernel, part
 from warehouse_env.simulation.driver import line
-from warehouse_env.simulation.physics.floor import Floor
+from warehouse_env.simulation.physics.floor import FINE, Floor
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import rectangle_gap
 from warehouse_env.simulation.physics.kinds import kind_of
@@ -95,8 +95,8 @@ def put_all(
     ConfigError for what are no such numbers, for a front axle that is not on the floor, and for headings of many turns.
     """
     poses, speeds = (_numbers(*one) for one in (("pose", pose, (*robots.shape, 3)), ("speed", speed, robots.shape)))
-    rows, columns = floor.solid.shape
-    wrong = (poses[..., :2] < 0) | (poses[..., :2] > floor.cell * np.array([columns - 2, rows - 2], np.float32))
+    rows, columns = (samples // FINE for samples in floor.clearance.shape)
+    wrong = (poses[..., :2] < 0) | (poses[..., :2] > floor.cell * np.array([columns, rows], np.float32))
     if wrong.any():
         x, y, _ = poses[wrong.any(axis=-1)][0].tolist()
         raise ConfigError(f"pose: ({x:g}, {y:g}) is not on the floor")

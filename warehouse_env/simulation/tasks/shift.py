@@ -141,7 +141,7 @@ class Shift:
         share = batteries.share
         for robot in np.flatnonzero(charging & (share >= spec.full)).tolist():
             self._next(robot)
-        cells = self._grid.cell(np.stack([robots["x"], robots["y"]], axis=-1))
+        cells = self._grid.standing(np.stack([robots["x"], robots["y"]], axis=-1))
         critical = batteries.is_critical(cells, self.load)
         for robot in np.flatnonzero(critical | (share < spec.low)).tolist():
             duty = self.duties[robot]
@@ -263,7 +263,7 @@ class Shift:
                 self._head_for(robot, order.picks[0], Doing.STOP)
 
     def _cell(self, robots: NDArray[Any], robot: int) -> Cell:
-        row, column = self._grid.cell(np.array([robots[robot]["x"], robots[robot]["y"]])).tolist()
+        row, column = self._grid.standing(np.array([robots[robot]["x"], robots[robot]["y"]])).tolist()
         return row, column
 
     def at_work(self) -> NDArray[np.bool_]:
