@@ -320,14 +320,14 @@ class EnvConfig(Checked):
 
     @property
     def widest_body(self) -> RobotSpec:
-        """What lanes and places are made for: `robot` where all are alike, else a body about the same axle that holds
-        those of all robots, and turns no sharper than any.
+        """What floors, lanes and places are made for: `robot` where all are alike, else a body about the same axle that
+        holds those of all robots, and turns no sharper than any.
         """
         bodies = self.bodies
         if len(bodies) == 1:
             return bodies[0]
         ahead, behind = max(body.front_overhang for body in bodies), max(body.rear_reach for body in bodies)
-        turns = max(bodies, key=lambda body: body.wheelbase / math.tan(body.max_steering))
+        turns = max(bodies, key=lambda body: body.least_radius)
         return dataclasses.replace(
             turns, length=ahead + behind, front_overhang=ahead, width=max(body.width for body in bodies)
         )

@@ -27,7 +27,7 @@ UNIT = 0.01  # [m] per count of the clearance field, which saturates at 2.55 m
 def load_grid(config: EnvConfig) -> GridMap:
     """Return the map that a config names, its map_file or else its layout, for its robots."""
     grid = make_layout(config.layout) if config.map_file is None else read_file(config.map_file)
-    return fit(grid.at_pace(config.robot.max_speed), config)
+    return fit(grid.at_pace(max(robot.max_speed for robot in config.bodies)), config)
 
 
 def fit(grid: GridMap, config: EnvConfig) -> GridMap:
