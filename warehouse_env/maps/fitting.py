@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import RobotSpec
-from warehouse_env.errors import MapError
 from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.grid_map import Cell, GridMap
 
@@ -26,9 +25,10 @@ _GRAZE = 1e-9
 
 
 def fitted(grid: GridMap, robot: RobotSpec) -> tuple[GridMap, tuple[str, ...]]:
-    """Return the floor as it is for a body, and what that takes from it, one sentence each; MapError for all of it.
+    """Return the floor as it is for a body, and what that takes from it, one sentence each.
 
-    To fit a floor again that has been fitted for the same body changes nothing.
+    Where no pick or no station is left, it is as it was, and that is said. To fit a floor again that has been fitted
+    for the same body changes nothing.
     """
     need = 0.5 * robot.width + ROOM
     if need <= 0.5 * grid.cell_size and robot.farthest <= grid.cell_size:
@@ -37,16 +37,14 @@ def fitted(grid: GridMap, robot: RobotSpec) -> tuple[GridMap, tuple[str, ...]]:
     tight = _near(occupied, need / grid.cell_size, beyond=True) & ~occupied
     who = f"bodies of {robot.length:g} x {robot.width:g} m"
     region = largest_region(~(occupied | tight)) if (~(occupied | tight)).any() else np.zeros_like(occupied)
-    places, moved, lost = [], 0, []
+    places, lost = [], []
     body = _Body(grid, robot, region)
     for what, cells in (("pick", grid.picks), ("station", grid.stations)):
         found = body.places_for([(int(row), int(column)) for row, column in cells])
-        moved += sum(cell != (row, column) for cell, (row, column) in zip(found, cells.tolist(), strict=True) if cell)
         missing = found.count(None)
         if missing == len(found):
-            raise MapError(
-                f"map {grid.name!r} has no {what} that {who} can reach; choose smaller robots or a wider floor"
-            )
+            hint = "so the floor stays as it is; choose smaller robots or a wider floor"
+            return grid, (f"{who} can reach no {what}, {hint}",)
         if missing:
             lost.append(f"{missing} of {len(found)} {what}s")
         places.append(np.array([cell for cell in found if cell is not None], dtype=np.int64))
