@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,6 +117,13 @@ def shelves(occupied: NDArray[np.bool_], cell: float = 1.0, grow: float = 0.0) -
             for x1, y1, x2, y2 in boxes
         ]
     )
+
+
+def around(discs: NDArray[np.floating[Any]]) -> Points:
+    """Corners [K, 48, 2] of polygons just around discs (x, y, radius) [m]: a 500th wider at their corners."""
+    angles = 2 * math.pi * np.arange(48) / 48
+    ring = np.stack([np.cos(angles), np.sin(angles)], axis=-1) / math.cos(math.pi / 48)
+    return np.asarray(discs[:, None, :2] + discs[:, None, 2:] * ring, dtype=np.float64)
 
 
 def deepest_overlap(x: Points, y: Points, heading: Points, walls: Points) -> float:

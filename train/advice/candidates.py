@@ -80,7 +80,7 @@ def bottlenecks(grid: GridMap, waiting: NDArray[np.float64], visits: NDArray[np.
     return found
 
 
-Kind = Literal["aisle", "one-way", "station more", "station fewer", "charger more", "charger fewer"]
+Kind = Literal["aisle", "one-way", "stations", "chargers"]
 REACH = 4  # [cells] from a bottleneck to a shelf that may be opened
 MOST_CELLS = 60  # of shelf that one change takes away
 WIDEST = 2  # [cells] across what still counts as an aisle
@@ -99,6 +99,8 @@ class Candidate(NamedTuple):
     grid: GridMap
     changed: NDArray[np.bool_]  # [H, W], cells opened, given a direction, or made a station or none
     work: Mapping[str, Any] = MappingProxyType({})  # fields of EnvConfig, where they are what is changed
+    number: int = 0  # of stations or chargers
+    before: int = 0  # of them on the floor as it is
 
 
 class Storage(NamedTuple):
@@ -112,7 +114,7 @@ class Storage(NamedTuple):
 
 def storage_lost(grid: GridMap, one: Candidate) -> Storage:
     """Return what is lost, of shelves that are no walls."""
-    before, after = shelves(grid.occupied), shelves(grid.occupied) & ~one.changed
+    before, after = shelves(grid.walls), shelves(grid.walls) & ~one.changed
     served, left = (int(beside(racks)[tuple(grid.picks.T)].sum()) for racks in (before, after))
     cells = int(before.sum() - after.sum())
     return Storage(cells, cells / max(1, int(before.sum())), served - left, served)
@@ -124,7 +126,7 @@ def aisles(grid: GridMap, cell: Cell) -> list[Candidate]:
     A gap through the next rack, its face taken away, and the same through all racks of the floor that lie in that
     line: a new aisle, or one that is wider over its whole length. The walls around a floor stay.
     """
-    racks = shelves(grid.occupied)
+    racks = shelves(grid.walls)
     found = []
     for step in _STEPS:
         aside = (step[1], step[0])
