@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import MapWarning
-from warehouse_env.maps.fitting import ROOM, fitted, headings_on
+from warehouse_env.maps.fitting import ROOM, fitted, headings_on, stands
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.planning import PLANNERS, make_planner
@@ -107,6 +107,20 @@ def test_a_goal_that_somebody_gives_on_tight_floor_is_planned_to() -> None:
     cells = RouteBook(floor, make_planner("astar_turns")).cells((1, 2), (2, 8)).tolist()
     assert (cells[0], cells[-1]) == ([1, 2], [2, 8])
     assert all(row == 1 for row, _ in cells[:-1])
+
+
+def test_discs_are_kept_off_as_they_are() -> None:
+    """A pillar of 0.2 m in a corner of four cells: of the cells around it those nearer than half a width are tight."""
+    ends = {"picks": [[1, 1]], "stations": [[7, 7]]}
+    floor, _ = fitted(GridMap(np.zeros((9, 9)), cell_size=0.5, discs=[[2.5, 2.5, 0.2]], **ends), RobotSpec())
+    inner = floor.closed[1:-1, 1:-1]
+    centres = floor.centre(np.stack(np.mgrid[1:8, 1:8], axis=-1))
+    apart = np.hypot(*(centres - 2.5).transpose(2, 0, 1)) - 0.2
+    assert (inner == (apart < 0.35)).all()
+    assert 0 < inner.sum() == 4
+    pillar = GridMap(np.zeros((9, 9)), cell_size=0.5, discs=[[2.2, 2.25, 0.05]])
+    assert not stands(pillar, (4, 3), RobotSpec(), 0.0, centred=True)  # 0.45 m ahead of (1.75, 2.25)
+    assert stands(pillar, (4, 2), RobotSpec(), 0.0, centred=True)
 
 
 def test_faces_of_large_bodies_are_free() -> None:
