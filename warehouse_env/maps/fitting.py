@@ -131,7 +131,7 @@ def _covered(robot: RobotSpec, size: float, heading: float, centred: bool) -> ND
 
 
 def stands(grid: GridMap, cell: Cell, robot: RobotSpec, heading: float, centred: bool) -> bool:
-    """Whether a body in a cell's middle touches no shelf or disc; centred: with its own middle, not its axle's, there."""
+    """Whether a body in a cell's middle touches nothing; centred: with its own middle there, not its axle's."""
     cells = _covered(robot, grid.cell_size, round(heading % (2 * math.pi), 6), centred) + cell
     if not ((cells >= 0) & (cells < grid.shape)).all() or grid.walls[tuple(cells.T)].any():
         return False
