@@ -142,7 +142,7 @@ class Figures:
         self.robots["min_gap"] = GAP_HORIZON
         self.robots["held_by"] = self.robots["yields_to"] = -1
         self.moments = -1
-        self._config, self._body = config, Body.of(config)
+        self._config, self._body = config, Body.of(config, config.robot)
         self._active = np.zeros((8 * count, 4), dtype=np.int64)
         self._count = 0
         self._pose: NDArray[np.float64] | None = None
