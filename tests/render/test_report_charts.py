@@ -30,7 +30,9 @@ def read(drawing: str) -> list[str]:
 
 def test_over_robots_names_policies_floors_and_counts() -> None:
     bars = [Bar("ppo", 8, 1.0, 0.5, 1.5), Bar("ppo", 16, 2.0, math.nan, math.nan), Bar("brake", 8, 0.0, 0.0, 0.0)]
-    texts = read(over_robots({"hall": (bars, bars), "yard": (bars[:1], bars[:1])}, "label <&>"))
+    titles = ("collisions per robot-km", "goals per robot-hour")
+    floors = {"hall": dict.fromkeys(titles, bars), "yard": dict.fromkeys(titles, bars[:1])}
+    texts = read(over_robots(floors, "label <&>"))
     assert {"ppo", "brake", "8", "16", "hall: collisions per robot-km", "yard: goals per robot-hour"} <= set(texts)
 
 

@@ -2,31 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from agents import POLICIES
+from train.advice.aim import Aim
 from train.advice.answer import answer, effect_text, held, told
 from train.advice.candidates import Candidate, storage_lost
-from train.advice.changes import KINDS, kinds, sure
+from train.advice.changes import KINDS, Effect, kinds, sure
 from train.advice.course import Advice
+from train.advice.ladder import ladder_table, measured, verdict
+from train.advice.take_away import recommended
 from train.advice.trials import BLOCK
-from train.reporting.page import Page, Part, Shown, made_by
+from train.reporting.page import Link, Page, Part, Shown, made_by
 from train.reporting.report import Table, number, with_interval
 from warehouse_env.render import report_charts
 from warehouse_env.render.heat_maps import Panel, heat_maps
 
 
-def advice_page(advice: Advice) -> Page:
-    """Return the page."""
+def advice_page(advice: Advice, hall: Sequence[Part] = (), files: Sequence[Link] = ()) -> Page:
+    """Return the page; hall: what was understood of a hall. files: of the floor to take away."""
     grid = advice.plan.grid
     parts = [
+        *hall,
         Part("How many robots", pictures=[_throughput(advice)], tables=[loads_table(advice)]),
         Part("Where the bottlenecks are", pictures=[_heat(advice)], tables=[places_table(advice)]),
-        Part("What a change would bring", "", _changes(advice), [changes_table(advice)] if advice.effects else []),
+        _of_changes(advice),
+        *([_to_take_away(advice, files)] if files else []),
         Part("What was run", facts=_facts(advice)),
     ]
     title = f"How many robots does {grid.name} bear, and what holds them up?"
     high, wide = (number(side * grid.cell_size) for side in grid.shape)
     subtitle = f"{wide} x {high} m, {len(grid.picks)} pick faces, {len(grid.stations)} stations"
     return Page(title, subtitle, answer(advice), parts)
+
+
+def _to_take_away(advice: Advice, files: Sequence[Link]) -> Part:
+    """Return the files of the recommended floor."""
+    found = recommended(advice)
+    text = f"This is {found.words}."
+    if found.effect is None:
+        return Part("The floor to take away", text, links=files)
+    one = found.effect.candidate
+    label = "The floor to take away"
+    opened = one.changed if one.kind != "one-way" else None
+    drawing = heat_maps([Panel("", one.grid, opened=opened)], "", label)
+    return Part(label, text, [Shown(drawing, f"{label}, in green what is changed.")], links=files)
 
 
 def _throughput(advice: Advice) -> Shown:
@@ -95,19 +115,25 @@ def places_table(advice: Advice) -> Table:
     return Table("Bottlenecks", header, tuple(cells), "Within two cells of the place's middle.")
 
 
+def _of_changes(advice: Advice) -> Part:
+    """Return what changes bring, or why none was driven."""
+    why = "" if advice.effects else "None was driven: there was no time, or nowhere to change anything."
+    tables = [*ladder_tables(advice), *([changes_table(advice)] if advice.effects else [])]
+    return Part("What a change would bring", why, _changes(advice), tables=tables)
+
+
 def _changes(advice: Advice) -> list[Shown]:
     """Return where the best change of each kind lies, and what all of them bring."""
     best = [effect for effect in advice.effects if effect.goals is not None]
     if not best:
         return []
-    aim, letters = advice.plan.aim, dict(zip(kinds(advice.plan), "ABCDEF", strict=False))
-    drawn_at = [effect for effect in best if effect.candidate.changed.any()]
-    panels = [_panel(effect.candidate, letters[effect.candidate.kind], advice) for effect in drawn_at]
+    aim = advice.plan.aim
+    drawn_at = dict(zip("ABCD", _placed(best, aim), strict=False))
+    panels = [_panel(effect.candidate, letter, advice) for letter, effect in drawn_at.items()]
     label = "The changes that were measured"
     said = " ".join(
-        f"**{letters[effect.candidate.kind]}: {effect.candidate.kind}**: {effect.candidate.text}; "
-        f"{effect_text(effect, aim)}."
-        for effect in best
+        f"**{letter}: {effect.candidate.kind}**: {effect.candidate.text}; {effect_text(effect, aim)}."
+        for letter, effect in drawn_at.items()
     )
     caption = f"{label}, in green, over where robots wait without them [s per hour]. {said}"
     raced = [one for one in advice.effects if one.first.samples]
@@ -127,6 +153,16 @@ def _changes(advice: Advice) -> list[Shown]:
     return [*maps, Shown(drawn, below)]
 
 
+def _placed(best: list[Effect], aim: Aim) -> list[Effect]:
+    """Return the changes that have a place on the floor, of stations the number that is best, or most."""
+    found = [effect for effect in best if effect.candidate.kind in KINDS]
+    stations = measured(best, "stations")
+    if stations:
+        chosen = verdict(stations, "stations", aim).number
+        found.append(next((one for one in stations if one.candidate.number == chosen), stations[-1]))
+    return [effect for effect in found if effect.candidate.changed.any()]
+
+
 def _panel(one: Candidate, letter: str, advice: Advice) -> Panel:
     """Return the floor with a change."""
     grid = advice.plan.grid if one.kind in KINDS else one.grid
@@ -134,6 +170,13 @@ def _panel(one: Candidate, letter: str, advice: Advice) -> Panel:
         f"{letter}: {one.kind}", grid, advice.floor.waiting, opened=None if one.kind == "one-way" else one.changed,
         one_way=one.grid.one_way if one.kind == "one-way" else None,
     )  # fmt: skip
+
+
+def ladder_tables(advice: Advice) -> list[Table]:
+    """Return what numbers of stations and of chargers bring, where they were tried."""
+    aim = advice.plan.aim
+    ladders = [kind for kind in kinds(advice.plan) if kind not in KINDS and measured(advice.effects, kind)]
+    return [ladder_table(advice.effects, kind, aim) for kind in ladders]
 
 
 def changes_table(advice: Advice) -> Table:
@@ -154,9 +197,13 @@ def changes_table(advice: Advice) -> Table:
     )  # fmt: skip
     note = (
         "Differences from the floor as it is, in pairs of episodes with the same seeds [interval by Student's t: 95% "
-        f"at first look, {100 * sure(advice.plan):.3g}% of what was measured, so that {held(advice.plan)}]."
+        f"at first look, {' and '.join(_sure(advice))} of what was measured, so that {held(advice.plan)}]."
     )
     return Table("Changes of the floor", header, tuple(cells), note)
+
+
+def _sure(advice: Advice) -> list[str]:
+    return [f"{share:.4g}%" for share in dict.fromkeys(100 * sure(kind) for kind in kinds(advice.plan))]
 
 
 def _facts(advice: Advice) -> dict[str, str]:

@@ -13,7 +13,7 @@ from train.advice.capacity import UNRACED, Capacity
 from train.advice.changes import KINDS, PAIRS, Effect, kinds
 from train.advice.course import Advice
 from train.advice.curve import NEAR, STUCK, Load, peak
-from train.advice.fittings import FEWER
+from train.advice.ladder import ladder_text, measured
 from train.advice.trials import Plan
 from train.reporting.report import difference, number, with_interval
 from train.reporting.rows import Interval, apart, is_told
@@ -103,7 +103,7 @@ def _most(advice: Advice) -> Iterator[str]:
 def _why(advice: Advice) -> str:
     if advice.capacity.stopped:
         return f"the time was over before {_listed(advice.capacity.stopped)}"
-    return "it is the most to try, or as many as have goals of their own"
+    return "it is the most to try, or as many as find a start and goals of their own on its pick faces and stations"
 
 
 def _of_all(plan: Plan) -> str:
@@ -186,29 +186,36 @@ def _bottlenecks(advice: Advice) -> Iterator[str]:
         yield f"Waiting is spread: the {count} worst places have {100 * together:.0f}% of it together."
 
 
-_ASKED_OF = {
-    "aisle": "One more aisle", "one-way": "A one-way rule", "station more": "One more station",
-    "station fewer": "One station fewer", "charger more": "One more charger", "charger fewer": "One charger fewer",
-}  # fmt: skip
+_ASKED_OF = {"aisle": "One more aisle", "one-way": "A one-way rule", "stations": "Stations", "chargers": "Chargers"}
 
 
 def _changes(advice: Advice, kind: Kind) -> Iterator[str]:
     own = [effect for effect in advice.effects if effect.candidate.kind == kind]
     what = _ASKED_OF[kind]
+    if kind not in KINDS:
+        yield _ladder(own, kind, advice)
+        return
     if not own and not advice.sought:
         yield f"**{what}**: there was no time to try any."
         return
-    at_bottlenecks = kind in KINDS
     if not own:
-        where = "at the bottlenecks" if at_bottlenecks else "here"
-        said = advice.bottlenecks or not at_bottlenecks
-        yield f"**{what}**: no change of this kind is possible {where}." if said else ""
+        yield f"**{what}**: no change of this kind is possible at the bottlenecks." if advice.bottlenecks else ""
         return
     best, crew = own[0], f"with {_robots(advice.crew.robots)}"
-    which = f"of {len(own)} tried {crew} the best is" if at_bottlenecks or len(own) > 1 else f"{crew},"
-    yield f"**{what}**: {which} {best.candidate.text}; {effect_text(best, advice.plan.aim)}."
+    yield (
+        f"**{what}**: of {len(own)} tried {crew} the best is {best.candidate.text}; "
+        f"{effect_text(best, advice.plan.aim)}."
+    )
     if kind == "aisle":
         yield f"It costs {storage_text(advice.plan.grid, best.candidate)}."
+
+
+def _ladder(own: list[Effect], kind: Kind, advice: Advice) -> str:
+    what = _ASKED_OF[kind]
+    if not measured(own, kind):
+        why = "no other number can be had here" if advice.rungs else "there was no time to try any other number"
+        return f"**{what}**: {why}."
+    return f"**{what}**: with {_robots(advice.crew.robots)}, {_commas(ladder_text(own, kind, advice.plan.aim))}"
 
 
 def storage_text(grid: GridMap, one: Candidate) -> str:
@@ -228,13 +235,11 @@ def effect_text(effect: Effect, aim: Aim = GOALS) -> str:
     )
     if effect.took is not None:
         text += f"; an order takes {difference(effect.took)} s"
-    verb, hoped = ("cost", -1) if effect.candidate.kind in FEWER else ("bring", 1)
     if effect.told:
         return f"it {'brings' if effect.goals.mean > 0 else 'costs'} {text}"
     if effect.goals.samples < PAIRS:
-        return f"it may {verb} something, but these are too few pairs to say so: {text}"
-    may = hoped * effect.goals.mean > 0
-    what = f"it may {verb} something, or nothing" if may else f"it {verb}s nothing that could be told"
+        return f"it may bring something, but these are too few pairs to say so: {text}"
+    what = "it may bring something, or nothing" if effect.goals.mean > 0 else "it brings nothing that could be told"
     return f"{what}: {text}"
 
 
@@ -258,7 +263,10 @@ def _basis(advice: Advice) -> str:
 
 def held(plan: Plan) -> str:
     """Say what the intervals of changes hold."""
-    return f"{'both' if len(kinds(plan)) == 2 else 'all'} kinds together hold with 95%"
+    ladders = [kind for kind in kinds(plan) if kind not in KINDS]
+    both = "both kinds of them" if ladders else "both kinds"
+    each = "".join(f", and all numbers of {kind} together," for kind in ladders)
+    return f"{both} together{each} hold with 95%"
 
 
 def _worked(plan: Plan) -> str:

@@ -80,7 +80,7 @@ def bottlenecks(grid: GridMap, waiting: NDArray[np.float64], visits: NDArray[np.
     return found
 
 
-Kind = Literal["aisle", "one-way", "station more", "station fewer", "charger more", "charger fewer"]
+Kind = Literal["aisle", "one-way", "stations", "chargers"]
 REACH = 4  # [cells] from a bottleneck to a shelf that may be opened
 MOST_CELLS = 60  # of shelf that one change takes away
 WIDEST = 2  # [cells] across what still counts as an aisle
@@ -99,6 +99,8 @@ class Candidate(NamedTuple):
     grid: GridMap
     changed: NDArray[np.bool_]  # [H, W], cells opened, given a direction, or made a station or none
     work: Mapping[str, Any] = MappingProxyType({})  # fields of EnvConfig, where they are what is changed
+    number: int = 0  # of stations or chargers
+    before: int = 0  # of them on the floor as it is
 
 
 class Storage(NamedTuple):

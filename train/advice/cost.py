@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from train.advice import capacity, changes
 from train.advice.curve import rungs
+from train.advice.fittings import RUNGS
 from train.advice.race import FEWEST
 from train.advice.study import Study
 
@@ -33,7 +34,7 @@ def needed(study: Study) -> tuple[float, float]:
     first = capacity.begins_with(plan.grid, plan.most)
     most = min(plan.most, UPWARD * first)
     return _minutes(study, _for_the_number(study, first, most)), _minutes(
-        study, _for_changes(most, len(changes.kinds(plan)))
+        study, _for_changes(most, changes.ladders(plan))
     )
 
 
@@ -48,9 +49,10 @@ def _for_the_number(study: Study, first: int, most: int) -> Iterable[tuple[int, 
     yield capacity.CONFIRMED * policies, most
 
 
-def _for_changes(most: int, kinds: int) -> Iterable[tuple[int, int]]:
-    yield FEWEST * (kinds * (changes.SOUGHT + 1)), most
-    yield changes.PAIRS * (1 + kinds), most
+def _for_changes(most: int, ladders: int) -> Iterable[tuple[int, int]]:
+    raced = len(changes.KINDS)
+    yield FEWEST * (raced * (changes.SOUGHT + 1)), most
+    yield changes.PAIRS * (1 + raced + ladders * RUNGS), most
 
 
 def _minutes(study: Study, asked: Iterable[tuple[int, int]]) -> float:

@@ -37,6 +37,7 @@ class Advice(NamedTuple):
     visits: NDArray[np.float64]  # share of trips over each cell
     effects: list[Effect]
     sought: bool  # whether there was time for changes
+    rungs: int = 0  # of each ladder, that there was time for
 
 
 def advise(plan: Plan, drive: Drive, clock: Clock, say: Say) -> Advice:
@@ -54,13 +55,15 @@ def advise(plan: Plan, drive: Drive, clock: Clock, say: Say) -> Advice:
     answered = asked(study, found, _ASKED) if plan.wanted is not None else None
     crew = Crew(found.crew.policy, answered.robots if answered and answered.robots else found.crew.robots)
     worst = _places(study, crew, visits)[1]
-    most = changes.affordable(clock.left, study.seconds(crew.robots), len(changes.kinds(plan)))
-    chosen = changes.options(plan, worst, trips, flow, crew, most)
+    took, ladders = study.seconds(crew.robots), changes.ladders(plan)
+    rungs = changes.affordable_rungs(clock.left, took, ladders)
+    most = changes.affordable(clock.left, took, ladders * rungs)
+    chosen = changes.options(plan, worst, trips, flow, crew, most, rungs)
     if not chosen and plan.episodes is None:
         confirm(study, found.crew, _MOST, 1.0)
         found = found._replace(goals=confirmed(study, found.crew))
     effects = changes.effects(plan, chosen, crew, drive, clock)
-    return Advice(plan, crew, found, answered, *_places(study, crew, visits), visits, effects, most > 0)
+    return Advice(plan, crew, found, answered, *_places(study, crew, visits), visits, effects, most > 0, rungs)
 
 
 def _begun(plan: Plan, drive: Drive, clock: Clock, say: Say) -> Study:

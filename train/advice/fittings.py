@@ -1,9 +1,10 @@
-"""Stations and chargers: a floor with one more or one fewer, to be driven beside the floor as it is."""
+"""Stations and chargers: floors with other numbers of them, a ladder of each, driven beside the floor as it is."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,84 +20,104 @@ from warehouse_env.maps.endpoints import STATION_SPACING
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.simulation.tasks.places import standing_places
 
-FEWER: tuple[Kind, ...] = ("station fewer", "charger fewer")  # kinds that may cost, and bring nothing by themselves
-SITES = 24  # of one station more, and of one fewer, that are thought of
+RUNGS = 5  # of a ladder
+SITES = 24  # of stations, more or fewer, that are compared
 
 
 def kinds(work: Mapping[str, Any]) -> tuple[Kind, ...]:
-    """Return the kinds of changes that work asks for: stations where it takes time at them, chargers with batteries.
+    """Return the ladders that work asks for: of stations where it takes time at them, of chargers with batteries.
 
     Orders of a file name their stations, so these stay.
     """
     drawn = "orders" not in work or work["orders"].file is None
-    stations: tuple[Kind, ...] = ("station more", "station fewer") if "service" in work and drawn else ()
-    chargers: tuple[Kind, ...] = ("charger more", "charger fewer") if "battery" in work else ()
+    stations: tuple[Kind, ...] = ("stations",) if "service" in work and drawn else ()
+    chargers: tuple[Kind, ...] = ("chargers",) if "battery" in work else ()
     return stations + chargers
 
 
+def rungs(count: int) -> list[int]:
+    """Return the numbers that are tried instead of `count`; those first that should be told apart soonest."""
+    tried = (2 * count, count // 2, math.ceil(1.5 * count), count - 1, count + 1)
+    return list(dict.fromkeys(number for number in tried if number >= 1 and number != count))
+
+
 def options(plan: Plan, crew: Crew, most: int) -> list[Candidate]:
-    """Return the changes of each kind that the crew can drive with, up to `most`, those of the cheapest trips first."""
-    found = {
-        "station more": _stations_more(plan, crew), "station fewer": _stations_fewer(plan.grid),
-        "charger more": _chargers(plan, 1), "charger fewer": _chargers(plan, -1),
-    }  # fmt: skip
-    return [one for kind in kinds(plan.work) for one in _cheapest(found[kind], plan, crew, most)]
+    """Return up to `most` rungs of each ladder that the crew can drive on, the fewest first."""
+    found: list[Candidate] = []
+    for kind in kinds(plan.work) if most else ():
+        made = _stations(plan, crew, most) if kind == "stations" else _chargers(plan, most)
+        found += sorted((one for one in made if _drives(one, plan, crew)), key=lambda one: one.number)
+    return found
 
 
-def _cheapest(candidates: Iterable[Candidate], plan: Plan, crew: Crew, most: int) -> list[Candidate]:
-    """Return the `most` candidates by which trips between their own endpoints should cost least."""
-    possible = [one for one in candidates if _drives(one, plan, crew)] if most else []
-    if len(possible) < 2:
-        return possible
-
-    def cost(one: Candidate) -> float:
-        return expected_cost(one.grid, draw_trips(one.grid, plan.seed), crew.robots)
-
-    return sorted(possible, key=cost)[:most]
-
-
-def _stations_more(plan: Plan, crew: Crew) -> Iterator[Candidate]:
-    """Yield floors with one station more, beside the traffic, and so far from the others that robots can pass."""
+def _stations(plan: Plan, crew: Crew, most: int) -> Iterator[Candidate]:
+    """Yield floors with other numbers of stations: the best sites first, and those go first that are missed least."""
     grid = plan.grid
+    now = grid.endpoints[1]
+    numbers = rungs(len(now))[:most]
+    spare = now if min(numbers, default=len(now)) >= len(now) else _by_cost(plan, crew, now, fewer=True)
+    sites = _by_cost(plan, crew, _sites(plan, crew), fewer=False) if max(numbers, default=0) > len(now) else []
+    for number in numbers:
+        step = number - len(now)
+        changed = sites[:step] if step > 0 else spare[:-step]
+        if len(changed) < abs(step):
+            continue
+        left = [*now, *changed] if step > 0 else [one for one in now if one not in changed]
+        yield _with_stations(grid, left, changed)
+
+
+def _sites(plan: Plan, crew: Crew) -> list[Cell]:
+    """Return where stations can be added, beside the traffic, so far from all others that robots can pass."""
     config = EnvConfig(num_agents=crew.robots, **plan.work)
-    sites = [cell for cell in standing_places(grid, config, len(grid.free_cells)) if _is_apart(cell, grid)]
-    for cell in _spread(sites):
-        yield _with_stations(grid, [*grid.endpoints[1], cell], cell, "station more")
+    taken = list(plan.grid.endpoints[1])
+    found: list[Cell] = []
+    for cell in standing_places(plan.grid, config, len(plan.grid.free_cells)):
+        if all(max(abs(cell[0] - row), abs(cell[1] - column)) >= STATION_SPACING for row, column in taken):
+            found.append(cell)
+            taken.append(cell)
+    return found
 
 
-def _spread(cells: list[Cell]) -> list[Cell]:
-    """Return up to SITES of the cells, evenly."""
-    return cells[:: max(1, -(-len(cells) // SITES))]
+def _by_cost(plan: Plan, crew: Crew, cells: Sequence[Cell], fewer: bool) -> list[Cell]:
+    """Return cells by what trips should cost if each alone were added, or taken away; of many, SITES are compared."""
+    if len(cells) < 2:
+        return list(cells)
+    now = plan.grid.endpoints[1]
+    compared = cells[:: -(-len(cells) // SITES)]
+
+    def cost(cell: Cell) -> float:
+        stations = [one for one in now if one != cell] if fewer else [*now, cell]
+        grid = dataclasses.replace(plan.grid, stations=np.array(stations))
+        return expected_cost(grid, draw_trips(grid, plan.seed), crew.robots)
+
+    first = sorted(compared, key=cost) if not fewer or len(now) > 1 else list(compared)
+    return [*first, *(cell for cell in cells if cell not in first)]
 
 
-def _is_apart(cell: Cell, grid: GridMap) -> bool:
-    return int(np.abs(grid.stations - cell).max(axis=1).min()) >= STATION_SPACING
-
-
-def _stations_fewer(grid: GridMap) -> Iterator[Candidate]:
-    """Yield floors with one station fewer."""
-    stations = grid.endpoints[1]
-    for cell in _spread(stations) if len(stations) > 1 else ():
-        yield _with_stations(grid, [one for one in stations if one != cell], cell, "station fewer")
-
-
-def _with_stations(grid: GridMap, stations: list[Cell], cell: Cell, kind: Kind) -> Candidate:
+def _with_stations(grid: GridMap, stations: Sequence[Cell], moved: Sequence[Cell]) -> Candidate:
     changed = np.zeros(grid.shape, dtype=np.bool_)
-    changed[cell] = True
-    x, y = grid.centre(cell).tolist()
-    text = f"{'a station more' if kind == 'station more' else 'no station'} at x {x:g} m, y {y:g} m"
-    return Candidate(kind, text, dataclasses.replace(grid, stations=np.array(stations)), changed)
+    changed[tuple(np.array(moved).T)] = True
+    before = len(grid.endpoints[1])
+    text = f"{_counted(len(stations), 'station')} instead of {before}"
+    if len(moved) == 1:
+        x, y = grid.world(grid.centre(moved[0])).tolist()
+        text += f", {'one more' if len(stations) > before else 'without that'} at x {x:g} m, y {y:g} m"
+    floor = dataclasses.replace(grid, stations=np.array(stations))
+    return Candidate("stations", text, floor, changed, number=len(stations), before=before)
 
 
-def _chargers(plan: Plan, step: int) -> Iterator[Candidate]:
-    """Yield the floor with so many chargers more; where they stand is chosen anew."""
-    battery = plan.work.get("battery")
-    if battery is not None and battery.chargers + step >= 1:
-        count = battery.chargers + step
-        kind: Kind = "charger more" if step > 0 else "charger fewer"
-        work = {"battery": dataclasses.replace(battery, chargers=count)}
-        text = f"{count} charger{'s' * (count > 1)} instead of {battery.chargers}"
-        yield Candidate(kind, text, plan.grid, np.zeros(plan.grid.shape, dtype=np.bool_), work)
+def _chargers(plan: Plan, most: int) -> Iterator[Candidate]:
+    """Yield the floor with other numbers of chargers; where they stand is chosen anew."""
+    battery = plan.work["battery"]
+    for number in rungs(battery.chargers)[:most]:
+        work = {"battery": dataclasses.replace(battery, chargers=number)}
+        text = f"{_counted(number, 'charger')} instead of {battery.chargers}"
+        nothing = np.zeros(plan.grid.shape, dtype=np.bool_)
+        yield Candidate("chargers", text, plan.grid, nothing, work, number, battery.chargers)
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'s' * (count > 1)}"
 
 
 def _drives(one: Candidate, plan: Plan, crew: Crew) -> bool:

@@ -13,20 +13,25 @@ from pathlib import Path
 from typing import ClassVar
 
 from agents import POLICIES, make_policy, policy_config
-from train.advice.advice_page import advice_page, changes_table, loads_table, places_table
+from train.advice.advice_page import advice_page, changes_table, ladder_tables, loads_table, places_table
 from train.advice.answer import answer
 from train.advice.course import advise
+from train.advice.hall_part import hall_parts
+from train.advice.room import most_with_a_start
+from train.advice.take_away import FOLDER, write_floor
 from train.advice.trials import Clock, Plan
 from train.commands.evaluate import GOES_ON
 from train.commands.layouts import check_connected
 from train.commands.orders import Work
 from train.evaluation.jobs import Progress, Runner
 from train.evaluation.workers import WorkerOptions
+from train.reporting.page import Part
 from train.reporting.report import make_console, make_progress, require_charts
 from train.reporting.rows import RowFile, check_writable, instead
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.halls.hall import is_hall, read_hall
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner
 from warehouse_env.simulation.tasks.orders import read_orders
@@ -42,7 +47,7 @@ class Advise(Work, WorkerOptions):
     Robots drive for good between pick faces and stations: more and more of them, then around the best number, under the
     policy that drives best there. What is chosen is measured again on new seeds. Then aisles are opened at the worst
     bottlenecks and made one way, each in pairs of episodes with the floor as it is. Where robots are served, carry out
-    orders or charge, they are judged by that, and stations and chargers are added and left out, too. Example:
+    orders or charge, they are judged by that, and other numbers of stations and chargers are tried, too. Example:
     warehouse advise --map hall.map --minutes 10 --goals 4000
     """
 
@@ -101,6 +106,7 @@ class Advise(Work, WorkerOptions):
         plan = self._plan(grid)
         for policy in plan.policies:  # finds what is wrong before the start
             make_policy(policy, policy_config(policy, EnvConfig(planner=self.planner)).replace(**plan.work))
+        plan = dataclasses.replace(plan, most=most_with_a_start(plan))
         with (
             RowFile(self.json or self.out / "rows.jsonl", self.resume, instead(self.overwrite)) as file,
             closing(self.workers()) as workers,
@@ -114,13 +120,18 @@ class Advise(Work, WorkerOptions):
                 advice = advise(plan, drive, clock, lambda text: print(text, flush=True))
         loads_table(advice).print()
         places_table(advice).print()
+        for table in ladder_tables(advice):
+            table.print()
         if advice.effects:
             changes_table(advice).print()
         console = make_console(sys.stdout)
         for text in answer(advice):
             console.print(text.replace("*", "").replace("`", ""), highlight=False, soft_wrap=not console.is_terminal)
-        advice_page(advice).write(page)
-        print(f"wrote {file.count:,} rows to {file.path} and the page to {page} in {time.monotonic() - begin:.0f} s")
+        advice_page(advice, self._understood(), write_floor(advice, self.out)).write(page)
+        print(
+            f"wrote {file.count:,} rows to {file.path} and the page to {page}, with the floor to take away in "
+            f"{self.out / FOLDER}, in {time.monotonic() - begin:.0f} s"
+        )
 
     def _plan(self, grid: GridMap) -> Plan:
         """Return what is asked."""
@@ -142,6 +153,11 @@ class Advise(Work, WorkerOptions):
         if (self.map is None) == (self.layout is None):
             raise ConfigError("name one floor: --map FILE or --layout NAME")
         return make_layout(str(self.map or self.layout))
+
+    def _understood(self) -> list[Part]:
+        """Return what was understood of a hall's map; nothing for another floor."""
+        name = str(self.map or self.layout)
+        return hall_parts(read_hall(name), name) if is_hall(name) else []
 
     @contextmanager
     def _bar(self, clock: Clock, file: RowFile) -> Iterator[Progress]:

@@ -15,7 +15,7 @@ from train.reporting.rows import RowFile, check_writable
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
 
-_DRAWN = ("goals_per_robot_hour", "collisions_per_km", "waiting_share")
+_DRAWN = ("goals_per_robot_hour", "collisions_per_km", "waiting_share", "orders_per_hour", "order_median_s")
 
 
 @dataclass(frozen=True)

@@ -77,15 +77,15 @@ class Layouts(Checked):
         return read_hall(name)
 
     def _convert(self, grid: GridMap, hall: Hall | None, path: Path) -> None:
-        barred, speed = (None, None) if hall is None else (hall.barred, hall.speed)
+        barred = None if hall is None else hall.barred
         if path.suffix == ".map":
             write_map(grid, path)
         elif path.name.endswith(lif.SUFFIX):
-            lif.write_lif(grid, path, speed)
+            lif.write_lif(grid, path)
         elif path.suffix == route_graph.SUFFIX:
-            route_graph.write_route_graph(grid, path, speed)
+            route_graph.write_route_graph(grid, path)
         elif path.suffix in YAMLS:
-            print(f"wrote {path}, which is read by --map {write_hall(grid, path, self.resolution, barred, speed)}")
+            print(f"wrote {path}, which is read by --map {write_hall(grid, path, self.resolution, barred)}")
             return
         else:
             raise ConfigError(f"--save {path} must end in .map, {YAMLS[0]}, {lif.SUFFIX} or {route_graph.SUFFIX}")

@@ -13,8 +13,9 @@ from train.evaluation.words import paragraph
 from train.reporting.page import Page, Part, Shown, made_by
 from train.reporting.report import counted, evaluation_table, grouped, make_progress, number, short_names
 from train.reporting.rows import Row, select, values_of, write_rows
+from warehouse_env.render.charts import Bar
 from warehouse_env.render.heat_maps import Panel, heat_maps
-from warehouse_env.render.report_charts import detours, over_robots
+from warehouse_env.render.report_charts import COLLISIONS, detours, over_robots
 from warehouse_env.simulation.physics.floor import load_grid
 
 ROWS = "rows.jsonl"
@@ -38,7 +39,7 @@ def write_report(
     floors = _floors(rows, notes)
     parts = [
         Part("Table", tables=[evaluation_table(rows)]),
-        Part("Over the number of robots", pictures=[_over_robots(rows, short)]),
+        Part("Over the number of robots", pictures=[_over_robots(rows, short), *_orders_over_robots(rows, short)]),
         _where(experiments, rows, floors, short),
         Part("Detours", pictures=_detours(rows, floors, short)),
         Part("Worst episodes", _WORST, links=links),
@@ -68,13 +69,31 @@ def _floors(rows: Sequence[Row], notes: Sequence[Row]) -> dict[str, Floor]:
 
 
 def _over_robots(rows: Sequence[Row], short: Mapping[str, str]) -> Shown:
-    floors = {
-        short[str(layout)]: (bars(own, "collisions_per_km", short), bars(own, "goals_per_robot_hour", short))
-        for (layout,), own in grouped(rows, ("layout",)).items()
-    }
     label = "Collisions per robot-km and goals per robot-hour over the number of robots"
     caption = f"{label}: means over episodes with 95% intervals. Fewer collisions and more goals are better."
-    return Shown(over_robots(floors, label), caption)
+    measures = {COLLISIONS: "collisions_per_km", "goals per robot-hour": "goals_per_robot_hour"}
+    return Shown(over_robots(_measured(rows, measures, short), label), caption)
+
+
+def _orders_over_robots(rows: Sequence[Row], short: Mapping[str, str]) -> list[Shown]:
+    """Return the same of orders, where there are some."""
+    ordered = [row for row in rows if "orders_per_hour" in row]
+    if not ordered:
+        return []
+    label = "Orders an hour of all robots, and late orders, over the number of robots"
+    caption = f"{label}: means over episodes with 95% intervals. More orders, and fewer late ones, are better."
+    measures = {"orders an hour": "orders_per_hour", "late orders": "orders_late"}
+    return [Shown(over_robots(_measured(ordered, measures, short), label), caption)]
+
+
+def _measured(
+    rows: Sequence[Row], measures: Mapping[str, str], short: Mapping[str, str]
+) -> dict[str, dict[str, list[Bar]]]:
+    """Return for each floor the bars of measures, given by their titles."""
+    return {
+        short[str(layout)]: {title: bars(own, name, short) for title, name in measures.items()}
+        for (layout,), own in grouped(rows, ("layout",)).items()
+    }
 
 
 def _on_floors(

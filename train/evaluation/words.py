@@ -28,7 +28,7 @@ def paragraph(rows: Sequence[Row], floors: Mapping[str, Floor]) -> list[str]:
         most = max(row["robots"] for row in own)
         full = select(own, robots=most)
         sentences = [f"**{short[layout]}, {counted(most, 'robot')}.**", *_goals(full, short), *_load(own, full, short)]
-        sentences += [*_collisions(full, short), *_stuck(full, short)]
+        sentences += [*_orders(full, short), *_collisions(full, short), *_stuck(full, short)]
         texts.append(" ".join([*sentences, *_places(full, floors, short)]))
     return [*texts, CAVEAT]
 
@@ -100,6 +100,31 @@ def _load(own: Sequence[Row], full: Sequence[Row], short: Mapping[str, str]) -> 
         f"From {fewest} to {counted(most, 'robot')} its goals per robot-hour change by {difference(change)}{told}; all "
         f"robots together reach {number(most * order[0][1].mean)} an hour instead of "
         f"{number(fewest * (order[0][1].mean - change.mean))}."
+    ]
+
+
+def _orders(rows: Sequence[Row], short: Mapping[str, str]) -> list[str]:
+    """Say who carries out the most orders, how long they take, and how stations and driving are used."""
+    order = ranked(rows, "orders_per_hour", reverse=True)
+    if not order:
+        return []
+    best, found = order[0]
+    own = select(rows, policy=best)
+
+    def of(name: str) -> str:
+        measure = MEASURES[name]
+        return with_interval(measure.interval(own), measure.factor)
+
+    text = f"Under `{short[best]}` {with_interval(found)} orders an hour are dropped"
+    if len(order) > 1:
+        text += (
+            f", the most; the next is `{short[order[1][0]]}`, {_against(rows, best, order[1][0], 'orders_per_hour')}"
+        )
+    return [
+        f"{text}.",
+        f"Half of its orders take at most {of('order_median_s')} s, one in twenty over {of('order_p95_s')} s; "
+        f"{of('orders_late')} of an episode are late. Stations are used {of('station_utilisation')}% of the time, and "
+        f"{of('empty_driving')}% of the metres are driven without a load.",
     ]
 
 

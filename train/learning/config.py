@@ -23,7 +23,7 @@ HELD_OUT_SEED = 1_000_000
 DRAWN = tuple(f"aisles:seed={seed}" for seed in range(1, 17))  # floors drawn at random, which are trained on
 _MOST_SAMPLES = 100_000_000  # decisions of all rows between two updates; with 112 numbers each they fill 45 GB
 
-_Floors = Annotated[tuple[str, ...], tyro.conf.arg(aliases=("--layout",))]
+_Floors = Annotated[tuple[str, ...], tyro.conf.arg(aliases=("--layout", "--map"))]
 _Config = TypeVar("_Config", bound="TrainingConfig")
 
 

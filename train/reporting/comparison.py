@@ -25,6 +25,7 @@ EPISODE = ("layout", "robots", "tasks", "disturbance", "seed")  # what two rows 
 _NEEDED = ("policy", "layout", "robots", "tasks", "planner", "seed", "robot_km", "collisions_per_km")
 _COMPARED = (
     "goals_per_robot_hour", "collisions_per_km", "stuck", "waiting_share", "longest_standing_s", "path_length_ratio",
+    "orders_per_hour", "order_median_s", "order_p95_s", "orders_late", "station_utilisation", "empty_driving",
 )  # fmt: skip
 
 
@@ -44,7 +45,8 @@ _FITS: dict[str, Callable[[object], bool]] = {
     **dict.fromkeys(("policy", "layout", "tasks"), _text), **dict.fromkeys(("robots", "seed"), _whole),
     "disturbance": lambda value: value is None or _text(value), **dict.fromkeys(_COMPARED, _measured),
 }  # fmt: skip
-_MORE_IS_BETTER = ("goals_per_robot_hour",)
+_MORE_IS_BETTER = ("goals_per_robot_hour", "orders_per_hour")
+_NEITHER = ("station_utilisation",)  # measures of which more is neither better nor worse
 NOTE = (
     "Over the episodes that both have: the same floor, number of robots and seed. Difference: mean of the paired "
     "differences [95% interval by Student's t], the run less the one it is held against; better and worse where the "
@@ -81,11 +83,13 @@ class Line(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """Better, worse, equal in every episode, or not told apart."""
+        """Better, worse, more, less, equal in every episode, or not told apart."""
         if self.difference.samples > 1 and self.difference[:3] == (0.0, 0.0, 0.0):
             return "equal"
         if not is_told(self.difference):
             return "not told apart"
+        if self.measure.name in _NEITHER:
+            return "more" if self.difference.mean > 0 else "less"
         return "better" if (self.difference.mean > 0) == (self.measure.name in _MORE_IS_BETTER) else "worse"
 
     def row(self) -> Row:
@@ -203,7 +207,7 @@ def comparison_words(lines: Sequence[Line]) -> list[str]:
     for line in lines:
         groups.setdefault((line.ours, line.other, line.layout, line.robots), []).append(line)
     for (ours, other, layout, robots), own in groups.items():
-        told = [line for line in own if line.verdict in ("better", "worse")]
+        told = [line for line in own if line.verdict not in ("equal", "not told apart")]
         open_ = [line.measure.heading for line in own if line.verdict == "not told apart"]
         names = " and ".join(f"**{one.run}** (`{short[one.policy]}`)" for one in (ours, other))
         episodes = counted(own[0].difference.samples, "episode")

@@ -47,6 +47,7 @@ class Part:
     tables: Sequence[Table] = ()
     links: Sequence[Link] = ()
     facts: dict[str, str] = field(default_factory=dict)
+    points: Sequence[str] = ()  # of a list, behind the pictures
 
 
 @dataclass(frozen=True)

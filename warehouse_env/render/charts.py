@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -13,9 +12,10 @@ from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.chart_style import INK, ROUNDING, empty_figure, figures, hexed, save, style
-from warehouse_env.render.colours import CONTACT, RGB, name_colours, robot_colour
+from warehouse_env.render.colours import CONTACT, RGB, SKY, name_colours, robot_colour
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor import floor_image, scale_for
+from warehouse_env.render.floor_axes import draw_arrows, set_metres
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,21 +36,15 @@ class Bar(NamedTuple):
 
 
 def draw_floor(ax: Axes, grid: GridMap) -> None:
-    """Draw a floor into axes, in metres, equal in both directions."""
+    """Draw a floor into axes, in metres, equal in both directions, with arrows where cells are one way."""
     width, height = grid.shape[1] * grid.cell_size, grid.shape[0] * grid.cell_size
     image = floor_image(grid, scale_for(grid, _FLOOR_PIXELS, most=24.0))
     ax.imshow(image, extent=(0, width, 0, height), interpolation="antialiased")
-    ax.set(xlim=(0, width), ylim=(0, height), xlabel="x [m]", ylabel="y [m]")
-    for axis, shift in zip((ax.xaxis, ax.yaxis), grid.origin, strict=True):  # as the map's file counts
-        if shift:
-            axis.set_major_formatter(partial(_shifted, shift))
-    ax.set_aspect("equal")
+    ax.set(xlabel="x [m]", ylabel="y [m]")
+    set_metres(ax, grid)
+    draw_arrows(ax, grid, grid.one_way, SKY)
     for side in ("top", "right"):
         ax.spines[side].set_visible(True)
-
-
-def _shifted(shift: float, value: float, _: int) -> str:
-    return f"{value + shift:.6g}"
 
 
 def trajectories(

@@ -12,6 +12,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.render.chart_style import FAINT, draw_discs, empty_figure, hexed, style, svg
 from warehouse_env.render.colours import BLUE, CONTACT, GREEN, RGB
 from warehouse_env.render.extras import load
+from warehouse_env.render.floor_axes import draw_arrows, set_metres
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,14 +22,13 @@ _SHELF: RGB = (140, 148, 158)
 _HEAT = ((1.0, 0.86, 0.3, 0.0), (0.99, 0.70, 0.12, 0.75), (0.90, 0.36, 0.05, 0.95), (0.62, 0.05, 0.12, 1.0))
 _WHITE = "#fffffe"  # on both pages: "#ffffff" would become the paper of the page
 _POWER = 0.5  # power of the scale: what is a quarter of the most has half of its colour
-_ARROWS = {1: (1, 0), 2: (0, 1), 3: (-1, 0), 4: (0, -1)}  # one_way.ARROWS as (x, y)
 
 
 class Panel(NamedTuple):
     """A floor with what is to be seen on it; all but the title may be left out.
 
     heat: float[H, W], no colour where it is 0. marks: float[K, 2] [m], crosses. numbers: places (x, y) [m], numbered
-    from 1. opened: bool[H, W], cells whose shelf is taken away. one_way: uint8[H, W], as in GridMap.
+    from 1. opened: bool[H, W], cells whose shelf is taken away. one_way: uint8[H, W], as in GridMap, its own if None.
     """
 
     title: str
@@ -82,8 +82,7 @@ def _draw(ax: Axes, panel: Panel, most: float) -> Any:
         image = ax.imshow(np.where(panel.heat > 0, panel.heat, 0.0), cmap=_colours(), norm=norm, **place)
     x, y = grid.centre(grid.stations).T
     ax.plot(x, y, "s", ms=max(1.2, 110 / max(rows, columns)), mfc="none", mec=hexed(BLUE), mew=0.7, alpha=0.8)
-    if panel.one_way is not None:
-        _arrows(ax, panel)
+    draw_arrows(ax, grid, grid.one_way if panel.one_way is None else panel.one_way, GREEN)
     if panel.marks is not None and len(panel.marks):
         ax.plot(*panel.marks.T[:2], "x", ms=4.5, mew=1.3, color=hexed(CONTACT), alpha=0.7)
     for number, (at_x, at_y) in enumerate(panel.numbers, start=1):
@@ -93,9 +92,9 @@ def _draw(ax: Axes, panel: Panel, most: float) -> Any:
             color=_WHITE, fontsize=8, fontweight="bold", bbox=circle,
             arrowprops={"arrowstyle": "-", "color": hexed(BLUE), "lw": 1.2}, zorder=6,
         )  # fmt: skip
-    ax.set(xlim=(0, columns * side), ylim=(0, rows * side), title=panel.title)
+    ax.set_title(panel.title)
     ax.tick_params(labelsize=8)
-    ax.set_aspect("equal")
+    set_metres(ax, grid)
     for edge in ax.spines.values():
         edge.set(visible=True, color=FAINT)
     return image
@@ -108,20 +107,6 @@ def _shelves(panel: Panel) -> NDArray[np.float64]:
     if panel.opened is not None:
         image[panel.opened] = (*(part / 255 for part in GREEN), 0.9)
     return image
-
-
-def _arrows(ax: Axes, panel: Panel) -> None:
-    """Draw the direction of every one-way cell."""
-    assert panel.one_way is not None
-    cells = np.argwhere(panel.one_way)
-    if not len(cells):
-        return
-    x, y = panel.grid.centre(cells).T
-    along = np.array([_ARROWS[int(panel.one_way[row, column])] for row, column in cells], dtype=np.float64)
-    ax.quiver(
-        x, y, *(0.8 * panel.grid.cell_size * along).T, pivot="mid", angles="xy", scale_units="xy", scale=1.0,
-        color=hexed(GREEN), headwidth=5, headlength=5, headaxislength=4.5, width=0.004,
-    )  # fmt: skip
 
 
 def _colours() -> Any:

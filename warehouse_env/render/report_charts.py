@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from warehouse_env.render.chart_style import FAINT, INK, empty_figure, hexed, style, svg
 from warehouse_env.render.charts import Bar, collision_scale
 from warehouse_env.render.colours import BLUE, CONTACT, GREEN, GREY, RGB, name_colours
+from warehouse_env.render.extras import load as module
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,20 +38,25 @@ class Load(NamedTuple):
     jammed: bool
 
 
-def over_robots(floors: Mapping[str, tuple[Sequence[Bar], Sequence[Bar]]], label: str) -> str:
-    """Draw collisions per km and goals per robot-hour over the number of robots, a row of panels a floor."""
+COLLISIONS = "collisions per robot-km"
+
+
+def over_robots(floors: Mapping[str, Mapping[str, Sequence[Bar]]], label: str) -> str:
+    """Draw measures, two or more, by their title over the number of robots, a row of panels a floor."""
     with style():
+        across = max(map(len, floors.values()))
         figure = empty_figure(10.0, 3.1 * len(floors) + 0.4)
-        axes = figure.subplots(len(floors), 2, squeeze=False)
+        axes = figure.subplots(len(floors), across, squeeze=False)
         figure.get_layout_engine().set(w_pad=0.12, h_pad=0.1)  # type: ignore[union-attr,call-arg]
-        for (left, right), (floor, (collisions, goals)) in zip(axes, floors.items(), strict=True):
-            _dots(left, collisions)
-            _dots(right, goals)
-            collision_scale(left, [bar for bar in collisions if np.isfinite(bar.mean)])
-            right.margins(y=0.15)
-            right.set_ylim(bottom=0)
-            left.set(title=f"{floor}: collisions per robot-km", xlabel="robots")
-            right.set(title=f"{floor}: goals per robot-hour", xlabel="robots")
+        for line, (floor, measures) in zip(axes, floors.items(), strict=True):
+            for ax, (title, bars) in zip(line, measures.items(), strict=True):
+                _dots(ax, bars)
+                if title == COLLISIONS:
+                    collision_scale(ax, [bar for bar in bars if np.isfinite(bar.mean)])
+                else:
+                    ax.margins(y=0.15)
+                    ax.set_ylim(bottom=0)
+                ax.set(title=f"{floor}: {title}", xlabel="robots")
         handles, labels = axes[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper left", ncols=6)
         return svg(figure, label)
@@ -146,11 +152,12 @@ def throughput(
             at, low, high = knee
             ax.axvspan(low, min(high, robots[-1]), color=hexed(GREY), alpha=0.18, lw=0)
             ax.axvline(at, color=INK, lw=1.2, label=f"a further one brings half, from {at:.0f}")
-        shapes = (("o", GREEN, f"most {what}, {most.robots} robots"), ("o", BLUE, "drives"), ("X", CONTACT, "jams"))
-        for marker, colour, text in shapes:
+        shapes = [("o", GREEN, f"most {what}, {most.robots} robots"), ("o", BLUE, "drives"), ("X", CONTACT, "jams")]
+        for marker, colour, text in shapes if any(load.jammed for load in loads) else shapes[:2]:
             ax.plot([], [], marker, color=hexed(colour), label=text)
         ax.set(xlim=(0, robots[-1] * 1.05), ylim=(0, top * 1.12))
         ax.set(xlabel="robots", ylabel=f"{what} per hour, all robots")
+        ax.xaxis.set_major_locator(module("matplotlib.ticker").MaxNLocator(9, steps=[1, 2, 5, 10], integer=True))
         ax.grid(axis="y")
         figure.legend(loc="outside upper left", ncols=5)
         return svg(figure, label)

@@ -25,10 +25,11 @@ from warehouse_env.files import STAGED, path_of, read_bytes
 from warehouse_env.maps import disc_report, one_way
 from warehouse_env.maps.discs import covered, read_discs
 from warehouse_env.maps.endpoints import largest_region
+from warehouse_env.maps.going import DEAREST
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import lif, picture, places, route_graph
 from warehouse_env.maps.halls.cells import Raster, closed, not_free, raster_of, spread, within
-from warehouse_env.maps.halls.lanes import Lanes, lay
+from warehouse_env.maps.halls.lanes import Lanes, lay, prices
 from warehouse_env.maps.halls.map_server import YAMLS, Occupancy, beside, image_of, read_occupancy
 
 SUFFIXES = (*YAMLS, *picture.SUFFIXES)
@@ -48,6 +49,7 @@ class Reading(Checked):
     lanes: str | None = None  # LIF (.json) or route graph (.geojson)
     vehicle: str | None = None  # type whose lanes these are (LIF)
     lanes_only: bool = False  # nobody drives off the lanes
+    lanes_prefer: float = 1.5  # times its length that a way off the lanes costs planners
     discs: str | None = None  # round obstacles (.json or .csv); pixels in them are theirs
 
     def __post_init__(self) -> None:
@@ -55,6 +57,7 @@ class Reading(Checked):
         self._between(0.1, 100.0, "cell")
         self._between(0.0, 1.0, "share")
         self._between(1e-3, 100.0, "resolution")
+        self._between(1.0, DEAREST, "lanes_prefer")
         self._require(not self.lanes_only or self.lanes is not None, "lanes_only", "false without lanes=FILE")
         self._require(self.vehicle is None or self.lanes is not None, "vehicle", "left out without lanes=FILE")
 
@@ -68,7 +71,6 @@ class Hall:
     raster: Raster
     places: places.Places  # picks and stations by name, as the grid has them
     barred: NDArray[np.bool_]  # [H, W], floor of the map that masks or lanes close
-    speed: NDArray[np.float64]  # [H, W], [m/s] at most, inf without a limit; robots do not keep it yet
     notes: tuple[str, ...]  # what the floor does not hold, one sentence each
     report: tuple[str, ...]  # what was read, and lost in cells
 
@@ -137,9 +139,10 @@ class _Reader:
         self._check_floor(~(self._walls | barred), "keepout leaves")
         lanes = self._lanes()
         on_cells = None if lanes is None else lay(lanes, ~(self._walls | barred), self._raster)
-        arrows = self._one_way()
+        arrows, price = self._one_way(), None
         if on_cells is not None:
             speed, arrows = np.minimum(speed, on_cells.speed), on_cells.one_way
+            price = np.minimum(prices(on_cells, self._how.lanes_prefer), DEAREST)
             if self._how.lanes_only:
                 barred |= ~on_cells.used & ~self._walls
                 self._check_floor(~(self._walls | barred), "lanes_only leaves")
@@ -150,15 +153,13 @@ class _Reader:
         (picks, stations), named = self._places(lanes, taken)
         if lanes is not None:
             self._notes += lanes.noted()
-        if np.isfinite(speed[~occupied]).any():
-            self._notes.append("robots do not keep its speed limits: they are read and written only")
         grid = GridMap(
             occupied, None, self._how.cell, picks, stations, self._path.stem,  # type: ignore[arg-type]
-            np.where(taken, 0, arrows), self._raster.origin, discs,
+            np.where(taken, 0, arrows), self._raster.origin, discs, None, speed, price,  # type: ignore[arg-type]
         )  # fmt: skip
         self._note_regions(taken)
         report = tuple(self._report(grid, barred))
-        return Hall(grid, self._occupancy, self._raster, named, barred, speed, tuple(self._notes), report)
+        return Hall(grid, self._occupancy, self._raster, named, barred, tuple(self._notes), report)
 
     def _round_ones(self) -> NDArray[np.float64]:
         """Return float64[K, 3], the discs (x, y, radius) [m] in the map's frame whose centres are on its cells."""

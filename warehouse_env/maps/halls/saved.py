@@ -23,12 +23,11 @@ def write_hall(
     path: Path,
     resolution: float | None = None,
     barred: NDArray[np.bool_] | None = None,
-    speed: NDArray[np.float64] | None = None,
 ) -> str:
     """Write a floor as NAME.yaml with all that belongs to it beside it; return the name by which it is read again.
 
     resolution: [m/pixel], a whole share of a cell; a pixel a cell if not given. barred: bool[H, W], floor that a
-    keepout mask closes. speed: float64[H, W], [m/s] at most, inf where there is no limit.
+    keepout mask closes. Prices of lanes are not in it.
     """
     if path.suffix.lower() not in YAMLS:
         raise MapError(f"{path} must end in {YAMLS[0]}")
@@ -46,7 +45,7 @@ def write_hall(
     if closed.any():
         parameters.append(f"keepout={path.stem}_keepout.yaml")
         write(np.where(closed, 100, 0), path.with_name(f"{path.stem}_keepout.yaml"))
-    if speed is not None and np.isfinite(speed).any():
+    if (speed := grid.speed) is not None:
         parameters.append(f"speed={path.stem}_speed.yaml")
         percent = np.where(np.isfinite(speed), np.clip(speed / RobotSpec.max_speed * 100, 1, 100), 0)
         write(np.rint(percent).astype(np.int64), path.with_name(f"{path.stem}_speed.yaml"))

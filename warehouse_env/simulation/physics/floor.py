@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import multiprocessing
+import warnings
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -10,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig, SensorSpec
+from warehouse_env.errors import MapWarning
 from warehouse_env.kernel import kernel
+from warehouse_env.maps.fitting import fitted
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout, read_file
 from warehouse_env.simulation.physics.discs import Obstacles, lower_clearance, obstacles_of
@@ -21,8 +25,17 @@ UNIT = 0.01  # [m] per count of the clearance field, which saturates at 2.55 m
 
 
 def load_grid(config: EnvConfig) -> GridMap:
-    """Return the map that a config names: its map_file, or else its layout."""
-    return make_layout(config.layout) if config.map_file is None else read_file(config.map_file)
+    """Return the map that a config names, its map_file or else its layout, for its robots."""
+    grid = make_layout(config.layout) if config.map_file is None else read_file(config.map_file)
+    return fit(grid.at_pace(config.robot.max_speed), config)
+
+
+def fit(grid: GridMap, config: EnvConfig) -> GridMap:
+    """Return a map for the bodies of a config; what they cannot reach is warned of (MapWarning), MapError for all."""
+    floor, notes = fitted(grid, config.widest_body)
+    for note in notes if multiprocessing.parent_process() is None else ():  # workers' parents have said it
+        warnings.warn(f"{grid.name}: {note}", MapWarning, stacklevel=3)
+    return floor
 
 
 class Floor(NamedTuple):

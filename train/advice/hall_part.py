@@ -1,0 +1,64 @@
+"""What was understood of a hall's map, and what is doubtful about it, as parts of an advice's page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from train.reporting.page import Part, Shown
+from train.reporting.report import counted
+from warehouse_env.maps.halls import places
+from warehouse_env.maps.halls.hall import Hall, parse
+from warehouse_env.render.hall_map import SMALL, cell_kinds, hall_map
+
+_SIGNS = ("aisles close", "by unknown pixels", "lies beside")  # of what may be otherwise, in a hall's report
+
+
+def hall_parts(hall: Hall, name: str) -> list[Part]:
+    """Return two parts: the map with the floor laid over it and what was read, and what is doubtful.
+
+    name: by which the hall was read.
+    """
+    label = f"The map of {hall.grid.name}, and the floor that robots drive on"
+    caption = (
+        f"{label}, in metres of the map's own frame. Robots drive on whole cells of {hall.grid.cell_size:g} m; what is "
+        "sand-coloured is floor on the map, and none here."
+    )
+    read = [_sentence(line) for line in hall.report if not any(sign in line for sign in _SIGNS)]
+    doubtful = [_sentence(line) for line in doubts(hall, name)]
+    shown = [Shown(hall_map(hall, label), caption)]
+    heading = "What is doubtful about it, and what settles it"
+    parts = [Part("The hall as it was understood", pictures=shown, points=read), Part(heading, points=doubtful)]
+    return [part for part in parts if part.points]
+
+
+def doubts(hall: Hall, name: str) -> Iterator[str]:
+    """Yield what may be otherwise than it was taken, one sentence each, and what settles it; the gravest first."""
+    path, how = parse(name)
+    if not path.with_suffix(places.SUFFIX).exists() and how.lanes is None:
+        picks, stations = len(hall.places["picks"]), len(hall.places["stations"])
+        yield (
+            f"where robots fetch and bring was guessed: {counted(picks, 'pick face')} beside what stands straight, "
+            f"{counted(stations, 'station')} along the rim, and all figures here rest on them; "
+            f"`warehouse places {path.name}` draws them with numbers and writes a file in which you put them right"
+        )
+    small = int((cell_kinds(hall) == SMALL).sum())
+    if small:
+        yield (
+            f"{counted(small, 'cell')} that robots drive on hold something small, as table legs, kerbs, or specks of "
+            f"the scanner; `{with_parameter(name, 'share=0')}` closes them"
+        )
+    yield from hall.notes
+    yield from (line for line in hall.report if any(sign in line for sign in _SIGNS))
+
+
+def with_parameter(name: str, parameter: str) -> str:
+    """Return a hall's name, without its folders, read by one more parameter."""
+    path, colon, given = name.partition(":")
+    kept = [one for one in given.split(",") if colon and one.partition("=")[0] != parameter.partition("=")[0]]
+    return f"{Path(path).name}:{','.join([*kept, parameter])}"
+
+
+def _sentence(text: str) -> str:
+    plain = text.partition(" ")[0].islower() and "." not in text.partition(" ")[0]  # and no file's name
+    return f"{text[0].upper() if plain else text[0]}{text[1:]}."
