@@ -7,7 +7,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning import make_planner
 from warehouse_env.planning.plan import Planner
 from warehouse_env.routes.book import RouteBook
-from warehouse_env.simulation.physics.floor import load_grid
+from warehouse_env.simulation.physics.floor import fit, load_grid
 from warehouse_env.simulation.simulator import Simulator
 
 _MOST = 64  # books kept, the last ones asked for
@@ -16,11 +16,13 @@ _books: dict[tuple[object, ...], RouteBook] = {}
 
 def book_of(config: EnvConfig, grid: GridMap | None = None, planner: Planner | None = None) -> RouteBook:
     """Return this process's book of a floor, planner and lanes; grid, planner: instead of those the config names."""
-    grid = load_grid(config) if grid is None else grid
+    grid = load_grid(config) if grid is None else fit(grid, config)
     planner = make_planner(config.planner) if planner is None else planner
     floor = (grid.name, grid.key, grid.picks.tobytes(), grid.stations.tobytes())
-    key = (*floor, planner.key, config.keep_right)
-    book = _books.pop(key, None) or RouteBook(grid, planner, keep_right=config.keep_right)
+    key = (*floor, planner.key, config.keep_right, config.widest_body.wider)
+    book = _books.pop(key, None) or RouteBook(
+        grid, planner, keep_right=config.keep_right, wider=config.widest_body.wider
+    )
     _books[key] = book
     if len(_books) > _MOST:
         del _books[next(iter(_books))]

@@ -74,6 +74,10 @@ _COMMANDS = {
     "advise": ("commands.advise:Advise", "say how many robots a floor bears, where they wait, what a change brings"),
     "record": ("commands.replay:Record", "drive a policy through one episode and keep it as a file"),
     "replay": ("commands.replay:ReplayCommand", "show recorded episodes: a page for the browser, a video, a window"),
+    "fleet": (
+        "commands.fleet:FleetCommand",
+        "write an episode as VDA 5050 messages, check such a log, or judge what a real fleet says",
+    ),
     "live": ("commands.live:Live", "run a simulation behind a page in the browser, and steer it there"),
     "audit": ("commands.audit:AuditCommand", "check at every instant what robots drove: overlaps, limits, jumps"),
     "robust": (

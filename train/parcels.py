@@ -11,7 +11,7 @@ from pathlib import Path
 from agents.weights_folder import CONFIG, WEIGHTS
 from train.own import taken_in
 from warehouse_env.files import STAGED, whereabouts
-from warehouse_env.maps import one_way
+from warehouse_env.maps import discs, one_way
 from warehouse_env.maps.halls.hall import files_of, is_hall
 from warehouse_env.own_parts import split
 
@@ -19,7 +19,7 @@ Parcel = dict[str, dict[str, bytes]]
 """Name as it was typed -> its files, by their names within a folder; the first is what the name stands for, or all lie
 in a folder of that name."""
 
-_BESIDE = {".map": (one_way.SUFFIX,)}  # suffix of a file -> those of files that go with it
+_BESIDE = {".map": (one_way.SUFFIX, discs.SUFFIX)}  # suffix of a file -> those of files that go with it
 
 
 def pack(names: Iterable[str]) -> Parcel:

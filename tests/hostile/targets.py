@@ -31,6 +31,11 @@ from train.clmapf.solution import read_solution
 from train.evaluation.episodes import Episodes
 from train.evaluation.jobs import go_on
 from train.evaluation.rollout import make_experiment
+from train.fleet.build import episode_of
+from train.fleet.check import check_log
+from train.fleet.driven import Driven, load_episode
+from train.fleet.factsheet import factsheet_of
+from train.fleet.listen import hear_log
 from train.learning import checkpoint
 from train.learning.config import HELD_OUT_SEED, PPOConfig, ReinforceConfig, ThreadedPPOConfig
 from train.learning.curves import read_run
@@ -51,6 +56,7 @@ from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.maps.movingai import EXAMPLE_SCEN, Scenario, read_map, read_scen, write_map, write_scen
 from warehouse_env.planning import PLANNERS, make_planner
+from warehouse_env.render.replay import replay_of
 from warehouse_env.routes.book import PlanStore
 from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
@@ -110,6 +116,7 @@ HALL = {
     "h.pgm": b"P5\n8 8\n255\n" + bytes([254] * 40 + [0] * 4 + [205] * 20),
     "k.yaml": b"image: h.pgm\nresolution: 1\norigin: [1, 0.0, 0]\nnegate: 1\noccupied_thresh: .9\nfree_thresh: .3\n",
     "h.png": b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x04\0\0\0\x04\x08\0\0\0\0",
+    "h.discs.json": b'{"discs": [{"x": 1.2, "y": 1.1, "radius": 0.3}]}',
     "h.places.json": b'{"picks": [{"id": 1, "x": 0.5, "y": 1.0}], "stations": [{"x": 2.5, "y": 1.5}]}',
     "h.oneway": b"....\n.>..\n....\n....\n",
     "l.json": json.dumps(LIF).encode(), "l.geojson": json.dumps(GRAPH).encode(),
@@ -159,8 +166,9 @@ def _make_hall(rng: Random) -> tuple[dict[str, bytes], str]:
     for name in rng.sample(sorted(files), rng.randint(1, 2)):
         is_json = name.endswith("json")
         files[name] = json_bytes(rng, json.loads(files[name])) if is_json else damaged(rng, files[name])
-    how = rng.choice(["", "cell=0.5", "keepout=k.yaml", "speed=k.yaml", "lanes=l.json", "lanes=l.geojson",
-                      "lanes=l.json,lanes_only=true", "cell=" + making.text(rng), making.text(rng)])  # fmt: skip
+    how = rng.choice(["", "cell=0.5", "keepout=k.yaml", "speed=k.yaml", "discs=h.discs.json", "lanes=l.json",
+                      "lanes=l.geojson", "lanes=l.json,lanes_only=true", "cell=" + making.text(rng),
+                      making.text(rng)])  # fmt: skip
     return files, rng.choice(["h.yaml", "h.yaml", "h.yaml", "h.png"]) + (f":{how}" if how else "")
 
 
@@ -170,9 +178,9 @@ def _hall(given: tuple[dict[str, bytes], str], folder: Path) -> None:
     hall = read_hall(f"{folder}/{given[1]}")
     _use(hall.grid)
     list(files_of(f"{folder}/{given[1]}"))
-    write_hall(hall.grid, folder / "g.yaml", None, hall.barred, hall.speed)
-    write_lif(hall.grid, folder / "g.json", hall.speed)
-    write_route_graph(hall.grid, folder / "g.geojson", hall.speed)
+    write_hall(hall.grid, folder / "g.yaml", None, hall.barred)
+    write_lif(hall.grid, folder / "g.json")
+    write_route_graph(hall.grid, folder / "g.geojson")
 
 
 def _use(grid: GridMap) -> None:
@@ -189,6 +197,87 @@ def an_episode() -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         recorder.episode.save(Path(folder, "e.npz"))
         return Path(folder, "e.npz").read_bytes()
+
+
+def _fleet_entries() -> list[Any]:
+    """Return messages of a vehicle, as they are kept."""
+    node = {"nodeId": "n", "sequenceId": 2, "released": True, "nodePosition": {"x": 3.5, "y": 1.5, "mapId": "m"}}
+    head = {"headerId": 0, "version": "2.1.0", "manufacturer": "A", "serialNumber": "1"}
+    states = [
+        {**head, "headerId": k, "timestamp": f"2026-01-01T00:00:0{k}Z", "orderId": "o", "orderUpdateId": 0,
+         "lastNodeId": "m", "lastNodeSequenceId": 0, "nodeStates": [node] * (k < 2), "edgeStates": [], "driving": True,
+         "agvPosition": {"x": 1.5 + k, "y": 1.5, "theta": 0.1, "mapId": "m", "positionInitialized": True},
+         "actionStates": [], "batteryState": {"batteryCharge": 9, "charging": False}, "operatingMode": "AUTOMATIC",
+         "errors": [{"errorType": "contactRobot", "errorLevel": "WARNING"}], "loads": [{"loadId": "l"}],
+         "safetyState": {"eStop": "NONE", "fieldViolation": False}}
+        for k in range(3)
+    ]  # fmt: skip
+    ordered = {**node, "actions": []}
+    order = {
+        **head,
+        "timestamp": "2026-01-01T00:00:00Z",
+        "orderId": "o",
+        "orderUpdateId": 0,
+        "nodes": [{**ordered, "nodeId": "m", "sequenceId": 0}, ordered],
+        "edges": [
+            {"edgeId": "e", "sequenceId": 1, "released": True, "startNodeId": "m", "endNodeId": "n", "actions": []}
+        ],
+    }
+    topics = [("order", order), *(("state", state) for state in states)]
+    logged = [{"topic": f"uagv/v2/A/1/{name}", "qos": 0, "retain": 0, "payload": one} for name, one in topics]
+    sheet = {"topic": "uagv/v2/A/1/factsheet", "payload": factsheet_of(EnvConfig(), 1.0)}
+    return [sheet, *logged, {**states[0], "serialNumber": "2"}, {**states[2], "serialNumber": "2"}]
+
+
+def _make_fleet_log(rng: Random) -> bytes:
+    return json_lines(rng, _fleet_entries())
+
+
+def _fleet_log(content: bytes, folder: Path) -> None:
+    path = _written(content, folder, "log.jsonl")
+    with contextlib.suppress(ValueError):
+        check_log(path)
+    made = episode_of(hear_log(path).fleet, make_layout("open"), EnvConfig(layout="open"))
+    made.row()
+    made.save(folder / "e.npz")
+    _watched(folder / "e.npz")
+
+
+@functools.cache
+def _driven_members() -> dict[str, bytes]:
+    """Return the members of the file of an episode that a real fleet drove."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        path = _written("\n".join(map(json.dumps, _fleet_entries())).encode(), folder, "log.jsonl")
+        episode_of(hear_log(path).fleet, make_layout("open"), EnvConfig(layout="open")).save(folder / "e.npz")
+        with zipfile.ZipFile(folder / "e.npz") as file:
+            return {member: file.read(member) for member in file.namelist()}
+
+
+def _make_driven(rng: Random) -> bytes:
+    members = dict(_driven_members())
+    beside = [member for member in members if member.startswith("fleet.")]
+    name = rng.choice(beside)
+    is_json = name.endswith(".json")
+    members[name] = json_bytes(rng, json.loads(members[name])) if is_json else damaged(rng, members[name])
+    if rng.random() < 0.2:
+        del members[rng.choice(sorted(members))]
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as file:
+        for member, data in members.items():
+            file.writestr(zipfile.ZipInfo(member), data)
+    return content.getvalue()
+
+
+def _shown(content: bytes, folder: Path) -> None:
+    _watched(_written(content, folder, "e.npz"))
+
+
+def _watched(path: Path) -> None:
+    """Look at an episode of a real fleet as the replay page does."""
+    episode = load_episode(path)
+    if isinstance(episode, Driven) and len(episode.pose) < 20_000:  # of which a page is made in a few seconds
+        replay_of(episode, "real")
 
 
 @functools.cache
@@ -519,7 +608,7 @@ TARGETS: dict[str, Target] = {
     "plain config": Target(_make_plain, _plain, 500),
     "named": Target(lambda rng: damaged(rng, b"aisles:seed=7,rows=40"), _named, 1500),
     "grid map": Target(lambda rng: options(rng, ["occupied", "height", "cell_size", "picks", "stations", "name",
-                                                 "one_way", "origin"]), _grid, 500),
+                                                 "one_way", "origin", "discs", "walls"]), _grid, 500),
     "layout": Target(_make_layout, lambda given, f: make_layout(given[0], **given[1]), 60),
     "planner": Target(_make_planned, _planned, 500),
     "scenario": Target(lambda rng: (0, 0, options(rng, list(Scenario._fields))), _scenarios, 500),
@@ -528,6 +617,8 @@ TARGETS: dict[str, Target] = {
     "command line": Target(_make_line, _line, 6),
     "policy name": Target(_make_name, _name, 300),
     "path": Target(value, _paths, 600),
+    "fleet log": Target(_make_fleet_log, _fleet_log, 60),
+    "fleet episode": Target(_make_driven, _shown, 60),
     "live command": Target(lambda rng: json_bytes(rng, rng.choice(LIVE)), lambda given, _: read_command(given), 2000),
 }  # fmt: skip
 

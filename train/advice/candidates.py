@@ -114,7 +114,7 @@ class Storage(NamedTuple):
 
 def storage_lost(grid: GridMap, one: Candidate) -> Storage:
     """Return what is lost, of shelves that are no walls."""
-    before, after = shelves(grid.occupied), shelves(grid.occupied) & ~one.changed
+    before, after = shelves(grid.walls), shelves(grid.walls) & ~one.changed
     served, left = (int(beside(racks)[tuple(grid.picks.T)].sum()) for racks in (before, after))
     cells = int(before.sum() - after.sum())
     return Storage(cells, cells / max(1, int(before.sum())), served - left, served)
@@ -126,7 +126,7 @@ def aisles(grid: GridMap, cell: Cell) -> list[Candidate]:
     A gap through the next rack, its face taken away, and the same through all racks of the floor that lie in that
     line: a new aisle, or one that is wider over its whole length. The walls around a floor stay.
     """
-    racks = shelves(grid.occupied)
+    racks = shelves(grid.walls)
     found = []
     for step in _STEPS:
         aside = (step[1], step[0])

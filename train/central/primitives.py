@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
 from warehouse_env.simulation.physics import kinematics
+from warehouse_env.simulation.physics.discs import Obstacles
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import rectangles_touch
@@ -41,7 +42,7 @@ class Given(NamedTuple):
     steers: Floats  # [N]
     commands: Floats  # [K, 2], speed and steering of each primitive
     keys: Floats  # [N, K], less is better
-    solid: NDArray[np.uint8]  # as those of Floor
+    solid: NDArray[np.uint8] | Obstacles  # as those of Floor
     clearance: NDArray[np.uint8]
     cell: float  # [m]
     body: Floats  # half length, half width [m]

@@ -15,9 +15,9 @@ from train.evaluation.audit.table import audit_table, faults_of, sentences
 from train.evaluation.audit.watcher import Audit
 from train.evaluation.disturbances import known
 from train.evaluation.jobs import Job, Runner
+from train.fleet.driven import load_simulated
 from train.reporting.rows import check_writable, write_text
 from warehouse_env.errors import ConfigError
-from warehouse_env.simulation.record.recording import Episode
 
 _SHOWN = 20  # faults in words; the rows have them all
 
@@ -71,7 +71,7 @@ class AuditCommand(Episodes):
         if self.files and self.resume:
             raise ConfigError("--resume must be left out with episode files")
         if self.files:
-            episodes = [(path, Episode.load(path)) for path in self.files]
+            episodes = [(path, load_simulated(path)) for path in self.files]
             configs = [episode.config for _, episode in episodes]
             jobs: list[Job] = [RecordedEpisode(path, len(episode.actions)) for path, episode in episodes]
         else:

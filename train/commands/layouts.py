@@ -15,6 +15,7 @@ from train.reporting.report import Table
 from train.reporting.rows import Row, RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapError
+from warehouse_env.maps.discs import lost
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import lif, route_graph
 from warehouse_env.maps.halls.hall import Hall, is_hall, read_hall
@@ -76,15 +77,15 @@ class Layouts(Checked):
         return read_hall(name)
 
     def _convert(self, grid: GridMap, hall: Hall | None, path: Path) -> None:
-        barred, speed = (None, None) if hall is None else (hall.barred, hall.speed)
+        barred = None if hall is None else hall.barred
         if path.suffix == ".map":
             write_map(grid, path)
         elif path.name.endswith(lif.SUFFIX):
-            lif.write_lif(grid, path, speed)
+            lif.write_lif(grid, path)
         elif path.suffix == route_graph.SUFFIX:
-            route_graph.write_route_graph(grid, path, speed)
+            route_graph.write_route_graph(grid, path)
         elif path.suffix in YAMLS:
-            print(f"wrote {path}, which is read by --map {write_hall(grid, path, self.resolution, barred, speed)}")
+            print(f"wrote {path}, which is read by --map {write_hall(grid, path, self.resolution, barred)}")
             return
         else:
             raise ConfigError(f"--save {path} must end in .map, {YAMLS[0]}, {lif.SUFFIX} or {route_graph.SUFFIX}")
@@ -116,6 +117,8 @@ class Layouts(Checked):
         print("\n".join(grid.text()))
         arrows = f"   {' '.join(ARROWS[1:])} one way" if grid.one_way.any() else ""
         print(f"# shelf   p pick   s station   ~ uneven floor   . floor{arrows}")
+        if hall is None and len(grid.discs):
+            print(lost(grid))
         say(hall)
         file = RowFile(self.json)
         file.add([facts(grid)])
@@ -129,6 +132,8 @@ class Layouts(Checked):
     def _check(self, path: Path) -> None:
         hall = self._hall(str(path))
         grid = read_map(path) if hall is None else hall.grid
+        if hall is None and len(grid.discs):
+            print(lost(grid))
         say(hall)
         check_connected(grid)
         row = facts(grid)

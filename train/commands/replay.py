@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from train.commands.evaluate import Working
 from train.evaluation.recorded import record, shares_of
 from train.evaluation.rollout import Experiment, identity, make_experiment
+from train.fleet.driven import load_episode
 from train.reporting.report import make_progress, require_video
 from train.reporting.rows import RowFile, check_writable
 from warehouse_env.checked import Checked
@@ -83,7 +84,7 @@ class ReplayCommand(Checked):
     """Show a recorded episode, or two side by side and in step: --html, --video or --window."""
 
     episodes: tyro.conf.Positional[tuple[Path, ...]]
-    """One or two files of `warehouse record`."""
+    """One or two files of `warehouse record`, or of `warehouse fleet --listen`."""
     html: Path | None = None
     """Write one HTML file, which any browser shows without a network."""
     video: Path | None = None
@@ -120,7 +121,7 @@ class ReplayCommand(Checked):
             raise ConfigError(f"name one episode file, or two to see side by side, not {len(self.episodes)}")
         if self.window:
             check_window()
-        episodes = [Episode.load(path) for path in self.episodes]
+        episodes = [load_episode(path) for path in self.episodes]
         worlds = [self._world(path, episode) for path, episode in zip(self.episodes, episodes, strict=True)]
         names = names_of(self.episodes, episodes)
         title = self.title or " and ".join(names)

@@ -40,6 +40,8 @@ def with_shelves(grid: GridMap, cells: Sequence[Sequence[int]], stand: bool, bar
     or MapError for cells off the floor, and where no pick or no station would be left.
     """
     where = tuple(_on_floor(grid, cells).T)
+    if (grid.occupied & ~grid.walls)[where].any():
+        raise ConfigError("a disc stands there; discs stay where they are")
     occupied = grid.occupied.copy()
     occupied[where] = stand
     if occupied.all():

@@ -19,11 +19,11 @@ def distance(ax, ay, bx, by):
 
 @inline
 def nearest_shelf(solid, x, y, cell, reach):
-    """Return (distance, unit vector away from it) of the nearest shelf within `reach` of a point, at most a cell.
+    """Return (distance, unit vector away from it) of the nearest shelf within `reach` of a point.
 
     A shelf farther away may be found as well; where there is none the distance is 1e9.
     """
-    reach = min(reach + 1e-9, cell)  # so that rounding leaves none out
+    reach += 1e-9  # so that rounding leaves none out
     first_row, last_row = int(math.floor((y - reach) / cell)) + 1, int(math.floor((y + reach) / cell)) + 1
     first, last = int(math.floor((x - reach) / cell)) + 1, int(math.floor((x + reach) / cell)) + 1
     best, bx, by = 1e18, 0.0, 0.0

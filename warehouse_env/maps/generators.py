@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError, shown
+from warehouse_env.maps.discs import covered
 from warehouse_env.maps.endpoints import beside, largest_region
 from warehouse_env.maps.grid_map import Cell, GridMap
 
@@ -185,6 +186,36 @@ def aisles(rows: int = 36, columns: int = 44, seed: int = 0) -> GridMap:
         top += height + int(rng.integers(1, 4))
     occupied = ~largest_region(~occupied)
     return _with_endpoints(occupied, rim_stations(rows, columns, (1, 1), 4), beside(occupied), "aisles")
+
+
+def pillars(
+    rows: int = 34, columns: int = 40, count: int = 60, radius: float = 0.4, gap: float = 2.4, seed: int = 0
+) -> GridMap:
+    """Return a hall of round pillars that stand anywhere on its floor, and nothing else.
+
+    rows, columns: size of the floor [cells] of 1 m. count: of pillars, fewer where no more find room. radius: of the
+    largest [m]; the others are down to half as wide. gap: least floor between two [m]. seed: the same seed gives the
+    same floor. Stations along the rims, which no pillar reaches into; picks on an even lattice inside.
+    """
+    check_whole("rows", rows, 16)
+    check_whole("columns", columns, 16)
+    check_whole("count", count, 1)
+    check_whole("seed", seed, 0, 2**63 - 1)
+    for what, value, least, most in (("radius", radius, 0.05, 5.0), ("gap", gap, 0.0, 100.0)):
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not least <= value <= most:
+            raise ConfigError(f"{what}={shown(value)} must be a number from {least} to {most} metres")
+    rng = np.random.default_rng(seed)
+    discs = np.zeros((0, 3))
+    for _ in range(20 * count):
+        wide = radius * rng.uniform(0.5, 1.0)
+        x, y = rng.uniform((_RIM + wide, _RIM + wide), (columns - _RIM - wide, rows - _RIM - wide))
+        if len(discs) < count and (np.hypot(*(discs[:, :2] - (x, y)).T) >= discs[:, 2] + wide + gap).all():
+            discs = np.concatenate([discs, [(x, y, wide)]])
+    closed = covered(discs.astype(np.float32), (rows, columns), 1.0)
+    stations, lattice = rim_stations(rows, columns, (1, 1), 4), np.zeros((rows, columns), np.bool_)
+    lattice[4 : rows - 4 : 3, 4 : columns - 4 : 3] = True
+    floor = _with_endpoints(closed, stations, lattice & largest_region(~closed), "pillars")
+    return GridMap(np.zeros_like(closed), picks=floor.picks, stations=floor.stations, name="pillars", discs=discs)
 
 
 def _with_endpoints(occupied: NDArray[np.bool_], stations: list[Cell], picks: NDArray[np.bool_], name: str) -> GridMap:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import hashlib
 import operator
 from collections import OrderedDict
@@ -13,8 +14,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError, WarehouseError, shown
-from warehouse_env.maps import one_way
+from warehouse_env.maps import discs as round_ones
+from warehouse_env.maps import going, one_way
 
 Cell = tuple[int, int]
 T = TypeVar("T", bound=np.generic)
@@ -40,6 +43,12 @@ class GridMap:
     picks, stations: int64[K, 2], endpoint cells (row, col) of lifelong tasks; `default_endpoints` if not given.
     one_way: uint8[H, W], a direction to keep on a cell, as an index into one_way.ARROWS; none if not given.
     origin: (x, y) [m] of the south-west corner in the frame of the file that the map is from (`world`).
+    discs: float32[K, 3], round obstacles (x, y, radius) [m]; none if not given. What they reach into is occupied too.
+    walls: bool[H, W], the cells that are shelves as a whole; if not given, those given as occupied.
+    speed: float64[H, W], [m/s] that robots may drive at most on a cell, inf where nothing limits them; or None.
+    price: float64[H, W, 8], times its length that each of MOVES costs a planner, from 1 on; or None.
+    tight: bool[H, W], floor on which robots' bodies do not fit, and nobody plans (maps/fitting.py); or None.
+    pace: [m/s] of robots that nothing limits, against which planners count the time that limits cost (`at_pace`).
     """
 
     occupied: NDArray[np.bool_]
@@ -50,17 +59,28 @@ class GridMap:
     name: str = "unnamed"
     one_way: NDArray[np.uint8] = None  # type: ignore[assignment]
     origin: tuple[float, float] = (0.0, 0.0)
+    discs: NDArray[np.floating[Any]] = None  # type: ignore[assignment]
+    walls: NDArray[np.bool_] = None  # type: ignore[assignment]
+    speed: NDArray[np.float64] | None = None
+    price: NDArray[np.float64] | None = None
+    tight: NDArray[np.bool_] | None = None
+    pace: float = RobotSpec.max_speed
 
     def __post_init__(self) -> None:
         occupied = _checked_occupied(self.occupied)
+        object.__setattr__(self, "cell_size", _checked_size(self.cell_size))
+        discs = round_ones.checked(self.discs, occupied.shape, self.cell_size)
+        object.__setattr__(self, "discs", _frozen(discs))
+        walls, occupied = round_ones.among(occupied, self.walls, discs, self.cell_size)
+        object.__setattr__(self, "walls", _frozen(walls))
         object.__setattr__(self, "occupied", _frozen(occupied))
         object.__setattr__(self, "height", _frozen(_checked_height(self.height, occupied.shape)))
         object.__setattr__(self, "one_way", _frozen(one_way.checked(self.one_way, occupied)))
-        size = self.cell_size
-        number = isinstance(size, (int, float, np.integer, np.floating)) and not isinstance(size, bool)
-        if not (number and SMALLEST_CELL <= size <= LARGEST_CELL):
-            raise MapError(f"cell_size={shown(size)} must be a number from {SMALLEST_CELL} to {LARGEST_CELL} metres")
-        object.__setattr__(self, "cell_size", float(size))
+        object.__setattr__(self, "pace", going.checked_pace(self.pace))
+        speed, price = going.checked_speed(self.speed, occupied), going.checked_price(self.price, occupied)
+        object.__setattr__(self, "speed", None if speed is None else _frozen(speed))
+        object.__setattr__(self, "price", None if price is None else _frozen(price))
+        object.__setattr__(self, "tight", _checked_tight(self.tight, occupied))
         object.__setattr__(self, "origin", _checked_origin(self.origin))
         if not isinstance(self.name, str):
             raise MapError(f"name={shown(self.name)} must be a text")
@@ -76,7 +96,8 @@ class GridMap:
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the fields only; the copy is checked and read-only again, its caches are empty."""
         of_cells = (self.occupied, self.height, self.cell_size, self.picks, self.stations, self.name, self.one_way)
-        return GridMap, (*of_cells, self.origin)
+        on_the_way = (self.speed, self.price, self.tight, self.pace)
+        return GridMap, (*of_cells, self.origin, self.discs, self.walls, *on_the_way)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> GridMap:
         """Return itself: nobody can change it, and what it has worked out serves all."""
@@ -109,13 +130,22 @@ class GridMap:
 
     @cached_property
     def key(self) -> str:
-        """Return 32 hex digits that stand for the content (shelves, heights, cell size, directions), for caches."""
+        """Return 32 hex digits that stand for the content (shelves, discs, heights, cell size, rules of lanes)."""
         content = hashlib.blake2b(digest_size=16)
         content.update(f"{self.shape} {self.cell_size!r} ".encode())
         content.update(self.occupied.tobytes())
         content.update(self.height.tobytes())
         if self.one_way.any():
             content.update(self.one_way.tobytes())
+        if len(self.discs):
+            content.update(self.discs.tobytes())
+            content.update(self.walls.tobytes())
+        if self.tight is not None:
+            content.update(self.tight.tobytes())
+        if self.surplus is not None:
+            content.update(f"{self.pace!r}".encode() + self.surplus.tobytes())
+        if self.speed is not None:
+            content.update(self.speed.tobytes())
         return content.hexdigest()
 
     @cached_property
@@ -123,7 +153,12 @@ class GridMap:
         """bool[H, W], the largest connected free region."""
         from warehouse_env.maps.endpoints import largest_region
 
-        return _frozen(largest_region(~self.occupied))
+        return _frozen(largest_region(~self.closed))
+
+    @cached_property
+    def closed(self) -> NDArray[np.bool_]:
+        """bool[H, W], where nobody drives over by plan: shelves, and floor that is tight."""
+        return self.occupied if self.tight is None else _frozen(self.occupied | self.tight)
 
     @cached_property
     def free_cells(self) -> NDArray[np.int64]:
@@ -141,7 +176,8 @@ class GridMap:
         """bool[H, W, 8]: may a robot on this cell make MOVES[m] (eq. 26, paper 000)?
 
         Start and target are free and inside; a diagonal also needs both orthogonal cells free; and the move is not
-        against the direction of either. Symmetric but for one-way cells.
+        against the direction of either. Symmetric but for one-way cells, and for tight ones, which one may leave and
+        not enter.
         """
         rows, columns = self.shape
         free = np.pad(~self.occupied, 1)
@@ -152,6 +188,9 @@ class GridMap:
         legal = np.empty((rows, columns, 8), dtype=np.bool_)
         for m, (d_row, d_column) in enumerate(MOVES.tolist()):
             legal[:, :, m] = seen(0, 0) & seen(d_row, d_column) & seen(d_row, 0) & seen(0, d_column)
+        if self.tight is not None:
+            closed = np.repeat(self.closed[..., None], 8, axis=2)
+            legal &= self.tight[..., None] | ~_seen_from_beyond(np.roll(closed, 4, axis=2))
         if self.one_way.any():
             against = one_way.against(self.one_way)
             # what leaves a cell by a move enters it from the other side by the opposite one, seen from there
@@ -164,7 +203,32 @@ class GridMap:
 
         The same as `legal_moves` but for one-way cells.
         """
-        return _frozen(_seen_from_beyond(self.legal_moves)) if self.one_way.any() else self.legal_moves
+        symmetric = self.tight is None and not self.one_way.any()
+        return self.legal_moves if symmetric else _frozen(_seen_from_beyond(self.legal_moves))
+
+    @cached_property
+    def surplus(self) -> NDArray[np.float64] | None:
+        """float64[H, W, 8], cells of length that each move costs on top of its own, for `price` and limits of `speed`.
+
+        None where nothing does.
+        """
+        return going.surplus(self.speed, self.price, self.pace, MOVES)
+
+    def at_pace(self, pace: float) -> GridMap:
+        """Return the map for robots that drive so fast [m/s] where nothing limits them."""
+        return self if self.speed is None or pace == self.pace else dataclasses.replace(self, pace=pace)
+
+    def without(self, cell: Cell) -> GridMap:
+        """Return the map with one more cell occupied, to plan on: of its endpoints one is left, where it may be."""
+        from warehouse_env.maps.endpoints import largest_region
+
+        occupied = self.occupied.copy()
+        occupied[cell] = True
+        free = ~(occupied | self.closed)
+        arrows, one = np.where(occupied, 0, self.one_way), np.argwhere(largest_region(free))[:1]
+        if not len(one):
+            raise MapError(f"without cell {cell} map {shown(self.name)} has no floor left")
+        return dataclasses.replace(self, occupied=occupied, one_way=arrows, picks=one, stations=one)
 
     def centre(self, cells: ArrayLike) -> NDArray[np.float64]:
         """Return float64[..., 2], the centres (x east, y north) [m] of cells (row, col) int[..., 2]."""
@@ -179,6 +243,21 @@ class GridMap:
         column = np.floor(array[..., 0] / self.cell_size)
         row = self.shape[0] - 1 - np.floor(array[..., 1] / self.cell_size)
         return np.stack([row, column], axis=-1).astype(np.int64)
+
+    def standing(self, points: ArrayLike) -> NDArray[np.int64]:
+        """Return int64[..., 2], the cells from which who stands at points (x, y) [m] plans: those that hold them.
+
+        In a cell that a disc closes there may be room to stand: then it is the nearest free cell of `free_cells`.
+        """
+        cells = self.cell(points)
+        if len(self.discs):
+            rows, columns = self.shape
+            for at in np.ndindex(cells.shape[:-1]):
+                row, column = cells[at]
+                if 0 <= row < rows and 0 <= column < columns and self.occupied[row, column] > self.walls[row, column]:
+                    away = self.centre(self.free_cells) - np.asarray(points, dtype=np.float64)[at]
+                    cells[at] = self.free_cells[np.argmin((away * away).sum(axis=1))]
+        return cells
 
     def world(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return float64[..., 2], points (x, y) [m] of the simulation in the frame of the map's file."""
@@ -282,6 +361,14 @@ def _checked_occupied(occupied: ArrayLike) -> NDArray[np.bool_]:
     return checked
 
 
+def _checked_size(size: object) -> float:
+    """Return a cell's side as a float, or raise MapError."""
+    number = isinstance(size, (int, float, np.integer, np.floating)) and not isinstance(size, bool)
+    if not (number and SMALLEST_CELL <= size <= LARGEST_CELL):  # type: ignore[operator]
+        raise MapError(f"cell_size={shown(size)} must be a number from {SMALLEST_CELL} to {LARGEST_CELL} metres")
+    return float(size)  # type: ignore[arg-type]
+
+
 def _checked_origin(origin: object) -> tuple[float, float]:
     """Return an origin as two floats, or raise MapError."""
     try:
@@ -291,6 +378,16 @@ def _checked_origin(origin: object) -> tuple[float, float]:
     if not (abs(x) <= FARTHEST and abs(y) <= FARTHEST):
         raise MapError(f"origin={shown(origin)} must be two numbers of metres up to {FARTHEST:g}")
     return x, y
+
+
+def _checked_tight(tight: ArrayLike | None, occupied: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
+    """Return a read-only bool[H, W] copy, False on shelves, None where it marks nothing, or raise MapError."""
+    if tight is None:
+        return None
+    array = np.array(tight)
+    if array.shape != occupied.shape or array.dtype != np.bool_:
+        raise MapError(f"tight must hold True or False for each cell of the map's shape {occupied.shape}")
+    return _frozen(array & ~occupied) if (array & ~occupied).any() else None
 
 
 def _checked_height(height: ArrayLike | None, shape: tuple[int, ...]) -> NDArray[np.float32]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from warehouse_env import own_parts
 from warehouse_env.errors import ConfigError, shown, unknown_name
-from warehouse_env.maps.generators import aisles, blocks, open_floor, random_floor, single_lane
+from warehouse_env.maps.generators import aisles, blocks, open_floor, pillars, random_floor, single_lane
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.halls.hall import is_hall, read_floor
 from warehouse_env.maps.movingai import read_map
@@ -91,6 +91,7 @@ LAYOUTS: dict[str, Callable[..., GridMap]] = {
     "random": random_floor,
     "aisles": aisles,
     "blocks": blocks,
+    "pillars": pillars,
 }
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from warehouse_env.errors import MapError, shown
 from warehouse_env.files import STAGED, complete_file, path_of
 from warehouse_env.maps import one_way
+from warehouse_env.maps.discs import SUFFIX, read_discs, write_discs
 from warehouse_env.maps.grid_map import Cell, GridMap
 
 FREE = ".GS"  # floor; S is swamp, which the benchmarks' shortest paths treat as floor
@@ -41,8 +42,8 @@ class Scenario(NamedTuple):
 def read_map(path: str | os.PathLike[str]) -> GridMap:
     """Return the floor of a `.map` file, named after the file, with default endpoints and cells of 1 m.
 
-    One-way cells stand in a file NAME.oneway beside it, if there is one (maps/one_way.py). MapError, naming the file
-    and line, if it is missing, not text, or breaks the format.
+    One-way cells stand in a file NAME.oneway beside it (maps/one_way.py), discs in NAME.discs.json (maps/discs.py), if
+    there are such files. MapError, naming the file and line, if it is missing, not text, or breaks the format.
     """
     path = path_of(STAGED.get(str(path), path), MapError)
     lines = _read_lines(path, "map")
@@ -62,7 +63,9 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
                 raise _bad(path, number, f"unknown cell {letter!r} in column {column}; known cells: {known}")
     try:
         occupied = np.array([[letter in BLOCKED for letter in line] for line in body])
-        return GridMap(occupied, name=path.stem, one_way=_read_one_way(path.with_suffix(one_way.SUFFIX), occupied))
+        directions, round_ones = _read_one_way(path.with_suffix(one_way.SUFFIX), occupied), path.with_suffix(SUFFIX)
+        discs = read_discs(round_ones) if round_ones.exists() else None
+        return GridMap(occupied, name=path.stem, one_way=directions, discs=discs)  # type: ignore[arg-type]
     except MapError as error:
         raise MapError(f"{path}: {error}") from None
 
@@ -97,13 +100,17 @@ def _read_header(path: Path, lines: list[str]) -> tuple[int, int, int]:
 def write_map(grid: GridMap, path: str | os.PathLike[str]) -> None:
     """Write the shelves as a `.map` file (`@` shelf, `.` floor), whole or not at all; MapError if it cannot be written.
 
-    One-way cells are written to NAME.oneway beside it. The format holds neither heights, cell size nor endpoints:
-    these are lost.
+    One-way cells are written to NAME.oneway beside it, discs to NAME.discs.json. The format holds neither heights, cell
+    size nor endpoints: these are lost. MapError for discs on cells of another size than 1 m.
     """
     if not isinstance(grid, GridMap):
         raise MapError(f"{shown(grid)} is no GridMap, so it cannot be written as a .map file")
+    if len(grid.discs) and grid.cell_size != 1.0:
+        raise MapError(
+            f"map {shown(grid.name)} has discs and cells of {grid.cell_size:g} m; a .map holds no such, write a .yaml"
+        )
     rows, columns = grid.shape
-    floor = ["".join("@" if taken else "." for taken in row) for row in grid.occupied.tolist()]
+    floor = ["".join("@" if taken else "." for taken in row) for row in grid.walls.tolist()]
     path = path_of(path, MapError)
     _write_whole(path, ["type octile", f"height {rows}", f"width {columns}", "map", *floor])
     beside = path.with_suffix(one_way.SUFFIX)
@@ -111,6 +118,10 @@ def write_map(grid: GridMap, path: str | os.PathLike[str]) -> None:
         _write_whole(beside, one_way.text(grid.one_way))
     else:
         beside.unlink(missing_ok=True)  # of another floor that was written here before
+    if len(grid.discs):
+        write_discs(grid.discs, path.with_suffix(SUFFIX))
+    else:
+        path.with_suffix(SUFFIX).unlink(missing_ok=True)
 
 
 def read_scen(path: str | os.PathLike[str]) -> list[Scenario]:

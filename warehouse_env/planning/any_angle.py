@@ -154,7 +154,7 @@ class ThetaStar(BasePlanner):
         """Search; `rng` is not used."""
         cols = grid.shape[1]
         first, last = start[0] * cols + start[1], goal[0] * cols + goal[1]
-        vertex = _search(grid.legal_moves, grid.occupied, grid.one_way, first, last)
+        vertex = _search(grid.legal_moves, grid.closed, grid.one_way, first, last)
         if vertex[last] < 0:
             return Plan(unflatten([], cols))
         flat = [last]

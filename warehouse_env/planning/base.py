@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+import warnings
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.checked import Checked
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, MapWarning
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.plan import Plan, check_endpoints
 
@@ -68,6 +69,9 @@ class BasePlanner(Checked):
     ) -> Plan:
         """Search; the same state of `rng` gives the same plan, to the bit. Arguments and errors: see Planner.plan."""
         begin = time.perf_counter()
+        if grid.surplus is not None and not self.takes_cost:
+            text = f"planner {self.name} keeps neither preferred lanes nor speed limits of {grid.name!r}; others do"
+            warnings.warn(text, MapWarning, stacklevel=2)
         if cost is not None and not self.takes_cost:
             raise ConfigError(f"planner {self.name} takes no cost map; choose one with takes_cost, such as astar")
         plan = self.find(grid, *check_endpoints(grid, start, goal), rng, cost)

@@ -62,7 +62,7 @@ class Apf(BasePlanner):
             target = goal
             if not arrived:
                 points -= 1
-                target = intermediate_point(grid.occupied, here, goal, tried) if points >= 0 else (-1, -1)
+                target = intermediate_point(grid.closed, here, goal, tried) if points >= 0 else (-1, -1)
                 if target[0] < 0:
                     return Plan(np.empty((0, 2), np.int64))
                 tried[target] = True

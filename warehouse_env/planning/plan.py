@@ -111,16 +111,19 @@ def edge_cost(grid: GridMap, cost: NDArray[np.float64]) -> NDArray[np.float64]:
 def tolls(grid: GridMap, gentleness: float = 0.0, cost: NDArray[np.float64] | None = None) -> NDArray[np.int64] | None:
     """Return what each legal move costs on top of its length [millionths of a cell], int64[H, W, 8]; None: nothing.
 
-    gentleness: cells of length that a metre of climbing, up or down, is worth; cost: a cost map (Planner.plan).
+    What the floor itself asks for (GridMap.surplus) is part of it. gentleness: cells of length that a metre of
+    climbing, up or down, is worth; cost: a cost map (Planner.plan).
     """
     climbing = bool(gentleness) and bool(_climbs(grid).any())
-    if not climbing and cost is None:
+    if not climbing and cost is None and grid.surplus is None:
         return None
     toll = np.zeros((*grid.shape, 8), np.int64)
     if climbing and gentleness * float(_climbs(grid).max()) * len(grid.free_cells) > _COUNTED:
         raise ConfigError(f"gentleness={gentleness:g} is too much on map {grid.name!r}, whose floor is that uneven")
     if climbing:
         toll += np.rint(gentleness * _climbs(grid)).astype(np.int64)
+    if grid.surplus is not None:
+        _add_cost(toll, grid.legal_moves, grid.surplus, MICRO)
     if cost is not None:
         _add_cost(toll, grid.legal_moves, edge_cost(grid, cost), MICRO)
     return toll

@@ -14,7 +14,10 @@ from warehouse_env.render.colours import RGB
 from warehouse_env.render.extras import load
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from warehouse_env.maps.grid_map import GridMap
 
 DPI = 150
 ROUNDING = 1e-9  # what means and intervals leave of 0: no figure of ours is as small
@@ -85,6 +88,12 @@ def svg(figure: Figure, label: str) -> str:
 def hexed(colour: RGB) -> str:
     """Return a colour as matplotlib reads it."""
     return "#{:02x}{:02x}{:02x}".format(*colour)
+
+
+def draw_discs(ax: Axes, grid: GridMap, colour: RGB, alpha: float = 1.0) -> None:
+    """Draw a floor's discs into axes in metres."""
+    for x, y, radius in grid.discs.tolist():
+        ax.add_patch(load("matplotlib.patches").Circle((x, y), radius, color=hexed(colour), alpha=alpha, lw=0))
 
 
 def figures(value: float) -> str:

@@ -22,6 +22,7 @@ _BOX = np.array([(170, 179, 190), (186, 182, 172), (156, 167, 180), (179, 187, 1
 _RAISED = (224, 168, 104)
 _SUNKEN = (120, 160, 205)
 _SHADE_DOWN, _SHADE_RIGHT, _SHADE_BLUR = 0.20, 0.14, 0.14  # [m], the shadow that shelves throw
+_RIM = 0.06  # [m] of a disc's, that is dark
 _DETAIL = 6.0  # [px per cell] below which seams, boxes and pick marks are left out
 
 
@@ -49,12 +50,31 @@ def floor_image(grid: GridMap, pixels_per_metre: float) -> NDArray[np.uint8]:
         image[:, np.flatnonzero(np.diff(column)) + 1] = _SEAM
     _tint_heights(image, grid, v, u)
     _paint_endpoints(image, grid, row, column, across, down, cell)
-    shelf = grid.occupied[row][:, column]
-    image *= 1 - 0.26 * _shadow(shelf, pixels_per_metre)[..., None]
+    shelf, discs = grid.walls[row][:, column], _cover_by_discs(grid, v, u, 0.0)
+    image *= 1 - 0.26 * _shadow(shelf | (discs > 0.5), pixels_per_metre)[..., None]
     _paint_shelves(image, shelf, row, column, across, down, cell)
+    _blend(image, discs, _RACK_EDGE)
+    _blend(image, _cover_by_discs(grid, v, u, _RIM), _BOX[0])
     result = image.round().clip(0, 255).astype(np.uint8)
     result.setflags(write=False)
     return result
+
+
+def _cover_by_discs(grid: GridMap, v: NDArray[np.float64], u: NDArray[np.float64], less: float) -> Image:
+    """Cover in [0, 1] of each pixel by discs, narrower by `less` [m] but half as wide at least -> float32[H, W].
+
+    v, u: the pixels' centres [cells], down and across from the north-west corner.
+    """
+    cover: Image = np.zeros((len(v), len(u)), np.float32)
+    down, across = grid.shape[0] * grid.cell_size - v * grid.cell_size, u * grid.cell_size  # y and x [m]
+    pixel = abs(float(down[0] - down[-1])) / max(len(v) - 1, 1) or grid.cell_size
+    for x, y, radius in grid.discs.astype(np.float64):
+        wide = max(radius - less, 0.5 * radius)
+        rows, columns = np.abs(down - y) <= wide + pixel, np.abs(across - x) <= wide + pixel
+        away = np.hypot(down[rows][:, None] - y, across[columns][None, :] - x)
+        part = np.ix_(rows, columns)
+        cover[part] = np.maximum(cover[part], np.clip(0.5 + (wide - away) / pixel, 0, 1))
+    return cover
 
 
 def _blend(image: Image, cover: NDArray[np.float32], colour: tuple[int, int, int] | NDArray[np.float32]) -> None:

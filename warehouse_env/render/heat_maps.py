@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.render.chart_style import FAINT, empty_figure, hexed, style, svg
+from warehouse_env.render.chart_style import FAINT, draw_discs, empty_figure, hexed, style, svg
 from warehouse_env.render.colours import BLUE, CONTACT, GREEN, RGB
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor_axes import draw_arrows, set_metres
@@ -75,6 +75,7 @@ def _draw(ax: Axes, panel: Panel, most: float) -> Any:
     side = grid.cell_size
     place: dict[str, Any] = {"extent": (0, columns * side, 0, rows * side), "interpolation": "none"}
     ax.imshow(_shelves(panel), **place)
+    draw_discs(ax, grid, _SHELF, 0.6)
     image = None
     if panel.heat is not None and most > 0:
         norm = load("matplotlib.colors").PowerNorm(_POWER, 0, most)
@@ -102,7 +103,7 @@ def _draw(ax: Axes, panel: Panel, most: float) -> Any:
 def _shelves(panel: Panel) -> NDArray[np.float64]:
     """Return float64[H, W, 4]: shelves in grey, what is opened in green, the rest clear."""
     image = np.zeros((*panel.grid.shape, 4))
-    image[panel.grid.occupied] = (*(part / 255 for part in _SHELF), 0.6)
+    image[panel.grid.walls] = (*(part / 255 for part in _SHELF), 0.6)
     if panel.opened is not None:
         image[panel.opened] = (*(part / 255 for part in GREEN), 0.9)
     return image

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import RobotSpec
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.render.chart_style import FAINT, INK, empty_figure, hexed, save, style
+from warehouse_env.render.chart_style import FAINT, INK, draw_discs, empty_figure, hexed, save, style
 from warehouse_env.render.colours import CONTACT, GREY
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor import FLOOR
@@ -166,8 +166,9 @@ def _ratio(view: View) -> float:
 def _draw_floor(ax: Axes, grid: GridMap, view: View, most: int) -> None:
     """Draw floor and shelves in plain colours, so that what is laid over them stands out, and `most` ticks a side."""
     height, width = (grid.cell_size * count for count in grid.shape)
-    plain = np.where(grid.occupied[..., None], SHELF, FLOOR).astype(np.uint8)
+    plain = np.where(grid.walls[..., None], SHELF, FLOOR).astype(np.uint8)
     ax.imshow(plain, extent=(0, width, 0, height), interpolation="nearest")
+    draw_discs(ax, grid, SHELF)
     ax.set(xlim=(view.left, view.right), ylim=(view.low, view.high))
     ticker = load("matplotlib.ticker")
     for axis, length in ((ax.xaxis, view.right - view.left), (ax.yaxis, view.high - view.low)):

@@ -61,8 +61,6 @@ def position_unit(grid: GridMap) -> float:
 def columns_of(replay: Replay) -> Iterator[Column]:
     """Yield a replay's columns: [N, F] by robot and moment, or [N, A, F]; [K] of the routes' points and the floor."""
     yield from moment_columns(replay)
-    if replay.ends is not None:
-        yield from end_columns(replay.ends, position_unit(replay.grid))
     for k, term in enumerate(REWARD_TERMS):
         yield _scaled(f"reward {term}", replay.rewards[..., k], 0)
     if replay.liked is not None:
@@ -89,9 +87,11 @@ def moment_columns(replay: Replay) -> Iterator[Column]:
     yield Column("person_heading", _steps(replay.people[..., 2], turn) % _TURN, 2, 2, turn)
     yield _names("flags", replay.flags.T)
     yield Column("totals", replay.totals.T.astype(np.int64), 1, 4)
+    if replay.ends is not None:
+        yield from _end_columns(replay.ends, unit)
 
 
-def end_columns(ends: NDArray[np.float32], unit: float) -> Iterator[Column]:
+def _end_columns(ends: NDArray[np.float32], unit: float) -> Iterator[Column]:
     """Yield the poses float32[F, N, 3] at which robots are to stop: [N, F]; a heading of -1 stands for any."""
     yield from (Column(f"goal_{name}", _steps(ends[..., k], unit), 1, 4, unit) for k, name in enumerate("xy"))
     turn = 2 * np.pi / _TURN
@@ -108,8 +108,8 @@ def route_columns(routes: Sequence[NDArray[np.float32]], grid: GridMap) -> Itera
 
 
 def floor_columns(grid: GridMap) -> Iterator[Column]:
-    """Yield what stands on each cell (1 shelf, 2 pick, 4 station), its direction, and its height."""
-    cells = grid.occupied.astype(np.int64)
+    """Yield what stands on each cell (1 shelf as a whole, 2 pick, 4 station), its direction, and its height."""
+    cells = grid.walls.astype(np.int64)
     for cell, mark in ((grid.picks, 2), (grid.stations, 4)):
         cells[tuple(cell.T)] |= mark
     yield Column("cells", cells.reshape(-1), 0, 1)

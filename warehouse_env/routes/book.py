@@ -23,6 +23,7 @@ from platformdirs import user_cache_dir
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import MapError, PlanError
+from warehouse_env.maps.fitting import opened
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning.plan import Plan, Planner, validate
 from warehouse_env.portable import Portable
@@ -172,9 +173,11 @@ class RouteBook(Portable):
         *,
         keep_right: float = EnvConfig.keep_right,
         seed: int = 0,
+        wider: float = 1.0,
     ) -> None:
+        """wider: how many times as wide as the default the bodies are that drive the lines (RobotSpec.wider)."""
         self.grid, self.planner = grid, planner
-        self._keep_right, self._seed = keep_right, seed
+        self._keep_right, self._seed, self._wider = keep_right, seed, wider
         self._bind()
 
     def _bind(self) -> None:
@@ -240,7 +243,8 @@ class RouteBook(Portable):
 
     def _plan(self, start: Cell, goal: Cell, behind: Cell | None = None) -> Plan:
         rng = np.random.default_rng([self._seed, *start, *goal])
-        return self.planner.plan(self._without(behind), start, goal, rng)
+        grid = opened(self.grid, goal)
+        return self.planner.plan(grid if behind is None else grid.without(behind), start, goal, rng)
 
     def _keep(self, start: Cell, goal: Cell, behind: Cell | None, plan: Plan) -> None:
         """Keep a plan until its route is made, and on disk where it took long."""
@@ -250,15 +254,6 @@ class RouteBook(Portable):
             if plan.found and plan.seconds > WORTH_KEEPING:
                 self._store.put(self._key(start, goal, behind), plan.cells)
 
-    def _without(self, cell: Cell | None) -> GridMap:
-        """Return the map with one more cell occupied."""
-        if cell is None:
-            return self.grid
-        occupied = self.grid.occupied.copy()
-        occupied[cell] = True
-        one_way = np.where(occupied, 0, self.grid.one_way)
-        return GridMap(occupied, self.grid.height, self.grid.cell_size, name=self.grid.name, one_way=one_way)
-
     def _blocked_turn(self, start: Cell, goal: Cell, heading: float) -> Cell | None:
         """Return the cell behind a robot that stands in a single lane, where it cannot turn round; else None."""
         forward = (-round(math.sin(heading)), round(math.cos(heading)))
@@ -267,11 +262,11 @@ class RouteBook(Portable):
         rows, columns = self.grid.shape
         for side in (1, -1):
             row, column = start[0] + side * forward[1], start[1] + side * forward[0]
-            if 0 <= row < rows and 0 <= column < columns and not self.grid.occupied[row, column]:
+            if 0 <= row < rows and 0 <= column < columns and not self.grid.closed[row, column]:
                 return None
         behind = (start[0] - forward[0], start[1] - forward[1])
         inside = 0 <= behind[0] < rows and 0 <= behind[1] < columns
-        return behind if inside and behind != goal and not self.grid.occupied[behind] else None
+        return behind if inside and behind != goal and not self.grid.closed[behind] else None
 
     def route(self, start: Cell, goal: Cell, heading: float | None = None, ends: tuple[Pose, ...] = ()) -> Route:
         """Return the route from start's centre to goal's centre, or one of `ends` there; PlanError where there is none.
@@ -317,5 +312,5 @@ class RouteBook(Portable):
         if end is not None:
             points[-1] = end[:2]
         floor = self._solid, self._one_way, self.grid.cell_size
-        line: NDArray[np.float32] = drivable_line(points, *floor, self._keep_right, reach)
+        line: NDArray[np.float32] = drivable_line(points, *floor, self._keep_right, reach, self._wider)
         return line

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import RobotSpec
+from warehouse_env.maps.fitting import HEADINGS, headings_on, stands
 from warehouse_env.maps.grid_map import Cell, GridMap
 
 Pose = tuple[float, float, float]  # front axle x [m], y [m], heading [rad], nan: any
@@ -39,22 +40,29 @@ def facing(poses: Sequence[Pose], cells: NDArray[np.integer[Any]]) -> Pose:
 def face(grid: GridMap, cell: Cell, robot: RobotSpec) -> Goal:
     """Return the goal at an endpoint: in parallel to what is beside it, either way round.
 
-    Nothing beside it, or no way on along that: at the cell's centre, facing anywhere.
+    Nothing beside it, or no way on along that: at the cell's centre, facing anywhere. A body longer than a cell that
+    would touch something so: with its axle at the cell's centre, at a heading at which it does not.
     """
     barred = {side: _is_barred(grid, cell, side) for side in (_EAST, _NORTH, _WEST, _SOUTH)}
     for ahead, left in ((_EAST, _NORTH), (_NORTH, _WEST)):
         beside = barred[left] or barred[(-left[0], -left[1])]
         if beside and not (barred[ahead] and barred[(-ahead[0], -ahead[1])]):
             heading = math.atan2(-ahead[0], ahead[1])
+            if robot.farthest > grid.cell_size and not stands(grid, cell, robot, heading, centred=True):
+                break
             return Goal(cell, tuple(_middle(grid, cell, robot, way) for way in (heading, heading - math.pi)))
-    return Goal(cell)
+    if robot.farthest <= grid.cell_size:
+        return Goal(cell)
+    x, y = grid.centre(np.array(cell)).tolist()
+    headings = headings_on(grid, cell, robot)
+    return Goal(cell, ((x, y, headings[0]),) if 0 < len(headings) < HEADINGS else ())
 
 
 def _is_barred(grid: GridMap, cell: Cell, side: tuple[int, int]) -> bool:
-    """Whether there is a shelf or the rim on a side of a cell."""
+    """Whether there is a shelf, the rim, or floor too near to them on a side of a cell."""
     row, column = cell[0] + side[0], cell[1] + side[1]
     rows, columns = grid.shape
-    return not (0 <= row < rows and 0 <= column < columns) or bool(grid.occupied[row, column])
+    return not (0 <= row < rows and 0 <= column < columns) or bool(grid.closed[row, column])
 
 
 def _middle(grid: GridMap, cell: Cell, robot: RobotSpec, heading: float) -> Pose:

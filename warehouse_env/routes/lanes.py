@@ -14,6 +14,7 @@ import numpy as np
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.clearance import nearest_shelf
 
+# lengths are those of the default body, in proportion for wider ones
 SPACING = 0.5  # [m] between way-points
 LANE_CLEARANCE = 0.55  # [m] from the right-hand wall in the narrowest two-way aisle
 CLEARANCE = 0.6  # [m] from shelves, where there is room
@@ -28,12 +29,12 @@ PULL, SMOOTH, PUSH = 0.12, 0.45, 0.5  # shares of the way to lane, neighbours an
 
 
 @inline
-def _free_to(solid, one_way, mine, x, y, ux, uy, cell):
-    """Distance [m] along (ux, uy) to the first shelf, at most SIGHT, in steps of 5 cm.
+def _free_to(solid, one_way, mine, x, y, ux, uy, cell, sight):
+    """Distance [m] along (ux, uy) to the first shelf, at most `sight`, in steps of 5 cm.
 
     mine > 0: to the first cell of another direction.
     """
-    steps = round(SIGHT / 0.05)
+    steps = round(sight / 0.05)
     for k in range(1, steps + 1):
         t = 0.05 * k - 0.025
         row = int(math.floor((y + t * uy) / cell)) + 1
@@ -42,21 +43,21 @@ def _free_to(solid, one_way, mine, x, y, ux, uy, cell):
             return t
         if mine > 0 and one_way[row, column] != mine:
             return t
-    return SIGHT
+    return sight
 
 
 @kernel
-def _lane_shift(left, right, keep_right):
+def _lane_shift(left, right, keep_right, wider):
     """Metres to the right of the path where the lane is, from the free widths to both sides; nan beside a crossing."""
-    width = left + right
-    if width < TWO_WAY:
+    width, sight = left + right, SIGHT * wider
+    if width < TWO_WAY * wider:
         return 0.5 * (right - left)
     if keep_right <= 0.0:
         return 0.0
-    if right < SIGHT and left < SIGHT:
-        return right - min(max(0.25 * width, LANE_CLEARANCE), 2.0 * keep_right)
-    if right < SIGHT:  # a wall to the right only: keep to it, as in a lane
-        return min(right - LANE_CLEARANCE, keep_right)
+    if right < sight and left < sight:
+        return right - min(max(0.25 * width, LANE_CLEARANCE * wider), 2.0 * keep_right)
+    if right < sight:  # a wall to the right only: keep to it, as in a lane
+        return min(right - LANE_CLEARANCE * wider, keep_right)
     return math.nan
 
 
@@ -80,16 +81,17 @@ def _fill_gaps(shift, keep_right):
 
 
 @kernel
-def _ease_into_single_lanes(shift, room):
+def _ease_into_single_lanes(shift, room, wider):
     """Let the lane leave and enter single lanes (fixed) with no more than EASE metres sideways per metre."""
     n = shift.shape[0]
+    two_way, spacing = (0.5 * TWO_WAY - NARROWER) * wider, SPACING * wider
     for fixed in range(n):
-        if room[fixed] >= 0.5 * TWO_WAY - NARROWER:
+        if room[fixed] >= two_way:
             continue
         for step in (-1, 1):
             k = fixed + step
-            while 0 <= k < n and room[k] >= 0.5 * TWO_WAY - NARROWER:
-                most = EASE * SPACING * abs(k - fixed)
+            while 0 <= k < n and room[k] >= two_way:
+                most = EASE * spacing * abs(k - fixed)
                 shift[k] = min(max(shift[k], shift[fixed] - most), shift[fixed] + most)
                 k += step
 
@@ -106,22 +108,22 @@ def _along_one_way(one_way, x, y, ux, uy, cell):
 
 
 @kernel
-def _lane_targets(points, solid, one_way, cell, keep_right, shift, room, out):
+def _lane_targets(points, solid, one_way, cell, keep_right, wider, shift, room, out):
     """Write where each point should be (right of the middle where there are two lanes), and its possible clearance."""
     n = points.shape[0]
     for k in range(n):
         ux, uy = _direction(points, k)
         mine = _along_one_way(one_way, points[k, 0], points[k, 1], ux, uy, cell)
-        right = _free_to(solid, one_way, mine, points[k, 0], points[k, 1], uy, -ux, cell)
-        left = _free_to(solid, one_way, mine, points[k, 0], points[k, 1], -uy, ux, cell)
-        shift[k] = 0.5 * (right - left) if mine > 0 else _lane_shift(left, right, keep_right)
-        room[k] = min(CLEARANCE, 0.5 * (left + right) - NARROWER)
+        right = _free_to(solid, one_way, mine, points[k, 0], points[k, 1], uy, -ux, cell, SIGHT * wider)
+        left = _free_to(solid, one_way, mine, points[k, 0], points[k, 1], -uy, ux, cell, SIGHT * wider)
+        shift[k] = 0.5 * (right - left) if mine > 0 else _lane_shift(left, right, keep_right, wider)
+        room[k] = min(CLEARANCE * wider, 0.5 * (left + right) - NARROWER * wider)
     _fill_gaps(shift, keep_right)
-    _ease_into_single_lanes(shift, room)
+    _ease_into_single_lanes(shift, room, wider)
     for k in range(n):
         ux, uy = _direction(points, k)
-        along = SPACING * min(k, n - 1 - k)
-        s = shift[k] * min(1.0, along / FADE)
+        along = SPACING * wider * min(k, n - 1 - k)
+        s = shift[k] * min(1.0, along / (FADE * wider))
         out[k, 0] = points[k, 0] + s * uy
         out[k, 1] = points[k, 1] - s * ux
 
@@ -178,19 +180,21 @@ def resample(points, spacing):
 
 
 @kernel
-def drivable_line(points, solid, one_way, cell, keep_right, reach=np.inf):
+def drivable_line(points, solid, one_way, cell, keep_right, reach=np.inf, wider=1.0):
     """Return way-points float32[R, 2] [m], evenly spaced about SPACING apart, from the first to the last point.
 
     points: float64[L, 2] [m], the planned path's cell centres; solid: uint8[H + 2, W + 2], padded shelves, y up;
     one_way: uint8[H + 2, W + 2], likewise the directions of one-way cells, in the middle of which lines run;
-    keep_right [m]: how far to the right on open floor, 0 for no lanes; reach [m]: how much of the line is made
-    drivable, the rest leads along the path as planned.
+    keep_right [m]: how far to the right on open floor the default body keeps, 0 for no lanes; reach [m]: how much of
+    the line is made drivable, the rest leads along the path as planned; wider: how many times as wide as the default
+    the body is.
     """
-    line = resample(points, SPACING)
-    near = line[: int(min(reach / SPACING, np.float64(len(line)))) + 1]
+    spacing, keep_right = SPACING * wider, keep_right * wider
+    line = resample(points, spacing)
+    near = line[: int(min(reach / spacing, np.float64(len(line)))) + 1]
     if len(near) > 2:
         targets, shift, room = np.empty_like(near), np.empty(len(near)), np.empty(len(near))
-        _lane_targets(near, solid, one_way, cell, keep_right, shift, room, targets)
+        _lane_targets(near, solid, one_way, cell, keep_right, wider, shift, room, targets)
         _relax(near, targets, room, solid, cell)
-        line = resample(line, SPACING)
+        line = resample(line, spacing)
     return line.astype(np.float32)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -13,15 +14,16 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from tests.maps.halls.test_map_server import REAL, hall, room
-from warehouse_env.errors import MapError
-from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.errors import MapError, MapWarning
+from warehouse_env.maps.grid_map import MOVES, GridMap
 from warehouse_env.maps.halls.cells import Raster
 from warehouse_env.maps.halls.hall import read_hall
-from warehouse_env.maps.halls.lanes import STEPS, Lane, Lanes, arrows, lay, of_floor
+from warehouse_env.maps.halls.lanes import STEPS, Lane, Lanes, arrows, lay, of_floor, prices
 from warehouse_env.maps.halls.lif import read_lif, write_lif
 from warehouse_env.maps.halls.places import cells_of, propose, read_places
 from warehouse_env.maps.halls.route_graph import read_route_graph, write_route_graph
 from warehouse_env.maps.one_way import ARROWS
+from warehouse_env.planning import PLANNERS, make_planner, path_length
 
 RASTER = Raster(3, 5, 1.0, (0.0, 0.0))
 
@@ -75,6 +77,52 @@ def test_arrows_keep_single_steps_and_bar_no_other(steps: np.ndarray) -> None:
     assert kept == single - lost
 
 
+def test_prices_by_hand() -> None:
+    east = lane((0.5, 1.5), (4.5, 1.5))
+    open_floor = np.ones((3, 5), np.bool_)
+    found = prices(lay(Lanes(lanes=[east]), open_floor, RASTER), 1.5)
+    assert found[1, :4, 0].tolist() == [1.0] * 4
+    assert found[1, 1, 4] == 1.5  # against it
+    assert found[0, 0].tolist()[::2] == [1.5] * 4
+    assert found[0, 0, 7] == 1.25  # south, then along the lane
+    cheap = lane((0.5, 0.5), (4.5, 0.5))._replace(price=0.5)
+    both = prices(lay(Lanes(lanes=[east, cheap]), open_floor, RASTER), 1.5)
+    assert (both[2, 0, 0], both[1, 0, 0], both[0, 0, 0]) == (1.0, 2.0, 3.0)  # in proportion to the cheapest
+
+
+@pytest.mark.parametrize("name", PLANNERS)
+def test_planners_prefer_lanes_and_fast_floor(name: str) -> None:
+    """Who takes a cost map keeps to a lane beside the straight way, and out of a slow aisle; who does not says so."""
+    around = lane((0.5, 2.5), (0.5, 3.5), (8.5, 3.5), (8.5, 2.5))
+    free = np.ones((5, 9), np.bool_)
+    price = prices(lay(Lanes(lanes=[around]), free, Raster(5, 9, 1.0, (0.0, 0.0))), 2.0)
+    slow = np.full((5, 9), np.inf)
+    slow[2, 1:8] = 0.5
+    straight = np.array([(2, column) for column in range(9)])
+    for grid in (GridMap(~free, price=price), GridMap(~free, speed=slow)):
+        planner = make_planner(name)
+        if not planner.takes_cost:
+            with pytest.warns(MapWarning, match="neither preferred lanes nor speed limits"):
+                planner.plan(grid, (2, 0), (2, 8), np.random.default_rng(0))
+            continue
+        found = planner.plan(grid, (2, 0), (2, 8), np.random.default_rng(0)).cells
+        assert cost_of(grid, found) < 0.9 * cost_of(grid, straight)
+
+
+def cost_of(grid: GridMap, cells: np.ndarray) -> float:
+    assert grid.surplus is not None
+    moves = [MOVES.tolist().index(step) for step in np.diff(cells, axis=0).tolist()]
+    return path_length(cells) + float(grid.surplus[(*cells[:-1].T, moves)].sum())
+
+
+def test_time_and_prices_multiply() -> None:
+    """A step that takes twice as long on average, at a price of 1.5, costs 2 cells on top; robots may be slower."""
+    slow, price = np.array([[np.inf, 0.5]]), np.full((1, 2, 8), 1.5)
+    assert GridMap(np.zeros((1, 2)), speed=slow, price=price).surplus[0, 0, 0] == 2.0
+    assert GridMap(np.zeros((1, 2)), speed=slow, price=price).at_pace(0.5).surplus[0, 0, 0] == 0.5
+    assert GridMap(np.zeros((1, 2))).surplus is None
+
+
 ROWS = ["#####.....", "..........", ".########.", ".>>>>>>>>.", ".########.", "..........", ".<<<<<<<..", ".........."]
 
 
@@ -90,12 +138,18 @@ def streets() -> GridMap:
 def test_a_floor_is_read_back_to_the_same(tmp_path: Path, write: Any, read: Any, name: str) -> None:
     grid = streets()
     speed = np.where(np.arange(10) < 3, 0.7, np.inf) + np.zeros(grid.shape)
-    write(grid, tmp_path / name, speed)
+    grid = dataclasses.replace(grid, speed=speed)
+    write(grid, tmp_path / name)
     lanes, raster = read(tmp_path / name), Raster(*grid.shape, grid.cell_size, grid.origin)
     found = lay(lanes, ~grid.occupied, raster)
     assert not lanes.notes
     assert np.array_equal(found.one_way, grid.one_way)
     assert (found.speed[1, :3] == 0.7).all()
+    dear = np.where(np.arange(10) < 3, 2.0, 1.0)[None, :, None] + np.zeros((*grid.shape, 8))
+    priced = dataclasses.replace(grid, price=dear)
+    write(priced, tmp_path / name)
+    kept = lay(read(tmp_path / name), ~grid.occupied, raster).price[1, :9, 0]
+    assert kept.tolist() == ([2.0] * 3 + [1.0] * 6 if read is read_route_graph else [1.0] * 9)  # LIF has no costs
     for kind, cells in (("picks", grid.picks), ("stations", grid.stations)):
         assert cells_of(lanes.places[kind], kind, ~grid.occupied, raster)[0].tolist() == cells.tolist()
 
@@ -139,6 +193,26 @@ def test_a_curve_goes_through_its_arc(tmp_path: Path) -> None:
     line = read_lif(tmp_path / "f.json").lanes[0].line
     assert np.allclose(np.hypot(*line.T), 10.0)
     assert len(line) > 10
+
+
+def test_costs_and_headings_of_lanes_are_kept_or_said(tmp_path: Path) -> None:
+    file = tmp_path / "f.geojson"
+    write_route_graph(GridMap(np.zeros((1, 3)), cell_size=2.0), file)
+    data = json.loads(file.read_text())
+    edges = [one["properties"] for one in data["features"] if one["geometry"]["type"] == "LineString"]
+    edges[0]["cost"], edges[1]["cost"], edges[2]["cost"] = 3.0, 0.0, 1e9
+    file.write_text(json.dumps(data))
+    read = read_route_graph(file)
+    assert [one.price for one in read.lanes] == [1.5, 1.0, 1000.0, 1.0]
+    assert "counts as that" in read.noted()[0]
+    write_lif(GridMap(np.zeros((1, 3))), tmp_path / "f.json")
+    data = json.loads((tmp_path / "f.json").read_text())
+    first, second = (edge["vehicleTypeEdgeProperties"][0] for edge in data["layouts"][0]["edges"][:2])
+    first["vehicleOrientation"], first["rotationAllowed"], second["vehicleOrientation"] = 3.14, False, 0.0
+    (tmp_path / "f.json").write_text(json.dumps(data))
+    notes = read_lif(tmp_path / "f.json").noted()
+    assert any("another heading" in note and "times" not in note for note in notes)
+    assert any("no rotation" in note for note in notes)
 
 
 def change(data: Any, path: list[Any], value: Any) -> Any:
@@ -185,6 +259,7 @@ def test_a_wrong_lif_is_one_sentence(tmp_path: Path, path: list[Any], value: Any
         (["features", 0, "geometry", "coordinates"], [1e300, 0], "coordinates"),
         (["features", -1, "properties", "endid"], 99, "which there is not"),
         (["features", -1, "properties", "metadata"], {"speed_limit": 0}, "above 0"),
+        (["features", -1, "properties", "cost"], -1, "cost -1 must be a number"),
     ],
 )
 def test_a_wrong_route_graph_is_one_sentence(tmp_path: Path, path: list[Any], value: Any, sentence: str) -> None:

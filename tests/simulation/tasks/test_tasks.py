@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.simulation.reference import bodies, separation, shelves
+from tests.simulation.reference import around, bodies, separation, shelves
 from tests.simulation.worlds import drawn, room
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
@@ -109,13 +109,13 @@ def test_starts_touch_nothing_and_goals_stay_distinct(name: str) -> None:
     grid = make_layout(name)
     simulator = Simulator(EnvConfig(num_agents=24, planner="astar", action_repeat=2), 2, grid=grid)
     simulator.reset(seed=5)
-    walls = shelves(grid.occupied)
+    walls = [kind for kind in (shelves(grid.walls), around(grid.discs)) if len(kind)]
     first, second = np.triu_indices(24, 1)
     for world in range(2):
         body = bodies(*simulator.state.pose[world].astype(np.float64).T)
         # 0.15 m to robots, half of it to shelves
         assert separation(body[first], body[second]).min() > 0.0
-        assert separation(body[:, None], walls[None]).min() > 0.07
+        assert min(separation(body[:, None], kind[None]).min() for kind in walls) > 0.07
     cruise = np.full((2, 24), simulator.cruise_action)
     for _ in range(150):
         simulator.step(cruise)

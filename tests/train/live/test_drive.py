@@ -162,3 +162,15 @@ def test_neither_pace_nor_pages_touch_the_bits(clock: Clock) -> None:
             one.turn()
             clock.now += 0.01
     assert one.world.digest == plain.digest
+
+
+def test_where_robots_stop_pages_are_told_the_poses_of_their_goals(clock: Clock) -> None:
+    everybody = Listeners()
+    one = Drive(world(chosen={"arrival": "pose"}), everybody)
+    with everybody.joined() as listener:
+        go(one, clock, 0.5)
+        said = [heard for heard in messages(listener.take(0.0)) if heard[0]["kind"] != "note"]
+    goals = one.world.simulator.robots[0]
+    for name in ("goal_x", "goal_y"):
+        np.testing.assert_allclose(column(*said[-1], name)[:, -1], goals[name], atol=0.005)
+    assert column(*said[-1], "goal_heading").shape == (4, said[-1][0]["count"])

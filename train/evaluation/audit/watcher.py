@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from train.evaluation.audit import instants
 from train.evaluation.audit.arcs import STATE
-from train.evaluation.audit.bodies import Body
+from train.evaluation.audit.bodies import Fleet
 from train.evaluation.audit.instants import HORIZON, KINDS, LIMITS, OVERLAPS
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
@@ -46,7 +46,7 @@ def solid_of(grid: GridMap) -> NDArray[np.bool_]:
     rows, columns = grid.shape
     x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5, indexing="ij")
     cells = grid.cell(np.stack([x, y], axis=-1) * grid.cell_size)
-    return np.ascontiguousarray(grid.occupied[cells[..., 0], cells[..., 1]])
+    return np.ascontiguousarray(grid.walls[cells[..., 0], cells[..., 1]])
 
 
 class Audit:
@@ -59,7 +59,7 @@ class Audit:
                 f"action_repeat={config.action_repeat} must be at most {MOST_REPEAT} for an audit: of longer steps the "
                 "motion between their ends cannot be told"
             )
-        self._config, self._body = config, Body.of(config)
+        self._config, self._fleet = config, Fleet.of(config)
         self._step_time = config.time_step * config.action_repeat
         self._last: _Looks | None = None
         self._faults = np.empty((_ROOM, instants.FAULT))
@@ -78,6 +78,7 @@ class Audit:
     def _begin(self, simulator: Simulator, now: _Looks) -> None:
         worlds = len(now.states)
         self._solid, self._cell = solid_of(simulator.grid), float(simulator.grid.cell_size)
+        self._discs = simulator.grid.discs.astype(np.float64)
         self._closest, self._ways = np.full(worlds, HORIZON), np.zeros(worlds)
         self.found = [[] for _ in range(worlds)]
 
@@ -89,8 +90,8 @@ class Audit:
 
     def _look(self, before: _Looks, after: _Looks, put_back: NDArray[np.bool_], walked: NDArray[np.float64]) -> None:
         count = instants.audit_step(
-            before.states, after.states, put_back, before.people, walked, self._solid, self._cell, self._body,
-            self._closest, self._ways, self._faults,
+            before.states, after.states, put_back, before.people, walked, self._solid, self._discs, self._cell,
+            self._fleet, self._closest, self._ways, self._faults,
         )  # fmt: skip
         for fault in self._faults[:count].tolist():
             self._keep(fault)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError
+from warehouse_env.maps.discs import cells_near
 from warehouse_env.maps.generators import LARGEST
 from warehouse_env.maps.halls.map_server import UNKNOWN, Occupancy
 from warehouse_env.maps.halls.picture import MOST_PIXELS
@@ -89,6 +90,16 @@ def _along(occupancy: Occupancy, raster: Raster, axis: int, finer: int) -> NDArr
 def not_free(values: NDArray[np.int8], unknown_free: bool) -> NDArray[np.float64]:
     """Return float64[h, w]: the share of each pixel that is not free."""
     return np.where(values == UNKNOWN, 0.0 if unknown_free else 1.0, values / 100.0)
+
+
+def within(discs: NDArray[np.float64], occupancy: Occupancy) -> NDArray[np.bool_]:
+    """Return bool[h, w]: the pixels that a disc (x, y, radius) [m] of float64[K, 3] meets, in the map's own frame."""
+    found: NDArray[np.bool_] = np.zeros(occupancy.values.shape, np.bool_)
+    shift, size = np.array([*occupancy.origin, 0.0]), occupancy.resolution
+    for disc in discs - shift:
+        row, column = cells_near(disc, 0.0, found.shape, size).T
+        found[len(found) - 1 - row, column] = True
+    return found
 
 
 def closed(occupancy: Occupancy, floor: NDArray[np.bool_], raster: Raster, unknown_free: bool) -> NDArray[np.bool_]:

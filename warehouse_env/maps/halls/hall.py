@@ -22,12 +22,15 @@ from warehouse_env.checked import Checked, from_plain, parse_named
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError, MapWarning
 from warehouse_env.files import STAGED, path_of, read_bytes
+from warehouse_env.maps import discs as round_ones
 from warehouse_env.maps import one_way
+from warehouse_env.maps.discs import covered, read_discs
 from warehouse_env.maps.endpoints import largest_region
+from warehouse_env.maps.going import DEAREST
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import lif, picture, places, route_graph
-from warehouse_env.maps.halls.cells import Raster, closed, not_free, raster_of, spread
-from warehouse_env.maps.halls.lanes import Lanes, lay
+from warehouse_env.maps.halls.cells import Raster, closed, not_free, raster_of, spread, within
+from warehouse_env.maps.halls.lanes import Lanes, lay, prices
 from warehouse_env.maps.halls.map_server import YAMLS, Occupancy, beside, image_of, read_occupancy
 
 SUFFIXES = (*YAMLS, *picture.SUFFIXES)
@@ -47,12 +50,15 @@ class Reading(Checked):
     lanes: str | None = None  # LIF (.json) or route graph (.geojson)
     vehicle: str | None = None  # type whose lanes these are (LIF)
     lanes_only: bool = False  # nobody drives off the lanes
+    lanes_prefer: float = 1.5  # times its length that a way off the lanes costs planners
+    discs: str | None = None  # round obstacles (.json or .csv); pixels in them are theirs
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._between(0.1, 100.0, "cell")
         self._between(0.0, 1.0, "share")
         self._between(1e-3, 100.0, "resolution")
+        self._between(1.0, DEAREST, "lanes_prefer")
         self._require(not self.lanes_only or self.lanes is not None, "lanes_only", "false without lanes=FILE")
         self._require(self.vehicle is None or self.lanes is not None, "vehicle", "left out without lanes=FILE")
 
@@ -66,7 +72,6 @@ class Hall:
     raster: Raster
     places: places.Places  # picks and stations by name, as the grid has them
     barred: NDArray[np.bool_]  # [H, W], floor of the map that masks or lanes close
-    speed: NDArray[np.float64]  # [H, W], [m/s] at most, inf without a limit; robots do not keep it yet
     notes: tuple[str, ...]  # what the floor does not hold, one sentence each
     report: tuple[str, ...]  # what was read, and lost in cells
 
@@ -85,7 +90,7 @@ def parse(name: str) -> tuple[Path, Reading]:
 def files_of(name: str) -> Iterator[Path]:
     """Yield the files that a hall is read from, its map first, so that they can travel; those there are."""
     path, how = parse(name)
-    named = [beside(path, other, "file") for other in (how.keepout, how.speed, how.lanes) if other]
+    named = [beside(path, other, "file") for other in (how.keepout, how.speed, how.lanes, how.discs) if other]
     for one in (path, *named):
         yield one
         if one.suffix.lower() in YAMLS:
@@ -123,7 +128,9 @@ class _Reader:
         self._notes: list[str] = []
         self._occupancy = read_occupancy(path, how.resolution)
         self._raster = raster_of(self._occupancy, how.cell)
+        self._discs = self._round_ones()
         weights = not_free(self._occupancy.values, how.unknown == "floor")
+        weights[within(self._discs, self._occupancy)] = 0.0
         self._walls = spread(self._occupancy, weights, self._raster) > how.share + 1e-9
 
     def hall(self) -> Hall:
@@ -133,25 +140,40 @@ class _Reader:
         self._check_floor(~(self._walls | barred), "keepout leaves")
         lanes = self._lanes()
         on_cells = None if lanes is None else lay(lanes, ~(self._walls | barred), self._raster)
-        arrows = self._one_way()
+        arrows, price = self._one_way(), None
         if on_cells is not None:
             speed, arrows = np.minimum(speed, on_cells.speed), on_cells.one_way
+            price = np.minimum(prices(on_cells, self._how.lanes_prefer), DEAREST)
             if self._how.lanes_only:
                 barred |= ~on_cells.used & ~self._walls
                 self._check_floor(~(self._walls | barred), "lanes_only leaves")
         occupied = self._walls | barred
-        (picks, stations), named = self._places(lanes, occupied)
+        discs = self._discs - (*self._raster.origin, 0.0)
+        taken = occupied | covered(discs.astype(np.float32), occupied.shape, self._how.cell)
+        self._check_floor(~taken, "discs leave")
+        (picks, stations), named = self._places(lanes, taken)
         if lanes is not None:
             self._notes += lanes.noted()
-        if np.isfinite(speed[~occupied]).any():
-            self._notes.append("robots do not keep its speed limits: they are read and written only")
         grid = GridMap(
             occupied, None, self._how.cell, picks, stations, self._path.stem,  # type: ignore[arg-type]
-            np.where(occupied, 0, arrows), self._raster.origin,
+            np.where(taken, 0, arrows), self._raster.origin, discs, None, speed, price,  # type: ignore[arg-type]
         )  # fmt: skip
-        self._note_regions(occupied)
+        self._note_regions(taken)
         report = tuple(self._report(grid, barred))
-        return Hall(grid, self._occupancy, self._raster, named, barred, speed, tuple(self._notes), report)
+        return Hall(grid, self._occupancy, self._raster, named, barred, tuple(self._notes), report)
+
+    def _round_ones(self) -> NDArray[np.float64]:
+        """Return float64[K, 3], the discs (x, y, radius) [m] in the map's frame whose centres are on its cells."""
+        if self._how.discs is None:
+            return np.zeros((0, 3))
+        found = read_discs(beside(self._path, self._how.discs, "discs"))
+        inside = self._raster.inside(self._raster.cells(found[:, :2]))
+        if not inside.all():
+            x, y, _ = found[np.argmin(inside)].tolist()
+            self._notes.append(
+                f"{_counted((~inside).sum(), 'disc')} with a centre off the floor are left out, one at ({x:g}, {y:g}) m"
+            )
+        return found[inside]
 
     def _check_floor(self, floor: NDArray[np.bool_], who: str) -> None:
         if not floor.any():
@@ -251,6 +273,8 @@ class _Reader:
             f"{grid.shape[0]} x {grid.shape[1]} cells of {how.cell:g} m, of which up to {how.share:.0%} may be not "
             f"free: {driven:,} are driven on, {driven * size:,.0f} of the map's {free * pixel:,.0f} m² of free floor"
         )
+        if len(grid.discs):
+            yield round_ones.lost(grid)
         if barred.any():
             yield f"closed by keepout, or off the lanes: {_counted(barred.sum(), 'cell')}"
         lost = closed(self._occupancy, ~self._walls, self._raster, how.unknown == "floor")

@@ -2,7 +2,7 @@
 
 Of each lane's line the cells it crosses are taken in steps to a neighbour. A step that no lane takes back is one way.
 A cell gets a direction if one-way steps lead into it and on out of it; what that does not yet keep, the step's first
-cell does, or its second, where that bars no other step.
+cell does, or its second, where that bars no other step. Steps that no lane takes cost planners more (`prices`).
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ class Lane(NamedTuple):
     end: str
     line: NDArray[np.float64]  # [K, 2], (x, y) [m] of its course
     speed: float = np.inf  # [m/s] at most
+    price: float = 1.0  # times its length that it costs
 
 
 @dataclass
@@ -53,12 +54,13 @@ class OnCells(NamedTuple):
     one_way: NDArray[np.uint8]  # [H, W], as in GridMap
     used: NDArray[np.bool_]  # [H, W], cells with a lane
     speed: NDArray[np.float64]  # [H, W], [m/s] at most, inf where no lane says
+    price: NDArray[np.float64]  # [H, W, 4], times their length that STEPS cost, inf where no lane takes them
 
 
 def lay(lanes: Lanes, floor: NDArray[np.bool_], raster: Raster) -> OnCells:
     """Return what cells of floor hold of lanes; what they cannot hold goes into the notes."""
     steps = np.zeros((*floor.shape, 4), dtype=np.bool_)
-    speed, astray = np.full(floor.shape, np.inf), []
+    speed, price, astray = np.full(floor.shape, np.inf), np.full(steps.shape, np.inf), []
     for lane in lanes.lanes:
         cells = _cells_along(lane, raster)
         there = raster.inside(cells)
@@ -67,7 +69,9 @@ def lay(lanes: Lanes, floor: NDArray[np.bool_], raster: Raster) -> OnCells:
         if not (len(good) and good.all()):
             x, y = (raster.centres(cells[np.argmin(good)]) if len(cells) else lane.line[0]).tolist()
             astray.append(f"{lane.name} near ({x:.1f}, {y:.1f}) m")
-        _step(steps, cells, good)
+        on_way = _steps_of(cells, good)
+        steps[on_way] = True
+        price[on_way] = np.minimum(price[on_way], lane.price)
         on = tuple(cells[good].T)
         speed[on] = np.minimum(speed[on], lane.speed)
     if astray:
@@ -79,15 +83,39 @@ def lay(lanes: Lanes, floor: NDArray[np.bool_], raster: Raster) -> OnCells:
     used: NDArray[np.bool_] = np.asarray(steps.any(axis=2))
     for move, (row, column) in enumerate(STEPS):
         used |= np.asarray(_from(steps[..., move], -row, -column))
-    return OnCells(np.where(floor, one_way, 0).astype(np.uint8), used, speed)
+    return OnCells(np.where(floor, one_way, 0).astype(np.uint8), used, speed, price)
 
 
-def _step(steps: NDArray[np.bool_], cells: NDArray[np.int64], good: NDArray[np.bool_]) -> None:
-    """Mark the steps between neighbouring cells of a walk, both on floor."""
-    moves = cells[1:] - cells[:-1]
+def _steps_of(cells: NDArray[np.int64], good: NDArray[np.bool_]) -> tuple[NDArray[np.int64], ...]:
+    """Return (rows, columns, numbers in STEPS) of the steps between neighbouring cells of a walk, both on floor."""
+    moves = (cells[1:] - cells[:-1])[:, None] == STEPS
+    along = moves.all(axis=2) & (good[1:] & good[:-1])[:, None]
+    at, move = np.nonzero(along)
+    return (*cells[at].T, move)
+
+
+def prices(on_cells: OnCells, prefer: float) -> NDArray[np.float64]:
+    """Return float64[H, W, 8], times their length that moves cost (GridMap.price): `prefer` times on floor off lanes.
+
+    A diagonal move costs what the cheaper pair of steps does that leads there. Lanes may cost less than their length;
+    what is cheapest then costs that much, and all else in proportion.
+    """
+    steps = np.where(np.isfinite(on_cells.price), on_cells.price, prefer)
+    steps = steps / min(1.0, steps.min())
+    price = np.empty((*steps.shape[:2], 8))
+    price[..., ::2] = steps
     for move, by in enumerate(STEPS):
-        along = (moves == by).all(axis=1) & good[1:] & good[:-1]
-        steps[(*cells[:-1][along].T, move)] = True
+        other = (move + 1) % 4
+        first = steps[..., move] + _seen(steps[..., other], by)
+        second = steps[..., other] + _seen(steps[..., move], STEPS[other])
+        price[..., 2 * move + 1] = 0.5 * np.minimum(first, second)
+    return price
+
+
+def _seen(values: NDArray[np.float64], by: tuple[int, int]) -> NDArray[np.float64]:
+    """Return float64[H, W]: values as seen from each cell so many rows and columns on; the nearest one outside."""
+    rows, columns = values.shape
+    return np.pad(values, 1, mode="edge")[1 + by[0] : 1 + by[0] + rows, 1 + by[1] : 1 + by[1] + columns]
 
 
 def _cells_along(lane: Lane, raster: Raster) -> NDArray[np.int64]:
@@ -148,11 +176,9 @@ def _bars(steps: NDArray[np.bool_], cell: tuple[int, int], move: int) -> bool:
     return bool(steps[(*cell, back)] or (inside and steps[row, column, back]))
 
 
-def of_floor(grid: GridMap, speed: NDArray[np.float64] | None = None) -> Lanes:
-    """Return a floor as lanes: a node in the middle of each cell that robots reach, a lane for each step they may take.
-
-    speed: float64[H, W], [m/s] at most, inf where there is no limit.
-    """
+def of_floor(grid: GridMap) -> Lanes:
+    """Return a floor as lanes: a node in the middle of each cell that robots reach, a lane for each step they take."""
+    speed = grid.speed
     centres = grid.world(grid.centre(grid.free_cells)).round(6)
     names = {(r, c): f"r{r}c{c}" for r, c in grid.free_cells.tolist()}
     made = Lanes({name: (x, y) for name, (x, y) in zip(names.values(), centres.tolist(), strict=True)})
@@ -162,7 +188,8 @@ def of_floor(grid: GridMap, speed: NDArray[np.float64] | None = None) -> Lanes:
             if other is not None and grid.legal_moves[row, column, 2 * move]:
                 most = np.inf if speed is None else min(speed[row, column], speed[row + d_row, column + d_column])
                 line = np.array([made.nodes[name], made.nodes[other]])
-                made.lanes.append(Lane(f"{name}-{other}", name, other, line, float(most)))
+                price = 1.0 if grid.price is None else float(grid.price[row, column, 2 * move])
+                made.lanes.append(Lane(f"{name}-{other}", name, other, line, float(most), price))
     for kind, cells in (("picks", grid.picks), ("stations", grid.stations)):
         made.places[kind] = tuple(Place(names[r, c], *made.nodes[names[r, c]]) for r, c in cells.tolist())
     return made

@@ -26,6 +26,7 @@ VERSION = "1.0.0"
 VEHICLE = "robot"  # type of what is written
 _LARGEST_FILE = 64_000_000  # [bytes]
 _MOST_POINTS = 1000  # of a trajectory
+_ALONG = 0.05  # sine of half the angle between a heading and a lane up to which it is along it
 
 
 def read_lif(path: Path, vehicle: str | None = None) -> Lanes:
@@ -138,6 +139,7 @@ class _Reading:
         ours = self._for_us(entry, "vehicleTypeEdgeProperties")
         if ours is None or not all(end in self._made.nodes for end in ends):
             return
+        self._note_unkept(ours)
         straight = np.array([self._made.nodes[end] for end in ends])
         line, speed = self._course(ours.get("trajectory"), name, straight), np.inf
         if ours.get("maxSpeed") is not None:
@@ -145,6 +147,15 @@ class _Reading:
             if speed <= 0:
                 raise self._bad(f"edge {shown(name)}: maxSpeed {speed:g} must be above 0")
         self._made.lanes.append(Lane(name, *ends, line, speed))
+
+    def _note_unkept(self, ours: dict[str, Any]) -> None:
+        """Note what an edge asks for that robots do not keep: another heading than along it, or no turning on it."""
+        heading: Any = ours.get("vehicleOrientation")
+        along = ours.get("orientationType") in (None, "TANGENTIAL")
+        if is_number(heading) and not (along and abs(np.sin(0.5 * float(heading))) < _ALONG):
+            self._note("a lane asks for another heading than forwards along it, which robots do not keep")
+        if ours.get("rotationAllowed") is False:
+            self._note("a lane allows no rotation; robots turn in curves, there as elsewhere")
 
     def _course(self, trajectory: Any, name: str, straight: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return float64[K, 2], the points of an edge's course; the straight one where it names none that is sound."""
@@ -199,14 +210,12 @@ def _nurbs(
     return np.array(found)
 
 
-def write_lif(
-    grid: GridMap, path: str | os.PathLike[str], speed: NDArray[np.float64] | None = None, when: datetime | None = None
-) -> None:
-    """Write a floor's lanes, one-way rules, picks and stations as LIF, whole or not at all.
+def write_lif(grid: GridMap, path: str | os.PathLike[str], when: datetime | None = None) -> None:
+    """Write a floor's lanes, one-way rules, speed limits, picks and stations as LIF, whole or not at all.
 
-    speed: float64[H, W], [m/s] at most on a cell. when: the time that the file says it was made, now if not given.
+    when: the time that the file says it was made, now if not given. LIF has no prices of lanes.
     """
-    lanes = of_floor(grid, speed)
+    lanes = of_floor(grid)
     words = zip(KINDS, ("pick", "drop"), strict=True)
     action = {place.name: word for kind, word in words for place in lanes.places[kind]}
     stamp = (when or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%S.00Z")

@@ -2,6 +2,7 @@
 
 Points are nodes, with an id; LineStrings are directed edges, with id, startid and endid. `metadata` of an edge may hold
 `abs_speed_limit` [m/s] or `speed_limit` [per cent of the robot's highest speed]; of a node, what we write, its `place`.
+An edge's `cost` is what a route along it costs in place of its length [m].
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError, shown
 from warehouse_env.files import complete_file, path_of
+from warehouse_env.maps.going import CHEAPEST, DEAREST
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.lanes import MOST, Lane, Lanes, of_floor
 from warehouse_env.maps.halls.places import KINDS, Place, is_number, read_json
@@ -105,7 +107,22 @@ def _lane(path: Path, made: Lanes, known: set[str], properties: dict[str, Any], 
     line = _line(path, f"edge {name}", coordinates) if coordinates else np.empty((0, 2))
     line = np.concatenate([[made.nodes[ends[0]]], line[1:-1], [made.nodes[ends[1]]]])  # nodes say where lanes end
     metadata = properties.get("metadata")
-    return Lane(name, *ends, line, _speed(path, name, metadata if isinstance(metadata, dict) else {}))
+    speed = _speed(path, name, metadata if isinstance(metadata, dict) else {})
+    return Lane(name, *ends, line, speed, _price(path, made, name, properties, line))
+
+
+def _price(path: Path, made: Lanes, name: str, properties: dict[str, Any], line: NDArray[np.float64]) -> float:
+    """Return what an edge costs, times its length."""
+    cost, length = properties.get("cost"), float(np.hypot(*np.diff(line, axis=0).T).sum())
+    if cost is None or (cost == 0 and properties.get("overridable", True)) or length == 0:
+        return 1.0  # 0 is what Nav2 takes a cost for that is not given, and puts the length in its place
+    if not is_number(cost) or cost < 0:
+        raise MapError(f"{path}: edge {name}: cost {shown(cost)} must be a number of at least 0")
+    asked = float(cost) / length
+    price = min(max(asked, CHEAPEST), DEAREST)
+    if price != asked:
+        made.notes[f"a cost is not within {CHEAPEST:g} to {DEAREST:g} times its lane's length, and counts as that"] += 1
+    return price
 
 
 def _speed(path: Path, name: str, metadata: dict[str, Any]) -> float:
@@ -128,12 +145,9 @@ def _dead_ends(made: Lanes) -> None:
         made.places[KINDS[1]] = ends
 
 
-def write_route_graph(grid: GridMap, path: str | os.PathLike[str], speed: NDArray[np.float64] | None = None) -> None:
-    """Write a floor's lanes, one-way rules, picks and stations as a route graph, whole or not at all.
-
-    speed: float64[H, W], [m/s] at most on a cell.
-    """
-    lanes = of_floor(grid, speed)
+def write_route_graph(grid: GridMap, path: str | os.PathLike[str]) -> None:
+    """Write a floor's lanes with all their rules, picks and stations as a route graph, whole or not at all."""
+    lanes = of_floor(grid)
     number = {name: k for k, name in enumerate(lanes.nodes)}
     place = {one.name: kind[:-1] for kind in KINDS for one in lanes.places[kind]}
     features = [
@@ -144,6 +158,8 @@ def write_route_graph(grid: GridMap, path: str | os.PathLike[str], speed: NDArra
         about: dict[str, Any] = {"id": k, "startid": number[lane.start], "endid": number[lane.end]}
         if np.isfinite(lane.speed):
             about["metadata"] = {"abs_speed_limit": lane.speed}
+        if lane.price != 1.0:
+            about |= {"cost": lane.price * float(np.hypot(*(lane.line[1] - lane.line[0]))), "overridable": False}
         features.append(_feature(about, "LineString", lane.line.tolist()))
     data = {"type": "FeatureCollection", "name": grid.name, "features": features}
     with complete_file(path_of(path, MapError)) as part:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError
 from warehouse_env.files import complete_file
-from warehouse_env.maps import one_way
+from warehouse_env.maps import discs, one_way
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import places
 from warehouse_env.maps.halls.cells import Raster
@@ -23,12 +23,11 @@ def write_hall(
     path: Path,
     resolution: float | None = None,
     barred: NDArray[np.bool_] | None = None,
-    speed: NDArray[np.float64] | None = None,
 ) -> str:
     """Write a floor as NAME.yaml with all that belongs to it beside it; return the name by which it is read again.
 
     resolution: [m/pixel], a whole share of a cell; a pixel a cell if not given. barred: bool[H, W], floor that a
-    keepout mask closes. speed: float64[H, W], [m/s] at most, inf where there is no limit.
+    keepout mask closes. Prices of lanes are not in it.
     """
     if path.suffix.lower() not in YAMLS:
         raise MapError(f"{path} must end in {YAMLS[0]}")
@@ -42,14 +41,17 @@ def write_hall(
         pixels = values.repeat(fine, axis=0).repeat(fine, axis=1).astype(np.int8)
         write_occupancy(Occupancy(pixels, grid.cell_size / fine, grid.origin), name)
 
-    write(np.where(grid.occupied & ~closed, 100, 0), path)
+    write(np.where(grid.walls & ~closed, 100, 0), path)
     if closed.any():
         parameters.append(f"keepout={path.stem}_keepout.yaml")
         write(np.where(closed, 100, 0), path.with_name(f"{path.stem}_keepout.yaml"))
-    if speed is not None and np.isfinite(speed).any():
+    if (speed := grid.speed) is not None:
         parameters.append(f"speed={path.stem}_speed.yaml")
         percent = np.where(np.isfinite(speed), np.clip(speed / RobotSpec.max_speed * 100, 1, 100), 0)
         write(np.rint(percent).astype(np.int64), path.with_name(f"{path.stem}_speed.yaml"))
+    if len(grid.discs):
+        parameters.append(f"discs={path.stem}{discs.SUFFIX}")
+        discs.write_discs(grid.discs + np.array([*grid.origin, 0.0]), path.with_suffix(discs.SUFFIX))
     raster = Raster(*grid.shape, grid.cell_size, grid.origin)
     both = zip(places.KINDS, (grid.picks, grid.stations), strict=True)
     listed = {kind: places.places_at(raster, cells) for kind, cells in both}

@@ -80,7 +80,7 @@ class FusionAco(AntSystem):
             return force
         diverted, none_tried = force.copy(), np.zeros(grid.shape, np.bool_)
         for cell in stuck_cells(grid, force, goal):
-            point = intermediate_point(grid.occupied, cell, goal, none_tried)
+            point = intermediate_point(grid.closed, cell, goal, none_tried)
             if point[0] >= 0:
                 way, _ = follow(
                     grid.legal_moves, *parts, cell, point, goal, self.attraction_gain, self.distance_exponent
@@ -118,6 +118,6 @@ def stuck_cells(grid: GridMap, force: NDArray[np.float64], goal: Cell) -> list[C
     ahead[goal[0] * columns + goal[1]] = goal[0] * columns + goal[1]
     for _ in range(int(len(flat)).bit_length()):  # 2, 4, 8 ... steps at once, until more than there are cells
         ahead = ahead[ahead]
-    free = ~grid.occupied.reshape(-1)
+    free = ~grid.closed.reshape(-1)
     ends = np.setdiff1d(ahead[free], [goal[0] * columns + goal[1]])
     return [(int(cell) // columns, int(cell) % columns) for cell in ends]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
-from warehouse_env.maps.distance import label_regions
+from warehouse_env.maps.distance import distance_field, label_regions
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.ants.colony import cells_of
 from warehouse_env.planning.ants.floor import Floor, make_floor
@@ -129,7 +129,9 @@ def _between(grid: GridMap, start: Cell) -> NDArray[np.bool_]:
     """Return bool[H, W]: the cells through which a walker may go from the start, and go on from to wherever it may."""
     if grid.one_way.any():
         return grid.return_region(start)
-    region = label_regions(~grid.occupied)
+    if grid.tight is not None and grid.tight[start]:
+        return np.asarray(np.isfinite(distance_field(grid.legal_moves, MOVES, *start)))
+    region = label_regions(~grid.closed)
     same: NDArray[np.bool_] = region == region[start]
     return same
 

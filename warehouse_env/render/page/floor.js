@@ -73,6 +73,7 @@ function paintFloor(context, episode, place, inks, part) {
     if (way) paintArrow(context, x, y, cell, way, inks);
   });
   paintShelves(context, episode, place, inks, part, cell);
+  paintDiscs(context, episode, place, inks);
 }
 
 function forCells(episode, part, each) {
@@ -171,6 +172,19 @@ function paintShelves(context, episode, place, inks, part, cell) {
       context.fillStyle = k ? inks.lid : tone;
       context.beginPath();
       context.roundRect(x + (0.5 - half) * cell, y + (0.5 - half) * cell, 2 * half * cell, 2 * half * cell, corner * cell);
+      context.fill();
+    }
+  }
+}
+
+function paintDiscs(context, episode, place, inks) {
+  for (const [moved, less, ink] of [[1, 0, inks.shade], [0, 0, inks.rack], [0, 0.06, inks.boxes[0]]]) {
+    context.fillStyle = ink;
+    for (const [x, y, radius] of episode.discs) {
+      const across = place.left + (x + 0.14 * moved) * place.scale;
+      const down = place.top + (episode.height - y + 0.2 * moved) * place.scale;
+      context.beginPath();
+      context.arc(across, down, Math.max(radius - less, radius / 2) * place.scale, 0, TURN);
       context.fill();
     }
   }

@@ -184,7 +184,8 @@ def drive_arcs(r, arcs, wanted, stopping, p):
         return ZERO, ZERO
     k = r["arc"]
     direction = ONE if arcs[k, 0] > ZERO else -ONE
-    bend = curvature(arcs[k, 1], p["wheelbase"]) - BACK_TO_ARC * lateral - direction * ALONG_ARC * turned
+    back, along = BACK_TO_ARC / (p["long"] * p["long"]), ALONG_ARC / p["long"]
+    bend = curvature(arcs[k, 1], p["wheelbase"]) - back * lateral - direction * along * turned
     steer = to_steering(bend, p["wheelbase"], p["max_steer"])
     off = abs(steer - r["steer"])
     if docks:

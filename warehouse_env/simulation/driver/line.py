@@ -13,6 +13,7 @@ from warehouse_env.simulation.physics.footprint import clearance_at
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, arc_tan, arc_tan2, wrap
 
 TWO = np.float32(2.0)
+# lengths are those of the default body, in proportion for others (state.PARAMETERS: long, wide)
 LOOK_AHEAD = np.float32(0.55)  # [m] standing
 LOOK_AHEAD_TIME = np.float32(0.45)  # [s] of driving added to it
 LANE_CLEARANCE = np.float32(0.45)  # [m] a way-point moved sideways keeps from shelves
@@ -78,9 +79,9 @@ def way_point(r, route, ahead, beyond):
 
 
 @inline
-def look_ahead(speed):
+def look_ahead(speed, p):
     """Return how far ahead [m] the point lies that is steered for at a speed [m/s]."""
-    return LOOK_AHEAD + LOOK_AHEAD_TIME * speed
+    return LOOK_AHEAD * p["long"] + LOOK_AHEAD_TIME * speed
 
 
 @inline
@@ -89,10 +90,11 @@ def room_beside(tx, ty, ux, uy, offset, to_go, clearance, p):
 
     ux, uy: the route's direction there; to_go [m]: of the route, at the end of which it fades out.
     """
-    offset *= min(ONE, to_go / OFFSET_FADE)
-    if clearance_at(tx - offset * uy, ty + offset * ux, clearance, p["cell"]) < LANE_CLEARANCE:
+    offset *= min(ONE, to_go / (OFFSET_FADE * p["long"]))
+    least = LANE_CLEARANCE * p["wide"]
+    if clearance_at(tx - offset * uy, ty + offset * ux, clearance, p["cell"]) < least:
         offset *= HALF
-        if clearance_at(tx - offset * uy, ty + offset * ux, clearance, p["cell"]) < LANE_CLEARANCE:
+        if clearance_at(tx - offset * uy, ty + offset * ux, clearance, p["cell"]) < least:
             offset = ZERO
     return offset
 
@@ -124,7 +126,7 @@ def steer_for(r, tx, ty, p):
 @inline
 def aim(r, route, p):
     """Set follow_steer towards a point of the route ahead; return that, the direction there, and the angle to it."""
-    tx, ty, ux, uy = way_point(r, route, look_ahead(max(r["speed"], ZERO)), p["beyond"])
+    tx, ty, ux, uy = way_point(r, route, look_ahead(max(r["speed"], ZERO), p), p["beyond"])
     r["follow_steer"], angle = steer_for(r, tx, ty, p)
     return tx, ty, ux, uy, angle
 

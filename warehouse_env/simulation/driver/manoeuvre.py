@@ -11,9 +11,8 @@ x, y, heading, steer: the robot's pose [m], [rad] and its present steering angle
     something: what touches at the start does not count, what touches after it does.
 goals float32[G, 4]: poses x, y, heading to be reached, and the seconds that it takes from there on; the search ends at
     whatever is soonest in all. G = 0: make room, i.e. end where the body keeps off all rectangles of `avoid`.
-avoid float32[K, 4]: rectangles like the robot's body (centre x, y [m], cos, sin) to be off in the end; not read if
-    there are goals.
-bodies float32[K, 4]: rectangles that stand still, to be kept off all the way, by the field's margin as well.
+avoid float32[K, BODY]: rectangles (columns: bodies.py) to be off in the end; not read if there are goals.
+bodies float32[K, BODY]: rectangles that stand still, to be kept off all the way, by the field's margin as well.
 most: nodes of each of TRIES, each nearer to shelves and bodies and with shorter arcs than the one before; some 1.5 us a
     node. After one that was cut off there is no other, unless `most` is MOST.
 p, solid, clearance: PARAMETERS record and the floor; metric: turning_metric(PARAMETERS[1]), made once a Simulator.
@@ -32,7 +31,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.simulation.driver import turning
-from warehouse_env.simulation.driver.bodies import bars, clear_of_bodies, write_rooms
+from warehouse_env.simulation.driver.bodies import BODY, bars, clear_of_bodies, write_rooms
 from warehouse_env.simulation.driver.heap import pop, push
 from warehouse_env.simulation.driver.shots import MOST_ARCS, shoot
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, sweep_is_free
@@ -58,6 +57,7 @@ _SHOT_WITHIN = np.float32(12.0)  # [s] of way to go at most
 _TWICE, _SPARE = np.float32(2.0), np.float32(4.0)  # times as long, and [s] longer, that a shot may take
 _REACHED, _ALONG = np.float32(0.1), np.float32(0.15)  # [m] beside and along a goal pose that count as there
 _ALIGNED = np.float32(0.2)  # [rad]
+_LARGE = np.float32(2.0)  # times that for longer bodies at most: the end of a route is a goal that is arrived at
 X, Y, HEADING, COSINE, SINE, COST, MARGIN = range(7)  # columns of `poses`; MARGIN: of arcs from there [m]
 
 
@@ -71,20 +71,23 @@ def _margin_at(x, y, c, s, margin, p, solid, clearance):
 
 
 @inline
-def _to_go(x, y, heading, goals, facing, metric):
+def _to_go(x, y, heading, goals, facing, metric, p):
     """Return (whether a goal is reached, seconds from there on; or estimated seconds to the best goal).
 
     facing float32[G, 2]: cosine and sine of the goals' headings.
     """
-    least, arrived = np.float32(np.inf), False
+    least, arrived, large = np.float32(np.inf), False, min(p["long"], _LARGE)
     for k in range(goals.shape[0]):
         c, s = facing[k, 0], facing[k, 1]
         dx, dy, turn = x - goals[k, 0], y - goals[k, 1], wrap(heading - goals[k, 2])
         ahead, left = dx * c + dy * s, dy * c - dx * s
-        if abs(ahead) <= _ALONG and abs(left) <= _REACHED and abs(turn) <= _ALIGNED:
+        if abs(ahead) <= _ALONG * large and abs(left) <= _REACHED * large and abs(turn) <= _ALIGNED:
             least, arrived = (min(least, goals[k, 3]) if arrived else goals[k, 3]), True
         elif not arrived:
-            least = min(least, goals[k, 3] + GREED * turning.seconds_between(ahead, left, turn, metric))
+            least = min(
+                least,
+                goals[k, 3] + GREED * turning.seconds_between(ahead, left, turn, metric, turning.CELL * p["long"]),
+            )
     return arrived, least
 
 
@@ -155,7 +158,7 @@ def _finish(
 ):
     """Return the number of arcs to a goal over a node, -1 if no shot is tried from there or none is free."""
     x, y, heading = poses[node, X], poses[node, Y], poses[node, HEADING]
-    rest = _to_go(x, y, heading, goals, facing, metric)[1]
+    rest = _to_go(x, y, heading, goals, facing, metric, p)[1]
     if node % _SHOTS != 0 or rest > _SHOT_WITHIN:
         return -1
     last = moves[by[node], turning.STEER] if by[node] >= 0 else steer
@@ -192,7 +195,7 @@ def _search(
     poses[0, COST], poses[0, MARGIN] = ZERO, _margin_at(x, y, c, s, margin, p, solid, clearance)
     parents[0], by[0] = -1, -1
     if exact is None and (
-        (not bars(x, y, c, s, avoid, p)) if aside else _to_go(x, y, heading, goals, facing, metric)[0]
+        (not bars(x, y, c, s, avoid, p)) if aside else _to_go(x, y, heading, goals, facing, metric, p)[0]
     ):
         return 0
     size, waiting, used, node = 0, 0, 1, whole(0)
@@ -209,7 +212,7 @@ def _search(
             if aside:
                 ends[waiting] = not bars(x, y, c, s, avoid, p)
             else:
-                ends[waiting], rest = _to_go(x, y, heading, goals, facing, metric)
+                ends[waiting], rest = _to_go(x, y, heading, goals, facing, metric, p)
             origins[waiting], ways[waiting] = node, k
             size = push(keys, items, size, total + rest, waiting)
             waiting += 1
@@ -283,7 +286,8 @@ def _search_within(
     for k in range(goals.shape[0]):
         facing[k, 1], facing[k, 0] = sin_cos(goals[k, 2])
     return _search(
-        x, y, heading, steer, goals, facing, avoid, bodies, rooms, MARGINS[trial], STRIDES[trial], CELLS[trial],
+        x, y, heading, steer, goals, facing, avoid, bodies, rooms, MARGINS[trial],
+        STRIDES[trial] * p["long"], CELLS[trial] * p["long"],
         tree, table, queue, exact, p, solid, clearance, metric, arcs,
     )  # fmt: skip
 
@@ -308,7 +312,7 @@ def search_once(x, y, heading, steer, goals, avoid, bodies, trial, most, p, soli
 @kernel
 def search_exact(x, y, heading, steer, goals, bodies, trial, most, p, solid, clearance, metric, arcs):
     """Search as search_once does, for a way that ends exactly at one of the goals."""
-    exact, nothing = np.empty((MOST_ARCS, 2), np.float32), np.empty((0, 4), np.float32)
+    exact, nothing = np.empty((MOST_ARCS, 2), np.float32), np.empty((0, BODY), np.float32)
     return _search_within(
         x, y, heading, steer, goals, nothing, bodies, trial, most, _SLOTS, exact, p, solid, clearance, metric, arcs
     )

@@ -18,6 +18,7 @@ from warehouse_env.simulation.driver.heap import pop, push
 from warehouse_env.simulation.physics.kinematics import curvature
 from warehouse_env.simulation.physics.trigonometry import HALF, PI, TWO_PI, ZERO, sin_cos
 
+# lengths are those of the default body, in proportion for longer ones (state.PARAMETERS: long)
 STEERS, MOVES = 5, 10  # steering angles; each with forward and backward arcs
 LOCK_SHARE = np.float32(0.95)  # of the steering limit: what is left is for feedback
 STRIDE = np.float32(0.3)  # [m] of an arc
@@ -26,8 +27,8 @@ SHIFT_TIME = np.float32(0.5)  # [s] to stop and begin the other way
 STEER_SHARE = np.float32(0.6)  # of the time that steering takes is lost: the rest passes while driving
 LENGTH, STEER, BEND, AHEAD, LEFT, COS, SIN, TURN, SECONDS = range(9)  # columns of `moves`
 
-HEADINGS, SIDE = 36, 41  # of the turning metric: cells of 10 degrees, and of _CELL [m] each way around the goal
-_CELL = np.float32(0.2)
+HEADINGS, SIDE = 36, 41  # of the turning metric: cells of 10 degrees, and of CELL [m] each way around the goal
+CELL = np.float32(0.2)
 _MIDDLE = SIDE // 2
 _OPEN_STATES = 16 * HEADINGS * SIDE * SIDE
 
@@ -64,11 +65,14 @@ def heading_cell(angle, count):
 
 
 @inline
-def seconds_between(ahead, left, turn, turning):
-    """Return the turning metric [s] of a pose (ahead, left) [m] in the goal's frame, turned by `turn` [rad] from it."""
-    column, row = int(np.floor(ahead / _CELL + HALF)) + _MIDDLE, int(np.floor(left / _CELL + HALF)) + _MIDDLE
+def seconds_between(ahead, left, turn, turning, cell):
+    """Return the turning metric [s] of a pose (ahead, left) [m] in the goal's frame, turned by `turn` [rad] from it.
+
+    cell: the metric's cells [m], CELL for the default body.
+    """
+    column, row = int(np.floor(ahead / cell + HALF)) + _MIDDLE, int(np.floor(left / cell + HALF)) + _MIDDLE
     near_column, near_row = min(max(column, 0), SIDE - 1), min(max(row, 0), SIDE - 1)
-    beyond = np.float32(abs(column - near_column) + abs(row - near_row)) * (_CELL / FORWARD_SPEED)
+    beyond = np.float32(abs(column - near_column) + abs(row - near_row)) * (cell / FORWARD_SPEED)
     return turning[heading_cell(turn, HEADINGS), near_row, near_column] + beyond
 
 
@@ -76,7 +80,8 @@ def seconds_between(ahead, left, turn, turning):
 def _fill(p, turning):
     """Fill float32[HEADINGS, SIDE, SIDE]: Dijkstra from the origin against the direction of driving."""
     moves = np.empty((MOVES, 9), np.float32)
-    write_moves(STRIDE, p, moves)
+    cell_size = CELL * p["long"]
+    write_moves(STRIDE * p["long"], p, moves)
     turning[...] = np.float32(np.inf)
     poses = np.empty((_OPEN_STATES, 3), np.float32)
     arrived_by = np.empty(_OPEN_STATES, np.int8)
@@ -88,14 +93,14 @@ def _fill(p, turning):
     while size > 0:
         cost, node, size = pop(keys, items, size)
         x, y, heading = poses[node, 0], poses[node, 1], poses[node, 2]
-        column, row = int(np.floor(x / _CELL + HALF)) + _MIDDLE, int(np.floor(y / _CELL + HALF)) + _MIDDLE
+        column, row = int(np.floor(x / cell_size + HALF)) + _MIDDLE, int(np.floor(y / cell_size + HALF)) + _MIDDLE
         if cost > turning[heading_cell(heading, HEADINGS), row, column]:
             continue
         for k in range(MOVES):
             back = moves[(k + STEERS) % MOVES]  # the same arc driven the other way leads to where move k begins
             s, c = sin_cos(heading)
             nx, ny = x + back[AHEAD] * c - back[LEFT] * s, y + back[AHEAD] * s + back[LEFT] * c
-            column, row = int(np.floor(nx / _CELL + HALF)) + _MIDDLE, int(np.floor(ny / _CELL + HALF)) + _MIDDLE
+            column, row = int(np.floor(nx / cell_size + HALF)) + _MIDDLE, int(np.floor(ny / cell_size + HALF)) + _MIDDLE
             if column < 0 or row < 0 or column >= SIDE or row >= SIDE or used >= _OPEN_STATES:
                 continue
             turned = heading + back[TURN]
@@ -114,17 +119,25 @@ def _fill(p, turning):
 
 
 @lru_cache(maxsize=8)
-def _turning(values: bytes, dtype: np.dtype[Any]) -> NDArray[np.float32]:
-    turning = np.empty((HEADINGS, SIDE, SIDE), dtype=np.float32)
-    _fill(np.frombuffer(values, dtype=dtype)[0], turning)
-    turning[turning == np.inf] = turning[np.isfinite(turning)].max()
-    turning.flags.writeable = False
-    return turning
+def _metrics(values: bytes, dtype: np.dtype[Any]) -> NDArray[np.float32]:
+    kinds = np.frombuffer(values, dtype=dtype)
+    metrics = np.empty((len(kinds), HEADINGS, SIDE, SIDE), dtype=np.float32)
+    for kind, metric in zip(kinds, metrics, strict=True):
+        _fill(kind, metric)
+        metric[metric == np.inf] = metric[np.isfinite(metric)].max()
+    metrics.flags.writeable = False
+    return metrics
+
+
+def turning_metrics(params: NDArray[Any]) -> NDArray[np.float32]:
+    """Return float32[K, HEADINGS, SIDE, SIDE] [s] for kinds of robots PARAMETERS[K] (state.py); kept for reuse."""
+    kept = np.zeros(len(params), dtype=params.dtype)
+    for name in ("wheelbase", "max_steer", "max_steer_rate", "long"):
+        kept[name] = params[name]
+    return _metrics(kept.tobytes(), kept.dtype)
 
 
 def turning_metric(params: NDArray[Any]) -> NDArray[np.float32]:
-    """Return float32[HEADINGS, SIDE, SIDE] [s] for a robot's PARAMETERS[1] (state.parameters_of); kept for reuse."""
-    kept = np.zeros(1, dtype=params.dtype)
-    for name in ("wheelbase", "max_steer", "max_steer_rate"):
-        kept[name] = params[name]
-    return _turning(kept.tobytes(), kept.dtype)
+    """Return float32[HEADINGS, SIDE, SIDE] [s] for robots of one kind, PARAMETERS[1]; kept for reuse."""
+    metric: NDArray[np.float32] = turning_metrics(params)[0]
+    return metric

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, kernel
+from warehouse_env.simulation.physics.discs import Outlines, outlines_of
 
 _EXACT = 1e-9  # [cells] rounding of the crossings below
 WEST, EAST, SOUTH, NORTH = 0, 1, 2, 3  # where an edge faces: to its free side
@@ -21,7 +22,7 @@ _FACES = 4
 class Edges(NamedTuple):
     """Static arrays of one map and lidar range. An edge runs along x = line or y = line, from `low` to `high`."""
 
-    edges: NDArray[np.float32]  # [K, 3]: line, low, high [m]
+    edges: NDArray[np.float32] | Outlines  # [K, 3]: line, low, high [m]; with discs beside them
     seen: NDArray[np.int32]  # edges by cell, one list after another; of each, those along x = line come first
     first: NDArray[np.int32]  # [H + 2, W + 2, 3]: where a cell's list begins, where those along y begin, its end
 
@@ -196,10 +197,10 @@ def _lists(solid, cell_edges, edges, reach):
     return seen, length, first
 
 
-def edges_of(solid: NDArray[np.uint8], cell: float, lidar_range: float) -> Edges:
-    """Return the edges of a floor.
+def edges_of(solid: NDArray[np.uint8], cell: float, lidar_range: float, discs: NDArray[np.float32]) -> Edges:
+    """Return the edges of a floor, with its discs beside them if there are any.
 
-    solid: uint8[H + 2, W + 2], padded shelves, y up; cell [m]; lidar_range [m].
+    solid: uint8[H + 2, W + 2], padded shelves, y up; cell [m]; lidar_range [m]; discs: float32[K, 3], see GridMap.
     """
     cell_edges = np.full((_FACES, *solid.shape), -1, dtype=np.int32)
     edges = _merged(solid, cell_edges)
@@ -208,4 +209,4 @@ def edges_of(solid: NDArray[np.uint8], cell: float, lidar_range: float) -> Edges
     metres = ((edges[:, 1:] - 1.0) * cell).astype(np.float32)  # without the padding
     for array in (metres, seen, first):
         array.flags.writeable = False
-    return Edges(metres, seen, first)
+    return Edges(outlines_of(metres, discs, solid.shape, cell, lidar_range) if len(discs) else metres, seen, first)

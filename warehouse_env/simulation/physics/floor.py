@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import multiprocessing
+import warnings
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -10,9 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig, SensorSpec
+from warehouse_env.errors import MapWarning
 from warehouse_env.kernel import kernel
+from warehouse_env.maps.fitting import fitted
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout, read_file
+from warehouse_env.simulation.physics.discs import Obstacles, lower_clearance, obstacles_of
 from warehouse_env.simulation.physics.edges import Edges, edges_of
 
 FINE = 8  # samples of the clearance field per cell side
@@ -20,17 +25,26 @@ UNIT = 0.01  # [m] per count of the clearance field, which saturates at 2.55 m
 
 
 def load_grid(config: EnvConfig) -> GridMap:
-    """Return the map that a config names: its map_file, or else its layout."""
-    return make_layout(config.layout) if config.map_file is None else read_file(config.map_file)
+    """Return the map that a config names, its map_file or else its layout, for its robots."""
+    grid = make_layout(config.layout) if config.map_file is None else read_file(config.map_file)
+    return fit(grid.at_pace(max(robot.max_speed for robot in config.bodies)), config)
+
+
+def fit(grid: GridMap, config: EnvConfig) -> GridMap:
+    """Return a map for the bodies of a config; what they cannot reach is warned of (MapWarning), MapError for all."""
+    floor, notes = fitted(grid, config.widest_body)
+    for note in notes if multiprocessing.parent_process() is None else ():  # workers' parents have said it
+        warnings.warn(f"{grid.name}: {note}", MapWarning, stacklevel=3)
+    return floor
 
 
 class Floor(NamedTuple):
     """Static arrays of one map."""
 
-    solid: NDArray[np.uint8]  # [H + 2, W + 2], 1 = shelf or outside; row 0 is the rim south of the map
-    clearance: NDArray[np.uint8]  # [H * FINE, W * FINE], y up: lower bound of the distance to the nearest shelf
+    solid: NDArray[np.uint8] | Obstacles  # [H + 2, W + 2], 1 = shelf or outside; row 0 is the rim south of the map
+    clearance: NDArray[np.uint8]  # [H * FINE, W * FINE], y up: lower bound of the distance to the nearest obstacle
     cell: np.float32  # [m]
-    edges: Edges  # what the lidar sees of the shelves
+    edges: Edges  # what the lidar sees of them
 
 
 @kernel
@@ -59,19 +73,25 @@ def _clearance(solid, cell, fine, unit, out):
 
 
 @lru_cache(maxsize=16)
-def _floor(key: str, grid_text: bytes, rows: int, columns: int, cell: float, lidar_range: float) -> Floor:
-    occupied = np.frombuffer(grid_text, dtype=np.uint8).reshape(rows, columns)
+def _floor(
+    key: str, walls: bytes, rows: int, columns: int, cell: float, round_ones: bytes, lidar_range: float
+) -> Floor:
     solid = np.ones((rows + 2, columns + 2), dtype=np.uint8)
-    solid[1:-1, 1:-1] = occupied[::-1]
+    solid[1:-1, 1:-1] = np.frombuffer(walls, dtype=np.uint8).reshape(rows, columns)[::-1]
     clearance = np.empty((rows * FINE, columns * FINE), dtype=np.uint8)
     _clearance(solid, float(cell), FINE, UNIT, clearance)
     solid.flags.writeable = False
+    obstacles: NDArray[np.uint8] | Obstacles = solid
+    discs = np.frombuffer(round_ones, dtype=np.float32).reshape(-1, 3)
+    if len(discs):
+        obstacles = obstacles_of(solid, discs, cell)
+        lower_clearance(clearance, discs, cell / FINE, UNIT)
     clearance.flags.writeable = False
-    return Floor(solid, clearance, np.float32(cell), edges_of(solid, cell, lidar_range))
+    return Floor(obstacles, clearance, np.float32(cell), edges_of(solid, cell, lidar_range, discs))
 
 
 def floor_of(grid: GridMap, lidar_range: float = SensorSpec.lidar_range) -> Floor:
     """Return the kernels' view of a map, with its edges within `lidar_range` [m]; cached by the map's content."""
     rows, columns = grid.shape
-    text = grid.occupied.astype(np.uint8).tobytes()
-    return _floor(grid.key, text, rows, columns, grid.cell_size, lidar_range)
+    walls = grid.walls.astype(np.uint8).tobytes()
+    return _floor(grid.key, walls, rows, columns, grid.cell_size, grid.discs.tobytes(), lidar_range)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline
+from warehouse_env.simulation.physics.discs import meets_disc
 from warehouse_env.simulation.physics.floor import FINE, UNIT
 from warehouse_env.simulation.physics.geometry import rectangles_touch
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
@@ -34,7 +35,7 @@ def clearance_at(x, y, clearance, cell):
 
 @inline
 def body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, cell):
-    """Return whether the closed rectangle at (cx, cy) [m] with heading (c, s) touches a shelf or the rim.
+    """Return whether the closed rectangle at (cx, cy) [m] with heading (c, s) touches a shelf, the rim or a disc.
 
     Three discs that cover the body settle most cases by the clearance field; the rest is exact.
     """
@@ -47,6 +48,16 @@ def body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, 
         and clearance_at(cx - shift * c, cy - shift * s, clearance, cell) > radius
     ):
         return False
+    return meets_obstacle(cx, cy, c, s, half_length, half_width, solid, cell)
+
+
+@inline
+def meets_obstacle(cx, cy, c, s, half_length, half_width, solid, cell):
+    """Return what `body_touches_shelf` does, exactly in any case; solid: see Floor."""
+    if hasattr(solid, "cells"):
+        return meets_cell(cx, cy, c, s, half_length, half_width, solid.cells, cell) or meets_disc(
+            cx, cy, c, s, half_length, half_width, solid, cell
+        )
     return meets_cell(cx, cy, c, s, half_length, half_width, solid, cell)
 
 

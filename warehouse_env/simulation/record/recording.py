@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, shown
 from warehouse_env.files import complete_file, path_of
+from warehouse_env.maps.discs import MOST
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.given import listed, whole_seed
@@ -31,6 +32,7 @@ from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.orders import Order, as_table, from_table
 
 FORMAT = 1
+_GOING = ("speed", "price")  # arrays of a GridMap that not every floor has
 _LONGEST_TEXT = 2**20  # [bytes] of the config and all else that is no array
 _MOST_CELLS = 10**8  # of a floor
 # What NumPy, zip and JSON raise where bytes are not what they were.
@@ -62,12 +64,17 @@ class Episode:
         )
         if any(grid.origin):
             text["origin"] = grid.origin
+        going = {name: array for name in _GOING if (array := getattr(grid, name)) is not None}
+        if going:
+            text["pace"] = grid.pace
+        if len(grid.discs):
+            ordered |= {"discs": grid.discs, "walls": grid.walls}
         with complete_file(path) as part, part.open("wb") as file:
             np.savez_compressed(
                 file, about=np.frombuffer(json.dumps(text).encode(), dtype=np.uint8), occupied=grid.occupied,
                 height=grid.height, picks=grid.picks, stations=grid.stations, one_way=grid.one_way,
                 seeds=np.array(self.seeds, dtype=np.int64), actions=self.actions, pose=self.pose,
-                **ordered,
+                **ordered, **going,
             )  # fmt: skip
 
     @classmethod
@@ -98,8 +105,13 @@ class Episode:
         each = {name: arrays.read(name, most=cells.size) for name in of_cells}
         picks, stations = (arrays.read(name, most=2 * cells.size) for name in ("picks", "stations"))
         floor = (cells, each["height"], about["cell_size"], picks, stations, about["map"])
-        one_way, origin = each.get("one_way"), about.get("origin", (0.0, 0.0))
-        grid = GridMap(*floor, one_way=one_way, origin=origin)  # type: ignore[arg-type]  # None: none given
+        going = {name: arrays.read(name, most=8 * cells.size) for name in _GOING if name in arrays}
+        going |= {name: about[name] for name in ("origin", "pace") if name in about}
+        discs, walls = (
+            arrays.read(name, most=most) if name in arrays else None
+            for name, most in (("discs", 3 * MOST), ("walls", cells.size))
+        )
+        grid = GridMap(*floor, one_way=each.get("one_way"), discs=discs, walls=walls, **going)  # type: ignore[arg-type]
         seeds = tuple(arrays.read("seeds").tolist())
         if not all(isinstance(seed, int) and seed >= 0 for seed in seeds):
             raise WarehouseError(f"the seeds {shown(seeds)} must be one whole number a world, none negative")

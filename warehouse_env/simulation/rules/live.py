@@ -51,7 +51,7 @@ from warehouse_env.simulation.rules.passing import (
     make_passing,
     note_waiting,
 )
-from warehouse_env.simulation.rules.prices import PRICES, Look, make_asked
+from warehouse_env.simulation.rules.prices import Look, make_asked, prices_for
 from warehouse_env.simulation.rules.ways import Finder, Search
 
 FINDERS: dict[str, type[Search | Ants]] = {
@@ -101,7 +101,7 @@ def _is_barred(passing, b, me, r, route, look_ahead, size, rows, columns):
         row, column = cell_of(route[k, 0], route[k, 1], size, rows, columns)
         cell = row * columns + column
         others = passing.standing[b, cell, 0] + passing.standing[b, cell, 1]
-        if own != NOTHING and abs(own // columns - row) <= 1 and abs(own % columns - column) <= 1:
+        if own != NOTHING and max(abs(own // columns - row), abs(own % columns - column)) <= 1 + passing.spread:
             others -= 1
         if others > 0:
             return True
@@ -169,15 +169,18 @@ class LiveRoutes(Portable):
             spec.only_barred,
             spec.look_ahead,
         )
-        behind = np.float32(config.robot.rear_reach - 0.5 * config.robot.length)
+        behind = np.array([robot.rear_reach - 0.5 * robot.length for robot in config.robots], np.float32)
         self._floor = spec.stood_for, behind, np.float32(grid.cell_size)
+        robot, size = config.widest_body, config.widest_body.longer / grid.cell_size  # of bodies, in cells
+        spread = int(0.5 * (robot.length + robot.width) / grid.cell_size)
+        self._prices = prices_for(size, spread)
         self._costs, self._saving = (
-            (round(UNIT * (getattr(planner, "hairpin", 0.0) or HAIRPIN)), UNIT * HORIZON),
+            (round(UNIT * (getattr(planner, "hairpin", 0.0) or HAIRPIN * size)), UNIT * HORIZON),
             round(UNIT * spec.saving),
         )
-        self._passing = make_passing(worlds, config.num_agents, grid.occupied.size, SLOTS)
+        self._passing = make_passing(worlds, config.num_agents, grid.occupied.size, SLOTS, spread)
         self._laid = np.full((worlds, config.num_agents), np.inf, np.float32)  # [m] of routes that are drivable
-        fastest = max(config.robot.max_speed, -config.robot.min_speed)
+        fastest = max(max(kind.max_speed, -kind.min_speed) for kind in config.kinds)
         self._reach = LAID if spec.every * fastest < _NEAR / 2 else np.inf
         self._cells: dict[tuple[int, int], NDArray[np.int32]] = {}  # [L, 2], those that a robot's route was made of
         self._boxes: dict[tuple[int, int], tuple[Cell, Box]] = {}  # of the field that each robot goes by, and its goal
@@ -215,8 +218,9 @@ class LiveRoutes(Portable):
         """
         self._cells[world, robot] = cells
         self._laid[world, robot] = laid
+        stood_for, behind, size = self._floor
         keep_up(
-            self._passing, world, robot, robots[world, robot], routes[world, robot], *self._floor,
+            self._passing, world, robot, robots[world, robot], routes[world, robot], stood_for, behind[robot], size,
             *self._book.grid.shape,
         )  # fmt: skip
 
@@ -246,7 +250,7 @@ class LiveRoutes(Portable):
         """
         r = robots[me]
         pose = np.array([r["x"], r["y"]])
-        row, column = self._book.grid.cell(pose).tolist()
+        row, column = self._book.grid.standing(pose).tolist()
         if (row, column) == goal:
             return None
         stood_for, behind, size = self._floor
@@ -255,7 +259,7 @@ class LiveRoutes(Portable):
             keep_all_up(self._passing, world, step, robots, self._persons[world], self._person_on, routes, *floor)
         field, box = self._field(world, me, (row, column), goal)
         look = Look(
-            self._passing, self._asked, robots, self._fields.steps, PRICES, size, world, me, row, column,
+            self._passing, self._asked, robots, self._fields.steps, self._prices, size, world, me, row, column,
             field, box.top, box.left, *self._costs,
         )  # fmt: skip
         saving = self._saving if on_its_way else -1

@@ -43,15 +43,16 @@ class Passing(NamedTuple):
     high: NDArray[np.int32]  # [B, N], that after the last
     spacing: NDArray[np.float32]  # [B, N] [m] between them
     stands_on: NDArray[np.int32]  # [B, N], the cell on which a robot is counted as standing, or NOTHING
-    standing: NDArray[np.int16]  # [B, C, 2], robots and people that stand on a cell; and on those beside it
+    standing: NDArray[np.int16]  # [B, C, 2], robots and people that stand on a cell; and beside it (`spread`)
     known_at: NDArray[np.int64]  # [B], the env step of which the table is
     waited: NDArray[np.int32]  # [B, C], looks of late at which one waited on a cell, times ONCE; see `note_waiting`
     waited_in: NDArray[np.int32]  # [B, C], the period of which that is
     period: NDArray[np.int32]  # [B], the present one
+    spread: int = 0  # cells either way that a standing body is on, of cells smaller than bodies; beside: one more
 
 
-def make_passing(worlds: int, robots: int, cells: int, slots: int) -> Passing:
-    """Return an empty table."""
+def make_passing(worlds: int, robots: int, cells: int, slots: int, spread: int = 0) -> Passing:
+    """Return an empty table; spread: see Passing."""
 
     def nothing(*shape: int) -> NDArray[np.int32]:
         return np.full(shape, NOTHING, np.int32)
@@ -62,7 +63,7 @@ def make_passing(worlds: int, robots: int, cells: int, slots: int) -> Passing:
         np.zeros((worlds, robots), np.int32), np.zeros((worlds, robots), np.int32),
         np.zeros((worlds, robots), np.float32), nothing(worlds, robots),
         np.zeros((worlds, cells, 2), np.int16), np.full(worlds, NOTHING, np.int64),
-        np.zeros((worlds, cells), np.int32), np.zeros((worlds, cells), np.int32), np.zeros(worlds, np.int32),
+        np.zeros((worlds, cells), np.int32), np.zeros((worlds, cells), np.int32), np.zeros(worlds, np.int32), spread,
     )  # fmt: skip
 
 
@@ -131,10 +132,11 @@ def _unlist_point(passing, b, i, k):
 @kernel
 def _count_standing(passing, b, cell, change, rows, columns):
     """Add `change` to those who stand on a cell, and to those who stand beside its neighbours."""
-    row, column = cell // columns, cell % columns
-    for i in range(max(row - 1, 0), min(row + 2, rows)):
-        for j in range(max(column - 1, 0), min(column + 2, columns)):
-            passing.standing[b, i * columns + j, 0 if i == row and j == column else 1] += change
+    row, column, spread = cell // columns, cell % columns, passing.spread
+    for i in range(max(row - 1 - spread, 0), min(row + 2 + spread, rows)):
+        for j in range(max(column - 1 - spread, 0), min(column + 2 + spread, columns)):
+            on = abs(i - row) <= spread and abs(j - column) <= spread
+            passing.standing[b, i * columns + j, 0 if on else 1] += change
 
 
 @inline
@@ -184,13 +186,14 @@ def keep_all_up(passing, b, step, robots, persons, person_on, routes, stood_for,
     """Bring the table of world b up to env step `step`, unless it is already.
 
     robots: ROBOT[N]; persons: PERSON[M]; person_on: int32[B, M], the cell on which a person is counted as standing, or
-    NOTHING; routes: float32[N, R, 2] [m]; stood_for [s]: from when on a robot counts as standing; behind [m]: a body's
-    centre, behind its front axle; size [m]: of a cell of the floor with so many rows and columns.
+    NOTHING; routes: float32[N, R, 2] [m]; stood_for [s]: from when on a robot counts as standing; behind
+    float32[N] [m]: how far each body's centre is behind its front axle; size [m]: of a cell of the floor with so many
+    rows and columns.
     """
     if passing.known_at[b] == step:
         return
     for i in range(robots.shape[0]):
-        keep_up(passing, b, i, robots[i], routes[i], stood_for, behind, size, rows, columns)
+        keep_up(passing, b, i, robots[i], routes[i], stood_for, behind[i], size, rows, columns)
     for m in range(persons.shape[0]):
         stands = NOTHING
         if bars_ways(persons[m]):
@@ -217,7 +220,7 @@ def note_waiting(passing, robots, looks, steps, every, behind, size, rows, colum
         passing.period[b] = steps[b] // (PERIOD * every)
         for i in range(robots.shape[1]):
             if looks[b, i] and gets_nowhere(robots[b, i]):
-                row, column = body_cell(robots[b, i], behind, size, rows, columns)
+                row, column = body_cell(robots[b, i], behind[i], size, rows, columns)
                 cell = row * columns + column
                 passing.waited[b, cell] = waited_at(passing, b, cell) + ONCE
                 passing.waited_in[b, cell] = passing.period[b]

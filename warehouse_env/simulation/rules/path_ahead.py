@@ -154,7 +154,7 @@ def write_path(r, route, arcs, side, many, p, clearance, path):
     end = np.float32(points - 1) * spacing
     stops = p["beyond"] > ZERO
     over = end if stops else end - _THERE
-    look = look_ahead(min(max(r["speed"], _SLOWEST), _FASTEST))
+    look = look_ahead(min(max(r["speed"], _SLOWEST), _FASTEST), p)
     while k < many and driven < _FARTHEST:
         if along >= over:
             if stops and to_next < APART:

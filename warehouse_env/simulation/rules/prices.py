@@ -37,6 +37,20 @@ class Prices(NamedTuple):
 
 
 PRICES = Prices()
+
+
+def prices_for(size: float, spread: int) -> Prices:
+    """Return the prices where the default body would be so many times as long, in cells (RobotSpec.longer / cell).
+
+    spread: cells either way that a standing body is on, each of which is paid for.
+    """
+    each, turn = size / (2 * spread + 1), size
+    return PRICES._replace(
+        standing=PRICES.standing * each, beside=PRICES.beside * each, waited=PRICES.waited * each,
+        turn=PRICES.turn * turn, boxed_turn=PRICES.boxed_turn * turn,
+    )  # fmt: skip
+
+
 _SLACK = 6  # [cells] by which a robot's place along its cells may differ from its place along its route
 OFF_HEADING = (0.0, 0.2, 1.0, 2.0, 2.0)  # times `turn`, for beginning so many eighths off the heading
 
@@ -105,11 +119,12 @@ def _charge_standing(look, cell):
     """Return the price of entering a cell on or beside which others stand, the dearer the longer one stands oneself."""
     at, beside = look.passing.standing[look.world, cell, 0], look.passing.standing[look.world, cell, 1]
     own = look.passing.stands_on[look.world, look.me]
-    columns = look.steps.shape[1]
-    if own != NOTHING and abs(own // columns - cell // columns) <= 1 and abs(own % columns - cell % columns) <= 1:
-        if own == cell:
+    columns, spread = look.steps.shape[1], look.passing.spread
+    if own != NOTHING:
+        off = max(abs(own // columns - cell // columns), abs(own % columns - cell % columns))
+        if off <= spread:
             at -= 1
-        else:
+        elif off == spread + 1:
             beside -= 1
     if at == 0 and beside == 0:
         return 0

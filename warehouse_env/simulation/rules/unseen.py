@@ -11,6 +11,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.physics.contact import COS, SIN
+from warehouse_env.simulation.physics.discs import is_taken
 from warehouse_env.simulation.physics.floor import FINE, UNIT
 from warehouse_env.simulation.physics.footprint import clearance_at
 from warehouse_env.simulation.physics.people import distance_to_body
@@ -103,8 +104,7 @@ def _list_points(box, step, i, path, samples, pace, speed, motion, view, p, soli
             x, y = (np.float32(column) + HALF) * step, (np.float32(row) + HALF) * step
             if x < ZERO or y < ZERO or _meets(x, y, path, samples, pace, speed, contact, p) == 0:
                 continue
-            shelf_row, shelf_column = int(y / p["cell"]) + 1, int(x / p["cell"]) + 1
-            if shelf_row >= solid.shape[0] or shelf_column >= solid.shape[1] or solid[shelf_row, shelf_column] != 0:
+            if is_taken(x, y, solid, p["cell"]):
                 continue
             if not _is_known(x, y, ZERO, motion, view, p) and not sees_all(x, y, slack, i, motion, p, ranges):
                 points[0, count], points[1, count] = x, y

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.physics.buckets import SEARCH, bucket_at
 from warehouse_env.simulation.physics.contact import COS, SIN, X, Y
+from warehouse_env.simulation.physics.discs import Outlines
 from warehouse_env.simulation.physics.edges import Edges
-from warehouse_env.simulation.physics.footprint import meets_cell
+from warehouse_env.simulation.physics.footprint import meets_obstacle
 from warehouse_env.simulation.physics.geometry import rectangles_touch
 from warehouse_env.simulation.physics.people import RADIUS, scan_people
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, TWO_PI, ZERO, arc_tan2
@@ -30,7 +31,7 @@ class Scanners(NamedTuple):
     """Static arrays of the scanners of one config on one map; edges, seen, first: see Edges."""
 
     rays: NDArray[np.float32]  # [2, R], unit vectors in the robot's frame
-    edges: NDArray[np.float32]
+    edges: NDArray[np.float32] | Outlines
     seen: NDArray[np.int32]
     first: NDArray[np.int32]
 
@@ -102,7 +103,7 @@ def _is_clear(ax, ay, bx, by, i, j, persons, motion, places, walking, p, solid):
         return True
     c, s, half, columns = dx / length, dy / length, HALF * length, p["bucket_columns"]
     mx, my = ax + HALF * dx, ay + HALF * dy
-    if meets_cell(mx, my, c, s, half, ZERO, solid, p["cell"]):
+    if meets_obstacle(mx, my, c, s, half, ZERO, solid, p["cell"]):
         return False
     row, column = bucket_at(mx, my, p)
     left, right = max(column - SEARCH, 0), min(column + SEARCH + 1, columns)

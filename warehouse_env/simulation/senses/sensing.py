@@ -12,7 +12,9 @@ from warehouse_env.kernel import inline
 from warehouse_env.observation import EGO, NEIGHBOUR
 from warehouse_env.simulation.driver.line import way_point
 from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, COS, SEARCH, SILENT, SIN, SPEED, bucket_at
+from warehouse_env.simulation.physics.discs import scan_discs
 from warehouse_env.simulation.physics.geometry import ray_to_rectangle
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ONE, PI, ZERO
 
 _TWENTY = np.float32(20.0)
@@ -24,6 +26,19 @@ TURNED = 4
 
 @inline
 def scan_shelves(cx, cy, c, s, p, edges, seen, first, rays, turned, out):
+    """Write the distance [m] of each ray from (cx, cy) to the nearest shelf or disc, at most lidar_range.
+
+    Arguments as those of `_scan_lines`; `edges` may be Outlines.
+    """
+    if hasattr(edges, "lines"):
+        _scan_lines(cx, cy, c, s, p, edges.lines, seen, first, rays, turned, out)
+        scan_discs(cx, cy, int(cy / p["cell"]) + 1, int(cx / p["cell"]) + 1, edges, turned, out)
+    else:
+        _scan_lines(cx, cy, c, s, p, edges, seen, first, rays, turned, out)
+
+
+@inline
+def _scan_lines(cx, cy, c, s, p, edges, seen, first, rays, turned, out):
     """Write the distance [m] of each ray from (cx, cy) to the nearest shelf, at most lidar_range.
 
     rays: float32[2, R], unit vectors in the robot's frame; (c, s) its heading; edges, seen, first: see Edges;
@@ -96,10 +111,10 @@ def _remember(squared, dx, dy, j, out, start, count):
 
 
 @inline
-def look_around(n, bodies, order, starts, p, rays, out, start):
+def look_around(n, bodies, order, starts, p, kinds, rays, out, start):
     """Scan all robots in range of the n-th of `bodies` into the lidar, and remember the nearest from out[start] on.
 
-    Of those that are silent the lidar alone tells. bodies, order, starts: see buckets.sort.
+    Of those that are silent the lidar alone tells. bodies, order, starts: see buckets.sort; p: its own.
     """
     c, s = bodies[COS, n], bodies[SIN, n]
     cx, cy = bodies[CENTRE_X, n], bodies[CENTRE_Y, n]
@@ -107,7 +122,7 @@ def look_around(n, bodies, order, starts, p, rays, out, start):
     for k in range(count):
         out[start + k * NEIGHBOUR] = np.float32(np.inf)
     lidar_range = p["lidar_range"]
-    reach = lidar_range + p["radius"]
+    reach = lidar_range + p["widest"]
     columns = p["bucket_columns"]
     row, column = bucket_at(cx, cy, p)
     left, right = max(column - SEARCH, 0), min(column + SEARCH + 1, columns)
@@ -118,7 +133,8 @@ def look_around(n, bodies, order, starts, p, rays, out, start):
             if squared < reach * reach and m != n:
                 other_c, other_s = bodies[COS, m], bodies[SIN, m]
                 x, y = dx * c + dy * s, dy * c - dx * s
-                scan_robot(x, y, other_c * c + other_s * s, other_s * c - other_c * s, p, rays, out)
+                turn_c, turn_s = other_c * c + other_s * s, other_s * c - other_c * s
+                scan_robot(x, y, turn_c, turn_s, kind_of(order[m], p, kinds), rays, out)
                 if squared < lidar_range * lidar_range and bodies[SILENT, m] == ZERO:
                     _remember(squared, dx, dy, m, out, start, count)
 

@@ -70,4 +70,4 @@ def check_assignments(assignments: Sequence[Assignment], worlds: int, robots: in
             raise ConfigError(f"an assignment of {len(one.pose)} robots does not fit num_agents={robots}")
         one.goals(grid)
         for robot in range(robots):
-            grid.check_cell(grid.cell(one.pose[robot, :2]), f"start of robot {robot}")
+            grid.check_cell(grid.standing(one.pose[robot, :2]), f"start of robot {robot}")

@@ -54,6 +54,7 @@ class Shift:
         self._allocate_by = make_allocator(config.orders.allocation) if config.orders else None
         self.batteries = batteries
         self.load = np.zeros(config.num_agents)  # [kg]
+        self._payloads = np.array([max(robot.payload, 1.0) for robot in config.robots])  # [kg]
         self.begin(np.random.default_rng(), None)
 
     def begin(self, rng: np.random.Generator, ledger: Ledger | None) -> None:
@@ -140,7 +141,7 @@ class Shift:
         share = batteries.share
         for robot in np.flatnonzero(charging & (share >= spec.full)).tolist():
             self._next(robot)
-        cells = self._grid.cell(np.stack([robots["x"], robots["y"]], axis=-1))
+        cells = self._grid.standing(np.stack([robots["x"], robots["y"]], axis=-1))
         critical = batteries.is_critical(cells, self.load)
         for robot in np.flatnonzero(critical | (share < spec.low)).tolist():
             duty = self.duties[robot]
@@ -262,7 +263,7 @@ class Shift:
                 self._head_for(robot, order.picks[0], Doing.STOP)
 
     def _cell(self, robots: NDArray[Any], robot: int) -> Cell:
-        row, column = self._grid.cell(np.array([robots[robot]["x"], robots[robot]["y"]])).tolist()
+        row, column = self._grid.standing(np.array([robots[robot]["x"], robots[robot]["y"]])).tolist()
         return row, column
 
     def at_work(self) -> NDArray[np.bool_]:
@@ -283,7 +284,7 @@ class Shift:
     def write_needs(self, out: NDArray[np.float32]) -> None:
         """Write each robot's own needs into float32[N, K] of the observation (see observation_layout)."""
         served = np.isfinite(self._until)
-        out[:, 0] = self.load / max(self._config.robot.payload, 1.0)
+        out[:, 0] = self.load / self._payloads
         out[:, 1] = served
         out[:, 2] = np.where(served, np.clip(self._until - self._now, 0.0, _MINUTE) / _MINUTE, 0.0)
         if self.batteries is not None:

@@ -27,20 +27,20 @@ from warehouse_env.maps.grid_map import MOVES, GridMap
 from warehouse_env.routes.goals import face
 
 MARGIN = 0.05  # [m] between a passing body and the disc of a parked one
-ENTRY = 1.0  # [m] ahead of and behind who stands in parallel, to drive in and out: two bodies one behind the other
-# with less between them leave nobody room to park there
+ENTRY = 1.0  # [m], of the default body, ahead of and behind who stands in parallel, to drive in and out: two bodies one
+# behind the other with less between them leave nobody room to park there
 
 
 def body_reach(config: EnvConfig) -> float:
     """Return how far [m] from the front axle a body reaches at most."""
-    robot = config.robot
+    robot = config.widest_body
     return math.hypot(max(robot.rear_reach, robot.front_overhang), robot.width / 2)
 
 
 def disc_of(config: EnvConfig, cell: float) -> NDArray[np.int64]:
     """Return int64[K, 2]: where (row, column), from a goal's cell, a parked body may bar a cell of `cell` [m]."""
     off = config.pose_radius if config.arrival == "pose" else config.arrival_radius
-    reach = (off + body_reach(config) + config.robot.width / 2 + MARGIN) / cell
+    reach = (off + body_reach(config) + config.widest_body.width / 2 + MARGIN) / cell
     offsets = _offsets(math.floor(reach))
     within: NDArray[np.int64] = offsets[(offsets**2).sum(axis=1) < reach * reach]
     return within
@@ -54,9 +54,9 @@ def _offsets(most: int) -> NDArray[np.int64]:
 
 def rectangle_of(config: EnvConfig, cell: float, upright: bool) -> NDArray[np.int64]:
     """Return what `disc_of` does, of a body with its middle in the cell's, along the rows or upright, and of ENTRY."""
-    robot = config.robot
+    robot = config.widest_body
     off = config.pose_radius + robot.farthest * math.sin(config.pose_angle)
-    half = np.array([robot.width / 2 + off, robot.length / 2 + off + ENTRY]) / cell
+    half = np.array([robot.width / 2 + off, robot.length / 2 + off + ENTRY * robot.longer]) / cell
     half = half[::-1] if upright else half
     passing = (robot.width / 2 + MARGIN) / cell
     offsets = _offsets(math.floor(half.max() + passing))
@@ -82,8 +82,8 @@ def parking_of(grid: GridMap, config: EnvConfig) -> Parking:
     if config.arrival != "pose":
         return Parking((disc,), kinds)
     for cell in grid.endpoints[2]:
-        poses = face(grid, cell, config.robot).poses
-        if poses:
+        poses = face(grid, cell, config.widest_body).poses
+        if len(poses) > 1:  # in parallel, with its middle in the cell's
             kinds[cell] = 2 if abs(math.sin(poses[0][2])) > 0.5 else 1
     return Parking((disc, *(rectangle_of(config, grid.cell_size, upright) for upright in (False, True))), kinds)
 
@@ -171,5 +171,5 @@ def cut_off(grid: GridMap, starts: NDArray[np.int64], goals: NDArray[np.int64], 
     shapes = np.full((len(parking.shapes), most, 2), sum(grid.shape), dtype=np.int64)  # what is left lies off the floor
     for row, shape in zip(shapes, parking.shapes, strict=True):
         row[: len(shape)] = shape
-    _cut_off(~grid.occupied, starts, goals, shapes, parking.kinds[tuple(goals.T)], MOVES, out)
+    _cut_off(~grid.closed, starts, goals, shapes, parking.kinds[tuple(goals.T)], MOVES, out)
     return out

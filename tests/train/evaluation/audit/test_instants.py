@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tests.simulation.reference import WHEELBASE, bodies, polygon_distance, separation
 from train.evaluation.audit import instants
 from train.evaluation.audit.arcs import STATE
-from train.evaluation.audit.bodies import Body
+from train.evaluation.audit.bodies import Fleet
 from train.evaluation.audit.instants import HORIZON, audit_step
 from warehouse_env.config import EnvConfig
 
@@ -24,6 +24,7 @@ State = tuple[float, float, float, float, float]  # x, y [m], heading [rad], spe
 
 STEP = 0.1  # [s]
 FREE = np.zeros((40, 40), dtype=np.bool_)  # cells of a metre
+NO_DISCS = np.zeros((0, 3))
 SLACK = 2e-5  # [m] that rounding may make there
 
 
@@ -45,15 +46,15 @@ def moved(state: State, speed: float, steer: float, seconds: float = STEP, looks
 
 def audited(
     before: Sequence[State], after: Sequence[State], *, put_back: Sequence[bool] = (), people: Floats | None = None,
-    walked: Floats | None = None, solid: NDArray[np.bool_] = FREE, repeat: int = 1,
+    walked: Floats | None = None, solid: NDArray[np.bool_] = FREE, discs: Floats = NO_DISCS, repeat: int = 1,
 ) -> tuple[list[list[float]], float, float]:  # fmt: skip
     """Audit a step; return its faults, the closest approach and the way of all [m]."""
     faults, closest, way = np.empty((20, instants.FAULT)), np.full(1, HORIZON), np.zeros(1)
-    body, nobody = Body.of(EnvConfig(action_repeat=repeat)), np.empty((1, 0, 2))
+    fleet, nobody = Fleet.of(EnvConfig(num_agents=len(before), action_repeat=repeat)), np.empty((1, 0, 2))
     count = audit_step(
         np.array(before).reshape(1, -1, STATE), np.array(after).reshape(1, -1, STATE),
         np.array([list(put_back) or [False] * len(before)]), nobody if people is None else people,
-        nobody if walked is None else walked, solid, 1.0, body, closest, way, faults,
+        nobody if walked is None else walked, solid, discs, 1.0, fleet, closest, way, faults,
     )  # fmt: skip
     return faults[:count].tolist(), float(closest[0]), float(way[0])
 
@@ -129,6 +130,19 @@ def test_a_tail_that_swings_into_a_shelf_between_samples(deep: float) -> None:
     for fault in faults:
         assert fault[instants.SIZE] == pytest.approx(deep, abs=1e-4)
         assert 0 < fault[instants.TIME] < STEP / 2
+
+
+@pytest.mark.parametrize("deep", [0.004, -0.004])
+def test_a_tail_that_swings_into_a_pole_between_samples(deep: float) -> None:
+    """Where the tail comes farthest, a pole stands instead of the shelf."""
+    before, after = tail_by_a_shelf(deep)
+    tails = [bodies(*np.array(state[:3])) for state in moved(before, before[3], before[4], looks=200)]
+    x, y = max((corner for corners in tails for corner in corners), key=lambda corner: corner[0])
+    poles = np.array([[x + 0.5 - deep, y, 0.5]])
+    faults, _, _ = audited([before], [after], discs=poles)
+    assert kinds(faults) == ([instants.SHELF] if deep > 0 else [])
+    for fault in faults:
+        assert fault[instants.SIZE] == pytest.approx(deep, abs=2e-4)
 
 
 def test_the_rim_is_solid() -> None:

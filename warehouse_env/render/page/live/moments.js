@@ -3,6 +3,7 @@
 const KEPT_NUMBERS = 400000; // robots times moments
 const KEPT_MOMENTS = [600, 3000]; // at least and at most
 const BY_ROBOT = ["x", "y", "heading", "speed", "steer", "along", "goal", "route", "waits_for", "yields_to", "held_by", "flags"];
+const BY_STOP = ["goal_x", "goal_y", "goal_heading"]; // where robots stop at goals
 const BY_PERSON = ["person_x", "person_y", "person_heading"];
 
 class Moments extends Episode {
@@ -10,7 +11,7 @@ class Moments extends Episode {
     const frames = Math.min(Math.max(Math.floor(KEPT_NUMBERS / message.robots), KEPT_MOMENTS[0]), KEPT_MOMENTS[1]);
     super({ ...message, frames }, message.columns, flags);
     const rows = { totals: 3 };
-    for (const name of BY_ROBOT) rows[name] = this.robots;
+    for (const name of [...BY_ROBOT, ...BY_STOP]) if (message.columns[name]) rows[name] = this.robots;
     for (const name of BY_PERSON) rows[name] = this.people;
     this.kept = Object.entries(rows).map(([name, count]) => ({ name, count, values: new Float32Array(count * frames) }));
     for (const { name, values } of this.kept) this.columns[name] = { values, unit: 1 };

@@ -1,0 +1,155 @@
+"""Discs of a floor: which cells they close, what stays a shelf, their files, and what a wrong one is told."""
+
+from __future__ import annotations
+
+import dataclasses
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from warehouse_env.errors import ConfigError, MapError
+from warehouse_env.maps.discs import lost, read_discs, write_discs
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.halls.hall import read_hall
+from warehouse_env.maps.halls.saved import write_hall
+from warehouse_env.maps.layouts import make_layout
+from warehouse_env.maps.movingai import read_map, write_map
+
+FREE = np.zeros((5, 6), dtype=bool)
+PILLARS = [(2.5, 2.5, 0.4), (4.0, 1.0, 0.2)]
+
+
+def floor(**more: object) -> GridMap:
+    """A floor with a shelf in its north-west corner and two pillars, one on a crossing of four cells."""
+    occupied = FREE.copy()
+    occupied[0, 0] = True
+    return GridMap(occupied, discs=PILLARS, **more)  # type: ignore[arg-type]
+
+
+def test_the_cells_that_discs_reach_into_are_closed_and_no_shelves() -> None:
+    grid = floor()
+    assert np.argwhere(grid.occupied).tolist() == [[0, 0], [2, 2], [3, 3], [3, 4], [4, 3], [4, 4]]
+    assert np.argwhere(grid.walls).tolist() == [[0, 0]]
+    beside = GridMap(FREE, discs=[(2.5, 2.5, 0.5)])  # touches its neighbours and reaches into none
+    assert np.argwhere(beside.occupied).tolist() == [[2, 2]]
+    area = 5 - np.pi * (0.4**2 + 0.2**2)
+    assert f"close 5 cells to planners and goals, among them about {area:.1f} of 5.0 m²" in lost(grid)
+    assert lost(GridMap(FREE)) == ""
+
+
+@given(st.lists(st.tuples(st.floats(0, 6), st.floats(0, 5), st.floats(0.01, 1.2)), max_size=4), st.integers(0, 10**6))
+def test_a_cell_is_closed_where_its_nearest_point_is_within_a_disc(
+    discs: list[tuple[float, float, float]], seed: int
+) -> None:
+    occupied = np.random.default_rng(seed).random(FREE.shape) < 0.1
+    expected = occupied.copy()
+    for row in range(5):
+        for column in range(6):
+            for x, y, radius in np.float32(discs).reshape(-1, 3).astype(float):
+                dx = max(column - x, x - column - 1, 0.0)
+                dy = max(4 - row - y, y - (5 - row), 0.0)
+                expected[row, column] |= dx * dx + dy * dy < radius * radius
+    if expected.all():
+        with pytest.raises(MapError, match="no free cell"):
+            GridMap(occupied, discs=discs)
+        return
+    grid = GridMap(occupied, discs=discs)
+    assert (grid.occupied == expected).all()
+    assert (grid.walls == occupied).all()
+
+
+def test_copies_keep_what_is_a_shelf_and_what_a_disc() -> None:
+    grid = floor()
+    for copy in (pickle.loads(pickle.dumps(grid)), dataclasses.replace(grid, name="again")):
+        assert (copy.walls == grid.walls).all()
+        assert (copy.occupied == grid.occupied).all()
+        assert copy.key == grid.key
+    assert floor().key != GridMap(grid.occupied).key
+    more = grid.occupied.copy()
+    more[1, 1], more[0, 0] = True, False
+    changed = dataclasses.replace(grid, occupied=more)  # a shelf goes, one comes, discs stay what they are
+    assert np.argwhere(changed.walls).tolist() == [[1, 1]]
+    on_disc = FREE.copy()
+    on_disc[2, 2] = True  # a shelf given where a disc is stays one
+    assert GridMap(on_disc, discs=PILLARS).walls[2, 2]
+
+
+def test_who_stands_beside_a_disc_in_its_cell_plans_from_the_nearest_free_one() -> None:
+    grid = floor()  # rows count from the north: y 4..5 is row 0
+    points = [(2.05, 2.5), (2.95, 2.4), (0.5, 4.5), (5.5, 0.5), (-3.0, 9.0)]
+    assert grid.standing(points).tolist() == [[2, 1], [2, 3], [0, 0], [4, 5], [-5, -3]]
+    assert GridMap(FREE).standing((2.05, 2.5)).tolist() == [2, 2]
+
+
+@pytest.mark.parametrize(
+    ("discs", "says"),
+    [
+        ([(1.0, 2.0)], "each three numbers"),
+        ("pillars", "each three numbers"),
+        ([(1.0, 2.0, 0.0)], "radius from 0.001"),
+        ([(1.0, float("nan"), 0.5)], "disc 0"),
+        ([(1.0, 1.0, 0.1), (6.5, 1.0, 0.1)], r"disc 1 \(6.5, 1.0, 0.1\) must have its centre on the floor of 6 x 5 m"),
+        ([(3.0, 2.5, 5.0)], "no free cell"),
+    ],
+)
+def test_wrong_discs_are_told_so(discs: object, says: str) -> None:
+    with pytest.raises(MapError, match=says):
+        GridMap(FREE, discs=discs)  # type: ignore[arg-type]
+
+
+def test_a_map_file_keeps_its_discs_beside_it(tmp_path: Path) -> None:
+    grid = make_layout("pillars:rows=20,columns=20,count=9")
+    write_map(grid, tmp_path / "hall.map")
+    read = read_map(tmp_path / "hall.map")
+    assert read.discs.tobytes() == grid.discs.tobytes()
+    assert read.key == grid.key
+    write_map(GridMap(FREE), tmp_path / "hall.map")  # another floor: they are gone
+    assert not len(read_map(tmp_path / "hall.map").discs)
+    with pytest.raises(MapError, match=r"write a \.yaml"):
+        write_map(GridMap(FREE, cell_size=0.5, discs=[(1, 1, 0.2)]), tmp_path / "hall.map")
+
+
+def test_a_hall_reads_its_discs_and_pixels_within_are_theirs(tmp_path: Path) -> None:
+    grid = floor(origin=(-3.0, 7.0))
+    name = write_hall(grid, tmp_path / "hall.yaml", 0.05)
+    assert name.endswith("discs=hall.discs.json")
+    hall = read_hall(name)
+    assert (hall.grid.walls == grid.walls).all()
+    assert (hall.grid.occupied == grid.occupied).all()
+    np.testing.assert_allclose(hall.grid.discs, grid.discs, atol=1e-6)
+    assert any("discs: 2, which close 5 cells" in line for line in hall.report)
+    # a scanner drew the pillar too: as discs it is round, without them a cell of shelf
+    picture = (tmp_path / "hall.pgm").read_bytes()
+    head, body = picture[: -100 * 120], np.frombuffer(picture[-100 * 120 :], np.uint8).reshape(100, 120).copy()
+    body[47:53, 47:53] = 0
+    (tmp_path / "hall.pgm").write_bytes(head + body.tobytes())
+    assert not read_hall(name).grid.walls[2, 2]
+    assert read_hall(str(tmp_path / "hall.yaml")).grid.walls[2, 2]
+    (tmp_path / "far.csv").write_text("x,y,radius\n-2.5,8,0.2\n50,50,1\n")
+    far = read_hall(f"{tmp_path / 'hall.yaml'}:discs=far.csv")
+    assert len(far.grid.discs) == 1
+    assert any("1 disc with a centre off the floor" in note for note in far.notes)
+
+
+def test_files_of_discs(tmp_path: Path) -> None:
+    discs = np.float32([(0.1, 2.7, 0.3), (1e-3, 33.3333, 1.0)])
+    write_discs(discs, tmp_path / "a.json")
+    assert (read_discs(tmp_path / "a.json").astype(np.float32) == discs).all()
+    (tmp_path / "a.csv").write_text("radius, x, y\n0.3, 1, 2\n")
+    assert read_discs(tmp_path / "a.csv").tolist() == [[1.0, 2.0, 0.3]]
+    for text, says in (
+        ("[", "is no JSON"), ('{"disc": []}', 'must hold "discs"'), ('{"discs": [{"x": 1, "y": 2}]}', "disc 1"),
+        ('{"discs": [{"x": 1, "y": 2, "radius": -1}]}', "radius from 0.001"), ('{"discs": [3]}', "disc 1"),
+    ):  # fmt: skip
+        (tmp_path / "b.json").write_text(text)
+        with pytest.raises(MapError, match=says):
+            read_discs(tmp_path / "b.json")
+    (tmp_path / "b.csv").write_text("1,2,3\n")
+    with pytest.raises(MapError, match="x,y,radius"):
+        read_discs(tmp_path / "b.csv")
+    with pytest.raises(ConfigError, match="radius"):
+        make_layout("pillars:radius=0")

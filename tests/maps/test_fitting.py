@@ -1,0 +1,132 @@
+"""Floors for bodies of other sizes: by hand, by brute force, and what does not fit in one sentence."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from warehouse_env.config import EnvConfig, RobotSpec
+from warehouse_env.errors import MapError, MapWarning
+from warehouse_env.maps.fitting import ROOM, fitted, headings_on
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.layouts import LAYOUTS, make_layout
+from warehouse_env.planning import PLANNERS, make_planner
+from warehouse_env.routes.book import RouteBook
+from warehouse_env.routes.goals import face
+from warehouse_env.simulation.physics.floor import fit
+
+LARGE = RobotSpec(length=3.0, width=2.0, wheelbase=2.0, front_overhang=0.5)
+SMALL = RobotSpec(length=0.5, width=0.4, wheelbase=0.34, front_overhang=0.08)
+
+
+def drawn(*lines: str, cell: float = 1.0) -> GridMap:
+    """A floor of `#` shelf, `p` pick, `s` station."""
+    letters = np.array([list(line) for line in lines])
+    picks, stations = (np.argwhere(letters == letter) for letter in "ps")
+    return GridMap(letters == "#", cell_size=cell, picks=picks, stations=stations)
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_the_default_body_fits_every_layout(name: str) -> None:
+    grid = make_layout(name)
+    assert fitted(grid, RobotSpec()) == (grid, ())
+    half = dataclasses.replace(grid, cell_size=0.5)
+    assert fitted(half, SMALL)[0] is half
+
+
+def test_a_wide_body_keeps_to_the_middle_by_hand() -> None:
+    """2 m in an aisle of 3 has the middle row; places beside the shelf move to where it can stand."""
+    floor, notes = fitted(drawn("............", "............", "p.........s.", "############"), LARGE)
+    drawing = ["".join(".x"[int(one)] for one in row) for row in floor.closed]
+    assert drawing == ["x" * 12, "x..........x", "x" * 12, "x" * 12]
+    assert floor.picks.tolist() == [[1, 1]]
+    assert floor.stations.tolist() == [[1, 10]]
+    assert notes == ()
+
+
+def test_what_does_not_fit_is_one_sentence() -> None:
+    grid = drawn("............", "p..........s", "............", "##.#########", "p...........", "..........s.")
+    with pytest.warns(MapWarning) as found:
+        floor = fit(grid, EnvConfig(robot=LARGE))
+    said = [str(one.message) for one in found]
+    assert "aisles are too narrow for bodies of 3 x 2 m: " in said[0]
+    assert "cannot reach 1 of 2 picks and 1 of 2 stations" in said[1]
+    assert (floor.picks.tolist(), floor.stations.tolist()) == ([[1, 1]], [[1, 10]])
+    with pytest.raises(MapError, match="no pick that bodies of 3 x 2 m can reach"):
+        fitted(drawn("p.s", "..."), LARGE)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fit(grid, EnvConfig())
+
+
+def apart(grid: GridMap, cells: np.ndarray) -> np.ndarray:
+    """Metres from cells' centres to the nearest shelf or the rim."""
+    walls = np.argwhere(np.pad(grid.occupied, 1, constant_values=True)) - 1
+    off = np.maximum(np.abs(walls[None] - cells.reshape(-1, 1, 2)) - 0.5, 0.0)
+    return np.asarray(np.hypot(off[..., 0], off[..., 1]).min(axis=1, initial=np.inf)) * grid.cell_size
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10**6), st.sampled_from([0.25, 0.5, 1.0]), st.sampled_from(["astar_turns", "theta_star"]))
+def test_planned_cells_leave_room_for_the_body(seed: int, cell: float, planner: str) -> None:
+    """From endpoint to endpoint no cell is nearer to a shelf than the body needs; from tight floor one gets off."""
+    rng = np.random.default_rng(seed)
+    occupied = rng.random((16, 16)) < 0.03
+    body = RobotSpec(length=3.6 * cell, width=2.4 * cell, wheelbase=2.4 * cell, front_overhang=0.6 * cell)
+    try:
+        floor, _ = fitted(GridMap(occupied, cell_size=cell), body)
+    except MapError:
+        return
+    need = body.width / 2 + ROOM - 1e-6
+    tight = np.argwhere(np.zeros_like(occupied) if floor.tight is None else floor.tight)
+    assert not (apart(floor, tight) >= need).any()
+    assert (apart(floor, np.argwhere(~floor.closed)) >= need).all()
+    ends = floor.endpoints[2]
+    start, goal = ends[0], ends[-1]
+    cells = make_planner(planner).plan(floor, start, goal, rng).cells
+    assert (apart(floor, cells) >= need).all()
+    assert fitted(floor, body)[0].key == floor.key
+    if len(tight):
+        off = tuple(tight[int(rng.integers(len(tight)))].tolist())
+        way = floor.closed[tuple(make_planner(planner).plan(floor, off, goal, rng).cells.T)].tolist()
+        assert way == sorted(way, reverse=True)  # off the tight floor, and never onto it
+
+
+def test_a_goal_that_somebody_gives_on_tight_floor_is_planned_to() -> None:
+    """Beside a shelf, off its cell's middle, a pose can be free where the middle is none: the way there is opened."""
+    floor, _ = fitted(drawn("............", "............", "p.........s.", "############"), LARGE)
+    cells = RouteBook(floor, make_planner("astar_turns")).cells((1, 2), (2, 8)).tolist()
+    assert (cells[0], cells[-1]) == ([1, 2], [2, 8])
+    assert all(row == 1 for row, _ in cells[:-1])
+
+
+def test_faces_of_large_bodies_are_free() -> None:
+    """Beside a shelf in parallel, its middle in the cell's; 1.5 m before a wall only with the axle there."""
+    floor, _ = fitted(drawn("............", "............", "p.........s.", "############"), LARGE)
+    along = face(floor, (1, 4), LARGE).poses
+    assert [round(x, 6) for x, _, _ in along] == [5.5, 3.5]  # 1 m ahead of the middle, either way round
+    assert face(floor, (1, 1), LARGE).poses == ((1.5, 2.5, math.pi),)
+    assert headings_on(floor, (1, 1), LARGE) == [math.pi]
+
+
+@pytest.mark.parametrize("name", PLANNERS)
+def test_no_planner_enters_tight_floor(name: str) -> None:
+    grid = make_layout("open:rows=12,columns=12,spacing=3")
+    occupied = grid.occupied.copy()
+    occupied[4:6, 3:9] = True
+    floor, _ = fitted(dataclasses.replace(grid, occupied=occupied, picks=[[8, 6]], stations=[[2, 6], [8, 2]]), LARGE)
+    cells = make_planner(name).plan(floor, (8, 6), (8, 2), np.random.default_rng(0)).cells
+    assert len(cells)
+    assert not floor.closed[tuple(cells.T)].any()
+
+
+def test_longer_and_wider_are_in_proportion() -> None:
+    assert (RobotSpec().longer, RobotSpec().wider) == (1.0, 1.0)
+    assert LARGE.longer == pytest.approx(10 / 3)
+    assert RobotSpec(max_steering=math.radians(30)).longer == pytest.approx(3.0)  # it turns three times as wide

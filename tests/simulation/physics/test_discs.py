@@ -1,0 +1,207 @@
+"""Discs: contact by hand, sweeps against dense sampling, lidar against a plain ray-circle computation, clearance."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from tests.simulation.reference import OFFSET, on_arcs
+from tests.simulation.senses.test_sensing import centre, expected_lidar, lidar
+from tests.simulation.worlds import plain_python, put, raw, stage
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.physics.disc_sweep import touches_disc_between
+from warehouse_env.simulation.physics.floor import floor_of
+from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, sweep_is_free
+from warehouse_env.simulation.simulator import Simulator
+
+F = np.float32
+DISCS = np.array([(4.0, 3.0, 0.5), (1.2, 4.7, 0.31), (6.5, 1.0, 0.05), (6.1, 4.4, 1.1), (7.9, 2.6, 0.3)])
+FREE = np.zeros((6, 8), dtype=bool)
+SHELF = FREE.copy()
+SHELF[4, 1:3] = True  # x 1..3, y 1..2
+MAP = GridMap(SHELF, picks=[(5, 0), (5, 1)], stations=[(5, 4), (5, 5)], discs=DISCS, name="round")
+FLOOR = floor_of(MAP)
+inside = st.tuples(st.floats(0.5, 7.5), st.floats(0.5, 5.5))
+
+
+def gaps(x: float, y: float, heading: float, discs: NDArray[np.float64] = DISCS) -> NDArray[np.float64]:
+    """How far [K] the default body, its axle at a point, is from each disc; negative where they overlap."""
+    c, s = math.cos(heading), math.sin(heading)
+    dx, dy = discs[:, 0] - x + OFFSET * c, discs[:, 1] - y + OFFSET * s
+    beyond, aside = np.abs(dx * c + dy * s) - 0.45, np.abs(dy * c - dx * s) - 0.3
+    outside = np.hypot(np.maximum(beyond, 0), np.maximum(aside, 0))
+    return outside + np.minimum(np.maximum(beyond, aside), 0.0) - discs[:, 2]
+
+
+def touches(cx: float, cy: float, heading: float) -> bool:
+    values = (F(v) for v in (cx, cy, math.cos(heading), math.sin(heading), 0.45, 0.3))
+    return bool(body_touches_shelf(*values, FLOOR.solid, FLOOR.clearance, FLOOR.cell))
+
+
+@pytest.mark.parametrize("gap", [-1e-5, 1e-5])
+def test_just_touching_a_disc(gap: float) -> None:
+    # the first disc reaches from (3.5, 3) to (4.5, 3): the nose, a flank, and a corner at 45 degrees
+    assert touches(4.5 + 0.45 + gap, 3.0, 0.0) == (gap < 0)
+    assert touches(3.9, 2.5 - 0.3 - gap, math.pi) == (gap < 0)
+    aside = 0.5 * math.sqrt(0.5) + gap
+    assert touches(4.0 - aside - 0.3, 3.0 + aside + 0.45, math.pi / 2) == (gap < 0)
+    # a body turned by 45 degrees lies against it with its flank
+    along = (0.5 + 0.3 + gap) * math.sqrt(0.5)
+    assert touches(4.0 - along, 3.0 - along, -math.pi / 4) == (gap < 0)
+
+
+def test_the_cell_around_a_disc_is_no_obstacle_and_a_shelf_beside_it_is() -> None:
+    assert (MAP.occupied[0, 1], MAP.walls[0, 1]) == (True, False)  # the disc at (1.2, 4.7) just reaches into it
+    assert not touches(1.5, 5.5, 0.0)
+    assert touches(1.5, 1.5, 0.0)
+    assert not any((touches(20.0, 3.0, 0.0), touches(-9.0, 30.0, 0.0)))  # far off the floor there is nothing to touch
+
+
+@given(inside, st.floats(-math.pi, math.pi))
+def test_body_against_discs_agrees_with_the_distance(point: tuple[float, float], heading: float) -> None:
+    cx, cy = point
+    apart = gaps(cx + OFFSET * math.cos(heading), cy + OFFSET * math.sin(heading), heading).min()
+    assume(abs(apart) > 5e-6 and not touches_shelf_or_rim(cx, cy))
+    assert touches(cx, cy, heading) == (apart < 0)
+
+
+def touches_shelf_or_rim(cx: float, cy: float) -> bool:
+    near_shelf = 1 - 0.55 < cx < 3.55 and 1 - 0.55 < cy < 2.55
+    return near_shelf or not (0.55 < cx < 7.45 and 0.55 < cy < 5.45)
+
+
+@given(inside)
+def test_clearance_is_a_lower_bound_and_not_far_below(point: tuple[float, float]) -> None:
+    x, y = (float(F(v)) for v in point)
+    shelf = math.hypot(max(1 - x, x - 3, 0.0), max(1 - y, y - 2, 0.0))
+    rim = min(x, 8 - x, y, 6 - y)
+    discs = (np.hypot(DISCS[:, 0] - x, DISCS[:, 1] - y) - DISCS[:, 2]).min()
+    distance = max(min(shelf, rim, discs), 0.0)
+    known = float(clearance_at(F(x), F(y), FLOOR.clearance, FLOOR.cell))
+    assert known <= distance + 1e-6
+    assert known >= min(distance, 2.55) - 0.125 * math.sqrt(2) - 0.01 - 1e-6
+
+
+@settings(max_examples=150)
+@given(st.integers(0, 10**9), st.floats(-0.03, 0.03), st.sampled_from([0.05, 0.2]))
+def test_a_body_touches_a_disc_between_samples_where_dense_sampling_says_so(seed: int, gap: float, dt: float) -> None:
+    """One that is about to graze a disc in the middle of a substep, or to pass it closely."""
+    rng = np.random.default_rng(seed)
+    p = stage(MAP, (0.5, 0.5, 0.0), time_step=dt, substeps=1)._params[0]
+    speed, steer = np.full(2, rng.uniform(-1.5, 1.5)), np.full(2, rng.uniform(-1.0, 1.0) * rng.choice([0.0, 1.0]))
+    radius, away = float(rng.choice([0.02, 0.3, 1.5])), rng.uniform(-math.pi, math.pi)
+    middle = on_arcs(np.zeros(3), speed, steer, dt, 2)[1]
+    low, high = 0.0, 4.0  # how far off the disc is, so that there is `gap` half-way
+    for _ in range(50):
+        far = 0.5 * (low + high)
+        disc = np.array([[far * math.cos(away), far * math.sin(away), radius]])
+        low, high = (low, far) if gaps(*middle, disc)[0] > gap else (far, high)
+    poses = on_arcs(np.zeros(3), speed, steer, dt, 800)
+    apart = np.array([gaps(*pose, disc)[0] for pose in poses])
+    if min(apart[0], apart[-1]) <= 1e-5:
+        return
+    ends = []
+    for x, y, heading in poses[[0, -1]]:
+        c, s = math.cos(heading), math.sin(heading)
+        ends += [x - OFFSET * c, y - OFFSET * s, c, s]
+    found = touches_disc_between(*np.float32(disc[0]), *np.float32(ends), F(0.0), p)
+    if apart.min() < -1e-5:
+        assert found
+    if apart.min() > 2e-5:
+        assert not found
+
+
+def test_who_rushes_past_a_small_disc_touches_it_though_no_sample_says_so() -> None:
+    """A corner swings over a pole within one substep: it is put back and counts."""
+    free = GridMap(np.zeros((8, 8), dtype=bool))
+    simulator = stage(free, (4.0, 4.0, 0.0, 1.5, 1.0), substeps=1, time_step=0.2)
+    pose = simulator.state.pose[0, 0].astype(np.float64)
+    poses = on_arcs(pose, np.full(2, 1.5), np.full(2, 1.0), 0.2, 40)
+    x, y, heading = poses[20]  # where the tail's left corner is half-way, but for a hair
+    c, s = math.cos(heading), math.sin(heading)
+    pole = np.array([[x - 0.749 * c - 0.299 * s, y - 0.749 * s + 0.299 * c, 0.002]])
+    apart = [gaps(*pose, pole)[0] for pose in poses]
+    assert min(apart[0], apart[-1]) > 0 > min(apart)
+    simulator = stage(
+        GridMap(np.zeros((8, 8), dtype=bool), discs=pole), (4.0, 4.0, 0.0, 1.5, 1.0), substeps=1, time_step=0.2
+    )
+    simulator.step(raw(simulator, (0.0, 0.0)))
+    assert simulator.robots["hit_shelf"][0].tolist() == [1]
+    assert simulator.state.speed[0, 0] == 0.0
+
+
+@given(inside, st.floats(-math.pi, math.pi), st.floats(-1.04, 1.04), st.floats(-1.5, 1.5))
+def test_a_free_sweep_touches_no_disc_on_its_way(
+    axle: tuple[float, float], heading: float, steering: float, distance: float
+) -> None:
+    p = stage(MAP, (0.5, 0.5, 0.0))._params[0]
+    bend = -math.tan(steering) / 0.6
+    values = (F(v) for v in (*axle, math.cos(heading), math.sin(heading), bend, distance, 0.03))
+    if not sweep_is_free(*values, p, FLOOR.solid, FLOOR.clearance):
+        return
+    poses = on_arcs(np.array([*axle, heading]), np.full(2, distance), np.full(2, steering), 1.0, 60)[1:]
+    along = np.abs(distance) * np.arange(1, 61) / 60
+    judged = along >= min(0.12, 0.06 / max(abs(bend), 1e-9))  # from the first checked pose on
+    for pose in poses[judged]:
+        assert gaps(*pose).min() > 0.0
+
+
+def rays_to_discs(simulator: Simulator, grow: float) -> NDArray[np.float64]:
+    """Metres of each ray to the first disc, inf if it meets none: by the quadratic equation, in float64."""
+    cx, cy, heading = centre(simulator, 0)
+    found = np.full(simulator.config.sensor.rays, math.inf)
+    for k in range(len(found)):
+        angle = heading + 2 * math.pi * k / len(found)
+        for x, y, radius in simulator.grid.discs.astype(np.float64):
+            half = (cx - x) * math.cos(angle) + (cy - y) * math.sin(angle)
+            rest = (cx - x) ** 2 + (cy - y) ** 2 - (radius + grow) ** 2
+            if rest <= 0.0:
+                found[k] = 0.0
+            elif half < 0.0 and half * half >= rest:
+                found[k] = min(found[k], -half - math.sqrt(half * half - rest))
+    return found
+
+
+STAGE = stage(MAP, (0.5, 0.5, 0.0))
+WALLS_ONLY = stage(GridMap(SHELF, picks=MAP.picks, stations=MAP.stations), (0.5, 0.5, 0.0))
+
+
+@settings(max_examples=60)
+@given(inside, st.floats(-math.pi, math.pi))
+def test_lidar_sees_discs_as_the_quadratic_equation_does(point: tuple[float, float], heading: float) -> None:
+    cx, cy = point[0] - OFFSET * math.cos(heading), point[1] - OFFSET * math.sin(heading)
+    assume(not touches_shelf_or_rim(cx, cy))
+    put(STAGE, 0, (*point, heading))
+    got = lidar(STAGE)
+    put(WALLS_ONLY, 0, (*point, heading))
+    for grow, sign in ((5e-5, -1), (-5e-5, 1)):
+        expected = np.minimum(expected_lidar(WALLS_ONLY, 0, grow), rays_to_discs(STAGE, grow))
+        assert (sign * (expected + sign * 1e-4 - got) >= 0).all()
+
+
+PLAIN = """
+import numpy as np
+from tests.simulation.physics.test_discs import fingerprint
+print(*fingerprint())
+"""
+
+
+def fingerprint() -> list[str]:
+    """Poses and lidar of two robots that drive about among discs, to the bit."""
+    simulator = stage(MAP, (0.5, 0.5, 0.3), (3.0, 3.0, 0.0, 1.0))
+    rng, found = np.random.default_rng(5), []
+    for _ in range(25):
+        simulator.step(rng.uniform(-0.5, 1.0, (1, 2, 2)).astype(np.float32))
+        found += [simulator.state.pose.tobytes().hex(), simulator.observation.tobytes().hex()[:800]]
+    return [*found, str(int(simulator.robots["hits_shelf"].sum()))]
+
+
+def test_plain_python_gives_the_same_bits() -> None:
+    compiled = fingerprint()
+    assert int(compiled[-1]) > 0  # or it would say little
+    assert compiled == plain_python(PLAIN)

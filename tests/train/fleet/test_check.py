@@ -1,0 +1,95 @@
+"""The check finds what is wrong: each rule broken once in a log that was faultless."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.train.fleet.stories import NAMES, lines, story, write_lines
+from train.fleet.check import check_log
+from train.fleet.write import messages_of, write_log
+from warehouse_env.errors import WarehouseError
+
+Log = list[dict[str, Any]]
+
+
+def _of(log: Log, name: str, k: int = 0) -> dict[str, Any]:
+    """Return a topic's payload."""
+    payload: dict[str, Any] = [entry for entry in log if entry["topic"].endswith(f"/{name}")][k]["payload"]
+    return payload
+
+
+def _drop(log: Log, name: str, k: int) -> None:
+    log.remove([entry for entry in log if entry["topic"].endswith(f"/{name}")][k])
+
+
+BREAKS: dict[str, tuple[Callable[[Log], object], str]] = {
+    "schema": (lambda log: _of(log, "state").pop("driving"), "schema: in this state"),
+    "deep": (lambda log: _of(log, "order")["nodes"][0].update(released="yes"), "nodes/0/released"),
+    "lost": (lambda log: _drop(log, "visualization", 3), "headerId 4 of visualization stands after 2"),
+    "whose": (lambda log: _of(log, "order").update(serialNumber="8"), "it names vehicle"),
+    "version": (lambda log: _of(log, "order").update(version="1.1.0"), "is not that of the topic"),
+    "back": (lambda log: _of(log, "state", 2).update(timestamp="2025-12-31T23:59:59Z"), "lies before"),
+    "zone": (lambda log: _of(log, "state").update(timestamp="2026-01-01T00:00:00"), "is none by ISO 8601"),
+    "silent": (lambda log: [
+        entry["payload"].update(timestamp="2026-01-01T00:01:00Z") for entry in log if entry["topic"].endswith("state")
+        and entry["payload"]["orderId"] == "00000-2"], "told no state for 5"),
+    "quality": (lambda log: log[0].update(qos=0), "sent with QoS 0, not 1"),
+    "topic": (lambda log: log[3].update(topic="a/b"), "is not INTERFACE"),
+    "online": (lambda log: _of(log, "connection", 1).update(connectionState="ONLINE"), "ONLINE once more"),
+    "stitch": (lambda log: _of(log, "order", 1)["nodes"][0].update(sequenceId=6), "order: "),
+    "taken": (lambda log: _of(log, "order", 1)["nodes"][0].update(nodeId="elsewhere"), "its edges do not join"),
+    "base": (lambda log: _of(log, "order", 0)["nodes"][1].update(released=False), "not followed by its horizon"),
+    "update": (lambda log: _of(log, "order", 1).update(orderUpdateId=0), "update 0 of order '00000-1' comes after 0"),
+    "edges": (lambda log: _of(log, "order", 0)["edges"].pop(), "7 nodes and 5 edges"),
+    "knots": (lambda log: _of(log, "order", 0)["edges"][0].update(trajectory={
+        "degree": 1, "knotVector": [0, 1], "controlPoints": [{"x": 0, "y": 0}]}), "control points + degree + 1"),
+    "too early": (lambda log: _of(log, "order", 1).update(orderId="other"), "while '00000-1' is under way"),
+    "nodes": (lambda log: _of(log, "state")["nodeStates"].pop(), "its nodeStates are not"),
+    "states' edges": (lambda log: _of(log, "state")["edgeStates"].pop(0), "its edgeStates are not"),
+    "last node": (lambda log: _of(log, "state").update(lastNodeId="nowhere"), "is none of its base"),
+    "unknown": (lambda log: _of(log, "state").update(orderUpdateId=5), "which was not sent"),
+    "beyond": (lambda log: _of(log, "state").update(lastNodeSequenceId=6, lastNodeId="104.500,-19.500"),
+               "none of its base"),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("fleet")
+    write_log(messages_of(story(), NAMES), folder)
+    return folder / "messages.jsonl"
+
+
+@pytest.mark.parametrize("what", BREAKS)
+def test_each_rule_bites(what: str, log: Path, tmp_path: Path) -> None:
+    assert check_log(log).total == 0
+    entries = lines(log)
+    spoil, says = BREAKS[what]
+    spoil(entries)
+    found = check_log(write_lines(tmp_path / "log.jsonl", entries))
+    assert any(says in fault.sentence for fault in found.faults), [fault.sentence for fault in found.faults]
+
+
+def test_an_order_may_be_cancelled(log: Path, tmp_path: Path) -> None:
+    entries = lines(log)
+    last = [k for k, entry in enumerate(entries) if entry["topic"].endswith("/order")][1]
+    head = {**entries[last]["payload"], "headerId": 0}
+    action = {"actionType": "cancelOrder", "actionId": "c", "blockingType": "HARD"}
+    cancel = {key: head[key] for key in ("headerId", "timestamp", "version", "manufacturer", "serialNumber")}
+    other = entries[last] | {"payload": {**head, "headerId": 1, "orderId": "other", "orderUpdateId": 0}}
+    topic = entries[last]["topic"].replace("order", "instantActions")
+    kept = [*entries[:last], entries[last] | {"topic": topic, "payload": cancel | {"actions": [action]}}, other]
+    assert check_log(write_lines(tmp_path / "log.jsonl", kept)).total == 0
+
+
+def test_what_is_no_log_is_said(tmp_path: Path) -> None:
+    for content, says in (("", "holds no message"), ("nonsense\n", "holds no message")):
+        (tmp_path / "log.jsonl").write_text(content)
+        with pytest.raises(WarehouseError, match=says):
+            check_log(tmp_path / "log.jsonl")
+    with pytest.raises(WarehouseError, match="does not exist"):
+        check_log(tmp_path / "none.jsonl")

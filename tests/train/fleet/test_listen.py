@@ -1,0 +1,197 @@
+"""What vehicles say becomes an episode: ours comes back as it was, a foreign one as far as it tells."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.render.episodes import driven
+from tests.train.fleet.stories import NAMES, ORIGIN, episode_story, story, write_lines
+from train.fleet.build import episode_of
+from train.fleet.driven import Driven, load_episode, load_simulated
+from train.fleet.factsheet import body_of, factsheet_of
+from train.fleet.figures import MOMENT, PRESENT, UNDER_WAY, Figures
+from train.fleet.listen import hear_log
+from train.fleet.log import Bad, Entry, entry_of, moment_of
+from train.fleet.received import Fleet
+from train.fleet.write import messages_of, write_log
+from warehouse_env.config import EnvConfig, RobotSpec
+from warehouse_env.errors import WarehouseError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.render.replay import replay_of
+from warehouse_env.simulation.record.recording import Episode
+
+FLOOR = GridMap(np.zeros((20, 20), np.bool_), name="hall", origin=ORIGIN)
+
+
+def test_our_own_episode_comes_back(tmp_path: Path) -> None:
+    episode = driven()
+    write_log(messages_of(episode_story(), NAMES), tmp_path)
+    back = episode_of(hear_log(tmp_path).fleet, episode.grid, EnvConfig())
+    assert back.pose.shape == (*episode.pose.shape[:1], 1, *episode.pose.shape[2:])
+    apart = (back.pose[:, 0] - episode.pose[:, 0]).astype(float)
+    assert np.abs(apart[..., :2]).max() < 0.00051  # millimetres
+    assert np.abs(np.remainder(apart[..., 2] + np.pi, 2 * np.pi) - np.pi).max() < 0.0002
+    assert (back.config.robot, back.config.time_step) == (episode.config.robot, 0.2)
+    *_, last = episode.replay()
+    row, simulated = back.row(), last.episode_metrics(0)
+    assert simulated["goals"] > 0
+    for name in ("goals", "success_rate", "seconds", "collisions_robot", "collisions_person", "near_misses"):
+        assert row[name] == pytest.approx(simulated[name]), name
+    assert row["robot_km"] == pytest.approx(simulated["robot_km"], rel=0.02)  # chords, and what contacts put back
+    assert row["waiting_share"] == pytest.approx(simulated["waiting_share"], abs=0.05)
+    assert simulated["collisions_robot"] > 0 < simulated["collisions_person"]
+
+
+def test_its_file_is_read_back_and_shown(tmp_path: Path) -> None:
+    write_log(messages_of(story(), NAMES), tmp_path)
+    made = episode_of(hear_log(tmp_path).fleet, story().replay.grid, EnvConfig())
+    made.save(tmp_path / "e.npz")
+    back = load_episode(tmp_path / "e.npz")
+    assert isinstance(back, Driven)
+    np.testing.assert_array_equal(back.moments, made.moments)
+    assert (back.vehicles, back.notes, back.begin) == (made.vehicles, made.notes, "2026-01-01T00:00:00.000+00:00")
+    replay = replay_of(back, "real")
+    np.testing.assert_array_equal(replay.pose, made.pose[:, 0])
+    assert replay.goal[[0, 5, 10], 0].tolist() == [9 * 10 + 9, 44, 40]  # where the routes end that it was given
+    assert replay.totals[-1].tolist() == [1, 0, 0]
+    assert ((replay.flags >> 1) & 1)[:, 0].tolist() == [0] * 9 + [1] * 3
+    assert replay.speed[1:, 0] == pytest.approx(np.ones(11))
+    with pytest.raises(WarehouseError, match="cannot be run again"):
+        load_simulated(tmp_path / "e.npz")
+    driven().save(tmp_path / "s.npz")
+    assert type(load_episode(tmp_path / "s.npz")) is Episode
+
+
+def foreign(x: float, second: int, **more: Any) -> dict[str, Any]:
+    """Return a state as some vehicle sends it that tells little."""
+    position = {"x": ORIGIN[0] + x, "y": ORIGIN[1] + 5.0, "theta": 0.0, "mapId": "L1", "positionInitialized": True}
+    return {
+        "headerId": second, "timestamp": f"2026-05-01T10:00:{second:02d}.5Z", "version": "2.0.0", "manufacturer": "M",
+        "serialNumber": "a", "agvPosition": position, "orderId": "", "nodeStates": [], "edgeStates": [], **more,
+    }  # fmt: skip
+
+
+def heard(path: Path, states: list[Any]) -> Fleet:
+    return hear_log(write_lines(path / "f.jsonl", states)).fleet
+
+
+def test_a_foreign_stream_of_bare_states(tmp_path: Path) -> None:
+    node = {"nodeId": "n", "sequenceId": 2, "released": True, "nodePosition": {"x": 110.5, "y": -15, "mapId": "L1"}}
+    on, done = {"orderId": "o", "nodeStates": [node], "edgeStates": [{}]}, {"orderId": "o"}
+    states = [
+        foreign(1, 0),
+        foreign(1, 2, **on),
+        foreign(3, 4, **on),
+        foreign(4, 6, **done),
+        foreign(4, 8, orderId="p"),
+    ]
+    made = episode_of(heard(tmp_path, states), FLOOR, EnvConfig())
+    assert made.config.time_step == 2.0
+    assert made.pose[:, 0, 0, 0].tolist() == [1, 1, 3, 4, 4]
+    assert made.moments["goals"][:, 0].tolist() == [0, 0, 0, 1, 2]  # p was done before anybody could see it
+    assert made.moments["goal"][1, 0] == 14 * 20 + 10
+    assert made.moments["bits"][:, 0].tolist() == [PRESENT, *[PRESENT | UNDER_WAY] * 2, PRESENT, PRESENT]
+    row = made.row()
+    assert (row["robot_km"], row["goals"], row["path_length_m"]) == (0.003, 2.0, 1.5)
+    assert row["waiting_share"] == 0.5  # of two moments with an order it stood in one
+
+
+def test_positions_between_reports_lie_between(tmp_path: Path) -> None:
+    made = episode_of(heard(tmp_path, [foreign(1, 0), foreign(3, 4)]), FLOOR, EnvConfig(), every=1.0)
+    assert made.pose[:, 0, 0, 0].tolist() == [1, 1.5, 2, 2.5, 3]
+
+
+@pytest.mark.parametrize(
+    ("states", "says"),
+    [
+        ([], "none says where"),
+        ([foreign(1, 0)], "less than"),
+        ([foreign(1e5, 0), foreign(1e5, 5)], "no position lies on the floor"),
+        ([foreign(1, 0), foreign(1, 1), foreign(1, 2, timestamp="9000-01-01T00:00:00Z")], "cut the log"),
+        ([foreign(1, 0, agvPosition={"x": "a", "y": 1, "theta": 0})], "none says where"),
+        ([foreign(1, 0, timestamp="noon")], "none says where"),
+    ],
+)
+def test_what_is_too_little_or_too_much_is_said(states: list[Any], says: str, tmp_path: Path) -> None:
+    with pytest.raises(WarehouseError, match=says):
+        episode_of(heard(tmp_path, states), FLOOR, EnvConfig())
+
+
+def test_what_is_left_out_is_noted(tmp_path: Path) -> None:
+    lost = foreign(1, 3, serialNumber="b", agvPosition=None)
+    other = foreign(9, 1)
+    other["agvPosition"] = other["agvPosition"] | {"mapId": "L2"}
+    lines = [foreign(1, 0), foreign(99, 1), other, foreign(2, 2), lost, {"x": 1}, {**foreign(3, 3), "timestamp": 7}]
+    made = episode_of(heard(tmp_path, lines), FLOOR, EnvConfig())
+    notes = "; ".join(made.notes)
+    for says in (
+        "no topic or vehicle",
+        "no timestamp",
+        "1 position on other maps",
+        "1 vehicle never said",
+        "off the floor",
+    ):
+        assert says in notes, notes
+
+
+def test_bodies_are_told_by_factsheets() -> None:
+    robot = RobotSpec(length=1.4, width=0.8, front_overhang=1.1)
+    assert RobotSpec(**body_of(factsheet_of(EnvConfig(robot=robot), 1.0))[0]) == RobotSpec(
+        length=1.4, width=0.8, front_overhang=1.1)  # fmt: skip
+    assert body_of({"physicalParameters": {"length": 2, "width": 1.0}})[0]["front_overhang"] == 1.0
+    assert body_of({"physicalParameters": {"length": "x"}})[0] == {}
+
+
+def test_near_misses_and_contacts_are_counted_as_they_begin_and_end() -> None:
+    figures = Figures(EnvConfig(num_agents=2, time_step=1.0))
+    moment = np.zeros(2, MOMENT)
+    moment["bits"] = PRESENT | UNDER_WAY
+    # two bodies 0.9 m long, one behind the other: gaps of 1 m, 5 cm, 1 m, an overlap, 5 cm and 1 m
+    for gap in (1.0, 0.05, 1.0, -0.1, 0.05, 1.0):
+        figures.take(np.array([[1.0, 1.0, 0.0], [1.9 + gap, 1.0, 0.0]], np.float32), moment)
+    robots = figures.robots[0]
+    assert robots["near_misses"].tolist() == [1, 1]
+    assert robots["hits_robot"].tolist() == [1, 1]
+    assert robots["distance"].tolist() == pytest.approx([0.0, 0.95 * 2 + 1.1 + 0.15 + 0.95], abs=1e-5)
+    assert robots["waited"].tolist() == [5, 0]
+    assert robots["longest_standing"][0] == 5.0
+
+
+def test_times_are_read_as_they_are_written() -> None:
+    assert moment_of("2026-01-01T00:00:00.12Z") == moment_of("2026-01-01T01:00:00.120+01:00") == 1767225600.12
+    assert moment_of("2026-01-01T00:00:00") == 1767225600
+    assert moment_of("2026-01-01T00:00:00", zoned=True) is None
+    assert moment_of("0001-01-01T00:00:00+23:00") is None or True
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3)
+    | st.dictionaries(st.sampled_from(["x", "nodePosition", "mapId", "errorType", "a"]), inner, max_size=3),
+    max_leaves=8,
+)  # fmt: skip
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.dictionaries(st.sampled_from([*sorted(foreign(0, 0)), "loads", "errors", "actionStates"]), JSON, max_size=4),
+       st.sampled_from([None, "uagv/v2/M/a/state", "uagv/v2/M/a/factsheet", "a//b", "uagv/v2/M/b/visualization"]),
+       st.binary(max_size=40))  # fmt: skip
+def test_whatever_comes_is_taken_or_said(changes: dict[str, Any], topic: str | None, junk: bytes) -> None:
+    fleet = Fleet()
+    for second in range(3):
+        fleet.add(Entry(None, foreign(second, second), None, None))
+    line = json.dumps({**foreign(1, 1), **changes}).encode()
+    for entry in (entry_of(line), entry_of(junk)):
+        fleet.add(entry if isinstance(entry, Bad) else entry._replace(topic=topic))
+    with contextlib.suppress(WarehouseError):
+        made = episode_of(fleet, FLOOR, EnvConfig())
+        assert np.isfinite(made.pose).all()
+        assert made.row()["robot_km"] >= 0

@@ -1,0 +1,217 @@
+"""From what vehicles said at their own moments to an episode: all of them at even moments, on a floor of cells."""
+
+from __future__ import annotations
+
+import bisect
+import dataclasses
+from collections import Counter
+from datetime import UTC, datetime
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from train.fleet.driven import MOST_POINTS, Driven
+from train.fleet.factsheet import body_of
+from train.fleet.figures import MOMENT, PRESENT, UNDER_WAY
+from train.fleet.received import Fleet, Key, Vehicle
+from train.reporting.report import counted
+from warehouse_env.config import EnvConfig
+from warehouse_env.errors import ConfigError, WarehouseError, shown
+from warehouse_env.maps.grid_map import GridMap
+
+FINEST = 0.05  # [s] between two moments, unless asked for
+_COARSEST = 10.0  # [s]
+_MOST, _LONGEST = 5_000_000, 200_000  # moments of all vehicles; of one
+_SILENCE = 30.0  # [s] after which a vehicle should have said something
+
+
+class Places(NamedTuple):
+    """Where one vehicle was, at moments of its own that go up."""
+
+    seconds: NDArray[np.float64]  # [K], since 1970
+    pose: NDArray[np.float64]  # [K, 3], in the floor's frame; headings go on beyond a turn
+
+
+def episode_of(fleet: Fleet, grid: GridMap, config: EnvConfig, every: float | None = None) -> Driven:
+    """Return the episode of what a fleet said; config: its floor by name.
+
+    every: seconds between two moments, as often as vehicles say where they are if None. Raises WarehouseError where
+    there is too little, or where it covers more time than can be kept.
+    """
+    notes = [f"{count:,} messages or lines {why}: left out" for why, count in sorted(fleet.left_out.items())]
+    name = _map_of(fleet, grid, notes)
+    found = {key: _places(vehicle, name, grid) for key, vehicle in sorted(fleet.vehicles.items())}
+    placed = {key: places for key, places in found.items() if len(places.seconds)}
+    if not placed:
+        raise WarehouseError(f"{counted(fleet.messages, 'message')} came, and none says where a vehicle is")
+    if len(placed) < len(found):
+        notes.append(f"{counted(len(found) - len(placed), 'vehicle')} never said where: left out")
+    begin, step, frames = _clock(placed, every)
+    times = np.round(np.arange(frames) * step, 6)
+    pose = np.zeros((frames, 1, len(placed), 3), np.float32)
+    moments = np.zeros((frames, len(placed)), MOMENT)
+    works = any(told.works for vehicle in fleet.vehicles.values() for told in vehicle.told)
+    lines: list[NDArray[np.float32]] = []
+    for k, (key, places) in enumerate(placed.items()):
+        pose[:, 0, k] = _at(places, begin, times)
+        moments[:, k] = _Teller(fleet.vehicles[key], places, grid, begin, works).moments(times, pose[:, 0, k], lines)
+    if sum(map(len, lines)) > MOST_POINTS:
+        raise WarehouseError(f"the orders in these messages have more than {MOST_POINTS:,} nodes; cut the log")
+    _note_places(placed, grid, notes)
+    config = _config(fleet, list(placed), config, step, frames, notes)
+    stamp = datetime.fromtimestamp(begin, UTC).isoformat(timespec="milliseconds")
+    actions = np.zeros((frames - 1, 1, len(placed)), np.int8)
+    names = tuple("/".join(key) for key in placed)
+    return Driven(config, grid, (0,), actions, pose, "", None, moments, tuple(lines), names, stamp, tuple(notes))
+
+
+def _map_of(fleet: Fleet, grid: GridMap, notes: list[str]) -> str:
+    """Return the map that positions are taken of: the floor's own name, or the one that most are on."""
+    count: Counter[str] = Counter()
+    for vehicle in fleet.vehicles.values():
+        for number, times in Counter(vehicle.map).items():
+            count[vehicle.maps[number]] += times
+    name = grid.name if grid.name in count or not count else count.most_common(1)[0][0]
+    others = sum(count.values()) - count[name]
+    if others:
+        notes.append(f"{counted(others, 'position')} on other maps than {shown(name)}: left out")
+    if name not in ("", grid.name):
+        notes.append(f"positions are on the map {shown(name)}, taken for the floor {shown(grid.name)}")
+    return name
+
+
+def _places(vehicle: Vehicle, name: str, grid: GridMap) -> Places:
+    """Return where a vehicle was on a map; of two reports of one moment the later one."""
+    here = np.zeros(0, np.bool_)
+    if name in vehicle.maps:
+        here = np.frombuffer(vehicle.map, np.uint16) == vehicle.maps.index(name)
+    columns = [np.frombuffer(values)[here] for values in (vehicle.seconds, vehicle.x, vehicle.y, vehicle.theta)]
+    order = np.argsort(columns[0], kind="stable")
+    seconds, x, y, theta = (column[order] for column in columns)
+    last = np.append(np.diff(seconds) > 0, True) if len(seconds) else np.zeros(0, np.bool_)
+    pose = np.stack([x - grid.origin[0], y - grid.origin[1], np.unwrap(theta)], axis=-1)
+    return Places(seconds[last], pose[last])
+
+
+def _clock(placed: dict[Key, Places], every: float | None) -> tuple[float, float, int]:
+    """Return when the episode begins [s], the time between two moments [s], and how many there are."""
+    begin = min(float(places.seconds[0]) for places in placed.values())
+    end = max(float(places.seconds[-1]) for places in placed.values())
+    gaps = [float(np.median(np.diff(places.seconds))) for places in placed.values() if len(places.seconds) > 1]
+    step = every if every is not None else min(max(round(float(np.median(gaps or [1.0])), 3), FINEST), _COARSEST)
+    if not FINEST / 50 <= step <= _COARSEST:
+        raise ConfigError(f"--every {step:g} must be from {FINEST / 50:g} to {_COARSEST:g} [s]")
+    frames = int((end - begin) / step + 1e-3) + 1
+    if frames < 2:
+        raise WarehouseError(f"these messages are of {end - begin:g} s, less than the {step:g} s between two moments")
+    if frames > _LONGEST or frames * len(placed) > _MOST:
+        first, last = (datetime.fromtimestamp(one, UTC).isoformat(timespec="seconds") for one in (begin, end))
+        raise WarehouseError(
+            f"these messages go from {first} to {last}, {frames:,} moments of {step:g} s for "
+            f"{counted(len(placed), 'vehicle')}; cut the log, or name more seconds with --every"
+        )
+    return begin, step, frames
+
+
+def _at(places: Places, begin: float, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return float64[F, 3], the poses at moments [s] since `begin`, straight from one report to the next."""
+    own = np.round(places.seconds - begin, 6)
+    pose = np.stack([np.interp(times, own, places.pose[:, axis]) for axis in range(3)], axis=-1)
+    pose[:, 2] = np.remainder(pose[:, 2] + np.pi, 2 * np.pi) - np.pi
+    return pose
+
+
+class _Teller:
+    """What one vehicle told of its orders, at even moments."""
+
+    def __init__(self, vehicle: Vehicle, places: Places, grid: GridMap, begin: float, works: bool) -> None:
+        """works: whether goals are only what a vehicle works at, since some vehicle tells such actions."""
+        self._told = sorted(vehicle.told, key=lambda told: told.seconds)
+        self._places, self._grid, self._begin, self._works = places, grid, begin, works
+        self._mute = not any(told.order for told in vehicle.told)  # of orders: then it is always taken to drive
+
+    def moments(
+        self, times: NDArray[np.float64], pose: NDArray[np.float32], lines: list[NDArray[np.float32]]
+    ) -> NDArray[Any]:
+        """Return MOMENT[F]; the lines that it is ordered along are added."""
+        out = np.zeros(len(times), MOMENT)
+        half = (times[1] - times[0]) / 2
+        seen = self._places.seconds - self._begin
+        out["bits"][(times >= seen[0] - half) & (times <= seen[-1] + half)] = PRESENT
+        lines.append(pose[:1, :2].copy())
+        now = np.zeros((), MOMENT)
+        now["line"], now["goal"] = len(lines) - 1, self._cell(pose[0, :2])
+        now["bits"] = UNDER_WAY * self._mute
+        order, done, planned = "", True, 0.0
+        at = 0
+        for number, told in enumerate(self._told):
+            frame = bisect.bisect_left(times, round(told.seconds - self._begin, 6) - 1e-6)
+            out[at:frame] = _with(out[at:frame], now)
+            at = frame
+            if told.nodes:
+                lines.append(self._line(told.nodes, pose[min(frame, len(pose) - 1), :2]))
+                now["line"], now["goal"] = len(lines) - 1, self._cell(lines[-1][-1])
+            if told.order != order:  # one that is first seen when it is done was done since the last word
+                order, done, planned = told.order, not told.order or (number == 0 and not told.left), 0.0
+            if told.nodes and not planned:  # as it was first given
+                planned = float(np.hypot(*np.diff(lines[-1], axis=0).T).sum())
+            if not done and not told.left:
+                done = True
+                if told.works or not self._works:
+                    now["goals"] += 1
+                    now["planned"] += planned
+            now["bits"] = told.bits | UNDER_WAY * (self._mute or told.left > 0)
+        out[at:] = _with(out[at:], now)
+        return out
+
+    def _line(self, nodes: tuple[tuple[float, float], ...], here: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the way from where the vehicle is over the nodes to come."""
+        return np.concatenate([[here], np.array(nodes) - self._grid.origin]).astype(np.float32)
+
+    def _cell(self, point: NDArray[np.float32]) -> int:
+        """Return the cell of a point, the nearest one if it lies off the floor."""
+        row, column = np.clip(self._grid.cell(point), 0, np.array(self._grid.shape) - 1).tolist()
+        return int(row * self._grid.shape[1] + column)
+
+
+def _with(moments: NDArray[Any], now: NDArray[Any]) -> NDArray[Any]:
+    """Return moments with what was told, beside whether the vehicle is there."""
+    filled = np.full(moments.shape, now)
+    filled["bits"] |= moments["bits"]
+    return filled
+
+
+def _note_places(placed: dict[Key, Places], grid: GridMap, notes: list[str]) -> None:
+    """Note what of the positions cannot be, on this floor; WarehouseError where none lies on it."""
+    side = np.array(grid.shape[::-1]) * grid.cell_size
+    poses = np.concatenate([places.pose[:, :2] for places in placed.values()])
+    on = np.asarray(((poses >= 0) & (poses < side)).all(axis=1))
+    if not on.any():
+        low, high = (np.round(grid.world(corner), 1).tolist() for corner in (poses.min(axis=0), poses.max(axis=0)))
+        floor = [np.round(grid.world(corner), 1).tolist() for corner in (np.zeros(2), side)]
+        raise WarehouseError(
+            f"no position lies on the floor: they are from {low} to {high} m, the floor from {floor[0]} to {floor[1]}; "
+            "is --map or --layout another one, or its origin?"
+        )
+    if not on.all():
+        notes.append(f"{counted(int((~on).sum()), 'position')} of {len(on):,} lie off the floor")
+    in_shelves = int(grid.occupied[tuple(grid.cell(poses[on]).T)].sum())
+    if in_shelves:
+        notes.append(f"{counted(in_shelves, 'position')} of {len(on):,} lie in cells of shelves or walls")
+    silent = sum(int((np.diff(places.seconds) > _SILENCE + 1).sum()) for places in placed.values())
+    if silent:
+        notes.append(f"{counted(silent, 'time')} a vehicle did not say where it is for over {_SILENCE:g} s")
+
+
+def _config(
+    fleet: Fleet, keys: list[Key], config: EnvConfig, step: float, frames: int, notes: list[str]
+) -> EnvConfig:  # fmt: skip
+    """Return the config of the episode: as many robots, of the body that the factsheets tell."""
+    bodies = [body_of(fleet.vehicles[key].factsheet) for key in keys]
+    body, how = bodies[0]
+    notes.append(f"the vehicles' bodies: {how}")
+    if any(other != body for other, _ in bodies):
+        notes.append("the vehicles differ in size; all are taken for the first one's")
+    robot = dataclasses.replace(config.robot, **body)
+    return config.replace(num_agents=len(keys), time_step=step, max_steps=frames - 1, robot=robot)

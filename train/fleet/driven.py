@@ -1,0 +1,175 @@
+"""What a real fleet drove, as an episode's file: its poses, and what its messages tell beside.
+
+Such an episode cannot be run again, for nobody knows its vehicles' commands; it is shown from what was kept. The file
+is one of `warehouse record` (with actions that say nothing), with the rest as further members of the archive.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from train.fleet.figures import LOADED, MOMENT, PRESENT, Figures
+from warehouse_env.errors import WarehouseError, shown
+from warehouse_env.files import complete_file, path_of
+from warehouse_env.render.replay import REWARD_TERMS
+from warehouse_env.simulation.record.metrics import episode_row
+from warehouse_env.simulation.record.recording import Episode
+from warehouse_env.simulation.rules.jams import Jams
+from warehouse_env.simulation.state import NOBODY, PERSON, events_of, state_of
+
+_ABOUT, _MOMENTS, _COUNTS, _POINTS = "fleet.json", "fleet.moments", "fleet.counts", "fleet.points"
+_LONGEST_TEXT = 2**24  # [bytes]
+MOST_POINTS = 5_000_000  # of all lines
+_COUNT, _POINT = np.dtype("<i4"), np.dtype("<f4")
+
+
+@dataclass(frozen=True, eq=False)
+class Driven(Episode):
+    """One world of N vehicles, T steps of time_step after one another."""
+
+    moments: NDArray[Any] = None  # type: ignore[assignment]  # MOMENT[T + 1, N]
+    lines: tuple[NDArray[np.float32], ...] = ()  # each [K, 2] [m], along which vehicles were ordered
+    vehicles: tuple[str, ...] = ()  # as MANUFACTURER/SERIAL
+    begin: str = ""  # of the first moment, UTC
+    notes: tuple[str, ...] = ()  # what was left out, and what is not known
+
+    def save(self, path: str | Path) -> None:
+        """Write to a file (.npz), as a whole or not at all."""
+        about = {"vehicles": self.vehicles, "begin": self.begin, "notes": self.notes}
+        members = {
+            _ABOUT: json.dumps(about).encode(),
+            _MOMENTS: np.ascontiguousarray(self.moments).tobytes(),
+            _COUNTS: np.array([len(line) for line in self.lines], _COUNT).tobytes(),
+            _POINTS: np.concatenate(self.lines).astype(_POINT).tobytes(),
+        }
+        with complete_file(path) as part:
+            super().save(part)
+            with zipfile.ZipFile(part, "a", zipfile.ZIP_DEFLATED) as archive:
+                for name, content in members.items():
+                    archive.writestr(name, content)
+
+    def replay(self) -> Iterator[Any]:
+        """Yield what stands for a simulator at each moment."""
+        shown = Shown(self)
+        for pose, moment in zip(self.pose[:, 0], self.moments, strict=True):
+            shown.take(pose, moment)
+            yield shown
+
+    def row(self) -> dict[str, float]:
+        """Return the metrics of the whole, as those of an episode."""
+        figures = Figures(self.config)
+        for pose, moment in zip(self.pose[:, 0], self.moments, strict=True):
+            figures.take(pose, moment)
+        return episode_row(figures.robots[0], figures.seconds, self.config)
+
+
+class Shown:
+    """What pages and pictures ask a simulator for, of a fleet that is not simulated."""
+
+    def __init__(self, driven: Driven) -> None:
+        self.config, self.grid = driven.config, driven.grid
+        self._lines, count = driven.lines, driven.config.num_agents
+        self._figures = Figures(driven.config)
+        self.robots = self._figures.robots
+        self.state, self.events = state_of(self.robots), events_of(self.robots)
+        self.routes = np.zeros((1, count, max(map(len, driven.lines)), 2), np.float32)
+        self.people = SimpleNamespace(persons=np.zeros((1, 0), PERSON))
+        self.reward_terms = np.zeros((1, count, len(REWARD_TERMS)), np.float32)
+        self.carries = np.zeros(count, np.bool_)
+        self.dispatcher = SimpleNamespace(shifts=(self,))
+        self._present = np.zeros(count, np.bool_)
+        self._line = np.full(count, -1)
+
+    def take(self, pose: NDArray[np.float32], moment: NDArray[Any]) -> None:
+        """Go on to the next moment."""
+        self._figures.take(pose, moment)
+        robots = self.robots[0]
+        self.state.pose[0] = pose
+        robots["goal_row"], robots["goal_col"] = np.divmod(moment["goal"], self.grid.shape[1])
+        self.carries = (moment["bits"] & LOADED) != 0
+        self._present = (moment["bits"] & PRESENT) != 0
+        for i in np.flatnonzero(moment["line"] != self._line).tolist():
+            line = self._lines[moment["line"][i]]
+            self.routes[0, i, : len(line)] = line
+            robots["points"][i] = len(line)
+        self._line = moment["line"].copy()
+
+    def at_work(self) -> NDArray[np.bool_]:
+        """Return bool[N]: which vehicles say something yet."""
+        return np.asarray(self._present)
+
+    def jams(self) -> Jams:
+        """Nobody tells whom it waits for."""
+        return Jams(*(np.full(self.robots.shape, NOBODY, np.int32) for _ in range(3)))
+
+    def seconds(self, world: int) -> float:
+        """Time since the first moment [s]."""
+        return self._figures.seconds
+
+    def episode_metrics(self, world: int = 0) -> dict[str, float]:
+        """Return the metrics so far."""
+        return episode_row(self.robots[0], self._figures.seconds, self.config)
+
+
+def load_episode(path: str | Path) -> Episode:
+    """Read an episode's file, of `warehouse record` or `warehouse fleet --listen`; WarehouseError as Episode.load."""
+    episode = Episode.load(path)
+    try:
+        with zipfile.ZipFile(path_of(path)) as archive:
+            return _driven(episode, archive) if _ABOUT in archive.namelist() else episode
+    except WarehouseError as error:
+        raise WarehouseError(f"{path} is no complete episode file: {error}") from None
+    except (OSError, KeyError, ValueError, TypeError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+        raise WarehouseError(f"{path} is no complete episode file: {shown(error)}") from None
+
+
+def load_simulated(path: str | Path) -> Episode:
+    """Read an episode that can be run again; WarehouseError for one of a real fleet, whose commands nobody knows."""
+    episode = load_episode(path)
+    if isinstance(episode, Driven):
+        raise WarehouseError(
+            f"{path} is what a real fleet drove, which cannot be run again; `warehouse replay` shows it"
+        )
+    return episode
+
+
+def _driven(episode: Episode, archive: zipfile.ZipFile) -> Driven:
+    """Return the episode with what stands in further members, each checked before it is read."""
+    about = json.loads(_member(archive, _ABOUT, _LONGEST_TEXT))
+    frames, worlds, robots, _ = episode.pose.shape
+    size = frames * robots * MOMENT.itemsize
+    moments = np.frombuffer(_member(archive, _MOMENTS, size), MOMENT)
+    counts = np.frombuffer(_member(archive, _COUNTS, _COUNT.itemsize * MOST_POINTS), _COUNT)
+    points = np.frombuffer(_member(archive, _POINTS, 2 * _POINT.itemsize * MOST_POINTS), _POINT).reshape(-1, 2)
+    if worlds != 1 or len(moments) != frames * robots:
+        raise WarehouseError(f"its {len(moments)} moments are not those of {frames} times {robots} vehicles")
+    if not len(counts) or counts.min() < 1 or counts.sum(dtype=np.int64) != len(points):
+        raise WarehouseError("its lines have other points than it says")
+    good = (moments["goal"] >= 0) & (moments["goal"] < episode.grid.occupied.size)
+    good &= (moments["line"] >= 0) & (moments["line"] < len(counts))
+    if not good.all() or not np.isfinite(points).all() or not np.isfinite(episode.pose).all():
+        raise WarehouseError("some of its goals, lines or poses are none")
+    lines = tuple(np.split(points.astype(np.float32), np.cumsum(counts)[:-1]))
+    return Driven(
+        episode.config, episode.grid, episode.seeds, episode.actions, episode.pose, episode.policy, None,
+        moments.reshape(frames, robots), lines, tuple(map(str, about["vehicles"])), str(about["begin"]),
+        tuple(map(str, about["notes"])),
+    )  # fmt: skip
+
+
+def _member(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
+    with archive.open(name) as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise WarehouseError(f"its member {name} has more than {most:,} bytes")
+    return content

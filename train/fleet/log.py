@@ -1,0 +1,100 @@
+"""Logs of MQTT messages as JSON lines, read liberally: `mosquitto_sub -F %J`, or a message of VDA 5050 a line."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from train.fleet.messages import LOG
+from warehouse_env.errors import WarehouseError, shown
+from warehouse_env.files import path_of
+
+LONGEST = 4_000_000  # bytes of a line
+_MOST_LINES = 100_000_000
+
+
+class Entry(NamedTuple):
+    """One message as it was kept."""
+
+    topic: str | None  # its whole name, None where a line holds no more than the message
+    payload: dict[str, Any]
+    qos: int | None
+    retain: bool | None
+
+
+class Bad(NamedTuple):
+    """A line that is no message."""
+
+    why: str
+
+
+def log_path(given: Path) -> Path:
+    """Return where the log lies: the file itself, or in the folder; WarehouseError if there is none."""
+    path = path_of(given)
+    path = path / LOG if path.is_dir() else path
+    if not path.is_file():
+        raise WarehouseError(f"log of messages {path} {'is no plain file' if path.exists() else 'does not exist'}")
+    return path
+
+
+def read_log(path: Path) -> Iterator[tuple[int, Entry | Bad]]:
+    """Yield each line that is not empty, with its number from 1 on; WarehouseError where the file cannot be read."""
+    try:
+        with path.open("rb") as file:
+            for number in range(1, _MOST_LINES):
+                line = file.readline(LONGEST + 1)
+                if not line:
+                    return
+                if len(line) > LONGEST:
+                    raise WarehouseError(f"{path}: line {number} has more than {LONGEST:,} bytes, as no message has")
+                if line.strip():
+                    yield number, entry_of(line)
+    except OSError as error:
+        raise WarehouseError(f"log of messages {path} cannot be read: {error.strerror}") from None
+    raise WarehouseError(f"{path} has more than {_MOST_LINES:,} lines; cut it into several")
+
+
+def entry_of(line: bytes) -> Entry | Bad:
+    """Return what a line holds."""
+    data = decoded(line)
+    if isinstance(data, Bad):
+        return data
+    if "payload" not in data or not isinstance(data.get("topic"), str):
+        return Entry(None, data, None, None)
+    payload = data["payload"]
+    if isinstance(payload, str):  # as -F %j has it
+        payload = decoded(payload.encode("utf-8", "surrogatepass"))
+        if isinstance(payload, Bad):
+            return payload
+    if not isinstance(payload, dict):
+        return Bad("its payload is no JSON object")
+    qos, retain = data.get("qos"), data.get("retain")
+    return Entry(data["topic"], payload, qos if qos in (0, 1, 2) else None, bool(retain) if retain in (0, 1) else None)
+
+
+def decoded(text: bytes) -> dict[str, Any] | Bad:
+    """Return the JSON object of a text."""
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        return Bad(f"it is no JSON: {shown(str(error))}")
+    return data if isinstance(data, dict) else Bad("it is no JSON object")
+
+
+def moment_of(stamp: object, zoned: bool = False) -> float | None:
+    """Return the seconds since 1970 of a timestamp by ISO 8601; None for what is none.
+
+    zoned: whether it must name its zone; else one that does not is taken for UTC.
+    """
+    if not isinstance(stamp, str) or len(stamp) > 40:
+        return None
+    try:
+        moment = datetime.fromisoformat(stamp)
+        if moment.tzinfo is None:
+            return None if zoned else moment.replace(tzinfo=UTC).timestamp()
+        return moment.timestamp()
+    except (ValueError, OverflowError):
+        return None

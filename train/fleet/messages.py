@@ -1,0 +1,87 @@
+"""Messages of VDA 5050: topics, headers that count, quality of service, and the line of a log that holds one."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any, NamedTuple
+
+VERSION = "2.1.0"
+MAJOR = "v2"  # as topics name it
+TOPICS = ("connection", "factsheet", "order", "state", "visualization")
+LOG = "messages.jsonl"
+"""Name of the log in the folder that `warehouse fleet` writes."""
+
+
+class Message(NamedTuple):
+    """One message as it is published."""
+
+    seconds: float  # since the beginning
+    topic: str  # as in "uagv/v2/ACME/0001/state"
+    payload: dict[str, Any]
+    qos: int
+    retain: bool
+
+    @property
+    def text(self) -> str:
+        """The payload as it is sent."""
+        return json.dumps(self.payload, separators=(",", ":"), allow_nan=False)
+
+    @property
+    def line(self) -> str:
+        """The line of a log, as `mosquitto_sub -F %J` prints it."""
+        return log_line(self.payload["timestamp"], self.topic, self.qos, self.retain, self.text)
+
+
+def log_line(received: str, topic: str, qos: int, retain: bool, text: str) -> str:
+    """Return the line of a log for a payload whose JSON is `text`."""
+    about = {"tst": received, "topic": topic, "qos": qos, "retain": int(retain), "payloadlen": len(text.encode())}
+    return f'{json.dumps(about)[:-1]}, "payload": {text}}}\n'
+
+
+@dataclass(frozen=True)
+class Names:
+    """How a fleet is called, and when it begins."""
+
+    manufacturer: str
+    interface: str
+    begin: datetime
+
+    def topic(self, serial: str, name: str) -> str:
+        """Return the whole name of a vehicle's topic."""
+        return f"{self.interface}/{MAJOR}/{self.manufacturer}/{serial}/{name}"
+
+    def stamp(self, seconds: float) -> str:
+        """Return a moment as the messages name it: UTC, to the millisecond."""
+        moment = (self.begin + timedelta(milliseconds=round(seconds * 1000))).astimezone(UTC)
+        return f"{moment.strftime('%Y-%m-%dT%H:%M:%S')}.{moment.microsecond // 1000:03d}Z"
+
+
+class Sender:
+    """Puts headers on what one vehicle, or who gives it orders, sends; each topic counts for itself."""
+
+    def __init__(self, names: Names, serial: str) -> None:
+        self._names, self._serial = names, serial
+        self._sent: Counter[str] = Counter()
+
+    def message(self, seconds: float, name: str, body: dict[str, Any]) -> Message:
+        """Return the message of a topic."""
+        number = self._sent[name]
+        self._sent[name] += 1
+        lasting = name == "connection"  # the others are sent at most once, as the standard says
+        header = self.header(seconds, number)
+        return Message(seconds, self._names.topic(self._serial, name), header | body, int(lasting), lasting)
+
+    def header(self, seconds: float, number: int) -> dict[str, Any]:
+        """Return the header of a topic's message of this number, counted from 0."""
+        return {
+            "headerId": number, "timestamp": self._names.stamp(seconds), "version": VERSION,
+            "manufacturer": self._names.manufacturer, "serialNumber": self._serial,
+        }  # fmt: skip
+
+    def last_will(self) -> Message:
+        """Return what the broker says for a vehicle that is cut off after its first message of this topic."""
+        payload = self.header(0.0, 1) | {"connectionState": "CONNECTIONBROKEN"}
+        return Message(0.0, self._names.topic(self._serial, "connection"), payload, 1, True)

@@ -1,0 +1,191 @@
+"""What vehicles say, of VDA 5050's `state`, `visualization`, `factsheet` and `connection`, taken in liberally.
+
+Nothing here is trusted: of each message what is there and makes sense is kept, the rest is counted by its reason.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections import Counter
+from typing import Any, NamedTuple
+
+from train.fleet.figures import AT_PERSON, AT_ROBOT, AT_SHELF, LOADED
+from train.fleet.log import Bad, Entry, moment_of
+from train.fleet.vehicle import CONTACTS
+from warehouse_env.errors import WarehouseError
+
+MOST_REPORTS = 5_000_000  # of positions, and of states
+_MOST_VEHICLES = 2_000
+_MOST_NODES = 5_000  # of an order
+_FARTHEST = 1e7  # [m]
+_BITS = dict(zip(CONTACTS, (AT_ROBOT, AT_SHELF, AT_PERSON), strict=True))
+_PARKING = ("startCharging", "stopCharging")  # actions that are no goal's
+
+Key = tuple[str, str]
+"""Manufacturer and serial number."""
+
+
+class Told(NamedTuple):
+    """What a state says beside where the vehicle is."""
+
+    seconds: float
+    order: str
+    update: int
+    left: int  # nodes and edges to come
+    nodes: tuple[tuple[float, float], ...]  # to come, of those with a position; none where they are as before
+    works: bool  # an action at a node is more than charging
+    bits: int  # see figures
+
+
+class Vehicle:
+    """What one vehicle has said."""
+
+    def __init__(self) -> None:
+        self.seconds, self.x, self.y, self.theta = array("d"), array("d"), array("d"), array("d")
+        self.maps: list[str] = []
+        self.map = array("H")
+        self.told: list[Told] = []
+        self.factsheet: dict[str, Any] = {}
+        self.online: bool | None = None
+        self._last: tuple[str, int] | None = None
+
+    def place(self, seconds: float, pose: tuple[float, float, float], name: str) -> None:
+        """Keep a position."""
+        if name not in self.maps:
+            if len(self.maps) == 1000:
+                return
+            self.maps.append(name)
+        self.seconds.append(seconds)
+        for values, value in zip((self.x, self.y, self.theta), pose, strict=True):
+            values.append(value)
+        self.map.append(self.maps.index(name))
+
+    def tell(self, seconds: float, payload: dict[str, Any]) -> None:
+        """Keep what a state says of its order, its load and its errors."""
+        order, update = payload.get("orderId"), payload.get("orderUpdateId")
+        order = order if isinstance(order, str) else ""
+        update = update if isinstance(update, int) else 0
+        nodes, edges = (_objects(payload.get(name)) for name in ("nodeStates", "edgeStates"))
+        new = self._last != (order, update)
+        self._last = (order, update)
+        positions = tuple(filter(None, (_point(node) for node in nodes[:_MOST_NODES]))) if new else ()
+        works = any(one.get("actionType") not in _PARKING for one in _objects(payload.get("actionStates")))
+        bits = LOADED if _objects(payload.get("loads")) else 0
+        for error in _objects(payload.get("errors")):
+            kind = error.get("errorType")
+            bits |= _BITS.get(kind, 0) if isinstance(kind, str) else 0
+        self.told.append(Told(seconds, order, update, len(nodes) + len(edges), positions, works, bits))
+
+
+class Fleet:
+    """All vehicles, and what of their messages was of no use."""
+
+    def __init__(self) -> None:
+        self.vehicles: dict[Key, Vehicle] = {}
+        self.left_out: Counter[str] = Counter()
+        self.messages = self.places = self.states = 0
+
+    def add(self, entry: Entry | Bad) -> None:
+        """Take in a message; WarehouseError where there are more than can be kept."""
+        if isinstance(entry, Bad):
+            self.left_out["are no message"] += 1
+            return
+        self.messages += 1
+        payload = entry.payload
+        name = _kind(entry)
+        if name in ("order", "instantActions"):  # what states say of it tells more
+            return
+        key = _key(entry)
+        if name is None or key is None:
+            self.left_out["are of no topic or vehicle of VDA 5050"] += 1
+            return
+        vehicle = self._vehicle(key)
+        if name == "factsheet":
+            vehicle.factsheet = vehicle.factsheet or payload
+        elif name == "connection":
+            vehicle.online = payload.get("connectionState") == "ONLINE"
+        else:
+            self._report(vehicle, name, payload)
+
+    def is_stale(self, entry: Entry) -> bool:
+        """Whether a live message is what the broker has kept of a vehicle that went away before."""
+        offline = _kind(entry) == "connection" and entry.payload.get("connectionState") != "ONLINE"
+        return bool(entry.retain) and offline and _key(entry) not in self.vehicles
+
+    @property
+    def gone(self) -> bool:
+        """Whether all vehicles have said that they are offline, and there are some."""
+        return bool(self.vehicles) and all(vehicle.online is False for vehicle in self.vehicles.values())
+
+    def _vehicle(self, key: Key) -> Vehicle:
+        if key not in self.vehicles:
+            if len(self.vehicles) == _MOST_VEHICLES:
+                raise WarehouseError(f"there are more than {_MOST_VEHICLES:,} vehicles in these messages")
+            self.vehicles[key] = Vehicle()
+        return self.vehicles[key]
+
+    def _report(self, vehicle: Vehicle, name: str, payload: dict[str, Any]) -> None:
+        """Keep where a vehicle is and what it says, of a state or a visualization."""
+        seconds = moment_of(payload.get("timestamp"))
+        if seconds is None:
+            self.left_out["have no timestamp"] += 1
+            return
+        if self.places >= MOST_REPORTS or self.states >= MOST_REPORTS:
+            raise WarehouseError(f"there are more than {MOST_REPORTS:,} positions in these messages; cut the log")
+        if name == "state":
+            self.states += 1
+            vehicle.tell(seconds, payload)
+        found = payload.get("agvPosition")
+        if found is None and name == "state":
+            return
+        position = found if isinstance(found, dict) else {}
+        pose = _numbers(position, ("x", "y", "theta"))
+        if pose is None or position.get("positionInitialized") is False:
+            self.left_out["have no position"] += 1
+            return
+        where = position.get("mapId")
+        self.places += 1
+        vehicle.place(seconds, pose, where[:200] if isinstance(where, str) else "")  # type: ignore[arg-type]
+
+
+def _kind(entry: Entry) -> str | None:
+    """Return the topic's name of a message; by what it holds where a log does not say."""
+    if entry.topic is not None:
+        name = entry.topic.rpartition("/")[2]
+        return (
+            name if name in ("connection", "factsheet", "order", "instantActions", "state", "visualization") else None
+        )
+    signs = {
+        "connectionState": "connection", "typeSpecification": "factsheet", "nodes": "order",
+        "actions": "instantActions", "nodeStates": "state", "agvPosition": "visualization",
+    }  # fmt: skip
+    return next((name for sign, name in signs.items() if sign in entry.payload), None)
+
+
+def _key(entry: Entry) -> Key | None:
+    """Return whose message it is, by its topic, else by its header."""
+    parts = entry.topic.split("/") if entry.topic is not None else []
+    names = parts[-3:-1] if len(parts) >= 5 else [entry.payload.get(name) for name in ("manufacturer", "serialNumber")]
+    first, second = names
+    good = isinstance(first, str) and isinstance(second, str) and second and len(first) + len(second) < 200
+    return (first, second) if good else None  # type: ignore[return-value]
+
+
+def _objects(value: object) -> list[dict[str, Any]]:
+    return [one for one in value if isinstance(one, dict)] if isinstance(value, list) else []
+
+
+def _numbers(data: dict[str, Any], names: tuple[str, ...]) -> tuple[float, ...] | None:
+    """Return numbers that an object has by these names, None unless all are."""
+    values = [data.get(name) for name in names]
+    good = all(
+        isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _FARTHEST for value in values
+    )
+    return tuple(float(value) for value in values) if good else None  # type: ignore[arg-type]
+
+
+def _point(node: dict[str, Any]) -> tuple[float, float] | None:
+    position = node.get("nodePosition")
+    found = _numbers(position, ("x", "y")) if isinstance(position, dict) else None
+    return None if found is None or not all(map(math.isfinite, found)) else (found[0], found[1])

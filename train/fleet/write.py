@@ -1,0 +1,60 @@
+"""An episode as the messages of its fleet, in the order of time, and as a log of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+from train.fleet.factsheet import factsheet_of
+from train.fleet.messages import LOG, Message, Names, Sender
+from train.fleet.story import Story
+from train.fleet.vehicle import Vehicle
+from warehouse_env.errors import ConfigError
+from warehouse_env.files import complete_file
+from warehouse_env.maps.halls.saved import write_hall
+
+FLOOR = "floor.yaml"
+
+
+def messages_of(
+    story: Story, names: Names, every: float | None = None, moved: Callable[[], object] = lambda: None
+) -> Iterator[Message]:
+    """Yield all messages of a story; every: seconds between two of a vehicle's visualization, each step if None.
+
+    moved: called after each moment.
+    """
+    step, last = story.replay.seconds, len(story.replay.pose) - 1
+    stride = 1 if every is None else round(every / step)
+    if stride < 1:
+        raise ConfigError(f"--every {every:g} must be at least {step:g}, a step of the episode [s]")
+    vehicles = [Vehicle(story, robot) for robot in range(story.replay.config.num_agents)]
+    senders = [Sender(names, vehicle.serial) for vehicle in vehicles]
+    both = list(zip(vehicles, senders, strict=True))
+    factsheet = factsheet_of(story.replay.config, stride * step)
+    for _, sender in both:
+        yield sender.message(0.0, "connection", {"connectionState": "ONLINE"})
+        yield sender.message(0.0, "factsheet", factsheet)
+    for frame in range(last + 1):
+        for vehicle, sender in both:
+            for name, body in vehicle.at(frame):
+                yield sender.message(frame * step, name, body)
+            if frame % stride == 0:
+                yield sender.message(frame * step, "visualization", vehicle.where(frame))
+        moved()
+    for _, sender in both:
+        yield sender.message(last * step, "connection", {"connectionState": "OFFLINE"})
+
+
+def write_log(messages: Iterable[Message], folder: Path) -> int:
+    """Write messages as lines of FOLDER/messages.jsonl, as a whole or not at all; return how many there are."""
+    count = 0
+    with complete_file(folder / LOG) as part, part.open("w", encoding="utf-8") as file:
+        for message in messages:
+            file.write(message.line)
+            count += 1
+    return count
+
+
+def write_floor(story: Story, folder: Path) -> str:
+    """Write the floor beside the log, for who shows or reads the messages; return the name that --map takes."""
+    return write_hall(story.replay.grid, folder / FLOOR, resolution=None)

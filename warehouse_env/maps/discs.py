@@ -1,0 +1,192 @@
+"""Discs: round obstacles such as pillars, beside or among the shelves, exact where the body, its sweep and lidar are.
+
+Planners, lanes and goals see cells: every cell into which a disc reaches is occupied for them. In files discs stand in
+metres of the map's own frame, as JSON {"discs": [{"x": 3.5, "y": 2.5, "radius": 0.3}, ...]} or as CSV with the line
+x,y,radius first.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warehouse_env.errors import MapError, shown
+from warehouse_env.files import complete_file, read_bytes
+
+if TYPE_CHECKING:
+    from warehouse_env.maps.grid_map import GridMap
+
+SUFFIX = ".discs.json"  # beside NAME.map
+MOST = 100_000
+SMALLEST, LARGEST = 1e-3, 1000.0  # [m] of a radius
+_LARGEST_FILE = 16_000_000  # [bytes]
+_SAMPLES = 16  # of a cell's side, by which floor that is lost is counted
+_EXAMPLE = '{"discs": [{"x": 3.5, "y": 2.5, "radius": 0.3}]}'
+
+
+def checked(discs: ArrayLike | None, shape: tuple[int, ...], cell: float) -> NDArray[np.float32]:
+    """Return a C-ordered float32[K, 3] copy of discs (x, y, radius) [m], none if not given, or raise MapError."""
+    if discs is None:
+        return np.zeros((0, 3), np.float32)
+    try:
+        array = np.array(discs, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        array = np.zeros(1)
+    if array.shape == (0,):
+        array = array.reshape(0, 3)
+    if array.ndim != 2 or array.shape[1] != 3 or len(array) > MOST:
+        raise MapError(f"discs must be a list of at most {MOST:,} discs, each three numbers: x, y and radius [m]")
+    high = np.array([shape[1] * cell, shape[0] * cell, LARGEST])
+    fine = (array >= (0.0, 0.0, SMALLEST)) & (array <= high)
+    if not fine.all():
+        k = int(np.argmin(fine.all(axis=1)))
+        raise MapError(
+            f"disc {k} {shown(tuple(array[k].tolist()))} must have its centre on the floor of {high[0]:g} x {high[1]:g}"
+            f" m and a radius from {SMALLEST} to {LARGEST:g} m"
+        )
+    return np.ascontiguousarray(array.astype(np.float32))
+
+
+def cells_near(
+    disc: NDArray[np.floating[Any]], margin: float, shape: tuple[int, ...], cell: float
+) -> NDArray[np.int64]:
+    """Return int64[M, 2], the (row, column) of cells nearer than `margin` [m] to a disc; row 0 is the southernmost.
+
+    Cells off the floor of `shape` are left out.
+    """
+    x, y, radius = (float(value) for value in disc)
+    reach = radius + margin
+    rows, columns = (
+        np.arange(max(math.floor((at - reach) / cell), 0), min(math.floor((at + reach) / cell) + 1, count))
+        for at, count in ((y, shape[0]), (x, shape[1]))
+    )
+    dx = np.maximum(np.maximum(columns * cell - x, x - (columns + 1) * cell), 0.0)
+    dy = np.maximum(np.maximum(rows * cell - y, y - (rows + 1) * cell), 0.0)
+    near = np.argwhere(dx[None, :] ** 2 + dy[:, None] ** 2 < reach * reach)
+    return np.stack([rows[near[:, 0]], columns[near[:, 1]]], axis=-1)
+
+
+def covered(discs: NDArray[np.float32], shape: tuple[int, ...], cell: float) -> NDArray[np.bool_]:
+    """Return bool[H, W]: the cells into which a disc reaches; row 0 is the north edge."""
+    found = np.zeros(shape, np.bool_)
+    for disc in discs:
+        row, column = cells_near(disc, 0.0, shape, cell).T
+        found[shape[0] - 1 - row, column] = True
+    return found
+
+
+def among(
+    occupied: NDArray[np.bool_], walls: ArrayLike | None, discs: NDArray[np.float32], cell: float
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return bool[H, W], the cells that are shelves as a whole, and those that these or discs occupy; or MapError.
+
+    walls: which of the occupied cells that discs reach into are shelves; the others always are. None: all of them.
+    """
+    if not len(discs):
+        return occupied, occupied
+    reached = covered(discs, occupied.shape, cell)
+    whole = occupied
+    if walls is not None:
+        given = np.asarray(walls)
+        if given.shape != occupied.shape or given.dtype != np.bool_:
+            raise MapError(f"walls must hold True or False for each cell of the map's shape {occupied.shape}")
+        whole = occupied & (given | ~reached)
+    if (occupied | reached).all():
+        raise MapError("the discs leave no free cell; a robot needs at least one")
+    return whole, occupied | reached
+
+
+def lost(grid: GridMap) -> str:
+    """Say what a floor loses by its discs' being whole cells for planners; empty where there are no discs."""
+    if not len(grid.discs):
+        return ""
+    from warehouse_env.maps.endpoints import largest_region
+
+    round_only = grid.occupied & ~grid.walls
+    area, closed = grid.cell_size**2, int(round_only.sum())
+    free = closed * area - _round_area(grid, round_only)
+    before = largest_region(~grid.walls) & ~round_only
+    cut = int(before.sum() - len(grid.free_cells))
+    more = f"; {cut:,} more cells are cut off by them" if cut > 0 else ""
+    return (
+        f"discs: {len(grid.discs):,}, which close {closed:,} cells to planners and goals, among them about {free:,.1f} "
+        f"of {closed * area:,.1f} m² that no disc covers{more}"
+    )
+
+
+def _round_area(grid: GridMap, cells: NDArray[np.bool_]) -> float:
+    """Return how much [m²] of the cells discs cover, by samples."""
+    where = np.argwhere(cells)
+    inner = (np.arange(_SAMPLES) + 0.5) / _SAMPLES - 0.5
+    taken = np.zeros((len(where), _SAMPLES, _SAMPLES), np.bool_)
+    index = np.full(grid.shape, -1, np.int64)
+    index[tuple(where.T)] = np.arange(len(where))
+    for disc in grid.discs.astype(np.float64):
+        row, column = cells_near(disc, 0.0, grid.shape, grid.cell_size).T
+        for k in index[grid.shape[0] - 1 - row, column]:
+            if k >= 0:
+                x, y = grid.centre(where[k]) - disc[:2]
+                offset = inner * grid.cell_size
+                taken[k] |= (x + offset[None]) ** 2 + (y + offset[:, None]) ** 2 < disc[2] ** 2
+    return float(taken.mean(axis=(1, 2)).sum() * grid.cell_size**2) if len(where) else 0.0
+
+
+def read_discs(path: Path) -> NDArray[np.float64]:
+    """Return float64[K, 3], the discs (x, y, radius) [m] of a JSON or CSV file in its own frame; MapError."""
+    text = read_bytes(path, "discs file", _LARGEST_FILE).decode("utf-8-sig", "replace")
+    rows = _from_csv(path, text) if path.suffix.lower() == ".csv" else _from_json(path, text)
+    if len(rows) > MOST:
+        raise MapError(f"{path} holds {len(rows):,} discs; at most {MOST:,} are read")
+    found = np.zeros((len(rows), 3))
+    for k, row in enumerate(rows):
+        numbers = [_number(row.get(key)) for key in ("x", "y", "radius")] if isinstance(row, dict) else [math.nan]
+        if not all(math.isfinite(number) for number in numbers) or not SMALLEST <= numbers[2] <= LARGEST:
+            raise MapError(
+                f"{path}: disc {k + 1} {shown(row)} must have numbers x, y and radius in metres, the radius from "
+                f"{SMALLEST} to {LARGEST:g}"
+            )
+        found[k] = numbers
+    return found
+
+
+def _number(value: Any) -> float:
+    try:
+        return math.nan if isinstance(value, bool) or not isinstance(value, (int, float, str)) else float(value)
+    except (ValueError, OverflowError):
+        return math.nan
+
+
+def _from_json(path: Path, text: str) -> list[Any]:
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError):
+        raise MapError(f"{path} is no JSON; it must read like {_EXAMPLE}") from None
+    listed = data.get("discs") if isinstance(data, dict) else None
+    if not isinstance(listed, list):
+        raise MapError(f'{path} must hold "discs", a list like {_EXAMPLE}')
+    return listed
+
+
+def _from_csv(path: Path, text: str) -> list[Any]:
+    try:
+        reader = csv.DictReader(io.StringIO(text), skipinitialspace=True)
+        if not {"x", "y", "radius"} <= set(reader.fieldnames or ()):
+            raise MapError(f"{path} must begin with the line x,y,radius")
+        return list(reader)
+    except csv.Error as error:
+        raise MapError(f"{path} is no CSV: {error}") from None
+
+
+def write_discs(discs: NDArray[np.floating[Any]], path: Path) -> None:
+    """Write discs (x, y, radius) [m] as JSON, one a line, so that they are read as they were."""
+    numbers = [[float(str(value)) for value in disc] for disc in discs]  # the shortest that say it
+    lines = [f'  {{"x": {x!r}, "y": {y!r}, "radius": {radius!r}}}' for x, y, radius in numbers]
+    with complete_file(path) as part:
+        part.write_text('{"discs": [\n' + ",\n".join(lines) + "\n]}\n", encoding="utf-8")

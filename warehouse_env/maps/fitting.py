@@ -1,0 +1,174 @@
+"""A floor for a body: where it does not fit nobody plans, and endpoints lie where it can stand.
+
+A cell is tight where the fixed axle's centre in its middle leaves no room for half the body's width. Endpoints on tight
+cells, or on cells where the body fits at no heading, move to the nearest cell where it does, as from the face of a
+shelf to where a wide vehicle stands before it. On cells that are wide enough for a body all of this changes nothing.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import RobotSpec
+from warehouse_env.errors import MapError
+from warehouse_env.maps.endpoints import largest_region
+from warehouse_env.maps.grid_map import Cell, GridMap
+
+ROOM = 0.05  # [m] beside a body that drives along the middle of cells
+_STANDS = 0.08  # [m] around one that stands: robots are placed with as much
+HEADINGS = 8  # at which it may stand, evenly all round
+_GRAZE = 1e-9
+
+
+def fitted(grid: GridMap, robot: RobotSpec) -> tuple[GridMap, tuple[str, ...]]:
+    """Return the floor as it is for a body, and what that takes from it, one sentence each; MapError for all of it.
+
+    To fit a floor again that has been fitted for the same body changes nothing.
+    """
+    need = 0.5 * robot.width + ROOM
+    if need <= 0.5 * grid.cell_size and robot.farthest <= grid.cell_size:
+        return grid, ()
+    occupied = grid.occupied
+    tight = _near(occupied, need / grid.cell_size, beyond=True) & ~occupied
+    who = f"bodies of {robot.length:g} x {robot.width:g} m"
+    region = largest_region(~(occupied | tight)) if (~(occupied | tight)).any() else np.zeros_like(occupied)
+    places, moved, lost = [], 0, []
+    body = _Body(grid, robot, region)
+    for what, cells in (("pick", grid.picks), ("station", grid.stations)):
+        found = body.places_for([(int(row), int(column)) for row, column in cells])
+        moved += sum(cell != (row, column) for cell, (row, column) in zip(found, cells.tolist(), strict=True) if cell)
+        missing = found.count(None)
+        if missing == len(found):
+            raise MapError(
+                f"map {grid.name!r} has no {what} that {who} can reach; choose smaller robots or a wider floor"
+            )
+        if missing:
+            lost.append(f"{missing} of {len(found)} {what}s")
+        places.append(np.array([cell for cell in found if cell is not None], dtype=np.int64))
+    made = dataclasses.replace(grid, tight=tight, picks=places[0], stations=places[1])
+    return made, tuple(_notes(grid, region, need, who, lost))
+
+
+def opened(grid: GridMap, goal: Cell) -> GridMap:
+    """Return a floor whose tight cells around a goal are open as far as the next that is not tight.
+
+    For goals that somebody gives: off the middle of its cell a body may well stand there.
+    """
+    if grid.tight is None or not grid.tight[goal]:
+        return grid
+    free = np.argwhere(~grid.closed)
+    reach = int(np.abs(free - goal).max(axis=1).min(initial=max(grid.shape)))
+    tight = grid.tight.copy()
+    tight[max(goal[0] - reach, 0) : goal[0] + reach + 1, max(goal[1] - reach, 0) : goal[1] + reach + 1] = False
+    return dataclasses.replace(grid, tight=tight)
+
+
+def _notes(grid: GridMap, region: NDArray[np.bool_], need: float, who: str, lost: list[str]) -> list[str]:
+    """Say what a body takes from a floor."""
+    covered = _near(region, math.sqrt(0.5) + need / grid.cell_size, beyond=False)
+    closed = np.zeros(grid.shape, np.bool_)
+    closed[tuple(grid.free_cells.T)] = True
+    closed &= ~covered
+    notes = []
+    if closed.any():
+        x, y = grid.world(grid.centre(np.argwhere(closed)[0])).tolist()
+        size = closed.sum() * grid.cell_size**2
+        text = f"{size:.0f} m² of floor close, some near ({x:.1f}, {y:.1f}) m"
+        notes.append(f"aisles are too narrow for {who}: {text}")
+    if lost:
+        notes.append(f"{who} cannot reach {' and '.join(lost)}, which are left out")
+    return notes
+
+
+def _near(mask: NDArray[np.bool_], reach: float, beyond: bool) -> NDArray[np.bool_]:
+    """Return bool[H, W]: cells whose centre is nearer than `reach` [cells] to a marked cell's square.
+
+    beyond: whether the cells outside of the map are marked.
+    """
+    most = math.ceil(reach + 0.5)
+    padded = np.pad(mask, most, constant_values=beyond)
+    rows, columns = mask.shape
+    near = np.zeros_like(mask)
+    for row in range(-most, most + 1):
+        for column in range(-most, most + 1):
+            if math.hypot(max(abs(row) - 0.5, 0.0), max(abs(column) - 0.5, 0.0)) < reach - _GRAZE:
+                near |= padded[most + row : most + row + rows, most + column : most + column + columns]
+    return near
+
+
+@lru_cache(maxsize=256)
+def _covered(robot: RobotSpec, size: float, heading: float, centred: bool) -> NDArray[np.int64]:
+    """Return int64[K, 2]: cells (row, column) of a size [m] that a body in one's middle touches, with some room.
+
+    In the middle is the fixed axle's, or, if centred, the body's.
+    """
+    half, c, s = 0.5 * size, math.cos(heading), math.sin(heading)
+    ahead = 0.0 if centred else 0.5 * robot.length - robot.rear_reach  # of the cell's middle, the body's
+    most = math.ceil((robot.farthest + _STANDS) / size) + 1
+    steps = np.arange(-most, most + 1)
+    row, column = (one.ravel() for one in np.meshgrid(steps, steps, indexing="ij"))
+    x, y = column * size - ahead * c, -row * size - ahead * s
+    long, wide = 0.5 * robot.length + _STANDS, 0.5 * robot.width + _STANDS
+    turned = half * (abs(c) + abs(s))
+    apart = (np.abs(x) > half + long * abs(c) + wide * abs(s)) | (np.abs(y) > half + long * abs(s) + wide * abs(c))
+    apart |= (np.abs(x * c + y * s) > long + turned) | (np.abs(y * c - x * s) > wide + turned)
+    return np.asarray(np.stack([row, column], axis=-1)[~apart])
+
+
+def stands(grid: GridMap, cell: Cell, robot: RobotSpec, heading: float, centred: bool) -> bool:
+    """Whether a body in a cell's middle touches no shelf; centred: with its own middle, not its axle's, there."""
+    cells = _covered(robot, grid.cell_size, round(heading % (2 * math.pi), 6), centred) + cell
+    inside = ((cells >= 0) & (cells < grid.shape)).all()
+    return bool(inside and not grid.occupied[tuple(cells.T)].any())
+
+
+def headings_on(grid: GridMap, cell: Cell, robot: RobotSpec) -> list[float]:
+    """Return at which of some headings [rad] a body can stand with its axle in a cell's middle."""
+    turns = (2 * math.pi / HEADINGS * k for k in range(HEADINGS))
+    return [turn for turn in turns if stands(grid, cell, robot, turn, centred=False)]
+
+
+class _Body:
+    """Where a body can stand on a floor."""
+
+    def __init__(self, grid: GridMap, robot: RobotSpec, region: NDArray[np.bool_]) -> None:
+        self._grid, self._robot, self._region = grid, robot, region
+        self._taken: set[Cell] = set()
+        self._known: dict[Cell, bool] = {}
+        reach = math.ceil((robot.farthest + grid.cell_size) / grid.cell_size)
+        steps = np.arange(-reach, reach + 1)
+        around = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
+        self._around = around[np.argsort((around**2).sum(axis=1), kind="stable")].tolist()
+
+    def stands_on(self, cell: Cell) -> bool:
+        """Whether the body touches nothing on a cell of the region, at one of some headings."""
+        if cell not in self._known:
+            inside = 0 <= cell[0] < self._region.shape[0] and 0 <= cell[1] < self._region.shape[1]
+            self._known[cell] = bool(inside and self._region[cell] and headings_on(self._grid, cell, self._robot))
+        return self._known[cell]
+
+    def _sees(self, cell: Cell, other: Cell) -> bool:
+        """Whether no shelf lies between two cells."""
+        count = 4 * max(abs(cell[0] - other[0]), abs(cell[1] - other[1])) + 1
+        between = np.rint(np.linspace(cell, other, count)).astype(np.int64)
+        return not self._grid.occupied[tuple(between.T)].any()
+
+    def _serves(self, cell: Cell, place: Cell) -> bool:
+        """Whether a place that is nobody's can stand for an endpoint."""
+        return place not in self._taken and self.stands_on(place) and self._sees(cell, place)
+
+    def places_for(self, cells: list[Cell]) -> list[Cell | None]:
+        """Return for each endpoint the nearest cell where the body stands that is nobody else's, None where none is."""
+        found: list[Cell | None] = []
+        for cell in cells:
+            places = ((cell[0] + row, cell[1] + column) for row, column in self._around)
+            place = next((one for one in places if self._serves(cell, one)), None)
+            found.append(place)
+            if place is not None:
+                self._taken.add(place)
+        return found

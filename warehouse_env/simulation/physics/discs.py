@@ -1,0 +1,146 @@
+"""Discs on the floor, such as pillars: does a body touch one, and what does the lidar see of them? All exact.
+
+On a floor with discs `solid`, which kernels are given everywhere, is no array of cells but Obstacles, and `edges` no
+array but Outlines. Which of the two it is `hasattr` tells as a kernel is compiled, so that a floor without discs has
+the code that it had.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.kernel import inline, part
+from warehouse_env.maps.discs import cells_near
+from warehouse_env.simulation.physics.geometry import squared_distance_to_box
+from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
+
+_LISTED = 1e-3  # [m] from a cell, up to which it lists a disc: rounding leaves none out
+
+
+class Obstacles(NamedTuple):
+    """Shelves, and discs beside them; arrays by padded cells, y up."""
+
+    cells: NDArray[np.uint8]  # [H + 2, W + 2], 1 = shelf or outside; row 0 is the rim south of the map
+    first: NDArray[np.int32]  # [H + 2, W + 3], where the discs of a cell begin in `discs`; they end where the next's do
+    discs: NDArray[np.float32]  # [M, 3]: x, y, radius [m], once for each cell that one touches
+
+
+class Outlines(NamedTuple):
+    """What the lidar sees of a floor with discs."""
+
+    lines: NDArray[np.float32]  # [K, 3], see Edges
+    discs: NDArray[np.float32]  # [D, 3]: x, y, radius [m]
+    near: NDArray[np.int32]  # indices of discs by padded cell, one list after another
+    first: NDArray[np.int32]  # [H + 2, W + 3], where a cell's list begins in `near`
+
+
+def listed(
+    discs: NDArray[np.float32], margin: float, shape: tuple[int, ...], cell: float
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return the indices of the discs within `margin` [m] of each padded cell, and where each cell's begin.
+
+    shape: of the padded floor, (H + 2, W + 2). int32[M], and int32[H + 2, W + 3] as in Obstacles.
+    """
+    shift = np.array([cell, cell, 0.0])
+    at, who = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for k, disc in enumerate(discs.astype(np.float64)):
+        row, column = cells_near(disc + shift, margin, shape, cell).T
+        at.append(row * shape[1] + column)
+        who.append(np.full(len(row), k))
+    order = np.argsort(np.concatenate(at), kind="stable")
+    ends = np.cumsum(np.bincount(np.concatenate(at), minlength=shape[0] * shape[1])).reshape(shape)
+    first = np.zeros((shape[0], shape[1] + 1), np.int32)
+    first[:, 1:] = ends
+    first[1:, 0] = ends[:-1, -1]
+    return np.concatenate(who)[order].astype(np.int32), first
+
+
+def obstacles_of(cells: NDArray[np.uint8], discs: NDArray[np.float32], cell: float) -> Obstacles:
+    """Return the obstacles of a floor; cells: uint8[H + 2, W + 2], those of shelves alone."""
+    which, first = listed(discs, _LISTED, cells.shape, cell)
+    return Obstacles(cells, first, discs[which])
+
+
+def lower_clearance(clearance: NDArray[np.uint8], discs: NDArray[np.float32], step: float, unit: float) -> None:
+    """Lower a field of clearance uint8[R, C] by discs; step [m]: of its samples; unit [m]: of a count; see Floor."""
+    most = 255 * unit
+    for x, y, radius in discs.astype(np.float64):
+        reach = radius + most + step
+        rows, columns = (slice(max(int((at - reach) / step), 0), max(int((at + reach) / step) + 1, 0)) for at in (y, x))
+        part = clearance[rows, columns]
+        dy = (np.arange(part.shape[0]) + rows.start + 0.5) * step - y
+        dx = (np.arange(part.shape[1]) + columns.start + 0.5) * step - x
+        distance = np.hypot(dy[:, None], dx[None, :]) - radius - step * np.sqrt(0.5)
+        np.minimum(part, np.clip(distance / unit, 0.0, 255.0).astype(np.uint8), out=part)
+
+
+def outlines_of(
+    lines: NDArray[np.float32], discs: NDArray[np.float32], shape: tuple[int, ...], cell: float, lidar_range: float
+) -> Outlines:
+    """Return what the lidar sees of discs beside the edges `lines`; shape: of the padded floor in cells."""
+    near, first = listed(discs, lidar_range, shape, cell)
+    return Outlines(lines, discs, near, first)
+
+
+@inline
+def reached_rows(low, high, count, cell):
+    """Return the first and the last of `count` padded rows that lie between two places [m]; none: last < first."""
+    return max(int(np.ceil(low / cell)), 0), min(int(np.floor(high / cell)) + 1, count - 1)
+
+
+@inline
+def reached_columns(low, high, count, cell):
+    """Return the first and the last of `count` padded columns as `reached_rows` does, both where there are any."""
+    return min(max(int(np.ceil(low / cell)), 0), count - 1), max(min(int(np.floor(high / cell)) + 1, count - 1), -1)
+
+
+@part
+def meets_disc(cx, cy, c, s, half_length, half_width, solid, cell):
+    """Return whether the closed rectangle at (cx, cy) [m] with heading (c, s) touches a disc."""
+    ex = half_length * abs(c) + half_width * abs(s)
+    ey = half_length * abs(s) + half_width * abs(c)
+    rows, columns = solid.cells.shape
+    first_row, last_row = reached_rows(cy - ey, cy + ey, rows, cell)
+    left, right = reached_columns(cx - ex, cx + ex, columns, cell)
+    for row in range(first_row, last_row + 1):
+        for k in range(solid.first[row, left], solid.first[row, right + 1]):
+            dx, dy, radius = solid.discs[k, 0] - cx, solid.discs[k, 1] - cy, solid.discs[k, 2]
+            gap = squared_distance_to_box(dx * c + dy * s, dy * c - dx * s, half_length, half_width)
+            if gap <= radius * radius:
+                return True
+    return False
+
+
+@inline
+def is_taken(x, y, solid, cell):
+    """Whether a point [m] on or east and north of the floor's corner lies in a shelf, off the floor, or in a disc."""
+    row, column = int(y / cell) + 1, int(x / cell) + 1
+    if hasattr(solid, "cells"):
+        if row >= solid.cells.shape[0] or column >= solid.cells.shape[1] or solid.cells[row, column] != 0:
+            return True
+        return meets_disc(x, y, ONE, ZERO, ZERO, ZERO, solid, cell)
+    return row >= solid.shape[0] or column >= solid.shape[1] or solid[row, column] != 0
+
+
+@part
+def scan_discs(cx, cy, row, column, outlines, turned, out):
+    """Shorten the rays from (cx, cy) [m] that meet a disc.
+
+    row, column: of the padded cell there; turned float32[2 or more, R]: the rays' directions; out [m]: R or more.
+    """
+    for n in range(outlines.first[row, column], outlines.first[row, column + 1]):
+        e = outlines.near[n]
+        dx, dy, radius = outlines.discs[e, 0] - cx, outlines.discs[e, 1] - cy, outlines.discs[e, 2]
+        squared = radius * radius
+        within = dx * dx + dy * dy <= squared
+        for k in range(turned.shape[1]):
+            along = dx * turned[0, k] + dy * turned[1, k]
+            aside = dy * turned[0, k] - dx * turned[1, k]
+            left = squared - aside * aside
+            distance = along - np.sqrt(left if left > ZERO else ZERO)
+            distance = ZERO if within else distance
+            meets = (left >= ZERO) & (distance >= ZERO) & (distance < out[k])
+            out[k] = distance if meets | within else out[k]

@@ -1,0 +1,89 @@
+"""Zones: floor on which robots may drive so fast and no faster, heeded by all of them whatever they are told.
+
+At a point p a robot may have the speed v with v^2 = min over the zones z of (v_z^2 + 2 b |p - z|), v_z its limit,
+|p - z| the distance to it, 0 within, and b a little less than the full braking. Along any way v^2 falls by 2 b a metre
+at most. So who is no faster than that anywhere can brake for whatever zone it comes to, and who leaves one may
+accelerate as it can: no route has to be known for it. In every physics step a robot's command is lowered so that it is
+no faster where it is, nor where it will be; where its speed is over that already, it brakes as hard as it can.
+What counts is where the middle of a robot's fixed axle is, which is its pose.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.kernel import inline
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.physics.kinematics import approach, curvature, roll
+from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
+
+STEP = 0.125  # [m] between samples at most
+_BRAKING = 0.9  # share of the full deceleration that zones are braked for with
+_ABOVE = 1.1  # times the robots' highest speed that stands for any
+
+
+class Zones(NamedTuple):
+    """The square of the speed that a robot may have, sampled; between the samples it is interpolated."""
+
+    squares: NDArray[np.float32]  # [H * K + 1, W * K + 1] [m^2/s^2], y up; the first sample is at (0, 0) m
+    step: np.float32  # [m] between samples
+
+
+def zones_of(grid: GridMap, config: EnvConfig) -> Zones | None:
+    """Return the zones of a floor, None where nothing limits these robots."""
+    fastest = max(max(robot.max_speed, -robot.min_speed) for robot in config.bodies)
+    hardest = min(robot.max_acceleration for robot in config.bodies)  # that all can brake
+    if grid.speed is None or not (grid.speed < fastest).any():
+        return None
+    slope, most = 2 * _BRAKING * hardest, (_ABOVE * fastest) ** 2
+    fine = max(1, math.ceil(grid.cell_size / STEP))
+    step = grid.cell_size / fine
+    rows, columns = grid.shape
+    squares = np.full((rows * fine + 1, columns * fine + 1), most)
+    reach = math.ceil(most / slope / step)  # [samples] around a zone that it may be heeded in
+    along = np.arange(-reach, fine + reach + 1)
+    off = step * np.maximum(np.maximum(-along, along - fine), 0)
+    added = slope * np.hypot(off[:, None], off[None, :])
+    speed = grid.speed[::-1]
+    for row, column in np.argwhere(speed < fastest).tolist():
+        top, left = row * fine - reach, column * fine - reach
+        part = squares[max(top, 0) : top + len(off), max(left, 0) : left + len(off)]
+        above = added[max(-top, 0) :, max(-left, 0) :][: part.shape[0], : part.shape[1]]
+        np.minimum(part, speed[row, column] ** 2 + above, out=part)
+    return Zones(squares.astype(np.float32), np.float32(step))
+
+
+@inline
+def _square_at(x, y, zones):
+    """Return the square of the speed [m^2/s^2] that a robot may have at a point."""
+    last_row, last_column = zones.squares.shape[0] - 2, zones.squares.shape[1] - 2
+    u, v = max(x, ZERO) / zones.step, max(y, ZERO) / zones.step
+    column, row = min(int(u), last_column), min(int(v), last_row)
+    u, v = min(u - np.float32(column), ONE), min(v - np.float32(row), ONE)
+    below = zones.squares[row, column] * (ONE - u) + zones.squares[row, column + 1] * u
+    above = zones.squares[row + 1, column] * (ONE - u) + zones.squares[row + 1, column + 1] * u
+    return below * (ONE - v) + above * v
+
+
+@inline
+def most_speed(r, zones, p):
+    """Return the most speed [m/s] that a robot may have at the end of a physics step, either way."""
+    way, bend = r["speed"] * p["time_step"], curvature(r["steer"], p["wheelbase"])
+    x, y, _ = roll(r["x"], r["y"], r["heading"], way, bend)
+    return np.sqrt(min(_square_at(r["x"], r["y"], zones), _square_at(x, y, zones)))
+
+
+@inline
+def keep_under(r, acceleration, most, p):
+    """Return an acceleration [m/s^2] that leads to no more speed than `most` [m/s], as hard as brakes have to."""
+    dt = p["time_step"]
+    speed = r["speed"] + acceleration * dt
+    if abs(speed) <= most:
+        return acceleration
+    kept = approach(r["speed"], most if speed > ZERO else -most, p["max_acceleration"] * dt)
+    return acceleration if abs(kept) >= abs(speed) else (kept - r["speed"]) / dt
