@@ -93,10 +93,17 @@ def from_plain(cls: type[T], data: Any) -> T:
         if missing and field.name not in data:
             raise ConfigError(f"{cls.__name__} lacks the entry {field.name!r}")
     given = {
-        name: from_plain(inner[name], value) if name in inner and not _fits(value, kinds[name]) else value
+        name: _built(inner[name], kinds[name], value) if name in inner and not _fits(value, kinds[name]) else value
         for name, value in data.items()
     }
     return cls(**given)
+
+
+def _built(part: Any, kind: Any, value: Any) -> Any:
+    """Build a dataclass from JSON types, or a tuple of them from a list where the annotation is that of a tuple."""
+    if get_origin(kind) is not tuple:
+        return from_plain(part, value)
+    return tuple(from_plain(part, one) for one in value) if isinstance(value, (list, tuple)) else value
 
 
 def _dataclass_of(kind: Any) -> Any:

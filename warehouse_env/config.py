@@ -86,6 +86,19 @@ class RobotSpec(Checked):
 
 @documented
 @dataclass(frozen=True)
+class FleetPart(CheckedPart):
+    """Robots of one kind, of a fleet that has several."""
+
+    count: int  # of them
+    robot: RobotSpec  # their bodies and limits
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(1, 100_000, "count")
+
+
+@documented
+@dataclass(frozen=True)
 class SensorSpec(Checked):
     """What a robot perceives: lidar, its nearest robots, and the route ahead."""
 
@@ -216,6 +229,7 @@ class EnvConfig(Checked):
     orders: OrderSpec | None = None  # goals are what somebody orders; None: they are drawn, and never end
     battery: BatterySpec | None = None  # robots use up energy and charge; None: they need none
     robot: RobotSpec = field(default_factory=RobotSpec)  # its body and limits
+    fleet: tuple[FleetPart, ...] = ()  # of other kinds than `robot`: the last robots, part after part
     sensor: SensorSpec = field(default_factory=SensorSpec)  # what it perceives
     reward: RewardWeights = field(default_factory=RewardWeights)  # weights of its terms
 
@@ -243,8 +257,18 @@ class EnvConfig(Checked):
         levels = len(self.speed_levels)
         rule = f"at most {_COMMANDS // levels} numbers beside {levels} speed_levels"
         self._require(levels * len(self.lateral_offsets) <= _COMMANDS, "lateral_offsets", rule)
+        self._check_fleet()
         self._check_traffic()
         self._check_work()
+
+    def _check_fleet(self) -> None:
+        """Refuse parts of a fleet that has not so many robots, and rules that take all robots to be alike."""
+        least = sum(part.count for part in self.fleet)
+        rule = f"of at most {self.num_agents} robots in all, the num_agents, and not of {least}"
+        self._require(least <= self.num_agents, "fleet", rule)
+        alike = not self.fleet or self.protective_field != "lidar"
+        rule = 'False or True in a fleet of several kinds: by "lidar" alone no robot knows how hard another brakes'
+        self._require(alike, "protective_field", rule)
 
     def _check_traffic(self) -> None:
         """Refuse options of traffic that make no sense together (docs/traffic.md).
@@ -268,13 +292,50 @@ class EnvConfig(Checked):
             stands = self.arrival != "pass"
             self._require(stands or not on, name, 'None unless robots stand where they arrive; set arrival="stop"')
         if self.service is not None:
-            fits = self.service.load <= self.robot.payload
-            self._require(fits, "service", f"of a load up to the robot's payload of {self.robot.payload:g} kg")
+            fits = self.service.load <= self.payload
+            self._require(fits, "service", f"of a load up to the robot's payload of {self.payload:g} kg")
+
+    @property
+    def kinds(self) -> tuple[RobotSpec, ...]:
+        """The kinds of robots: `robot`, then those of the parts of the fleet."""
+        return self.robot, *(part.robot for part in self.fleet)
+
+    @property
+    def kind_of(self) -> tuple[int, ...]:
+        """Of each robot its number among `kinds`."""
+        counts = [part.count for part in self.fleet]
+        counts = [self.num_agents - sum(counts), *counts]
+        return tuple(kind for kind, count in enumerate(counts) for _ in range(count))
+
+    @property
+    def robots(self) -> tuple[RobotSpec, ...]:
+        """Of each robot its kind."""
+        kinds = self.kinds
+        return tuple(kinds[kind] for kind in self.kind_of)
+
+    @property
+    def bodies(self) -> tuple[RobotSpec, ...]:
+        """The kinds of the robots that there are, each once; one where all are alike."""
+        return tuple(dict.fromkeys(self.robots)) if self.fleet else (self.robot,)
 
     @property
     def widest_body(self) -> RobotSpec:
-        """What floors, lanes and places are made for."""
-        return self.robot
+        """What floors, lanes and places are made for: `robot` where all are alike, else a body about the same axle that
+        holds those of all robots, and turns no sharper than any.
+        """
+        bodies = self.bodies
+        if len(bodies) == 1:
+            return bodies[0]
+        ahead, behind = max(body.front_overhang for body in bodies), max(body.rear_reach for body in bodies)
+        turns = max(bodies, key=lambda body: body.least_radius)
+        return dataclasses.replace(
+            turns, length=ahead + behind, front_overhang=ahead, width=max(body.width for body in bodies)
+        )
+
+    @property
+    def payload(self) -> float:
+        """What every robot can carry [kg]."""
+        return min(body.payload for body in self.bodies)
 
     @property
     def works(self) -> bool:
@@ -344,6 +405,7 @@ class EnvOptions(TypedDict, total=False):
     orders: OrderSpec | None
     battery: BatterySpec | None
     robot: RobotSpec
+    fleet: tuple[FleetPart, ...]
     sensor: SensorSpec
     reward: RewardWeights
 

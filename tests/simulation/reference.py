@@ -22,13 +22,17 @@ def rectangle(x: float, y: float, heading: float, half_length: float, half_width
     return local @ np.array([[c, s], [-s, c]]) + (x, y)
 
 
-def bodies(x: Points, y: Points, heading: Points) -> Points:
-    """Corners [..., 4, 2] of default robots whose front axles are at (x, y)."""
+def bodies(
+    x: Points, y: Points, heading: Points, length: Points | float = LENGTH, width: Points | float = WIDTH,
+    front: Points | float = FRONT,
+) -> Points:  # fmt: skip
+    """Corners [..., 4, 2] of robots whose front axles are at (x, y): default ones, or of the sizes given [...]."""
     x, y, heading = (np.asarray(a, dtype=np.float64) for a in (x, y, heading))
     ahead = np.stack([np.cos(heading), np.sin(heading)], axis=-1)[..., None, :]
     left = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)[..., None, :]
-    along = np.array([FRONT, -REAR, -REAR, FRONT])[:, None]
-    aside = np.array([1, 1, -1, -1])[:, None] * WIDTH / 2
+    length, width, front = (np.asarray(a, dtype=np.float64)[..., None] for a in (length, width, front))
+    along = (np.array([0, -1, -1, 0]) * length + front)[..., None]
+    aside = (np.array([1, 1, -1, -1]) * width / 2)[..., None]
     return np.stack([x, y], axis=-1)[..., None, :] + along * ahead + aside * left
 
 
@@ -55,14 +59,16 @@ def _point_to_segment(p: Points, a: Points, b: Points) -> float:
     return float(np.linalg.norm(p - (a + t * along)))
 
 
-def on_arcs(pose: Points, speed: Points, steer: Points, seconds: float, count: int) -> Points:
+def on_arcs(
+    pose: Points, speed: Points, steer: Points, seconds: float, count: int, wheelbase: Points | float = WHEELBASE
+) -> Points:
     """Poses [count + 1, ..., 3] of the front axle at even times of a substep, from pose [..., 3] on.
 
     speed, steer: [..., 2], at its beginning and its end; the speed changes evenly, the wheels stand at their mean.
     """
     t = np.linspace(0.0, seconds, count + 1).reshape(-1, *([1] * speed[..., 0].ndim))
     way = speed[..., 0] * t + (speed[..., 1] - speed[..., 0]) * t * t / (2 * seconds)
-    bend = -np.tan(steer.mean(-1)) / WHEELBASE
+    bend = -np.tan(steer.mean(-1)) / wheelbase
     heading = pose[..., 2] + way * bend
     straight = np.abs(bend) < 1e-12
     radius = 1.0 / np.where(straight, 1.0, bend)

@@ -52,13 +52,13 @@ class World:
         sim = self.simulator
         told = np.full((1, len(self.robots)), int(sim.cruise_action)) if actions is None else actions
         sim._actions.decode(told, sim._commands[0], sim._choices)
-        p = sim._params[0]
+        p, kinds = sim._params[0], sim._kinds
         self.ways = meetings.scratch(sim._paths[0])
         self.step_in()
         right_of_way.rank(self.robots, self.order)
         right_of_way.decide(
             self.robots, sim.people.persons[0], sim.routes[0], sim.arcs[0], sim._commands[0, 0], sim._choices[0],
-            self.order, self.ways, p, sim._floor.clearance,
+            self.order, self.ways, p, kinds, sim._floor.clearance,
         )  # fmt: skip
         return self
 
@@ -66,7 +66,7 @@ class World:
         """Say who is settled; whether anybody is."""
         sim, found = self.simulator, waits.scratch(len(self.robots))
         commands, persons = sim._commands[0, 0], sim.people.persons[0]
-        return bool(stepping_in.step_in(self.robots, persons, sim.routes[0], commands, found, sim._params[0]))
+        return bool(stepping_in.step_in(self.robots, persons, sim.routes[0], commands, found, sim._params[0], None))
 
     def granted(self, robot: int) -> int:
         """Number of the last pose that a robot has been granted."""

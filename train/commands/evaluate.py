@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar
 
 import tyro
 
+from train.commands.kinds import read_fleet
 from train.commands.orders import Work
 from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED, known
 from train.evaluation.episodes import Episodes as EpisodesJob
@@ -83,11 +84,15 @@ GOES_ON = "the same command with --resume goes on"
 
 @dataclass(frozen=True)
 class Working(Work, Drive):
-    """Options of worlds in which robots may be served, carry out orders, or charge."""
+    """Options of worlds whose robots may be of several kinds, be served, carry out orders, or charge."""
+
+    fleet: Path | None = None
+    """Let the last robots be of other kinds: a JSON file, as [{"count": 8, "robot": {"length": 1.4}}]."""
 
     def chosen(self) -> dict[str, Any]:
         """Return what options set of EnvConfig."""
-        return self.work() | super().chosen()  # where both have a word on arriving, --arrival says it
+        kinds = {} if self.fleet is None else {"fleet": read_fleet(self.fleet)}
+        return kinds | self.work() | super().chosen()  # where both have a word on arriving, --arrival says it
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,10 @@ class Experiment:
 def config_of(policy: str, base: EnvConfig, chosen: Mapping[str, Any]) -> EnvConfig:
     """Return `base` with what the policy needs put in, and over that the fields that a user has chosen."""
     config = central_config(policy, base) if policy in CENTRAL else policy_config(policy, base)
-    return config.replace(**chosen)
+    config = config.replace(**chosen)
+    if config.fleet and policy in CENTRAL:
+        raise ConfigError(f"policy {policy!r} plans for robots of one kind: leave the fleet out, or take another")
+    return config
 
 
 def make_experiment(
@@ -229,8 +232,8 @@ class Trace:
 
 
 def centres(pose: NDArray[np.float32], config: EnvConfig) -> NDArray[np.float32]:
-    """Return float32[..., 2], the centres [m] of bodies whose front axles are at pose float32[..., 3]."""
-    back = np.float32(config.robot.length / 2 - config.robot.front_overhang)
+    """Return float32[..., N, 2], the centres [m] of all robots' bodies, front axles at pose float32[..., N, 3]."""
+    back = np.array([robot.length / 2 - robot.front_overhang for robot in config.robots], np.float32)[:, None]
     ahead: NDArray[np.float32] = np.stack([np.cos(pose[..., 2]), np.sin(pose[..., 2])], axis=-1)
     return np.asarray(pose[..., :2] - back * ahead)
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from train.evaluation.audit.bodies import Body, gap
+from train.evaluation.audit.bodies import Fleet, body_of, gap
 from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import kernel
 from warehouse_env.simulation.rules.waits import SLOW
@@ -79,26 +79,31 @@ def _step_robots(robots, poses, before, moments, was, seconds, dt, late):
 
 
 @kernel
-def _look_at_pairs(robots, active, count, bits, near, body):
+def _look_at_pairs(robots, active, count, bits, near, fleet):
     """Begin and end near misses and contacts of pairs; active int64[K, 4]: two robots, status, whether seen now.
 
     A pair touches where its bodies overlap, or where both say that they touch a robot. Returns how many are active.
     """
-    apart = 2.0 * body.radius + GAP_HORIZON
+    apart, back = 2.0 * fleet.radius + GAP_HORIZON, 0.0
+    for body in fleet.bodies:
+        back = max(back, abs(body.back))
     order = np.argsort(robots["x"])
     for n in range(order.size):
         i = order[n]
         for m in range(n + 1, order.size):
             j = order[m]
             a, b = robots[min(i, j)], robots[max(i, j)]
-            if robots[j]["x"] - robots[i]["x"] > apart + 2.0 * abs(body.back):
+            if robots[j]["x"] - robots[i]["x"] > apart + 2.0 * back:
                 break
-            dx = (b["x"] - body.back * b["cos"]) - (a["x"] - body.back * a["cos"])
-            dy = (b["y"] - body.back * b["sin"]) - (a["y"] - body.back * a["sin"])
+            one, other = body_of(min(i, j), fleet), body_of(max(i, j), fleet)
+            dx = (b["x"] - other.back * b["cos"]) - (a["x"] - one.back * a["cos"])
+            dy = (b["y"] - other.back * b["sin"]) - (a["y"] - one.back * a["sin"])
             if (bits[i] & bits[j] & PRESENT) == 0 or dx * dx + dy * dy > apart * apart:
                 continue
-            length, width = body.half_length, body.half_width
-            found = gap(dx, dy, a["cos"], a["sin"], length, width, b["cos"], b["sin"], length, width)
+            found = gap(
+                dx, dy, a["cos"], a["sin"], one.half_length, one.half_width,
+                b["cos"], b["sin"], other.half_length, other.half_width,
+            )  # fmt: skip
             touch = found < 0.0 or (found < near and (bits[i] & bits[j] & AT_ROBOT) != 0)
             found = 0.0 if touch else found
             a["gap"], b["gap"] = min(a["gap"], found), min(b["gap"], found)
@@ -142,7 +147,7 @@ class Figures:
         self.robots["min_gap"] = GAP_HORIZON
         self.robots["held_by"] = self.robots["yields_to"] = -1
         self.moments = -1
-        self._config, self._body = config, Body.of(config)
+        self._config, self._fleet = config, Fleet.of(config)
         self._active = np.zeros((8 * count, 4), dtype=np.int64)
         self._count = 0
         self._pose: NDArray[np.float64] | None = None
@@ -162,6 +167,6 @@ class Figures:
         late = self.moments > self._config.max_steps // 2
         _step_robots(robots, now, before, moment, was, self.seconds, dt, late)
         self._count = _look_at_pairs(
-            robots, self._active, self._count, moment["bits"], self._config.near_miss_gap, self._body
+            robots, self._active, self._count, moment["bits"], self._config.near_miss_gap, self._fleet
         )
         self._pose, self._was = now, moment

@@ -199,11 +199,13 @@ def _too_fast(
     pose: NDArray[np.float32], speed: NDArray[np.float32], shelves: NDArray[np.float64], simulator: Simulator
 ) -> NDArray[np.bool_]:
     """Return bool[N], whether robots could touch a shelf around one of the points float[K, 2] [m] before they stop."""
-    robot, step = simulator.config.robot, simulator.config.action_repeat * simulator.config.time_step
+    config = simulator.config
+    step = config.action_repeat * config.time_step
+    farthest, brake = np.array([(robot.farthest, robot.max_acceleration) for robot in config.robots]).T
     beside = np.abs(pose[:, None, :2] - shelves) - simulator.grid.cell_size / 2
     gap = np.hypot(*np.moveaxis(np.maximum(beside, 0.0), -1, 0)).min(axis=1, initial=np.inf)  # from the front axle
     fast = np.abs(speed)
-    return np.asarray(gap < robot.farthest + fast * step + fast**2 / (2 * robot.max_acceleration))
+    return np.asarray(gap < farthest + fast * step + fast**2 / (2 * brake))
 
 
 def _seed(seed: int, made: int) -> int:

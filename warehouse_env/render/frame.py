@@ -57,6 +57,11 @@ class Scene(NamedTuple):
     goal_pose: NDArray[np.float32] | None = None  # [N, 3] where robots stop: front axle x, y [m], heading, nan: any
     loaded: NDArray[np.bool_] | None = None  # [N], those that carry something
     people: NDArray[np.float32] | None = None  # [M, 3], x [m], y [m], the way that they walk [rad]
+    fleet: tuple[RobotSpec, ...] = ()  # [N], where robots are of several kinds
+
+    def body(self, robot: int) -> RobotSpec:
+        """Return what robot number `robot` is."""
+        return self.fleet[robot] if self.fleet else self.robot
 
 
 def scene_of(simulator: Any, world: int = 0) -> Scene:
@@ -88,6 +93,7 @@ def scene_of(simulator: Any, world: int = 0) -> Scene:
         goal_pose=goal_poses(simulator, world),
         loaded=None if shifts is None else shifts[world].carries.copy(),
         people=places(simulator.people.persons[world]),
+        fleet=simulator.config.robots if simulator.config.fleet else (),
     )
 
 
@@ -181,10 +187,10 @@ def _draw_goals(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float
 
 
 def _draw_robots(pygame: Any, canvas: Any, scene: Scene, top: float, scale: float) -> None:
-    robot = scene.robot
-    reach = math.hypot(robot.length, robot.width) / 2 + 0.25  # with halo and shadow
     # Parked robots first and those in contact last, so that what matters lies on top.
     for i in np.lexsort((scene.touching, scene.alive)):
+        robot = scene.body(int(i))
+        reach = math.hypot(robot.length, robot.width) / 2 + 0.25  # with halo and shadow
         centre = body_centre(scene.pose[i], robot)
         tile = Tile(pygame, centre, reach, top, scale)
         steer = 0.0 if scene.steer is None else float(scene.steer[i])
@@ -218,7 +224,7 @@ def _draw_waiting(pygame: Any, canvas: Any, scene: Scene, top: float, scale: flo
     inks = {i: ink for i in range(len(scene.pose)) if (ink := _waiting_colour(scene, i)) is not None}
     width = max(0.07, 1.6 / scale)  # [m], a pixel and a half at least
     for i in sorted(inks, key=lambda i: inks[i] == DEADLOCK):
-        begin, end = (np.array(body_centre(scene.pose[k], scene.robot)) for k in (i, scene.waits_for[i]))  # type: ignore[index]
+        begin, end = (np.array(body_centre(scene.pose[k], scene.body(k))) for k in (i, scene.waits_for[i]))  # type: ignore[index]
         middle, reach = (begin + end) / 2, float(np.hypot(*(end - begin))) / 2 + 6 * width
         tile = Tile(pygame, (float(middle[0]), float(middle[1])), reach, top, scale)
         stuck = inks[i] == DEADLOCK

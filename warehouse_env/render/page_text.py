@@ -68,7 +68,7 @@ def about_page(robots: int) -> dict[str, Any]:
 
 def about_world(name: str, grid: GridMap, config: EnvConfig, seed: int) -> dict[str, Any]:
     """Return what a page must know of a world beside its arrays, in JSON types."""
-    robots, body = config.num_agents, config.robot
+    robots = config.num_agents
     rows, across = grid.shape
     discrete = config.action_type == "discrete"
     return {
@@ -79,9 +79,11 @@ def about_world(name: str, grid: GridMap, config: EnvConfig, seed: int) -> dict[
         "gridColumns": across,
         "cell": grid.cell_size,
         "discs": grid.discs.tolist(),
-        "body": {
-            "length": body.length, "width": body.width, "wheelbase": body.wheelbase, "front": body.front_overhang,
-        },
+        "bodies": [
+            {"length": body.length, "width": body.width, "wheelbase": body.wheelbase, "front": body.front_overhang}
+            for body in config.kinds
+        ],
+        "kinds": config.kind_of,
         "people": config.people,
         "personRadius": PERSON_RADIUS,
         "lidar": {"rays": config.sensor.rays, "range": config.sensor.lidar_range},

@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warehouse_env.config import EnvConfig
+from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import ActionError
 from warehouse_env.kernel import kernel
 from warehouse_env.simulation.senses import preferences
@@ -35,6 +35,8 @@ class ActionDecoder:
     continuous: two numbers in [-1, 1] around cruising on the route: the speed from min_speed over the fastest level
         (at 0) to max_speed, and the offset in units of the largest one.
     raw: acceleration and steering rate in units of their limits.
+
+    In a fleet of several kinds the limits are each robot's own, and speed levels are cut off there.
     """
 
     def __init__(self, config: EnvConfig) -> None:
@@ -42,12 +44,28 @@ class ActionDecoder:
         self.space: gymnasium.Space[Any]
         levels, offsets = config.speed_levels, config.lateral_offsets
         self._cruise, self._widest = max(levels), max(abs(o) for o in offsets)
+        self._fleet = bool(config.fleet)
+        self._slowest, self._fastest, self._hardest, self._quickest = (
+            self._of_each(name) for name in ("min_speed", "max_speed", "max_acceleration", "max_steering_rate")
+        )
         self.table = np.array([(v, o) for v in levels for o in offsets], dtype=np.float32)
         self.sides = np.array(sorted(set(offsets), key=lambda o: (abs(o), o)), dtype=np.float32)  # the right one first
         if config.action_type == "discrete":
             self.space = gymnasium.spaces.Discrete(len(self.table))
         else:
             self.space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+    def _of_each(self, limit: str) -> Any:
+        """Return a limit of the robots: a number where all are alike, else float64[N]."""
+        robots = self._config.robots if self._fleet else (self._config.robot,)
+        each = np.array([getattr(robot, limit) for robot in robots])
+        return each if self._fleet else float(each[0])
+
+    def commands_of(self, robot: RobotSpec) -> NDArray[np.float32]:
+        """Return `table` as a robot carries it out, whose speeds may lie beyond its limits."""
+        table = self.table.copy()
+        table[:, 0] = np.clip(table[:, 0], robot.min_speed, robot.max_speed)
+        return table
 
     @property
     def cruise(self) -> NDArray[Any]:
@@ -73,13 +91,17 @@ class ActionDecoder:
             raise ActionError(f"{kind} actions must be numbers in an array, not lists of different lengths") from None
         if kind == "discrete" and given.ndim == 3 and given.dtype.kind in "fu":
             self._rank(given, commands, choices)
-            return
-        if kind == "discrete":
-            self._look_up(given, commands)
         else:
-            self._scale(given, commands)
-        if choices.size:
-            preferences.obey(commands, self.sides, choices)
+            if kind == "discrete":
+                self._look_up(given, commands)
+            else:
+                self._scale(given, commands)
+            if choices.size:
+                preferences.obey(commands, self.sides, choices)
+        if kind == "discrete" and self._fleet:
+            np.clip(commands[..., 0], self._slowest, self._fastest, out=commands[..., 0])
+            for speeds in (choices[..., preferences.SPEED], choices[..., preferences.GOING]):
+                np.clip(speeds, self._slowest[:, None], self._fastest[:, None], out=speeds)
 
     def shortened(self, actions: ArrayLike) -> NDArray[Any]:
         """Return actions that were decoded in less memory, decoded alike: of preferences the order, uint16[B, N, A]."""
@@ -122,11 +144,11 @@ class ActionDecoder:
         if not np.isfinite(given).all():
             raise ActionError(f"{kind} actions must be finite; some are nan or infinite")
         first, second = np.clip(given[..., 0], -1, 1), np.clip(given[..., 1], -1, 1)
-        robot = self._config.robot
         if kind == "raw":
-            commands[..., 0] = first * robot.max_acceleration
-            commands[..., 1] = second * robot.max_steering_rate
+            commands[..., 0] = first * self._hardest
+            commands[..., 1] = second * self._quickest
             return
-        span = np.where(first >= 0, robot.max_speed - self._cruise, self._cruise - robot.min_speed)
-        commands[..., 0] = self._cruise + first * span
+        cruise = np.minimum(self._cruise, self._fastest) if self._fleet else self._cruise
+        span = np.where(first >= 0, self._fastest - cruise, cruise - self._slowest)
+        commands[..., 0] = cruise + first * span
         commands[..., 1] = second * self._widest

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from warehouse_env.config import EnvConfig
+from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import ConfigError, shown
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.routes.book import RouteBook
@@ -48,7 +48,11 @@ def check_memory(worlds: int, robots: int, size: int, bytes_a_robot: int, people
 
 def check_pace(config: EnvConfig, cell: float) -> None:
     """Raise ConfigError for robots so fast that between two contact checks they could leap over a shelf or the rim."""
-    robot = config.robot
+    for robot in config.bodies:
+        _check_pace_of(robot, config, cell)
+
+
+def _check_pace_of(robot: RobotSpec, config: EnvConfig, cell: float) -> None:
     distance = max(robot.max_speed, -robot.min_speed) * config.time_step / config.substeps  # [m]
     turn = distance * math.tan(robot.max_steering) / robot.wheelbase  # [rad]
     tail = math.hypot(distance, turn * (robot.rear_reach - robot.length / 2))  # [m] that the body's centre moves
@@ -62,9 +66,10 @@ def check_pace(config: EnvConfig, cell: float) -> None:
 def check_stop(config: EnvConfig, samples: int) -> None:
     """Raise ConfigError if a protective field would look at more substeps of each stop than anybody waits for."""
     if config.protective_field and samples > _MOST_SAMPLES:
+        hardest = min(robot.max_acceleration for robot in config.bodies)
         raise ConfigError(
-            f"max_acceleration={config.robot.max_acceleration:g} makes a full stop last {samples} substeps, "
-            f"and a protective_field looks at {_MOST_SAMPLES} at most; brake harder, or use fewer substeps"
+            f"max_acceleration={hardest:g} makes a full stop last {samples} substeps, and "
+            f"a protective_field looks at {_MOST_SAMPLES} at most; brake harder, or use fewer substeps"
         )
 
 

@@ -22,7 +22,7 @@ from warehouse_env.simulation import given, state, step
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.driver import docking, rejoin
 from warehouse_env.simulation.driver.manoeuvre import ARCS
-from warehouse_env.simulation.driver.turning import turning_metric
+from warehouse_env.simulation.driver.turning import turning_metrics
 from warehouse_env.simulation.physics.buckets import bucket_grid
 from warehouse_env.simulation.physics.deviation import Deviation, errs, planned_config
 from warehouse_env.simulation.physics.floor import fit, floor_of, load_grid
@@ -40,7 +40,7 @@ from warehouse_env.simulation.senses.scanners import scanners_of
 from warehouse_env.simulation.tasks.assignment import Assignment, check_assignments
 from warehouse_env.simulation.tasks.dispatch import ROUTE_BLOCK, Dispatcher
 from warehouse_env.simulation.tasks.orders import Order
-from warehouse_env.simulation.tasks.placement import put_all
+from warehouse_env.simulation.tasks.placement import Limits, put_all
 from warehouse_env.simulation.tasks.tasks import Arrival
 from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
 
@@ -101,15 +101,16 @@ class Simulator(Portable):
         each += 4 * config.num_agents if config.protective_field == "lidar" else 0  # whom it sees
         cells = self.grid.occupied.size
         given.check_memory(num_worlds, config.num_agents, self.layout.size, each, config.people, cells)
-        self._params = state.parameters_of(planned, self.grid.cell_size)
-        self._params["long"], self._params["wide"] = config.robot.longer, config.robot.wider  # whatever errors add
+        self._every_kind = state.every_kind(planned, self.grid.cell_size, config.kinds)
+        self._params = self._every_kind[:1].copy()
+        self._kinds = self._every_kind[list(config.kind_of)] if config.fleet else None
         self._make_spaces(planned)
         self._weights = weight_vector(config.reward)
         self._reward_weights = config.reward
         self._planned = np.zeros((num_worlds, config.num_agents), dtype=state.ROBOT)
         self.robots = self._planned.copy() if errs(config) else self._planned  # where they are, in truth
         self.people = People(planned, self.grid, num_worlds)
-        self.dispatcher = Dispatcher(planned, routes, self._planned, self.people.persons, self._params, orders)
+        self.dispatcher = Dispatcher(planned, routes, self._planned, self.people.persons, self._limits, orders)
         self._deviation = Deviation(config, num_worlds)
         self._messages = Messages(config, num_worlds)
         self._make_arrays(planned)
@@ -137,23 +138,29 @@ class Simulator(Portable):
         self._commands = np.zeros((1 + said, b, n, 2), dtype=np.float32)
         self._choices = self._actions.no_choices(b, n)
         reach = float(p["pair_range"][0])
-        p["most_pairs"] = state.most_pairs(n, reach, float(p["radius"][0]), planned)
+        widest = float(p["widest"][0])
         self._stamps = np.zeros((b, n, state.most_near(n, self.config), 2), dtype=np.int32)
         rows, columns = self.grid.shape
         size, by_sight = self.grid.cell_size, self.config.protective_field == "lidar"
-        seen_from = float(p["radius"][0]) * (2 if by_sight else 1)  # the farthest point of the body, or its centre
+        seen_from = widest * (2 if by_sight else 1)  # the farthest point of the body, or its centre
         look = max(
             self.config.sensor.lidar_range + seen_from,
             2 * max(reach, float(p["field_range"][0]) if self.config.protective_field else 0.0),
         )
         bucket_rows, bucket_columns, side = bucket_grid(n, columns * size, rows * size, look)
-        p["bucket_rows"], p["bucket_columns"], p["bucket"] = bucket_rows, bucket_columns, side
-        p["needs"] = len(range(self.layout.size)[self.layout.slices.get("needs", slice(0))])
-        self._true_params = p  # of the bodies, where these are not what is planned
+        shared = {
+            "most_pairs": state.most_pairs(n, reach, widest, planned),
+            "bucket_rows": bucket_rows, "bucket_columns": bucket_columns, "bucket": side,
+            "needs": len(range(self.layout.size)[self.layout.slices.get("needs", slice(0))]),
+        }  # fmt: skip
+        self._true_params, self._true_kinds = self._limits  # of the bodies, where these are not what is planned
         if self.robots is not self._planned:
             self._true_params = state.parameters_of(self.config, size)
-            for name in ("most_pairs", "bucket_rows", "bucket_columns", "bucket"):
-                self._true_params[name] = p[name]
+            self._true_kinds = state.kinds_of(self.config, size)
+        for records in (p, self._kinds, self._true_params, self._true_kinds):
+            if records is not None:
+                for name, value in shared.items():
+                    records[name] = value
         self._waiting = np.zeros(b, dtype=np.int32)
         self._faults = np.zeros((b, 3), dtype=np.int32)
         self._features = step.Features.of(self.config)
@@ -177,7 +184,7 @@ class Simulator(Portable):
     def _collect(self) -> None:
         """Keep the kernels' arguments ready: collecting them takes longer than a small world's step."""
         config = self.config
-        table = self._actions.table if config.sensor.predictions else None
+        table = self._table() if config.sensor.predictions else None
         seen = (
             self._rays, table, self._weights, *self._floor.edges,
             self.observation, self.reward_terms, self.reward,
@@ -189,14 +196,24 @@ class Simulator(Portable):
             persons, self.people.ways, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
             self.terminated, self._waiting, self._faults, self._deviation.bodies, self._deviation.errors,
             None if shifts is None else shifts.limits, *features, self._scanners, self._sights, self._zones,
-            self._params, self._true_params, *floor,
+            *self._limits, self._true_params, self._true_kinds, *floor,
         )  # fmt: skip
         self._agree_arguments = (
-            persons, self.arcs, self._commands[0], self._paths, self._params, self._choices, self._floor.clearance,
+            persons, self.arcs, self._commands[0], self._paths, *self._limits, self._choices, self._floor.clearance,
         )  # fmt: skip
-        self._room_arguments = (persons, self.arcs, self._paths, self._params, *floor)
+        self._room_arguments = (persons, self.arcs, self._paths, *self._limits, *floor)
         walking, stopping = features.walking, features.stopping
-        self._observe_arguments = (persons, self._waiting, stopping, walking, self._true_params, *seen)
+        of_robots = self._true_params, self._true_kinds
+        self._observe_arguments = (persons, self._waiting, stopping, walking, *of_robots, *seen)
+
+    def _table(self) -> NDArray[np.float32]:
+        """Return what discrete actions mean to each kind of robots, float32[K, A, 2]."""
+        actions, kinds = self._actions, self.config.kinds
+        return np.stack([actions.commands_of(robot) for robot in kinds]) if len(kinds) > 1 else actions.table[None]
+
+    @property
+    def _limits(self) -> Limits:
+        return self._params, self._kinds
 
     def observe_into(self, observation: NDArray[np.float32]) -> None:
         """Write observations into this array [B, N, D] from now on; the last one stays as it is, its holder's own."""
@@ -298,7 +315,7 @@ class Simulator(Portable):
         """Put robots at poses float[B, N, 3] (x [m], y [m], heading [rad]) with speeds float[B, N] [m/s] beside their
         routes, and observe; return bool[B]: whether no body of a world touches anything. Call after a reset.
         """
-        free = put_all(self._planned, self.routes, pose, speed, self._params, self._floor)
+        free = put_all(self._planned, self.routes, pose, speed, self._limits, self._floor)
         if self.robots is not self._planned:
             for world in range(self.num_worlds):
                 self._deviation.stand(world, self._planned[world])
@@ -363,18 +380,18 @@ class Simulator(Portable):
         advance, observe = self._code()
         where = (begin, end, self._planned, self.dispatcher.routes)
         if self.config.right_of_way and agreement.agree(*where, *self._agree_arguments):
-            making_room.make_room(*where, *self._room_arguments, self._metric)
+            making_room.make_room(*where, *self._room_arguments, self._metrics)
         arrivals, seeking = advance(*where, *self._advance_arguments)
         if seeking:
             seek: Callable[..., None] = rejoin.seek if self._features.stopping is None else docking.seek
-            seek(*where, self.arcs, self._params, self._floor.solid, self._floor.clearance, self._metric)
+            seek(*where, self.arcs, *self._limits, self._floor.solid, self._floor.clearance, self._metrics)
         if not self.dispatcher.all_look:
             observe(begin, end, False, self._planned, self.dispatcher.routes, *self._observe_arguments)
         return arrivals
 
     @property
-    def _metric(self) -> NDArray[np.float32]:
-        return turning_metric(self._params)
+    def _metrics(self) -> NDArray[np.float32]:
+        return turning_metrics(self._every_kind)
 
     def _many(self) -> bool:
         return self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and get_num_threads() > 1
@@ -402,7 +419,7 @@ class Simulator(Portable):
 
     def jams(self) -> Jams:
         """Return whom each standing robot waits for, who of them wait in a circle, and their stages (jams.jams_of)."""
-        return jams_of(self.robots, self.routes, self._params)
+        return jams_of(self.robots, self.routes, *self._limits)
 
     def global_state(self, world: int = 0) -> NDArray[np.float32]:
         """Return float32[N * 8] for centralised critics: per robot x, y, goal x, y / the map's longer side,

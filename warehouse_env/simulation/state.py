@@ -6,12 +6,13 @@ One record a robot keeps a step's call cheap (one array instead of forty) and it
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.config import EnvConfig
+from warehouse_env.config import EnvConfig, RobotSpec
 
 F, I, B = np.float32, np.int32, np.int8  # noqa: E741
 
@@ -92,6 +93,7 @@ PARAMETERS = np.dtype(
     [
         ("dt", F), ("time_step", F), ("substeps", I), ("repeat", I), ("latency", I),  # latency: in physics steps
         ("half_length", F), ("half_width", F), ("offset", F), ("radius", F),  # [m]; offset: front axle to centre
+        ("kind", I), ("widest", F), ("widest_length", F), ("widest_width", F),  # number of its kind; [m], see LARGEST
         ("wheelbase", F), ("min_speed", F), ("max_speed", F), ("max_acceleration", F),
         ("max_steer", F), ("max_steer_rate", F), ("long", F), ("wide", F),  # times as long, as wide as RobotSpec()
         ("arrival_radius", F), ("arrival_angle", F), ("beyond", F),  # [m], [rad], and [m] aimed at beyond a route
@@ -108,13 +110,41 @@ PARAMETERS = np.dtype(
     align=True,
 )  # fmt: skip
 
+# What is that of the largest in the records of all kinds of robots: the radius, half the length and half the width that
+# a robot takes another for whose body it does not know, and within what it looks for others
+LARGEST = ("widest", "widest_length", "widest_width", "pair_range", "field_range", "stop_samples")
 ACTION_TYPES = ("discrete", "continuous", "raw")
 GAP_HORIZON = 0.5  # [m] up to which gaps between robots are measured
 
 
 def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
-    """Return the record of numbers that the kernels take, as a [1] structured array."""
-    robot, sensor = config.robot, config.sensor
+    """Return the record of numbers that the kernels take, as a [1] structured array: of `robot`, in its fleet."""
+    return every_kind(config, cell)[:1]
+
+
+def kinds_of(config: EnvConfig, cell: float) -> NDArray[Any] | None:
+    """Return the parameters of each robot, PARAMETERS[N]; None where all are alike."""
+    return every_kind(config, cell)[list(config.kind_of)] if config.fleet else None
+
+
+def every_kind(config: EnvConfig, cell: float, bodies: Sequence[RobotSpec] | None = None) -> NDArray[Any]:
+    """Return the parameters of the kinds of robots, PARAMETERS[K].
+
+    bodies: to which lengths are in proportion, if not those of the config: where errors are planned for, it has larger.
+    """
+    kinds = [_parameters_of_one(config, robot, cell) for robot in config.kinds]
+    p = np.concatenate(kinds)
+    p["kind"] = np.arange(len(kinds))
+    for record, body in zip(p, bodies or config.kinds, strict=True):
+        record["long"], record["wide"] = body.longer, body.wider
+    for name in LARGEST:
+        p[name] = p[name].max()
+    return p
+
+
+def _parameters_of_one(config: EnvConfig, robot: RobotSpec, cell: float) -> NDArray[Any]:
+    """Return PARAMETERS[1] of a kind of robots, as if all were of it."""
+    sensor = config.sensor
     p = np.zeros(1, dtype=PARAMETERS)
     half_length, half_width = robot.length / 2, robot.width / 2
     radius = float(np.hypot(half_length, half_width))
@@ -133,10 +163,10 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
         "substeps": config.substeps, "repeat": config.action_repeat, "latency": latency_steps(config),
         "half_length": half_length, "half_width": half_width,
         "offset": robot.rear_reach - half_length, "radius": radius,
+        "widest": radius, "widest_length": half_length, "widest_width": half_width,
         "wheelbase": robot.wheelbase, "min_speed": robot.min_speed, "max_speed": robot.max_speed,
         "max_acceleration": robot.max_acceleration,
         "max_steer": robot.max_steering, "max_steer_rate": robot.max_steering_rate,
-        "long": robot.longer, "wide": robot.wider,
         "arrival_radius": config.pose_radius if config.arrival == "pose" else config.arrival_radius,
         "arrival_angle": config.pose_angle, "beyond": 0.0 if config.arrival == "pass" else np.inf,
         "near_miss_gap": config.near_miss_gap,
@@ -147,7 +177,7 @@ def parameters_of(config: EnvConfig, cell: float) -> NDArray[Any]:
         "right_of_way": config.right_of_way, "right_of_way_after": config.right_of_way_after,
         "field": config.protective_field is not False, "field_margin": config.field_margin,
         "reel": reel, "unseen_speed": config.field_spec.unseen_speed,
-        "stop_samples": stop_samples(config), "swing": wide,
+        "stop_samples": _stop_samples(config, robot), "swing": wide,
         "far": far,
         "field_range": 2 * (radius + stride + wide * stop) + config.field_margin,
         "action_type": ACTION_TYPES.index(config.action_type), "one_shot": config.tasks == "one_shot",
@@ -165,7 +195,10 @@ def latency_steps(config: EnvConfig) -> int:
 
 def stop_samples(config: EnvConfig) -> int:
     """Return the most substeps of a motion of the protective field: a physics step as commanded, and a full stop."""
-    robot = config.robot
+    return max(_stop_samples(config, robot) for robot in config.kinds)
+
+
+def _stop_samples(config: EnvConfig, robot: RobotSpec) -> int:
     fastest = max(robot.max_speed, -robot.min_speed)
     return (math.ceil(fastest / (robot.max_acceleration * config.time_step)) + 2) * config.substeps
 
@@ -225,22 +258,26 @@ def goal_of(r: Any) -> tuple[int, int]:
 
 def global_view(robots: NDArray[Any], side: float, config: EnvConfig) -> NDArray[np.float32]:
     """Return float32[N * 8] of the robots ROBOT[N] of one world (see Simulator.global_state); side [m]: the longer."""
-    size, robot = np.float32(side), config.robot
+    size, limits = np.float32(side), [(robot.max_speed, robot.max_steering) for robot in config.robots]
+    fastest, lock = np.array(limits, np.float32).T
     columns = [robots[name] / size for name in ("x", "y", "goal_x", "goal_y")] + [robots["cos"], robots["sin"]]
-    columns += [robots["speed"] / np.float32(robot.max_speed), robots["steer"] / np.float32(robot.max_steering)]
+    columns += [robots["speed"] / fastest, robots["steer"] / lock]
     return np.stack(columns, axis=-1).astype(np.float32).reshape(-1)
 
 
 def most_near(robots: int, config: EnvConfig) -> int:
     """Return how many robots can at most be within near_miss_gap of one, or have just been: bodies never overlap."""
-    robot = config.robot
-    reach = max(config.near_miss_gap, GAP_HORIZON) + 1.5 * math.hypot(
-        robot.length, robot.width
-    )  # around half of its own
-    return max(1, min(robots - 1, math.ceil(math.pi * reach**2 / (robot.length * robot.width))))
+    diagonal = max(math.hypot(robot.length, robot.width) for robot in config.kinds)
+    reach = max(config.near_miss_gap, GAP_HORIZON) + 1.5 * diagonal  # around half of its own
+    return max(1, min(robots - 1, math.ceil(math.pi * reach**2 / _least_area(config))))
+
+
+def _least_area(config: EnvConfig) -> float:
+    """Return the floor [m^2] that the smallest body covers."""
+    return min(robot.length * robot.width for robot in config.kinds)
 
 
 def most_pairs(robots: int, reach: float, radius: float, config: EnvConfig) -> int:
     """Return how many pairs of a world's robots can at most be within reach [m]; for bodies never overlap."""
-    area = math.pi * (reach + radius) ** 2 / (config.robot.length * config.robot.width)
+    area = math.pi * (reach + radius) ** 2 / _least_area(config)
     return max(1, min(robots * (robots - 1) // 2, robots * (math.ceil(area) // 2 + 1)))

@@ -19,6 +19,7 @@ from warehouse_env.kernel import inline, kernel
 from warehouse_env.observation import EGO, FIELD, GOAL, NEIGHBOUR
 from warehouse_env.simulation.driver import arrival, line, tracking
 from warehouse_env.simulation.physics import buckets, contact, contact_episodes, deviation, people, zones
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import approach, braking
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 from warehouse_env.simulation.rules import audit, by_sight, field, right_of_way, waits
@@ -155,76 +156,78 @@ def _sights(p):
 
 
 @inline
-def _move(robots, persons, near, motions, walking, guarded, p, solid, clearance):
+def _move(robots, persons, near, motions, walking, guarded, p, kinds, solid, clearance):
     """Carry out the motions of one physics step, but for those that would end in a shelf, a person or another robot."""
     pairs, motion, flags, lanes = motions
     for _ in range(p["substeps"]):
-        contact.try_motion(motion, flags, lanes, p)
-        contact.keep_off_shelves(robots, motion, flags, guarded, p, solid, clearance)
+        contact.try_motion(motion, flags, lanes, p, kinds)
+        contact.keep_off_shelves(robots, motion, flags, guarded, p, kinds, solid, clearance)
         if walking is not None:
-            people.keep_off_people(robots, persons, motion, flags, p)
-        contact.keep_off_robots(motion, flags, pairs, near, guarded, p)
+            people.keep_off_people(robots, persons, motion, flags, p, kinds)
+        contact.keep_off_robots(motion, flags, pairs, near, guarded, p, kinds)
         contact.accept_motion(robots, motion)
 
 
 @inline
 def _choose(
     robots, persons, routes, arcs, commands, limits, places, motions, guards, followed, stopping, walking, guarded,
-    scanners, sights, looks, slow, p, solid, clearance,
+    scanners, sights, looks, slow, p, kinds, solid, clearance,
 ):  # fmt: skip
     """Choose each robot's motion of one physics step.
 
-    limits PARAMETERS[N]: of each robot its own, None where all have those of p; scanners, sights float32[N, N], looks:
-    None without them; see scanners.py and by_sight.py; slow: zones.Zones, None without them.
+    limits PARAMETERS[N]: of each robot under its load, None where nobody carries any; kinds: without it (kinds.py);
+    scanners, sights float32[N, N], looks: None without them; see scanners.py and by_sight.py; slow: zones.Zones, None
+    without them.
     """
     _, motion, _, _ = motions
     for i in range(robots.shape[0]):
-        first, second = commands[i, 0], commands[i, 1]
+        first, second, unladen = commands[i, 0], commands[i, 1], kind_of(i, p, kinds)
         if slow is not None:
-            most = zones.most_speed(robots[i], slow, p)
+            most = zones.most_speed(robots[i], slow, unladen)
             if followed is not None:
                 first = min(max(first, -most), most)
         if followed is not None:
-            own = p if limits is None else limits[i]
+            own = unladen if limits is None else limits[i]
             first, second = _follow(robots[i], routes[i], arcs[i], first, second, stopping, own, solid, clearance)
         else:
-            first, second = _take_raw(robots[i], first, second, p)
+            first, second = _take_raw(robots[i], first, second, unladen)
             if limits is not None:
                 first = _slowed(robots[i], first, limits[i])
         if slow is not None:
-            first = zones.keep_under(robots[i], first, most, p)
-        contact.load(robots, i, first, second, p, clearance, motion)
+            first = zones.keep_under(robots[i], first, most, unladen)
+        contact.load(robots, i, first, second, unladen, clearance, motion)
     if scanners is not None:
         by_sight.guard(robots, persons, motion, guards, places, sights, looks, walking, p, solid, clearance, scanners)
     elif guarded is not None:
-        field.guard(robots, persons, motion, guards, places, walking, p, solid, clearance)
+        field.guard(robots, persons, motion, guards, places, walking, p, kinds, solid, clearance)
 
 
 @inline
 def _carry_out(
-    robots, persons, actual, errors, near, motions, own, walking, guarded, erring, p, true, solid, clearance
-):
+    robots, persons, actual, errors, near, motions, own, walking, guarded, erring, p, kinds, true, true_kinds, solid,
+    clearance,
+):  # fmt: skip
     """Carry out the motions chosen, with bodies that err as well as they can.
 
-    near: the number of pairs that may meet; actual BODY[N], errors, own, true: see deviation.py.
+    near: the number of pairs that may meet; actual BODY[N], errors, own, true, true_kinds: see deviation.py.
     """
     pairs, motion, flags, lanes = motions
     if erring is None:
-        _move(robots, persons, near, motions, walking, guarded, p, solid, clearance)
+        _move(robots, persons, near, motions, walking, guarded, p, kinds, solid, clearance)
         contact.store(robots, motion)
     else:
-        deviation.plan(motion, flags, lanes, p)
-        deviation.load(robots, actual, motion, errors, own, true, clearance)
-        _move(robots, persons, near, (pairs, own, flags, lanes), walking, None, true, solid, clearance)
-        deviation.store(robots, actual, motion, errors, own, guarded, true)
+        deviation.plan(motion, flags, lanes, p, kinds)
+        deviation.load(robots, actual, motion, errors, own, true, true_kinds, clearance)
+        _move(robots, persons, near, (pairs, own, flags, lanes), walking, None, true, true_kinds, solid, clearance)
+        deviation.store(robots, actual, motion, errors, own, guarded, true, true_kinds)
     if guarded is not None:
         field.settle(robots)
 
 
 @inline
 def _observe_world(
-    robots, persons, routes, places, sights, stopping, walking, p, rays, table, weights, edges, seen, first, out, terms,
-    reward,
+    robots, persons, routes, places, sights, stopping, walking, p, kinds, rays, table, weights, edges, seen, first, out,
+    terms, reward,
 ):  # fmt: skip
     """Write observations, reward terms and rewards of one world."""
     order, starts, bodies = places
@@ -232,31 +235,30 @@ def _observe_world(
     ego = p["rays"]
     route = ego + EGO
     near = route + 2 * p["route_points"]
-    buckets.sort(robots, p, starts, order, bodies)
+    buckets.sort(robots, p, kinds, starts, order, bodies)
     for n in range(robots.shape[0]):
         i = order[n]
-        r = robots[i]
+        r, own = robots[i], kind_of(i, p, kinds)
         row = out[i]
         cx, cy = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n]
-        sensing.scan_shelves(cx, cy, r["cos"], r["sin"], p, edges, seen, first, rays, turned, row)
-        sensing.look_around(n, bodies, order, starts, p, rays, row, near)
+        sensing.scan_shelves(cx, cy, r["cos"], r["sin"], own, edges, seen, first, rays, turned, row)
+        sensing.look_around(n, bodies, order, starts, own, kinds, rays, row, near)
         if walking is not None:
             people.scan_people(persons, cx, cy, r["cos"], r["sin"], rays, row)
-        sensing.write_neighbours(n, bodies, p, row, near)
+        sensing.write_neighbours(n, bodies, own, row, near)
         for k in range(p["rays"]):
             row[k] = ONE / (ONE + row[k])
-        sensing.write_ego_and_route(r, routes[i], p, row, ego)
+        sensing.write_ego_and_route(r, routes[i], own, row, ego)
         if table is not None:
-            prediction.write_predictions(
-                row, ego, route, near, table, p, near + NEIGHBOUR * p["neighbours"], legs, path
-            )
+            start = near + NEIGHBOUR * p["neighbours"]
+            prediction.write_predictions(row, ego, route, near, table[own["kind"]], own, start, legs, path)
         end = row.shape[0] - p["needs"]
         if stopping is not None:
             end -= GOAL
-            arrival.observe(r, p, row, end)
+            arrival.observe(r, own, row, end)
         if p["field"] != 0:
-            field.observe(r, p, row, end - FIELD)
-        reward[i] = write_terms(r, p, weights, terms[i])
+            field.observe(r, own, row, end - FIELD)
+        reward[i] = write_terms(r, own, weights, terms[i])
 
 
 @inline
@@ -273,7 +275,7 @@ def _count_step(robots, steps, b, truncated, terminated, p):
 def advance(
     begin, end, robots, routes, persons, ways, arcs, commands, stamps, steps, truncated, terminated, waiting, faults,
     actual, errors, limits, followed, stopping, walking, guarded, checked, erring, scanners, sights, slow, params,
-    true_params, solid, clearance,
+    kinds, true_params, true_kinds, solid, clearance,
 ):  # fmt: skip
     """Move the worlds from `begin` to before `end` on by one env step; return (arrivals, robots that seek a manoeuvre).
 
@@ -282,10 +284,10 @@ def advance(
     [m], or raw acceleration and steering rate; stamps int32[B, N, K, 2]; steps int64[B] since the reset, truncated
     bool[B], terminated bool[B, N];
     waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator has given out new tasks;
-    faults int32[B, 3]: see audit.find_fault; actual BODY[B, N], errors, true_params: see deviation.py; limits
-    PARAMETERS[B, N]: of robots under loads (loads.py), None where nobody carries any; followed to
-    erring: see Features; scanners, sights float32[B, N, N]: see scanners.py and by_sight.py, slow: zones.Zones, None
-    without them.
+    faults int32[B, 3]: see audit.find_fault; actual BODY[B, N], errors, true_params, true_kinds: see deviation.py;
+    limits PARAMETERS[B, N]: of robots under loads (loads.py), None where nobody carries any; kinds PARAMETERS[N]: of
+    robots of several kinds, else None (kinds.py); followed to erring: see Features; scanners, sights float32[B, N, N]:
+    see scanners.py and by_sight.py, slow: zones.Zones, None without them.
     """
     p, true = params[0], true_params[0]
     arrivals, seeking, count = 0, 0, robots.shape[1]
@@ -302,26 +304,26 @@ def advance(
             _begin(robots[b, i])
         for repeat in range(p["repeat"]):
             clock = steps[b] * p["repeat"] + 1 + repeat
-            buckets.sort(robots[b], p, starts, order, bodies)
+            buckets.sort(robots[b], p, kinds, starts, order, bodies)
             near = contact.list_pairs(bodies, order, starts, p, pairs)
             said = max(p["latency"] - repeat + p["repeat"] - 1, 0) // p["repeat"]  # env steps ago
             _choose(
                 robots[b], persons[b], routes[b], arcs[b], commands[said, b], None if limits is None else limits[b],
                 places, motions, guards, followed, stopping, walking, guarded, scanners,
-                None if scanners is None else sights[b], looks, slow, p, solid, clearance,
+                None if scanners is None else sights[b], looks, slow, p, kinds, solid, clearance,
             )  # fmt: skip
             _carry_out(
                 robots[b], persons[b], actual[b], errors[b, repeat], near, motions, own, walking, guarded, erring, p,
-                true, solid, clearance,
+                kinds, true, true_kinds, solid, clearance,
             )  # fmt: skip
             if walking is not None:
-                people.walk(persons[b], ways[b], robots[b], p, solid, clearance)
+                people.walk(persons[b], ways[b], robots[b], p, kinds, solid, clearance)
             if checked is not None:
-                audit.find_fault(robots[b], persons[b], clock, p, solid, clearance, faults[b])
-            contact_episodes.judge_pairs(robots[b], own, pairs, near, stamps[b], clock, true)
-            contact_episodes.end_shelf_contacts(robots[b], true, solid, clearance)
+                audit.find_fault(robots[b], persons[b], clock, p, kinds, solid, clearance, faults[b])
+            contact_episodes.judge_pairs(robots[b], own, pairs, near, stamps[b], clock, true, true_kinds)
+            contact_episodes.end_shelf_contacts(robots[b], true, true_kinds, solid, clearance)
             if walking is not None:
-                people.end_contacts(robots[b], persons[b], p)
+                people.end_contacts(robots[b], persons[b], p, kinds)
             for i in range(count):
                 waiting[b] += _end(robots[b, i], routes[b, i], stopping, p)
         for i in range(count):
@@ -334,14 +336,14 @@ def advance(
 
 @kernel
 def observe(
-    begin, end, late, robots, routes, persons, waiting, stopping, walking, params, rays, table, weights, edges, seen,
-    first, out, terms, reward,
+    begin, end, late, robots, routes, persons, waiting, stopping, walking, params, kinds, rays, table, weights, edges,
+    seen, first, out, terms, reward,
 ):  # fmt: skip
     """Write observations, rewards and their terms of the worlds from `begin` to before `end`: those that are `waiting`
     if `late`, which then are no more, else all others.
 
-    table: of discrete actions, for predictions, or None; rays, weights, edges, seen, first: see the Simulator; out:
-    observations float32[B, N, D]; terms float32[B, N, T]; reward float32[B, N].
+    table: of the discrete actions of each kind of robots, for predictions, or None; rays, weights, edges, seen, first:
+    see the Simulator; out: observations float32[B, N, D]; terms float32[B, N, T]; reward float32[B, N].
     """
     p = params[0]
     places, sights = buckets.scratch(robots.shape[1], p), _sights(p)
@@ -349,6 +351,6 @@ def observe(
         if (waiting[b] != 0) == late:
             waiting[b] = 0
             _observe_world(
-                robots[b], persons[b], routes[b], places, sights, stopping, walking, p, rays, table, weights, edges,
-                seen, first, out[b], terms[b], reward[b],
+                robots[b], persons[b], routes[b], places, sights, stopping, walking, p, kinds, rays, table, weights,
+                edges, seen, first, out[b], terms[b], reward[b],
             )  # fmt: skip

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from tests.simulation.worlds import drawn, plain_python, room
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.driver.bodies import BODY
 from warehouse_env.simulation.driver.manoeuvre import ARCS, MOST, search_exact
 from warehouse_env.simulation.driver.shots import MOST_ARCS, shoot
 from warehouse_env.simulation.driver.turning import turning_metric
@@ -25,7 +26,7 @@ from warehouse_env.simulation.tasks.assignment import Assignment
 
 ROBOT = EnvConfig().robot
 PARAMETERS = parameters_of(EnvConfig(), 1.0)
-NOBODY = np.zeros((0, 4), np.float32)
+NOBODY = np.zeros((0, BODY), np.float32)
 WALL = drawn(["......", ".####.", "......", "......"])
 Pose = tuple[float, float, float]
 

@@ -15,6 +15,7 @@ from tests.simulation.worlds import drawn, room
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.driver import manoeuvre
+from warehouse_env.simulation.driver.bodies import BODY
 from warehouse_env.simulation.driver.manoeuvre import ARCS, MOST, search
 from warehouse_env.simulation.driver.turning import turning_metric
 from warehouse_env.simulation.physics.floor import floor_of
@@ -24,7 +25,7 @@ from warehouse_env.simulation.state import parameters_of
 
 ROBOT = EnvConfig().robot
 PARAMETERS = parameters_of(EnvConfig(), 1.0)
-NOBODY = np.zeros((0, 4), dtype=np.float32)
+NOBODY = np.zeros((0, BODY), dtype=np.float32)
 NOWHERE = NOBODY
 NEAR = 0.005  # [m]
 AISLE = drawn(["#" * 12, "." * 12, "." * 12, "#" * 12])  # two cells wide, from y = 1 to y = 3
@@ -84,12 +85,13 @@ def touches_shelf(grid: GridMap, pose: Any, wide: float = 0.0) -> bool:
 
 def touch(one: Any, other: Any) -> bool:
     half = (ROBOT.length / 2, ROBOT.width / 2)
-    return bool(rectangles_touch(other[0] - one[0], other[1] - one[1], *one[2:], *half, *other[2:], *half))
+    return bool(rectangles_touch(other[0] - one[0], other[1] - one[1], *one[2:4], *half, *other[2:4], *half))
 
 
 def apart(one: Any, other: Any) -> float:
     values = [np.float32(v) for v in (other[0] - one[0], other[1] - one[1], *one[2:], *other[2:])]
-    return float(separation(*values, np.float32(ROBOT.length / 2), np.float32(ROBOT.width / 2)))
+    half = (np.float32(ROBOT.length / 2), np.float32(ROBOT.width / 2))
+    return float(separation(*values[:4], *half, *values[4:], *half))
 
 
 def goals_at(*poses: tuple[float, float, float]) -> NDArray[np.float32]:
@@ -97,7 +99,12 @@ def goals_at(*poses: tuple[float, float, float]) -> NDArray[np.float32]:
 
 
 def rectangles(*poses: tuple[float, float, float]) -> NDArray[np.float32]:
-    return np.array([body(pose) for pose in poses], dtype=np.float32)
+    return np.array([sized(body(pose)) for pose in poses], dtype=np.float32)
+
+
+def sized(one: tuple[float, float, float, float], length: float = 0.9, width: float = 0.6) -> tuple[float, ...]:
+    """A body with its size, as searches take it."""
+    return (*one, length / 2, width / 2, math.hypot(length, width) / 2)
 
 
 @pytest.mark.parametrize("ahead", [3.0, -0.9, 2.4])
@@ -206,7 +213,7 @@ def test_beside_a_body_no_arc_comes_nearer_than_the_field_allows() -> None:
             grid,
             pose,
             goals_at((7.0, 8.0, 1.5), (7.0, 4.0, -1.5)),
-            bodies=np.array([other], np.float32),
+            bodies=np.array([sized(other)], np.float32),
             parameters=parameters,
         )
         if arcs is None or len(arcs) == 0:
@@ -282,3 +289,11 @@ def test_a_short_search_finds_what_one_in_large_arrays_finds() -> None:
         counts.append(short)
     assert manoeuvre.CUT_OFF in counts
     assert max(counts) > 0
+
+
+def test_a_body_is_gone_round_by_its_own_size() -> None:
+    """Beside a small one that stands in the aisle there is room to pass; beside a large one there is none."""
+    pose, other = (2.0, 2.0, 0.0), (6.0, 1.3, 1.0, 0.0)
+    for length, width, passes in ((0.5, 0.4, True), (2.0, 1.9, False)):
+        arcs = plan(AISLE, pose, goals_at((9.0, 2.0, 0.0)), bodies=np.array([sized(other, length, width)], np.float32))
+        assert (arcs is not None) == passes

@@ -48,7 +48,7 @@ def test_within_the_bounds_bodies_stay_in_their_tubes_and_touch_nothing(seed: in
     simulator._planned[...] = simulator.robots  # `stage` puts the bodies, this what is planned
     simulator._deviation.begin(0, [seed], simulator._planned[0])
     simulator._messages.begin(0, [seed])
-    commands, most = np.zeros((1, simulator.num_agents, 2)), tube(simulator.config)
+    commands, most = np.zeros((1, simulator.num_agents, 2)), tube(simulator.config, simulator.config.robot)
     for _ in range(100):
         fresh = rng.choice([-1.0, 0.0, 1.0], commands.shape, p=[0.2, 0.1, 0.7])
         commands = np.where(rng.random((*commands.shape[:2], 1)) < 0.3, fresh, commands)
@@ -63,8 +63,8 @@ def test_the_tube_by_hand() -> None:
     """The farthest point is .75 m behind the axle and .3 m aside; half a metre more goes by a wrong heading."""
     config = EnvConfig(**DECLARED)
     far = math.hypot(0.75, 0.3)
-    assert tube(config) == pytest.approx(0.02 + (far + 0.5) * math.radians(1.0) + OFF_PLAN)
-    robot, wide = planned_config(config).robot, tube(config)
+    assert tube(config, config.robot) == pytest.approx(0.02 + (far + 0.5) * math.radians(1.0) + OFF_PLAN)
+    robot, wide = planned_config(config).robot, tube(config, config.robot)
     assert (robot.length, robot.width) == pytest.approx((0.9 + 2 * wide, 0.6 + 2 * wide))
     assert robot.rear_reach == pytest.approx(0.75 + wide)
     assert robot.max_acceleration == pytest.approx(0.93)

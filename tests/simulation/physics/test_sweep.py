@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tests.simulation.physics.test_no_overlap import DEEP, MAZE, crowd
-from tests.simulation.reference import OFFSET, bodies, deepest_overlap, on_arcs, separation, shelves
+from tests.simulation.reference import bodies, deepest_overlap, on_arcs, separation, shelves
 from tests.simulation.worlds import drawn, raw, room, stage
-from warehouse_env.config import RobotSpec
+from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.simulation.physics.sweep import touch_between
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import parameters_of
 
 BETWEEN = 40  # samples of a substep
 FARTHEST = 4.0  # times the blur [m] of each of two bodies, within which ones that pass may be taken to touch
@@ -36,18 +37,32 @@ def in_between(simulator: Simulator, actions: Any) -> NDArray[np.float64]:
     return poses
 
 
-@settings(max_examples=400)
-@given(st.integers(0, 10**9), st.floats(-0.1, 0.1), st.sampled_from([0.05, 0.2]))
-def test_bodies_touch_between_samples_where_dense_sampling_says_so(seed: int, gap: float, dt: float) -> None:
-    """Two that are about to pass each other closely, in the middle of a substep."""
+def odd_robot(rng: np.random.Generator) -> RobotSpec:
+    """A robot of any size, which steers at the rear or at the front."""
+    length = rng.uniform(0.4, 2.0)
+    return RobotSpec(
+        length=length, width=rng.uniform(0.3, 1.2), front_overhang=rng.uniform(0.05, 0.95) * length,
+        wheelbase=rng.uniform(0.4, 1.2),
+    )  # fmt: skip
+
+
+@settings(max_examples=500)
+@given(st.integers(0, 10**9), st.floats(-0.1, 0.1), st.sampled_from([0.05, 0.2]), st.booleans())
+def test_bodies_touch_between_samples_where_dense_sampling_says_so(
+    seed: int, gap: float, dt: float, alike: bool
+) -> None:
+    """Two that are about to pass each other closely, in the middle of a substep, of one size or of two."""
     rng = np.random.default_rng(seed)
-    p = stage(room(9, 9), (3.0, 3.0, 0.0), time_step=dt, substeps=1)._params[0]
+    kinds = [RobotSpec(), RobotSpec() if alike else odd_robot(rng)]
+    sizes = np.array([(kind.length, kind.width, kind.front_overhang) for kind in kinds]).T
+    wheelbases = np.array([kind.wheelbase for kind in kinds])
+    p, q = (parameters_of(EnvConfig(robot=kind, time_step=dt, substeps=1), 1.0)[0] for kind in kinds)
     speed = rng.uniform(-1.5, 1.5, (2, 1)) + [[0.0, 1.0]] * rng.uniform(-dt, dt, (2, 1))
     if (speed[:, 0] * speed[:, 1] < 0).any():
         return  # turns back
     steer = rng.uniform(-1.0, 1.0, (2, 1)) * rng.choice([0.0, 1.0], (2, 1)) + np.zeros((2, 2))
     pose = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, rng.uniform(-math.pi, math.pi)]])
-    middle = bodies(*on_arcs(pose, speed, steer, dt, 2)[1].T)
+    middle = bodies(*on_arcs(pose, speed, steer, dt, 2, wheelbases)[1].T, *sizes)
     away = rng.uniform(-math.pi, math.pi)
     for _ in range(40):  # pushed apart until they are `gap` apart half-way
         short = gap - float(separation(middle[0], middle[1]))
@@ -56,17 +71,17 @@ def test_bodies_touch_between_samples_where_dense_sampling_says_so(seed: int, ga
         push = max(short, 1e-3) * np.array([math.cos(away), math.sin(away)])
         pose[1, :2] += push
         middle[1] += push
-    poses = on_arcs(pose, speed, steer, dt, 400)
-    apart = separation(bodies(*poses[:, 0].T), bodies(*poses[:, 1].T))
+    poses = on_arcs(pose, speed, steer, dt, 400, wheelbases)
+    apart = separation(bodies(*poses[:, 0].T, *sizes[:, 0]), bodies(*poses[:, 1].T, *sizes[:, 1]))
     if min(apart[0], apart[-1]) <= DEEP:
         return
     ends = []
-    for robot in (0, 1):
+    for robot, kind in enumerate(kinds):
         for x, y, heading in poses[[0, -1], robot]:
-            c, s = math.cos(heading), math.sin(heading)
-            ends += [x - OFFSET * c, y - OFFSET * s, c, s]
+            c, s, back = math.cos(heading), math.sin(heading), kind.length / 2 - kind.front_overhang
+            ends += [x - back * c, y - back * s, c, s]
     numbers = np.array(ends, dtype=np.float32)
-    found = touch_between(*numbers, p["half_length"], p["half_width"], p["offset"], *np.float32([0.0, 0.0]), p)
+    found = touch_between(*numbers, q["half_length"], q["half_width"], q["offset"], *np.float32([0.0, 0.0]), p, q)
     if apart.min() < -DEEP:
         assert found
     if apart.min() > FARTHEST * 2 * p["blur"] + DEEP:

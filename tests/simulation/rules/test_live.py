@@ -59,7 +59,7 @@ def looks(robots: Any, step: int = 0, every: int = 1) -> Any:
     return out
 
 
-ONE, ON_AXLE = np.float32(1.0), np.float32(0.0)
+ONE, ON_AXLE = np.float32(1.0), np.zeros(64, np.float32)  # of each robot
 STANDS = (6.0, ON_AXLE, ONE, ROWS, COLUMNS)  # after 6 s; bodies' centres on the axle; cells of 1 m
 
 
@@ -438,8 +438,9 @@ def crowd(layout: str, robots: int, steps: int = 0, seed: int = 3) -> tuple[Simu
     records, routes, grid = simulator.robots[0], simulator.routes[0], simulator.grid
     records["standing_time"][:2] = 7.7
     size, floor, looks = np.float32(grid.cell_size), CostToGo(grid), []
+    behind = np.full(robots, 0.3, np.float32)
     table, asked = make_passing(1, robots, grid.occupied.size, SLOTS), make_asked(grid.occupied.size)
-    keep_all_up(table, 0, 0, records, NOBODY_WALKS, ON_NOTHING, routes, 6.0, np.float32(0.3), size, *grid.shape)
+    keep_all_up(table, 0, 0, records, NOBODY_WALKS, ON_NOTHING, routes, 6.0, behind, size, *grid.shape)
     for me, r in enumerate(records):
         field, cell = floor.field((int(r["goal_row"]), int(r["goal_col"])), floor.whole()), grid.cell([r["x"], r["y"]])
         where = (me, *cell.tolist(), field, 0, 0, 10 * UNIT, 40 * UNIT)

@@ -29,7 +29,7 @@ def resolve(world: World) -> list[int]:
     """Let them make room; return who has a manoeuvre."""
     sim = world.simulator
     if waits.look(world.robots, waits.scratch(len(world.robots))):
-        making_room.make_room(0, 1, sim.robots, sim.routes, *sim._room_arguments, sim._metric)
+        making_room.make_room(0, 1, sim.robots, sim.routes, *sim._room_arguments, sim._metrics)
     return [int(k) for k in np.flatnonzero(world.robots["arcs"])]
 
 

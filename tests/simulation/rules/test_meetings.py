@@ -48,7 +48,7 @@ def test_all_poses_that_touch_are_found_and_no_others(
     enlist(ways, PARAMETERS)
     mine = data.draw(st.integers(0, len(drawn) - 1))
     last = data.draw(st.integers(0, len(drawn[mine]) - 1))
-    count = meet(mine, mine, last, ways, PARAMETERS)
+    count = meet(mine, mine, last, ways, PARAMETERS, None)
     masks, met = ways[-2], ways[-1][WHO, :count].tolist()
     assert len(set(met)) == count
     for other in range(len(drawn)):

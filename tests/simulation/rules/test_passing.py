@@ -14,7 +14,7 @@ from warehouse_env.simulation.state import PERSON, ROBOT
 
 ROWS, COLUMNS, SLOTS, ROBOTS = 9, 11, 16, 5
 NOBODY_WALKS, ON_NOTHING = np.zeros(0, PERSON), np.zeros((2, 0), np.int32)
-FLOOR = (6.0, np.float32(0.2), np.float32(1.0), ROWS, COLUMNS)
+FLOOR = (6.0, np.full(ROBOTS, 0.2, np.float32), np.float32(1.0), ROWS, COLUMNS)
 
 
 def listed(table: Passing, world: int) -> Counter[tuple[int, int, int, int]]:

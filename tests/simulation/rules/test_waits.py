@@ -77,7 +77,7 @@ def test_only_whoever_could_be_in_a_ring_is_asked_for_whom_it_waits() -> None:
     world = standing([NOBODY] * 4, [9.0] * 4)
     world.robots["held_by"], world.robots["standing_time"] = [1, 2, 1, 0], [0.0, 3.0, 0.0, 0.0]
     found = waits.scratch(4)
-    waits.find_rings_of(world.robots, world.simulator.routes[0], 3.0, 15.0, found, world.simulator._params[0])
+    waits.find_rings_of(world.robots, world.simulator.routes[0], 3.0, 15.0, found, world.simulator._params[0], None)
     assert found[waits.WHO].tolist() == [NOBODY, 2, 1, NOBODY]
     assert found[waits.RING].tolist() == [NOBODY, 1, 1, NOBODY]
 

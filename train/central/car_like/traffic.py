@@ -85,7 +85,7 @@ def _meets(x, y, heading, rate, curvature, begin, start, end, traffic, j, slot, 
         c, s, to_c, to_s = math.cos(own), math.sin(own), math.cos(to), math.sin(to)
         dx = to_x - own_x + floor.middle * (to_c - c)
         dy = to_y - own_y + floor.middle * (to_s - s)
-        gap = separation(dx, dy, c, s, to_c, to_s, half_length, half_width)
+        gap = separation(dx, dy, c, s, half_length, half_width, to_c, to_s, half_length, half_width)
         if gap < margin:
             return True
         if t >= end:

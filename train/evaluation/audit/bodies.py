@@ -9,7 +9,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from warehouse_env.config import EnvConfig
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.kernel import inline, part
 
 _NO_REACH = 1e-12  # [m] that an edge goes towards a side: it is parallel to it
@@ -33,15 +36,34 @@ class Body(NamedTuple):
     piece: float  # [s]
 
     @classmethod
-    def of(cls, config: EnvConfig) -> Body:
-        """Return what a config says."""
-        robot = config.robot
+    def of(cls, config: EnvConfig, robot: RobotSpec) -> Body:
+        """Return what a config says of robots of a kind."""
         return cls(
             robot.length / 2, robot.width / 2, robot.rear_reach - robot.length / 2,
             math.hypot(robot.length, robot.width) / 2, max(robot.rear_reach, robot.front_overhang), robot.wheelbase,
             robot.min_speed, robot.max_speed, robot.max_acceleration, robot.max_steering, robot.max_steering_rate,
             config.substeps * config.action_repeat, config.time_step / config.substeps,
         )  # fmt: skip
+
+
+class Fleet(NamedTuple):
+    """The bodies of all kinds of robots, and of which each robot is."""
+
+    bodies: tuple[Body, ...]
+    kinds: NDArray[np.int64]  # [N]
+    radius: float  # [m] of the widest
+
+    @classmethod
+    def of(cls, config: EnvConfig) -> Fleet:
+        """Return what a config says."""
+        bodies = tuple(Body.of(config, robot) for robot in config.kinds)
+        return cls(bodies, np.array(config.kind_of), max(body.radius for body in bodies))
+
+
+@inline
+def body_of(i, fleet):
+    """Return the body of robot i."""
+    return fleet.bodies[fleet.kinds[i]]
 
 
 @inline

@@ -13,7 +13,7 @@ import numpy as np
 
 from train.evaluation.audit import arcs as drives
 from train.evaluation.audit.arcs import STAND_SPEED, STAND_STEER, body_at
-from train.evaluation.audit.bodies import gap, point_gap
+from train.evaluation.audit.bodies import body_of, gap, point_gap
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.state import PERSON_RADIUS
 
@@ -42,6 +42,7 @@ class Scene(NamedTuple):
     discs: Any  # float64[K, 3]: x, y, radius [m] of round obstacles
     cell: float  # [m]
     slack: float  # [m] that rounding may make of one body's place
+    fleet: Any  # whose bodies, see bodies.Fleet
 
 
 @inline
@@ -73,8 +74,9 @@ def _shelf_gap(x, y, c, s, scene, body):
 
 
 @part
-def gap_at(kind, i, j, t, scene, body):
+def gap_at(kind, i, j, t, scene):
     """Return the gap [m] at t [s] of robot i to robot or person j, or to the shelf nearest to it; negative: overlap."""
+    body = body_of(i, scene.fleet)
     x, y, c, s = body_at(scene.arcs, i, t, body)
     if kind == SHELF:
         return _shelf_gap(x, y, c, s, scene, body)
@@ -82,17 +84,17 @@ def gap_at(kind, i, j, t, scene, body):
         dx = scene.people[j, 0] + t * scene.walked[j, 0] - x
         dy = scene.people[j, 1] + t * scene.walked[j, 1] - y
         return point_gap(dx * c + dy * s, dy * c - dx * s, body.half_length, body.half_width) - PERSON_RADIUS
-    to_x, to_y, to_c, to_s = body_at(scene.arcs, j, t, body)
+    other = body_of(j, scene.fleet)
+    to_x, to_y, to_c, to_s = body_at(scene.arcs, j, t, other)
     dx, dy = to_x - x, to_y - y
-    circles = math.sqrt(dx * dx + dy * dy) - 2.0 * body.radius
+    circles = math.sqrt(dx * dx + dy * dy) - (body.radius + other.radius)
     if circles > HORIZON:
         return circles
-    length, width = body.half_length, body.half_width
-    return gap(dx, dy, c, s, length, width, to_c, to_s, length, width)
+    return gap(dx, dy, c, s, body.half_length, body.half_width, to_c, to_s, other.half_length, other.half_width)
 
 
 @part
-def first_overlap(kind, i, j, speed, end, least, scene, body):
+def first_overlap(kind, i, j, speed, end, least, scene):
     """Return (when [s] two bodies first overlap within a step, or NONE; the least gap [m] until then).
 
     speed: of any two of their points past each other, at the most [m/s]; end: what of the step is looked at [s], 0 for
@@ -100,7 +102,7 @@ def first_overlap(kind, i, j, speed, end, least, scene, body):
     """
     t, deep = 0.0, 2.0 * scene.slack  # an overlap is more than what rounding makes of two
     while True:
-        found = gap_at(kind, i, j, t, scene, body)
+        found = gap_at(kind, i, j, t, scene)
         least = min(least, found)
         if found < -deep:
             return t, least
@@ -111,15 +113,15 @@ def first_overlap(kind, i, j, speed, end, least, scene, body):
 
 
 @inline
-def _deepest(kind, i, j, t, end, scene, body):
+def _deepest(kind, i, j, t, end, scene):
     """Return the depth [m] of an overlap that begins at t [s], and the place of its first robot where it is deepest."""
     depth, at = -np.inf, t
     for look in range(_LOOKS + 1):
         now = t + (end - t) * look / _LOOKS
-        deep = -gap_at(kind, i, j, now, scene, body)
+        deep = -gap_at(kind, i, j, now, scene)
         if deep > depth:
             depth, at = deep, now
-    x, y, _, _ = body_at(scene.arcs, i, at, body)
+    x, y, _, _ = body_at(scene.arcs, i, at, body_of(i, scene.fleet))
     return depth, x, y
 
 
@@ -134,11 +136,11 @@ def _note(faults, count, world, kind, first, second, time, size, x, y):
 
 
 @part
-def _look(faults, count, world, kind, i, j, speed, end, least, scene, body):
+def _look(faults, count, world, kind, i, j, speed, end, least, scene):
     """Look for an overlap of two bodies in a step, and write it down; return (faults, least gap [m])."""
-    t, least = first_overlap(kind, i, j, speed, end, least, scene, body)
+    t, least = first_overlap(kind, i, j, speed, end, least, scene)
     if t != NONE:
-        depth, x, y = _deepest(kind, i, j, t, end, scene, body)
+        depth, x, y = _deepest(kind, i, j, t, end, scene)
         least = min(least, -depth)
         count = _note(faults, count, world, kind, i, j, t, depth, x, y)
     return count, least
@@ -197,15 +199,15 @@ def _check_limits(faults, count, world, i, before, after, put_back, body):
 
 
 @kernel
-def _drive_all(faults, count, world, before, after, put_back, seen, scene, body):
+def _drive_all(faults, count, world, before, after, put_back, seen, end, scene):
     """Write all robots' arcs, and what is wrong with them; return the number of faults and the way [m] of all.
 
     seen float64[4, N]: where the centre is as the step begins [m], the greatest speed of a point [m/s], and how long
-    the motion is known [s].
+    the motion is known [s]; end [s]: of the step.
     """
-    way, end = 0.0, body.pieces * body.piece
+    way = 0.0
     for i in range(before.shape[0]):
-        arc = scene.arcs[i]
+        arc, body = scene.arcs[i], body_of(i, scene.fleet)
         seen[3, i] = end
         if put_back[i]:
             drives.stand(arc, before[i])
@@ -224,13 +226,13 @@ def _drive_all(faults, count, world, before, after, put_back, seen, scene, body)
 
 
 @kernel
-def _look_at_pairs(faults, count, world, seen, least, scene, body):
+def _look_at_pairs(faults, count, world, seen, least, end, scene):
     """Write down which robots overlap; return (faults, the least gap of two [m], at most `least`).
 
     Robots are gone through from west to east, each with those of whom its circle and their own motion may touch.
     """
-    order, end = np.argsort(seen[0]), body.pieces * body.piece
-    apart = 2.0 * body.radius + min(least, HORIZON)
+    order = np.argsort(seen[0])
+    apart = 2.0 * scene.fleet.radius + min(least, HORIZON)
     most = seen[2].max() * end
     for n in range(order.size):
         i = order[n]
@@ -242,43 +244,43 @@ def _look_at_pairs(faults, count, world, seen, least, scene, body):
             if abs(seen[1, j] - seen[1, i]) <= apart + speed * end:
                 known = min(seen[3, i], seen[3, j])
                 first, second = min(i, j), max(i, j)
-                count, least = _look(faults, count, world, ROBOT, first, second, speed, known, least, scene, body)
+                count, least = _look(faults, count, world, ROBOT, first, second, speed, known, least, scene)
     return count, least
 
 
 @kernel
-def _look_around(faults, count, world, seen, scene, body):
+def _look_around(faults, count, world, seen, end, scene):
     """Write down which robots overlap shelves or people; return the number of faults."""
-    end = body.pieces * body.piece
     for i in range(seen.shape[1]):
-        speed = seen[2, i]
-        count, _ = _look(faults, count, world, SHELF, i, NONE, speed, seen[3, i], -np.inf, scene, body)
+        speed, body = seen[2, i], body_of(i, scene.fleet)
+        count, _ = _look(faults, count, world, SHELF, i, NONE, speed, seen[3, i], -np.inf, scene)
         for j in range(scene.people.shape[0]):
             pace = math.sqrt(scene.walked[j, 0] ** 2 + scene.walked[j, 1] ** 2)
             dx, dy = scene.people[j, 0] - seen[0, i], scene.people[j, 1] - seen[1, i]
             near = body.radius + PERSON_RADIUS + (speed + pace) * end
             if dx * dx + dy * dy <= near * near:
                 known = seen[3, i]
-                count, _ = _look(faults, count, world, PERSON, i, j, speed + pace, known, -np.inf, scene, body)
+                count, _ = _look(faults, count, world, PERSON, i, j, speed + pace, known, -np.inf, scene)
     return count
 
 
 @kernel
-def audit_step(before, after, put_back, people, walked, solid, discs, cell, body, closest, ways, faults):
+def audit_step(before, after, put_back, people, walked, solid, discs, cell, fleet, closest, ways, faults):
     """Check one env step of all worlds; return how many faults were written.
 
     before, after float64[B, N, STATE]; put_back bool[B, N]: whose motion within the step is not known; people, walked
-    float64[B, M, 2]; solid bool[W, H], discs: see Scene; closest float64[B] [m] and ways float64[B] [m], of each world
-    so far, are brought up to date; faults float64[K, FAULT].
+    float64[B, M, 2]; solid bool[W, H], discs: see Scene; fleet: see bodies.py; closest float64[B] [m] and ways
+    float64[B] [m], of each world so far, are brought up to date; faults float64[K, FAULT].
     """
     worlds, robots = before.shape[:2]
-    count, seen = 0, np.empty((4, robots))
+    count, seen, body = 0, np.empty((4, robots)), fleet.bodies[0]  # which all divide an env step alike
+    end = body.pieces * body.piece
     arcs = np.empty((robots, body.pieces, drives.ARC))
     slack = drives.rounding(max(solid.shape) * cell, body)
     for b in range(worlds):
-        scene = Scene(arcs, people[b], walked[b], solid, discs, cell, slack)
-        count, way = _drive_all(faults, count, b, before[b], after[b], put_back[b], seen, scene, body)
+        scene = Scene(arcs, people[b], walked[b], solid, discs, cell, slack, fleet)
+        count, way = _drive_all(faults, count, b, before[b], after[b], put_back[b], seen, end, scene)
         ways[b] += way
-        count, closest[b] = _look_at_pairs(faults, count, b, seen, closest[b], scene, body)
-        count = _look_around(faults, count, b, seen, scene, body)
+        count, closest[b] = _look_at_pairs(faults, count, b, seen, closest[b], end, scene)
+        count = _look_around(faults, count, b, seen, end, scene)
     return count

@@ -13,7 +13,7 @@ function mixed(colour, other, share) {
 function dress(episode, colours) {
   episode.colours = colours.slice(0, episode.robots);
   episode.edges = episode.colours.map((colour) => mixed(colour, "#000000", 0.55));
-  episode.shapes = shapesOf(episode.body);
+  episode.shapes = episode.bodies.map(shapesOf); // of each kind
 }
 
 function buildFloors(replays) {

@@ -94,22 +94,27 @@ class Episode {
     this.now[5 * robot + 1] = along(y, this.get("y", robot, next), Math.sin);
   }
 
-  // Metres from the front axle back to the middle of the body.
-  get back() {
-    return this.body.length / 2 - this.body.front;
+  bodyOf(robot) {
+    return this.bodies[this.kinds[robot]];
+  }
+
+  // Metres from the front axle back to the middle of a robot's body.
+  backOf(robot) {
+    const body = this.bodyOf(robot);
+    return body.length / 2 - body.front;
   }
 
   centre(robot) {
-    const at = 5 * robot;
+    const at = 5 * robot, back = this.backOf(robot);
     const heading = this.now[at + 2];
-    return [this.now[at] - this.back * Math.cos(heading), this.now[at + 1] - this.back * Math.sin(heading)];
+    return [this.now[at] - back * Math.cos(heading), this.now[at + 1] - back * Math.sin(heading)];
   }
 
   centreAt(robot, frame) {
-    const heading = this.get("heading", robot, frame);
+    const heading = this.get("heading", robot, frame), back = this.backOf(robot);
     return [
-      this.get("x", robot, frame) - this.back * Math.cos(heading),
-      this.get("y", robot, frame) - this.back * Math.sin(heading),
+      this.get("x", robot, frame) - back * Math.cos(heading),
+      this.get("y", robot, frame) - back * Math.sin(heading),
     ];
   }
 

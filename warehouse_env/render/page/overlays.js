@@ -225,7 +225,7 @@ function drawChosen(context, episode, place, style) {
   context.beginPath();
   context.arc(
     place.left + x * place.scale, place.bottom - y * place.scale,
-    Math.max(12 * style.ratio, 0.62 * episode.body.length * place.scale + 4 * style.ratio), 0, TURN,
+    Math.max(12 * style.ratio, 0.62 * episode.bodyOf(style.robot).length * place.scale + 4 * style.ratio), 0, TURN,
   );
   for (const [wide, ink] of [[4.5, style.inks.halo], [2, style.inks.chosen]]) {
     context.lineWidth = wide * style.ratio;

@@ -45,11 +45,11 @@ function drawRobot(context, episode, robot, place, style) {
   const at = 5 * robot, k = episode.moment;
   const [x, y, heading, , steer] = episode.now.subarray(at, at + 5);
   const px = place.left + x * place.scale, py = place.bottom - y * place.scale;
-  const margin = 2 * episode.body.length * place.scale;
+  const body = episode.bodyOf(robot), shapes = episode.shapes[episode.kinds[robot]];
+  const margin = 2 * body.length * place.scale;
   if (px < -margin || py < -margin || px > context.canvas.width + margin || py > context.canvas.height + margin) return;
   const alive = episode.flag("alive", robot, k);
   const colour = alive ? style.colours[robot] : style.inks.parked;
-  const { shapes } = episode;
   const fill = (shape, ink) => {
     context.fillStyle = ink;
     context.fill(shape);
@@ -60,9 +60,9 @@ function drawRobot(context, episode, robot, place, style) {
   if (place.scale >= WHEELS_FROM * style.ratio) {
     fill(shapes.hull, style.edges[robot]);
     fill(shapes.skin, colour);
-    drawWheels(context, episode, steer, style);
+    drawWheels(context, body, shapes, steer, style);
   } else fill(shapes.small, colour);
-  if (episode.flag("loaded", robot, k) && alive) drawLoad(context, episode, style);
+  if (episode.flag("loaded", robot, k) && alive) drawLoad(context, body, shapes, style);
   fill(shapes.nose, style.inks.nose);
   if (style.numbers && place.scale >= NUMBERS_FROM * style.ratio) drawNumber(context, episode, robot, place, style);
 }
@@ -75,8 +75,7 @@ function rimOf(episode, robot, frame, style) {
   return episode.get("waits_for", robot, frame) >= 0 ? style.marks.waiting : null;
 }
 
-function drawWheels(context, episode, steer, style) {
-  const { body, shapes } = episode;
+function drawWheels(context, body, shapes, steer, style) {
   const ahead = body.front > body.length / 2;
   const axle = ahead ? body.wheelbase : -body.wheelbase;
   const side = body.width / 2 - 0.1;
@@ -92,8 +91,7 @@ function drawWheels(context, episode, steer, style) {
   }
 }
 
-function drawLoad(context, episode, style) {
-  const { body, shapes } = episode;
+function drawLoad(context, body, shapes, style) {
   const rear = body.front - body.length;
   context.fillStyle = style.inks.load;
   context.fill(shapes.plate);

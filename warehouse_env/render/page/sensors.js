@@ -4,7 +4,7 @@
 function lidarOf(episode, robot) {
   const [x, y] = episode.centre(robot);
   const heading = episode.now[5 * robot + 2];
-  const near = bodiesWithin(episode, robot, x, y, episode.lidar.range + episode.body.length);
+  const near = bodiesWithin(episode, robot, x, y, episode.lidar.range);
   const distances = new Float64Array(episode.lidar.rays);
   for (let ray = 0; ray < distances.length; ray++) {
     const angle = heading + (TURN * ray) / distances.length;
@@ -12,20 +12,21 @@ function lidarOf(episode, robot) {
     let distance = rayToShelf(episode, x, y, ux, uy);
     for (const disc of episode.discs) distance = Math.min(distance, rayToDisc(x, y, ux, uy, ...disc));
     for (let i = 0; i < episode.people; i++) distance = Math.min(distance, rayToPerson(episode, x, y, ux, uy, i));
-    for (const body of near) distance = Math.min(distance, rayToBody(episode, x, y, ux, uy, body));
+    for (const body of near) distance = Math.min(distance, rayToBody(x, y, ux, uy, body));
     distances[ray] = distance;
   }
   return distances;
 }
 
-function bodiesWithin(episode, robot, x, y, reach) {
+// The bodies that reach within `range` of a point.
+function bodiesWithin(episode, robot, x, y, range) {
   const found = [];
   for (let j = 0; j < episode.robots; j++) {
     if (j === robot) continue;
-    const [ox, oy] = episode.centre(j);
-    if (Math.hypot(ox - x, oy - y) > reach) continue;
+    const [ox, oy] = episode.centre(j), { length, width } = episode.bodyOf(j);
+    if (Math.hypot(ox - x, oy - y) > range + length + width) continue;
     const heading = episode.now[5 * j + 2];
-    found.push({ x: ox, y: oy, cos: Math.cos(heading), sin: Math.sin(heading) });
+    found.push({ x: ox, y: oy, cos: Math.cos(heading), sin: Math.sin(heading), length, width });
   }
   return found;
 }
@@ -53,10 +54,10 @@ function isSolid(episode, column, up) {
   return outside || (episode.columns.cells.values[row * episode.gridColumns + column] & 1) === 1;
 }
 
-function rayToBody(episode, x, y, ux, uy, body) {
+function rayToBody(x, y, ux, uy, body) {
   const dx = x - body.x, dy = y - body.y;
-  const along = slab(dx * body.cos + dy * body.sin, ux * body.cos + uy * body.sin, episode.body.length / 2);
-  const across = slab(dy * body.cos - dx * body.sin, uy * body.cos - ux * body.sin, episode.body.width / 2);
+  const along = slab(dx * body.cos + dy * body.sin, ux * body.cos + uy * body.sin, body.length / 2);
+  const across = slab(dy * body.cos - dx * body.sin, uy * body.cos - ux * body.sin, body.width / 2);
   const enter = Math.max(along[0], across[0]), leave = Math.min(along[1], across[1]);
   return enter <= leave && enter >= 0 ? enter : Infinity;
 }
@@ -89,15 +90,12 @@ function gapsOf(episode, robot) {
 
 function gapAt(episode, robot, frame) {
   const own = bodyAt(episode, robot, frame);
-  const wide = Math.hypot(episode.body.length, episode.body.width);
   let least = Infinity;
   for (let j = 0; j < episode.robots; j++) {
     if (j === robot) continue;
-    const dx = episode.get("x", j, frame) - own.frontX, dy = episode.get("y", j, frame) - own.frontY;
-    if (Math.hypot(dx, dy) - 2 * (wide + Math.abs(episode.back)) >= least) continue;
     const other = bodyAt(episode, j, frame);
-    if (Math.hypot(other.x - own.x, other.y - own.y) - wide < least) {
-      least = Math.min(least, cornerGap(episode, own, other), cornerGap(episode, other, own));
+    if (Math.hypot(other.x - own.x, other.y - own.y) - own.reach - other.reach < least) {
+      least = Math.min(least, cornerGap(own, other), cornerGap(other, own));
     }
   }
   return least;
@@ -106,19 +104,19 @@ function gapAt(episode, robot, frame) {
 function bodyAt(episode, robot, frame) {
   const heading = episode.get("heading", robot, frame);
   const cos = Math.cos(heading), sin = Math.sin(heading);
-  const frontX = episode.get("x", robot, frame), frontY = episode.get("y", robot, frame);
-  return { frontX, frontY, cos, sin, x: frontX - episode.back * cos, y: frontY - episode.back * sin };
+  const [x, y] = episode.centreAt(robot, frame), { length, width } = episode.bodyOf(robot);
+  return { x, y, cos, sin, long: length / 2, wide: width / 2, reach: Math.hypot(length, width) / 2 };
 }
 
 // The least distance from a corner of one body to another body.
-function cornerGap(episode, one, other) {
-  const l = episode.body.length / 2, w = episode.body.width / 2;
+function cornerGap(one, other) {
+  const { long: l, wide: w } = one;
   let least = Infinity;
   for (const [u, v] of [[l, w], [l, -w], [-l, w], [-l, -w]]) {
     const dx = one.x + u * one.cos - v * one.sin - other.x;
     const dy = one.y + u * one.sin + v * one.cos - other.y;
-    const ahead = Math.max(Math.abs(dx * other.cos + dy * other.sin) - l, 0);
-    const aside = Math.max(Math.abs(dy * other.cos - dx * other.sin) - w, 0);
+    const ahead = Math.max(Math.abs(dx * other.cos + dy * other.sin) - other.long, 0);
+    const aside = Math.max(Math.abs(dy * other.cos - dx * other.sin) - other.wide, 0);
     least = Math.min(least, Math.hypot(ahead, aside));
   }
   return least;

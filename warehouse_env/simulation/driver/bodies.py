@@ -8,6 +8,10 @@ from warehouse_env.kernel import inline
 from warehouse_env.simulation.physics.geometry import rectangles_touch, separation
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 
+# Columns of bodies float32[K, BODY]: the centre [m], cosine and sine of the heading, half length, half width and half
+# diagonal [m].
+CENTRE_X, CENTRE_Y, COS, SIN, HALF_LENGTH, HALF_WIDTH, RADIUS = range(7)
+BODY = 7
 _OFF = np.float32(0.2)  # [m] around a body that makes room: more than right of way asks for (meetings.WIDE, of both)
 _BERTH = np.float32(4.0)  # times as far off bodies as off shelves, which stay where they are
 _GIVEN = np.float32(0.002)  # [m] nearer than at the start that another body may come, as arcs are not driven exactly,
@@ -18,15 +22,22 @@ _STEP, _STEP_NEAR = np.float32(0.12), np.float32(0.003)  # [m] off a body from w
 
 
 @inline
+def write_body(x, y, c, s, p, body):
+    """Write a body with its centre at (x, y) [m], heading (c, s), and of the size of a robot with parameters p."""
+    body[CENTRE_X], body[CENTRE_Y], body[COS], body[SIN] = x, y, c, s
+    body[HALF_LENGTH], body[HALF_WIDTH], body[RADIUS] = p["half_length"], p["half_width"], p["radius"]
+
+
+@inline
 def bars(x, y, c, s, avoid, p):
-    """Whether the body at an axle pose, with _OFF around it, touches one of the bodies `avoid` float32[K, 4]."""
+    """Whether the body at an axle pose, with _OFF around it, touches one of the bodies `avoid` float32[K, BODY]."""
     cx, cy = x - p["offset"] * c, y - p["offset"] * s
-    reach = p["radius"] + p["radius"] + _OFF + _OFF
     for k in range(avoid.shape[0]):
-        dx, dy = avoid[k, 0] - cx, avoid[k, 1] - cy
+        reach = p["radius"] + avoid[k, RADIUS] + _OFF + _OFF
+        dx, dy = avoid[k, CENTRE_X] - cx, avoid[k, CENTRE_Y] - cy
         if dx * dx + dy * dy < reach * reach and rectangles_touch(
             dx, dy, c, s, p["half_length"] + _OFF, p["half_width"] + _OFF,
-            avoid[k, 2], avoid[k, 3], p["half_length"], p["half_width"],
+            avoid[k, COS], avoid[k, SIN], avoid[k, HALF_LENGTH], avoid[k, HALF_WIDTH],
         ):  # fmt: skip
             return True
     return False
@@ -39,8 +50,9 @@ def write_rooms(x, y, c, s, margin, bodies, p, rooms):
     field = p["field_margin"] if p["field"] != 0 else ZERO
     for k in range(bodies.shape[0]):
         apart = separation(
-            bodies[k, 0] - cx, bodies[k, 1] - cy, c, s, bodies[k, 2], bodies[k, 3], p["half_length"], p["half_width"]
-        )
+            bodies[k, CENTRE_X] - cx, bodies[k, CENTRE_Y] - cy, c, s, p["half_length"], p["half_width"],
+            bodies[k, COS], bodies[k, SIN], bodies[k, HALF_LENGTH], bodies[k, HALF_WIDTH],
+        )  # fmt: skip
         rooms[k] = min(field + _BERTH * margin, max(apart - _GIVEN, min(apart - _ROUNDING, field + _SPARE)))
 
 
@@ -50,10 +62,13 @@ def _spare(x, y, c, s, bodies, rooms, p):
     cx, cy = x - p["offset"] * c, y - p["offset"] * s
     least = np.float32(np.inf)
     for k in range(bodies.shape[0]):
-        dx, dy = bodies[k, 0] - cx, bodies[k, 1] - cy
-        apart = np.sqrt(dx * dx + dy * dy) - p["radius"] - p["radius"]
+        dx, dy = bodies[k, CENTRE_X] - cx, bodies[k, CENTRE_Y] - cy
+        apart = np.sqrt(dx * dx + dy * dy) - p["radius"] - bodies[k, RADIUS]
         if apart < rooms[k] + _STEP:
-            apart = separation(dx, dy, c, s, bodies[k, 2], bodies[k, 3], p["half_length"], p["half_width"])
+            apart = separation(
+                dx, dy, c, s, p["half_length"], p["half_width"],
+                bodies[k, COS], bodies[k, SIN], bodies[k, HALF_LENGTH], bodies[k, HALF_WIDTH],
+            )  # fmt: skip
         least = min(least, apart - rooms[k])
     return least
 

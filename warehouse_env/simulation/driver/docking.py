@@ -11,11 +11,12 @@ import numpy as np
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.driver import manoeuvre
 from warehouse_env.simulation.driver.arrival import BRAKING, docks_from
-from warehouse_env.simulation.driver.bodies import write_rooms
+from warehouse_env.simulation.driver.bodies import BODY, write_rooms
 from warehouse_env.simulation.driver.driving import begin as begin_manoeuvre
 from warehouse_env.simulation.driver.rejoin import MOST_NEAR, plan_to_route, take_up
 from warehouse_env.simulation.driver.shots import MOST_ARCS, shoot
 from warehouse_env.simulation.physics.footprint import sweep_is_free
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import curvature, roll
 from warehouse_env.simulation.physics.trigonometry import HALF, HALF_PI, PI, ZERO, sin_cos, wrap
 
@@ -111,22 +112,22 @@ def plan_to_goal(r, arcs, bodies, tries, most, p, solid, clearance, metric):
 
 
 @kernel
-def seek(begin, end, robots, routes, arcs, params, solid, clearance, metric):
+def seek(begin, end, robots, routes, arcs, params, kinds, solid, clearance, metrics):
     """Search for all who seek their goal or their route in the worlds from `begin` to before `end`.
 
-    Arguments: see step.advance.
+    Arguments: see step.advance and rejoin.seek.
     """
     p = params[0]
-    near = np.empty((MOST_NEAR, 4), np.float32)
+    near = np.empty((MOST_NEAR, BODY), np.float32)
     for b in range(begin, end):
         for i in range(robots.shape[1]):
-            r = robots[b, i]
-            others, tries, most = take_up(r, robots[b], p, near)
+            r, own = robots[b, i], kind_of(i, p, kinds)
+            others, tries, most = take_up(i, robots[b], own, kinds, near)
             if others < 0:
                 continue
-            bodies = near[:others]
+            bodies, metric = near[:others], metrics[own["kind"]]
             if docks_from(r):
                 r["docks"] = 0
-                if plan_to_goal(r, arcs[b, i], bodies, tries, most, p, solid, clearance, metric) >= 0:
+                if plan_to_goal(r, arcs[b, i], bodies, tries, most, own, solid, clearance, metric) >= 0:
                     continue
-            plan_to_route(r, routes[b, i], arcs[b, i], bodies, tries, most, p, solid, clearance, metric)
+            plan_to_route(r, routes[b, i], arcs[b, i], bodies, tries, most, own, solid, clearance, metric)

@@ -11,9 +11,8 @@ x, y, heading, steer: the robot's pose [m], [rad] and its present steering angle
     something: what touches at the start does not count, what touches after it does.
 goals float32[G, 4]: poses x, y, heading to be reached, and the seconds that it takes from there on; the search ends at
     whatever is soonest in all. G = 0: make room, i.e. end where the body keeps off all rectangles of `avoid`.
-avoid float32[K, 4]: rectangles like the robot's body (centre x, y [m], cos, sin) to be off in the end; not read if
-    there are goals.
-bodies float32[K, 4]: rectangles that stand still, to be kept off all the way, by the field's margin as well.
+avoid float32[K, BODY]: rectangles (columns: bodies.py) to be off in the end; not read if there are goals.
+bodies float32[K, BODY]: rectangles that stand still, to be kept off all the way, by the field's margin as well.
 most: nodes of each of TRIES, each nearer to shelves and bodies and with shorter arcs than the one before; some 1.5 us a
     node. After one that was cut off there is no other, unless `most` is MOST.
 p, solid, clearance: PARAMETERS record and the floor; metric: turning_metric(PARAMETERS[1]), made once a Simulator.
@@ -32,7 +31,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.simulation.driver import turning
-from warehouse_env.simulation.driver.bodies import bars, clear_of_bodies, write_rooms
+from warehouse_env.simulation.driver.bodies import BODY, bars, clear_of_bodies, write_rooms
 from warehouse_env.simulation.driver.heap import pop, push
 from warehouse_env.simulation.driver.shots import MOST_ARCS, shoot
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, sweep_is_free
@@ -313,7 +312,7 @@ def search_once(x, y, heading, steer, goals, avoid, bodies, trial, most, p, soli
 @kernel
 def search_exact(x, y, heading, steer, goals, bodies, trial, most, p, solid, clearance, metric, arcs):
     """Search as search_once does, for a way that ends exactly at one of the goals."""
-    exact, nothing = np.empty((MOST_ARCS, 2), np.float32), np.empty((0, 4), np.float32)
+    exact, nothing = np.empty((MOST_ARCS, 2), np.float32), np.empty((0, BODY), np.float32)
     return _search_within(
         x, y, heading, steer, goals, nothing, bodies, trial, most, _SLOTS, exact, p, solid, clearance, metric, arcs
     )

@@ -1,7 +1,7 @@
 """Where a manoeuvre leads: back to the robot's own route, or out of somebody's way.
 
-API: seek(begin, end, robots, routes, arcs, params, solid, clearance, metric) for all robots that seek their route;
-     write_bodies_near(r, robots, within, p, near) -> number of bodies for
+API: seek(begin, end, robots, routes, arcs, params, kinds, solid, clearance, metrics) for all that seek their routes;
+     write_bodies_near(i, robots, within, p, kinds, near) -> number of bodies for
      plan_to_route(r, route, arcs, bodies, tries, most, p, solid, clearance, metric) and
      plan_aside(r, arcs, avoid, bodies, p, solid, clearance, metric)
 The two search from where the robot stands, begin the manoeuvre if there is one, and return the number of its arcs: 0
@@ -15,8 +15,10 @@ import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.simulation.driver import manoeuvre
+from warehouse_env.simulation.driver.bodies import BODY, write_body
 from warehouse_env.simulation.driver.driving import begin as begin_manoeuvre
 from warehouse_env.simulation.driver.line import way_point
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import HALF_PI, ZERO, arc_tan2, wrap
 from warehouse_env.simulation.state import AROUND_OTHERS
 
@@ -53,18 +55,20 @@ def _write_goals(r, route, apart, many, goals, p):
 
 
 @inline
-def write_bodies_near(r, robots, within, p, near):
-    """Write centre x, y [m], cosine and sine of the others within [m] of a robot of ROBOT[N] into near float32[M, 4].
+def write_bodies_near(i, robots, within, p, kinds, near):
+    """Write the bodies of the others within [m] of robot i of ROBOT[N] into near float32[M, BODY]; see bodies.py.
 
-    Returns how many, M at most.
+    Returns how many, M at most. p: its own; kinds: see kinds.py.
     """
+    r = robots[i]
     cx, cy = r["x"] - p["offset"] * r["cos"], r["y"] - p["offset"] * r["sin"]
     count = 0
-    for o in robots:
-        x, y = o["x"] - p["offset"] * o["cos"], o["y"] - p["offset"] * o["sin"]
+    for j in range(robots.shape[0]):
+        o, other = robots[j], kind_of(j, p, kinds)
+        x, y = o["x"] - other["offset"] * o["cos"], o["y"] - other["offset"] * o["sin"]
         square = (x - cx) * (x - cx) + (y - cy) * (y - cy)
         if ZERO < square < within * within and count < near.shape[0]:  # its own centre is no way off
-            near[count, 0], near[count, 1], near[count, 2], near[count, 3] = x, y, o["cos"], o["sin"]
+            write_body(x, y, o["cos"], o["sin"], other, near[count])
             count += 1
     return count
 
@@ -74,7 +78,7 @@ def plan_to_route(r, route, arcs, bodies, tries, most, p, solid, clearance, metr
     """Begin the soonest manoeuvre to a pose on the robot's own route (see above)."""
     if r["points"] < 2:
         return manoeuvre.NONE
-    nothing = np.empty((0, 4), np.float32)
+    nothing = np.empty((0, BODY), np.float32)
     near, far = np.empty((MANY + 3, 4), np.float32), np.empty((FAR_MANY + 3, 4), np.float32)
     near = near[: _write_goals(r, route, APART, whole(MANY), near, p)]
     far = far[: _write_goals(r, route, FAR_APART, whole(FAR_MANY), far, p)]
@@ -108,28 +112,34 @@ def plan_aside(r, arcs, avoid, bodies, p, solid, clearance, metric):
 
 
 @part
-def take_up(r, robots, p, near):
-    """Take up what a robot seeks; return (others near it, tries, most nodes) of its search.
+def take_up(i, robots, p, kinds, near):
+    """Take up what robot i seeks; return (others near it, tries, most nodes) of its search.
 
-    near float32[MOST_NEAR, 4]: where the others' bodies are written. others: -1 if it seeks nothing.
+    near float32[MOST_NEAR, BODY]: where the others' bodies are written. others: -1 if it seeks nothing. p: its own.
     """
+    r = robots[i]
     kind, r["seeks"] = r["seeks"], 0
     if kind == 0 or r["alive"] == 0 or r["arrived"] != 0:  # who has arrived gets another route
         return -1, manoeuvre.TRIES, manoeuvre.MOST
-    others = write_bodies_near(r, robots, NEAR * p["long"], p, near) if kind == AROUND_OTHERS else 0
+    others = write_bodies_near(i, robots, NEAR * p["long"], p, kinds, near) if kind == AROUND_OTHERS else 0
     if others == 0:
         return 0, manoeuvre.TRIES, manoeuvre.MOST
     return others, FEW, AMONG_OTHERS
 
 
 @kernel
-def seek(begin, end, robots, routes, arcs, params, solid, clearance, metric):
-    """Search for all who seek their route in the worlds from `begin` to before `end`. Arguments: see step.advance."""
+def seek(begin, end, robots, routes, arcs, params, kinds, solid, clearance, metrics):
+    """Search for all who seek their route in the worlds from `begin` to before `end`. Arguments: see step.advance;
+    metrics: of each kind of robots its turning metric (turning.py).
+    """
     p = params[0]
-    near = np.empty((MOST_NEAR, 4), np.float32)
+    near = np.empty((MOST_NEAR, BODY), np.float32)
     for b in range(begin, end):
         for i in range(robots.shape[1]):
-            r = robots[b, i]
-            others, tries, most = take_up(r, robots[b], p, near)
+            own = kind_of(i, p, kinds)
+            others, tries, most = take_up(i, robots[b], own, kinds, near)
             if others >= 0:
-                plan_to_route(r, routes[b, i], arcs[b, i], near[:others], tries, most, p, solid, clearance, metric)
+                plan_to_route(
+                    robots[b, i], routes[b, i], arcs[b, i], near[:others], tries, most, own, solid, clearance,
+                    metrics[own["kind"]],
+                )  # fmt: skip

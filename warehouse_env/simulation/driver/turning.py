@@ -119,17 +119,25 @@ def _fill(p, turning):
 
 
 @lru_cache(maxsize=8)
-def _turning(values: bytes, dtype: np.dtype[Any]) -> NDArray[np.float32]:
-    turning = np.empty((HEADINGS, SIDE, SIDE), dtype=np.float32)
-    _fill(np.frombuffer(values, dtype=dtype)[0], turning)
-    turning[turning == np.inf] = turning[np.isfinite(turning)].max()
-    turning.flags.writeable = False
-    return turning
+def _metrics(values: bytes, dtype: np.dtype[Any]) -> NDArray[np.float32]:
+    kinds = np.frombuffer(values, dtype=dtype)
+    metrics = np.empty((len(kinds), HEADINGS, SIDE, SIDE), dtype=np.float32)
+    for kind, metric in zip(kinds, metrics, strict=True):
+        _fill(kind, metric)
+        metric[metric == np.inf] = metric[np.isfinite(metric)].max()
+    metrics.flags.writeable = False
+    return metrics
+
+
+def turning_metrics(params: NDArray[Any]) -> NDArray[np.float32]:
+    """Return float32[K, HEADINGS, SIDE, SIDE] [s] for kinds of robots PARAMETERS[K] (state.py); kept for reuse."""
+    kept = np.zeros(len(params), dtype=params.dtype)
+    for name in ("wheelbase", "max_steer", "max_steer_rate", "long"):
+        kept[name] = params[name]
+    return _metrics(kept.tobytes(), kept.dtype)
 
 
 def turning_metric(params: NDArray[Any]) -> NDArray[np.float32]:
-    """Return float32[HEADINGS, SIDE, SIDE] [s] for a robot's PARAMETERS[1] (state.parameters_of); kept for reuse."""
-    kept = np.zeros(1, dtype=params.dtype)
-    for name in ("wheelbase", "max_steer", "max_steer_rate", "long"):
-        kept[name] = params[name]
-    return _turning(kept.tobytes(), kept.dtype)
+    """Return float32[HEADINGS, SIDE, SIDE] [s] for robots of one kind, PARAMETERS[1]; kept for reuse."""
+    metric: NDArray[np.float32] = turning_metrics(params)[0]
+    return metric

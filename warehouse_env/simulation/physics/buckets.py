@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from warehouse_env.kernel import inline, kernel
+from warehouse_env.simulation.physics.kinds import kind_of
 
 SEARCH = 2  # buckets to either side that hold all robots within lidar range
 FEW = 32  # robots up to which one bucket holds all of them
@@ -38,15 +39,15 @@ def bucket_at(x, y, p):
 
 
 @kernel
-def sort(robots, p, starts, order, bodies):
+def sort(robots, p, kinds, starts, order, bodies):
     """Sort all robots by the bucket of their body's centre, and lay what others see of them side by side.
 
     starts int32[rows x columns + 2]: where a bucket begins in `order` int32[N], the robots' indices, ascending within
     a bucket; so the buckets of one row from column a to b hold order[starts[row, a]:starts[row, b + 1]].
     bodies float32[BODY, N], in that order: centre x, y [m], cosine and sine of the heading, speed [m/s], 1 if silent.
+    kinds: see kinds.py.
     """
     count = robots.shape[0]
-    offset = p["offset"]
     starts[:] = 0
     columns = p["bucket_columns"]
     if p["bucket_rows"] * columns == 1:
@@ -56,7 +57,7 @@ def sort(robots, p, starts, order, bodies):
     else:
         keys = np.empty(count, np.int32)
         for i in range(count):
-            r = robots[i]
+            r, offset = robots[i], kind_of(i, p, kinds)["offset"]
             row, column = bucket_at(r["x"] - offset * r["cos"], r["y"] - offset * r["sin"], p)
             keys[i] = row * columns + column
             starts[keys[i] + 2] += 1
@@ -66,7 +67,7 @@ def sort(robots, p, starts, order, bodies):
             order[starts[keys[i] + 1]] = i
             starts[keys[i] + 1] += 1
     for n in range(count):
-        r = robots[order[n]]
+        r, offset = robots[order[n]], kind_of(order[n], p, kinds)["offset"]
         c, s = r["cos"], r["sin"]
         bodies[CENTRE_X, n] = r["x"] - offset * c
         bodies[CENTRE_Y, n] = r["y"] - offset * s

@@ -15,6 +15,7 @@ from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, bucket_
 from warehouse_env.simulation.physics.disc_sweep import touches_obstacle
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, disc_room, meets_obstacle
 from warehouse_env.simulation.physics.geometry import rectangles_touch, separation
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import curvature, drive, way_driven
 from warehouse_env.simulation.physics.sweep import AT_END, BETWEEN, touch_between, turns_back
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
@@ -114,20 +115,34 @@ def _drive_lanes(lanes, p):
 
 
 @inline
-def try_motion(motion, flags, lanes, p):
+def _many_alike(begin, robots, kinds):
+    """Return how many of so many robots, LANES at most, are of one kind from robot `begin` on."""
+    most = min(LANES, robots - begin)
+    if kinds is None:
+        return most
+    count = 1
+    while count < most and kinds[begin + count]["kind"] == kinds[begin]["kind"]:
+        count += 1
+    return count
+
+
+@inline
+def try_motion(motion, flags, lanes, p, kinds):
     """Move all robots for a substep, on trial: the TRY_ rows; speed and steering change for good."""
-    for begin in range(0, motion.shape[1], LANES):
-        count = min(LANES, motion.shape[1] - begin)
+    begin = 0
+    while begin < motion.shape[1]:
+        count = _many_alike(begin, motion.shape[1], kinds)
         for row in range(TRY_X):
             for k in range(count):
                 lanes[row * LANES + k] = motion[row, begin + k]
-        _drive_lanes(lanes, p)
+        _drive_lanes(lanes, kind_of(begin, p, kinds))
         for k in range(count):
             for row in range(SPEED, STEER + 1):
                 motion[row, begin + k] = lanes[row * LANES + k]
             for row in range(TRY_X, WAY + 1):
                 motion[row, begin + k] = lanes[row * LANES + k]
             flags[MOVING, begin + k] = lanes[MOVES * LANES + k] != ZERO
+        begin += count
 
 
 @inline
@@ -184,12 +199,13 @@ def _tries_a_shelf(motion, i, guarded, p, solid, clearance):
 
 
 @inline
-def keep_off_shelves(robots, motion, flags, guarded, p, solid, clearance):
+def keep_off_shelves(robots, motion, flags, guarded, p, kinds, solid, clearance):
     """Put back the robots that touch a shelf on trial; guarded: see step.Features, whose field has looked between."""
     for i in range(robots.shape[0]):
-        if flags[MOVING, i] == 0 or motion[ROOM, i] > p["stride"]:  # too far off for this physics step
+        own = kind_of(i, p, kinds)
+        if flags[MOVING, i] == 0 or motion[ROOM, i] > own["stride"]:  # too far off for this physics step
             continue
-        if _tries_a_shelf(motion, i, guarded, p, solid, clearance):
+        if _tries_a_shelf(motion, i, guarded, own, solid, clearance):
             put_back(motion, flags, i)
             r = robots[i]
             r["touching"] = 1
@@ -199,58 +215,63 @@ def keep_off_shelves(robots, motion, flags, guarded, p, solid, clearance):
 
 
 @part
-def _touch_on_the_way(motion, i, j, dx, dy, way, p):
-    """Whether robots i and j on trial touch where they come to or on the way there.
+def _touch_on_the_way(motion, i, j, dx, dy, way, p, q):
+    """Whether robots i and j, with parameters p and q, touch on trial where they come to or on the way there.
 
     (dx, dy): from the one centre to the other at the end [m]; way: both bodies', together [m].
     """
-    offset, half_length, half_width = p["offset"], p["half_length"], p["half_width"]
+    offset, other_offset = p["offset"], q["offset"]
+    length, width, other_length, other_width = p["half_length"], p["half_width"], q["half_length"], q["half_width"]
     c1, s1, other_c1, other_s1 = motion[TRY_COS, i], motion[TRY_SIN, i], motion[TRY_COS, j], motion[TRY_SIN, j]
-    gap = separation(dx, dy, c1, s1, other_c1, other_s1, half_length, half_width)
+    gap = separation(dx, dy, c1, s1, length, width, other_c1, other_s1, other_length, other_width)
     if gap <= ZERO or gap > way:
         return gap <= ZERO
     c0, s0, other_c0, other_s0 = motion[COS, i], motion[SIN, i], motion[COS, j], motion[SIN, j]
     x0, y0 = motion[X, i] - offset * c0, motion[Y, i] - offset * s0
-    other_x0, other_y0 = motion[X, j] - offset * other_c0, motion[Y, j] - offset * other_s0
-    before = separation(other_x0 - x0, other_y0 - y0, c0, s0, other_c0, other_s0, half_length, half_width)
+    other_x0, other_y0 = motion[X, j] - other_offset * other_c0, motion[Y, j] - other_offset * other_s0
+    before = separation(
+        other_x0 - x0, other_y0 - y0, c0, s0, length, width, other_c0, other_s0, other_length, other_width
+    )
     if before <= ZERO or before > way - gap:  # who were put into each other may part
         return False
     return touch_between(
         x0, y0, c0, s0, motion[TRY_X, i] - offset * c1, motion[TRY_Y, i] - offset * s1, c1, s1,
         other_x0, other_y0, other_c0, other_s0,
-        motion[TRY_X, j] - offset * other_c1, motion[TRY_Y, j] - offset * other_s1, other_c1, other_s1,
-        half_length, half_width, offset, _back(motion, i, p), _back(motion, j, p), p,
+        motion[TRY_X, j] - other_offset * other_c1, motion[TRY_Y, j] - other_offset * other_s1, other_c1, other_s1,
+        other_length, other_width, other_offset, _back(motion, i, p), _back(motion, j, q), p, q,
     )  # fmt: skip
 
 
 @inline
-def _try_a_touch(motion, i, j, guarded, p):
-    """Whether robots i and j touch on trial, where they come to or, unless guarded, on the way."""
-    offset, half_length, half_width = p["offset"], p["half_length"], p["half_width"]
+def _try_a_touch(motion, i, j, guarded, p, q):
+    """Whether robots i and j, with parameters p and q, touch on trial where they come to or, unless guarded, before."""
+    offset, other_offset = p["offset"], q["offset"]
     c, s, other_c, other_s = motion[TRY_COS, i], motion[TRY_SIN, i], motion[TRY_COS, j], motion[TRY_SIN, j]
-    dx = (motion[TRY_X, j] - offset * other_c) - (motion[TRY_X, i] - offset * c)
-    dy = (motion[TRY_Y, j] - offset * other_s) - (motion[TRY_Y, i] - offset * s)
+    dx = (motion[TRY_X, j] - other_offset * other_c) - (motion[TRY_X, i] - offset * c)
+    dy = (motion[TRY_Y, j] - other_offset * other_s) - (motion[TRY_Y, i] - offset * s)
     way = ZERO if guarded is not None else motion[WAY, i] + motion[WAY, j]
-    reach = p["radius"] + p["radius"] + way
+    reach = p["radius"] + q["radius"] + way
     if dx * dx + dy * dy > reach * reach or not rectangles_touch(
-        dx, dy, c, s, half_length + way, half_width + way, other_c, other_s, half_length, half_width
+        dx, dy, c, s, p["half_length"] + way, p["half_width"] + way, other_c, other_s, q["half_length"], q["half_width"]
     ):
         return False
-    return guarded is not None or _touch_on_the_way(motion, i, j, dx, dy, way, p)
+    return guarded is not None or _touch_on_the_way(motion, i, j, dx, dy, way, p, q)
 
 
 @inline
-def _runs_into(motion, i, j, p):
+def _runs_into(motion, i, j, p, q):
     """Whether robot i's trial pose touches robot j where that stood: then i is at fault, whatever j does."""
-    offset, half_length, half_width = p["offset"], p["half_length"], p["half_width"]
+    offset, other_offset = p["offset"], q["offset"]
     c, s, other_c, other_s = motion[TRY_COS, i], motion[TRY_SIN, i], motion[COS, j], motion[SIN, j]
-    dx = (motion[X, j] - offset * other_c) - (motion[TRY_X, i] - offset * c)
-    dy = (motion[Y, j] - offset * other_s) - (motion[TRY_Y, i] - offset * s)
-    return rectangles_touch(dx, dy, c, s, half_length, half_width, other_c, other_s, half_length, half_width)
+    dx = (motion[X, j] - other_offset * other_c) - (motion[TRY_X, i] - offset * c)
+    dy = (motion[Y, j] - other_offset * other_s) - (motion[TRY_Y, i] - offset * s)
+    return rectangles_touch(
+        dx, dy, c, s, p["half_length"], p["half_width"], other_c, other_s, q["half_length"], q["half_width"]
+    )
 
 
 @inline
-def keep_off_robots(motion, flags, pairs, count, guarded, p):
+def keep_off_robots(motion, flags, pairs, count, guarded, p, kinds):
     """Put back the robots that touch on trial, at once, again and again until none do.
 
     Of two that touch, the one that comes to where the other stood is put back, so that nobody is held by a robot
@@ -262,9 +283,10 @@ def keep_off_robots(motion, flags, pairs, count, guarded, p):
         again = False
         for k in range(count):
             i, j = pairs[k, 0], pairs[k, 1]
-            if (flags[MOVING, i] == 0 and flags[MOVING, j] == 0) or not _try_a_touch(motion, i, j, guarded, p):
+            one, other = kind_of(i, p, kinds), kind_of(j, p, kinds)
+            if (flags[MOVING, i] == 0 and flags[MOVING, j] == 0) or not _try_a_touch(motion, i, j, guarded, one, other):
                 continue
-            first, second = _runs_into(motion, i, j, p), _runs_into(motion, j, i, p)
+            first, second = _runs_into(motion, i, j, one, other), _runs_into(motion, j, i, other, one)
             if first or not second:
                 flags[BLOCKED, i] = flags[MOVING, i]
             if second or not first:

@@ -13,6 +13,7 @@ from warehouse_env.kernel import inline
 from warehouse_env.simulation.physics.contact import COS, SIN, X, Y
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import rectangle_gap
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ZERO
 from warehouse_env.simulation.state import GAP_HORIZON
 
@@ -40,22 +41,25 @@ def _known(stamps, j, clock):
 
 
 @inline
-def judge_pairs(robots, motion, pairs, count, stamps, clock, p):
+def judge_pairs(robots, motion, pairs, count, stamps, clock, p, kinds):
     """Measure the gaps, and begin and end contact episodes and near misses.
 
     stamps int32[N, K, 2]: the pairs in which a robot comes first, listed with the lower number of robots (see
     state.most_near): the other's, and 4 x clock + status when they were last near, so that nothing must be cleared.
     """
-    offset, half_length, half_width = p["offset"], p["half_length"], p["half_width"]
-    reach = p["radius"] + p["radius"] + _HORIZON
     for k in range(count):
         i, j = pairs[k, 0], pairs[k, 1]
+        one, other = kind_of(i, p, kinds), kind_of(j, p, kinds)
+        reach = one["radius"] + other["radius"] + _HORIZON
         c, s, other_c, other_s = motion[COS, i], motion[SIN, i], motion[COS, j], motion[SIN, j]
-        dx = (motion[X, j] - offset * other_c) - (motion[X, i] - offset * c)
-        dy = (motion[Y, j] - offset * other_s) - (motion[Y, i] - offset * s)
+        dx = (motion[X, j] - other["offset"] * other_c) - (motion[X, i] - one["offset"] * c)
+        dy = (motion[Y, j] - other["offset"] * other_s) - (motion[Y, i] - one["offset"] * s)
         if dx * dx + dy * dy > reach * reach:
             continue
-        gap = rectangle_gap(dx, dy, c, s, half_length, half_width, other_c, other_s, half_length, half_width)
+        gap = rectangle_gap(
+            dx, dy, c, s, one["half_length"], one["half_width"],
+            other_c, other_s, other["half_length"], other["half_width"],
+        )  # fmt: skip
         r, o = robots[i], robots[j]
         if pairs[k, 2] != 0:
             gap = ZERO
@@ -82,15 +86,15 @@ def judge_pairs(robots, motion, pairs, count, stamps, clock, p):
 
 
 @inline
-def end_shelf_contacts(robots, p, solid, clearance):
+def end_shelf_contacts(robots, p, kinds, solid, clearance):
     """A shelf episode ends when the body, widened by near_miss_gap, is free again."""
     wide = p["near_miss_gap"]
     for i in range(robots.shape[0]):
         r = robots[i]
         if r["shelf_contact"] != 0:
-            c, s = r["cos"], r["sin"]
-            cx, cy = r["x"] - p["offset"] * c, r["y"] - p["offset"] * s
+            c, s, own = r["cos"], r["sin"], kind_of(i, p, kinds)
+            cx, cy = r["x"] - own["offset"] * c, r["y"] - own["offset"] * s
             if not body_touches_shelf(
-                cx, cy, c, s, p["half_length"] + wide, p["half_width"] + wide, solid, clearance, p["cell"]
+                cx, cy, c, s, own["half_length"] + wide, own["half_width"] + wide, solid, clearance, p["cell"]
             ):
                 r["shelf_contact"] = 0

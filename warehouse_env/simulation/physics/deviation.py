@@ -27,6 +27,7 @@ from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.physics import contact
 from warehouse_env.simulation.physics.contact import HEADING, SPEED, STEER, X, Y
 from warehouse_env.simulation.physics.footprint import clearance_at
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO, sin_cos, wrap
 
 F = np.float32
@@ -62,25 +63,30 @@ def errs(config: EnvConfig) -> bool:
     return declared or (config.pose_error, config.heading_error, config.actuation_error) != (0, 0, 0)
 
 
-def tube(config: EnvConfig) -> float:
-    """Return how far [m] any point of a body is at most from where it is planned, by the declared bounds."""
+def tube(config: EnvConfig, robot: RobotSpec) -> float:
+    """Return how far [m] any point of a robot's body is at most from where it is planned, by the declared bounds."""
     spec = config.field_spec
-    return spec.pose_error + (config.robot.farthest + _TRUSTS) * spec.heading_error + OFF_PLAN
+    return spec.pose_error + (robot.farthest + _TRUSTS) * spec.heading_error + OFF_PLAN
 
 
 def planned_config(config: EnvConfig) -> EnvConfig:
     """Return the config of robots as planned: larger by the tube, within limits that leave room to steer back."""
     if not (errs(config) and config.protective_field):
         return config
-    robot, wide = config.robot, tube(config)
+    parts = tuple(replace(part, robot=_planned(config, part.robot)) for part in config.fleet)
+    return config.replace(robot=_planned(config, config.robot), fleet=parts)
+
+
+def _planned(config: EnvConfig, robot: RobotSpec) -> RobotSpec:
+    """Return a robot as planned."""
+    wide = tube(config, robot)
     most = 1.0 - config.field_spec.actuation_error - _RESERVE
-    changed: RobotSpec = replace(
+    return replace(
         robot, length=robot.length + 2 * wide, width=robot.width + 2 * wide,
         front_overhang=robot.front_overhang + wide, max_speed=robot.max_speed * (1 - _RESERVE),
         min_speed=robot.min_speed * (1 - _RESERVE), max_acceleration=robot.max_acceleration * most,
         max_steering=robot.max_steering * (1 - _LESS_STEERING), max_steering_rate=robot.max_steering_rate * most,
     )  # fmt: skip
-    return config.replace(robot=changed)
 
 
 class Deviation:
@@ -178,13 +184,14 @@ def _changed(value, wanted, error, most, p):
 
 
 @inline
-def load(robots, bodies, planned, errors, own, p, clearance):
+def load(robots, bodies, planned, errors, own, params, kinds, clearance):
     """Take the bodies and what they do in this physics step into `own`; planned: where their robots will be.
 
-    bodies: BODY[N]; planned, own: float32[MOTION, N]; errors: float32[N, ERRORS]; p: of the bodies.
+    bodies: BODY[N]; planned, own: float32[MOTION, N]; errors: float32[N, ERRORS]; params: of the bodies; kinds: of
+    each, see kinds.py.
     """
     for i in range(robots.shape[0]):
-        body = bodies[i]
+        body, p = bodies[i], kind_of(i, params, kinds)
         speed, steer = _back_to_plan(robots[i], body, planned[SPEED, i], planned[STEER, i], p)
         stops = speed == ZERO and abs(body["speed"]) <= _HOLDS
         error = ZERO if stops else errors[i, ACCELERATING]
@@ -199,10 +206,10 @@ def load(robots, bodies, planned, errors, own, p, clearance):
 
 
 @inline
-def plan(motion, flags, lanes, p):
+def plan(motion, flags, lanes, p, kinds):
     """Carry out what is planned for a physics step, float32[MOTION, N], and nothing bars."""
     for _ in range(p["substeps"]):
-        contact.try_motion(motion, flags, lanes, p)
+        contact.try_motion(motion, flags, lanes, p, kinds)
         for i in range(motion.shape[1]):
             for k in range(5):
                 motion[X + k, i] = motion[contact.TRY_X + k, i]
@@ -231,7 +238,7 @@ def _say_place_anew(r, body):
 
 
 @inline
-def store(robots, bodies, planned, errors, own, guarded, p):
+def store(robots, bodies, planned, errors, own, guarded, p, kinds):
     """Write a physics step back into robots and bodies, and see who is off its plan."""
     contact.store(robots, planned)
     for i in range(robots.shape[0]):
@@ -241,7 +248,7 @@ def store(robots, bodies, planned, errors, own, guarded, p):
         body["cos"], body["sin"] = own[contact.COS, i], own[contact.SIN, i]
         body["speed"], body["steer"] = own[SPEED, i], own[STEER, i]
         ahead, aside, turned = _off(r["x"], r["y"], r["heading"], r["cos"], r["sin"], body)
-        body["off"] = np.sqrt(ahead * ahead + aside * aside) + p["far"] * abs(turned)
+        body["off"] = np.sqrt(ahead * ahead + aside * aside) + kind_of(i, p, kinds)["far"] * abs(turned)
         if body["off"] > OFF_PLAN and r["off_plan"] == 0:
             body["strays"] += 1
             r["off_plan"] = 1

@@ -27,12 +27,17 @@ UNIT = 0.01  # [m] per count of the clearance field, which saturates at 2.55 m
 def load_grid(config: EnvConfig) -> GridMap:
     """Return the map that a config names, its map_file or else its layout, for its robots."""
     grid = make_layout(config.layout) if config.map_file is None else read_file(config.map_file)
-    return fit(grid.at_pace(config.robot.max_speed), config)
+    return fit(grid.at_pace(max(robot.max_speed for robot in config.bodies)), config)
 
 
 def fit(grid: GridMap, config: EnvConfig) -> GridMap:
-    """Return a map for the bodies of a config; what they cannot reach is warned of (MapWarning), MapError for all."""
+    """Return a map for the bodies of a config; what they cannot reach is warned of (MapWarning).
+
+    Where fewer endpoints would be left than there are robots, it stays as it is: its user may stand them elsewhere.
+    """
     floor, notes = fitted(grid, config.widest_body)
+    if len(floor.endpoints[2]) <= config.num_agents < len(grid.endpoints[2]):
+        floor, notes = grid, (*notes, "fewer places are left than there are robots, so the floor stays as it is")
     for note in notes if multiprocessing.parent_process() is None else ():  # workers' parents have said it
         warnings.warn(f"{grid.name}: {note}", MapWarning, stacklevel=3)
     return floor

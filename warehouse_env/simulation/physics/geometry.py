@@ -26,15 +26,15 @@ def rectangles_touch(dx, dy, c1, s1, l1, w1, c2, s2, l2, w2):
 
 
 @inline
-def separation(dx, dy, c1, s1, c2, s2, half_length, half_width):
-    """Return the widest gap [m] that an axis of either of two equal rectangles shows between them.
+def separation(dx, dy, c1, s1, l1, w1, c2, s2, l2, w2):
+    """Return the widest gap [m] that an axis of either of two rectangles shows between them.
 
     Over 0 where `rectangles_touch` is False, and then between 0.7 of their distance and all of it.
     """
     c = abs(c1 * c2 + s1 * s2)
     s = abs(c1 * s2 - s1 * c2)
-    long = max(abs(dx * c1 + dy * s1), abs(dx * c2 + dy * s2)) - (half_length + half_length * c + half_width * s)
-    wide = max(abs(dy * c1 - dx * s1), abs(dy * c2 - dx * s2)) - (half_width + half_length * s + half_width * c)
+    long = max(abs(dx * c1 + dy * s1) - (l1 + l2 * c + w2 * s), abs(dx * c2 + dy * s2) - (l2 + l1 * c + w1 * s))
+    wide = max(abs(dy * c1 - dx * s1) - (w1 + l2 * s + w2 * c), abs(dy * c2 - dx * s2) - (w2 + l1 * s + w1 * c))
     return max(long, wide)
 
 

@@ -25,6 +25,7 @@ from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.simulation.physics.contact import MOVING, TRY_COS, TRY_SIN, TRY_X, TRY_Y, put_back
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.stops import BODY_COS, BODY_SIN, CENTRE_X, CENTRE_Y
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
 from warehouse_env.simulation.state import PERSON, PERSON_RADIUS
@@ -57,7 +58,7 @@ class People:
     def __init__(self, config: EnvConfig, grid: GridMap, worlds: int) -> None:
         self.persons = np.zeros((worlds, config.people), dtype=PERSON)
         self.ways = np.zeros((worlds, config.people, *grid.shape), dtype=np.float32)
-        self._grid, self._reach = grid, config.robot.rear_reach
+        self._grid, self._reach = grid, max(robot.rear_reach for robot in config.bodies)
         self._turned_away = np.zeros((worlds, config.people), dtype=np.bool_)  # the goal is only out of somebody's way
         # made when first used, as the Dispatcher's
         self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
@@ -176,13 +177,14 @@ def gap_to(x, y, r, p):
 
 
 @inline
-def _may_step(o, x, y, robots, p, solid, clearance):
+def _may_step(o, x, y, robots, p, kinds, solid, clearance):
     """Whether a person may step to (x, y) [m]: off the shelves, and off robots, or farther off than it is."""
     if body_touches_shelf(x, y, ONE, ZERO, RADIUS, RADIUS, solid, clearance, p["cell"]):
         return False
-    for r in robots:
-        gap = gap_to(x, y, r, p)
-        if gap < KEEP and gap < gap_to(o["x"], o["y"], r, p):
+    for i in range(robots.shape[0]):
+        r, own = robots[i], kind_of(i, p, kinds)
+        gap = gap_to(x, y, r, own)
+        if gap < KEEP and gap < gap_to(o["x"], o["y"], r, own):
             return False
     return True
 
@@ -196,11 +198,11 @@ def _leads_on(x, y, way, solid, cell):
 
 
 @inline
-def _is_near(o, robots, gap, p):
+def _is_near(o, robots, gap, p, kinds):
     """Whether a robot is nearer to a person than a gap [m]."""
     near = False
-    for r in robots:
-        near = near or gap_to(o["x"], o["y"], r, p) < gap
+    for i in range(robots.shape[0]):
+        near = near or gap_to(o["x"], o["y"], robots[i], kind_of(i, p, kinds)) < gap
     return near
 
 
@@ -218,7 +220,7 @@ def _next_place(o, way, p):
 
 
 @inline
-def _step(o, way, robots, p, solid, clearance):
+def _step(o, way, robots, p, kinds, solid, clearance):
     """Take a person one step of its way, around what is in it, or else away from a robot that is near."""
     x, y = _next_place(o, way, p)
     dx, dy = x - o["x"], y - o["y"]
@@ -227,33 +229,34 @@ def _step(o, way, robots, p, solid, clearance):
         return
     step = min(PACE * p["time_step"], left)
     c, s = dx / left, dy / left
-    for k in range(_TURNS.shape[0] if _is_near(o, robots, KEEP, p) else _ONWARD):
+    for k in range(_TURNS.shape[0] if _is_near(o, robots, KEEP, p, kinds) else _ONWARD):
         to_c, to_s = c * _TURNS[k, 0] - s * _TURNS[k, 1], s * _TURNS[k, 0] + c * _TURNS[k, 1]
         to_x, to_y = o["x"] + step * to_c, o["y"] + step * to_s
-        if _may_step(o, to_x, to_y, robots, p, solid, clearance) and _leads_on(to_x, to_y, way, solid, p["cell"]):
+        free = _may_step(o, to_x, to_y, robots, p, kinds, solid, clearance)
+        if free and _leads_on(to_x, to_y, way, solid, p["cell"]):
             o["x"], o["y"], o["cos"], o["sin"] = to_x, to_y, to_c, to_s
             return
 
 
 @inline
-def _count_kept(o, robots, p):
+def _count_kept(o, robots, p, kinds):
     """Count how long robots keep a person from walking: it wants to, does not come a metre, and one is as near as it
     would stop before.
     """
     dx, dy = o["x"] - o["anchor_x"], o["y"] - o["anchor_y"]
     if o["rest"] > ZERO or dx * dx + dy * dy > ONE:
         o["anchor_x"], o["anchor_y"], o["kept"] = o["x"], o["y"], ZERO
-    elif _is_near(o, robots, KEEP + PACE * p["time_step"], p):
+    elif _is_near(o, robots, KEEP + PACE * p["time_step"], p, kinds):
         o["kept"] += p["time_step"]
         o["longest_kept"] = max(o["longest_kept"], o["kept"])
 
 
 @part
-def walk(persons, ways, robots, p, solid, clearance):
-    """Move the people PERSON[M] of a world on by a physics step; ways float32[M, H, W]: see People."""
+def walk(persons, ways, robots, p, kinds, solid, clearance):
+    """Move the people PERSON[M] of a world on by a physics step; ways float32[M, H, W]: see People; kinds: kinds.py."""
     for m in range(persons.shape[0]):
         o = persons[m]
-        _count_kept(o, robots, p)
+        _count_kept(o, robots, p, kinds)
         if o["wants"] != NOTHING or o["rest"] > ZERO:
             o["rest"] = max(o["rest"] - p["time_step"], ZERO)
             continue
@@ -261,7 +264,7 @@ def walk(persons, ways, robots, p, solid, clearance):
         if dx * dx + dy * dy < AT_GOAL * AT_GOAL:
             o["wants"] = ARRIVED
             continue
-        _step(o, ways[m], robots, p, solid, clearance)
+        _step(o, ways[m], robots, p, kinds, solid, clearance)
         left = ways[m, int(o["y"] / p["cell"]), int(o["x"] / p["cell"])]
         if left < o["left"]:
             o["left"], o["blocked"] = left, ZERO
@@ -272,14 +275,14 @@ def walk(persons, ways, robots, p, solid, clearance):
 
 
 @inline
-def keep_off_people(robots, persons, motion, flags, p):
+def keep_off_people(robots, persons, motion, flags, p, kinds):
     """Put back the robots whose trial pose touches a person."""
     for m in range(persons.shape[0]):
         o = persons[m]
         for i in range(robots.shape[0]):
-            c, s = motion[TRY_COS, i], motion[TRY_SIN, i]
-            cx, cy = motion[TRY_X, i] - p["offset"] * c, motion[TRY_Y, i] - p["offset"] * s
-            if flags[MOVING, i] != 0 and distance_to_body(o["x"], o["y"], cx, cy, c, s, p) <= RADIUS:
+            c, s, own = motion[TRY_COS, i], motion[TRY_SIN, i], kind_of(i, p, kinds)
+            cx, cy = motion[TRY_X, i] - own["offset"] * c, motion[TRY_Y, i] - own["offset"] * s
+            if flags[MOVING, i] != 0 and distance_to_body(o["x"], o["y"], cx, cy, c, s, own) <= RADIUS:
                 put_back(motion, flags, i)
                 r = robots[i]
                 r["touching"] = 1
@@ -289,14 +292,14 @@ def keep_off_people(robots, persons, motion, flags, p):
 
 
 @inline
-def end_contacts(robots, persons, p):
+def end_contacts(robots, persons, p, kinds):
     """An episode of contact with people ends when all are farther than near_miss_gap again."""
     for i in range(robots.shape[0]):
         r = robots[i]
         if r["person_contact"] != 0:
             r["person_contact"] = 0
             for o in persons:
-                if gap_to(o["x"], o["y"], r, p) <= p["near_miss_gap"]:
+                if gap_to(o["x"], o["y"], r, kind_of(i, p, kinds)) <= p["near_miss_gap"]:
                     r["person_contact"] = 1
 
 

@@ -126,7 +126,7 @@ def outlines_meet(dx, dy, c1, s1, l1, w1, r1, c2, s2, l2, w2, r2, gap):
 
 
 @inline
-def _touch_before(a, k, b, m, gaps, paths, outlines, moves_a, moves_b, p):
+def _touch_before(a, k, b, m, gaps, paths, outlines, moves_a, moves_b, p, q):
     """Whether two motions touch between their samples k and m and those before; who moves not has none before.
 
     gaps [m]: at these samples and at those before, together.
@@ -142,18 +142,19 @@ def _touch_before(a, k, b, m, gaps, paths, outlines, moves_a, moves_b, p):
         paths[a, k, CENTRE_X], paths[a, k, CENTRE_Y], paths[a, k, BODY_COS], paths[a, k, BODY_SIN],
         paths[b, j, CENTRE_X], paths[b, j, CENTRE_Y], paths[b, j, BODY_COS], paths[b, j, BODY_SIN],
         paths[b, m, CENTRE_X], paths[b, m, CENTRE_Y], paths[b, m, BODY_COS], paths[b, m, BODY_SIN],
-        p["half_length"], p["half_width"], p["offset"], outlines[TURNS_BACK, a], outlines[TURNS_BACK, b], p,
+        q["half_length"], q["half_width"], q["offset"], outlines[TURNS_BACK, a], outlines[TURNS_BACK, b], p, q,
     )  # fmt: skip
 
 
 @part
-def least_separation(a, b, paths, outlines, marks, p):
+def least_separation(a, b, paths, outlines, marks, p, q):
     """Return the least separation [m] of two motions at equal times; one over the margin may not be the least.
 
+    p, q: the parameters of the robots in rows a and b.
     Substeps in which they cannot come within the margin are passed over: a separation is at least 0.7 of the distance.
     Where they touch between two samples it is not over 0: the least that it can have been.
     """
-    half_length, half_width = p["half_length"], p["half_width"]
+    length, width, other_length, other_width = p["half_length"], p["half_width"], q["half_length"], q["half_width"]
     most = outlines[PACE, a] + outlines[PACE, b]
     last_a, last_b = marks[SAMPLES, a] - 1, marks[SAMPLES, b] - 1
     last, n, least, before = max(last_a, last_b), 0, np.float32(np.inf), np.float32(np.inf)
@@ -162,13 +163,13 @@ def least_separation(a, b, paths, outlines, marks, p):
         dx = paths[b, m, CENTRE_X] - paths[a, k, CENTRE_X]
         dy = paths[b, m, CENTRE_Y] - paths[a, k, CENTRE_Y]
         gap = separation(
-            dx, dy, paths[a, k, BODY_COS], paths[a, k, BODY_SIN], paths[b, m, BODY_COS], paths[b, m, BODY_SIN],
-            half_length, half_width,
+            dx, dy, paths[a, k, BODY_COS], paths[a, k, BODY_SIN], length, width,
+            paths[b, m, BODY_COS], paths[b, m, BODY_SIN], other_length, other_width,
         )  # fmt: skip
         if n > 0 or last == 0:  # where they are now is no motion's doing
             least = min(least, gap)
         both = before + gap if min(before, gap) > ZERO else np.float32(np.inf)
-        if both <= most and _touch_before(a, k, b, m, both, paths, outlines, n <= last_a, n <= last_b, p):
+        if both <= most and _touch_before(a, k, b, m, both, paths, outlines, n <= last_a, n <= last_b, p, q):
             least = min(least, HALF * (both - most))
         n, before = n + 1, gap
         spare = gap - _ROOT_2 * p["field_margin"] - SLACK

@@ -107,7 +107,7 @@ def bow_of(x, y, turn, p):
 
 
 @part
-def _keep_apart(halvings, dx, dy, c1, s1, ax, ay, ac, as_, c2, s2, bx, by, bc, bs, lb, wb, b_offset, blurs, p):
+def _keep_apart(halvings, dx, dy, c1, s1, ax, ay, ac, as_, c2, s2, bx, by, bc, bs, lb, wb, b_offset, blurs, p, q):
     """Whether two bodies are apart in each of 2^halvings pieces of their arcs.
 
     dx, dy: from the axle of a to that of b [m]; c1, s1 and c2, s2: their headings; ax, ay: the chord of a [m]; ac, as_:
@@ -117,7 +117,7 @@ def _keep_apart(halvings, dx, dy, c1, s1, ax, ay, ac, as_, c2, s2, bx, by, bc, b
     for _ in range(halvings):
         ac, as_, ax, ay = halve(ac, as_, ax, ay)
         bc, bs, bx, by = halve(bc, bs, bx, by)
-    bow = bow_of(ax, ay, _TWO * abs(as_) / max(ac, _TINY), p) + bow_of(bx, by, _TWO * abs(bs) / max(bc, _TINY), p)
+    bow = bow_of(ax, ay, _TWO * abs(as_) / max(ac, _TINY), p) + bow_of(bx, by, _TWO * abs(bs) / max(bc, _TINY), q)
     # each piece turns the chord, and the body, by as much again
     a_c, a_s, b_c, b_s = ac * ac - as_ * as_, _TWO * ac * as_, bc * bc - bs * bs, _TWO * bc * bs
     for _ in range(1 << halvings):
@@ -138,23 +138,23 @@ def _keep_apart(halvings, dx, dy, c1, s1, ax, ay, ac, as_, c2, s2, bx, by, bc, b
 @part
 def touch_between(
     ax0, ay0, ac0, as0, ax1, ay1, ac1, as1, bx0, by0, bc0, bs0, bx1, by1, bc1, bs1, lb, wb, b_offset,
-    a_back, b_back, p
+    a_back, b_back, p, q
 ):  # fmt: skip
     """Whether a robot's body a and a body b touch between two samples of their motions, at which they do not.
 
     x, y: their centres [m] at the first and the second sample; c, s: their headings; lb, wb: half length and half width
     of b [m]; b_offset: from the point of b that moves on an arc along b's heading, back to its centre [m]; back: see
-    `turns_back`.
+    `turns_back`; p, q: the parameters of a and of b, which of a cell, that stays where it is, may be any.
     """
     offset = p["offset"]
     ax, ay = ax1 - ax0 + offset * (ac1 - ac0), ay1 - ay0 + offset * (as1 - as0)  # chords of the axles
     bx, by = bx1 - bx0 + b_offset * (bc1 - bc0), by1 - by0 + b_offset * (bs1 - bs0)
     a_moves, b_moves = ax != ZERO or ay != ZERO, bx != ZERO or by != ZERO
     a_turn, b_turn = turn_bound(ac0, as0, ac1, as1), turn_bound(bc0, bs0, bc1, bs1)
-    blurs = (*_blur(ax, ay, a_turn, a_back, b_moves, p), *_blur(bx, by, b_turn, b_back, a_moves, p))
+    blurs = (*_blur(ax, ay, a_turn, a_back, b_moves, p), *_blur(bx, by, b_turn, b_back, a_moves, q))
     if _are_apart(
         bx0 - ax0, by0 - ay0, bx1 - ax1, by1 - ay1, ac0, as0, ac1, as1, bc0, bs0, bc1, bs1,
-        p["half_length"], p["half_width"], lb, wb, blurs, bow_of(ax, ay, a_turn, p) + bow_of(bx, by, b_turn, p),
+        p["half_length"], p["half_width"], lb, wb, blurs, bow_of(ax, ay, a_turn, p) + bow_of(bx, by, b_turn, q),
     ):  # fmt: skip
         return False
     a_c = np.sqrt(max(HALF + HALF * (ac0 * ac1 + as0 * as1), _TINY))
@@ -163,7 +163,7 @@ def touch_between(
     dx, dy = bx0 - ax0 + b_offset * bc0 - offset * ac0, by0 - ay0 + b_offset * bs0 - offset * as0
     for level in range(LEVELS):
         if _keep_apart(
-            2 * level + 2, dx, dy, ac0, as0, ax, ay, a_c, a_s, bc0, bs0, bx, by, b_c, b_s, lb, wb, b_offset, blurs, p
+            2 * level + 2, dx, dy, ac0, as0, ax, ay, a_c, a_s, bc0, bs0, bx, by, b_c, b_s, lb, wb, b_offset, blurs, p, q
         ):  # fmt: skip
             return False
     return True
@@ -197,7 +197,7 @@ def _touch_cell(first_row, last_row, first_column, last_column, x0, y0, c0, s0, 
             if not _passes(
                 dx0 * c1 + dy0 * s1, dx1 * c1 + dy1 * s1, dy0 * c1 - dx0 * s1, dy1 * c1 - dx1 * s1, long, wide
             ) and touch_between(
-                x0, y0, c0, s0, x1, y1, c1, s1, x, y, ONE, ZERO, x, y, ONE, ZERO, half, half, ZERO, back, ZERO, p
+                x0, y0, c0, s0, x1, y1, c1, s1, x, y, ONE, ZERO, x, y, ONE, ZERO, half, half, ZERO, back, ZERO, p, p
             ):  # fmt: skip
                 return True
     return False

@@ -36,9 +36,8 @@ class Zones(NamedTuple):
 
 def zones_of(grid: GridMap, config: EnvConfig) -> Zones | None:
     """Return the zones of a floor, None where nothing limits these robots."""
-    robots = (config.robot,)
-    fastest = max(max(robot.max_speed, -robot.min_speed) for robot in robots)
-    hardest = min(robot.max_acceleration for robot in robots)  # that all can brake
+    fastest = max(max(robot.max_speed, -robot.min_speed) for robot in config.bodies)
+    hardest = min(robot.max_acceleration for robot in config.bodies)  # that all can brake
     if grid.speed is None or not (grid.speed < fastest).any():
         return None
     slope, most = 2 * _BRAKING * hardest, (_ABOVE * fastest) ** 2

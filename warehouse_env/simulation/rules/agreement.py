@@ -14,7 +14,7 @@ from warehouse_env.simulation.rules import meetings, right_of_way, stepping_in, 
 
 
 @kernel
-def agree(begin, end, robots, routes, persons, arcs, commands, paths, params, choices, clearance):
+def agree(begin, end, robots, routes, persons, arcs, commands, paths, params, kinds, choices, clearance):
     """Decide on the right of way in the worlds from `begin` to before `end`; return how many robots search a way then.
 
     Arguments: see step.advance; choices float32[B, N, K, 3]: see preferences.py; paths float32[B, N + 1, POSES,
@@ -24,13 +24,14 @@ def agree(begin, end, robots, routes, persons, arcs, commands, paths, params, ch
     seconds = p["time_step"] * np.float32(p["repeat"])
     order, found = np.empty(robots.shape[1], np.int32), waits.scratch(robots.shape[1])
     for b in range(begin, end):
-        if not stepping_in.step_in(robots[b], persons[b], routes[b], commands[b], found, p):
+        if not stepping_in.step_in(robots[b], persons[b], routes[b], commands[b], found, p, kinds):
             continue
         ways = meetings.scratch(paths[b])
         right_of_way.rank(robots[b], order)
         right_of_way.decide(
-            robots[b], persons[b], routes[b], arcs[b], commands[b], choices[b], order, ways, p, clearance
-        )
+            robots[b], persons[b], routes[b], arcs[b], commands[b], choices[b], order, ways, p, kinds,
+            clearance,
+        )  # fmt: skip
         for r in robots[b]:
             r["pause"] = max(r["pause"] - seconds, ZERO)
         searching += waits.look(robots[b], found)

@@ -16,6 +16,7 @@ from warehouse_env.errors import UnsafeError
 from warehouse_env.kernel import kernel, part
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import rectangles_touch
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import approach, drive
 from warehouse_env.simulation.physics.people import PACE, RADIUS, distance_to_body
 from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos
@@ -62,13 +63,14 @@ def _stop(r, p, stop):
 
 
 @kernel
-def find_fault(robots, persons, clock, p, solid, clearance, fault):
+def find_fault(robots, persons, clock, p, kinds, solid, clearance, fault):
     """Write (clock, i, j, SHELF or PERSON) into `fault` int32[3] for robots whose stops touch, unless one is there."""
-    length, width = p["half_length"], p["half_width"]
     stops = np.empty((robots.shape[0], p["stop_samples"], 4), np.float32)
     for i in range(robots.shape[0]):
-        _stop(robots[i], p, stops[i])
+        _stop(robots[i], kind_of(i, p, kinds), stops[i])
     for i in range(robots.shape[0]):
+        own = kind_of(i, p, kinds)
+        length, width = own["half_length"], own["half_width"]
         for n in range(stops.shape[1]):
             x, y, c, s = stops[i, n]
             other = NONE
@@ -76,11 +78,15 @@ def find_fault(robots, persons, clock, p, solid, clearance, fault):
                 other = SHELF
             for o in persons:
                 moves = robots[i]["speed"] != ZERO and (n == 0 or (stops[i, n] != stops[i, n - 1]).any())
-                if moves and distance_to_body(o["x"], o["y"], x, y, c, s, p) <= RADIUS + PACE * np.float32(n) * p["dt"]:
+                comes = RADIUS + PACE * np.float32(n) * p["dt"]
+                if moves and distance_to_body(o["x"], o["y"], x, y, c, s, own) <= comes:
                     other = PERSON
             for j in range(i):
                 to_x, to_y, to_c, to_s = stops[j, n]
-                if rectangles_touch(to_x - x, to_y - y, c, s, length, width, to_c, to_s, length, width):
+                theirs = kind_of(j, p, kinds)
+                if rectangles_touch(
+                    to_x - x, to_y - y, c, s, length, width, to_c, to_s, theirs["half_length"], theirs["half_width"]
+                ):
                     other = j
             if other != NONE and fault[STEP] == 0:
                 fault[STEP], fault[FIRST], fault[SECOND] = clock, i, other

@@ -95,8 +95,8 @@ def _shares(i, j, paths, outlines, marks, p):
         while m < marks[SAMPLES, j]:
             gap = separation(
                 paths[j, m, CENTRE_X] - paths[trial, n, CENTRE_X], paths[j, m, CENTRE_Y] - paths[trial, n, CENTRE_Y],
-                paths[trial, n, BODY_COS], paths[trial, n, BODY_SIN], paths[j, m, BODY_COS], paths[j, m, BODY_SIN],
-                p["half_length"], p["half_width"],
+                paths[trial, n, BODY_COS], paths[trial, n, BODY_SIN], p["half_length"], p["half_width"],
+                paths[j, m, BODY_COS], paths[j, m, BODY_SIN], p["half_length"], p["half_width"],
             )  # fmt: skip
             need = beyond + blur + blur + _blur(j, m, paths, marks, p) + SLACK
             if gap <= need:
@@ -208,7 +208,7 @@ def _open_eyes(i, persons, motion, places, sights, turned, view, walking, p, sca
 def guard(robots, persons, motion, field, places, sights, looks, walking, p, solid, clearance, scanners):
     """Let the robots drive as `motion` commands, or as much of it as they may; who may not at all, brakes."""
     turned, view = looks
-    begin(motion, field, p)
+    begin(motion, field, p, None)
     _look(robots, persons, motion, places, sights, walking, p, solid)
     for i in range(robots.shape[0]):
         r = robots[i]

@@ -22,6 +22,7 @@ from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.simulation.physics import people
 from warehouse_env.simulation.physics.buckets import bucket_at
 from warehouse_env.simulation.physics.contact import ACCELERATION, COS, HEADING, SIN, SPEED, STEER, STEER_RATE, X, Y
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import braking, curvature
 from warehouse_env.simulation.physics.stops import (
     AXIS_COS,
@@ -70,15 +71,15 @@ def scratch(count, p):
 
 
 @inline
-def begin(motion, field, p):
+def begin(motion, field, p, kinds):
     """Begin a physics step: nobody has committed to more than its stop, of which only an outline is known."""
     _, outlines, marks, _ = field
     for i in range(motion.shape[1]):
         x, y, heading, c, s = motion[X, i], motion[Y, i], motion[HEADING, i], motion[COS, i], motion[SIN, i]
-        speed, bend = motion[SPEED, i], ZERO
+        speed, bend, own = motion[SPEED, i], ZERO, kind_of(i, p, kinds)
         if speed != ZERO:
-            bend = curvature(motion[STEER, i], p["wheelbase"])
-        draw_outline(i, x, y, heading, c, s, stopping_distance(speed, p), bend, ZERO, ZERO, outlines, p)
+            bend = curvature(motion[STEER, i], own["wheelbase"])
+        draw_outline(i, x, y, heading, c, s, stopping_distance(speed, own), bend, ZERO, ZERO, outlines, own)
         marks[SAMPLES, i] = 0
         marks[COMMITTED, i] = 0
 
@@ -93,10 +94,10 @@ def _know(i, motion, paths, outlines, marks, p):
 
 
 @inline
-def _who_refuses(i, acceleration, steer_rate, motion, field, places, p):
+def _who_refuses(i, acceleration, steer_rate, motion, field, places, p, kinds):
     """Return a robot whose committed motion the one on trial would come too near, FREE if there is none.
 
-    Of several, one that has committed in this step already: those cannot be asked to make room.
+    Of several, one that has committed in this step already: those cannot be asked to make room. p: of robot i.
     """
     paths, outlines, marks, _ = field
     order, starts, _ = places
@@ -117,12 +118,13 @@ def _who_refuses(i, acceleration, steer_rate, motion, field, places, p):
                 continue
             if marks[SAMPLES, trial] == 0:
                 sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)
-            _know(j, motion, paths, outlines, marks, p)
-            least = least_separation(trial, j, paths, outlines, marks, p)
+            other = kind_of(j, p, kinds)
+            _know(j, motion, paths, outlines, marks, other)
+            least = least_separation(trial, j, paths, outlines, marks, p, other)
             if least > p["field_margin"]:
                 continue
             _know(i, motion, paths, outlines, marks, p)
-            if least < least_separation(whole(i), j, paths, outlines, marks, p):
+            if least < least_separation(whole(i), j, paths, outlines, marks, p, other):
                 if marks[COMMITTED, j] != 0:
                     return j
                 found = j
@@ -141,11 +143,11 @@ def _publish(i, trial, paths, outlines, marks):
 
 
 @part
-def commit(i, persons, acceleration, steer_rate, motion, field, places, walking, p, solid, clearance):
+def commit(i, persons, acceleration, steer_rate, motion, field, places, walking, p, kinds, solid, clearance):
     """Have robot i commit to a command [m/s^2], [rad/s] for this physics step and the safe stop after it, if it may.
 
     Returns FREE where it has; else SHELF, PERSON, or the index of a robot that is in the way, and what i had committed
-    stands.
+    stands. p: its own; kinds: of all robots (kinds.py).
     May be called for any robot at any time between `begin` and the motion, also again with another command.
     """
     paths, outlines, marks, _ = field
@@ -163,7 +165,7 @@ def commit(i, persons, acceleration, steer_rate, motion, field, places, walking,
                 sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)
             if people.could_meet(persons, paths[trial], marks[SAMPLES, trial], outlines[PACE, trial], p):
                 return PERSON
-        refuser = _who_refuses(i, acceleration, steer_rate, motion, field, places, p)
+        refuser = _who_refuses(i, acceleration, steer_rate, motion, field, places, p, kinds)
         if refuser != FREE:
             return refuser
         _publish(i, trial, paths, outlines, marks)
@@ -183,19 +185,21 @@ def hold(i, motion, field, p):
 
 
 @inline
-def guard(robots, persons, motion, field, places, walking, p, solid, clearance):
+def guard(robots, persons, motion, field, places, walking, p, kinds, solid, clearance):
     """Let the robots commit, in the order of priority, to the commands that `motion` holds; who may not, brakes."""
-    begin(motion, field, p)
+    begin(motion, field, p, kinds)
     for i in field[3]:
-        r = robots[i]
+        r, own = robots[i], kind_of(i, p, kinds)
         refuser = FREE
         if r["silent"] == 0 and r["off_plan"] == 0:
             acceleration, steer_rate = motion[ACCELERATION, i], motion[STEER_RATE, i]
-            refuser = commit(i, persons, acceleration, steer_rate, motion, field, places, walking, p, solid, clearance)
+            refuser = commit(
+                i, persons, acceleration, steer_rate, motion, field, places, walking, own, kinds, solid, clearance
+            )
             if refuser == FREE:
                 r["held_time"] = ZERO
                 continue
-        hold(i, motion, field, p)
+        hold(i, motion, field, own)
         r["held"] += 1
         r["held_time"] += p["time_step"]
         r["held_by"] = max(refuser, NOBODY)

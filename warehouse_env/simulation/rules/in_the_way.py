@@ -12,6 +12,7 @@ import numpy as np
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.driver.line import point_at
 from warehouse_env.simulation.physics.geometry import rectangles_touch
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO, arc_tan2, sin_cos, wrap
 from warehouse_env.simulation.state import NOBODY
 
@@ -22,28 +23,28 @@ _ONTO_LINE = np.float32(1.0)  # [m] of driving that brings a robot onto its line
 
 
 @inline
-def _touched(cx, cy, c, s, near, count, robots, p):
+def _touched(cx, cy, c, s, near, count, robots, p, kinds):
     """Return the first of the robots near[:count] whose body a body at (cx, cy) [m], heading (c, s), touches."""
-    half_length, half_width, offset = p["half_length"], p["half_width"], p["offset"]
-    reach = p["radius"] + p["radius"]
     for k in range(count):
-        o = robots[near[k]]
+        o, other = robots[near[k]], kind_of(near[k], p, kinds)
+        reach, offset = p["radius"] + other["radius"], other["offset"]
         dx, dy = o["x"] - offset * o["cos"] - cx, o["y"] - offset * o["sin"] - cy
         if dx * dx + dy * dy < reach * reach and rectangles_touch(
-            dx, dy, c, s, half_length, half_width, o["cos"], o["sin"], half_length, half_width
-        ):
+            dx, dy, c, s, p["half_length"], p["half_width"], o["cos"], o["sin"],
+            other["half_length"], other["half_width"],
+        ):  # fmt: skip
             return near[k]
     return NOBODY
 
 
 @inline
-def _list_near(robots, i, p, near):
+def _list_near(robots, i, p, kinds, near):
     """Write the robots whose body robot i's could meet within AHEAD into near int32[N]; return how many."""
     x, y = robots[i]["x"], robots[i]["y"]
-    reach = AHEAD + _ONTO_LINE + p["radius"] + p["radius"] + abs(p["offset"]) + abs(p["offset"])
     count = 0
     for j in range(robots.shape[0]):
-        dx, dy = robots[j]["x"] - x, robots[j]["y"] - y
+        dx, dy, other = robots[j]["x"] - x, robots[j]["y"] - y, kind_of(j, p, kinds)
+        reach = AHEAD + _ONTO_LINE + p["radius"] + other["radius"] + abs(p["offset"]) + abs(other["offset"])
         if j != i and dx * dx + dy * dy < reach * reach:
             near[count] = j
             count += 1
@@ -51,11 +52,11 @@ def _list_near(robots, i, p, near):
 
 
 @part
-def first_in_the_way(robots, i, route, p, near):
-    """Return the robot whose body robot i's would touch first along its route, or NOBODY."""
+def first_in_the_way(robots, i, route, p, kinds, near):
+    """Return the robot whose body robot i's would touch first along its route, or NOBODY; p: its own."""
     r = robots[i]
     points, spacing = r["points"], r["spacing"]
-    count = _list_near(robots, i, p, near)
+    count = _list_near(robots, i, p, kinds, near)
     if count == 0 or points < 2:
         return NOBODY
     x, y, ux, uy = point_at(route, points, spacing, r["position"], ZERO)
@@ -71,7 +72,7 @@ def first_in_the_way(robots, i, route, p, near):
         s, c = sin_cos(left * turned)
         c, s = ux * c - uy * s, uy * c + ux * s
         cx, cy = x + left * off_x - p["offset"] * c, y + left * off_y - p["offset"] * s
-        other = _touched(cx, cy, c, s, near, count, robots, p)
+        other = _touched(cx, cy, c, s, near, count, robots, p, kinds)
         if other != NOBODY:
             return other
     return NOBODY

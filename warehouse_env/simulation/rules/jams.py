@@ -16,14 +16,14 @@ from warehouse_env.simulation.rules import waits
 
 
 @kernel
-def _look(robots, routes, params, who, ring, stage):
+def _look(robots, routes, params, kinds, who, ring, stage):
     """Write into int32[B, N] each; see jams_of."""
     found = waits.scratch(robots.shape[1])
     for b in range(robots.shape[0]):
         waits.look(robots[b], found)
         stage[b] = found[waits.STAGE]
         for i in range(robots.shape[1]):
-            who[b, i] = waits.waits_for(robots[b], i, routes[b, i], params[0], found[waits.SPARE])
+            who[b, i] = waits.waits_for(robots[b], i, routes[b, i], params[0], kinds, found[waits.SPARE])
         waits.find_rings(who[b], ring[b], found[waits.SPARE])
 
 
@@ -35,15 +35,17 @@ class Jams(NamedTuple):
     stage: NDArray[np.int32]
 
 
-def jams_of(robots: NDArray[Any], routes: NDArray[np.float32], params: NDArray[Any]) -> Jams:
+def jams_of(
+    robots: NDArray[Any], routes: NDArray[np.float32], params: NDArray[Any], kinds: NDArray[Any] | None
+) -> Jams:
     """Return for ROBOT[B, N] whom each robot waits for, the lowest robot of the cycle it is on (NOBODY if none), and
     its stage (waits.MOVES, WAITS, SEEKS or STUCK).
 
     Only a robot waits that has stood for a second or rocked for five, and nobody that is parked.
-    routes float32[B, N, R, 2] [m]; params PARAMETERS[1].
+    routes float32[B, N, R, 2] [m]; params PARAMETERS[1]; kinds: see kinds.py.
     """
     jams = Jams(*(np.empty(robots.shape, dtype=np.int32) for _ in range(3)))
-    _look(robots, routes, params, *jams)
+    _look(robots, routes, params, kinds, *jams)
     return jams
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.people import gap_to
 
 KEPT = np.float32(1.5)  # [s] from which on a person counts as kept from walking
@@ -24,11 +25,11 @@ def is_kept(o):
 
 
 @inline
-def who_frees(i, o, robots, p):
+def who_frees(i, o, robots, p, kinds):
     """Return for whom robot i waits that waits for a kept person: the nearest other robot that keeps it, or itself."""
     nearest, least = i, KEEPS
     for j in range(robots.shape[0]):
-        gap = gap_to(o["x"], o["y"], robots[j], p)
+        gap = gap_to(o["x"], o["y"], robots[j], kind_of(j, p, kinds))
         if j != i and gap < least:
             nearest, least = j, gap
     return i if o["kept"] > LONG_KEPT else nearest

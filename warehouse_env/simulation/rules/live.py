@@ -169,7 +169,7 @@ class LiveRoutes(Portable):
             spec.only_barred,
             spec.look_ahead,
         )
-        behind = np.float32(config.robot.rear_reach - 0.5 * config.robot.length)
+        behind = np.array([robot.rear_reach - 0.5 * robot.length for robot in config.robots], np.float32)
         self._floor = spec.stood_for, behind, np.float32(grid.cell_size)
         robot, size = config.widest_body, config.widest_body.longer / grid.cell_size  # of bodies, in cells
         spread = int(0.5 * (robot.length + robot.width) / grid.cell_size)
@@ -180,7 +180,7 @@ class LiveRoutes(Portable):
         )
         self._passing = make_passing(worlds, config.num_agents, grid.occupied.size, SLOTS, spread)
         self._laid = np.full((worlds, config.num_agents), np.inf, np.float32)  # [m] of routes that are drivable
-        fastest = max(config.robot.max_speed, -config.robot.min_speed)
+        fastest = max(max(kind.max_speed, -kind.min_speed) for kind in config.kinds)
         self._reach = LAID if spec.every * fastest < _NEAR / 2 else np.inf
         self._cells: dict[tuple[int, int], NDArray[np.int32]] = {}  # [L, 2], those that a robot's route was made of
         self._boxes: dict[tuple[int, int], tuple[Cell, Box]] = {}  # of the field that each robot goes by, and its goal
@@ -218,8 +218,9 @@ class LiveRoutes(Portable):
         """
         self._cells[world, robot] = cells
         self._laid[world, robot] = laid
+        stood_for, behind, size = self._floor
         keep_up(
-            self._passing, world, robot, robots[world, robot], routes[world, robot], *self._floor,
+            self._passing, world, robot, robots[world, robot], routes[world, robot], stood_for, behind[robot], size,
             *self._book.grid.shape,
         )  # fmt: skip
 

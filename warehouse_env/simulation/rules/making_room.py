@@ -12,12 +12,14 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.simulation.driver.bodies import BODY, write_body
 from warehouse_env.simulation.driver.manoeuvre import MOST, TRIES
 from warehouse_env.simulation.driver.rejoin import AMONG_OTHERS, plan_aside, plan_to_route, write_bodies_near
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.people import RADIUS
 from warehouse_env.simulation.physics.trigonometry import ZERO
 from warehouse_env.simulation.rules import waits
-from warehouse_env.simulation.rules.path_ahead import DRIVEN, POSES, ROOM_FOR_PEOPLE
+from warehouse_env.simulation.rules.path_ahead import CENTRE_X, CENTRE_Y, COS, POSES, ROOM_FOR_PEOPLE, SIN
 from warehouse_env.simulation.rules.waits import SEEKS, STAGE, STUCK
 from warehouse_env.simulation.state import NOBODY
 
@@ -42,25 +44,25 @@ def _least(i, robots):
 
 
 @inline
-def _write_near(r, robots, persons, p, bodies):
-    """Write the bodies near a robot into bodies float32[N + M, 4], and for each person near one that stands before it,
-    broadside on, up to where grants end; return how many.
+def _write_near(i, robots, persons, p, kinds, bodies):
+    """Write the bodies near robot i into bodies float32[N + M, BODY], and for each person near one that stands before
+    it, broadside on, up to where grants end; return how many. p: its own.
     """
-    count = write_bodies_near(r, robots, NEAR * p["long"], p, bodies)
+    r = robots[i]
+    count = write_bodies_near(i, robots, NEAR * p["long"], p, kinds, bodies)
     before = RADIUS + ROOM_FOR_PEOPLE - p["half_width"]
     for o in persons:
         dx, dy = o["x"] - (r["x"] - p["offset"] * r["cos"]), o["y"] - (r["y"] - p["offset"] * r["sin"])
         apart = np.sqrt(dx * dx + dy * dy)
         if ZERO < apart < NEAR_PEOPLE:
             c, s = dx / apart, dy / apart
-            bodies[count, 0], bodies[count, 1] = o["x"] - before * c, o["y"] - before * s
-            bodies[count, 2], bodies[count, 3] = -s, c
+            write_body(o["x"] - before * c, o["y"] - before * s, -s, c, p, bodies[count])
             count += 1
     return count
 
 
 @part
-def _leave_ring(low, robots, persons, arcs, ways, bodies, avoid, p, solid, clearance, metric):
+def _leave_ring(low, robots, persons, arcs, ways, bodies, avoid, p, kinds, solid, clearance, metrics):
     """Search a way off the paths of all others in the ring for robot `low`, or if it is alone from where it stands;
     return whether there is one.
     """
@@ -68,24 +70,27 @@ def _leave_ring(low, robots, persons, arcs, ways, bodies, avoid, p, solid, clear
     count, j, whole_ring = 0, robots[low]["yields_to"], False
     while not whole_ring:
         for k in range(poses[j] if j != low else 1):
-            for column in range(DRIVEN):
-                avoid[count, column] = paths[j, k, column]
+            pose = paths[j, k]
+            write_body(pose[CENTRE_X], pose[CENTRE_Y], pose[COS], pose[SIN], kind_of(j, p, kinds), avoid[count])
             count += 1
         j = robots[j]["yields_to"]
         whole_ring = j == low
-    r = robots[low]
-    near = _write_near(r, robots, persons, p, bodies)
-    found = plan_aside(r, arcs[low], avoid[:count], bodies[:near], p, solid, clearance, metric)
+    r, own = robots[low], kind_of(low, p, kinds)
+    near = _write_near(low, robots, persons, own, kinds, bodies)
+    found = plan_aside(r, arcs[low], avoid[:count], bodies[:near], own, solid, clearance, metrics[own["kind"]])
     r["aside"] = found > 0
     r["pause"] = waits.LEAVES if found > 0 else waits.PAUSE
     return found > 0
 
 
 @part
-def _go_round(i, robots, persons, routes, arcs, bodies, most, p, solid, clearance, metric):
+def _go_round(i, robots, persons, routes, arcs, bodies, most, p, kinds, solid, clearance, metrics):
     """Search a way for robot i to its own route, in `most` nodes, round those near; return whether there is one."""
-    near = _write_near(robots[i], robots, persons, p, bodies)
-    found = plan_to_route(robots[i], routes[i], arcs[i], bodies[:near], TRIES, most, p, solid, clearance, metric)
+    own = kind_of(i, p, kinds)
+    near = _write_near(i, robots, persons, own, kinds, bodies)
+    found = plan_to_route(
+        robots[i], routes[i], arcs[i], bodies[:near], TRIES, most, own, solid, clearance, metrics[own["kind"]]
+    )
     return found >= 0
 
 
@@ -94,23 +99,23 @@ def _write_way_back(r, p, avoid):
     """Write the robot's body as it would be on its way straight back into avoid[:BEHIND]."""
     for k in range(BEHIND):
         behind = p["offset"] + np.float32(k + 1) * BEHIND_STEP * p["long"]
-        avoid[k, 0], avoid[k, 1] = r["x"] - behind * r["cos"], r["y"] - behind * r["sin"]
-        avoid[k, 2], avoid[k, 3] = r["cos"], r["sin"]
+        write_body(r["x"] - behind * r["cos"], r["y"] - behind * r["sin"], r["cos"], r["sin"], p, avoid[k])
 
 
 @part
-def _clear_behind(i, robots, persons, arcs, bodies, avoid, p, solid, clearance, metric):
+def _clear_behind(i, robots, persons, arcs, bodies, avoid, p, kinds, solid, clearance, metrics):
     """Have who waits for robot i, which finds no way out, leave the floor behind it; who cannot asks its own waiter."""
     asks = i
     for _ in range(CHAIN):
-        _write_way_back(robots[asks], p, avoid)
+        _write_way_back(robots[asks], kind_of(asks, p, kinds), avoid)
         blocked = NOBODY
         for j in range(robots.shape[0]):
             r = robots[j]
             if j == asks or r["yields_to"] != asks or not waits.may_leave(r):
                 continue
-            near = _write_near(r, robots, persons, p, bodies)
-            found = plan_aside(r, arcs[j], avoid[:BEHIND], bodies[:near], p, solid, clearance, metric)
+            own = kind_of(j, p, kinds)
+            near = _write_near(j, robots, persons, own, kinds, bodies)
+            found = plan_aside(r, arcs[j], avoid[:BEHIND], bodies[:near], own, solid, clearance, metrics[own["kind"]])
             if found > 0:
                 r["aside"], r["pause"] = 1, waits.LEAVES
                 return
@@ -122,14 +127,14 @@ def _clear_behind(i, robots, persons, arcs, bodies, avoid, p, solid, clearance, 
 
 
 @part
-def _resolve(robots, persons, routes, arcs, ways, found, bodies, avoid, p, solid, clearance, metric):
+def _resolve(robots, persons, routes, arcs, ways, found, bodies, avoid, p, kinds, solid, clearance, metrics):
     """Let those of a world search that seek or are stuck, one after another; each search changes who still is."""
     waits.look(robots, found)
     for i in range(robots.shape[0]):
         stage, low, most = found[STAGE, i], i, AMONG_OTHERS
         if stage == SEEKS:
             low = _least(i, robots)
-            if _leave_ring(low, robots, persons, arcs, ways, bodies, avoid, p, solid, clearance, metric):
+            if _leave_ring(low, robots, persons, arcs, ways, bodies, avoid, p, kinds, solid, clearance, metrics):
                 waits.look(robots, found)
                 continue
         elif stage == STUCK:
@@ -139,23 +144,27 @@ def _resolve(robots, persons, routes, arcs, ways, found, bodies, avoid, p, solid
         else:
             continue
         alone = robots[low]["yields_to"] == low
-        if alone or not _go_round(low, robots, persons, routes, arcs, bodies, most, p, solid, clearance, metric):
-            _clear_behind(low, robots, persons, arcs, bodies, avoid, p, solid, clearance, metric)
+        if alone or not _go_round(
+            low, robots, persons, routes, arcs, bodies, most, p, kinds, solid, clearance, metrics
+        ):
+            _clear_behind(low, robots, persons, arcs, bodies, avoid, p, kinds, solid, clearance, metrics)
         waits.look(robots, found)
 
 
 @kernel
-def make_room(begin, end, robots, routes, persons, arcs, paths, params, solid, clearance, metric):
+def make_room(begin, end, robots, routes, persons, arcs, paths, params, kinds, solid, clearance, metrics):
     """Let those search that seek or are stuck in the worlds from `begin` to before `end`; right after agreement.agree
-    has said that somebody is. Arguments: see there and step.advance.
+    has said that somebody is. Arguments: see there, step.advance and rejoin.seek.
     """
     count = robots.shape[1]
-    bodies, avoid = np.empty((count + persons.shape[1], 4), np.float32), np.empty((count * POSES, 4), np.float32)
+    bodies = np.empty((count + persons.shape[1], BODY), np.float32)
+    avoid = np.empty((count * POSES, BODY), np.float32)
     found, poses = waits.scratch(count), np.empty(count, np.int32)  # of paths, which a manoeuvre that begins makes void
     for b in range(begin, end):
         for i in range(count):
             poses[i] = robots[b, i]["poses"]
         ways = paths[b], poses
         _resolve(
-            robots[b], persons[b], routes[b], arcs[b], ways, found, bodies, avoid, params[0], solid, clearance, metric
-        )
+            robots[b], persons[b], routes[b], arcs[b], ways, found, bodies, avoid, params[0], kinds, solid, clearance,
+            metrics,
+        )  # fmt: skip

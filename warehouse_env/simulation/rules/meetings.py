@@ -9,6 +9,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.simulation.physics.geometry import rectangles_touch
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.rules.path_ahead import CENTRE_X, CENTRE_Y, COS, POSES, SIN
 
 WIDE = np.float32(0.04)  # [m] of room around bodies in what is granted anew: paths are predictions
@@ -41,8 +42,8 @@ def scratch(paths):
 
 @inline
 def _reach(p):
-    """Return the distance [m] of two bodies' centres from which they do not touch, with WIDE room; side of a square."""
-    return p["radius"] + p["radius"] + WIDE + WIDE + WIDE
+    """Return the distance [m] of any two centres from which bodies do not touch, with WIDE room; side of a square."""
+    return p["widest"] + p["widest"] + WIDE + WIDE + WIDE
 
 
 @inline
@@ -78,21 +79,27 @@ def _number_of(j, count, masks, numbers):
 
 
 @inline
-def _touch(paths, masks, numbers, row, k, j, m, count, p):
-    """Write whether pose k of a path touches pose m of robot j's; return how many are met then."""
-    length, width, reach = p["half_length"], p["half_width"], _reach(p)
+def _touch(paths, masks, numbers, row, k, j, m, count, p, q):
+    """Write whether pose k of a path touches pose m of robot j's; return how many are met then.
+
+    p, q: the parameters of whose path it is, and of robot j.
+    """
+    length, width, other_length, other_width = p["half_length"], p["half_width"], q["half_length"], q["half_width"]
     dx, dy = paths[j, m, CENTRE_X] - paths[row, k, CENTRE_X], paths[j, m, CENTRE_Y] - paths[row, k, CENTRE_Y]
+    reach = _reach(p)
     if dx * dx + dy * dy > reach * reach:
         return count
     c, s, other_c, other_s = paths[row, k, COS], paths[row, k, SIN], paths[j, m, COS], paths[j, m, SIN]
     near = m == 0 or k == 0 or (k <= NEARBY and m <= NEARBY)
     room = TIGHT if near else WIDE
-    if not rectangles_touch(dx, dy, c, s, length + room, width + room, other_c, other_s, length + room, width + room):
+    if not rectangles_touch(
+        dx, dy, c, s, length + room, width + room, other_c, other_s, other_length + room, other_width + room
+    ):
         return count
     n, bit = _number_of(j, count, masks, numbers), BIT << np.uint32(m)
     masks[TOUCH_WIDE, n, k] |= bit
     if near or rectangles_touch(
-        dx, dy, c, s, length + TIGHT, width + TIGHT, other_c, other_s, length + TIGHT, width + TIGHT
+        dx, dy, c, s, length + TIGHT, width + TIGHT, other_c, other_s, other_length + TIGHT, other_width + TIGHT
     ):
         masks[TOUCH_TIGHT, n, k] |= bit
     if c * other_c + s * other_s < ACROSS:
@@ -101,8 +108,11 @@ def _touch(paths, masks, numbers, row, k, j, m, count, p):
 
 
 @part
-def meet(i, row, last, ways, p):
-    """Find all robots whose paths touch a path of robot i's up to its pose number `last`; return how many."""
+def meet(i, row, last, ways, p, kinds):
+    """Find all robots whose paths touch a path of robot i's up to its pose number `last`; return how many.
+
+    p: its own; kinds: see kinds.py.
+    """
     paths, first, following, masks, numbers = ways
     reach, count = _reach(p), whole(0)
     for k in range(last + 1):
@@ -114,6 +124,6 @@ def meet(i, row, last, ways, p):
             while pose >= 0:
                 j, m = pose >> PLACES, pose & (POSES - 1)
                 if j != i:
-                    count = _touch(paths, masks, numbers, row, k, j, m, count, p)
+                    count = _touch(paths, masks, numbers, row, k, j, m, count, p, kind_of(j, p, kinds))
                 pose = following[pose]
     return count

@@ -186,13 +186,14 @@ def keep_all_up(passing, b, step, robots, persons, person_on, routes, stood_for,
     """Bring the table of world b up to env step `step`, unless it is already.
 
     robots: ROBOT[N]; persons: PERSON[M]; person_on: int32[B, M], the cell on which a person is counted as standing, or
-    NOTHING; routes: float32[N, R, 2] [m]; stood_for [s]: from when on a robot counts as standing; behind [m]: a body's
-    centre, behind its front axle; size [m]: of a cell of the floor with so many rows and columns.
+    NOTHING; routes: float32[N, R, 2] [m]; stood_for [s]: from when on a robot counts as standing; behind
+    float32[N] [m]: how far each body's centre is behind its front axle; size [m]: of a cell of the floor with so many
+    rows and columns.
     """
     if passing.known_at[b] == step:
         return
     for i in range(robots.shape[0]):
-        keep_up(passing, b, i, robots[i], routes[i], stood_for, behind, size, rows, columns)
+        keep_up(passing, b, i, robots[i], routes[i], stood_for, behind[i], size, rows, columns)
     for m in range(persons.shape[0]):
         stands = NOTHING
         if bars_ways(persons[m]):
@@ -219,7 +220,7 @@ def note_waiting(passing, robots, looks, steps, every, behind, size, rows, colum
         passing.period[b] = steps[b] // (PERIOD * every)
         for i in range(robots.shape[1]):
             if looks[b, i] and gets_nowhere(robots[b, i]):
-                row, column = body_cell(robots[b, i], behind, size, rows, columns)
+                row, column = body_cell(robots[b, i], behind[i], size, rows, columns)
                 cell = row * columns + column
                 passing.waited[b, cell] = waited_at(passing, b, cell) + ONCE
                 passing.waited_in[b, cell] = passing.period[b]

@@ -26,6 +26,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline, part, whole
 from warehouse_env.simulation.driver.line import forget_path
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO
 from warehouse_env.simulation.rules.letting_out import is_kept, who_frees
 from warehouse_env.simulation.rules.meetings import (
@@ -154,7 +155,7 @@ def _write(i, r, route, arcs, ways, p, clearance):
 
 
 @part
-def _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, clearance):
+def _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, kinds, clearance):
     """Try the robot's other offsets, the best-liked one first, for one whose path is free as far as it asks.
 
     Takes the first that is, and returns the new (poses granted, who bars the way).
@@ -174,7 +175,7 @@ def _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, clearance)
         numbers[COUNT, trial], want = many, min(want, many - 1)
         if want < 2:
             continue
-        count = meet(i, trial, want, ways, p)
+        count = meet(i, trial, want, ways, p, kinds)
         goal = many - 1 if at_end else NOWHERE
         # want < 0: False, but for Numba no constant (kernel.py)
         free, _ = _grant(count, whole(0), numbers[MUST, i], want, want, goal, want < 0, ways)
@@ -215,8 +216,8 @@ def _begin(i, r, route, arcs, ways, p, clearance):
 
 
 @inline
-def _ask(i, robots, persons, route, arcs, choices, ways, p, clearance):
-    """Grant robot i what it may have of its path."""
+def _ask(i, robots, persons, route, arcs, choices, ways, p, kinds, clearance):
+    """Grant robot i what it may have of its path; p: its own."""
     paths, _, _, _, numbers = ways
     r = robots[i]
     numbers[ASKED, i] = 1 - r["silent"]
@@ -226,7 +227,7 @@ def _ask(i, robots, persons, route, arcs, choices, ways, p, clearance):
     must = numbers[MUST, i]
     want = min(must + AHEAD, numbers[COUNT, i] - 1)
     end = min(want + MORE, numbers[COUNT, i] - 1)
-    count = meet(i, i, end, ways, p)
+    count = meet(i, i, end, ways, p, kinds)
     goal = numbers[COUNT, i] - 1 if r["at_end"] != 0 else NOWHERE
     granted, barrier = _grant(count, whole(numbers[GRANT, i]), must, want, end, goal, r["aside"] != 0, ways)
     if r["arcs"] == 0 and r["settled"] > ZERO:
@@ -235,10 +236,10 @@ def _ask(i, robots, persons, route, arcs, choices, ways, p, clearance):
         )
         again = barrier != before or (r["age"] // p["repeat"] + i) % TRIED == 0
         if (stuck and again) or (barrier == NOBODY and r["side"] != choices[0, SIDE]):
-            granted, barrier = _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, clearance)
+            granted, barrier = _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, kinds, clearance)
     granted, person = before_people(paths[i], must, granted, persons, p)
     if person != NOBODY and is_kept(persons[person]):
-        barrier = who_frees(i, persons[person], robots, p)
+        barrier = who_frees(i, persons[person], robots, p, kinds)
     if r["silent"] == 0:
         numbers[GRANT, i] = granted
     r["authority"] = paths[i, granted, DRIVEN]
@@ -291,20 +292,20 @@ def rank(robots, order):
 
 
 @part
-def decide(robots, persons, routes, arcs, commands, choices, order, ways, p, clearance):
+def decide(robots, persons, routes, arcs, commands, choices, order, ways, p, kinds, clearance):
     """Grant all robots of a world a stretch of their paths: `authority` [m], `side` [m] and `yields_to` of the records.
 
     persons PERSON[M]; commands float32[N, 2]: speed [m/s] and lateral offset [m] of each, of which the speed becomes
     the one liked with the offset taken; choices float32[N, K, 3]: see preferences.py; order int[N]: robots as `rank`
-    has sorted them; ways: see meetings.scratch.
+    has sorted them; ways: see meetings.scratch; kinds: see kinds.py.
     """
     count = robots.shape[0]
     for i in range(count):
-        _begin(i, robots[i], routes[i], arcs[i], ways, p, clearance)
+        _begin(i, robots[i], routes[i], arcs[i], ways, kind_of(i, p, kinds), clearance)
     enlist(ways, p)
     for n in range(count):
         i = whole(order[n])
-        _ask(i, robots, persons, routes[i], arcs[i], choices[i], ways, p, clearance)
+        _ask(i, robots, persons, routes[i], arcs[i], choices[i], ways, kind_of(i, p, kinds), kinds, clearance)
         if robots[i]["settled"] > ZERO:
             commands[i, 0] = speed_of(robots[i], choices[i], commands[i, 0], is_urged(robots[i]))
 

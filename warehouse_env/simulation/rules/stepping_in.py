@@ -37,10 +37,10 @@ def _settle_around(i, robots):
 
 
 @part
-def _settle(robots, routes, found, p):
+def _settle(robots, routes, found, p, kinds):
     """Settle those near whoever calls for the rules; see step_in."""
     after = p["right_of_way_after"]
-    find_rings_of(robots, routes, after, LONGER * after, found, p)
+    find_rings_of(robots, routes, after, LONGER * after, found, p, kinds)
     for i in range(robots.shape[0]):
         stood = robots[i]["standing_time"]
         if robots[i]["alive"] == 0 or stood < after:
@@ -74,17 +74,17 @@ def _release(r, side):
 
 
 @part
-def step_in(robots, persons, routes, commands, found, p):
+def step_in(robots, persons, routes, commands, found, p, kinds):
     """Say who is `settled`, that is keeps to what it is granted: all, or who is near one that calls for the rules.
 
     robots ROBOT[N] and persons PERSON[M] of a world; routes float32[N, R, 2] [m]; commands float32[N, 2]: speed [m/s]
-    and lateral offset [m]; found: see waits.scratch. Returns whether anybody is.
+    and lateral offset [m]; found: see waits.scratch; kinds: see kinds.py. Returns whether anybody is.
     """
     after, seconds, anybody = p["right_of_way_after"], p["time_step"] * np.float32(p["repeat"]), False
     for r in robots:
         r["settled"] = ONE if after == ZERO else max(r["settled"] - seconds, ZERO)
     if after > ZERO:
-        _settle(robots, routes, found, p)
+        _settle(robots, routes, found, p, kinds)
         _settle_around_people(robots, persons)
     for i in range(robots.shape[0]):
         if robots[i]["settled"] > ZERO:

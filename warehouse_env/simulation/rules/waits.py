@@ -19,6 +19,7 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 from warehouse_env.simulation.rules.in_the_way import first_in_the_way
 from warehouse_env.simulation.state import NOBODY
@@ -124,8 +125,9 @@ def _may_search(r):
 
 
 @part
-def waits_for(robots, i, route, p, near):
+def waits_for(robots, i, route, p, kinds, near):
     """Return whom robot i of ROBOT[N] waits for, or NOBODY; route float32[R, 2] is its own, near int[N] scratch.
+    kinds: see kinds.py.
 
     Who the field or the right of way says, else the first body in its way.
     """
@@ -136,7 +138,7 @@ def waits_for(robots, i, route, p, near):
         return r["held_by"]
     if r["yields_to"] != NOBODY and r["yields_to"] != i:  # itself: it is to let a person out
         return r["yields_to"]
-    return first_in_the_way(robots, i, route, p, near)
+    return first_in_the_way(robots, i, route, kind_of(i, p, kinds), kinds, near)
 
 
 @part
@@ -167,7 +169,7 @@ def find_rings(who, ring, walk):
 
 
 @part
-def find_rings_of(robots, routes, least, most, found, p):
+def find_rings_of(robots, routes, least, most, found, p, kinds):
     """Find the rings through those who have stood for `least` to `most` [s], and whom the robots on the way wait for.
 
     Only they, and whoever they wait for, are asked: to look for who is in the way takes long.
@@ -179,7 +181,7 @@ def find_rings_of(robots, routes, least, most, found, p):
             continue
         j = i
         while j != NOBODY and who[j] == _UNASKED:
-            who[j] = waits_for(robots, j, routes[j], p, found[SPARE])
+            who[j] = waits_for(robots, j, routes[j], p, kinds, found[SPARE])
             j = who[j]
     for i in range(robots.shape[0]):
         who[i] = max(who[i], NOBODY)

@@ -2,7 +2,8 @@
 
 An optional slice of the observation, made of the rest of it alone (route ahead, own motion, neighbours): the own body
 is carried along the route, from its present lateral offset to the commanded one, while the speed changes at the
-vehicle's acceleration; the others drive straight on. Both are wrong in part: what to make of it is left to the policy.
+vehicle's acceleration; the others drive straight on, as large as the largest robot of the fleet. Both are wrong in
+part: what to make of it is left to the policy.
 """
 
 from __future__ import annotations
@@ -88,20 +89,20 @@ def _lay_out_path(v0, speed, p, legs, path):
 def _touches(x, y, c, s, margin, ox, oy, oc, os, p):
     """Whether the body with its front axle at (x, y), grown by `margin` [m], touches the other, centred at (ox, oy)."""
     half_length, half_width = p["half_length"] + margin, p["half_width"] + margin
-    far = p["radius"] + p["radius"] + _DIAGONAL * margin
+    far = p["radius"] + p["widest"] + _DIAGONAL * margin
     dx = ox - (x - p["offset"] * c + p["offset"])  # the frame's origin is the own body's centre now
     dy = oy - (y - p["offset"] * s)
     return dx * dx + dy * dy < far * far and rectangles_touch(
-        dx, dy, c, s, half_length, half_width, oc, os, p["half_length"], p["half_width"]
+        dx, dy, c, s, half_length, half_width, oc, os, p["widest_length"], p["widest_width"]
     )
 
 
 @inline
 def _turns_into(ox, oy, oc, os, p):
     """Whether the square that a turn on the spot may sweep touches the other body."""
-    far = p["radius"] + _DIAGONAL * TURN_SIDE
+    far = p["widest"] + _DIAGONAL * TURN_SIDE
     return ox * ox + oy * oy < far * far and rectangles_touch(
-        ox, oy, ONE, ZERO, TURN_SIDE, TURN_SIDE, oc, os, p["half_length"], p["half_width"]
+        ox, oy, ONE, ZERO, TURN_SIDE, TURN_SIDE, oc, os, p["widest_length"], p["widest_width"]
     )
 
 
@@ -111,7 +112,7 @@ def _offset_touches(path, k, lateral, offset, margin, ox, oy, oc, os, p):
     ux, uy, left = path[UNIT_X + k], path[UNIT_Y + k], path[LEFT + k]
     side = offset + (lateral - offset) * left
     x, y = path[PATH_X + k] - side * uy, path[PATH_Y + k] + side * ux
-    far = p["radius"] + p["radius"] + _DIAGONAL * margin + abs(p["offset"])  # however the body stands about its axle
+    far = p["radius"] + p["widest"] + _DIAGONAL * margin + abs(p["offset"])  # however the body stands about its axle
     gap_x, gap_y = ox - x - p["offset"], oy - y
     if gap_x * gap_x + gap_y * gap_y > far * far:
         return False
@@ -160,7 +161,7 @@ def _look(row, start, near, others, table, at, count, path, v0, lateral, turning
     if table[at, 0] > ZERO:
         for a in range(at, at + count):
             widest = max(widest, abs(table[a, 1]))
-    bodies = p["radius"] + p["radius"] + abs(p["offset"]) + widest + _DIAGONAL * MARGIN
+    bodies = p["radius"] + p["widest"] + abs(p["offset"]) + widest + _DIAGONAL * MARGIN
     for j in range(others):
         entry = near + j * NEIGHBOUR
         x, vx = row[entry] * p["lidar_range"], row[entry + 4] * p["max_speed"] + v0

@@ -14,6 +14,7 @@ from warehouse_env.simulation.driver.line import way_point
 from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, COS, SEARCH, SILENT, SIN, SPEED, bucket_at
 from warehouse_env.simulation.physics.discs import scan_discs
 from warehouse_env.simulation.physics.geometry import ray_to_rectangle
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ONE, PI, ZERO
 
 _TWENTY = np.float32(20.0)
@@ -110,10 +111,10 @@ def _remember(squared, dx, dy, j, out, start, count):
 
 
 @inline
-def look_around(n, bodies, order, starts, p, rays, out, start):
+def look_around(n, bodies, order, starts, p, kinds, rays, out, start):
     """Scan all robots in range of the n-th of `bodies` into the lidar, and remember the nearest from out[start] on.
 
-    Of those that are silent the lidar alone tells. bodies, order, starts: see buckets.sort.
+    Of those that are silent the lidar alone tells. bodies, order, starts: see buckets.sort; p: its own.
     """
     c, s = bodies[COS, n], bodies[SIN, n]
     cx, cy = bodies[CENTRE_X, n], bodies[CENTRE_Y, n]
@@ -121,7 +122,7 @@ def look_around(n, bodies, order, starts, p, rays, out, start):
     for k in range(count):
         out[start + k * NEIGHBOUR] = np.float32(np.inf)
     lidar_range = p["lidar_range"]
-    reach = lidar_range + p["radius"]
+    reach = lidar_range + p["widest"]
     columns = p["bucket_columns"]
     row, column = bucket_at(cx, cy, p)
     left, right = max(column - SEARCH, 0), min(column + SEARCH + 1, columns)
@@ -132,7 +133,8 @@ def look_around(n, bodies, order, starts, p, rays, out, start):
             if squared < reach * reach and m != n:
                 other_c, other_s = bodies[COS, m], bodies[SIN, m]
                 x, y = dx * c + dy * s, dy * c - dx * s
-                scan_robot(x, y, other_c * c + other_s * s, other_s * c - other_c * s, p, rays, out)
+                turn_c, turn_s = other_c * c + other_s * s, other_s * c - other_c * s
+                scan_robot(x, y, turn_c, turn_s, kind_of(order[m], p, kinds), rays, out)
                 if squared < lidar_range * lidar_range and bodies[SILENT, m] == ZERO:
                     _remember(squared, dx, dy, m, out, start, count)
 

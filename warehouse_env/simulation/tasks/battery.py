@@ -28,7 +28,8 @@ class Batteries:
     def __init__(self, config: EnvConfig, home: NDArray[np.float64]) -> None:
         """home float64[H, W] [m]: the way from each cell to the nearest charger, inf where there is none."""
         assert config.battery is not None
-        self._spec, self._mass, self._home, count = config.battery, config.robot.mass, home, config.num_agents
+        self._spec, self._home, count = config.battery, home, config.num_agents
+        self._mass = np.array([robot.mass for robot in config.robots])  # [kg]
         spec, service = self._spec, config.service
         self._pause = max(service.pick, service.station) if service is not None else 0.0  # [s] before it can go
         self.charge = np.full(count, spec.capacity)  # [Wh]

@@ -51,4 +51,4 @@ class Demand:
 def draw_orders(config: EnvConfig, grid: GridMap, seconds: float, seed: int) -> tuple[Order, ...]:
     """Return the orders of so many seconds as `config.orders` says, for a file or a look; seed: any whole number."""
     spec = config.orders or OrderSpec()
-    return tuple(Demand(spec, grid, config.robot.payload, np.random.default_rng(seed)).until(seconds))
+    return tuple(Demand(spec, grid, config.payload, np.random.default_rng(seed)).until(seconds))

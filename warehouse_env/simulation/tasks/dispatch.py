@@ -19,12 +19,13 @@ from warehouse_env.routes.book import Route, RouteBook
 from warehouse_env.routes.goals import Goal, Pose, face, facing
 from warehouse_env.simulation.driver.line import forget_grants
 from warehouse_env.simulation.physics.floor import Floor
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.rules.astray import far_off, find_astray
 from warehouse_env.simulation.rules.live import LiveRoutes
 from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.one_shot import OneShotTasks
 from warehouse_env.simulation.tasks.orders import Order
-from warehouse_env.simulation.tasks.placement import place, stand
+from warehouse_env.simulation.tasks.placement import Limits, place, stand
 from warehouse_env.simulation.tasks.shifts import Shifts, check_given
 from warehouse_env.simulation.tasks.tasks import Arrival, Tasks, book_arrival, pass_by, set_out
 
@@ -79,7 +80,7 @@ def _take_goal(robots, routes, world, robot, row, column):
 class Dispatcher(Portable):
     """Gives the robots of all worlds their tasks and routes.
 
-    `robots` ROBOT[B, N], `persons` PERSON[B, M] and `params` PARAMETERS[1] are the Simulator's. Of `routes` float32[B,
+    `robots` ROBOT[B, N], `persons` PERSON[B, M] and `limits` (placement.py) are the Simulator's. Of `routes` float32[B,
     N, R, 2] [m] the first state.route_points of each robot are valid; a longer route puts a larger array in its place.
     `book` may be replaced by another of the same floor.
     """
@@ -88,7 +89,7 @@ class Dispatcher(Portable):
 
     def __init__(
         self, config: EnvConfig, book: RouteBook, robots: NDArray[np.void], persons: NDArray[np.void],
-        params: NDArray[np.void], orders: Sequence[Order] | None = None,
+        limits: Limits, orders: Sequence[Order] | None = None,
     ) -> None:  # fmt: skip
         """Make each world's tasks; ConfigError where they, or live routes, cannot be had.
 
@@ -96,17 +97,17 @@ class Dispatcher(Portable):
         """
         self.book, self.robots = book, robots
         self.routes = np.zeros((*robots.shape, ROUTE_BLOCK, 2), dtype=np.float32)
-        self._config, self._params = config, params
+        self._config, self._limits, self._kind_of = config, limits, config.kind_of
         self._astray, self._far = np.empty(robots.shape, dtype=np.bool_), far_off(config, book.grid.cell_size)
         self.live = LiveRoutes(config, book, persons) if config.reroute else None
         tasks = OneShotTasks if config.tasks == "one_shot" else Tasks
         self.tasks = [tasks(book.grid, config) for _ in range(len(robots))]
         check_given(orders, config)
-        self.shifts = Shifts(config, book.grid, self.tasks, params, orders) if config.works else None
+        self.shifts = Shifts(config, book.grid, self.tasks, limits, orders) if config.works else None
         # made when first used: never seeded copies of a Simulator that has not begun go their own ways
         self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
         self._told: dict[tuple[int, int], Goal] = {}  # points and poses that an assignment gives, up to the arrival
-        self._faces: dict[Cell, tuple[Pose, ...]] = {}  # of endpoints, once asked for
+        self._faces: dict[tuple[int, Cell], tuple[Pose, ...]] = {}  # of kinds at endpoints, once asked for
         # nan only where headings matter, since it is equal to nothing, not even in a copy of the same robot
         self._any_heading = np.float32(0.0 if config.arrival == "pass" else np.nan)
         self._bind()
@@ -154,7 +155,7 @@ class Dispatcher(Portable):
         goals = assignment.goals(self.book.grid)
         self.tasks[world].assign(starts, [goal.cell for goal in goals])
         for robot, (start, goal) in enumerate(zip(starts, goals, strict=True)):
-            stand(self.robots[world], robot, assignment.pose[robot], self._params, floor)
+            stand(self.robots[world], robot, assignment.pose[robot], self._limits, floor)
             heading = float(assignment.pose[robot, 2])
             self._told[world, robot] = goal
             self.give_task(world, robot, goal.cell, self._first_route(world, robot, start, goal.cell, heading))
@@ -166,9 +167,10 @@ class Dispatcher(Portable):
             return told.poses if self._config.arrival == "pose" else tuple((x, y, math.nan) for x, y, _ in told.poses)
         if self._config.arrival != "pose":
             return ()
-        if goal not in self._faces:
-            self._faces[goal] = face(self.book.grid, goal, self._config.robot).poses
-        return self._faces[goal]
+        kind = self._kind_of[robot]
+        if (kind, goal) not in self._faces:
+            self._faces[kind, goal] = face(self.book.grid, goal, self._config.kinds[kind]).poses
+        return self._faces[kind, goal]
 
     def _place_all(self, world: int, floor: Floor, idle: bool) -> None:
         """Give every robot of a world a start, a goal and a route; idle: it stands, and its goal is where."""
@@ -197,7 +199,7 @@ class Dispatcher(Portable):
         if direction is None:
             line = self.book.route(cell, goal, None, self._ends(world, robot, goal)).line
             direction = line[min(2, len(line) - 1)] - line[0]
-        if not place(self.robots[world], robot, self.book.grid.centre(cell), direction, self._params, floor):
+        if not place(self.robots[world], robot, self.book.grid.centre(cell), direction, self._limits, floor):
             return False
         self.give_task(world, robot, goal, self._first_route(world, robot, cell, goal))
         return True
@@ -229,7 +231,8 @@ class Dispatcher(Portable):
             self.live.give_up(world, robot)
         _take_route(self.robots, self.routes, world, robot, points, self._any_heading)
         if route.end is not None:
-            join = JOIN * float(self._params["long"][0])
+            params, kinds = self._limits
+            join = JOIN * float(kind_of(robot, params[0], kinds)["long"])
             _take_end(self.robots, world, robot, *route.end, route.either, join)
         if self.live is not None:
             self.live.take_up(self.robots, self.routes, world, robot, route.cells, route.reach)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import RobotSpec
+from warehouse_env.simulation.tasks.placement import Limits
 
 
 def slowed(robot: RobotSpec, load: float) -> tuple[float, float]:
@@ -23,9 +24,10 @@ def slowed(robot: RobotSpec, load: float) -> tuple[float, float]:
     return robot.max_speed * math.sqrt(share), robot.max_acceleration * share
 
 
-def limits_for(params: NDArray[Any], worlds: int, robots: int) -> NDArray[Any]:
+def limits_for(limits: Limits, worlds: int, robots: int) -> NDArray[Any]:
     """Return PARAMETERS[B, N], of each robot its own, without load: what its path follower drives it by."""
-    return np.broadcast_to(params, (worlds, robots)).copy()
+    params, kinds = limits
+    return np.broadcast_to(params if kinds is None else kinds, (worlds, robots)).copy()
 
 
 def put_on(limits: NDArray[Any], world: int, robot: int, spec: RobotSpec, load: float) -> None:

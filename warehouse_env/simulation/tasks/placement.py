@@ -15,8 +15,11 @@ from warehouse_env.simulation.driver import line
 from warehouse_env.simulation.physics.floor import FINE, Floor
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import rectangle_gap
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos, wrap
 
+Limits = tuple[NDArray[Any], NDArray[Any] | None]
+"""PARAMETERS[1] of a world's robots, and PARAMETERS[N] of each where these are not all alike (state.kinds_of)."""
 GAP = np.float32(0.15)  # [m] to robots at the start, half of it to shelves
 TOUCH = np.float32(1e-6)  # [m] of gap under which bodies touch
 MOST_TURNED = 1000.0  # [rad] of a heading that is given: of more, single precision leaves too little
@@ -24,21 +27,24 @@ TURNS = (0, 1, -1, 2, -2, 3, -3, 4)  # eighths of a circle tried off the route's
 
 
 @part
-def _fits(robots, count, x, y, heading, p, solid, clearance, gap):
-    """Whether a body at (x, y, heading) keeps `gap` from the first `count` robots and half of it from shelves."""
+def _fits(robots, index, x, y, heading, p, kinds, solid, clearance, gap):
+    """Whether robot `index` at (x, y, heading) keeps `gap` from those before it and half of it from shelves."""
     s, c = sin_cos(heading)
-    cx, cy = x - p["offset"] * c, y - p["offset"] * s
+    own = kind_of(index, p, kinds)
+    cx, cy = x - own["offset"] * c, y - own["offset"] * s
     wide = np.float32(0.5) * gap
-    hl, hw = p["half_length"], p["half_width"]
+    hl, hw = own["half_length"], own["half_width"]
     if body_touches_shelf(cx, cy, c, s, hl + wide, hw + wide, solid, clearance, p["cell"]):
         return False
-    for j in range(count):
-        o = robots[j]
-        dx = o["x"] - p["offset"] * o["cos"] - cx
-        dy = o["y"] - p["offset"] * o["sin"] - cy
-        reach = p["radius"] + p["radius"] + gap
+    for j in range(index):
+        o, other = robots[j], kind_of(j, p, kinds)
+        dx = o["x"] - other["offset"] * o["cos"] - cx
+        dy = o["y"] - other["offset"] * o["sin"] - cy
+        reach = own["radius"] + other["radius"] + gap
         near = dx * dx + dy * dy < reach * reach
-        if near and rectangle_gap(dx, dy, c, s, hl, hw, o["cos"], o["sin"], hl, hw) < gap:
+        if near and gap > rectangle_gap(
+            dx, dy, c, s, hl, hw, o["cos"], o["sin"], other["half_length"], other["half_width"]
+        ):
             return False
     return True
 
@@ -63,7 +69,7 @@ def _nearest(route, points, x, y):
 
 
 @kernel
-def _put_all(robots, routes, pose, speed, params, solid, clearance):
+def _put_all(robots, routes, pose, speed, params, kinds, solid, clearance):
     """Put robots ROBOT[B, N] at pose float32[B, N, 3], driving at speed float32[B, N] [m/s], wheels straight, beside
     the nearest points of their routes float32[B, N, R, 2] [m]; return bool[B]: whether nothing of a world touches.
     """
@@ -72,17 +78,17 @@ def _put_all(robots, routes, pose, speed, params, solid, clearance):
     for b in range(robots.shape[0]):
         for i in range(robots.shape[1]):
             r, x, y, heading = robots[b, i], pose[b, i, 0], pose[b, i, 1], wrap(pose[b, i, 2])
-            free[b] = free[b] and _fits(robots[b], i, x, y, heading, p, solid, clearance, TOUCH)
+            free[b] = free[b] and _fits(robots[b], i, x, y, heading, p, kinds, solid, clearance, TOUCH)
             _put(robots[b], i, x, y, heading)
             r["anchor_x"], r["anchor_y"], r["speed"], r["steer"] = x, y, speed[b, i], ZERO
             r["position"] = np.float32(_nearest(routes[b, i], r["points"], x, y)) * r["spacing"]
             line.locate(r, routes[b, i])
-            line.aim(r, routes[b, i], p)
+            line.aim(r, routes[b, i], kind_of(i, p, kinds))
     return free
 
 
 def put_all(
-    robots: NDArray[Any], routes: NDArray[np.float32], pose: ArrayLike, speed: ArrayLike, p: NDArray[Any], floor: Floor
+    robots: NDArray[Any], routes: NDArray[np.float32], pose: ArrayLike, speed: ArrayLike, limits: Limits, floor: Floor
 ) -> NDArray[np.bool_]:
     """Put robots ROBOT[B, N] at poses [B, N, 3] with speeds [B, N] or one for all; see `_put_all`.
 
@@ -97,7 +103,7 @@ def put_all(
     turned = float(np.abs(poses[..., 2]).max(initial=0.0))
     if turned > MOST_TURNED:
         raise ConfigError(f"pose: a heading of {turned:g} rad must lie between {-MOST_TURNED:g} and {MOST_TURNED:g}")
-    free: NDArray[np.bool_] = _put_all(robots, routes, poses, speeds, p, floor.solid, floor.clearance)
+    free: NDArray[np.bool_] = _put_all(robots, routes, poses, speeds, *limits, floor.solid, floor.clearance)
     return free
 
 
@@ -117,7 +123,7 @@ def place(
     index: int,
     point: NDArray[np.float64],
     direction: NDArray[np.float32],
-    p: NDArray[Any],
+    limits: Limits,
     floor: Floor,
 ) -> bool:
     """Put robot `index` of ROBOT[N] at `point` [m], facing `direction` as nearly as fits; False if nothing fits.
@@ -130,17 +136,17 @@ def place(
     first = round(along / eighth) * eighth
     for turn in TURNS:
         heading = np.float32(math.remainder(first + turn * eighth, 2 * math.pi))
-        if _fits(robots, index, x, y, heading, p[0], floor.solid, floor.clearance, GAP):
+        if _fits(robots, index, x, y, heading, limits[0][0], limits[1], floor.solid, floor.clearance, GAP):
             _put(robots, index, x, y, heading)
             return True
     return False
 
 
-def stand(robots: NDArray[Any], index: int, pose: NDArray[np.float64], p: NDArray[Any], floor: Floor) -> None:
+def stand(robots: NDArray[Any], index: int, pose: NDArray[np.float64], limits: Limits, floor: Floor) -> None:
     """Stand robot `index` of ROBOT[N] at a pose (x [m], y [m], heading [rad]); ConfigError if it touches something."""
     x, y = np.float32(pose[0]), np.float32(pose[1])
     heading = np.float32(math.remainder(float(pose[2]), 2 * math.pi))
-    if not _fits(robots, index, x, y, heading, p[0], floor.solid, floor.clearance, TOUCH):
+    if not _fits(robots, index, x, y, heading, limits[0][0], limits[1], floor.solid, floor.clearance, TOUCH):
         raise ConfigError(
             f"robot {index} touches a shelf or another robot at ({x:.3f}, {y:.3f}), heading {heading:.3f}"
         )

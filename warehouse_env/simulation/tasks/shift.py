@@ -54,6 +54,7 @@ class Shift:
         self._allocate_by = make_allocator(config.orders.allocation) if config.orders else None
         self.batteries = batteries
         self.load = np.zeros(config.num_agents)  # [kg]
+        self._payloads = np.array([max(robot.payload, 1.0) for robot in config.robots])  # [kg]
         self.begin(np.random.default_rng(), None)
 
     def begin(self, rng: np.random.Generator, ledger: Ledger | None) -> None:
@@ -283,7 +284,7 @@ class Shift:
     def write_needs(self, out: NDArray[np.float32]) -> None:
         """Write each robot's own needs into float32[N, K] of the observation (see observation_layout)."""
         served = np.isfinite(self._until)
-        out[:, 0] = self.load / max(self._config.robot.payload, 1.0)
+        out[:, 0] = self.load / self._payloads
         out[:, 1] = served
         out[:, 2] = np.where(served, np.clip(self._until - self._now, 0.0, _MINUTE) / _MINUTE, 0.0)
         if self.batteries is not None:

@@ -19,6 +19,7 @@ from warehouse_env.simulation.tasks.demand import Demand
 from warehouse_env.simulation.tasks.ledger import Ledger
 from warehouse_env.simulation.tasks.loads import limits_for, put_on
 from warehouse_env.simulation.tasks.orders import Order, check_orders, read_orders
+from warehouse_env.simulation.tasks.placement import Limits
 from warehouse_env.simulation.tasks.places import standing_places
 from warehouse_env.simulation.tasks.shift import Shift
 from warehouse_env.simulation.tasks.tasks import Tasks
@@ -47,7 +48,7 @@ def _check_reach(config: EnvConfig, grid: GridMap, batteries: Batteries, home: N
     spec = config.battery
     assert spec is not None
     way = float(home[tuple(np.array(grid.endpoints[2]).T)].max())
-    least = 2 * float(batteries.needed(way, config.robot.payload)) / spec.full
+    least = 2 * float(np.max(batteries.needed(way, np.array([robot.payload for robot in config.robots])))) / spec.full
     if spec.capacity < least:
         raise ConfigError(
             f"BatterySpec.capacity={spec.capacity:g} Wh is too little for map {grid.name!r}, where a charger may be "
@@ -59,14 +60,14 @@ class Shifts:
     """A shift for each world, whose chance is a stream of the world's own, apart from all others."""
 
     def __init__(
-        self, config: EnvConfig, grid: GridMap, tasks: Sequence[Tasks], params: NDArray[Any],
+        self, config: EnvConfig, grid: GridMap, tasks: Sequence[Tasks], limits: Limits,
         orders: Sequence[Order] | None,
     ) -> None:  # fmt: skip
-        """params: PARAMETERS[1]; orders: instead of those that the config names, None: what it says."""
-        self._config, self._grid = config, grid
+        """limits: see placement.py; orders: instead of those that the config names, None: what it says."""
+        self._config, self._grid, self._robots = config, grid, config.robots
         self.orders = tuple(orders) if orders is not None else self._orders_of(config)
         if self.orders is not None:
-            check_orders(self.orders, grid, config.robot.payload)
+            check_orders(self.orders, grid, config.payload)
         waiting, chargers = self._places(config, grid)
         home = _ways_home(grid, chargers)
         batteries = [Batteries(config, home) if config.battery is not None else None for _ in tasks]
@@ -75,7 +76,7 @@ class Shifts:
         self._each = [
             Shift(config, grid, one, waiting, chargers, battery) for one, battery in zip(tasks, batteries, strict=True)
         ]
-        self.limits = limits_for(params, len(tasks), config.num_agents) if config.loads else None
+        self.limits = limits_for(limits, len(tasks), config.num_agents) if config.loads else None
         self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
 
     def __getitem__(self, world: int) -> Shift:
@@ -110,7 +111,7 @@ class Shifts:
         if self.orders is not None:
             ledger = Ledger(self.orders)
         elif config.orders is not None:
-            ledger = Ledger(Demand(config.orders, self._grid, config.robot.payload, rng.spawn(1)[0]))
+            ledger = Ledger(Demand(config.orders, self._grid, config.payload, rng.spawn(1)[0]))
         self._each[world].begin(rng, ledger)
         self._put_loads(world, range(config.num_agents))
 
@@ -133,7 +134,7 @@ class Shifts:
     def _put_loads(self, world: int, robots: Any) -> None:
         if self.limits is not None:
             for robot in robots:
-                put_on(self.limits, world, robot, self._config.robot, float(self._each[world].load[robot]))
+                put_on(self.limits, world, robot, self._robots[robot], float(self._each[world].load[robot]))
 
     def write_needs(self, observation: NDArray[np.float32], own: slice) -> None:
         """Write the slice `needs` of observations float32[B, N, D]."""

@@ -33,14 +33,14 @@ ENTRY = 1.0  # [m], of the default body, ahead of and behind who stands in paral
 
 def body_reach(config: EnvConfig) -> float:
     """Return how far [m] from the front axle a body reaches at most."""
-    robot = config.robot
+    robot = config.widest_body
     return math.hypot(max(robot.rear_reach, robot.front_overhang), robot.width / 2)
 
 
 def disc_of(config: EnvConfig, cell: float) -> NDArray[np.int64]:
     """Return int64[K, 2]: where (row, column), from a goal's cell, a parked body may bar a cell of `cell` [m]."""
     off = config.pose_radius if config.arrival == "pose" else config.arrival_radius
-    reach = (off + body_reach(config) + config.robot.width / 2 + MARGIN) / cell
+    reach = (off + body_reach(config) + config.widest_body.width / 2 + MARGIN) / cell
     offsets = _offsets(math.floor(reach))
     within: NDArray[np.int64] = offsets[(offsets**2).sum(axis=1) < reach * reach]
     return within
@@ -54,7 +54,7 @@ def _offsets(most: int) -> NDArray[np.int64]:
 
 def rectangle_of(config: EnvConfig, cell: float, upright: bool) -> NDArray[np.int64]:
     """Return what `disc_of` does, of a body with its middle in the cell's, along the rows or upright, and of ENTRY."""
-    robot = config.robot
+    robot = config.widest_body
     off = config.pose_radius + robot.farthest * math.sin(config.pose_angle)
     half = np.array([robot.width / 2 + off, robot.length / 2 + off + ENTRY * robot.longer]) / cell
     half = half[::-1] if upright else half
@@ -82,7 +82,7 @@ def parking_of(grid: GridMap, config: EnvConfig) -> Parking:
     if config.arrival != "pose":
         return Parking((disc,), kinds)
     for cell in grid.endpoints[2]:
-        poses = face(grid, cell, config.robot).poses
+        poses = face(grid, cell, config.widest_body).poses
         if len(poses) > 1:  # in parallel, with its middle in the cell's
             kinds[cell] = 2 if abs(math.sin(poses[0][2])) > 0.5 else 1
     return Parking((disc, *(rectangle_of(config, grid.cell_size, upright) for upright in (False, True))), kinds)

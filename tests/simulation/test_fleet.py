@@ -1,0 +1,196 @@
+"""Fleets of several kinds: who is judged by whose body, and by whose limits."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.simulation.physics.test_no_overlap import DEEP
+from tests.simulation.reference import bodies, separation, shelves
+from tests.simulation.worlds import plain_python, room, stage
+from warehouse_env.config import EnvConfig, FleetPart, RobotSpec, SensorSpec
+from warehouse_env.errors import ConfigError
+from warehouse_env.render.frame import draw, scene_of
+from warehouse_env.simulation.record.recording import Episode, Recorder
+from warehouse_env.simulation.simulator import Simulator
+
+LONG = RobotSpec(
+    length=1.4, width=0.8, wheelbase=0.9, front_overhang=0.25, max_speed=0.8, min_speed=-0.3, max_acceleration=0.6,
+    max_steering=0.9, max_steering_rate=1.0,
+)  # fmt: skip
+SMALL = RobotSpec(length=0.5, width=0.4, wheelbase=0.3, front_overhang=0.4, max_speed=2.0, max_acceleration=2.0)
+# what of the world's record is a robot's own, of which a fleet has others
+OWN = (
+    "half_length", "half_width", "offset", "radius", "wheelbase", "min_speed", "max_speed", "max_acceleration",
+    "max_steer", "max_steer_rate", "stride", "blur", "swing", "far", "reel",
+)  # fmt: skip
+OPTIONS: dict[str, dict[str, Any]] = {
+    "all rules": {"protective_field": True, "right_of_way": True, "reroute": True, "people": 2, "arrival": "pose"},
+    "errors": {"action_type": "continuous", "pose_error": 0.01, "heading_error": 0.01},
+}
+
+
+@pytest.fixture(autouse=True)
+def _checked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Look for faults of the field in all tests: one kernel the less to compile."""
+    monkeypatch.setenv("WAREHOUSE_CHECK_FIELD", "1")
+
+
+def parts(*kinds: RobotSpec, count: int = 3) -> tuple[FleetPart, ...]:
+    return tuple(FleetPart(count, kind) for kind in kinds)
+
+
+def outcome(simulator: Simulator, steps: int = 16) -> list[bytes]:
+    """All that there is of a simulator after a drive that mostly cruises."""
+    simulator.reset(seed=4)
+    shape, rng = (1, simulator.num_agents), np.random.default_rng(0)
+    for k in range(steps):
+        if simulator.config.action_type != "discrete":
+            simulator.step(rng.uniform(-0.5, 1.0, (*shape, 2)))
+        else:
+            simulator.step(np.full(shape, 3) if k % 4 else rng.integers(0, 4, shape))
+    robots, jams = simulator.robots, simulator.jams()
+    fields = [robots[name].tobytes() for name in robots.dtype.names or ()]
+    return [*fields, *(one.tobytes() for one in (simulator.observation, simulator.reward, *jams))]
+
+
+def differ(name: str) -> list[str]:
+    """What is not as it must be with some options, of a fleet of three kinds and of one whose parts are alike."""
+    sensor = SensorSpec(rays=3, neighbours=2, predictions=True)
+    config = EnvConfig(
+        layout="open", num_agents=6, planner="astar", lateral_offsets=(0.0,), sensor=sensor, **OPTIONS[name]
+    )
+    mixed = config.replace(fleet=parts(LONG, SMALL, count=2))
+    spoiled = Simulator(mixed)
+    for limit in OWN:
+        spoiled._params[limit] = spoiled._true_params[limit] = np.nan
+    found = (
+        [] if outcome(spoiled) == outcome(Simulator(mixed)) else ["the world's record is asked for what is one's own"]
+    )
+    alike = outcome(Simulator(config.replace(fleet=parts(RobotSpec())))) == outcome(Simulator(config))
+    return found if alike else [*found, "parts that are as all others make a difference"]
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+def test_parts_that_are_as_all_others_change_no_bit_and_nobody_is_judged_by_the_worlds_record(name: str) -> None:
+    """Without the compiler, which would take minutes for so many options."""
+    program = f"from tests.simulation.test_fleet import differ; print('differences', *differ({name!r}))"
+    assert plain_python(program) == ["differences"]
+
+
+def corners(simulator: Simulator) -> NDArray[np.float64]:
+    """Corners [N, 4, 2] of the bodies, in double precision."""
+    sizes = np.array([(one.length, one.width, one.front_overhang) for one in simulator.config.robots]).T
+    return bodies(*simulator.state.pose[0].astype(np.float64).T, *sizes)
+
+
+@pytest.mark.parametrize("guarded", [False, True])
+def test_bodies_of_several_sizes_never_overlap(guarded: bool) -> None:
+    """Nine of three kinds in a small room, by random full commands; the field has each stop clear at every step."""
+    rng, grid, hits = np.random.default_rng(7), room(7, 7), 0
+    walls, (first, second) = shelves(grid.occupied), np.triu_indices(9, 1)
+    for _ in range(3):
+        poses = [(1.6 + 2.1 * (k % 3), 1.2 + 2.1 * (k // 3), rng.uniform(-0.3, 0.3)) for k in range(9)]
+        order = rng.permutation(9)
+        simulator = stage(grid, *(poses[k] for k in order), fleet=parts(LONG, SMALL), protective_field=guarded)
+        commands = rng.choice([-1.0, 1.0], (1, 9, 2))
+        for _ in range(150):
+            fresh = rng.choice([-1.0, 0.0, 1.0], (1, 9, 2), p=[0.3, 0.1, 0.6])
+            commands = np.where(rng.random((1, 9, 1)) < 0.15, fresh, commands)
+            simulator.step(commands)
+            polygons = corners(simulator)
+            assert separation(polygons[first], polygons[second]).min() > (0.0 if guarded else -DEEP)
+            assert separation(polygons[:, None], walls[None]).min() > -DEEP
+        hits += int(simulator.robots["hits_robot"].sum())
+        assert simulator.robots["distance"].min() > 0.1
+    assert (hits == 0) == guarded
+
+
+def test_each_stops_before_another_by_its_own_brakes_and_sizes() -> None:
+    """Both drive at a wall of two that stand; the field lets each come as near as its own stop allows."""
+    simulator = stage(
+        room(9, 14), (1.5, 2.0, 0.0), (1.5, 6.0, 0.0), (9.0, 2.0, 0.0), (9.0, 6.0, 0.0),
+        fleet=(FleetPart(1, LONG), FleetPart(1, SMALL), FleetPart(1, LONG)), protective_field=True,
+    )  # fmt: skip
+    fastest = np.zeros(2)
+    for _ in range(200):
+        simulator.step(np.array([[[1.0, 0.0], [1.0, 0.0], [0.0, 0.0], [0.0, 0.0]]]))
+        fastest = np.maximum(fastest, simulator.state.speed[0, :2])
+    assert fastest.tolist() == pytest.approx([1.5, 0.8])
+    front, tail = corners(simulator)[[0, 1], :, 0].max(axis=1), corners(simulator)[[2, 3], :, 0].min(axis=1)
+    np.testing.assert_allclose(tail, [9.0 - 0.1, 9.0 - 1.15])  # small: .4 ahead of the axle and .1 behind
+    assert ((tail - front > 0.02) & (tail - front < 0.25)).all()
+    assert simulator.robots["hits_robot"].sum() == 0
+
+
+def test_lidar_and_ego_by_hand() -> None:
+    simulator = stage(
+        room(9, 14), (3.0, 4.5, 0.0), (8.0, 4.5, 0.0, 0.4), fleet=(FleetPart(1, LONG),), sensor=SensorSpec(rays=4)
+    )
+    simulator._observe()
+    ahead, behind = 1.0 / simulator.observation[0, :, [0, 2]] - 1.0
+    assert ahead[0] == pytest.approx((8.0 - 1.15) - (3.0 - 0.3))  # from the own centre to the other's tail
+    assert behind[1] == pytest.approx((8.0 - 0.45) - (3.0 + 0.15))  # to the nose of the first
+    ego = simulator.layout.slices["ego"].start
+    assert simulator.observation[0, 1, ego] == pytest.approx(0.4 / 0.8)
+
+
+@pytest.mark.parametrize(
+    ("action_type", "action", "wanted"),
+    [("discrete", 15, (1.5, 0.8)), ("discrete", 0, (-0.4, -0.3)), ("continuous", (1.0, 0.0), (1.5, 0.8)),
+     ("continuous", (-1.0, 0.0), (-0.5, -0.3)), ("raw", (1.0, 1.0), (1.0, 0.6))],
+)  # fmt: skip
+def test_commands_are_cut_off_at_the_own_limits(action_type: Any, action: Any, wanted: tuple[float, float]) -> None:
+    config = EnvConfig(
+        layout="open", num_agents=2, planner="astar", action_type=action_type, fleet=parts(LONG, count=1)
+    )
+    simulator = Simulator(config)
+    simulator._actions.decode(np.array([[action, action]]), simulator._commands[0], simulator._choices)
+    np.testing.assert_allclose(simulator._commands[0, 0, :, 0], wanted, rtol=1e-6)
+
+
+def test_the_config_goes_through_json_and_refuses_what_cannot_be() -> None:
+    config = EnvConfig(fleet=parts(LONG, SMALL))
+    assert EnvConfig.from_dict(json.loads(json.dumps(config.to_dict()))) == config
+    assert config.kind_of == (0, 0, 1, 1, 1, 2, 2, 2)
+    assert config.bodies == (RobotSpec(), LONG, SMALL)
+    widest = config.widest_body
+    assert (widest.width, widest.front_overhang, widest.rear_reach) == pytest.approx((0.8, 0.4, 1.15))
+    assert widest.wheelbase / math.tan(widest.max_steering) == max(
+        kind.wheelbase / math.tan(kind.max_steering) for kind in config.bodies
+    )
+    assert EnvConfig(num_agents=3, fleet=parts(LONG)).bodies == (LONG,)
+    for wrong, why in (
+        ({"num_agents": 5}, "at most 5 robots"), ({"protective_field": "lidar"}, "no robot knows how hard"),
+        ({"fleet": [{"count": 1, "robot": {}}]}, "a list with a FleetPart"),
+    ):  # fmt: skip
+        with pytest.raises(ConfigError, match=why):
+            config.replace(**wrong)
+    with pytest.raises(ConfigError, match="unknown RobotSpec parameter 'lenth'"):
+        EnvConfig.from_dict({"fleet": [{"count": 1, "robot": {"lenth": 1}}]})
+
+
+def test_a_recorded_episode_replays_to_the_bit_and_pictures_show_each_size(tmp_path: Path) -> None:
+    config = EnvConfig(
+        layout="open", num_agents=4, planner="astar", action_type="raw", protective_field=True,
+        fleet=parts(LONG, count=1),
+    )  # fmt: skip
+    simulator = Simulator(config)
+    simulator.reset([3])
+    recorder = Recorder(simulator, (3,))
+    for _ in range(30):
+        recorder.step(np.full((1, 4, 2), (1.0, 0.1)))
+    recorder.episode.save(tmp_path / "one.npz")
+    episode = Episode.load(tmp_path / "one.npz")
+    assert episode.config == config
+    for again, pose in zip(episode.replay(), episode.pose, strict=True):
+        np.testing.assert_array_equal(again.state.pose, pose)
+    scene = scene_of(simulator)
+    assert [scene.body(k).length for k in range(4)] == [0.9, 0.9, 0.9, 1.4]
+    assert (draw(scene) != draw(scene._replace(fleet=()))).any()
