@@ -78,7 +78,7 @@ def test_floors_larger_than_the_squares_go_on_from_the_first() -> None:
     ways = scratch(kept)
     ways[-1][COUNT, :-1] = 1
     enlist(ways, PARAMETERS)
-    assert meet(0, 0, 0, ways, PARAMETERS) == 1
+    assert meet(0, 0, 0, ways, PARAMETERS, None) == 1
     kept[1, 0, :2] = 200.0 + 64 * 2.0, 300.0
     enlist(ways, PARAMETERS)
-    assert meet(0, 0, 0, ways, PARAMETERS) == 0
+    assert meet(0, 0, 0, ways, PARAMETERS, None) == 0
