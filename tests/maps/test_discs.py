@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from warehouse_env.errors import ConfigError, MapError
-from warehouse_env.maps.discs import lost, read_discs, write_discs
+from warehouse_env.maps.disc_report import lost
+from warehouse_env.maps.discs import read_discs, write_discs
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.hall import read_hall
 from warehouse_env.maps.halls.saved import write_hall

@@ -72,6 +72,7 @@ def _rung(effect: Effect) -> str:
 def ladder_table(effects: Sequence[Effect], kind: str, aim: Aim) -> Table:
     """Return a line for each number that was tried."""
     rungs = measured(effects, kind)
+    timed = any(effect.took is not None for effect in rungs)
     lines = []
     for effect in rungs:
         assert effect.goals is not None
@@ -79,11 +80,11 @@ def ladder_table(effects: Sequence[Effect], kind: str, aim: Aim) -> Table:
         most = effect.goals.high if step > 0 else -effect.goals.low
         lines.append((
             str(effect.candidate.number), difference(effect.goals), number(_gain(effect) / step), number(most),
-            "" if effect.took is None else difference(effect.took), str(effect.goals.samples),
+            *([difference(effect.took) if effect.took else ""] if timed else []), str(effect.goals.samples),
             "told" if effect.told else "not told",
         ))  # fmt: skip
     against = f"{aim.gained}/h against {rungs[0].candidate.before}"
-    header = (kind, against, "each of them", "at most", "s an order", "pairs", "")
+    header = (kind, against, "each of them", "at most", *(["s an order"] if timed else []), "pairs", "")
     note = (
         "Each number in pairs of episodes with the number that there is, until it is told or time is over. At most: "
         "what more of them bring, or fewer cost, by the end of the interval; all rungs together hold with 95%."

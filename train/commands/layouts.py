@@ -15,7 +15,7 @@ from train.reporting.report import Table
 from train.reporting.rows import Row, RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapError
-from warehouse_env.maps.discs import lost
+from warehouse_env.maps.disc_report import lost
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import lif, route_graph
 from warehouse_env.maps.halls.hall import Hall, is_hall, read_hall

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import RobotSpec
-from warehouse_env.errors import MapError
 from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.grid_map import Cell, GridMap
 
@@ -26,27 +25,26 @@ _GRAZE = 1e-9
 
 
 def fitted(grid: GridMap, robot: RobotSpec) -> tuple[GridMap, tuple[str, ...]]:
-    """Return the floor as it is for a body, and what that takes from it, one sentence each; MapError for all of it.
+    """Return the floor as it is for a body, and what that takes from it, one sentence each.
 
-    To fit a floor again that has been fitted for the same body changes nothing.
+    Where no pick or no station is left, it is as it was, and that is said. To fit a floor again that has been fitted
+    for the same body changes nothing.
     """
     need = 0.5 * robot.width + ROOM
     if need <= 0.5 * grid.cell_size and robot.farthest <= grid.cell_size:
         return grid, ()
     occupied = grid.occupied
-    tight = _near(occupied, need / grid.cell_size, beyond=True) & ~occupied
+    tight = (_near(grid.walls, need / grid.cell_size, beyond=True) | _near_discs(grid, need)) & ~occupied
     who = f"bodies of {robot.length:g} x {robot.width:g} m"
     region = largest_region(~(occupied | tight)) if (~(occupied | tight)).any() else np.zeros_like(occupied)
-    places, moved, lost = [], 0, []
+    places, lost = [], []
     body = _Body(grid, robot, region)
     for what, cells in (("pick", grid.picks), ("station", grid.stations)):
         found = body.places_for([(int(row), int(column)) for row, column in cells])
-        moved += sum(cell != (row, column) for cell, (row, column) in zip(found, cells.tolist(), strict=True) if cell)
         missing = found.count(None)
         if missing == len(found):
-            raise MapError(
-                f"map {grid.name!r} has no {what} that {who} can reach; choose smaller robots or a wider floor"
-            )
+            hint = "so the floor stays as it is; choose smaller robots or a wider floor"
+            return grid, (f"{who} can reach no {what}, {hint}",)
         if missing:
             lost.append(f"{missing} of {len(found)} {what}s")
         places.append(np.array([cell for cell in found if cell is not None], dtype=np.int64))
@@ -85,6 +83,18 @@ def _notes(grid: GridMap, region: NDArray[np.bool_], need: float, who: str, lost
     return notes
 
 
+def _near_discs(grid: GridMap, reach: float) -> NDArray[np.bool_]:
+    """Return bool[H, W]: cells whose centre is nearer than `reach` [m] to a disc."""
+    near = np.zeros(grid.shape, dtype=np.bool_)
+    for x, y, radius in grid.discs.astype(np.float64).tolist():
+        ends = grid.cell([(x - radius - reach, y + radius + reach), (x + radius + reach, y - radius - reach)])
+        (top, left), (bottom, right) = np.clip(ends, 0, np.array(grid.shape) - 1).tolist()
+        rows, columns = np.mgrid[top : bottom + 1, left : right + 1]
+        off = grid.centre(np.stack([rows, columns], axis=-1)) - (x, y)
+        near[top : bottom + 1, left : right + 1] |= np.hypot(off[..., 0], off[..., 1]) < radius + reach - _GRAZE
+    return near
+
+
 def _near(mask: NDArray[np.bool_], reach: float, beyond: bool) -> NDArray[np.bool_]:
     """Return bool[H, W]: cells whose centre is nearer than `reach` [cells] to a marked cell's square.
 
@@ -121,10 +131,16 @@ def _covered(robot: RobotSpec, size: float, heading: float, centred: bool) -> ND
 
 
 def stands(grid: GridMap, cell: Cell, robot: RobotSpec, heading: float, centred: bool) -> bool:
-    """Whether a body in a cell's middle touches no shelf; centred: with its own middle, not its axle's, there."""
+    """Whether a body in a cell's middle touches nothing; centred: with its own middle there, not its axle's."""
     cells = _covered(robot, grid.cell_size, round(heading % (2 * math.pi), 6), centred) + cell
-    inside = ((cells >= 0) & (cells < grid.shape)).all()
-    return bool(inside and not grid.occupied[tuple(cells.T)].any())
+    if not ((cells >= 0) & (cells < grid.shape)).all() or grid.walls[tuple(cells.T)].any():
+        return False
+    c, s = math.cos(heading), math.sin(heading)
+    off = grid.discs[:, :2] - grid.centre(np.array(cell))
+    ahead = 0.0 if centred else 0.5 * robot.length - robot.rear_reach
+    x, y = np.abs(off @ (c, s) - ahead), np.abs(off @ (-s, c))
+    apart = np.hypot(*(np.maximum(side, 0.0) for side in (x - 0.5 * robot.length, y - 0.5 * robot.width)))
+    return bool((apart > grid.discs[:, 2] + _STANDS).all())
 
 
 def headings_on(grid: GridMap, cell: Cell, robot: RobotSpec) -> list[float]:

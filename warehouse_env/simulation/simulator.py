@@ -101,9 +101,7 @@ class Simulator(Portable):
         each += 4 * config.num_agents if config.protective_field == "lidar" else 0  # whom it sees
         cells = self.grid.occupied.size
         given.check_memory(num_worlds, config.num_agents, self.layout.size, each, config.people, cells)
-        self._every_kind = state.every_kind(planned, self.grid.cell_size)
-        for name in ("longer", "wider"):  # whatever errors add
-            self._every_kind[name[:4]] = [getattr(robot, name) for robot in config.kinds]
+        self._every_kind = state.every_kind(planned, self.grid.cell_size, config.kinds)
         self._params = self._every_kind[:1].copy()
         self._kinds = self._every_kind[list(config.kind_of)] if config.fleet else None
         self._make_spaces(planned)
@@ -205,8 +203,8 @@ class Simulator(Portable):
         )  # fmt: skip
         self._room_arguments = (persons, self.arcs, self._paths, *self._limits, *floor)
         walking, stopping = features.walking, features.stopping
-        true = (self._true_params, self._true_kinds)
-        self._observe_arguments = (persons, self._waiting, stopping, walking, *true, *seen)
+        of_robots = self._true_params, self._true_kinds
+        self._observe_arguments = (persons, self._waiting, stopping, walking, *of_robots, *seen)
 
     def _table(self) -> NDArray[np.float32]:
         """Return what discrete actions mean to each kind of robots, float32[K, A, 2]."""

@@ -6,6 +6,7 @@ One record a robot keeps a step's call cheap (one array instead of forty) and it
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -126,11 +127,16 @@ def kinds_of(config: EnvConfig, cell: float) -> NDArray[Any] | None:
     return every_kind(config, cell)[list(config.kind_of)] if config.fleet else None
 
 
-def every_kind(config: EnvConfig, cell: float) -> NDArray[Any]:
-    """Return the parameters of the kinds of robots, PARAMETERS[K]."""
+def every_kind(config: EnvConfig, cell: float, bodies: Sequence[RobotSpec] | None = None) -> NDArray[Any]:
+    """Return the parameters of the kinds of robots, PARAMETERS[K].
+
+    bodies: to which lengths are in proportion, if not those of the config: where errors are planned for, it has larger.
+    """
     kinds = [_parameters_of_one(config, robot, cell) for robot in config.kinds]
     p = np.concatenate(kinds)
     p["kind"] = np.arange(len(kinds))
+    for record, body in zip(p, bodies or config.kinds, strict=True):
+        record["long"], record["wide"] = body.longer, body.wider
     for name in LARGEST:
         p[name] = p[name].max()
     return p
@@ -161,7 +167,6 @@ def _parameters_of_one(config: EnvConfig, robot: RobotSpec, cell: float) -> NDAr
         "wheelbase": robot.wheelbase, "min_speed": robot.min_speed, "max_speed": robot.max_speed,
         "max_acceleration": robot.max_acceleration,
         "max_steer": robot.max_steering, "max_steer_rate": robot.max_steering_rate,
-        "long": robot.longer, "wide": robot.wider,
         "arrival_radius": config.pose_radius if config.arrival == "pose" else config.arrival_radius,
         "arrival_angle": config.pose_angle, "beyond": 0.0 if config.arrival == "pass" else np.inf,
         "near_miss_gap": config.near_miss_gap,

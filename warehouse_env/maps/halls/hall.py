@@ -22,8 +22,7 @@ from warehouse_env.checked import Checked, from_plain, parse_named
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError, MapWarning
 from warehouse_env.files import STAGED, path_of, read_bytes
-from warehouse_env.maps import discs as round_ones
-from warehouse_env.maps import one_way
+from warehouse_env.maps import disc_report, one_way
 from warehouse_env.maps.discs import covered, read_discs
 from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.going import DEAREST
@@ -274,7 +273,7 @@ class _Reader:
             f"free: {driven:,} are driven on, {driven * size:,.0f} of the map's {free * pixel:,.0f} m² of free floor"
         )
         if len(grid.discs):
-            yield round_ones.lost(grid)
+            yield disc_report.lost(grid)
         if barred.any():
             yield f"closed by keepout, or off the lanes: {_counted(barred.sum(), 'cell')}"
         lost = closed(self._occupancy, ~self._walls, self._raster, how.unknown == "floor")

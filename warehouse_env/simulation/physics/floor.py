@@ -31,8 +31,13 @@ def load_grid(config: EnvConfig) -> GridMap:
 
 
 def fit(grid: GridMap, config: EnvConfig) -> GridMap:
-    """Return a map for the bodies of a config; what they cannot reach is warned of (MapWarning), MapError for all."""
+    """Return a map for the bodies of a config; what they cannot reach is warned of (MapWarning).
+
+    Where fewer endpoints would be left than there are robots, it stays as it is: its user may stand them elsewhere.
+    """
     floor, notes = fitted(grid, config.widest_body)
+    if len(floor.endpoints[2]) <= config.num_agents < len(grid.endpoints[2]):
+        floor, notes = grid, (*notes, "fewer places are left than there are robots, so the floor stays as it is")
     for note in notes if multiprocessing.parent_process() is None else ():  # workers' parents have said it
         warnings.warn(f"{grid.name}: {note}", MapWarning, stacklevel=3)
     return floor

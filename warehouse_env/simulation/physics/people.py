@@ -232,9 +232,8 @@ def _step(o, way, robots, p, kinds, solid, clearance):
     for k in range(_TURNS.shape[0] if _is_near(o, robots, KEEP, p, kinds) else _ONWARD):
         to_c, to_s = c * _TURNS[k, 0] - s * _TURNS[k, 1], s * _TURNS[k, 0] + c * _TURNS[k, 1]
         to_x, to_y = o["x"] + step * to_c, o["y"] + step * to_s
-        if _may_step(o, to_x, to_y, robots, p, kinds, solid, clearance) and _leads_on(
-            to_x, to_y, way, solid, p["cell"]
-        ):
+        free = _may_step(o, to_x, to_y, robots, p, kinds, solid, clearance)
+        if free and _leads_on(to_x, to_y, way, solid, p["cell"]):
             o["x"], o["y"], o["cos"], o["sin"] = to_x, to_y, to_c, to_s
             return
 

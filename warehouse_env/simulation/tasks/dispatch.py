@@ -19,6 +19,7 @@ from warehouse_env.routes.book import Route, RouteBook
 from warehouse_env.routes.goals import Goal, Pose, face, facing
 from warehouse_env.simulation.driver.line import forget_grants
 from warehouse_env.simulation.physics.floor import Floor
+from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.rules.astray import far_off, find_astray
 from warehouse_env.simulation.rules.live import LiveRoutes
 from warehouse_env.simulation.tasks.assignment import Assignment
@@ -230,7 +231,8 @@ class Dispatcher(Portable):
             self.live.give_up(world, robot)
         _take_route(self.robots, self.routes, world, robot, points, self._any_heading)
         if route.end is not None:
-            join = JOIN * self._config.robots[robot].longer
+            params, kinds = self._limits
+            join = JOIN * float(kind_of(robot, params[0], kinds)["long"])
             _take_end(self.robots, world, robot, *route.end, route.either, join)
         if self.live is not None:
             self.live.take_up(self.robots, self.routes, world, robot, route.cells, route.reach)
