@@ -15,7 +15,7 @@ import gymnasium
 from warehouse_env.compiled import drop_stale_kernels
 
 if TYPE_CHECKING:
-    from warehouse_env.config import EnvConfig, FieldSpec, RerouteSpec, RewardWeights, RobotSpec, SensorSpec
+    from warehouse_env.config import EnvConfig, FieldSpec, FleetPart, RerouteSpec, RewardWeights, RobotSpec, SensorSpec
     from warehouse_env.envs.callback import MetricsCallback
     from warehouse_env.envs.parallel import WarehouseParallelEnv, aec_env, parallel_env
     from warehouse_env.envs.single import WarehouseSingleEnv, single_env
@@ -39,6 +39,7 @@ _HOME = {
     "BatterySpec": "work",
     "EnvConfig": "config",
     "FieldSpec": "config",
+    "FleetPart": "config",
     "OrderSpec": "work",
     "RerouteSpec": "config",
     "RewardWeights": "config",
@@ -89,6 +90,7 @@ __all__ = [
     "ConfigError",
     "EnvConfig",
     "FieldSpec",
+    "FleetPart",
     "GridMap",
     "MapError",
     "MetricsCallback",
