@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import MapWarning
-from warehouse_env.maps.fitting import ROOM, fitted, headings_on, stands
+from warehouse_env.maps.fitting import ROOM, _near, fitted, headings_on, stands
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.planning import PLANNERS, make_planner
@@ -147,3 +147,24 @@ def test_longer_and_wider_are_in_proportion() -> None:
     assert (RobotSpec().longer, RobotSpec().wider) == (1.0, 1.0)
     assert LARGE.longer == pytest.approx(10 / 3)
     assert RobotSpec(max_steering=math.radians(30)).longer == pytest.approx(3.0)  # it turns three times as wide
+
+
+@given(st.integers(0, 2**20 - 1), st.floats(0.05, 6.0), st.booleans())
+def test_cells_near_marked_ones_are_those_of_brute_force(marks: int, reach: float, beyond: bool) -> None:
+    mask = np.array([marks >> k & 1 for k in range(20)], dtype=np.bool_).reshape(4, 5)
+    around = np.pad(mask, 8, constant_values=beyond)
+    marked = np.argwhere(around) - 8
+    for cell in np.ndindex(mask.shape):
+        off = np.maximum(np.abs(marked - cell) - 0.5, 0.0)
+        nearest = np.hypot(off[:, 0], off[:, 1]).min(initial=np.inf)
+        if abs(nearest - reach) > 1e-6:
+            assert _near(mask, reach, beyond)[cell] == (nearest < reach)
+
+
+@pytest.mark.parametrize(("length", "width", "cell"), [(900.0, 0.1, 0.01), (900.0, 800.0, 0.01), (4.0, 3.9, 0.01)])
+def test_bodies_of_any_size_on_cells_of_any_size_take_little(length: float, width: float, cell: float) -> None:
+    grid = GridMap(np.zeros((400, 400), np.bool_), cell_size=cell)
+    robot = RobotSpec(length=length, width=width, wheelbase=0.8 * length, front_overhang=0.1 * length)
+    floor, notes = fitted(grid, robot)
+    assert floor is grid or length < 5.0
+    assert len(notes) == 1

@@ -34,8 +34,11 @@ def fitted(grid: GridMap, robot: RobotSpec) -> tuple[GridMap, tuple[str, ...]]:
     if need <= 0.5 * grid.cell_size and robot.farthest <= grid.cell_size:
         return grid, ()
     occupied = grid.occupied
-    tight = (_near(grid.walls, need / grid.cell_size, beyond=True) | _near_discs(grid, need)) & ~occupied
     who = f"bodies of {robot.length:g} x {robot.width:g} m"
+    sides = np.array(grid.shape) * grid.cell_size
+    if robot.width > sides.min() or robot.length > np.hypot(*sides):
+        return grid, (f"{who} are larger than the floor; choose smaller robots",)
+    tight = (_near(grid.walls, need / grid.cell_size, beyond=True) | _near_discs(grid, need)) & ~occupied
     region = largest_region(~(occupied | tight)) if (~(occupied | tight)).any() else np.zeros_like(occupied)
     places, lost = [], []
     body = _Body(grid, robot, region)
@@ -103,11 +106,13 @@ def _near(mask: NDArray[np.bool_], reach: float, beyond: bool) -> NDArray[np.boo
     most = math.ceil(reach + 0.5)
     padded = np.pad(mask, most, constant_values=beyond)
     rows, columns = mask.shape
+    across = np.arange(padded.shape[1], dtype=np.float64)
+    before = across - np.maximum.accumulate(np.where(padded, across, -np.inf), axis=1)
+    after = np.minimum.accumulate(np.where(padded, across, np.inf)[:, ::-1], axis=1)[:, ::-1] - across
+    aside = np.maximum(np.minimum(before, after) - 0.5, 0.0)[:, most : most + columns]  # to the nearest in its row
     near = np.zeros_like(mask)
     for row in range(-most, most + 1):
-        for column in range(-most, most + 1):
-            if math.hypot(max(abs(row) - 0.5, 0.0), max(abs(column) - 0.5, 0.0)) < reach - _GRAZE:
-                near |= padded[most + row : most + row + rows, most + column : most + column + columns]
+        near |= np.hypot(max(abs(row) - 0.5, 0.0), aside[most + row : most + row + rows]) < reach - _GRAZE
     return near
 
 
@@ -153,20 +158,18 @@ class _Body:
     """Where a body can stand on a floor."""
 
     def __init__(self, grid: GridMap, robot: RobotSpec, region: NDArray[np.bool_]) -> None:
-        self._grid, self._robot, self._region = grid, robot, region
-        self._taken: set[Cell] = set()
-        self._known: dict[Cell, bool] = {}
-        reach = math.ceil((robot.farthest + grid.cell_size) / grid.cell_size)
-        steps = np.arange(-reach, reach + 1)
-        around = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
-        self._around = around[np.argsort((around**2).sum(axis=1), kind="stable")].tolist()
+        self._grid, self._robot = grid, robot
+        self._open = region.copy()  # cells on which it may stand, as far as is known, and that are nobody's
+        self._known: set[Cell] = set()  # on which it does
+        self._reach = math.ceil((robot.farthest + grid.cell_size) / grid.cell_size)
 
-    def stands_on(self, cell: Cell) -> bool:
-        """Whether the body touches nothing on a cell of the region, at one of some headings."""
+    def _stands_on(self, cell: Cell) -> bool:
+        """Whether the body touches nothing on an open cell, at one of some headings."""
         if cell not in self._known:
-            inside = 0 <= cell[0] < self._region.shape[0] and 0 <= cell[1] < self._region.shape[1]
-            self._known[cell] = bool(inside and self._region[cell] and headings_on(self._grid, cell, self._robot))
-        return self._known[cell]
+            self._open[cell] = bool(headings_on(self._grid, cell, self._robot))
+            if self._open[cell]:
+                self._known.add(cell)
+        return bool(self._open[cell])
 
     def _sees(self, cell: Cell, other: Cell) -> bool:
         """Whether no shelf lies between two cells."""
@@ -174,17 +177,22 @@ class _Body:
         between = np.rint(np.linspace(cell, other, count)).astype(np.int64)
         return not self._grid.occupied[tuple(between.T)].any()
 
-    def _serves(self, cell: Cell, place: Cell) -> bool:
-        """Whether a place that is nobody's can stand for an endpoint."""
-        return place not in self._taken and self.stands_on(place) and self._sees(cell, place)
+    def _near(self, cell: Cell) -> list[Cell]:
+        """Return the open cells around an endpoint, the nearest first."""
+        first = np.maximum(np.array(cell) - self._reach, 0)
+        window = self._open[first[0] : cell[0] + self._reach + 1, first[1] : cell[1] + self._reach + 1]
+        cells = first + np.argwhere(window)
+        off = ((cells - cell) ** 2).sum(axis=1)
+        return [(int(r), int(c)) for r, c in cells[np.argsort(off, kind="stable")]]
 
     def places_for(self, cells: list[Cell]) -> list[Cell | None]:
         """Return for each endpoint the nearest cell where the body stands that is nobody else's, None where none is."""
         found: list[Cell | None] = []
         for cell in cells:
-            places = ((cell[0] + row, cell[1] + column) for row, column in self._around)
-            place = next((one for one in places if self._serves(cell, one)), None)
+            near = (place for place in self._near(cell) if self._stands_on(place) and self._sees(cell, place))
+            place = next(near, None)
             found.append(place)
             if place is not None:
-                self._taken.add(place)
+                self._open[place] = False
+                self._known.discard(place)
         return found

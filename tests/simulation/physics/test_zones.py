@@ -141,3 +141,12 @@ def test_whole_steps_of_every_kind_of_action_keep_limits() -> None:
     assert max(worst) <= 0.1
     assert min(fastest) > 0.6
     assert len(goals) == 3
+
+
+@pytest.mark.parametrize(("cell", "brakes"), [(1000.0, 1.0), (0.01, 0.001)])
+def test_zones_of_any_floor_and_any_brakes_take_little(cell: float, brakes: float) -> None:
+    grid = GridMap(np.zeros((46, 46)), cell_size=cell, speed=np.full((46, 46), 0.5))
+    zones = zones_of(grid, EnvConfig(robot=RobotSpec(max_speed=900.0, max_acceleration=brakes)))
+    assert zones is not None
+    assert max(zones.squares.shape) <= 4097
+    np.testing.assert_allclose(zones.squares, 0.25)

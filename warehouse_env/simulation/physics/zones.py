@@ -22,7 +22,8 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.physics.kinematics import approach, curvature, roll
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 
-STEP = 0.125  # [m] between samples at most
+STEP = 0.125  # [m] between samples at most, but on floors so large that it takes more than
+_MOST = 4096  # samples along a side
 _BRAKING = 0.9  # share of the full deceleration that zones are braked for with
 _ABOVE = 1.1  # times the robots' highest speed that stands for any
 
@@ -41,11 +42,11 @@ def zones_of(grid: GridMap, config: EnvConfig) -> Zones | None:
     if grid.speed is None or not (grid.speed < fastest).any():
         return None
     slope, most = 2 * _BRAKING * hardest, (_ABOVE * fastest) ** 2
-    fine = max(1, math.ceil(grid.cell_size / STEP))
+    fine = max(1, min(math.ceil(grid.cell_size / STEP), _MOST // max(grid.shape)))
     step = grid.cell_size / fine
     rows, columns = grid.shape
     squares = np.full((rows * fine + 1, columns * fine + 1), most)
-    reach = math.ceil(most / slope / step)  # [samples] around a zone that it may be heeded in
+    reach = min(math.ceil(most / slope / step), max(squares.shape))  # [samples] around a zone in which it counts
     along = np.arange(-reach, fine + reach + 1)
     off = step * np.maximum(np.maximum(-along, along - fine), 0)
     added = slope * np.hypot(off[:, None], off[None, :])
