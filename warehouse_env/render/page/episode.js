@@ -59,7 +59,7 @@ class Episode {
 
   // Fill `now`; frame may lie between two moments.
   goTo(frame) {
-    const shown = Math.min(frame + 1e-6, this.last);
+    const shown = Math.max(Math.min(frame + 1e-6, this.last), 0); // a live page may ask for what was before its first
     const k = Math.min(Math.floor(shown), this.last);
     const next = Math.min(k + 1, this.last);
     const part = shown - k;
