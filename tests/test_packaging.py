@@ -7,7 +7,6 @@ import re
 import shutil
 import subprocess
 import sys
-import tarfile
 import tomllib
 import zipfile
 from importlib.metadata import EntryPoint, requires
@@ -137,8 +136,7 @@ def test_wheel_and_sdist_hold_the_packages_and_their_data(tmp_path: Path) -> Non
     for name in (*PACKAGES, "tests"):
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
     code = {path.relative_to(ROOT).as_posix() for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
-    with tarfile.open(build("sdist", source, tmp_path)) as sdist:
-        sdist.extractall(tmp_path / "unpacked", filter="data")
+    shutil.unpack_archive(build("sdist", source, tmp_path), tmp_path / "unpacked", "gztar")
     (unpacked,) = (tmp_path / "unpacked").iterdir()
     for folder in (source, unpacked):
         (tmp_path / f"wheel of {folder.name}").mkdir()
