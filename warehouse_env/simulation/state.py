@@ -17,10 +17,7 @@ from warehouse_env.config import EnvConfig, RobotSpec
 F, I, B = np.float32, np.int32, np.int8  # noqa: E741
 
 NOBODY = -1  # where a robot is named: held_by, yields_to
-ALONE, AROUND_OTHERS = (
-    1,
-    2,
-)  # what manoeuvre a robot seeks: to its route, or that round the others' bodies
+ALONE, AROUND_OTHERS = 1, 2  # what manoeuvre a robot seeks: to its route, or that round the others' bodies
 
 ROBOT = np.dtype(
     [

@@ -26,15 +26,15 @@ UNIT = 0.01  # [m] per count of the clearance field, which saturates at 2.55 m
 
 def load_grid(config: EnvConfig) -> GridMap:
     """Return the map that a config names, its map_file or else its layout, for its robots."""
-    grid = make_layout(config.layout) if config.map_file is None else read_file(config.map_file)
-    return fit(grid.at_pace(max(robot.max_speed for robot in config.bodies)), config)
+    return fit(make_layout(config.layout) if config.map_file is None else read_file(config.map_file), config)
 
 
 def fit(grid: GridMap, config: EnvConfig) -> GridMap:
-    """Return a map for the bodies of a config; what they cannot reach is warned of (MapWarning).
+    """Return a map for the bodies and speeds of a config; what they cannot reach is warned of (MapWarning).
 
     Where fewer endpoints would be left than there are robots, it stays as it is: its user may stand them elsewhere.
     """
+    grid = grid.at_pace(max(robot.max_speed for robot in config.bodies))
     floor, notes = fitted(grid, config.widest_body)
     if len(floor.endpoints[2]) <= config.num_agents < len(grid.endpoints[2]):
         floor, notes = grid, (*notes, "fewer places are left than there are robots, so the floor stays as it is")

@@ -29,9 +29,8 @@ from warehouse_env.simulation.tasks.placement import Limits, place, stand
 from warehouse_env.simulation.tasks.shifts import Shifts, check_given
 from warehouse_env.simulation.tasks.tasks import Arrival, Tasks, book_arrival, pass_by, set_out
 
-JOIN = (
-    3.0  # [m], of the default body, before the end of a route at which a robot seeks the manoeuvre to its goal's pose
-)
+# [m], of the default body, before the end of a route at which a robot seeks the manoeuvre to its goal's pose
+JOIN = 3.0
 ROUTE_BLOCK = 64  # way-points by which the routes' array grows
 
 
