@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tomllib
 import zipfile
-from importlib.metadata import EntryPoint, requires
+from importlib.metadata import EntryPoint, packages_distributions, requires
 from pathlib import Path
 
 import pytest
@@ -214,3 +214,26 @@ def test_the_checks_of_a_change_can_run() -> None:
     script = ROOT / ".ci" / "run"
     assert os.access(script, os.X_OK)
     subprocess.run(["bash", "-n", str(script)], check=True)
+
+
+COMPILES = """
+import sys
+absent = set(sys.argv[1].split())
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in absent:
+            raise ModuleNotFoundError(name)
+sys.meta_path.insert(0, Absent())
+import train.evaluation.kernels
+"""
+
+
+def test_kernels_are_compiled_while_pip_still_installs_the_rest() -> None:
+    """Makefile compiles them with a few packages only: what it imports must be among these."""
+    (line,) = re.findall(r"^COMPILING := (.*)$", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    there = {canonicalize_name(name) for name in line.split()}
+    needed = {canonicalize_name(Requirement(text).name) for text in project["dependencies"]} - {"numpy"}  # numba's
+    modules = packages_distributions()
+    absent = [module for module, owners in modules.items() if {canonicalize_name(o) for o in owners} & (needed - there)]
+    assert {"torch", "stable_baselines3"} <= set(absent)
+    subprocess.run([sys.executable, "-c", COMPILES, " ".join(absent)], cwd=ROOT, check=True)
