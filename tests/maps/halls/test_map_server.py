@@ -61,7 +61,7 @@ def test_cells_by_hand(tmp_path: Path) -> None:
     grey = room(7, 9)
     grey[0, 2] = 0  # a quarter of cell (0, 1)
     grey[5, 0:2] = 205  # unknown is free at .25
-    grid = read_hall(hall(tmp_path, grey)).grid
+    grid = read_hall(hall(tmp_path, grey) + ":begin=corner").grid
     assert grid.occupied.astype(int).tolist() == [[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]
     assert grid.origin == (-3.0, 2.5)  # the lower half row is no cell
     assert grid.world(grid.centre((2, 0))).tolist() == [-2.5, 3.0]
@@ -219,7 +219,8 @@ def test_it_travels_with_jobs(tmp_path: Path) -> None:
 def test_real_halls(name: str, counts: tuple[int, ...], floor: tuple[int, ...]) -> None:
     path = REAL / f"{name}.yaml"
     assert read_occupancy(path).counts == counts
-    found = [read_hall(f"{path}:cell={cell},share={share}").grid for cell in (1, 0.75) for share in (0, 0.05)]
+    sizes = [(cell, share) for cell in (1, 0.75) for share in (0, 0.05)]
+    found = [read_hall(f"{path}:begin=corner,cell={cell},share={share}").grid for cell, share in sizes]
     assert tuple(int((~grid.occupied).sum()) for grid in found) == floor
     assert len(found[1].free_cells) == (352 if name == "depot" else 1052)
 

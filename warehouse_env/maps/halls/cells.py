@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,52 +45,74 @@ class Raster:
         return np.stack([x, y], axis=-1)
 
 
-def raster_of(occupancy: Occupancy, cell: float) -> Raster:
-    """Return the whole cells from a picture's upper left corner on; MapError where there is none, or too many."""
-    rows, columns = (math.floor(n * occupancy.resolution / cell + 1e-6) for n in occupancy.values.shape)
+def raster_of(occupancy: Occupancy, cell: float, begin: tuple[float, float] = (0.0, 0.0)) -> Raster:
+    """Return the whole cells that a picture holds; MapError where there is none, or too many.
+
+    begin: where the first cell begins [m], to the right of and below the picture's upper left corner.
+    """
+    height, width = (n * occupancy.resolution for n in occupancy.values.shape)
+    rows, columns = (math.floor(side / cell + 1e-6) for side in (height - begin[1], width - begin[0]))
     if min(rows, columns) < 1:
         raise MapError(f"the map is smaller than a cell of {cell:g} m; choose a smaller cell=")
     if max(rows, columns) > LARGEST:
         raise MapError(f"the map has more than {LARGEST} cells of {cell:g} m in a row; choose a larger cell=")
     x, y = occupancy.origin
-    return Raster(rows, columns, cell, (x, y + occupancy.values.shape[0] * occupancy.resolution - rows * cell))
+    return Raster(rows, columns, cell, (x + begin[0], y + height - begin[1] - rows * cell))
 
 
-def spread(occupancy: Occupancy, weights: NDArray[np.float64], raster: Raster) -> NDArray[np.float64]:
-    """Return float64[H, W], the mean weight of the pixels whose centres lie in each cell; 0 where there are none.
+class Sums:
+    """Sums of a weight over a map's pixels, from which cells have theirs wherever they begin.
 
-    weights: float64[h, w], of the pixels. Pixels wider than a cell count for each cell that they cover.
+    weights: int[h, w], of the pixels; whole numbers, so that sums are exact. Pixels wider than a cell count for each
+    cell that they cover, so it is said here how wide cells are.
     """
-    finer = max(1, math.ceil(occupancy.resolution / raster.cell - 1e-6))
-    rows, columns = weights.shape
-    if rows * columns * finer**2 > MOST_PIXELS:
-        raise MapError(f"its pixels are {finer} cells wide; choose a larger cell=")
-    if finer > 1:
-        weights = weights.repeat(finer, axis=0).repeat(finer, axis=1)
-    row, column = (_along(occupancy, raster, axis, finer) for axis in (0, 1))
-    weights = weights[np.ix_(row >= 0, column >= 0)]
-    row, column = row[row >= 0], column[column >= 0]
-    index = (row[:, None] * raster.columns + column).ravel()
-    size = raster.rows * raster.columns
-    total, count = np.bincount(index, weights.ravel(), size), np.bincount(index, minlength=size)
-    return (total / np.maximum(count, 1)).reshape(raster.rows, raster.columns)
+
+    def __init__(self, occupancy: Occupancy, weights: NDArray[Any], cell: float) -> None:
+        finer = max(1, math.ceil(occupancy.resolution / cell - 1e-6))
+        if weights.size * finer**2 > MOST_PIXELS:
+            raise MapError(f"its pixels are {finer} cells wide; choose a larger cell=")
+        if finer > 1:
+            weights = weights.repeat(finer, axis=0).repeat(finer, axis=1)
+        self._pixel = occupancy.resolution / finer
+        self._corner = (occupancy.origin[0], occupancy.origin[1] + occupancy.values.shape[0] * occupancy.resolution)
+        self._before = np.zeros((weights.shape[0] + 1, weights.shape[1] + 1), np.int64)  # above and left of a pixel
+        np.cumsum(weights, axis=0, out=self._before[1:, 1:])
+        np.cumsum(self._before, axis=1, out=self._before)
+
+    def over(self, raster: Raster) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return int64[H, W], twice: sum and number of the pixels whose centres lie in each cell."""
+        down = self._corner[1] - raster.origin[1] - raster.rows * raster.cell
+        row = self._edges(down, raster.rows, 0, raster.cell)
+        column = self._edges(raster.origin[0] - self._corner[0], raster.columns, 1, raster.cell)
+        at = self._before[np.ix_(row, column)]
+        strips = at[1:] - at[:-1]
+        return strips[:, 1:] - strips[:, :-1], np.outer(row[1:] - row[:-1], column[1:] - column[:-1])
+
+    def mean(self, raster: Raster) -> NDArray[np.float64]:
+        """Return float64[H, W], the mean weight of the pixels whose centres lie in each cell; 0 without any."""
+        total, count = self.over(raster)
+        return total / np.maximum(count, 1)
+
+    def _edges(self, begin: float, cells: int, axis: int, cell: float) -> NDArray[np.int64]:
+        """Return int64[cells + 1]: the first row or column of pixels with its centre in each cell or behind it."""
+        edges = (begin + (np.arange(cells + 1) - 1e-9) * cell) / self._pixel - 0.5
+        found: NDArray[np.int64] = np.clip(np.ceil(edges), 0, self._before.shape[axis] - 1).astype(np.int64)
+        return found
 
 
-def _along(occupancy: Occupancy, raster: Raster, axis: int, finer: int) -> NDArray[np.int64]:
-    """Return int64[h or w], the row or column of cells of each row or column of pixels; -1 outside."""
-    pixels, cells = occupancy.values.shape[axis] * finer, (raster.rows, raster.columns)[axis]
-    size = occupancy.resolution / finer
-    if axis == 0:
-        shift = raster.origin[1] + cells * raster.cell - occupancy.origin[1] - pixels * size
-    else:
-        shift = occupancy.origin[0] - raster.origin[0]
-    found = np.floor((shift + (np.arange(pixels) + 0.5) * size) / raster.cell + 1e-9).astype(np.int64)
-    return np.where((found >= 0) & (found < cells), found, -1)
+def spread(occupancy: Occupancy, weights: NDArray[Any], raster: Raster) -> NDArray[np.float64]:
+    """Return float64[H, W], the mean weight int[h, w] of the pixels whose centres lie in each cell."""
+    return Sums(occupancy, weights, raster.cell).mean(raster)
 
 
-def not_free(values: NDArray[np.int8], unknown_free: bool) -> NDArray[np.float64]:
-    """Return float64[h, w]: the share of each pixel that is not free."""
-    return np.where(values == UNKNOWN, 0.0 if unknown_free else 1.0, values / 100.0)
+def not_free(values: NDArray[np.int8], unknown_free: bool) -> NDArray[np.int64]:
+    """Return int64[h, w]: how much of each pixel is not free [%]."""
+    return np.where(values == UNKNOWN, 0 if unknown_free else 100, values.astype(np.int64))
+
+
+def exceeds(percent: NDArray[np.float64], share: float) -> NDArray[np.bool_]:
+    """Return bool[H, W]: the cells of which more than a share is taken, as rounding allows."""
+    return percent > 100 * (share + 1e-9)
 
 
 def within(discs: NDArray[np.float64], occupancy: Occupancy) -> NDArray[np.bool_]:
@@ -102,13 +125,17 @@ def within(discs: NDArray[np.float64], occupancy: Occupancy) -> NDArray[np.bool_
     return found
 
 
-def closed(occupancy: Occupancy, floor: NDArray[np.bool_], raster: Raster, unknown_free: bool) -> NDArray[np.bool_]:
+def room_of(occupancy: Occupancy, unknown_free: bool) -> NDArray[np.bool_]:
+    """Return bool[h, w]: pixels round which a robot has room, a free square as wide as it is."""
+    free = not_free(occupancy.values, unknown_free) == 0
+    return _square_fits(free, RobotSpec.width / occupancy.resolution)
+
+
+def closed(room: NDArray[np.bool_], floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return bool[H, W]: cells where a robot finds room in the map, but there is no floor beside them in any direction.
 
-    Room is a free square as wide as a robot; single cells are left out: they are corners.
+    room: bool[H, W], cells that hold a pixel with room round it. Single cells are left out: they are corners.
     """
-    free = not_free(occupancy.values, unknown_free) == 0
-    room = spread(occupancy, _square_fits(free, RobotSpec.width / occupancy.resolution), raster) > 0
     near = np.pad(floor, 1)
     rows, columns = floor.shape
     around = [near[a : a + rows, b : b + columns] for a in (0, 1, 2) for b in (0, 1, 2)]
@@ -118,10 +145,10 @@ def closed(occupancy: Occupancy, floor: NDArray[np.bool_], raster: Raster, unkno
     return np.asarray(found & several)
 
 
-def _square_fits(free: NDArray[np.bool_], side: float) -> NDArray[np.float64]:
-    """Return float64[h, w]: 1 in the middle of each free square of that side [pixels], rounded up."""
+def _square_fits(free: NDArray[np.bool_], side: float) -> NDArray[np.bool_]:
+    """Return bool[h, w]: the middles of free squares of that side [pixels], rounded up."""
     k = max(1, math.ceil(side - 1e-6))
-    found = np.zeros(free.shape)
+    found = np.zeros(free.shape, np.bool_)
     if k <= min(free.shape):
         total = np.pad((~free).astype(np.int32), ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
         taken = total[k:, k:] - total[:-k, k:] - total[k:, :-k] + total[:-k, :-k]

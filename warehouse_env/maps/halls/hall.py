@@ -13,53 +13,29 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.checked import Checked, from_plain, parse_named
+from warehouse_env.checked import from_plain, parse_named
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError, MapWarning
 from warehouse_env.files import STAGED, path_of, read_bytes
-from warehouse_env.maps import disc_report, one_way
+from warehouse_env.maps import one_way
 from warehouse_env.maps.discs import covered, read_discs
 from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.going import DEAREST
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.halls import lif, picture, places, route_graph
-from warehouse_env.maps.halls.cells import Raster, closed, not_free, raster_of, spread, within
+from warehouse_env.maps.halls import lif, picture, places, route_graph, told
+from warehouse_env.maps.halls.beginning import Choice, choose
+from warehouse_env.maps.halls.cells import Raster, exceeds, not_free, raster_of, spread, within
 from warehouse_env.maps.halls.lanes import Lanes, lay, prices
 from warehouse_env.maps.halls.map_server import YAMLS, Occupancy, beside, image_of, read_occupancy
+from warehouse_env.maps.halls.reading import Reading
+from warehouse_env.maps.halls.told import counted
 
 SUFFIXES = (*YAMLS, *picture.SUFFIXES)
 EXAMPLE = "hall.yaml:cell=0.75"
-
-
-@dataclass(frozen=True)
-class Reading(Checked):
-    """How a hall is read; files are named as they lie beside the map."""
-
-    cell: float = 1.0  # [m], side of the cells
-    share: float = 0.05  # of a cell that may be not free for it to be floor
-    unknown: Literal["wall", "floor"] = "wall"  # what pixels count as of which the map knows nothing
-    resolution: float | None = None  # [m/pixel] of a plain picture
-    keepout: str | None = None  # mask of where nobody drives: a map of map_server
-    speed: str | None = None  # mask of how fast, in per cent
-    lanes: str | None = None  # LIF (.json) or route graph (.geojson)
-    vehicle: str | None = None  # type whose lanes these are (LIF)
-    lanes_only: bool = False  # nobody drives off the lanes
-    lanes_prefer: float = 1.5  # times its length that a way off the lanes costs planners
-    discs: str | None = None  # round obstacles (.json or .csv); pixels in them are theirs
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(0.1, 100.0, "cell")
-        self._between(0.0, 1.0, "share")
-        self._between(1e-3, 100.0, "resolution")
-        self._between(1.0, DEAREST, "lanes_prefer")
-        self._require(not self.lanes_only or self.lanes is not None, "lanes_only", "false without lanes=FILE")
-        self._require(self.vehicle is None or self.lanes is not None, "vehicle", "left out without lanes=FILE")
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,11 +102,12 @@ class _Reader:
         self._path, self._how, self._edited = path, how, edited
         self._notes: list[str] = []
         self._occupancy = read_occupancy(path, how.resolution)
-        self._raster = raster_of(self._occupancy, how.cell)
+        self._begin, self._choice = self._beginning()
+        self._raster = raster_of(self._occupancy, how.cell, self._begin)
         self._discs = self._round_ones()
         weights = not_free(self._occupancy.values, how.unknown == "floor")
-        weights[within(self._discs, self._occupancy)] = 0.0
-        self._walls = spread(self._occupancy, weights, self._raster) > how.share + 1e-9
+        weights[within(self._discs, self._occupancy)] = 0
+        self._walls = exceeds(spread(self._occupancy, weights, self._raster), how.share)
 
     def hall(self) -> Hall:
         """Read all that lies beside, and put it together."""
@@ -158,8 +135,19 @@ class _Reader:
             np.where(taken, 0, arrows), self._raster.origin, discs, None, speed, price,  # type: ignore[arg-type]
         )  # fmt: skip
         self._note_regions(taken)
-        report = tuple(self._report(grid, barred))
+        laid = told.Laid(self._occupancy, self._begin, self._choice, self._raster, self._walls)
+        report = tuple(told.report(self._path, self._how, laid, grid, barred))
         return Hall(grid, self._occupancy, self._raster, named, barred, tuple(self._notes), report)
+
+    def _beginning(self) -> tuple[tuple[float, float], Choice | None]:
+        """Return where cells begin [m], and the choice of it, if there is one; arrows count cells from the corner."""
+        how = self._how
+        if (given := how.beginning) is not None:
+            return given, None
+        if self._path.with_suffix(one_way.SUFFIX).exists():
+            return (0.0, 0.0), None
+        choice = choose(self._occupancy, how.cell, how.share, how.unknown == "floor")
+        return choice.best.begin, choice
 
     def _round_ones(self) -> NDArray[np.float64]:
         """Return float64[K, 3], the discs (x, y, radius) [m] in the map's frame whose centres are on its cells."""
@@ -170,7 +158,7 @@ class _Reader:
         if not inside.all():
             x, y, _ = found[np.argmin(inside)].tolist()
             self._notes.append(
-                f"{_counted((~inside).sum(), 'disc')} with a centre off the floor are left out, one at ({x:g}, {y:g}) m"
+                f"{counted((~inside).sum(), 'disc')} with a centre off the floor are left out, one at ({x:g}, {y:g}) m"
             )
         return found[inside]
 
@@ -191,7 +179,7 @@ class _Reader:
         if self._how.keepout is None:
             return np.zeros_like(self._walls)
         mask = self._mask(self._how.keepout, "keepout")
-        taken = spread(mask, (mask.values == 100).astype(np.float64), self._raster) > self._how.share + 1e-9
+        taken = exceeds(100 * spread(mask, mask.values == 100, self._raster), self._how.share)
         if ((mask.values > 0) & (mask.values < 100)).any():
             self._notes.append("its keepout mask makes some floor dear without closing it; that floor is open here")
         return np.asarray(taken & ~self._walls)
@@ -202,9 +190,7 @@ class _Reader:
             return np.full(self._walls.shape, np.inf)
         mask = self._mask(self._how.speed, "speed")
         limited = mask.values > 0
-        share, total = (
-            spread(mask, weights.astype(np.float64), self._raster) for weights in (limited, mask.values * limited)
-        )
+        share, total = (spread(mask, weights, self._raster) for weights in (limited, mask.values * limited))
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(share > 0.5, total / share / 100 * RobotSpec.max_speed, np.inf)
 
@@ -258,45 +244,6 @@ class _Reader:
         if count > 1:
             lost = int((~occupied).sum() - largest_region(~occupied).sum())
             self._notes.append(
-                f"{_counted(count - 1, 'region')} with {_counted(lost, 'cell')} cut off and "
+                f"{counted(count - 1, 'region')} with {counted(lost, 'cell')} cut off and "
                 "not driven on; a smaller cell= or a larger share= may join them"
             )
-
-    def _report(self, grid: GridMap, barred: NDArray[np.bool_]) -> Iterator[str]:
-        how, pixel = self._how, self._occupancy.resolution**2
-        occupied, free, unknown = self._occupancy.counts
-        yield f"pixels of {self._occupancy.resolution:g} m: {occupied:,} occupied, {free:,} free, {unknown:,} unknown"
-        size = how.cell**2
-        driven = len(grid.free_cells)
-        yield (
-            f"{grid.shape[0]} x {grid.shape[1]} cells of {how.cell:g} m, of which up to {how.share:.0%} may be not "
-            f"free: {driven:,} are driven on, {driven * size:,.0f} of the map's {free * pixel:,.0f} m² of free floor"
-        )
-        if len(grid.discs):
-            yield disc_report.lost(grid)
-        if barred.any():
-            yield f"closed by keepout, or off the lanes: {_counted(barred.sum(), 'cell')}"
-        lost = closed(self._occupancy, ~self._walls, self._raster, how.unknown == "floor")
-        if lost.any():
-            from warehouse_env.maps.distance import label_regions
-
-            labels = label_regions(lost)
-            x, y = self._raster.centres(np.argwhere(lost)[0]).tolist()
-            yield (
-                f"aisles close: {_counted(labels.max(), 'place')} where a robot has room, "
-                f"{_counted(lost.sum(), 'cell')} long, one near ({x:.1f}, {y:.1f}) m; a smaller cell= may open them"
-            )
-        if unknown:
-            other = spread(self._occupancy, not_free(self._occupancy.values, how.unknown != "floor"), self._raster)
-            changed = int(((other > how.share + 1e-9) != self._walls).sum())
-            yield f"{how.unknown} by unknown pixels alone: {_counted(changed, 'cell')}"
-        for what, given in (("keepout", how.keepout), ("speed", how.speed)):
-            mask = self._path.with_name(f"{self._path.stem}_{what}.yaml")
-            if given is None and mask.exists():
-                yield f"{mask.name} lies beside and is not read; {what}={mask.name} reads it"
-        x, y = grid.origin
-        yield f"its south-west corner is at ({x:g}, {y:g}) m of the map"
-
-
-def _counted(number: int | np.integer[Any], what: str) -> str:
-    return f"{int(number):,} {what}{'' if number == 1 else 's'}"
