@@ -13,20 +13,22 @@ from typing import Any
 import tyro
 from rich.progress import Progress
 
-from train.fleet.broker import Broker, broker_of, package, publish
+from train.fleet.broker import Broker, broker_of, package
 from train.fleet.build import episode_of
 from train.fleet.check import check_log
 from train.fleet.driven import Driven, load_simulated
 from train.fleet.listen import Heard, hear_broker, hear_log
 from train.fleet.messages import LOG, Message, Names
+from train.fleet.publisher import publish
 from train.fleet.row import fleet_table, row_of, row_of_simulated
+from train.fleet.secure import secure_context
 from train.fleet.story import Story, story_of
 from train.fleet.write import messages_of, write_floor, write_log
 from train.reporting.report import counted, make_progress, tell
 from train.reporting.rows import RowFile, check_writable
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError, shown
+from warehouse_env.errors import ConfigError, LostError, shown
 from warehouse_env.simulation.physics.floor import load_grid
 
 _SHOWN = 20  # faults in words
@@ -65,7 +67,8 @@ class FleetCommand(Checked):
     seconds: float | None = None
     """With --listen to a broker, end after so many seconds (when all vehicles are offline)."""
     patience: float = 60.0
-    """With --listen to a broker, end when nothing has come for so many seconds."""
+    """With --listen to a broker, end when nothing has come for so many seconds. A connection that breaks is made again
+    for as long; exit code 3 if that fails."""
     interface: str = "uagv"
     """First part of the topics."""
     manufacturer: str = "warehouse_env"
@@ -75,7 +78,13 @@ class FleetCommand(Checked):
     user: str | None = None
     """User at the broker; the password is taken from WAREHOUSE_MQTT_PASSWORD."""
     tls: bool = False
-    """Speak to the broker over TLS."""
+    """Speak to the broker over TLS (port 8883 if none is named). So does each of the next three."""
+    cafile: Path | None = None
+    """Certificates of the authorities to trust, in PEM format (those of this machine)."""
+    cert: Path | None = None
+    """Certificate to show to a broker that asks for one, in PEM format; needs --key."""
+    key: Path | None = None
+    """Private key of --cert, in PEM format, without a passphrase."""
     seed: int | None = None
     """Which of an episode's worlds to write, by its seed (its first, if left out)."""
     json: Path | None = None
@@ -90,6 +99,8 @@ class FleetCommand(Checked):
             text = getattr(self, name)
             plain = text.isprintable() and 0 < len(text) <= 100 and not set(text) & set("/+#")
             self._require(plain, name, "a part of a topic: some characters, none of / + #")
+        named = self.user is None or (self.user.isprintable() and 0 < len(self.user) <= 1000)
+        self._require(named, "user", "a name of 1 to 1000 characters")
 
     def run(self) -> None:
         """Do what is asked for."""
@@ -193,6 +204,8 @@ class FleetCommand(Checked):
         if heard.stopped is not None:
             if isinstance(heard.stopped, KeyboardInterrupt):
                 raise type(heard.stopped)(f"what came is kept in {folder}") from None
+            if isinstance(heard.stopped, LostError):
+                raise LostError(f"{heard.stopped}; what came is kept in {folder}") from None
             raise heard.stopped
 
     def _hear(self, source: str, folder: Path) -> Heard:
@@ -209,7 +222,9 @@ class FleetCommand(Checked):
 
     def _broker(self, text: str) -> Broker:
         package()
-        return broker_of(text, self.user, self.tls)
+        files = (self.cafile, self.cert, self.key)
+        secure = self.tls or any(file is not None for file in files)
+        return broker_of(text, self.user, secure_context(*files) if secure else None)
 
     def _floor(self) -> EnvConfig:
         """Return a config that names the floor."""

@@ -31,6 +31,7 @@ class Places(NamedTuple):
 
     seconds: NDArray[np.float64]  # [K], since 1970
     pose: NDArray[np.float64]  # [K, 3], in the floor's frame; headings go on beyond a turn
+    away: NDArray[np.float64]  # [M, 2], from when to when it was on other maps in between
 
 
 def episode_of(fleet: Fleet, grid: GridMap, config: EnvConfig, every: float | None = None) -> Driven:
@@ -40,6 +41,9 @@ def episode_of(fleet: Fleet, grid: GridMap, config: EnvConfig, every: float | No
     there is too little, or where it covers more time than can be kept.
     """
     notes = [f"{count:,} messages or lines {why}: left out" for why, count in sorted(fleet.left_out.items())]
+    if fleet.gaps:
+        broke = counted(len(fleet.gaps), "time")
+        notes.append(f"the connection to the broker broke {broke}; nothing was heard for {sum(fleet.gaps):.1f} s then")
     name = _map_of(fleet, grid, notes)
     found = {key: _places(vehicle, name, grid) for key, vehicle in sorted(fleet.vehicles.items())}
     placed = {key: places for key, places in found.items() if len(places.seconds)}
@@ -83,15 +87,16 @@ def _map_of(fleet: Fleet, grid: GridMap, notes: list[str]) -> str:
 
 def _places(vehicle: Vehicle, name: str, grid: GridMap) -> Places:
     """Return where a vehicle was on a map; of two reports of one moment the later one."""
-    here = np.zeros(0, np.bool_)
-    if name in vehicle.maps:
-        here = np.frombuffer(vehicle.map, np.uint16) == vehicle.maps.index(name)
-    columns = [np.frombuffer(values)[here] for values in (vehicle.seconds, vehicle.x, vehicle.y, vehicle.theta)]
-    order = np.argsort(columns[0], kind="stable")
-    seconds, x, y, theta = (column[order] for column in columns)
+    order = np.argsort(np.frombuffer(vehicle.seconds), kind="stable")
+    number = vehicle.maps.index(name) if name in vehicle.maps else -1
+    here = np.flatnonzero(np.frombuffer(vehicle.map, np.uint16)[order] == number)
+    seconds, x, y, theta = (
+        np.frombuffer(values)[order][here] for values in (vehicle.seconds, vehicle.x, vehicle.y, vehicle.theta)
+    )
     last = np.append(np.diff(seconds) > 0, True) if len(seconds) else np.zeros(0, np.bool_)
     pose = np.stack([x - grid.origin[0], y - grid.origin[1], np.unwrap(theta)], axis=-1)
-    return Places(seconds[last], pose[last])
+    away = np.stack([seconds[:-1], seconds[1:]], axis=-1)[np.diff(here) > 1]
+    return Places(seconds[last], pose[last], away)
 
 
 def _clock(placed: dict[Key, Places], every: float | None) -> tuple[float, float, int]:
@@ -139,6 +144,8 @@ class _Teller:
         half = (times[1] - times[0]) / 2
         seen = self._places.seconds - self._begin
         out["bits"][(times >= seen[0] - half) & (times <= seen[-1] + half)] = PRESENT
+        for left, back in self._places.away - self._begin:
+            out["bits"][(times > left) & (times < back)] = 0
         lines.append(pose[:1, :2].copy())
         now = np.zeros((), MOMENT)
         now["line"], now["goal"] = len(lines) - 1, self._cell(pose[0, :2])

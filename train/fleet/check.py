@@ -72,6 +72,7 @@ class _Vehicle:
         self.headers: dict[str, int] = {}
         self.times: dict[str, float] = {}
         self.online = False
+        self.connection: dict[str, Any] = {}  # the last of its messages
         self.said: float | None = None  # when it last told its state
         self.orders = OrderBook()
 
@@ -99,6 +100,8 @@ class _Checker:
             self._note("header", f"the topic {shown(entry.topic)} is not INTERFACE/VERSION/MANUFACTURER/SERIAL/TOPIC")
             return
         name, key = parts[4], "/".join(parts[2:4])
+        if name == "connection" and self._is_old(key, entry):
+            return
         self._where = (number, key)
         vehicle, payload = self._vehicles[key], entry.payload
         self.messages[name] += 1
@@ -117,6 +120,13 @@ class _Checker:
             self._due(vehicle, vehicle.times.get("connection", self._last))
         seconds = self._last - self._first if self._first is not None else 0.0
         return Checked(self.messages, len(self._vehicles), seconds, self._faults, self._count)
+
+    def _is_old(self, key: str, entry: Entry) -> bool:
+        """Whether a connection's message is what the broker has kept from before, or delivers a second time."""
+        vehicle = self._vehicles.get(key)
+        if vehicle is None:
+            return bool(entry.retain) and entry.payload.get("connectionState") != "ONLINE"
+        return vehicle.connection == entry.payload
 
     def _note(self, kind: str, what: str) -> None:
         self._count += 1
@@ -164,7 +174,7 @@ class _Checker:
             self._note("quality", f"{name} is sent with QoS {entry.qos}, not {wanted}")
 
     def _connection(self, vehicle: _Vehicle, payload: dict[str, Any]) -> None:
-        state = payload["connectionState"]
+        state, vehicle.connection = payload["connectionState"], payload
         if vehicle.online and state == "ONLINE":
             self._note("connection", "it is ONLINE once more, and was not gone")
         if not vehicle.online and state != "ONLINE" and payload["headerId"] == 0:

@@ -80,7 +80,10 @@ def body_of(factsheet: dict[str, Any]) -> tuple[dict[str, float], str]:
 def _outline(factsheet: dict[str, Any]) -> tuple[tuple[float, float], tuple[float, float]] | None:
     """Return the bounds in x and y [m] of the first outline around the position; None if there is none."""
     try:
-        points = factsheet["agvGeometry"]["envelopes2d"][0]["polygonPoints"]
+        if "mobileRobotGeometry" in factsheet:  # as version 3 calls it
+            points = factsheet["mobileRobotGeometry"]["envelopes2d"][0]["vertices"]
+        else:
+            points = factsheet["agvGeometry"]["envelopes2d"][0]["polygonPoints"]
         listed = [[float(point[axis]) for point in points] for axis in ("x", "y")]
         (west, east), (south, north) = ((min(values), max(values)) for values in listed)
     except (KeyError, IndexError, TypeError, ValueError, OverflowError):

@@ -50,7 +50,7 @@ def _step_robots(robots, poses, before, moments, was, seconds, dt, late):
         r["hit_shelf"], r["hit_person"] = (began & AT_SHELF) != 0, (began & AT_PERSON) != 0
         r["hits_shelf"] += r["hit_shelf"]
         r["hits_person"] += r["hit_person"]
-        r["distance"] += way
+        r["distance"] += way if (moments[i]["bits"] & was[i]["bits"] & PRESENT) != 0 else 0.0
         r["position"] = 0.0 if moments[i]["line"] != was[i]["line"] else r["position"] + way
         if (
             dt == 0.0

@@ -7,11 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from train.fleet.broker import Broker, receive
+from train.fleet.broker import Broker
 from train.fleet.log import Bad, Entry, log_path, read_log
 from train.fleet.messages import LOG, log_line
 from train.fleet.received import Fleet
-from warehouse_env.errors import ConfigError, WarehouseError
+from train.fleet.subscriber import receive
+from warehouse_env.errors import ConfigError, LostError, WarehouseError
 
 
 class Heard(NamedTuple):
@@ -37,7 +38,8 @@ def hear_broker(
 ) -> Heard:  # fmt: skip
     """Take in what vehicles publish, and write it to FOLDER/messages.jsonl at once; moved: called after each message.
 
-    What breaks it off once something has come, Ctrl-C among it, is in the result, for all that came is to be used.
+    What breaks it off once something has come, Ctrl-C and a broker that went away among it, is in the result, for all
+    that came is to be used.
     """
     path, fleet = folder / LOG, Fleet()
     if path.exists():
@@ -59,10 +61,11 @@ def hear_broker(
                 moved()
                 return fleet.gone
 
-            why = receive(broker, interface, take, patience, seconds)
+            why = receive(broker, interface, take, fleet.gaps.append, patience, seconds)
     except (KeyboardInterrupt, WarehouseError) as error:
         if fleet.messages:
-            return Heard(fleet, "it was stopped", error)
+            why = "the broker is gone" if isinstance(error, LostError) else "it was stopped"
+            return Heard(fleet, why, error)
         path.unlink(missing_ok=True)
         raise
     except OSError as error:

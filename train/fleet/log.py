@@ -92,7 +92,7 @@ def moment_of(stamp: object, zoned: bool = False) -> float | None:
     if not isinstance(stamp, str) or len(stamp) > 40:
         return None
     try:
-        moment = datetime.fromisoformat(stamp)
+        moment = datetime.fromisoformat(stamp.upper())  # RFC 3339 allows a small z
         if moment.tzinfo is None:
             return None if zoned else moment.replace(tzinfo=UTC).timestamp()
         return moment.timestamp()

@@ -47,8 +47,13 @@ class Vehicle:
         self.map = array("H")
         self.told: list[Told] = []
         self.factsheet: dict[str, Any] = {}
-        self.online: bool | None = None
+        self.connection: dict[str, Any] = {}  # what it said of it last
         self._last: tuple[str, int] | None = None
+
+    @property
+    def spoke(self) -> bool:
+        """Whether it has said anything that it only says while it is there."""
+        return bool(self.connection or self.seconds or self.told)
 
     def place(self, seconds: float, pose: tuple[float, float, float], name: str) -> None:
         """Keep a position."""
@@ -63,9 +68,7 @@ class Vehicle:
 
     def tell(self, seconds: float, payload: dict[str, Any]) -> None:
         """Keep what a state says of its order, its load and its errors."""
-        order, update = payload.get("orderId"), payload.get("orderUpdateId")
-        order = order if isinstance(order, str) else ""
-        update = update if isinstance(update, int) else 0
+        order, update = _text(payload.get("orderId")), int(_number(payload.get("orderUpdateId")) or 0)
         nodes, edges = (_objects(payload.get(name)) for name in ("nodeStates", "edgeStates"))
         new = self._last != (order, update)
         self._last = (order, update)
@@ -85,11 +88,15 @@ class Fleet:
         self.vehicles: dict[Key, Vehicle] = {}
         self.left_out: Counter[str] = Counter()
         self.messages = self.places = self.states = 0
+        self.gaps: list[float] = []  # [s] for which nothing was heard since the connection was broken
+        self._said: set[tuple[Key, str]] = set()  # topics of vehicles on which something came
 
     def add(self, entry: Entry | Bad) -> None:
         """Take in a message; WarehouseError where there are more than can be kept."""
         if isinstance(entry, Bad):
             self.left_out["are no message"] += 1
+            return
+        if self.is_stale(entry):
             return
         self.messages += 1
         payload = entry.payload
@@ -100,23 +107,34 @@ class Fleet:
         if name is None or key is None:
             self.left_out["are of no topic or vehicle of VDA 5050"] += 1
             return
+        first = (key, name) not in self._said
+        self._said.add((key, name))
+        if first and entry.retain and name in ("state", "visualization"):
+            self.left_out["are of a time before, kept by the broker"] += 1
+            return
         vehicle = self._vehicle(key)
         if name == "factsheet":
             vehicle.factsheet = vehicle.factsheet or payload
         elif name == "connection":
-            vehicle.online = payload.get("connectionState") == "ONLINE"
+            vehicle.connection = payload
         else:
             self._report(vehicle, name, payload)
 
     def is_stale(self, entry: Entry) -> bool:
-        """Whether a live message is what the broker has kept of a vehicle that went away before."""
-        offline = _kind(entry) == "connection" and entry.payload.get("connectionState") != "ONLINE"
-        return bool(entry.retain) and offline and _key(entry) not in self.vehicles
+        """Whether a message is what the broker has kept of a vehicle that went away before, or what it said already."""
+        if not entry.retain or _kind(entry) != "connection":
+            return False
+        key = _key(entry)
+        vehicle = self.vehicles.get(key) if key is not None else None
+        if vehicle is None or not vehicle.spoke:
+            return not _is_online(entry.payload)
+        return vehicle.connection == entry.payload
 
     @property
     def gone(self) -> bool:
-        """Whether all vehicles have said that they are offline, and there are some."""
-        return bool(self.vehicles) and all(vehicle.online is False for vehicle in self.vehicles.values())
+        """Whether all vehicles that spoke have said that they are offline, and there are some."""
+        spoke = [vehicle for vehicle in self.vehicles.values() if vehicle.spoke]
+        return bool(spoke) and all(one.connection and not _is_online(one.connection) for one in spoke)
 
     def _vehicle(self, key: Key) -> Vehicle:
         if key not in self.vehicles:
@@ -136,12 +154,12 @@ class Fleet:
         if name == "state":
             self.states += 1
             vehicle.tell(seconds, payload)
-        found = payload.get("agvPosition")
+        found = payload.get("agvPosition", payload.get("mobileRobotPosition"))  # until version 2, and from 3 on
         if found is None and name == "state":
             return
         position = found if isinstance(found, dict) else {}
         pose = _numbers(position, ("x", "y", "theta"))
-        if pose is None or position.get("positionInitialized") is False:
+        if pose is None or position.get("positionInitialized", position.get("localized")) is False:
             self.left_out["have no position"] += 1
             return
         where = position.get("mapId")
@@ -159,17 +177,21 @@ def _kind(entry: Entry) -> str | None:
     signs = {
         "connectionState": "connection", "typeSpecification": "factsheet", "nodes": "order",
         "actions": "instantActions", "nodeStates": "state", "agvPosition": "visualization",
+        "mobileRobotPosition": "visualization",
     }  # fmt: skip
     return next((name for sign, name in signs.items() if sign in entry.payload), None)
 
 
 def _key(entry: Entry) -> Key | None:
-    """Return whose message it is, by its topic, else by its header."""
+    """Return whose message it is, by its topic, else by its header; a short topic counts where that says nothing."""
     parts = entry.topic.split("/") if entry.topic is not None else []
-    names = parts[-3:-1] if len(parts) >= 5 else [entry.payload.get(name) for name in ("manufacturer", "serialNumber")]
-    first, second = names
-    good = isinstance(first, str) and isinstance(second, str) and second and len(first) + len(second) < 200
-    return (first, second) if good else None  # type: ignore[return-value]
+    header = [_text(entry.payload.get(name)) for name in ("manufacturer", "serialNumber")]
+    first, second = parts[-3:-1] if len(parts) >= 5 or (len(parts) == 4 and not header[1]) else header
+    return (first, second) if second and len(first) + len(second) < 200 else None
+
+
+def _is_online(connection: dict[str, Any]) -> bool:
+    return connection.get("connectionState") == "ONLINE"
 
 
 def _objects(value: object) -> list[dict[str, Any]]:
@@ -178,11 +200,24 @@ def _objects(value: object) -> list[dict[str, Any]]:
 
 def _numbers(data: dict[str, Any], names: tuple[str, ...]) -> tuple[float, ...] | None:
     """Return numbers that an object has by these names, None unless all are."""
-    values = [data.get(name) for name in names]
-    good = all(
-        isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _FARTHEST for value in values
-    )
-    return tuple(float(value) for value in values) if good else None  # type: ignore[arg-type]
+    values = tuple(_number(data.get(name)) for name in names)
+    return None if None in values else values  # type: ignore[return-value]
+
+
+def _number(value: object) -> float | None:
+    """Return a number, also one in quotes as some controllers write it; None for what is none."""
+    if isinstance(value, str) and len(value) <= 40:
+        try:
+            value = float(value)
+        except ValueError:
+            return None
+    good = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _FARTHEST
+    return float(value) if good else None  # type: ignore[arg-type]
+
+
+def _text(value: object) -> str:
+    """Return a name, also one that is written as a number; none for what is neither."""
+    return str(value) if isinstance(value, str | int) and not isinstance(value, bool) else ""
 
 
 def _point(node: dict[str, Any]) -> tuple[float, float] | None:
