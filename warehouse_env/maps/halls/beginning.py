@@ -1,8 +1,8 @@
 """Where the cells of a hall begin: anywhere within the first, by whole pixels, so that most of the hall is kept.
 
 Cells that begin badly cut a strip off every aisle, and close those that are hardly wider than a cell. What counts is
-free floor that robots drive on, as the map has it, and aisles that close. Masks, discs and lanes do not count: whoever
-edits one finds the cells where they were.
+the floor that robots drive on, what stands in it by the map, and aisles that close. Masks, discs and lanes do not
+count: whoever edits one finds the cells where they were.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.halls.cells import Sums, closed, exceeds, not_free, raster_of, room_of
 from warehouse_env.maps.halls.map_server import Occupancy
 
+_STANDS = 5  # times its area that what stands in a cell counts against it: cells keep off walls where there is floor
 _CLOSED = 2  # cells of floor that a closed cell of an aisle is worth, besides its own: goods stand on both sides of it
 _MOST_STEPS = 64  # along a cell's side; finer pixels are skipped
 
@@ -28,6 +29,7 @@ class Kept(NamedTuple):
     begin: tuple[float, float]
     worth: float  # [% of pixels], of what is kept
     driven: int  # cells of the largest region
+    stands: float  # [cells], of what is not free in them
     closed: NDArray[np.bool_]  # [H, W], cells where an aisle closes
 
 
@@ -49,14 +51,15 @@ class _Judge:
         raster = raster_of(self._occupancy, self._cell, begin)
         taken, count = self._taken.over(raster)
         floor = ~exceeds(taken / np.maximum(count, 1), self._share)
-        free = 100 * count - taken
-        if free[floor].sum() <= least:  # whatever is cut off or closes; most end here
+        gain = np.maximum(100 * count - _STANDS * taken, 0)  # so that all floor has no less than what is driven on
+        if gain[floor].sum() <= least:  # whatever is cut off or closes; most end here
             return None
         driven = largest_region(floor)
-        worth = float(free[driven].sum())
+        worth = float(gain[driven].sum())
         lost = closed(self._room.over(raster)[0] > 0, floor)
         worth -= _CLOSED * 100.0 * (self._cell / self._occupancy.resolution) ** 2 * int(lost.sum())
-        return Kept(begin, worth, int(driven.sum()), lost) if worth > least else None
+        stands = float((taken / np.maximum(100 * count, 1))[driven].sum())
+        return Kept(begin, worth, int(driven.sum()), stands, lost) if worth > least else None
 
 
 def choose(occupancy: Occupancy, cell: float, share: float, unknown_free: bool) -> Choice:

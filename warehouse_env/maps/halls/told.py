@@ -72,10 +72,12 @@ def _beginning(path: Path, how: Reading, laid: Laid) -> str:
 
 def _gain(best: Kept, corner: Kept, cell: float) -> str:
     """Say what the best cells keep more or less than those that begin at the corner."""
-    floor, aisles = (best.driven - corner.driven) * cell**2, _places(best.closed) - _places(corner.closed)
-    parts = [f"{floor:+,.4g} m² of floor"] if floor else []
+    floor, stands = (best.driven - corner.driven) * cell**2, round((best.stands - corner.stands) * cell**2, 1)
+    aisles = _places(best.closed) - _places(corner.closed)
+    parts = [f"{round(floor, 1):+,g} m² of floor"] if floor else []
+    parts += [f"{stands:+,g} m² of what stands in it"] if stands else []
     parts += [f"{aisles:+} place{'' if abs(aisles) == 1 else 's'} where aisles close"] if aisles else []
-    return ", ".join(parts) or "as much floor, with less that stands in it"
+    return ", ".join(parts) or "as much floor"
 
 
 def _places(cells: NDArray[np.bool_]) -> int:
