@@ -162,9 +162,8 @@ class Fleet:
         if pose is None or position.get("positionInitialized", position.get("localized")) is False:
             self.left_out["have no position"] += 1
             return
-        where = position.get("mapId")
         self.places += 1
-        vehicle.place(seconds, pose, where[:200] if isinstance(where, str) else "")  # type: ignore[arg-type]
+        vehicle.place(seconds, pose, _text(position.get("mapId"))[:200])  # type: ignore[arg-type]
 
 
 def _kind(entry: Entry) -> str | None:

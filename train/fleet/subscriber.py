@@ -67,12 +67,13 @@ class _Subscriber:
         if not self._listens:
             raise WarehouseError(f"broker {self._broker.name} cannot be reached: {reason(error)}") from None
         self._broke = self._now() if self._broke is None else self._broke
-        if self._now() + AGAIN > min(self._broke + self._patience, self._end):
+        left = min(self._broke + self._patience, self._end) - self._now()
+        if left <= 0:
             away = self._now() - self._broke
             raise LostError(
-                f"broker {self._broker.name} went away ({reason(error)}) and did not come back for {away:.0f} s"
+                f"broker {self._broker.name} went away ({reason(error)}) and did not come back within {away:.0f} s"
             ) from None
-        await asyncio.sleep(AGAIN)
+        await asyncio.sleep(min(AGAIN, left))
 
     def _heard(self) -> None:
         """Something came, or it is the end: tell for how long nothing did if the connection broke before."""

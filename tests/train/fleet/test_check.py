@@ -86,6 +86,14 @@ def test_an_order_may_be_cancelled(log: Path, tmp_path: Path) -> None:
     assert check_log(write_lines(tmp_path / "log.jsonl", kept)).total == 0
 
 
+def test_what_a_broker_says_again_is_no_fault(log: Path, tmp_path: Path) -> None:
+    entries = lines(log)
+    away, online = entries[-1] | {"retain": 1}, entries[0]
+    kept = [away, online, online, *entries[1:]]  # from before, and delivered twice, as its quality of service allows
+    found = check_log(write_lines(tmp_path / "log.jsonl", kept))
+    assert (found.total, found.messages["connection"]) == (0, 2)
+
+
 def test_what_is_no_log_is_said(tmp_path: Path) -> None:
     for content, says in (("", "holds no message"), ("nonsense\n", "holds no message")):
         (tmp_path / "log.jsonl").write_text(content)

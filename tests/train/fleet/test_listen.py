@@ -104,6 +104,86 @@ def test_a_foreign_stream_of_bare_states(tmp_path: Path) -> None:
     assert row["waiting_share"] == 0.5  # of two moments with an order it stood in one
 
 
+def said(topic: str, payload: dict[str, Any], retain: int = 0) -> dict[str, Any]:
+    """Return a line of a log, as mosquitto_sub prints it."""
+    return {"tst": "2026-05-01T10:00:00.5Z", "topic": topic, "qos": 0, "retain": retain, "payload": payload}
+
+
+def version_3(x: float, second: int) -> dict[str, Any]:
+    """Return a state in the words of VDA 5050 3.0."""
+    state = foreign(x, second, version="3.0.0")
+    position = state.pop("agvPosition")
+    return state | {"mobileRobotPosition": position | {"localized": position.pop("positionInitialized")}}
+
+
+def bare(x: float, second: int) -> dict[str, Any]:
+    """Return a state that does not say whose it is."""
+    return {name: value for name, value in foreign(x, second).items() if name not in ("manufacturer", "serialNumber")}
+
+
+def quoted(x: float, second: int) -> dict[str, Any]:
+    """Return a state whose numbers are texts, and whose names are numbers."""
+    position = {"x": str(ORIGIN[0] + x), "y": str(ORIGIN[1] + 5), "theta": "0.0", "mapId": 1}
+    return foreign(x, second, agvPosition=position, orderId=0, orderUpdateId="0")
+
+
+def at(x: float, second: int, **more: Any) -> dict[str, Any]:
+    """Return a state with something else said of its position."""
+    state = foreign(x, second)
+    return state | {"agvPosition": state["agvPosition"] | more}
+
+
+OLD = foreign(9, 0, timestamp="2026-04-01T10:00:00Z")
+STREAMS = {
+    "version 1.1": [said("uagv/v1/M/a/state", foreign(x, x, version="1.1.0", lastNodeId="")) for x in (1, 2, 3)],
+    "version 3": [said("uagv/v3/M/a/state", version_3(x, x)) for x in (1, 2, 3)],
+    "version 3, no topics": [{**version_3(x, x), "serialNumber": "a"} for x in (1, 2, 3)],
+    "deeper topics": [said("plant/hall/uagv/v2/M/a/state", bare(x, x)) for x in (1, 2, 3)],
+    "no version in topics": [said("uagv/M/a/state", bare(x, x)) for x in (1, 2, 3)],
+    "topics of one's own": [said("M/robots/7/state", foreign(x, x)) for x in (1, 2, 3)],
+    "texts": [quoted(x, x) for x in (1, 2, 3)],
+    "twice": [foreign(x, x) for x in (1, 1, 2, 2, 3, 3)],
+    "out of order": [foreign(x, x) for x in (2, 1, 3)],
+    "kept from before": [said("uagv/v2/M/a/state", OLD, 1), *(foreign(x, x) for x in (1, 2, 3))],
+    "kept where vehicles are kept": [said("uagv/v2/M/a/state", foreign(x, x), 1) for x in (0, 1, 2, 3)],
+    "not yet located": [at(9, 0, positionInitialized=False), *(foreign(x, x) for x in (1, 2, 3))],
+    "some without a position": [foreign(9, 0, agvPosition=None), *(foreign(x, x) for x in (1, 2, 3))],
+    "zones": [
+        foreign(1, 0, timestamp="2026-05-01T12:00:01.500000000+02:00"),
+        foreign(2, 0, timestamp="2026-05-01T10:00:02,5z"),
+        foreign(3, 0, timestamp="2026-05-01T10:00:03.5"),
+    ],
+}
+
+
+@pytest.mark.parametrize("stream", STREAMS)
+def test_streams_of_other_makers_are_understood(stream: str, tmp_path: Path) -> None:
+    made = episode_of(heard(tmp_path, STREAMS[stream]), FLOOR, EnvConfig())
+    assert made.pose[:, 0, 0, 0].tolist() == [1, 2, 3]
+    assert made.vehicles == ("M/a",)
+    assert made.begin == "2026-05-01T10:00:01.500+00:00"
+
+
+def test_who_comes_back_from_another_map_was_away(tmp_path: Path) -> None:
+    made = episode_of(
+        heard(tmp_path, [foreign(1, 0), foreign(2, 2), at(9, 4, mapId="L2"), foreign(8, 6), foreign(9, 8)]),
+        FLOOR, EnvConfig(),
+    )  # fmt: skip
+    assert ((made.moments["bits"] & PRESENT) != 0)[:, 0].tolist() == [True, True, False, True, True]
+    assert made.row()["robot_km"] == pytest.approx(0.002)  # the way in between is nobody's
+
+
+def test_what_a_broker_has_kept_of_who_is_away_ends_nothing() -> None:
+    fleet, topic = Fleet(), "uagv/v2/M/a"
+    for name, payload in (("factsheet", {}), ("connection", {"connectionState": "OFFLINE"})):
+        fleet.add(Entry(f"{topic}/{name}", payload, 1, True))
+        assert not fleet.gone
+    fleet.add(Entry(f"{topic}/state", foreign(1, 0), 0, False))
+    assert not fleet.gone
+    fleet.add(Entry(f"{topic}/connection", {"connectionState": "OFFLINE"}, 1, False))
+    assert fleet.gone
+
+
 def test_positions_between_reports_lie_between(tmp_path: Path) -> None:
     made = episode_of(heard(tmp_path, [foreign(1, 0), foreign(3, 4)]), FLOOR, EnvConfig(), every=1.0)
     assert made.pose[:, 0, 0, 0].tolist() == [1, 1.5, 2, 2.5, 3]
@@ -148,6 +228,9 @@ def test_bodies_are_told_by_factsheets() -> None:
         length=1.4, width=0.8, front_overhang=1.1)  # fmt: skip
     assert body_of({"physicalParameters": {"length": 2, "width": 1.0}})[0]["front_overhang"] == 1.0
     assert body_of({"physicalParameters": {"length": "x"}})[0] == {}
+    corners = [{"x": x, "y": y} for x in (-0.5, 1.5) for y in (-0.4, 0.4)]
+    version_3 = {"mobileRobotGeometry": {"envelopes2d": [{"envelope2dId": "all", "vertices": corners}]}}
+    assert body_of(version_3)[0] == {"length": 2.0, "width": 0.8, "front_overhang": 1.5}
 
 
 def test_near_misses_and_contacts_are_counted_as_they_begin_and_end() -> None:
@@ -169,6 +252,7 @@ def test_times_are_read_as_they_are_written() -> None:
     assert moment_of("2026-01-01T00:00:00.12Z") == moment_of("2026-01-01T01:00:00.120+01:00") == 1767225600.12
     assert moment_of("2026-01-01T00:00:00") == 1767225600
     assert moment_of("2026-01-01T00:00:00", zoned=True) is None
+    assert moment_of("2026-01-01t00:00:00.123456789z", zoned=True) == 1767225600.123456
     assert moment_of("0001-01-01T00:00:00+23:00") is None or True
 
 
