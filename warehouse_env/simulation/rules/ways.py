@@ -4,6 +4,9 @@ A* on (cell, arriving move) with the cost, then the turns. What bounds the rest 
 the empty floor (planning/cost_to_go.py), and prices count up to a horizon: beyond it the way is the field's. Prices
 are asked for where the search comes, and it ends where no way can cost as little as is asked, so that a robot with
 nothing in its way opens hardly anything. Nothing here grows with the floor, but for the length of the way itself.
+
+The arriving move matters for sharp turns alone. The states of a cell are closed in the order of their keys, since the
+bound is the same for all of them: by a move that one has made without turning sharply no later one goes on for less.
 """
 
 from __future__ import annotations
@@ -19,8 +22,11 @@ from warehouse_env.planning.cost_to_go import UNREACHABLE
 from warehouse_env.portable import Portable
 from warehouse_env.simulation.rules.prices import Look, is_beyond, most_for, next_cell, price_of, rest_from
 
-_TURNS = 1 << 20  # turns that a way has less than
+TURNS = 1 << 20  # turns that a way has less than
 START = whole(8)  # in place of a move: of the start
+_ALL = np.uint8(255)
+# [9], as bits: the moves that are no hairpin after each, and after none
+_ONWARD = np.array([*(sum(1 << (move + turn) % 8 for turn in (-2, -1, 0, 1, 2)) for move in range(8)), 255], np.uint8)
 
 
 class Labels(NamedTuple):
@@ -28,8 +34,11 @@ class Labels(NamedTuple):
 
     run: NDArray[np.int64]  # [1], how many searches there have been
     at: NDArray[np.int64]  # [S], the search that reached a state; negative once it is closed
-    key: NDArray[np.int64]  # [S], cost * _TURNS + turns
+    key: NDArray[np.int64]  # [S], cost * TURNS + turns
     before: NDArray[np.int32]  # [S], the state from which it was reached
+    left_at: NDArray[np.int64]  # [C], the search that closed a state of a cell
+    left: NDArray[np.uint8]  # [C], as bits: the moves from there that none of its closed states makes without a hairpin
+    last: NDArray[np.int64]  # [C], the key of the one of them that was closed last
     heap: NDArray[np.int64]  # [Q, 2], bound and state
     path: NDArray[np.int64]  # [C, 2], cells (row, column)
 
@@ -39,7 +48,8 @@ def make_labels(rows: int, columns: int) -> Labels:
     cells = rows * columns
     return Labels(
         np.zeros(1, np.int64), np.zeros(9 * cells, np.int64), np.zeros(9 * cells, np.int64),
-        np.zeros(9 * cells, np.int32), np.zeros((1 << 16, 2), np.int64), np.zeros((cells, 2), np.int64),
+        np.zeros(9 * cells, np.int32), np.zeros(cells, np.int64), np.zeros(cells, np.uint8), np.zeros(cells, np.int64),
+        np.zeros((1 << 16, 2), np.int64), np.zeros((cells, 2), np.int64),
     )  # fmt: skip
 
 
@@ -81,6 +91,27 @@ def is_hairpin(arrived, move):
     return arrived != START and 3 <= (move - arrived) % 8 <= 5
 
 
+@inline
+def _brings_nothing(labels, run, cell, arrived, key):
+    """Whether from a closed cell no way goes on for less that comes there by a move, with such a key.
+
+    With the same key as the last one it may take a turn less.
+    """
+    return labels.left_at[cell] == run and key > labels.last[cell] and labels.left[cell] & _ONWARD[arrived] == 0
+
+
+@inline
+def _close(labels, run, cell, arrived, key):
+    """Note that a state of a cell is closed; return, as bits, the moves by which it goes on."""
+    left, moves = _ALL, _ALL
+    if labels.left_at[cell] == run:
+        left = labels.left[cell]
+        if key > labels.last[cell]:
+            moves = left & _ONWARD[arrived]
+    labels.left_at[cell], labels.left[cell], labels.last[cell] = run, left & ~_ONWARD[arrived], key
+    return moves
+
+
 @part
 def search(look, most, labels):
     """Return (state, its cost) where the cheapest way leaves what is looked at, (-1, 0) if that is above `most`."""
@@ -99,28 +130,31 @@ def search(look, most, labels):
         row, column = cell // columns, cell % columns
         rest = rest_from(look, row, column)
         if rest == 0 or is_beyond(look, row, column):
-            return state, labels.key[state] // _TURNS + rest
+            return state, labels.key[state] // TURNS + rest
         labels.at[state] = -run
+        moves = _close(labels, run, cell, arrived, labels.key[state])
         for move in range(8):
             step = look.steps[row, column, move]
-            if step == 0:
+            if step == 0 or not (moves >> move) & 1:
                 continue
             to_row, to_column = row + MOVES[move, 0], column + MOVES[move, 1]
             rest = rest_from(look, to_row, to_column)
             if rest == UNREACHABLE:
                 continue
             to = to_row * columns + to_column
-            key = labels.key[state] + _TURNS * step
-            key += _TURNS * look.hairpin if is_hairpin(arrived, move) else 0
-            if key // _TURNS + rest > most:
+            key = labels.key[state] + TURNS * step
+            key += TURNS * look.hairpin if is_hairpin(arrived, move) else 0
+            if key // TURNS + rest > most:
                 continue
-            key += _TURNS * price_of(look, cell, move, to) + (1 if arrived != START and arrived != move else 0)
+            key += TURNS * price_of(look, cell, move, to) + (1 if arrived != START and arrived != move else 0)
+            if _brings_nothing(labels, run, to, move, key):
+                continue
             reached = 9 * to + move
             new = abs(labels.at[reached]) != run
-            if key // _TURNS + rest > most or size == len(heap) or not (new or key < labels.key[reached]):
+            if key // TURNS + rest > most or size == len(heap) or not (new or key < labels.key[reached]):
                 continue
             labels.at[reached], labels.key[reached], labels.before[reached] = run, key, state
-            _push(heap, size, key + _TURNS * rest, reached)
+            _push(heap, size, key + TURNS * rest, reached)
             size += 1
     return -1, 0
 
