@@ -73,8 +73,17 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "train.reporting": ("warehouse_env", "train.reporting"),
     "train.books": BELOW_TRAIN,
     "train.own": BELOW_TRAIN,
+    "train.kinds": BELOW_TRAIN,
     "train.parcels": (*BELOW_TRAIN, "train.own"),
-    "train.learning": (*BELOW_TRAIN, "train.books", "train.own", "train.parcels", "train.reporting", "train.learning"),
+    "train.learning": (
+        *BELOW_TRAIN,
+        "train.books",
+        "train.kinds",
+        "train.own",
+        "train.parcels",
+        "train.reporting",
+        "train.learning",
+    ),
     "train.central": (*BELOW_TRAIN, "train.central"),
     # what audits the engine takes none of its geometry and motion
     **dict.fromkeys(

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from tests.simulation.physics.test_no_overlap import DEEP
 from tests.simulation.reference import bodies, separation, shelves
 from tests.simulation.worlds import plain_python, room, stage
-from train.commands.kinds import read_fleet
 from warehouse_env.config import EnvConfig, FleetPart, RobotSpec, SensorSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.render.frame import draw, scene_of
@@ -175,20 +174,6 @@ def test_the_config_goes_through_json_and_refuses_what_cannot_be() -> None:
             config.replace(**wrong)
     with pytest.raises(ConfigError, match="unknown RobotSpec parameter 'lenth'"):
         EnvConfig.from_dict({"fleet": [{"count": 1, "robot": {"lenth": 1}}]})
-
-
-@pytest.mark.parametrize(
-    ("text", "why"),
-    [("[", "cannot be read"), ("{}", "must be a list"), ("[]", "must be a list"), ("[3]", "must be an object"),
-     ('[{"count": 2}]', "lacks the entry 'robot'"), ('[{"count": 0, "robot": {}}]', "from 1 to")],
-)  # fmt: skip
-def test_a_fleet_file_that_cannot_be_used_is_said_in_one_sentence(text: str, why: str, tmp_path: Path) -> None:
-    path = tmp_path / "fleet.json"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(ConfigError, match=f"fleet .*fleet.json.*{why}"):
-        read_fleet(path)
-    path.write_text('[{"count": 2, "robot": {"length": 1.4}}]', encoding="utf-8")
-    assert read_fleet(path) == (FleetPart(2, RobotSpec(length=1.4)),)
 
 
 def test_a_recorded_episode_replays_to_the_bit_and_pictures_show_each_size(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar
 
 import tyro
 
-from train.commands.kinds import read_fleet
+from train.commands.kinds import Fleet
 from train.commands.orders import Work
 from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED, known
 from train.evaluation.episodes import Episodes as EpisodesJob
@@ -83,16 +83,13 @@ GOES_ON = "the same command with --resume goes on"
 
 
 @dataclass(frozen=True)
-class Working(Work, Drive):
-    """Options of worlds whose robots may be of several kinds, be served, carry out orders, or charge."""
+class Working(Fleet, Work, Drive):
+    """Options of worlds whose robots may be of other kinds, be served, carry out orders, or charge."""
 
-    fleet: Path | None = None
-    """Let the last robots be of other kinds: a JSON file, as [{"count": 8, "robot": {"length": 1.4}}]."""
-
-    def chosen(self) -> dict[str, Any]:
-        """Return what options set of EnvConfig."""
-        kinds = {} if self.fleet is None else {"fleet": read_fleet(self.fleet)}
-        return kinds | self.work() | super().chosen()  # where both have a word on arriving, --arrival says it
+    def chosen_for(self, robots: int) -> dict[str, Any]:
+        """Return what options set of EnvConfig for so many robots."""
+        # where both have a word on arriving, --arrival says it
+        return self.kinds_of(robots) | self.work() | self.chosen()
 
 
 @dataclass(frozen=True)
@@ -183,8 +180,9 @@ class Episodes(Working, ShardOptions):
         for floor in floors:
             for robots in dict.fromkeys(self.robots):
                 base = EnvConfig(num_agents=robots, planner=self.planner, tasks=self.tasks, **floor)
+                chosen = self.chosen_for(robots)
                 experiments += [
-                    make_experiment(policy, base, self.episodes, self.seconds, self.seed, self.chosen(), disturbance)
+                    make_experiment(policy, base, self.episodes, self.seconds, self.seed, chosen, disturbance)
                     for policy in dict.fromkeys(self.policy)
                 ]
         return experiments

@@ -1,26 +1,48 @@
-"""`--fleet FILE`: the robots of other kinds, as JSON."""
+"""`--fleet FILE`: robots of other kinds, as JSON."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from warehouse_env.checked import from_plain
-from warehouse_env.config import FleetPart
+from train.kinds import Kinds, Part
+from warehouse_env.checked import Checked, from_plain
 from warehouse_env.errors import ConfigError, shown
 
+_EXAMPLE = '[{"share": 0.25, "robot": {"length": 1.4}}]'
 
-def read_fleet(path: Path) -> tuple[FleetPart, ...]:
-    """Return the parts of a fleet that a file lists as [{"count": 8, "robot": {"length": 1.4}}], say; what a robot
-    leaves out is as RobotSpec has it. ConfigError says what cannot be used.
+
+@dataclass(frozen=True)
+class Fleet(Checked):
+    """The option of commands whose robots may be of other kinds."""
+
+    fleet: Path | None = None
+    """Let robots be of other kinds: a JSON file, as [{"share": 0.25, "robot": {"length": 1.4}}]; "share": 1 makes all
+    of them so, "count": 8 instead eight of them."""
+
+    def kinds(self) -> Kinds | None:
+        """Return the kinds of robots; None where all are as RobotSpec has them."""
+        return None if self.fleet is None else read_fleet(self.fleet)
+
+    def kinds_of(self, robots: int) -> dict[str, Any]:
+        """Return what the option sets of EnvConfig for so many robots."""
+        kinds = self.kinds()
+        return {} if kinds is None else kinds.of(robots)
+
+
+def read_fleet(path: Path) -> Kinds:
+    """Return the kinds that a file lists as [{"share": 0.25, "robot": {"length": 1.4}}], say; what a robot leaves out
+    is as RobotSpec has it. ConfigError says what cannot be used.
     """
     try:
         parts = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, ValueError, RecursionError) as error:
         raise ConfigError(f"fleet {path} cannot be read: {shown(str(error))[1:-1]}") from None
     if not isinstance(parts, list) or not parts:
-        raise ConfigError(f'fleet {path} must be a list, as [{{"count": 8, "robot": {{"length": 1.4}}}}]')
+        raise ConfigError(f"fleet {path} must be a list, as {_EXAMPLE}")
     try:
-        return tuple(from_plain(FleetPart, part) for part in parts)
+        return Kinds(tuple(from_plain(Part, part) for part in parts))
     except ConfigError as error:
         raise ConfigError(f"fleet {path}: {error}") from None

@@ -57,7 +57,7 @@ class Record(Working):
         """Drive and write; say what happened, and how to look at it."""
         floor = {"layout": self.layout} if self.map is None else {"map_file": str(self.map)}
         base = EnvConfig(num_agents=self.robots, planner=self.planner, tasks=self.tasks, **floor)  # type: ignore[arg-type]
-        experiment = make_experiment(self.policy, base, 1, self.seconds, self.seed, self.chosen())
+        experiment = make_experiment(self.policy, base, 1, self.seconds, self.seed, self.chosen_for(self.robots))
         check_writable(self.out)
         file = RowFile(self.json)
         with make_progress() as progress:

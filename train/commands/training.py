@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import os
 import shlex
@@ -13,6 +14,7 @@ from typing import Annotated, Any, ClassVar, Self, get_type_hints
 import tyro
 
 from agents.weights_folder import read_record
+from train.commands.kinds import read_fleet
 from train.evaluation.workers import check_address
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig, TrainingConfig
 from train.learning.curves import read_run
@@ -37,6 +39,10 @@ class _Train:
     recipe: Recipe = "shipped"
     """What the other options are where they are left out. shipped: those of the shipped weights; bare: without field,
     live routes and shared rewards, as in the papers. `--recipe NAME --help` shows them."""
+
+    fleet: Path | None = None
+    """Train with robots of other kinds: a JSON file, as [{"share": 0.25, "robot": {"length": 1.4}}]; "share": 1 makes
+    all of them so, "count": 8 instead eight of each world's."""
 
     json: Path | None = None
     """Also write the rows of the training's progress to this file as JSON lines."""
@@ -63,6 +69,10 @@ class _Train:
         """Train; the last line says what was written and where, after Ctrl-C as well."""
         if not 1 <= self.seeds <= 10_000:
             raise ConfigError(f"--seeds {self.seeds} must lie between 1 and 10,000")
+        if self.fleet is not None:  # goes into the configuration, which is kept, as what it says
+            config = dataclasses.replace(self.config, fleet=read_fleet(self.fleet))
+            dataclasses.replace(self, fleet=None, config=config).run()
+            return
         if self.ray is not None:
             check_address(self.ray)
         if self.seeds > 1:

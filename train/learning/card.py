@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from agents.weights_folder import PolicyRecord, read_record
+from train.kinds import Kinds
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import no_html
 from train.reporting.rows import Row, mean_interval, write_text
+from warehouse_env.checked import from_plain
 
 CARD = "CARD.md"
 _BY = ("policy", "layout", "robots")  # one line of the table each
@@ -42,7 +44,7 @@ def _origin(record: PolicyRecord) -> str:
         f"{_action(record)}.",
         f"Trained by `{record.algorithm}` for {minutes:.1f} minutes on {config.get('threads')} threads: {steps:,} "
         f"agent-steps in {training.get('updates', 0):,} updates, seed {config.get('seed')}, on the layouts "
-        f"{_list(config.get('layouts'))} with {_list(config.get('robots'))} robots, routes by "
+        f"{_list(config.get('layouts'))} with {_list(config.get('robots'))} robots{_kinds(config)}, routes by "
         f"`{config.get('planner') or record.env.planner}`, a decision every {decision:g} s, episodes of "
         f"{config.get('episode_seconds')} s (worlds that jammed for {config.get('jam_seconds')} s ended early), "
         f"{_under(record)}.",
@@ -51,6 +53,11 @@ def _origin(record: PolicyRecord) -> str:
         f"Actions are chosen by: {record.mode}.",
     )
     return " ".join(sentence for sentence in sentences if sentence)
+
+
+def _kinds(config: dict[str, Any]) -> str:
+    """Say of which kinds the robots were, where they were of others than RobotSpec's own."""
+    return f" (of {from_plain(Kinds, config['fleet']).words})" if config.get("fleet") else ""
 
 
 def _under(record: PolicyRecord) -> str:

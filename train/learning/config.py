@@ -16,6 +16,7 @@ from typing import Annotated, Any, TypeVar
 import tyro
 
 from agents.weights_folder import Mode
+from train.kinds import Kinds
 from warehouse_env.checked import Checked, from_plain
 from warehouse_env.config import ActionType, EnvConfig, RerouteSpec, RewardWeights, SensorSpec
 
@@ -52,6 +53,8 @@ class TrainingConfig(Checked):
     each is mixed with each robot count."""
     robots: tuple[int, ...] = (16, 32)
     """Robots in a world."""
+    fleet: Annotated[Kinds | None, tyro.conf.Suppress] = None
+    """The kinds that they are of; None: all are as RobotSpec has them."""
     rows: int = 1056
     """Robots trained with at a time, over all worlds; rounded so that every mix has at least one world."""
     planner: str | None = "astar_turns"
@@ -137,6 +140,8 @@ class TrainingConfig(Checked):
         self._between(1, _MOST_SAMPLES, "minibatch")
         for name, most in (("layouts", 100), ("robots", 100), ("hidden", 16)):
             self._require(1 <= len(getattr(self, name)) <= most, name, f"1 to {most} values")
+        for robots in self.robots:
+            EnvConfig(num_agents=robots, **self.kinds_of(robots))  # says what cannot be before anything is made
         plain = Path(self.name).name == self.name not in ("", "..")
         self._require(plain, "name", "a plain folder name; the folder around it is --out")
 
@@ -161,13 +166,17 @@ class TrainingConfig(Checked):
         share = rows / len(mixes)
         return [(self.env(layout, robots), max(1, round(share / robots))) for layout, robots in mixes]
 
+    def kinds_of(self, robots: int) -> dict[str, Any]:
+        """Return the fields of EnvConfig that say of which kinds so many robots are."""
+        return {} if self.fleet is None else self.fleet.of(robots)
+
     def env(self, layout: str, robots: int) -> EnvConfig:
         """Return the environment of one layout or map file and robot count."""
         env = EnvConfig(
             layout=layout, num_agents=robots, planner=self.router, keep_right=self.keep_right,
             action_repeat=self.action_repeat, sensor=SensorSpec(predictions=self.predictions),
             protective_field=self.protective_field, reroute=self.reroute,
-            reroute_spec=RerouteSpec(only_barred=True),
+            reroute_spec=RerouteSpec(only_barred=True), **self.kinds_of(robots),
         )  # fmt: skip
         decision = env.time_step * env.action_repeat
         steps = max(1, round(self.episode_seconds / decision))

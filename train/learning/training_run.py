@@ -239,9 +239,11 @@ def _beginning(config: TrainingConfig) -> str:
     floors = ", ".join(config.layouts[:_NAMED]) + (f" and {more} more" if more > 0 else "")
     field = "under the protective field" if config.protective_field else "without a protective field"
     routes = f"{'with' if config.reroute else 'without'} live routes"
+    kinds = "" if config.fleet is None else f" (of {config.fleet.words})"
+    robots = f"{', '.join(map(str, config.robots))} robots{kinds}"
     return (
-        f"trains for {' or '.join(budget)} on {floors} with {', '.join(map(str, config.robots))} robots, {field} and "
-        f"{routes}, into {config.directory}; Ctrl-C stops and keeps what is learned"
+        f"trains for {' or '.join(budget)} on {floors} with {robots}, {field} and {routes}, into {config.directory}; "
+        "Ctrl-C stops and keeps what is learned"
     )
 
 

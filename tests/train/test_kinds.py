@@ -1,0 +1,126 @@
+"""Kinds of robots by share: the fleets of any number of robots that they make, and the file that says them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from train.cli import main
+from train.commands.evaluate import Evaluate
+from train.commands.kinds import Fleet, read_fleet
+from train.kinds import Kinds, Part
+from warehouse_env.config import EnvConfig, FleetPart, RobotSpec
+from warehouse_env.errors import ConfigError
+
+LONG = RobotSpec(length=1.4, max_speed=0.8)
+SMALL = RobotSpec(length=0.5, width=0.4, wheelbase=0.3)
+
+
+def shares(*given: float) -> Kinds:
+    """The kinds of LONG, SMALL and others that differ in their mass."""
+    kinds = [LONG, SMALL, *(RobotSpec(mass=100.0 + k) for k in range(len(given)))]
+    return Kinds(tuple(Part(robot, share=share) for robot, share in zip(kinds, given, strict=False)))
+
+
+def counted(kinds: Kinds, robots: int, first: int = 0) -> Counter[RobotSpec]:
+    return Counter(EnvConfig(num_agents=robots, **kinds.of(robots, first)).robots)
+
+
+def test_a_fleet_of_one_kind_is_that_kind_for_every_number() -> None:
+    for robots in (1, 2, 1000):
+        assert shares(1.0).of(robots) == {"robot": LONG, "fleet": ()}
+    assert not shares(1.0).mixed
+    assert shares(1.0).words == "1.4 x 0.6 m, up to 0.8 m/s, braking at 1 m/s²"
+
+
+def test_shares_by_hand() -> None:
+    quarter = shares(0.25)
+    assert quarter.of(8) == {"robot": RobotSpec(), "fleet": (FleetPart(2, LONG),)}
+    assert [counted(quarter, robots)[LONG] for robots in range(1, 11)] == [0, 0, 1, 1, 1, 1, 2, 2, 2, 2]
+    assert shares(0.6, 0.4).of(5) == {"robot": LONG, "fleet": (FleetPart(2, SMALL),)}  # none is left for others
+    tenths = shares(*[0.1] * 10)  # which make more than 1, or less, where they are not taken as they are written
+    assert set(counted(tenths, 10).values()) == {1}
+    assert tenths.of(10)["robot"] == LONG
+    assert quarter.each() == {"robot": RobotSpec(), "fleet": (FleetPart(1, LONG),), "num_agents": 2}
+    assert quarter.words.startswith("2 kinds: 75% of 0.9 x 0.6 m, up to 1.5 m/s, braking at 1 m/s²; 25% of 1.4 x 0.6 m")
+
+
+@pytest.mark.parametrize("given", [(0.25,), (0.3, 0.3), (0.43, 0.43, 0.14), (0.05, 0.05, 0.45, 0.45), (0.001,)])
+def test_a_larger_fleet_is_a_smaller_one_and_more(given: tuple[float, ...]) -> None:
+    """Largest remainders fail: of 0.43, 0.43, 0.14 they give the last kind 2 of 10 and 1 of 11."""
+    kinds, before = shares(*given), Counter[RobotSpec]()
+    wanted = dict(zip([LONG, SMALL, RobotSpec(mass=100.0), RobotSpec(mass=101.0)], given, strict=False))
+    for robots in range(1, 300):
+        found = counted(kinds, robots)
+        assert found.total() == robots
+        assert found >= before
+        assert all(abs(found[robot] - share * robots) < 1.0 for robot, share in wanted.items())
+        before = found
+
+
+def test_robots_alone_in_turn_are_those_of_the_fleet() -> None:
+    kinds = shares(0.25, 0.15)
+    alone = Counter[RobotSpec]()
+    for turn in range(40):
+        alone += counted(kinds, 1, turn)
+    assert alone == counted(kinds, 40) == Counter({RobotSpec(): 24, LONG: 10, SMALL: 6})
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("[", "cannot be read"), ("{}", "must be a list"), ("[]", "must be a list"), ("[3]", "must be an object"),
+        ('[{"count": 2}]', "lacks the entry 'robot'"), ('[{"count": 0, "robot": {}}]', "from 1 to"),
+        ('[{"share": 0, "robot": {}}]', "share=0.0 must be a number above 0, up to 1"),
+        ('[{"share": -0.5, "robot": {}}]', "share=-0.5 must be"), ('[{"share": 1.01, "robot": {}}]', "up to 1"),
+        ('[{"share": NaN, "robot": {}}]', "a finite number"), ('[{"share": "1", "robot": {}}]', "a finite number"),
+        ('[{"robot": {}}]', "one of the two"), ('[{"share": 1, "count": 1, "robot": {}}]', "one of the two"),
+        ('[{"share": 0.6, "robot": {}}, {"share": 0.5, "robot": {}}]', "make 1.1 together, and must make 1 at most"),
+        ('[{"share": 0.6, "robot": {}}, {"count": 2, "robot": {}}]', "all parts say"),
+        ('[{"share": 1, "robot": {"lenth": 2}}]', "unknown RobotSpec parameter 'lenth'"),
+    ],
+)  # fmt: skip
+def test_a_file_that_cannot_be_used_is_said_in_one_sentence(text: str, why: str, tmp_path: Path) -> None:
+    path = tmp_path / "fleet.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=f"fleet .*fleet.json.*{why}"):
+        read_fleet(path)
+
+
+def test_the_option_is_by_number_of_robots(tmp_path: Path) -> None:
+    path = tmp_path / "fleet.json"
+    path.write_text('[{"share": 0.5, "robot": {"length": 1.4, "max_speed": 0.8}}]', encoding="utf-8")
+    found = Evaluate(policy=("brake",), robots=(4, 9), layout=("open",), fleet=path).experiments()
+    assert [one.config.fleet for one in found] == [(FleetPart(2, LONG),), (FleetPart(4, LONG),)]
+    path.write_text('[{"count": 5, "robot": {"length": 1.4, "max_speed": 0.8}}]', encoding="utf-8")
+    assert Fleet(path).kinds_of(9) == {"fleet": (FleetPart(5, LONG),)}
+    with pytest.raises(ConfigError, match="of at most 4 robots"):
+        Evaluate(policy=("brake",), robots=(4, 9), layout=("open",), fleet=path).experiments()
+    assert Fleet().kinds_of(9) == {}
+
+
+OF_ONE_KIND = [
+    (("--policy", "central_pibt"), "plans for robots of one kind"),
+    (("--policy", "greedy", "--field-by-lidar"), 'by "lidar" alone no robot knows'),
+]
+
+
+@pytest.mark.parametrize(("options", "why"), OF_ONE_KIND)
+def test_what_asks_for_one_kind_refuses_several_at_once(
+    options: tuple[str, ...], why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fleet = tmp_path / "fleet.json"
+    fleet.write_text('[{"share": 0.5, "robot": {"length": 1.4}}]', encoding="utf-8")
+    assert main(["evaluate", *options, "--fleet", str(fleet), "--out", str(tmp_path / "out")]) == 2
+    assert why in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_asks_for_one_kind_takes_a_whole_fleet_of_another(tmp_path: Path) -> None:
+    fleet = tmp_path / "fleet.json"
+    fleet.write_text('[{"share": 1, "robot": {"length": 1.4, "max_speed": 0.8}}]', encoding="utf-8")
+    found = Evaluate(policy=("central_pibt",), fleet=fleet).experiments()
+    found += Evaluate(policy=("greedy",), fleet=fleet, field_by_lidar=True).experiments()
+    assert [one.config.robots for one in found] == [(LONG,) * 16] * 2
