@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from agents import POLICIES
 from train.advice.aim import Aim
-from train.advice.answer import answer, effect_text, held, told
+from train.advice.answer import answer, effect_text, held, robots_text, told
 from train.advice.candidates import Candidate, storage_lost
 from train.advice.changes import KINDS, Effect, kinds, sure
 from train.advice.course import Advice
@@ -210,6 +210,7 @@ def _facts(advice: Advice) -> dict[str, str]:
     plan = advice.plan
     return made_by(**{
         "Policies": ", ".join(f"`{policy}`: {_summary(policy)}" for policy in plan.policies),
+        "Robots": robots_text(plan),
         "Routes": f"by {plan.planner}",
         "Episodes": f"of {plan.seconds:g} s, seeds from {plan.seed} on, {BLOCK} for each use",
         "Rows": "`rows.jsonl` beside this page holds every episode",

@@ -15,8 +15,10 @@ from train.advice.course import Advice
 from train.advice.curve import NEAR, STUCK, Load, peak
 from train.advice.ladder import ladder_text, measured
 from train.advice.trials import Plan
+from train.kinds import described
 from train.reporting.report import difference, number, with_interval
 from train.reporting.rows import Interval, apart, is_told
+from warehouse_env.config import RobotSpec
 from warehouse_env.maps.grid_map import GridMap
 
 NAMED = 3  # bottlenecks named in words
@@ -29,7 +31,12 @@ def answer(advice: Advice) -> list[str]:
     knee = knee_text(capacity, advice.plan.aim)
     parts += [" ".join(_most(advice)), knee, " ".join(_jam(advice)), " ".join(_policies(advice))]
     parts += [" ".join(_bottlenecks(advice)), *(" ".join(_changes(advice, kind)) for kind in kinds(advice.plan))]
-    return [part for part in (*parts, _basis(advice)) if part]
+    return [part for part in (*parts, _narrow(advice.plan), _basis(advice)) if part]
+
+
+def _narrow(plan: Plan) -> str:
+    """Say what the robots' bodies take from the floor."""
+    return f"**Not all of the floor is for these robots**: {'; '.join(plan.narrow)}." if plan.narrow else ""
 
 
 def asked_text(asked: Asked, capacity: Capacity, aim: Aim = GOALS) -> str:
@@ -253,12 +260,20 @@ def _basis(advice: Advice) -> str:
     whole = ", of orders in time all" if plan.aim is not GOALS else ""
     favour = " Where orders favour some shelves, this may be otherwise." if plan.aim is GOALS else ""
     return (
-        f"Simulated: {_worked(plan)}, robots of 0.9 x 0.6 m, episodes of {plan.seconds:g} s of which the second half "
+        f"Simulated: {_worked(plan)}, {robots_text(plan)}, episodes of {plan.seconds:g} s of which the second half "
         f"is counted{whole}. Brackets are 95% intervals over episodes; those of changes are so much wider that "
         f"{held(plan)}. A change is chosen in some episodes and measured in others with new seeds, in pairs with the "
         f"floor as it is; {'other ' if plan.work else ''}pick faces and stations stay, also where their shelf "
         f"goes.{favour}"
     )
+
+
+def robots_text(plan: Plan) -> str:
+    """Say what robots drive, and which of them one alone is."""
+    if plan.kinds is None:
+        return f"robots of {described(RobotSpec())}"
+    turns = " (one alone is of each kind in turn, as often as there are such)" if plan.kinds.mixed else ""
+    return f"robots of {plan.kinds.words}{turns}"
 
 
 def held(plan: Plan) -> str:

@@ -68,7 +68,7 @@ def _stations(plan: Plan, crew: Crew, most: int) -> Iterator[Candidate]:
 
 def _sites(plan: Plan, crew: Crew) -> list[Cell]:
     """Return where stations can be added, beside the traffic, so far from all others that robots can pass."""
-    config = EnvConfig(num_agents=crew.robots, **plan.work)
+    config = EnvConfig(num_agents=crew.robots, **plan.given(crew.robots))
     taken = list(plan.grid.endpoints[1])
     found: list[Cell] = []
     for cell in standing_places(plan.grid, config, len(plan.grid.free_cells)):
@@ -122,7 +122,7 @@ def _counted(count: int, noun: str) -> str:
 
 def _drives(one: Candidate, plan: Plan, crew: Crew) -> bool:
     """Return whether the crew can be set to work on a changed floor."""
-    env, work = EnvConfig(num_agents=crew.robots, planner=plan.planner), {**plan.work, **one.work}
+    env, work = EnvConfig(num_agents=crew.robots, planner=plan.planner), {**plan.given(crew.robots), **one.work}
     try:
         simulator_of(make_experiment(crew.policy, env, 1, plan.seconds, plan.seed, work).config, 1, one.grid)
     except WarehouseError:

@@ -1,35 +1,56 @@
-"""How many robots find a start on a floor: a small hall has few pick faces and stations, and these lie side by side."""
+"""What room a floor has for robots: where their bodies pass, and how many of them find a start.
+
+A small hall has few pick faces and stations, and these lie side by side.
+"""
 
 from __future__ import annotations
 
 from train.advice.trials import Plan
 from train.books import simulator_of
 from train.evaluation.rollout import make_experiment
-from warehouse_env.config import EnvConfig
+from train.kinds import Kinds
+from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import ConfigError
+from warehouse_env.maps.fitting import fitted
+from warehouse_env.maps.grid_map import GridMap
 
 PROBES = 40  # seeds on which all must find a start
-SPARSE = 4  # endpoints a robot, from which on nobody has trouble with that
+SPARSE = 4  # endpoints a robot of the default size, from which on nobody has trouble with that
+STEP = 0.9  # from a number that does not find one to the next that is tried
 MARGIN = 0.9  # of what was found, for other seeds
+
+
+def for_kinds(grid: GridMap, kinds: Kinds) -> tuple[GridMap, tuple[str, ...]]:
+    """Return a floor as it is for a body that holds those of all kinds, and what that takes from it, a sentence each.
+
+    So robots have the same tasks however many there are, and on every changed floor. ConfigError where no pick face or
+    no station can be reached.
+    """
+    config = EnvConfig(**kinds.each())
+    floor = grid.at_pace(max(robot.max_speed for robot in config.bodies))
+    body = config.widest_body
+    made, narrow = fitted(floor, body)
+    if narrow and made is floor:
+        who = f"bodies of {body.length:g} x {body.width:g} m"
+        raise ConfigError(f"{who} reach no pick face or no station of {grid.name}; choose smaller ones")
+    return made, narrow
 
 
 def most_with_a_start(plan: Plan) -> int:
     """Return the most robots, up to `plan.most`, that find starts that touch nothing, whatever the seed."""
-    if plan.most * SPARSE <= len(plan.grid.endpoints[2]):
+    body = RobotSpec() if plan.kinds is None else EnvConfig(**plan.kinds.each()).widest_body
+    if plan.most * SPARSE * body.longer * body.wider <= len(plan.grid.endpoints[2]):
         return plan.most
-    if _start(plan, plan.most):
-        return plan.most
-    low, high = 1, plan.most  # low do find one, high do not
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if _start(plan, middle) else (low, middle)
-    return max(1, int(MARGIN * low))
+    robots = plan.most
+    while robots > 1 and not _start(plan, robots):  # from above: where one finds none, that is soon seen
+        robots = int(STEP * robots)
+    return robots if robots == plan.most else max(1, int(MARGIN * robots))
 
 
 def _start(plan: Plan, robots: int) -> bool:
     """Return whether so many robots find a start on every seed that is tried."""
     env = EnvConfig(num_agents=robots, planner=plan.planner)
-    config = make_experiment(plan.policies[0], env, 1, plan.seconds, plan.seed, plan.work).config
+    config = make_experiment(plan.policies[0], env, 1, plan.seconds, plan.seed, plan.given(robots)).config
     try:
         simulator = simulator_of(config, 1, plan.grid)
         for seed in range(plan.seed, plan.seed + PROBES):

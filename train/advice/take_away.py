@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from train.advice.changes import Effect
 from train.advice.course import Advice
+from train.advice.trials import Plan
 from train.evaluation.pictures import file_name
 from train.reporting.page import Link
 from warehouse_env.config import EnvConfig
@@ -60,7 +62,7 @@ def write_floor(advice: Advice, out: Path) -> list[Link]:
     grid, folder = recommended(advice).grid, out / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     stem = file_name(grid.name)
-    return [_map(grid, folder / f"{stem}.yaml"), _keepout(grid, folder), *_lanes(grid, folder, stem), (
+    return [_map(grid, folder / f"{stem}.yaml"), _keepout(grid, folder, advice.plan), *_lanes(grid, folder, stem), (
         _orders(advice, grid, folder, f"{stem}.yaml")
     )]  # fmt: skip
 
@@ -79,9 +81,9 @@ def _map(grid: GridMap, path: Path) -> Link:
     return _link(path, "Map", f"{text} --map {path.name}{name.removeprefix(str(path))}{_said(bool(same))}")
 
 
-def _keepout(grid: GridMap, folder: Path) -> Link:
+def _keepout(grid: GridMap, folder: Path, plan: Plan) -> Link:
     """Write what nobody drives on as a mask in the frame of the map."""
-    barred = np.where(_driven(grid), 0, 100).astype(np.int8)
+    barred = np.where(_swept(grid, plan), 0, 100).astype(np.int8)
     path = folder / "keepout.yaml"
     write_occupancy(Occupancy(barred, grid.cell_size, grid.origin), path)
     same = ((read_occupancy(path).values == 100) == (barred == 100)).all()
@@ -124,9 +126,21 @@ def _driven(grid: GridMap) -> NDArray[np.bool_]:
     return largest_region(~grid.occupied)
 
 
+def _swept(grid: GridMap, plan: Plan) -> NDArray[np.bool_]:
+    """Return bool[H, W]: what robots drive on, and of floor that is tight for them what their bodies may reach over."""
+    if grid.tight is None or plan.kinds is None:
+        return _driven(grid)
+    reach = math.ceil(EnvConfig(**plan.kinds.each()).widest_body.farthest / grid.cell_size)
+    rows, columns = grid.shape
+    padded = np.pad(largest_region(~grid.closed), reach)
+    steps = range(2 * reach + 1)
+    near = [padded[down : down + rows, right : right + columns] for down in steps for right in steps]
+    return np.asarray(np.logical_or.reduce(near) & ~grid.occupied)
+
+
 def _is_back(lanes: Lanes, grid: GridMap) -> bool:
     """Whether lanes, laid on cells, allow the same steps to the four neighbours, between the same places."""
-    floor, raster = _driven(grid), Raster(*grid.shape, grid.cell_size, grid.origin)
+    floor, raster = largest_region(~grid.closed), Raster(*grid.shape, grid.cell_size, grid.origin)
     on_cells = lay(lanes, floor, raster)
     picks, stations = (cells_of(lanes.places[kind], kind, floor, raster)[0] for kind in KINDS)
     back = GridMap(~floor, None, grid.cell_size, picks, stations, grid.name, on_cells.one_way, grid.origin)  # type: ignore[arg-type]

@@ -18,6 +18,7 @@ from train.advice.aim import GOALS, ORDERS, Aim, OrdersSoFar
 from train.evaluation.jobs import Job, Result, Tick
 from train.evaluation.places import Places
 from train.evaluation.rollout import make_experiment, run
+from train.kinds import Kinds
 from train.own import versions
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__
@@ -42,7 +43,7 @@ class Trial(Job):
     seed: int
     seconds: float
     planner: str
-    work: Mapping[str, Any] = field(default_factory=dict)  # fields of EnvConfig: service, orders, battery
+    work: Mapping[str, Any] = field(default_factory=dict)  # fields of EnvConfig: service, orders, battery, robot, fleet
 
     @property
     def identity(self) -> Row:
@@ -53,7 +54,7 @@ class Trial(Job):
             "robots": self.robots, "seed": self.seed, "planner": self.planner,
             "asked_seconds": self.seconds, "version": __version__,
             **({"versions": code} if code else {}),
-            **({"work": _plain(self.work)} if self.work else {}),
+            **({"work": _plain(self.work, self.robots)} if self.work else {}),
         }  # fmt: skip
 
     @property
@@ -94,9 +95,9 @@ def _orders_file(work: Mapping[str, Any]) -> str | None:
     return work["orders"].file if "orders" in work else None
 
 
-def _plain(work: Mapping[str, Any]) -> Row:
+def _plain(work: Mapping[str, Any], robots: int) -> Row:
     """Return fields of EnvConfig as plain JSON, and what is in the file of the orders, if there is one."""
-    config = EnvConfig(**work).to_dict()
+    config = EnvConfig(num_agents=robots, **work).to_dict()
     given = {name: config[name] for name in work}
     file = _orders_file(work)
     if file is not None:
@@ -134,6 +135,8 @@ class Plan:
     wanted: float | None = None  # goals per hour of all robots together, or share of the orders in time
     processes: int = 1  # episodes driven at a time
     work: Mapping[str, Any] = field(default_factory=dict)  # fields of EnvConfig: service, orders, battery
+    kinds: Kinds | None = None  # of robots, by share; None: all are as RobotSpec has them
+    narrow: tuple[str, ...] = ()  # what their bodies take from the floor, a sentence each
 
     @property
     def aim(self) -> Aim:
@@ -144,9 +147,22 @@ class Plan:
         self, grid: GridMap, policy: str, robots: int, seeds: Sequence[int], floor: str = AS_IS,
         work: Mapping[str, Any] = MappingProxyType({}),
     ) -> list[Trial]:  # fmt: skip
-        """Return an episode for each seed; work: instead of the plan's own fields of these names."""
-        given = {**self.work, **work}
-        return [Trial(floor, grid, policy, robots, seed, self.seconds, self.planner, given) for seed in seeds]
+        """Return an episode for each seed; work: instead of the plan's own fields of these names.
+
+        One robot alone is in turn of each kind, as often as there are such robots in a fleet, so that many episodes
+        say what one of the fleet does alone.
+        """
+        turns = [(seed - self.seed) % BLOCK if robots == 1 else 0 for seed in seeds]
+        return [
+            Trial(
+                floor, grid, policy, robots, seed, self.seconds, self.planner, {**self.given(robots, turn), **work}
+            )
+            for seed, turn in zip(seeds, turns, strict=True)
+        ]  # fmt: skip
+
+    def given(self, robots: int, first: int = 0) -> dict[str, Any]:
+        """Return the fields of EnvConfig that robots have; first: see Kinds.of."""
+        return {**self.work, **({} if self.kinds is None else self.kinds.of(robots, first))}
 
     def seeds(self, use: Use, count: int, first: int = 0) -> range:
         """Return seeds of a use, from its number `first` on; at most BLOCK of them are its own."""

@@ -17,14 +17,16 @@ from train.advice.advice_page import advice_page, changes_table, ladder_tables, 
 from train.advice.answer import answer
 from train.advice.course import advise
 from train.advice.hall_part import hall_parts
-from train.advice.room import most_with_a_start
+from train.advice.room import for_kinds, most_with_a_start
 from train.advice.take_away import FOLDER, write_floor
 from train.advice.trials import Clock, Plan
 from train.commands.evaluate import GOES_ON
+from train.commands.kinds import Fleet
 from train.commands.layouts import check_connected
 from train.commands.orders import Work
 from train.evaluation.jobs import Progress, Runner
 from train.evaluation.workers import WorkerOptions
+from train.kinds import Kinds
 from train.reporting.page import Part
 from train.reporting.report import make_console, make_progress, require_charts
 from train.reporting.rows import RowFile, check_writable, instead
@@ -41,7 +43,7 @@ SECONDS, ORDERED = 300.0, 1800.0  # [s] of an episode, and of one with orders, t
 
 
 @dataclass(frozen=True)
-class Advise(Work, WorkerOptions):
+class Advise(Fleet, Work, WorkerOptions):
     """Say how many robots make the most of a floor, from when on one more is hardly worth it, and what would help.
 
     Robots drive for good between pick faces and stations: more and more of them, then around the best number, under the
@@ -60,6 +62,9 @@ class Advise(Work, WorkerOptions):
     """Also say how many robots it takes to make so many goals an hour, all together."""
     in_time: float = 0.95
     """Share of the orders, where there are some, that are to be dropped in time: it says how many robots that takes."""
+    fleet: Path | None = None
+    """Ask for robots of other kinds: a JSON file, as [{"share": 1, "robot": {"length": 1.4, "max_speed": 0.8}}]; a
+    smaller share leaves the rest as they are by default."""
     policy: tuple[str, ...] = ()
     """Policies that may drive, names or folders: the best of them does (the shipped ones that hold off contact)."""
     minutes: float = 5.0
@@ -97,15 +102,14 @@ class Advise(Work, WorkerOptions):
 
     def run(self) -> None:
         """Drive, print the answer, write rows and page."""
-        grid = self._floor()
+        grid, narrow = self._floor()
         make_planner(self.planner)
         check_connected(grid)
         page = self.out / "index.html"
         check_writable(page)
         require_charts()
-        plan = self._plan(grid)
-        for policy in plan.policies:  # finds what is wrong before the start
-            make_policy(policy, policy_config(policy, EnvConfig(planner=self.planner)).replace(**plan.work))
+        plan = dataclasses.replace(self._plan(grid), narrow=narrow)
+        self._check(plan)
         plan = dataclasses.replace(plan, most=most_with_a_start(plan))
         with (
             RowFile(self.json or self.out / "rows.jsonl", self.resume, instead(self.overwrite)) as file,
@@ -133,6 +137,12 @@ class Advise(Work, WorkerOptions):
             f"{self.out / FOLDER}, in {time.monotonic() - begin:.0f} s"
         )
 
+    def _check(self, plan: Plan) -> None:
+        """Raise what is wrong with a policy, or with what robots of some kind are to do, before the start."""
+        kinds = {} if plan.kinds is None else plan.kinds.each()
+        for policy in plan.policies:
+            make_policy(policy, policy_config(policy, EnvConfig(planner=self.planner)).replace(**plan.work, **kinds))
+
     def _plan(self, grid: GridMap) -> Plan:
         """Return what is asked."""
         most = min(self.most, len(grid.endpoints[2]) - 1, len(grid.free_cells) // 4)
@@ -146,13 +156,23 @@ class Advise(Work, WorkerOptions):
             if due >= seconds:
                 raise ConfigError(f"--seconds {seconds:g} must be more than {due:g}, when the first order is due")
         return Plan(
-            grid, policies, self.planner, seconds, self.seed, self.episodes, max(1, most), wanted, work=work
+            grid, policies, self.planner, seconds, self.seed, self.episodes, max(1, most), wanted, work=work,
+            kinds=self.kinds(),
         )  # fmt: skip
 
-    def _floor(self) -> GridMap:
+    def kinds(self) -> Kinds | None:
+        """Return the kinds of robots; ConfigError where the file says how many there are, which is asked for."""
+        kinds = super().kinds()
+        if kinds is not None and not kinds.by_share:
+            raise ConfigError(f'fleet {self.fleet} must say "share", not "count": how many robots there are is sought')
+        return kinds
+
+    def _floor(self) -> tuple[GridMap, tuple[str, ...]]:
+        """Return the floor as it is for the robots, and what their bodies take from it."""
         if (self.map is None) == (self.layout is None):
             raise ConfigError("name one floor: --map FILE or --layout NAME")
-        return make_layout(str(self.map or self.layout))
+        grid, kinds = make_layout(str(self.map or self.layout)), self.kinds()
+        return (grid, ()) if kinds is None else for_kinds(grid, kinds)
 
     def _understood(self) -> list[Part]:
         """Return what was understood of a hall's map; nothing for another floor."""

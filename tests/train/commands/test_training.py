@@ -17,6 +17,7 @@ from train.learning import checkpoint, progress
 from train.learning.config import ReinforceConfig
 from train.reinforce import Reinforce
 from train.reporting.lock import held
+from warehouse_env.config import RobotSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.movingai import EXAMPLE_MAP
 
@@ -174,3 +175,39 @@ def test_all_files_of_a_run_have_the_rights_of_any_new_file(tmp_path: Path, caps
     files = {path.name: path.stat().st_mode for path in tmp_path.rglob("*") if path.is_file()}
     assert len(files) > 6
     assert set(files.values()) == {files["new"]}
+
+
+@pytest.mark.parametrize("trainer", ["reinforce", "threaded_ppo", "ppo"])
+def test_robots_of_other_kinds_are_trained_with_and_gone_on_with(
+    trainer: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if trainer == "ppo":
+        pytest.importorskip("stable_baselines3")
+    fleet, folder, slow = tmp_path / "fleet.json", tmp_path / trainer, RobotSpec(length=1.2, max_speed=0.8)
+    fleet.write_text('[{"share": 1, "robot": {"length": 1.2, "max_speed": 0.8}}]', encoding="utf-8")
+    words = ["--layout", "open", "--steps", "48", "--out", str(tmp_path), "--no-reroute", "--planner", "astar"]
+    words += ["--protective-field", "--right-of-way-after", "None", "--fleet", str(fleet)]
+    assert main(["train", trainer, *SMALL.split(), *words]) == 0
+    robots = "with 2 robots (of 1.2 x 0.6 m, up to 0.8 m/s, braking at 1 m/s²)"
+    assert robots in capsys.readouterr().err
+    assert robots in (folder / "CARD.md").read_text()
+    assert read_record(folder).env.robots == (slow, slow)
+    saved = checkpoint.read(folder / "checkpoint")
+    checkpoint.write(folder / "checkpoint", saved.arrays, saved.data | {"config": saved.data["config"] | {"steps": 96}})
+    fleet.write_text('[{"share": 1, "robot": {}}]', encoding="utf-8")  # which is not asked again
+    assert main(["train", trainer, "--no-progress", "--resume", str(folder), "--fleet", str(fleet)]) == 2
+    assert "leave out fleet=" in capsys.readouterr().err
+    assert main(["train", trainer, "--no-progress", "--resume", str(folder)]) == 0
+    record = read_record(folder)
+    assert (record.training["steps"], record.env.robots) == (96, (slow, slow))
+
+
+def test_more_robots_of_a_kind_than_there_are_are_refused_before_anything_is_made(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fleet = tmp_path / "fleet.json"
+    fleet.write_text('[{"count": 3, "robot": {}}]', encoding="utf-8")
+    words = ["--robots", "4", "2", "--fleet", str(fleet), "--out", str(tmp_path / "out")]
+    assert main(["train", "reinforce", *words]) == 2
+    assert "of at most 2 robots in all" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

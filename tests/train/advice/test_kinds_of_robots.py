@@ -1,0 +1,128 @@
+"""Advice for robots of other kinds: who drives in which trial, the floor for their bodies, and what the page says."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.train.advice.floors import floor_of, plan_of
+from tests.train.advice.test_advice import RACKS, advice
+from train.advice import room
+from train.advice.advice_page import _facts
+from train.advice.answer import answer
+from train.advice.room import for_kinds, most_with_a_start
+from train.advice.take_away import FOLDER, write_floor
+from train.advice.trials import Plan, Use
+from train.cli import main
+from train.kinds import Kinds, Part
+from warehouse_env.config import EnvConfig, RobotSpec
+from warehouse_env.errors import ConfigError
+from warehouse_env.maps.halls.map_server import read_occupancy
+
+LONG = RobotSpec(length=1.4, max_speed=0.8)
+WIDE = RobotSpec(length=1.2, width=1.2)
+ALL_WIDE = Kinds((Part(WIDE, share=1.0),))
+# Racks with a blind aisle of one cell, and ways of three around them, where wide robots pass.
+HALL = floor_of(
+    *["................"] * 3, *["...#####.####..."] * 4, "...##########...", *["................"] * 3,
+    picks=[(2, 3), (6, 8), (8, 6)], stations=[(4, 1)],
+)  # fmt: skip
+
+
+def kinds_of(plan: Plan, robots: int, seeds: range) -> list[tuple[RobotSpec, ...]]:
+    trials = plan.trials(plan.grid, "greedy", robots, seeds)
+    return [EnvConfig(num_agents=robots, **trial.work).robots for trial in trials]
+
+
+def test_fleets_keep_their_shares_and_one_alone_is_of_each_kind_in_turn() -> None:
+    plan = plan_of(RACKS, kinds=Kinds((Part(LONG, share=0.25),)), seed=7)
+    for use in (Use.ALONE, Use.CHOOSE):
+        alone = kinds_of(plan, 1, plan.seeds(use, 8))
+        assert [robot == LONG for (robot,) in alone] == [False, False, True, False] * 2
+    for robots in (4, 16):
+        for fleet in kinds_of(plan, robots, plan.seeds(Use.CHOOSE, 3, 2)):
+            assert fleet.count(LONG) == robots // 4
+
+
+def test_a_trial_is_known_by_its_robots() -> None:
+    plan = plan_of(RACKS, policies=("greedy",), seconds=2.0)
+    (usual,) = plan.trials(RACKS, "greedy", 2, [1])
+    (long,) = dataclasses.replace(plan, kinds=Kinds((Part(LONG, share=1.0),))).trials(RACKS, "greedy", 2, [1])
+    assert "work" not in usual.identity
+    assert long.identity["work"]["robot"]["length"] == 1.4
+    (row,) = long.run(lambda *_: None).rows
+    assert row["work"] == long.identity["work"]
+    assert long.left([row]) == ([row], None)
+    assert usual.left([row]) == ([], usual)
+    half = dataclasses.replace(plan, kinds=Kinds((Part(LONG, share=0.5),)))
+    (many,) = half.trials(RACKS, "greedy", 20, [1])  # more than EnvConfig has by default
+    assert many.identity["work"]["fleet"][0]["count"] == 10
+
+
+def test_the_floor_is_for_the_widest_body_however_many_there_are() -> None:
+    few = Kinds((Part(WIDE, share=0.05),))
+    grid, narrow = for_kinds(HALL, few)
+    assert grid.tight is not None
+    assert grid.tight[3:7, 8].all()
+    assert grid.endpoints[0] == [(1, 3), (9, 6)]  # beside shelves there is no room for half of the width
+    assert narrow[0].startswith("aisles are too narrow for bodies of 1.2 x 1.2 m: ")
+    assert narrow[1] == "bodies of 1.2 x 1.2 m cannot reach 1 of 3 picks, which are left out"
+    same, none = for_kinds(HALL, Kinds((Part(LONG, share=0.05),)))
+    assert (same.tight, none) == (None, ())
+    with pytest.raises(ConfigError, match="bodies of 9 x 9 m reach no pick face or no station of hall"):
+        for_kinds(HALL, Kinds((Part(RobotSpec(length=9.0, width=9.0), share=1.0),)))
+
+
+def test_large_bodies_find_fewer_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(room, "PROBES", 3)
+    hall = floor_of(*["." * 14] * 8)
+    usual = plan_of(hall, policies=("greedy",), most=len(hall.endpoints[2]) - 1)
+    large = dataclasses.replace(usual, kinds=Kinds((Part(RobotSpec(length=2.4, width=1.4, wheelbase=1.6), share=1.0),)))
+    assert 1 <= most_with_a_start(large) < most_with_a_start(usual) < usual.most
+
+
+def test_the_answer_and_the_page_name_the_robots_and_what_is_not_for_them() -> None:
+    usual = advice()
+    assert "robots of 0.9 x 0.6 m, up to 1.5 m/s, braking at 1 m/s²" in answer(usual)[-1]
+    plan = dataclasses.replace(usual.plan, kinds=ALL_WIDE, narrow=("aisles are too narrow",))
+    *_, narrow, basis = answer(usual._replace(plan=plan))
+    assert narrow == "**Not all of the floor is for these robots**: aisles are too narrow."
+    assert ", robots of 1.2 x 1.2 m, up to 1.5 m/s, braking at 1 m/s², episodes of" in basis
+    mixed = dataclasses.replace(plan, kinds=Kinds((Part(LONG, share=0.25),)))
+    text = "robots of 2 kinds: 75% of 0.9 x 0.6 m, up to 1.5 m/s, braking at 1 m/s²; 25% of 1.4 x 0.6 m, up to 0.8 m/s"
+    assert text in answer(usual._replace(plan=mixed))[-1]
+    assert _facts(usual._replace(plan=mixed))["Robots"].startswith(text)
+
+
+def test_the_floor_to_take_away_has_lanes_where_the_bodies_pass(tmp_path: Path) -> None:
+    grid, _ = for_kinds(HALL, ALL_WIDE)
+    known = advice(effects=[], plan=Plan(grid, ("greedy",), "astar", 300.0, 7, None, 8, kinds=ALL_WIDE))
+    links = write_floor(known, tmp_path)
+    assert all("read back, it is the same floor" in link.text for link in links[:4])
+    deep = np.zeros(grid.shape, np.bool_)
+    deep[5:7, 8] = True  # of the blind aisle, farther than any of their bodies' corners
+    barred = read_occupancy(tmp_path / FOLDER / "keepout.yaml").values == 100
+    assert (barred == grid.occupied | deep).all()
+
+
+@pytest.mark.parametrize(
+    ("fleet", "why"),
+    [
+        ('[{"count": 8, "robot": {}}]', 'must say "share", not "count"'),
+        ('[{"share": 1, "robot": {"width": 9000}}]', "m reach no pick face or no station of open; choose"),
+        ('[{"share": 2, "robot": {}}]', "share=2.0 must be a number above 0, up to 1"),
+    ],
+)
+def test_fleets_that_cannot_be_asked_about_are_one_sentence(
+    fleet: str, why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "fleet.json"
+    path.write_text(fleet, encoding="utf-8")
+    assert main(["advise", "--layout", "open", "--fleet", str(path), "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert why in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
