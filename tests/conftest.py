@@ -51,18 +51,20 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 def two_nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """A Ray cluster of a head that does no jobs and two nodes of two cores each, with a home of its own."""
     pytest.importorskip("ray")
-    own = {
-        "HOME": str(tmp_path_factory.mktemp("home")), "RAY_USAGE_STATS_ENABLED": "0", "RAY_AUTH_MODE": "disabled",
-        "PYTHONPATH": str(Path(__file__).parent.parent),
-    }  # fmt: skip
-    with mock.patch.dict(os.environ, own):
-        from ray.cluster_utils import Cluster
+    with tempfile.TemporaryDirectory(prefix="ray-") as folder:  # a short name: sockets lie in it
+        own = {
+            "HOME": str(tmp_path_factory.mktemp("home")), "RAY_USAGE_STATS_ENABLED": "0", "RAY_AUTH_MODE": "disabled",
+            "PYTHONPATH": str(Path(__file__).parent.parent), "RAY_TMPDIR": folder,
+        }  # fmt: skip
+        temp_dir = Path(folder, "ray")
+        temp_dir.mkdir()  # where Ray notes the cluster's address, and does not make the folder itself
+        with mock.patch.dict(os.environ, own):
+            from ray.cluster_utils import Cluster
 
-        with tempfile.TemporaryDirectory(prefix="ray-") as folder:  # a short name: sockets lie in it
             soon = {
                 "health_check_initial_delay_ms": 0, "health_check_period_ms": 200, "health_check_failure_threshold": 3
             }  # fmt: skip  # a lost node is soon missed
-            head = {"num_cpus": 0, "temp_dir": folder, "include_dashboard": False, "_system_config": soon}
+            head = {"num_cpus": 0, "temp_dir": str(temp_dir), "include_dashboard": False, "_system_config": soon}
             cluster = Cluster(initialize_head=True, head_node_args=head)
             for _ in range(2):
                 cluster.add_node(num_cpus=2)

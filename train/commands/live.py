@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
 
 from train.commands.evaluate import Drive
+from train.commands.kinds import Fleet
 from train.evaluation.rollout import config_of
 from train.live.commands import MOST_ROBOTS
 from train.live.floors import Floors
@@ -25,7 +27,7 @@ _STOPS_IN = 2.0  # [s] at most
 
 
 @dataclass(frozen=True)
-class Live(Drive):
+class Live(Fleet, Drive):
     """Run a simulation behind a page in the browser; set pace, floor, robots, shelves and people there."""
 
     policy: str = "threaded_ppo"
@@ -53,10 +55,10 @@ class Live(Drive):
         """Serve until Ctrl-C; say where."""
         floors = Floors(self.layout, self.map)
         chosen = self.chosen()
-        people = int(chosen.pop("people", 0))
-        setting = Setting(self.policy, floors.first, self.robots, people, self.seed, self.planner, chosen)
+        people, kinds = int(chosen.pop("people", 0)), self.kinds()
+        setting = Setting(self.policy, floors.first, self.robots, people, self.seed, self.planner, chosen, kinds)
         make_planner(self.planner)
-        config = config_of(self.policy, EnvConfig(num_agents=self.robots, people=people), chosen)
+        config = config_of(self.policy, EnvConfig(num_agents=self.robots, people=people), setting.given)
         file = RowFile(self.json)
         about = about_live(floors, self.policy, self.robots)
         runner = Runner(lambda: World(setting, floors))
@@ -98,6 +100,7 @@ def row_of(runner: Runner) -> dict[str, object]:
         "policy": setting.policy, "floor": setting.floor, "robots": setting.robots, "seed": setting.seed,
         "people": world.simulator.config.people, "seconds": world.seconds, "goals": goals, "contacts": contacts,
         "near_misses": near_misses, "worlds": world.made, "digest": world.digest,
+        **({} if setting.kinds is None else {"kinds": dataclasses.asdict(setting.kinds)["parts"]}),
     }  # fmt: skip
 
 

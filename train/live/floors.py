@@ -51,7 +51,8 @@ def with_shelves(grid: GridMap, cells: Sequence[Sequence[int]], stand: bool, bar
     if not len(picks) or not len(stations):
         raise ConfigError(f"with shelves there, robots could reach no {'station' if len(picks) else 'pick face'}")
     one_way = np.where(occupied, 0, bare.one_way)
-    return dataclasses.replace(grid, occupied=occupied, one_way=one_way, picks=picks, stations=stations)
+    # what is tight for the robots' bodies is found anew, of the endpoints that they had before they were moved for it
+    return dataclasses.replace(grid, occupied=occupied, one_way=one_way, picks=picks, stations=stations, tight=None)
 
 
 def _on_floor(grid: GridMap, cells: Sequence[Sequence[int]]) -> NDArray[np.int64]:

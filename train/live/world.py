@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from agents import POLICIES
 from train.evaluation.rollout import config_of, make_actor
+from train.kinds import Kinds
 from train.live.commands import Leave, Make, Person, Shelves
 from train.live.floors import Floors, free_cell, with_shelves
 from warehouse_env.config import EnvConfig
@@ -45,6 +46,12 @@ class Setting:
     seed: int
     planner: str = EnvConfig.planner
     chosen: Mapping[str, Any] = dataclasses.field(default_factory=dict)  # of EnvConfig, over what the policy needs
+    kinds: Kinds | None = None  # of robots; None: all are as RobotSpec has them
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Fields of EnvConfig over what the policy needs, for so many robots."""
+        return {**self.chosen, **({} if self.kinds is None else self.kinds.of(self.robots))}
 
 
 class World:
@@ -191,7 +198,7 @@ class World:
 def _made(setting: Setting, people: int, grid: GridMap) -> tuple[Simulator, Any]:
     """Return a simulator that is to be reset, and what chooses its actions."""
     base = EnvConfig(num_agents=setting.robots, planner=setting.planner, layout=setting.floor)
-    config = config_of(setting.policy, base, {**setting.chosen, "people": people})
+    config = config_of(setting.policy, base, {**setting.given, "people": people})
     return Simulator(config, grid=grid), make_actor(setting.policy, config)
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 
 import numpy as np
 import pytest
 
-from tests.train.live.worlds import world
+from tests.train.live.worlds import SETTING, world
+from train.kinds import Kinds, Part
 from train.live.commands import Leave, Make, Person, Shelves
 from train.live.world import Change, World
+from warehouse_env.config import RobotSpec
 from warehouse_env.errors import WarehouseError
 
 
@@ -161,3 +164,22 @@ def test_robots_in_their_bends_touch_nothing_when_the_world_goes_on() -> None:
         if k % 10 == 9:
             one.change(Make(policy="greedy"))
     assert one.moment()["totals"][1] == 0
+
+
+@pytest.mark.filterwarnings("ignore::warehouse_env.errors.MapWarning")
+def test_robots_of_other_kinds_however_many_and_shelves_are_set_on_floors_for_their_bodies() -> None:
+    wide = Kinds((Part(RobotSpec(length=1.2, width=1.2), share=1.0),))
+    one = driven(5, {}, kinds=wide)
+    assert one.grid.tight is not None  # beside walls
+    before, cell = one.grid.endpoints, free_cell_far_off(one)
+    one.change(Shelves((cell,), True))
+    assert one.grid.tight[cell[0], cell[1] + 1]
+    one.change(Shelves((cell,), False))
+    assert one.grid.endpoints == before
+    one.change(Make(robots=3))
+    assert [robot.width for robot in one.simulator.config.robots] == [1.2] * 3
+    one.step()
+    half = Kinds((Part(RobotSpec(length=1.2), share=0.5),))
+    assert [dataclasses.replace(SETTING, kinds=half, robots=robots).given["fleet"][0].count for robots in (4, 9)] == [
+        2, 4,
+    ]  # fmt: skip
