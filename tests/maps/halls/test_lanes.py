@@ -20,7 +20,7 @@ from warehouse_env.maps.halls.cells import Raster
 from warehouse_env.maps.halls.hall import read_hall
 from warehouse_env.maps.halls.lanes import STEPS, Lane, Lanes, arrows, lay, of_floor, prices
 from warehouse_env.maps.halls.lif import read_lif, write_lif
-from warehouse_env.maps.halls.places import cells_of, propose, read_places
+from warehouse_env.maps.halls.places import cells_of, read_places
 from warehouse_env.maps.halls.route_graph import read_route_graph, write_route_graph
 from warehouse_env.maps.one_way import ARROWS
 from warehouse_env.planning import PLANNERS, make_planner, path_length
@@ -270,15 +270,6 @@ def test_a_wrong_route_graph_is_one_sentence(tmp_path: Path, path: list[Any], va
     file.write_text(json.dumps(data))
     with pytest.raises(MapError, match=sentence):
         read_route_graph(file)
-
-
-def test_places_are_beside_straight_obstacles() -> None:
-    occupied = np.zeros((9, 11), np.bool_)
-    occupied[4, 3:8] = True  # a rack; the pillar is none
-    occupied[1, 5] = True
-    picks, stations = propose(occupied, occupied)
-    assert sorted(map(tuple, picks.tolist())) == [(row, column) for row in (3, 5) for column in range(3, 8)]
-    assert {column for _, column in stations.tolist()} == {1, 9}
 
 
 def test_places_of_a_hand_are_read(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,6 +31,7 @@ from warehouse_env.maps.halls.beginning import Choice, choose
 from warehouse_env.maps.halls.cells import Raster, exceeds, not_free, raster_of, spread, within
 from warehouse_env.maps.halls.lanes import Lanes, lay, prices
 from warehouse_env.maps.halls.map_server import YAMLS, Occupancy, beside, image_of, read_occupancy
+from warehouse_env.maps.halls.proposed import propose, racks
 from warehouse_env.maps.halls.reading import Reading
 from warehouse_env.maps.halls.told import counted
 
@@ -105,9 +106,9 @@ class _Reader:
         self._begin, self._choice = self._beginning()
         self._raster = raster_of(self._occupancy, how.cell, self._begin)
         self._discs = self._round_ones()
-        weights = not_free(self._occupancy.values, how.unknown == "floor")
-        weights[within(self._discs, self._occupancy)] = 0
-        self._walls = exceeds(spread(self._occupancy, weights, self._raster), how.share)
+        self._taken = not_free(self._occupancy.values, how.unknown == "floor")
+        self._taken[within(self._discs, self._occupancy)] = 0
+        self._walls = exceeds(spread(self._occupancy, self._taken, self._raster), how.share)
 
     def hall(self) -> Hall:
         """Read all that lies beside, and put it together."""
@@ -226,16 +227,21 @@ class _Reader:
         given = dict(lanes.places) if lanes is not None else {}
         if self._edited and path.exists():
             given |= places.read_places(path)
-        cells = list(places.propose(occupied, self._walls))
+        proposed = [np.empty((0, 2), np.int64)] * 2 if set(places.KINDS) <= given.keys() else self._proposed(occupied)
         region = largest_region(~occupied)
-        named: places.Places = {}
-        for k, kind in enumerate(places.KINDS):
+        cells, named = list[NDArray[np.int64]](), places.Places()
+        for kind, found in zip(places.KINDS, proposed, strict=True):
             names = None
             if kind in given:
-                cells[k], names, notes = places.cells_of(given[kind], kind, region, self._raster)
+                found, names, notes = places.cells_of(given[kind], kind, region, self._raster)
                 self._notes += notes
-            named[kind] = places.places_at(self._raster, cells[k], names)
+            cells.append(found)
+            named[kind] = places.places_at(self._raster, found, names)
         return cells, named
+
+    def _proposed(self, occupied: NDArray[np.bool_]) -> Sequence[NDArray[np.int64]]:
+        goods = racks(self._occupancy, self._taken, self._raster, self._walls, self._how.share)
+        return propose(occupied, goods, self._walls, self._how.cell)
 
     def _note_regions(self, occupied: NDArray[np.bool_]) -> None:
         from warehouse_env.maps.distance import label_regions

@@ -17,12 +17,10 @@ from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
 from warehouse_env.files import complete_file, read_bytes
-from warehouse_env.maps.endpoints import beside, default_endpoints, largest_region, shelves
 from warehouse_env.maps.halls.cells import Raster
 
 SUFFIX = ".places.json"
 KINDS = ("picks", "stations")
-STRAIGHT = 3  # [cells] of an obstacle's face in line, from which on goods may stand there
 _LARGEST_FILE = 16_000_000  # [bytes]
 MOST = 100_000
 
@@ -37,50 +35,6 @@ class Place(NamedTuple):
 
 Places = dict[str, tuple[Place, ...]]
 """Kind, of KINDS -> places; a kind that is missing is proposed."""
-
-
-def propose(occupied: NDArray[np.bool_], walls: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return picks int64[K, 2] and stations int64[S, 2] of a bare map; walls: bool[H, W], what really stands there.
-
-    Picks are floor beside straight obstacles, of those that stand free if there are any; stations stand along the west
-    and the east rim of the floor that robots drive on. What a map is too small or too odd for is as on other maps.
-    """
-    region = largest_region(~occupied)
-    rows, columns = (np.flatnonzero(region.any(axis=axis)) for axis in (1, 0))
-    part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    usual, stations = default_endpoints(~region[part])
-    corner = np.array([rows[0], columns[0]])
-    usual, stations = usual + corner, stations + corner
-    free = region.copy()
-    free[tuple(stations.T)] = False
-    for obstacles in (shelves(walls), walls, occupied):
-        picks = np.argwhere(free & _beside_straight(obstacles, region) & beside(obstacles))
-        if len(picks):
-            return picks, stations
-    return usual, stations
-
-
-def _beside_straight(obstacles: NDArray[np.bool_], floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return bool[H, W]: floor in a row of STRAIGHT cells of floor, all with obstacles on the same side."""
-    found = np.zeros_like(floor)
-    for turns in range(4):
-        near, free = np.rot90(obstacles, turns), np.rot90(floor, turns)
-        face = np.zeros_like(free)
-        face[1:] = free[1:] & near[:-1]
-        for first in range(STRAIGHT):
-            run = np.ones_like(face)
-            for k in range(-first, STRAIGHT - first):
-                run &= _shifted(face, k)
-            found |= np.rot90(run, -turns)
-    return found
-
-
-def _shifted(mask: NDArray[np.bool_], k: int) -> NDArray[np.bool_]:
-    """Return a mask as seen k columns further; False outside."""
-    moved = np.zeros_like(mask)
-    if abs(k) < mask.shape[1]:
-        moved[:, max(0, -k) : mask.shape[1] - max(0, k)] = mask[:, max(0, k) : mask.shape[1] - max(0, -k)]
-    return moved
 
 
 def read_places(path: Path) -> Places:

@@ -1,0 +1,65 @@
+"""Proposed pick faces and stations, by hand: beside what stands free and is long enough, however the cells lie."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.maps.halls.test_map_server import REAL
+from warehouse_env.maps.halls.hall import Hall, read_hall
+from warehouse_env.maps.halls.map_server import Occupancy, write_occupancy
+from warehouse_env.maps.halls.proposed import propose
+
+
+def drawn(folder: Path, *blocks: tuple[float, float, float, float], read: str = "begin=corner") -> Hall:
+    """Read a hall of 9 x 12 m with pixels of 0.1 m: walls of 0.3 m, and blocks (top, left, down, right)."""
+    values = np.zeros((90, 120), np.int8)
+    for top, left, down, right in ((0, 0, 9, 0.3), (0, 0, 0.3, 12), (8.7, 0, 9, 12), (0, 11.7, 9, 12), *blocks):
+        values[round(10 * top) : round(10 * down), round(10 * left) : round(10 * right)] = 100
+    write_occupancy(Occupancy(values, 0.1), folder / "hall.yaml")
+    return read_hall(f"{folder / 'hall.yaml'}:{read}")
+
+
+def picks(found: Hall) -> list[tuple[int, ...]]:
+    return sorted(map(tuple, found.grid.picks.tolist()))
+
+
+def test_places_are_beside_straight_obstacles() -> None:
+    occupied = np.zeros((9, 11), np.bool_)
+    occupied[4, 3:8] = True  # a rack; the pillar is none
+    occupied[1, 5] = True
+    found, stations = propose(occupied, np.zeros_like(occupied), occupied, 1.0)
+    assert sorted(map(tuple, found.tolist())) == [(row, column) for row in (3, 5) for column in range(3, 8)]
+    assert {column for _, column in stations.tolist()} == {1, 9}
+
+
+def test_racks_that_touch_a_wall_as_cells_only_have_faces(tmp_path: Path) -> None:
+    """A gap of 0.4 m to the wall is floor in no cell: as cells the rack is a piece of the wall, as pixels it is not."""
+    found = drawn(tmp_path, (1.3, 4, 2, 8), (6, 5, 6.9, 9))
+    assert not found.grid.occupied[2, 4:8].any()
+    assert found.grid.occupied[1, 4:8].all()
+    above = [(2, column) for column in range(4, 8)]
+    assert picks(found) == above + [(row, column) for row in (5, 7) for column in range(5, 9)]
+    joined = drawn(tmp_path, (0, 4, 2, 8), (6, 5, 6.9, 9))  # its pixels touch the wall's: it is one
+    assert picks(joined) == picks(found)[4:]
+
+
+def test_pillars_and_short_faces_have_none(tmp_path: Path) -> None:
+    """A pillar of 0.6 m takes four cells where it lies on their corner; a pallet of 1.2 m is a rack."""
+    assert picks(drawn(tmp_path, (2.7, 2.7, 3.3, 3.3), (6, 6, 7, 7.2))) == [(5, 6), (5, 7), (7, 6), (7, 7)]
+
+
+@pytest.mark.parametrize("begin", ["corner", "best", "0.5+0.5"])
+def test_a_hall_of_pallets_has_faces_however_its_cells_lie(tmp_path: Path, begin: str) -> None:
+    """Six stacks, 1.4 m square, in two rows: what is left of them as cells must not decide."""
+    stacks = [(top, left, top + 1.4, left + 1.4) for top in (1.8, 5.4) for left in (1.6, 4.6, 7.6)]
+    assert len(drawn(tmp_path, *stacks, read=f"begin={begin}").grid.picks) >= 12
+
+
+@pytest.mark.skipif(not REAL.exists(), reason="the public halls are not here")
+@pytest.mark.filterwarnings("ignore::warehouse_env.errors.MapWarning")
+def test_a_public_hall_has_faces_however_its_cells_lie() -> None:
+    for begin in ("corner", "best", "0.4+0.4"):
+        assert len(read_hall(f"{REAL / 'depot.yaml'}:begin={begin}").grid.picks) > 25

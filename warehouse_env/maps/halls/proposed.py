@@ -1,0 +1,104 @@
+"""Where robots may fetch and bring in a hall that does not say so: beside straight obstacles, and along the rim."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.maps.endpoints import beside, default_endpoints, largest_region, shelves
+from warehouse_env.maps.halls.cells import Raster, exceeds, spread
+from warehouse_env.maps.halls.map_server import Occupancy
+
+RACK = 1.0  # [m] long at least: pillars and what lies about are shorter
+FACE = 1.2  # [m] of an obstacle's face in line, from which on goods may stand there: a pallet's length
+_SOLID = 50  # [%] not free, from which on a pixel belongs to an obstacle
+
+
+def propose(
+    occupied: NDArray[np.bool_], goods: NDArray[np.bool_], walls: NDArray[np.bool_], cell: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return picks int64[K, 2] and stations int64[S, 2] of a bare map.
+
+    Picks are floor beside straight obstacles, of the first of these kinds that has any: goods, what stands free among
+    the cells, what stands there at all, what is closed. Stations stand along the west and the east rim of the floor
+    that robots drive on. What a map is too small or too odd for is as on other maps.
+
+    occupied, goods, walls: bool[H, W], cells that are no floor, those with something of a rack (`racks`), and those
+    where something stands; cell: their side [m].
+    """
+    region = largest_region(~occupied)
+    rows, columns = (np.flatnonzero(region.any(axis=axis)) for axis in (1, 0))
+    part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    usual, stations = default_endpoints(~region[part])
+    corner = np.array([rows[0], columns[0]])
+    usual, stations = usual + corner, stations + corner
+    free = region.copy()
+    free[tuple(stations.T)] = False
+    long = max(2, math.ceil(FACE / cell - 1e-6))
+    for obstacles in (goods, shelves(walls), walls, occupied):
+        picks = np.argwhere(free & _beside_straight(obstacles, region, long) & beside(obstacles))
+        if len(picks):
+            return picks, stations
+    return usual, stations
+
+
+def racks(
+    occupancy: Occupancy, weights: NDArray[np.int64], raster: Raster, walls: NDArray[np.bool_], share: float
+) -> NDArray[np.bool_]:
+    """Return bool[H, W]: the cells of `walls` with more than `share` of a rack in them.
+
+    A rack is what is connected among the map's pixels, RACK long or longer, with floor that robots drive on beyond it
+    on all four sides. Cells would not do: racks a little apart from a wall, or from each other, touch as cells.
+    weights: int[h, w], how much of each pixel is not free [%].
+    """
+    from warehouse_env.maps.distance import label_regions
+
+    label = label_regions(weights > _SOLID)
+    boxes = _boxes(label)
+    size = occupancy.resolution
+    long = (boxes[:, 1] - boxes[:, 0] + 1).max(axis=1) * size >= RACK - 1e-6
+    row, column = (np.flatnonzero(largest_region(~walls).any(axis=axis)) for axis in (1, 0))
+    top = label.shape[0] * size + occupancy.origin[1] - raster.origin[1] - raster.rows * raster.cell
+    left = raster.origin[0] - occupancy.origin[0]
+    first = np.array([top + row[0] * raster.cell, left + column[0] * raster.cell])  # of the floor [m], from the corner
+    last = np.array([top + (row[-1] + 1) * raster.cell, left + (column[-1] + 1) * raster.cell])
+    among = (boxes[:, 0] * size > first).all(axis=1) & ((boxes[:, 1] + 1) * size < last).all(axis=1)
+    kept = np.concatenate([[False], long & among])[label]
+    return np.asarray(walls & exceeds(spread(occupancy, 100 * kept.astype(np.int64), raster), share))
+
+
+def _boxes(label: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Return int64[N, 2, 2]: first and last row and column of each region 1 to N."""
+    found = np.empty((int(label.max()), 2, 2), np.int64)
+    found[:, 0], found[:, 1] = max(label.shape), -1
+    rows, columns = np.nonzero(label)
+    which = label[rows, columns] - 1
+    for axis, at in enumerate((rows, columns)):
+        np.minimum.at(found[:, 0, axis], which, at)
+        np.maximum.at(found[:, 1, axis], which, at)
+    return found
+
+
+def _beside_straight(obstacles: NDArray[np.bool_], floor: NDArray[np.bool_], long: int) -> NDArray[np.bool_]:
+    """Return bool[H, W]: floor in a row of `long` cells of floor, all with obstacles on the same side."""
+    found = np.zeros_like(floor)
+    for turns in range(4):
+        near, free = np.rot90(obstacles, turns), np.rot90(floor, turns)
+        face = np.zeros_like(free)
+        face[1:] = free[1:] & near[:-1]
+        for first in range(long):
+            run = np.ones_like(face)
+            for k in range(-first, long - first):
+                run &= _shifted(face, k)
+            found |= np.rot90(run, -turns)
+    return found
+
+
+def _shifted(mask: NDArray[np.bool_], k: int) -> NDArray[np.bool_]:
+    """Return a mask as seen k columns further; False outside."""
+    moved = np.zeros_like(mask)
+    if abs(k) < mask.shape[1]:
+        moved[:, max(0, -k) : mask.shape[1] - max(0, k)] = mask[:, max(0, k) : mask.shape[1] - max(0, -k)]
+    return moved
