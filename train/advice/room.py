@@ -1,6 +1,6 @@
 """What room a floor has for robots: where their bodies pass, and how many of them find a start.
 
-A small hall has few pick faces and stations, and these lie side by side.
+Each robot needs a goal of its own, so pick faces and stations bound their number, and floor to stand on.
 """
 
 from __future__ import annotations

@@ -104,6 +104,17 @@ def test_robots_that_find_no_room_to_stand_are_an_error() -> None:
         Simulator(EnvConfig(num_agents=8, planner="astar"), grid=grid).reset(seed=0)
 
 
+def test_where_places_lie_too_near_to_each_other_robots_begin_elsewhere_on_the_floor() -> None:
+    picks, stations = np.array([(0, 0), (0, 1), (1, 0), (1, 1), (2, 0)]), np.array([(8, 8), (8, 7), (7, 8)])
+    grid = GridMap(np.zeros((9, 9), dtype=bool), cell_size=0.5, picks=picks, stations=stations)
+    simulator = Simulator(EnvConfig(num_agents=7, planner="astar"), grid=grid)
+    simulator.reset(seed=3)
+    body = bodies(*simulator.state.pose[0].astype(np.float64).T)
+    first, second = np.triu_indices(7, 1)
+    assert separation(body[first], body[second]).min() > 0.0
+    assert {tuple(goal) for goal in simulator.state.goal[0].tolist()} <= set(simulator.grid.endpoints[2])
+
+
 @pytest.mark.parametrize("name", sorted(LAYOUTS))
 def test_starts_touch_nothing_and_goals_stay_distinct(name: str) -> None:
     grid = make_layout(name)

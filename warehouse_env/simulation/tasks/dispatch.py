@@ -31,6 +31,7 @@ from warehouse_env.simulation.tasks.tasks import Arrival, Tasks, book_arrival, p
 
 # [m], of the default body, before the end of a route at which a robot seeks the manoeuvre to its goal's pose
 JOIN = 3.0
+_ALONG_AISLES = np.eye(2, dtype=np.float32)  # directions of which a robot that finds room has room in one
 ROUTE_BLOCK = 64  # way-points by which the routes' array grows
 
 
@@ -179,16 +180,30 @@ class Dispatcher(Portable):
         goals = cells if idle else tasks.first_goals(cells, rng)
         if self.live is None or not self.live.plans_first:
             self.book.prepare(list(zip(cells, goals, strict=True)))
+        elsewhere: list[Cell] | None = None
         for robot in range(robots):
-            placed = robot < len(cells) and self._place(world, robot, cells[robot], goals[robot], floor)
-            while not placed:
-                if not spare:
-                    raise ConfigError(
-                        f"num_agents={robots} do not fit on map {self.book.grid.name!r}: only {robot} found a "
-                        "start that touches nothing; use fewer robots or a larger map"
-                    )
-                cell = spare.pop(0)
-                placed = self._place(world, robot, cell, cell if idle else tasks.next_goal(robot, cell, rng), floor)
+            if robot < len(cells) and self._place(world, robot, cells[robot], goals[robot], floor):
+                continue
+            if self._place_on_one(world, robot, spare, idle, floor):
+                continue
+            elsewhere = tasks.elsewhere(rng) if elsewhere is None else elsewhere
+            if not self._place_on_one(world, robot, elsewhere, idle, floor):
+                raise ConfigError(
+                    f"num_agents={robots} do not fit on map {self.book.grid.name!r}: only {robot} found a "
+                    "start that touches nothing; use fewer robots or a larger map"
+                )
+
+    def _place_on_one(self, world: int, robot: int, cells: list[Cell], idle: bool, floor: Floor) -> bool:
+        """Put a robot on the first of some cells on which it touches nothing; take all that were tried off the list."""
+        tasks, rng = self.tasks[world], self._rngs[world]
+        while cells:
+            cell = cells.pop(0)
+            goal, centre = cell if idle else tasks.next_goal(robot, cell, rng), self.book.grid.centre(cell)
+            # asked before a route is planned, which takes far longer, for most of these cells are taken
+            fits = (place(self.robots[world], robot, centre, way, self._limits, floor) for way in _ALONG_AISLES)
+            if any(fits) and self._place(world, robot, cell, goal, floor):
+                return True
+        return False
 
     def _place(self, world: int, robot: int, cell: Cell, goal: Cell, floor: Floor) -> bool:
         """Put a robot on a cell, facing along its route; False if it touches something there."""

@@ -42,6 +42,10 @@ class OneShotTasks(Tasks):
             (first if roomy else rest).append(cell)
         return first + rest
 
+    def elsewhere(self, rng: np.random.Generator) -> list[Cell]:
+        """Return none: goals are well-formed for starts on places."""
+        return []
+
     def first_goals(self, starts: Sequence[Cell], rng: np.random.Generator) -> list[Cell]:
         """Draw goals, then anew for one that is cut off and one that may bar it, as long as no more are cut off."""
         self._starts = list(starts)

@@ -97,6 +97,15 @@ class Tasks(Portable):
         """Return all places in the order in which robots may be stood on them."""
         return [self.places[k] for k in rng.permutation(len(self.places))[::-1]]
 
+    def elsewhere(self, rng: np.random.Generator) -> list[Cell]:
+        """Return the other cells of floor from which all places can be reached and back, in an order by chance.
+
+        Robots are stood there where the places do not hold all of them: on small floors these lie side by side.
+        """
+        region = self._grid.return_region(self.places[0])
+        region[tuple(np.transpose(self.places))] = False
+        return [(int(row), int(column)) for row, column in rng.permutation(np.argwhere(region))]
+
     def first_goals(self, starts: Sequence[Cell], rng: np.random.Generator) -> list[Cell]:
         """Give each robot its first goal."""
         return [self.next_goal(robot, start, rng) for robot, start in enumerate(starts)]
