@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from train.advice import changes
 from train.advice.aim import GOALS
 from train.advice.curve import Load, jams_from, knee, loads, peak, rungs, smallest
 from train.advice.race import FEWEST, mean
@@ -61,7 +62,9 @@ def begins_with(grid: GridMap, most: int) -> int:
 def capacity(study: Study) -> Capacity:
     """Find out."""
     stopped = list[str]()
+    _share_time(study, begins_with(study.plan.grid, study.plan.most))
     centre = _climb(study, stopped)
+    _share_time(study, centre)
     crew = _choose_policy(study, centre, stopped)
     crew, best = _choose_load(study, crew, stopped)
     alone = _alone(study, crew.policy)
@@ -73,6 +76,13 @@ def capacity(study: Study) -> Capacity:
     fall = knee(found, alone, study.plan.seed)
     contacts = MEASURES["collisions_per_km"].interval(study.of(crew))
     return Capacity(crew, confirmed(study, crew), best, alone, found, others, contacts, fall, jam, stopped)
+
+
+def _share_time(study: Study, robots: int) -> None:
+    """Let the number have all of the time where the rest would not do for a single change with so many robots."""
+    minutes = study.clock.minutes
+    if minutes is not None and changes.LEAST * study.seconds(robots) > (1 - OVER) * 60 * minutes:
+        study.stretch = 1 / OVER
 
 
 def _climb(study: Study, stopped: list[str]) -> int:

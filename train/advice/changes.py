@@ -25,6 +25,7 @@ SOUGHT = 6  # changes of each kind that are driven at most, where there is time
 CHOSEN_AT = 3  # bottlenecks, the worst ones, that changes are sought for
 ROUNDS = 6  # of the race, at most
 PAIRS = 8  # of episodes before a change is said to bring something
+LEAST = PAIRS * (1 + len(KINDS))  # episodes, of the best aisle, the best rule and the floor as it is
 MOST_PAIRS = 64  # where there is time
 LOOKS = (8, 16, 32)  # pairs after which a rung of a ladder that is told needs no more; the end is a further look
 
@@ -100,7 +101,7 @@ def affordable(left: float, took: float, rungs: int = 0) -> int:
     The best of each, the rungs and the floor as it is are then driven PAIRS times; who is alone needs no race.
     took: an episode; rungs: of all ladders.
     """
-    episodes = min(left / max(took, 1e-9), 1e9) - PAIRS * (1 + len(KINDS) + rungs)
+    episodes = min(left / max(took, 1e-9), 1e9) - LEAST - PAIRS * rungs
     return 0 if episodes < 0 else int(min(SOUGHT, max(1, (episodes / FEWEST - 1) // len(KINDS))))
 
 

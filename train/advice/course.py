@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from train.advice import changes
 from train.advice.asked import Asked, asked
 from train.advice.candidates import Bottleneck, bottlenecks, draw_trips, passing, plan_trips, traffic
-from train.advice.capacity import OVER, SCOUTS, Capacity, alone_seeds, begins_with, capacity, confirm, confirmed
+from train.advice.capacity import SCOUTS, Capacity, alone_seeds, begins_with, capacity, confirm, confirmed
 from train.advice.changes import Effect
-from train.advice.cost import expected, needed
+from train.advice.cost import expected
 from train.advice.study import Crew, Study
 from train.advice.trials import Clock, Drive, Plan, Use
 from train.evaluation.places import Floor, floor_of_notes
@@ -46,8 +46,6 @@ def advise(plan: Plan, drive: Drive, clock: Clock, say: Say) -> Advice:
     The number of robots comes first: where the time will not do for changes, it has all of it.
     """
     study = _begun(plan, drive, clock, say)
-    if clock.minutes is not None and needed(study)[1] > (1 - OVER) * clock.minutes:
-        study.stretch = 1 / OVER
     trips = draw_trips(plan.grid, plan.seed)
     routes = plan_trips(plan.grid, trips)
     visits, flow = passing(routes, plan.grid.shape), traffic(routes, plan.grid.shape)
