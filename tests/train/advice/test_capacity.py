@@ -139,6 +139,16 @@ def test_where_time_is_short_all_of_it_goes_to_the_number(minutes: float, sought
     assert one.capacity.crew.robots >= 64
 
 
+@pytest.mark.parametrize(("minutes", "sought"), [(5.0, False), (6.0, True), (8.0, True)])
+def test_a_race_leaves_the_time_that_a_single_change_needs(minutes: float, sought: bool) -> None:
+    """64 robots take 5 s: the best aisle, the best rule and the floor as it is, eight times each, take two minutes."""
+    curves = {"ours": peaked(60.0), "better": peaked(60.0, 204.0), "worse": peaked(60.0, 190.0)}
+    clock = Slow(minutes, driver(curves, 0.05, seconds=lambda robots: 5 * (robots / 64) ** 1.6))
+    one = advise(plan_of(HALL, episodes=None, policies=tuple(curves)), clock.drive, clock, lambda _: None)
+    assert one.sought == sought
+    assert 0.95 * 60 * minutes < clock.spent <= 60 * minutes
+
+
 def test_where_time_is_short_it_says_what_is_missing() -> None:
     clock = Slow(0.01, driver({"ours": peaked(30.0)}, 0.01, seconds=lambda robots: robots / 1000))
     one = capacity(Study(plan_of(HALL, episodes=None), clock.drive, clock))
