@@ -157,3 +157,20 @@ def test_zones_of_any_floor_and_any_brakes_take_little(cell: float, brakes: floa
     assert zones is not None
     assert max(zones.squares.shape) <= 4097
     np.testing.assert_allclose(zones.squares, 0.25)
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=30, deadline=None)
+def test_squares_are_the_least_over_all_zones(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    speed = rng.choice([0.3, 0.6, 1.2, np.inf], (5, 6), p=[0.4, 0.2, 0.2, 0.2]).round(1)
+    speed[0, 0] = 0.6
+    zones = zones_of(GridMap(np.zeros((5, 6)), speed=speed), CONFIG)
+    assert zones is not None
+    y, x = np.indices(zones.squares.shape) * float(zones.step)
+    least = np.full(zones.squares.shape, (1.1 * CONFIG.robot.max_speed) ** 2)
+    for row, column in np.argwhere(speed < CONFIG.robot.max_speed).tolist():
+        low = 4 - row  # y is up, rows go down
+        off = np.hypot(np.clip(x, column, column + 1) - x, np.clip(y, low, low + 1) - y)
+        least = np.minimum(least, speed[row, column] ** 2 + 1.8 * CONFIG.robot.max_acceleration * off)
+    np.testing.assert_allclose(zones.squares, least, rtol=1e-6)

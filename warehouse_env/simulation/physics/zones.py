@@ -51,12 +51,23 @@ def zones_of(grid: GridMap, config: EnvConfig) -> Zones | None:
     off = step * np.maximum(np.maximum(-along, along - fine), 0)
     added = slope * np.hypot(off[:, None], off[None, :])
     speed = grid.speed[::-1]
+    reaches = ~_among_slower(speed)
     for row, column in np.argwhere(speed < fastest).tolist():
-        top, left = row * fine - reach, column * fine - reach
-        part = squares[max(top, 0) : top + len(off), max(left, 0) : left + len(off)]
-        above = added[max(-top, 0) :, max(-left, 0) :][: part.shape[0], : part.shape[1]]
+        far = reach if reaches[row, column] else 0
+        top, left = row * fine - far, column * fine - far
+        own = added[reach - far : len(off) - reach + far, reach - far : len(off) - reach + far]
+        part = squares[max(top, 0) : top + len(own), max(left, 0) : left + len(own)]
+        above = own[max(-top, 0) :, max(-left, 0) :][: part.shape[0], : part.shape[1]]
         np.minimum(part, speed[row, column] ** 2 + above, out=part)
     return Zones(squares.astype(np.float32), np.float32(step))
+
+
+def _among_slower(speed: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return bool[H, W]: cells with no faster one around them: whoever comes to one has braked for those already."""
+    rows, columns = speed.shape
+    around = np.pad(speed, 1, constant_values=-np.inf)
+    views = [around[a : a + rows, b : b + columns] for a in range(3) for b in range(3)]
+    return np.asarray(np.max(views, axis=0) <= speed)
 
 
 @inline
