@@ -11,8 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from agents import make_policy, policy_config
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import MapWarning
+from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.fitting import ROOM, _near, fitted, headings_on, stands
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
@@ -20,8 +22,10 @@ from warehouse_env.planning import PLANNERS, make_planner
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.routes.goals import face
 from warehouse_env.simulation.physics.floor import fit
+from warehouse_env.simulation.simulator import Simulator
 
 LARGE = RobotSpec(length=3.0, width=2.0, wheelbase=2.0, front_overhang=0.5)
+LONG = RobotSpec(length=1.4, width=0.8, wheelbase=0.9, front_overhang=0.25)
 SMALL = RobotSpec(length=0.5, width=0.4, wheelbase=0.34, front_overhang=0.08)
 
 
@@ -68,6 +72,54 @@ def test_what_does_not_fit_is_one_sentence() -> None:
         fit(grid, EnvConfig())
 
 
+def test_where_aisles_meet_in_which_a_body_hardly_turns_is_said() -> None:
+    """1.4 x 0.8 m turn in aisles of 1.39 m, by the circles of their corners about the turn's centre."""
+    lines = [
+        "............",
+        "..........s.",
+        "#.#########.",
+        "#.#########.",
+        "p.........p.",
+        "###.#######.",
+        "###p#######.",
+    ]
+    grid = drawn(*lines)
+    floor, notes = fitted(grid, LONG)
+    assert floor.tight is None
+    assert notes == (
+        "bodies of 1.4 x 0.8 m need aisles of 1.4 m to turn from one into another, and some of 1 m meet, as near "
+        "(1.5, 2.5) m: they may stand there for good; smaller cells leave such aisles out, as in hall.yaml:cell=0.5",
+    )
+    assert fitted(floor, LONG)[1] == notes
+    slender = RobotSpec(length=1.05, width=0.2, wheelbase=1.0, front_overhang=0.02)
+    assert slender.farthest > 1
+    assert fitted(grid, slender)[1] == ()
+    assert fitted(drawn(*lines[:4], "p...........", "............"), LONG)[1] == ()
+
+
+@pytest.mark.parametrize(("length", "width", "gets_there"), [(0.9, 0.6, True), (1.4, 0.8, False), (1.4, 0.6, False)])
+def test_bodies_stand_for_good_where_it_is_said(length: float, width: float, gets_there: bool) -> None:
+    robot = RobotSpec(length=length, width=width)
+    grid = drawn("############", "s..........s", "#####.######", "#####p######", "############")
+    config = policy_config("greedy", EnvConfig(num_agents=1, planner="astar_turns", robot=robot, layout="pocket"))
+    simulator, policy, rng = Simulator(config, grid=grid), make_policy("greedy", config), np.random.default_rng(0)
+    observation = simulator.reset([0])
+    while simulator.seconds(0) < 90:
+        observation = simulator.step(policy.act(observation, rng))
+    assert (simulator.episode_metrics()["stuck"] == 0) == gets_there == (fitted(grid, robot)[1] == ())
+
+
+def test_one_gets_off_floor_that_only_tight_floor_leads_to() -> None:
+    grid = drawn("............", "p..........s", "............", *["#####.######"] * 2, *["##....p.####"] * 3)
+    floor, _ = fitted(grid, RobotSpec(length=1.6, width=1.2))
+    assert floor.tight is not None
+    drawing = ["".join(".x"[int(one)] for one in row) for row in floor.closed]
+    assert drawing == ["x" * 12, "x..........x", "xxxxx.xxxxxx", *["x" * 12] * 5]
+    cells = make_planner("astar_turns").plan(floor, (6, 4), floor.endpoints[2][0], np.random.default_rng(0)).cells
+    assert cells[-1].tolist() == [1, 1]
+    assert [4, 5] in cells.tolist()
+
+
 def apart(grid: GridMap, cells: np.ndarray) -> np.ndarray:
     """Metres from cells' centres to the nearest shelf or the rim."""
     walls = np.argwhere(np.pad(grid.occupied, 1, constant_values=True)) - 1
@@ -88,7 +140,9 @@ def test_planned_cells_leave_room_for_the_body(seed: int, cell: float, planner: 
         return
     need = body.width / 2 + ROOM - 1e-6
     tight = np.argwhere(np.zeros_like(occupied) if floor.tight is None else floor.tight)
-    assert not (apart(floor, tight) >= need).any()
+    roomy = occupied.copy()
+    roomy[tuple(tight.T)] = apart(floor, tight) < need
+    assert not largest_region(~roomy)[tuple(tight.T)].any()  # they are too near, or only such lead there
     assert (apart(floor, np.argwhere(~floor.closed)) >= need).all()
     ends = floor.endpoints[2]
     start, goal = ends[0], ends[-1]

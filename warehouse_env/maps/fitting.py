@@ -1,14 +1,16 @@
 """A floor for a body: where it does not fit nobody plans, and endpoints lie where it can stand.
 
-A cell is tight where the fixed axle's centre in its middle leaves no room for half the body's width. Endpoints on tight
-cells, or on cells where the body fits at no heading, move to the nearest cell where it does, as from the face of a
-shelf to where a wide vehicle stands before it. On cells that are wide enough for a body all of this changes nothing.
+A cell is tight where the fixed axle's centre in its middle leaves no room for half the body's width, or where only such
+cells lead. Endpoints on tight cells, or on cells where the body fits at no heading, move to the nearest cell where it
+does, as from the face of a shelf to where a wide vehicle stands before it. On cells that are wide enough for a body all
+of this changes nothing.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 
 import numpy as np
@@ -40,6 +42,7 @@ def fitted(grid: GridMap, robot: RobotSpec) -> tuple[GridMap, tuple[str, ...]]:
         return grid, (f"{who} are larger than the floor; choose smaller robots",)
     tight = (_near(grid.walls, need / grid.cell_size, beyond=True) | _near_discs(grid, need)) & ~occupied
     region = largest_region(~(occupied | tight)) if (~(occupied | tight)).any() else np.zeros_like(occupied)
+    tight |= largest_region(~occupied) & ~region  # cut off by tight floor: a robot that got there may leave over that
     places, lost = [], []
     body = _Body(grid, robot, region)
     for what, cells in (("pick", grid.picks), ("station", grid.stations)):
@@ -52,7 +55,7 @@ def fitted(grid: GridMap, robot: RobotSpec) -> tuple[GridMap, tuple[str, ...]]:
             lost.append(f"{missing} of {len(found)} {what}s")
         places.append(np.array([cell for cell in found if cell is not None], dtype=np.int64))
     made = dataclasses.replace(grid, tight=tight, picks=places[0], stations=places[1])
-    return made, tuple(_notes(grid, region, need, who, lost))
+    return made, (*_notes(grid, region, need, who, lost), *_turns(grid, region, robot, who))
 
 
 def opened(grid: GridMap, goal: Cell) -> GridMap:
@@ -84,6 +87,36 @@ def _notes(grid: GridMap, region: NDArray[np.bool_], need: float, who: str, lost
     if lost:
         notes.append(f"{who} cannot reach {' and '.join(lost)}, which are left out")
     return notes
+
+
+def _turns(grid: GridMap, region: NDArray[np.bool_], robot: RobotSpec, who: str) -> Iterator[str]:
+    """Say where aisles of one cell meet in which a body hardly turns from one into the other."""
+    need = turning_width(robot)
+    if need <= grid.cell_size:
+        return
+    walls = np.pad(grid.occupied, 2, constant_values=True)
+    open_ = np.pad(region, 1)  # of the cells and those around the map, as `aside` and `above` are
+    aside = open_ & walls[1:-1, :-2] & walls[1:-1, 2:]
+    above = open_ & walls[:-2, 1:-1] & walls[2:, 1:-1]
+    meet = region & (aside[:-2, 1:-1] | aside[2:, 1:-1]) & (above[1:-1, :-2] | above[1:-1, 2:])
+    if meet.any():
+        x, y = grid.world(grid.centre(np.argwhere(meet)[0])).tolist()
+        size = grid.cell_size
+        yield (
+            f"{who} need aisles of {need:.1f} m to turn from one into another, and some of {size:g} m meet, as near "
+            f"({x:.1f}, {y:.1f}) m: they may stand there for good; smaller cells leave such aisles out, as in "
+            f"hall.yaml:cell={size / 2:g}"
+        )
+
+
+def turning_width(robot: RobotSpec) -> float:
+    """Return the width [m] of two aisles, square to each other, through whose corner a body passes in one sharp turn.
+
+    It sweeps a ring about the turn's centre, which lies as far beyond the inner corner as the inner circle allows.
+    """
+    inner = max(robot.least_radius - 0.5 * robot.width, 0.0)
+    outer = math.hypot(robot.least_radius + 0.5 * robot.width, max(robot.rear_reach, robot.front_overhang))
+    return outer - math.sqrt(0.5) * inner
 
 
 def _near_discs(grid: GridMap, reach: float) -> NDArray[np.bool_]:
