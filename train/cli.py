@@ -20,7 +20,7 @@ from typing import Annotated, Any, NamedTuple, Union, get_type_hints
 from warehouse_env.errors import LostError, MapWarning, WarehouseError, unknown_name
 
 PROGRAM = "warehouse"
-LOST = 3  # exit code where jobs were lost
+LOST = 3  # exit code where jobs were lost, or a broker
 STOPPED, TERMINATED = 130, 143  # exit codes after Ctrl-C and SIGTERM, as shells use them
 SHELLS = ("bash", "zsh", "fish")  # in which words can be completed
 
@@ -97,7 +97,8 @@ COMMANDS = {name: Command(*line) for name, line in _COMMANDS.items()}
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command line; returns the exit code.
 
-    That is 0, 2 for bad input (one sentence on stderr), 3 if a job was lost, 130 after Ctrl-C, and 143 after SIGTERM.
+    That is 0, 2 for bad input (one sentence on stderr), 3 if a job was lost or a broker stayed away, 130 after Ctrl-C,
+    and 143 after SIGTERM.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     warnings.formatwarning = _noted

@@ -38,7 +38,10 @@ class WeightsError(WarehouseError):
 
 
 class LostError(WarehouseError):
-    """Jobs were lost with the processes that did them; all others are kept. The command line exits with code 3."""
+    """Jobs were lost with the processes that did them, or a broker went away and did not come back.
+
+    All other jobs, and what the broker had sent, are kept. The command line exits with code 3.
+    """
 
 
 class UnsafeError(RuntimeError):

@@ -29,11 +29,13 @@ from train.reporting.rows import RowFile, check_writable
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, LostError, shown
+from warehouse_env.files import whereabouts
 from warehouse_env.simulation.physics.floor import load_grid
 
 _SHOWN = 20  # faults in words
 _DAY = "2026-01-01T00:00:00+00:00"  # on which episodes in files begin, so that the same episode gives the same file
 EPISODE = "episode.npz"
+PATIENCE = 60.0  # [s]
 
 
 @dataclass(frozen=True)
@@ -48,8 +50,8 @@ class FleetCommand(Checked):
     written if --mqtt is given alone)."""
     mqtt: str | None = None
     """Broker to which the messages are published as they fall due, HOST or HOST:PORT."""
-    speed: float = 1.0
-    """With --mqtt, simulated seconds that a second lasts."""
+    speed: float | None = None
+    """With --mqtt, simulated seconds that a second lasts (1)."""
     check: Path | None = None
     """Check a log of messages, a file or a folder with messages.jsonl: schemas, headers, orders, states. Exit code 1 if
     anything is wrong."""
@@ -66,9 +68,9 @@ class FleetCommand(Checked):
     --listen, the episode's time step (as often as vehicles say where they are)."""
     seconds: float | None = None
     """With --listen to a broker, end after so many seconds (when all vehicles are offline)."""
-    patience: float = 60.0
-    """With --listen to a broker, end when nothing has come for so many seconds. A connection that breaks is made again
-    for as long; exit code 3 if that fails."""
+    patience: float | None = None
+    """With --listen to a broker, end when nothing has come for so many seconds (60). A connection that breaks is made
+    again for as long; exit code 3 if that fails."""
     interface: str = "uagv"
     """First part of the topics."""
     manufacturer: str = "warehouse_env"
@@ -111,12 +113,26 @@ class FleetCommand(Checked):
             raise ConfigError("--layout, --map and --beside go with --listen")
         if self.episode is None and self.mqtt is not None:
             raise ConfigError("--mqtt goes with an episode; a broker to listen to is named by --listen HOST")
+        self._check_broker()
         if self.episode is not None:
             self._write(self.episode)
         elif self.check is not None:
             self._check(self.check)
         else:
             self._listen(str(self.listen))
+
+    def _check_broker(self) -> None:
+        """Raise ConfigError for what is said of a broker, or of listening to one, where there is none."""
+        live = self.listen is not None and _is_broker(self.listen)
+        for used, names, what in (
+            (live or self.mqtt is not None, ("user", "tls", "cafile", "cert", "key"),
+             "a broker: --mqtt HOST or --listen HOST"),
+            (live, ("seconds", "patience"), "--listen HOST"),
+            (self.mqtt is not None, ("speed",), "--mqtt HOST"),
+        ):  # fmt: skip
+            given = [f"--{name}" for name in names if getattr(self, name)]
+            if given and not used:
+                raise ConfigError(f"{' and '.join(given)} go{'es' * (len(given) == 1)} with {what}")
 
     def _write(self, path: Path) -> None:
         """Write or publish the messages of an episode."""
@@ -152,7 +168,7 @@ class FleetCommand(Checked):
         first = list(itertools.islice(messages, 2 * story.replay.config.num_agents))
         serials = dict.fromkeys(message.payload["serialNumber"] for message in first)
         all_messages: Iterator[Message] = itertools.chain(first, messages)
-        sent = publish(broker, all_messages, names, serials, self.speed)
+        sent = publish(broker, all_messages, names, serials, self.speed or 1.0)
         late = f", the latest {sent.late:.1f} s behind its time" if sent.late > 1.0 else ""
         print(f"published {sent.messages:,} messages to {broker.name} under {names.interface}/{late}")
         return sent.messages
@@ -209,16 +225,14 @@ class FleetCommand(Checked):
             raise heard.stopped
 
     def _hear(self, source: str, folder: Path) -> Heard:
-        path = Path(source).expanduser()
-        live = not (path.exists() or path.suffix in (".jsonl", ".json", ".log", ".txt") or "/" in source)
-        broker = self._broker(source) if live else None
+        broker = self._broker(source) if _is_broker(source) else None
         with make_progress() as progress:
             bar = progress.add_task(f"listening to {source}", total=None)
             if broker is None:
-                return hear_log(path, lambda: progress.advance(bar))
+                return hear_log(whereabouts(source), lambda: progress.advance(bar))
             tell(f"listening to {broker.name}; Ctrl-C ends it and keeps what came", progress.console)
             moved: Any = lambda: progress.advance(bar)  # noqa: E731
-            return hear_broker(broker, self.interface, folder, self.patience, self.seconds, moved)
+            return hear_broker(broker, self.interface, folder, self.patience or PATIENCE, self.seconds, moved)
 
     def _broker(self, text: str) -> Broker:
         package()
@@ -254,3 +268,9 @@ class FleetCommand(Checked):
                 f"{path} has no world of seed {self.seed}; its seeds are {', '.join(map(str, seeds[:8]))}"
             )
         return seeds.index(self.seed)
+
+
+def _is_broker(source: str) -> bool:
+    """Whether what is listened to is a broker, by its name, and no log."""
+    path = whereabouts(source)
+    return not (path.exists() or path.suffix in (".jsonl", ".json", ".log", ".txt") or "/" in source)

@@ -49,6 +49,7 @@ def test_a_fault_is_an_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[s
         (["e.npz", "--layout", "open"], "go with --listen"),
         (["--check", "x", "--mqtt", "h"], "--mqtt goes with an episode"),
         (["--listen", "none.jsonl", "--layout", "open"], "does not exist"),
+        (["--listen", "~nosuch/log.jsonl", "--layout", "open"], "does not exist"),
         (["--listen", "log.jsonl"], "--map FILE or --layout"),
         (["--listen", "a:b", "--layout", "open"], "name it as HOST"),
         (["none.npz"], "does not exist"),
@@ -56,6 +57,14 @@ def test_a_fault_is_an_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[s
         (["none.npz", "--interface", "a/#"], "a part of a topic"),
         (["--check", "."], "does not exist"),
         (["none.npz", "--speed", "0"], "speed=0.0"),
+        (["--listen", "log.jsonl", "--layout", "open", "--cafile", "ca.pem"], "--cafile goes with a broker"),
+        (["--listen", ".", "--layout", "open", "--tls", "--user", "me"], "--user and --tls go with a broker"),
+        (["--listen", "a/b", "--layout", "open", "--cert", "c", "--key", "k"], "--cert and --key go with a broker"),
+        (["--listen", "log.jsonl", "--layout", "open", "--patience", "60"], "--patience goes with --listen HOST"),
+        (["--check", "x", "--user", "me"], "--user goes with a broker: --mqtt HOST or --listen HOST"),
+        (["none.npz", "--tls", "--out", "x"], "--tls goes with a broker"),
+        (["none.npz", "--seconds", "5", "--mqtt", "h"], "--seconds goes with --listen HOST"),
+        (["--listen", "h", "--layout", "open", "--speed", "2"], "--speed goes with --mqtt"),
     ],
 )
 def test_what_it_refuses(
