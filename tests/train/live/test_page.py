@@ -86,6 +86,14 @@ def test_it_shows_and_steers_a_world(server: Server, open_live: Opener) -> None:
 
 
 @needs_chromium
+def test_the_first_moment_that_is_heard_is_where_robots_are(open_live: Opener) -> None:
+    """A page that joins late began its trails, and its first picture, at the floor's corner."""
+    page = open_live()
+    first = page.evaluate("[...Array(live.robots()).keys()].map((i) => live.app.episode.get('x', i, 0))")
+    assert min(first) > 0.5
+
+
+@needs_chromium
 def test_a_refusal_is_told_and_changes_nothing(server: Server, open_live: Opener) -> None:
     page = open_live()
     page.keyboard.press("Space")

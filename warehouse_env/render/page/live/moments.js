@@ -9,7 +9,7 @@ const BY_PERSON = ["person_x", "person_y", "person_heading"];
 class Moments extends Episode {
   constructor(message, flags) {
     const frames = Math.min(Math.max(Math.floor(KEPT_NUMBERS / message.robots), KEPT_MOMENTS[0]), KEPT_MOMENTS[1]);
-    super({ ...message, frames }, message.columns, flags);
+    super({ ...message, frames }, { ...message.columns }, flags); // for columns of its own come into their place
     const rows = { totals: 3 };
     for (const name of [...BY_ROBOT, ...BY_STOP]) if (message.columns[name]) rows[name] = this.robots;
     for (const name of BY_PERSON) rows[name] = this.people;
