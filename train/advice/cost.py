@@ -23,9 +23,10 @@ def expected(study: Study, minutes: float | None) -> str:
     )
     if minutes is None or minutes >= number + change:
         return text
+    given = f"{minutes:g} minute{'s' * (minutes != 1)}"
     if minutes >= number:
-        return f"{text} In {minutes:g} minutes fewer changes are tried, and less is told of them."
-    return f"{text} In {minutes:g} minutes it is looked for less closely, and may not be found."
+        return f"{text} In {given} fewer changes are tried, and less is told of them."
+    return f"{text} In {given} it is looked for less closely, and may not be found."
 
 
 def needed(study: Study) -> tuple[float, float]:

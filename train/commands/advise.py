@@ -6,6 +6,7 @@ import dataclasses
 import os
 import sys
 import time
+import warnings
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -31,7 +32,7 @@ from train.reporting.page import Part
 from train.reporting.report import make_console, make_progress, require_charts
 from train.reporting.rows import RowFile, check_writable, instead
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, MapWarning
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.hall import is_hall, read_hall
 from warehouse_env.maps.layouts import make_layout
@@ -103,6 +104,8 @@ class Advise(Fleet, Work, WorkerOptions):
     def run(self) -> None:
         """Drive, print the answer, write rows and page."""
         grid, narrow = self._floor()
+        for text in narrow:  # what may call for another command, before this one takes its time
+            warnings.warn(f"{grid.name}: {text}", MapWarning, stacklevel=2)
         make_planner(self.planner)
         check_connected(grid)
         page = self.out / "index.html"
@@ -131,7 +134,7 @@ class Advise(Fleet, Work, WorkerOptions):
         console = make_console(sys.stdout)
         for text in answer(advice):
             console.print(text.replace("*", "").replace("`", ""), highlight=False, soft_wrap=not console.is_terminal)
-        advice_page(advice, self._understood(), write_floor(advice, self.out)).write(page)
+        advice_page(advice, self._understood(grid), write_floor(advice, self.out)).write(page)
         print(
             f"wrote {file.count:,} rows to {file.path} and the page to {page}, with the floor to take away in "
             f"{self.out / FOLDER}, in {time.monotonic() - begin:.0f} s"
@@ -174,10 +177,10 @@ class Advise(Fleet, Work, WorkerOptions):
         grid, kinds = make_layout(str(self.map or self.layout)), self.kinds()
         return (grid, ()) if kinds is None else for_kinds(grid, kinds)
 
-    def _understood(self) -> list[Part]:
-        """Return what was understood of a hall's map; nothing for another floor."""
+    def _understood(self, grid: GridMap) -> list[Part]:
+        """Return what was understood of a hall's map, and what of it is for the robots; nothing for another floor."""
         name = str(self.map or self.layout)
-        return hall_parts(read_hall(name), name) if is_hall(name) else []
+        return hall_parts(dataclasses.replace(read_hall(name), grid=grid), name) if is_hall(name) else []
 
     @contextmanager
     def _bar(self, clock: Clock, file: RowFile) -> Iterator[Progress]:

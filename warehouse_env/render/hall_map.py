@@ -12,7 +12,7 @@ from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.halls.hall import Hall
 from warehouse_env.maps.halls.map_server import UNKNOWN
 from warehouse_env.render.chart_style import FAINT, empty_figure, hexed, style, svg
-from warehouse_env.render.colours import BLUE, CONTACT, GREEN, INDIGO, ORANGE, RGB, VERMILION
+from warehouse_env.render.colours import BLUE, CONTACT, GREEN, INDIGO, ORANGE, PURPLE, RGB, VERMILION
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor_axes import draw_arrows, set_metres
 
@@ -25,10 +25,11 @@ _KINDS: Mapping[str, tuple[RGB, float]] = {
     "closed by a mask or off the lanes": (INDIGO, 0.30),
     "cut off": (CONTACT, 0.45),
     "floor that is no whole free cell": (ORANGE, 0.35),
+    "too narrow for these robots": (PURPLE, 0.35),
 }
 """What a cell is, in the order in which the legend names it -> its colour, and how much of that covers the map."""
 
-SMALL = 1  # the index among them of what is driven on though something stands there
+SMALL, NARROW = 1, 5  # the indices among them of what is driven on though something stands there, and of tight floor
 _OCCUPIED = 100  # [%], of a pixel
 
 
@@ -37,6 +38,7 @@ def cell_kinds(hall: Hall) -> NDArray[np.int64]:
     grid = hall.grid
     region = largest_region(~grid.occupied)
     driven = np.where(_holds(hall, hall.occupancy.values == _OCCUPIED), SMALL, 0)
+    driven = np.where(grid.closed, NARROW, driven)
     found = np.where(region, driven, np.where(hall.barred, 2, np.where(~grid.occupied, 3, 4)))
     return np.where((found == 4) & ~_holds(hall, hall.occupancy.values == 0), -1, found)
 

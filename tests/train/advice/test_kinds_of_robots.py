@@ -17,9 +17,10 @@ from train.advice.room import for_kinds, most_with_a_start
 from train.advice.take_away import FOLDER, write_floor
 from train.advice.trials import Plan, Use
 from train.cli import main
+from train.commands import advise as command
 from train.kinds import Kinds, Part
 from warehouse_env.config import EnvConfig, RobotSpec
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, MapWarning
 from warehouse_env.maps.halls.map_server import read_occupancy
 
 LONG = RobotSpec(length=1.4, max_speed=0.8)
@@ -106,6 +107,21 @@ def test_the_floor_to_take_away_has_lanes_where_the_bodies_pass(tmp_path: Path) 
     deep[5:7, 8] = True  # of the blind aisle, farther than any of their bodies' corners
     barred = read_occupancy(tmp_path / FOLDER / "keepout.yaml").values == 100
     assert (barred == grid.occupied | deep).all()
+
+
+def test_what_is_not_for_the_bodies_is_said_before_anything_is_driven(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def nobody(*_: object) -> None:
+        raise ConfigError("nobody drives")
+
+    monkeypatch.setattr(command, "advise", nobody)
+    fleet, floor = tmp_path / "fleet.json", tmp_path / "hall.map"
+    fleet.write_text('[{"share": 1, "robot": {"length": 1.4}}]', encoding="utf-8")
+    floor.write_text("type octile\nheight 5\nwidth 8\nmap\n........\n........\n@@@.@@@@\n@.....@@\n@@@@@@@@\n", "utf-8")
+    with pytest.warns(MapWarning, match=r"^hall: bodies of 1.4 x 0.6 m need aisles of 1.4 m to turn from one into"):
+        assert main(["advise", "--map", str(floor), "--fleet", str(fleet), "--out", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err == "warehouse: nobody drives\n"
 
 
 @pytest.mark.parametrize(
