@@ -72,9 +72,14 @@ class Kinds(Checked):
         fleet that goes by share.
 
         `robot`, by which policies and rules decide, is the first kind that there is a share of, however many robots
-        there are.
+        there are. ConfigError where the parts count more robots than there are.
         """
         if not self.by_share:
+            counted = sum(part.count or 0 for part in self.parts)
+            if counted > robots:
+                raise ConfigError(
+                    f"the parts of the fleet count {counted:,} robots, and there are {robots:,} in all; give fewer"
+                )
             return {"fleet": tuple(FleetPart(part.count or 0, part.robot) for part in self.parts)}
         kinds = [robot for robot, _ in self._shared]
         turns = _turns(tuple(share for _, share in self._shared), first + robots)[first:]

@@ -112,7 +112,7 @@ def test_the_option_is_by_number_of_robots(tmp_path: Path) -> None:
     assert [one.config.fleet for one in found] == [(FleetPart(2, LONG),), (FleetPart(4, LONG),)]
     path.write_text('[{"count": 5, "robot": {"length": 1.4, "max_speed": 0.8}}]', encoding="utf-8")
     assert Fleet(path).kinds_of(9) == {"fleet": (FleetPart(5, LONG),)}
-    with pytest.raises(ConfigError, match="of at most 4 robots"):
+    with pytest.raises(ConfigError, match=r"^the parts of the fleet count 5 robots, and there are 4 in all"):
         Evaluate(policy=("brake",), robots=(4, 9), layout=("open",), fleet=path).experiments()
     assert Fleet().kinds_of(9) == {}
 

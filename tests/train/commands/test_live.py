@@ -48,7 +48,7 @@ def test_ctrl_c_ends_it_with_one_sentence(tmp_path: Path) -> None:
         ("--policy gredy", "did you mean greedy"),
         ("--planner nobody", "unknown planner"),
         ("--map none.map", "none.map"),
-        ("--fleet none.json", "fleet none.json cannot be read"),
+        ("--fleet none.json", "fleet none.json does not exist"),
     ],
 )
 def test_what_cannot_be_is_refused(options: str, why: str, capsys: pytest.CaptureFixture[str]) -> None:

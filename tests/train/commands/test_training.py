@@ -209,5 +209,5 @@ def test_more_robots_of_a_kind_than_there_are_are_refused_before_anything_is_mad
     fleet.write_text('[{"count": 3, "robot": {}}]', encoding="utf-8")
     words = ["--robots", "4", "2", "--fleet", str(fleet), "--out", str(tmp_path / "out")]
     assert main(["train", "reinforce", *words]) == 2
-    assert "of at most 2 robots in all" in capsys.readouterr().err
+    assert "count 3 robots, and there are 2 in all" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
