@@ -102,6 +102,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     warnings.formatwarning = _noted
+    if argv is None:  # a program of its own, in which several simulators may have the same to say of a floor
+        warnings.simplefilter("once", MapWarning)
     try:
         with _terminable():
             return _run(arguments)
