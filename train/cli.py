@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Annotated, Any, NamedTuple, Union, get_type_hints
@@ -101,9 +101,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     and 143 after SIGTERM.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
-    warnings.formatwarning = _noted
-    if argv is None:  # a program of its own, in which several simulators may have the same to say of a floor
-        warnings.simplefilter("once", MapWarning)
+    warnings.formatwarning = _noted_once()
     try:
         with _terminable():
             return _run(arguments)
@@ -122,6 +120,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         where = f"{error.filename}: " if error.filename else ""
         print(f"{PROGRAM}: {where}{error.strerror or error}", file=sys.stderr)
         return 2
+
+
+def _noted_once() -> Callable[..., str]:
+    """Return what shows warnings as `_noted` does, and notes once: several simulators may have the same to say."""
+    said = set[str]()
+
+    def shown(message: Warning | str, category: type[Warning], *where: Any) -> str:
+        text = _noted(message, category, *where)
+        again = text in said and issubclass(category, MapWarning)
+        said.add(text)
+        return "" if again else text
+
+    return shown
 
 
 def _noted(message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None) -> str:
