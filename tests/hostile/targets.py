@@ -28,6 +28,7 @@ from tests.hostile.making import damaged, json_bytes, json_lines, options, value
 from train import cli
 from train.clmapf.instance import read_instance
 from train.clmapf.solution import read_solution
+from train.commands.kinds import read_fleet
 from train.evaluation.episodes import Episodes
 from train.evaluation.jobs import go_on
 from train.evaluation.rollout import make_experiment
@@ -88,6 +89,11 @@ ORDERS = {
     "o.csv": b"release_s,picks,drop,due_s,weight_kg\n0,1:1 1:4,9:1,600,120\n5,1:7,9:1,600,1\n",
     "o.jsonl": b'{"release_s": 0, "picks": [[1, 1]], "drop": [9, 1], "due_s": 9, "weight_kg": 1.5}\n',
 }
+FLEETS: tuple[list[Any], ...] = (
+    [{"share": 0.25, "robot": {"length": 1.4, "width": 0.8, "wheelbase": 0.9, "front_overhang": 0.25}}],
+    [{"share": 0.3, "robot": {"max_speed": 0.8}}, {"share": 0.7, "robot": {}}],
+    [{"count": 2, "robot": {"mass": 90.0}}],
+)
 ONE_WAY = b".....\n.>>>.\n.....\n..v..\n"
 CLMAPF = (
     b"agents:\n  - start: [5, 15, 0]\n    name: agent0\n    goal: [22, 15, 1.57]\nmap:\n  dimensions: [30, 40]\n"
@@ -148,6 +154,24 @@ def _map(given: tuple[bytes, bytes], folder: Path) -> None:
     write_map(grid, folder / "g.map")
 
 
+def _make_kinds(rng: Random) -> bytes:
+    parts = json.loads(json.dumps(rng.choice(FLEETS)))
+    return json_bytes(rng, parts) if rng.random() < 0.7 else damaged(rng, json.dumps(parts).encode())
+
+
+def _kinds(content: bytes, folder: Path) -> None:
+    """Read a fleet's file, and make fleets of what it says."""
+    kinds = read_fleet(_written(content, folder, "f.json"))
+    assert kinds.words
+    EnvConfig(**kinds.each())
+    for robots in (1, 2, 64):
+        with contextlib.suppress(ValueError):  # more are counted than there are
+            fleet = EnvConfig(num_agents=robots, **kinds.of(robots))
+            assert len(fleet.robots) == robots
+    if kinds.by_share:
+        kinds.of(1, 30)
+
+
 def _make_orders(rng: Random) -> tuple[str, bytes]:
     name = rng.choice(["o.csv", "o.jsonl"])
     return name, damaged(rng, ORDERS[name])
@@ -167,8 +191,9 @@ def _make_hall(rng: Random) -> tuple[dict[str, bytes], str]:
         is_json = name.endswith("json")
         files[name] = json_bytes(rng, json.loads(files[name])) if is_json else damaged(rng, files[name])
     how = rng.choice(["", "cell=0.5", "keepout=k.yaml", "speed=k.yaml", "discs=h.discs.json", "lanes=l.json",
-                      "lanes=l.geojson", "lanes=l.json,lanes_only=true", "cell=" + making.text(rng),
-                      making.text(rng)])  # fmt: skip
+                      "lanes=l.geojson", "lanes=l.json,lanes_only=true", "begin=best", "begin=corner",
+                      "begin=0.25+0.4", f"begin={rng.choice(making.NUMBERS)}+{rng.random()}", "cell=2,begin=best",
+                      "begin=" + making.text(rng), "cell=" + making.text(rng), making.text(rng)])  # fmt: skip
     return files, rng.choice(["h.yaml", "h.yaml", "h.yaml", "h.png"]) + (f":{how}" if how else "")
 
 
@@ -604,6 +629,7 @@ TARGETS: dict[str, Target] = {
     "checkpoint": Target(_make_checkpoint, _checkpoint, 400),
     "plan store": Target(lambda rng: damaged(rng, _plans()), _store, 20),
     "orders": Target(_make_orders, _orders, 1000),
+    "fleet kinds": Target(_make_kinds, _kinds, 500),
     "config": Target(_make_config, _config, 800),
     "plain config": Target(_make_plain, _plain, 500),
     "named": Target(lambda rng: damaged(rng, b"aisles:seed=7,rows=40"), _named, 1500),
