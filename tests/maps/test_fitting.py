@@ -120,6 +120,21 @@ def test_one_gets_off_floor_that_only_tight_floor_leads_to() -> None:
     assert [4, 5] in cells.tolist()
 
 
+@pytest.mark.parametrize("planner", ["astar", "astar_turns", "theta_star", "pf_aco:iterations=3"])
+def test_off_tight_floor_leads_the_shortest_way_and_none_leads_through_it(planner: str) -> None:
+    """From the mouth of a narrow aisle, where a body comes by, the way goes round, though it could go on through it."""
+    ends, narrow = ["p..............", "...............", "..............."], "####.########..."[:12] + "..."
+    grid = drawn(*ends, *[narrow] * 4, *(line.replace("p", "s") for line in ends))
+    floor, _ = fitted(grid, RobotSpec(length=1.2, width=1.2))
+    assert floor.closed[3:7, 4].all()
+    assert not floor.closed[[1, 2, 7, 5], [4, 4, 4, 13]].any()
+    for start, goal, mouth in (((5, 4), (1, 1), [7, 4]), ((6, 4), (1, 1), [7, 4]), ((4, 4), (8, 1), [2, 4])):
+        cells = make_planner(planner).plan(floor, start, goal, np.random.default_rng(0)).cells.tolist()
+        assert cells[0] == list(start)
+        assert cells[-1] == list(goal)
+        assert not any(floor.closed[row, column] for row, column in cells[cells.index(mouth) :])
+
+
 def apart(grid: GridMap, cells: np.ndarray) -> np.ndarray:
     """Metres from cells' centres to the nearest shelf or the rim."""
     walls = np.argwhere(np.pad(grid.occupied, 1, constant_values=True)) - 1

@@ -176,8 +176,8 @@ class GridMap:
         """bool[H, W, 8]: may a robot on this cell make MOVES[m] (eq. 26, paper 000)?
 
         Start and target are free and inside; a diagonal also needs both orthogonal cells free; and the move is not
-        against the direction of either. Symmetric but for one-way cells, and for tight ones, which one may leave and
-        not enter.
+        against the direction of either. Symmetric but for one-way cells, and for tight ones, which one may not enter,
+        and leaves by as few of them as there can be: who comes by the mouth of a narrow aisle goes not through it.
         """
         rows, columns = self.shape
         free = np.pad(~self.occupied, 1)
@@ -188,13 +188,12 @@ class GridMap:
         legal = np.empty((rows, columns, 8), dtype=np.bool_)
         for m, (d_row, d_column) in enumerate(MOVES.tolist()):
             legal[:, :, m] = seen(0, 0) & seen(d_row, d_column) & seen(d_row, 0) & seen(0, d_column)
-        if self.tight is not None:
-            closed = np.repeat(self.closed[..., None], 8, axis=2)
-            legal &= self.tight[..., None] | ~_seen_from_beyond(np.roll(closed, 4, axis=2))
         if self.one_way.any():
             against = one_way.against(self.one_way)
             # what leaves a cell by a move enters it from the other side by the opposite one, seen from there
             legal &= ~against & ~_seen_from_beyond(np.roll(against, 4, axis=2))
+        if self.tight is not None:
+            legal &= _leads_off(legal, self.tight)
         return _frozen(legal)
 
     @cached_property
@@ -336,6 +335,25 @@ def _seen_from_beyond(moves: NDArray[np.bool_]) -> NDArray[np.bool_]:
         padded[1 + r : 1 + r + rows, 1 + c : 1 + c + columns, (m + 4) % 8] for m, (r, c) in enumerate(MOVES.tolist())
     ]
     return np.stack(seen, axis=-1)
+
+
+def _leads_off(legal: NDArray[np.bool_], tight: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return bool[H, W, 8], whether moves enter no tight cell, or go from one to another that is nearer to the end."""
+    far = np.pad(np.where(tight, np.inf, 0.0), 1)  # tight cells up to floor that is not, this one counted
+    able = np.pad(legal & tight[..., None], ((1, 1), (1, 1), (0, 0)))
+    last = np.argwhere(~tight) + 1
+    while len(last):
+        found = []
+        for move, way in enumerate(MOVES):
+            before = last - way
+            before = before[able[*before.T, move] & np.isinf(far[*before.T])]
+            far[*before.T] = far[*(before + way).T] + 1.0
+            found.append(before)
+        last = np.concatenate(found)
+    rows, columns = tight.shape
+    beyond = np.stack([far[1 + r : 1 + r + rows, 1 + c : 1 + c + columns] for r, c in MOVES.tolist()], axis=-1)
+    here = far[1:-1, 1:-1, None]
+    return np.asarray((beyond < here) | (beyond == 0.0) | np.isinf(here))
 
 
 def _frozen(array: NDArray[T]) -> NDArray[T]:
