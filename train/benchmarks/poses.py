@@ -22,6 +22,7 @@ from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.routes.reeds_shepp import TURNS, WORDS, seen_from, word
+from warehouse_env.simulation.driver.bodies import BODY
 from warehouse_env.simulation.driver.manoeuvre import ARCS, MOST, search
 from warehouse_env.simulation.driver.turning import turning_metric
 from warehouse_env.simulation.physics.floor import floor_of
@@ -114,9 +115,10 @@ class _Sampler:
         shelves = floor.solid, floor.clearance
         if body_touches_shelf(cx, cy, c, s, half_length, half_width, floor.solid, floor.clearance, p["cell"]):
             return False
-        none, body = np.empty((0, 4), np.float32), np.array([[cx, cy, c, s]], np.float32)
+        none, nobody = np.empty((0, 4), np.float32), np.empty((0, BODY), np.float32)
+        body = np.array([[cx, cy, c, s, p["half_length"], p["half_width"], p["radius"]]], np.float32)
         arcs = np.empty((ARCS, 2), np.float32)
-        count, _ = search(x, y, heading, np.float32(0.0), none, body, none, MOST, p, *shelves, self._metric, arcs)
+        count, _ = search(x, y, heading, np.float32(0.0), none, body, nobody, MOST, p, *shelves, self._metric, arcs)
         return int(count) > 0
 
 

@@ -277,7 +277,7 @@ def test_a_short_search_finds_what_one_in_large_arrays_finds() -> None:
         found = []
         for large in (False, True):
             arcs = np.zeros((ARCS, 2), dtype=np.float32)
-            given = (x, y, heading, steer, goal, NOBODY, NOBODY, 1)
+            given = (x, y, heading, steer, goal, manoeuvre.no_leave(), NOBODY, 1)
             rest = (PARAMETERS[0], floor.solid, floor.clearance, metric, arcs)
             if large:
                 count = manoeuvre._search_within(*given, MOST, manoeuvre._SLOTS, None, *rest)

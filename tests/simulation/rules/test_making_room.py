@@ -11,8 +11,11 @@ import pytest
 from tests.simulation.reference import separation
 from tests.simulation.rights import World, rectangles
 from tests.simulation.worlds import drawn
+from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.rules import making_room, waits
 from warehouse_env.simulation.rules.right_of_way import NOBODY
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.assignment import Assignment
 
 AISLE = drawn(["#" * 16, "." * 16, "#" * 16])
 
@@ -161,3 +164,55 @@ def test_behind_one_that_is_shut_in_the_last_backs_off_first() -> None:
     world.decide()
     assert rectangles(world.path(3))[-1, :, 0].max() < 7.6 - 1.0  # off the floor behind the one before it
     assert resolve(world) == [3]  # which now waits for that
+
+
+WINDING = drawn(
+    [
+        "####################",
+        "#...################",
+        "#......###...#######",
+        "#...##.###.#.#######",
+        "######.###.#.##...##",
+        "######.....#......##",
+        "##############....##",
+        "####################",
+    ]
+)
+WEST, EAST = (2, 2), (4, 15)  # in the rooms at both ends of its passage of one cell
+IN_THE_PASSAGE = {  # robots as (row, column, heading in quarter turns, goal)
+    "two on a straight": [(5, 8, 0, EAST), (5, 10, 2, WEST)],
+    "two at a bend": [(3, 10, 1, EAST), (2, 12, 2, WEST)],
+    "two, and one that waits behind a bend": [(5, 7, 0, EAST), (5, 10, 2, WEST), (3, 10, 3, (1, 2))],
+}
+
+
+def meet(meeting: str, worlds: int = 1) -> Simulator:
+    """Drive at full speed along the routes for three minutes, under right of way."""
+    starts, goals = [], []
+    for row, column, quarters, goal in IN_THE_PASSAGE[meeting]:
+        heading = math.pi / 2 * quarters
+        x, y = WINDING.centre((row, column))
+        starts.append((x + 0.3 * math.cos(heading), y + 0.3 * math.sin(heading), heading))
+        goals.append(goal)
+    rights = {"protective_field": True, "right_of_way": True, "reroute": True}
+    config = EnvConfig(num_agents=len(starts), action_repeat=2, planner="astar", max_steps=10**6, **rights)
+    sim = Simulator(config, worlds, grid=WINDING)
+    sim.reset_to([Assignment(np.array(starts), np.array(goals))] * worlds, 0)
+    for _ in range(900):
+        sim.step(np.full((worlds, len(starts)), int(sim.cruise_action)))
+    return sim
+
+
+@pytest.mark.parametrize("meeting", IN_THE_PASSAGE)
+def test_who_meet_in_a_winding_passage_of_one_cell_get_on(meeting: str) -> None:
+    """Room is several metres and bends away: no short search gets there, and who waits behind stands on the way."""
+    robots = meet(meeting).robots
+    assert robots["longest_standing"].max() < 60.0
+    assert robots["goals"].sum() > 0
+    assert not robots["hits_robot"].any()
+    assert not robots["hits_shelf"].any()
+
+
+def test_they_do_so_to_the_bit_in_a_batch() -> None:
+    alone, among = (meet("two, and one that waits behind a bend", worlds) for worlds in (1, 3))
+    assert alone.state.pose[0].tobytes() == among.state.pose[0].tobytes()

@@ -94,7 +94,8 @@ def test_the_page_tells_in_order_when_what_happens() -> None:
     assert seconds == sorted(seconds)
     told = (
         waits.REFUSED, waits.STANDS, letting_out.KEPT, waits.URGED, waits.SEEKS_AFTER, waits.FOR_GOOD, tracking.HELD,
-        waits.STUCK_AFTER, tracking.PATIENCE, waits.ROCKS, RerouteSpec.stood_for, waits.DEARER, EnvConfig.stuck_after,
+        waits.STUCK_AFTER, tracking.PATIENCE, waits.ROCKS, RerouteSpec.stood_for, waits.SHUT_IN_AFTER, waits.DEARER,
+        EnvConfig.stuck_after,
     )  # fmt: skip
     less_rounding = {0.95: 1.0, 4.95: 5.0}
     told_seconds = [round(float(value), 2) for value in told]

@@ -12,7 +12,7 @@ from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_c
 # diagonal [m].
 CENTRE_X, CENTRE_Y, COS, SIN, HALF_LENGTH, HALF_WIDTH, RADIUS = range(7)
 BODY = 7
-_OFF = np.float32(0.2)  # [m] around a body that makes room: more than right of way asks for (meetings.WIDE, of both)
+OFF = np.float32(0.2)  # [m] around a body that makes room: more than right of way asks for (meetings.WIDE, of both)
 _BERTH = np.float32(4.0)  # times as far off bodies as off shelves, which stay where they are
 _GIVEN = np.float32(0.002)  # [m] nearer than at the start that another body may come, as arcs are not driven exactly,
 _SPARE = np.float32(0.001)  # [m] but not so near that the field stops it, where there is so much room,
@@ -30,13 +30,13 @@ def write_body(x, y, c, s, p, body):
 
 @inline
 def bars(x, y, c, s, avoid, p):
-    """Whether the body at an axle pose, with _OFF around it, touches one of the bodies `avoid` float32[K, BODY]."""
+    """Whether the body at an axle pose, with OFF around it, touches one of the bodies `avoid` float32[K, BODY]."""
     cx, cy = x - p["offset"] * c, y - p["offset"] * s
     for k in range(avoid.shape[0]):
-        reach = p["radius"] + avoid[k, RADIUS] + _OFF + _OFF
+        reach = p["radius"] + avoid[k, RADIUS] + OFF + OFF
         dx, dy = avoid[k, CENTRE_X] - cx, avoid[k, CENTRE_Y] - cy
         if dx * dx + dy * dy < reach * reach and rectangles_touch(
-            dx, dy, c, s, p["half_length"] + _OFF, p["half_width"] + _OFF,
+            dx, dy, c, s, p["half_length"] + OFF, p["half_width"] + OFF,
             avoid[k, COS], avoid[k, SIN], avoid[k, HALF_LENGTH], avoid[k, HALF_WIDTH],
         ):  # fmt: skip
             return True

@@ -1,7 +1,9 @@
 """Manoeuvres: a search over (x, y, heading) for arcs, forwards and backwards, that the exact body can drive.
 
 Hybrid-state A* (Dolgov et al. 2010): a node is a real pose, and of the nodes in a cell of (x, y, heading) the soonest
-counts. The cost is the time that driving, steering and stopping take; the heuristic is the turning metric (turning.py).
+counts. The cost is the time that driving, steering and stopping take. The heuristic to goals is the turning metric,
+which knows how the body turns (turning.py). Room near by is searched for without one; a search for room that may take
+MOST nodes has the field of how far room is, which knows what stands around (room_field.py).
 
 API, for any kernel of the simulation (nothing is drawn at random, nothing kept between calls):
 
@@ -17,7 +19,8 @@ most: nodes of each of TRIES, each nearer to shelves and bodies and with shorter
     node. After one that was cut off there is no other, unless `most` is MOST.
 p, solid, clearance: PARAMETERS record and the floor; metric: turning_metric(PARAMETERS[1]), made once a Simulator.
 arcs float32[ARCS, 2]: is filled with (signed length [m], steering [rad]) of one arc after the other.
-search_once(..., bodies, trial, most, ...): a single try.
+search_once(..., goals, leave, bodies, trial, most, ...): a single try; leave: `avoid`, and the field of how far room
+    is, float32[0, 0] if there is none.
 search_exact(..., bodies, trial, most, ...): a single try whose goals are reached exactly, by a shot (shots.py) from a
     pose near enough: analytic expansion (Dolgov et al. 2010).
 Returns the number of arcs, 0 if the start is a goal already, NONE if there is none (search_once: CUT_OFF if there may
@@ -33,6 +36,7 @@ from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.simulation.driver import turning
 from warehouse_env.simulation.driver.bodies import BODY, bars, clear_of_bodies, write_rooms
 from warehouse_env.simulation.driver.heap import pop, push
+from warehouse_env.simulation.driver.room_field import UNKNOWN, apart_of, room_around, room_at
 from warehouse_env.simulation.driver.shots import MOST_ARCS, shoot
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, sweep_is_free
 from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos, wrap
@@ -177,7 +181,7 @@ def _finish(
 
 @part
 def _search(
-    x, y, heading, steer, goals, facing, avoid, bodies, rooms, margin, stride, cell, tree, table, queue, exact,
+    x, y, heading, steer, goals, facing, leave, bodies, rooms, margin, stride, cell, tree, table, queue, exact,
     p, solid, clearance, metric, arcs,
 ):  # fmt: skip
     """Search as search_once does, or search_exact if `exact` (float32[MOST_ARCS, 2], else None), with its arrays.
@@ -187,9 +191,11 @@ def _search(
     moves, poses, parents, by = tree
     taken, best = table
     keys, items, origins, ways, ends = queue
+    avoid, room = leave
     turning.write_moves(stride, p, moves)
     aside, capacity = goals.shape[0] == 0, keys.size
     s, c = sin_cos(heading)
+    x0, y0 = x - p["offset"] * c, y - p["offset"] * s
     write_rooms(x, y, c, s, margin, bodies, p, rooms)
     poses[0, X], poses[0, Y], poses[0, HEADING], poses[0, COSINE], poses[0, SINE] = x, y, heading, c, s
     poses[0, COST], poses[0, MARGIN] = ZERO, _margin_at(x, y, c, s, margin, p, solid, clearance)
@@ -210,7 +216,12 @@ def _search(
                 return CUT_OFF
             rest, ends[waiting] = ZERO, False
             if aside:
-                ends[waiting] = not bars(x, y, c, s, avoid, p)
+                if room.size > 0:
+                    way = room_at(x - p["offset"] * c, y - p["offset"] * s, x0, y0, room, apart_of(p))
+                    if way >= UNKNOWN:
+                        continue
+                    rest = GREED * way / turning.FORWARD_SPEED
+                ends[waiting] = rest == ZERO and not bars(x, y, c, s, avoid, p)
             else:
                 ends[waiting], rest = _to_go(x, y, heading, goals, facing, metric, p)
             origins[waiting], ways[waiting] = node, k
@@ -270,7 +281,7 @@ def _search(
 
 @kernel
 def _search_within(
-    x, y, heading, steer, goals, avoid, bodies, trial, most, slots, exact, p, solid, clearance, metric, arcs
+    x, y, heading, steer, goals, leave, bodies, trial, most, slots, exact, p, solid, clearance, metric, arcs
 ):
     """Search as `_search` does, in arrays for `most` nodes and a table of `slots` cells, a power of two."""
     tree = (
@@ -286,14 +297,20 @@ def _search_within(
     for k in range(goals.shape[0]):
         facing[k, 1], facing[k, 0] = sin_cos(goals[k, 2])
     return _search(
-        x, y, heading, steer, goals, facing, avoid, bodies, rooms, MARGINS[trial],
+        x, y, heading, steer, goals, facing, leave, bodies, rooms, MARGINS[trial],
         STRIDES[trial] * p["long"], CELLS[trial] * p["long"],
         tree, table, queue, exact, p, solid, clearance, metric, arcs,
     )  # fmt: skip
 
 
 @kernel
-def search_once(x, y, heading, steer, goals, avoid, bodies, trial, most, p, solid, clearance, metric, arcs):
+def no_leave():
+    """Return what a search for goals takes as `leave`."""
+    return np.empty((0, BODY), np.float32), np.empty((0, 0), np.float32)
+
+
+@kernel
+def search_once(x, y, heading, steer, goals, leave, bodies, trial, most, p, solid, clearance, metric, arcs):
     """Search as in try `trial` of TRIES, for at most `most` <= MOST nodes; return as `search` does.
 
     Most searches are short, so the arrays are small at first: to make large ones takes longer than such a search.
@@ -302,7 +319,7 @@ def search_once(x, y, heading, steer, goals, avoid, bodies, trial, most, p, soli
     for large in range(2):
         nodes, slots = (most, _SLOTS) if large else (min(most, _SHORT), _SHORT_SLOTS)
         count = _search_within(
-            x, y, heading, steer, goals, avoid, bodies, trial, nodes, slots, None, p, solid, clearance, metric, arcs
+            x, y, heading, steer, goals, leave, bodies, trial, nodes, slots, None, p, solid, clearance, metric, arcs
         )
         if count != CUT_OFF or nodes == most:
             break
@@ -312,9 +329,9 @@ def search_once(x, y, heading, steer, goals, avoid, bodies, trial, most, p, soli
 @kernel
 def search_exact(x, y, heading, steer, goals, bodies, trial, most, p, solid, clearance, metric, arcs):
     """Search as search_once does, for a way that ends exactly at one of the goals."""
-    exact, nothing = np.empty((MOST_ARCS, 2), np.float32), np.empty((0, BODY), np.float32)
+    exact = np.empty((MOST_ARCS, 2), np.float32)
     return _search_within(
-        x, y, heading, steer, goals, nothing, bodies, trial, most, _SLOTS, exact, p, solid, clearance, metric, arcs
+        x, y, heading, steer, goals, no_leave(), bodies, trial, most, _SLOTS, exact, p, solid, clearance, metric, arcs
     )
 
 
@@ -327,9 +344,13 @@ def trial_of(k, bodies):
 @kernel
 def search(x, y, heading, steer, goals, avoid, bodies, most, p, solid, clearance, metric, arcs):
     """Find a manoeuvre and write it into `arcs`; return the number of its arcs and its margin (see above)."""
+    room = no_leave()[1]
+    if goals.shape[0] == 0 and most == MOST:
+        room = room_around(x, y, heading, avoid, bodies, p, solid, clearance)
+    leave = avoid, room
     for k in range(TRIES):
         trial = trial_of(k, bodies)
-        count = search_once(x, y, heading, steer, goals, avoid, bodies, trial, most, p, solid, clearance, metric, arcs)
+        count = search_once(x, y, heading, steer, goals, leave, bodies, trial, most, p, solid, clearance, metric, arcs)
         if count >= 0:
             return count, MARGINS[trial]
         if count == CUT_OFF and most < MOST:  # among narrower ways there are more

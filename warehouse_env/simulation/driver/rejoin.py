@@ -3,7 +3,7 @@
 API: seek(begin, end, robots, routes, arcs, params, kinds, solid, clearance, metrics) for all that seek their routes;
      write_bodies_near(i, robots, within, p, kinds, near) -> number of bodies for
      plan_to_route(r, route, arcs, bodies, tries, most, p, solid, clearance, metric) and
-     plan_aside(r, arcs, avoid, bodies, p, solid, clearance, metric)
+     plan_aside(r, arcs, avoid, bodies, most, p, solid, clearance, metric)
 The two search from where the robot stands, begin the manoeuvre if there is one, and return the number of its arcs: 0
 if it needs none, -1 if there is none. For bodies, most, avoid and metric see manoeuvre.py, and driving.py for how it
 is driven; tries: of manoeuvre.TRIES. With `most` below manoeuvre.MOST the first search that is cut off is the last.
@@ -27,7 +27,7 @@ FAR_APART, FAR_MANY = np.float32(1.2), 20  # where none of these can be reached:
 CRUISE = np.float32(1.3)  # [m/s] at which the rest of the way is priced
 NEAR, MOST_NEAR = np.float32(3.0), 64  # [m] within which others are gone round; more bodies than fit into that
 FEW = 2  # tries of a follower round others who may go
-AMONG_OTHERS, ASIDE = 300, 700  # nodes of a search round others who may go, and of one for room
+AMONG_OTHERS = 300  # nodes of a search round others who may go
 
 
 @inline
@@ -78,7 +78,7 @@ def plan_to_route(r, route, arcs, bodies, tries, most, p, solid, clearance, metr
     """Begin the soonest manoeuvre to a pose on the robot's own route (see above)."""
     if r["points"] < 2:
         return manoeuvre.NONE
-    nothing = np.empty((0, BODY), np.float32)
+    leave = manoeuvre.no_leave()
     near, far = np.empty((MANY + 3, 4), np.float32), np.empty((FAR_MANY + 3, 4), np.float32)
     near = near[: _write_goals(r, route, APART, whole(MANY), near, p)]
     far = far[: _write_goals(r, route, FAR_APART, whole(FAR_MANY), far, p)]
@@ -86,7 +86,7 @@ def plan_to_route(r, route, arcs, bodies, tries, most, p, solid, clearance, metr
         trial = manoeuvre.trial_of(k // 2, bodies)
         goals = near if k % 2 == 0 else far
         found = manoeuvre.search_once(
-            r["x"], r["y"], r["heading"], r["steer"], goals, nothing, bodies, trial, most,
+            r["x"], r["y"], r["heading"], r["steer"], goals, leave, bodies, trial, most,
             p, solid, clearance, metric, arcs,
         )  # fmt: skip
         if found > 0:
@@ -99,12 +99,12 @@ def plan_to_route(r, route, arcs, bodies, tries, most, p, solid, clearance, metr
 
 
 @kernel
-def plan_aside(r, arcs, avoid, bodies, p, solid, clearance, metric):
+def plan_aside(r, arcs, avoid, bodies, most, p, solid, clearance, metric):
     """Begin the soonest manoeuvre to a pose whose body is off all rectangles of `avoid` (see above)."""
     goals = np.empty((0, 4), np.float32)
     x, y, heading, steer = r["x"], r["y"], r["heading"], r["steer"]
     found, margin = manoeuvre.search(
-        x, y, heading, steer, goals, avoid, bodies, ASIDE, p, solid, clearance, metric, arcs
+        x, y, heading, steer, goals, avoid, bodies, most, p, solid, clearance, metric, arcs
     )
     if found > 0:
         begin_manoeuvre(r, found, arcs, margin)

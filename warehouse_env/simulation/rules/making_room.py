@@ -5,16 +5,21 @@ Who waits for a robot that stands for good, and not in a ring, looks for a way r
 bodies near, as they stand, and people. Who waits for itself lets a person out, and leaves its place (letting_out.py).
 Whoever finds no way may be shut in from behind: then those that wait for it leave the floor behind it, the last of them
 first if they must. Who is in a ring, and who searches when: waits.py.
+
+At first all look for room near by only, since another may have less far. Who has waited for waits.SHUT_IN_AFTER none
+the less, as in a winding passage, searches however far room is, and those behind it leave the way that it would take
+without them, round all bends (room_field.py).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.simulation.driver.bodies import BODY, write_body
 from warehouse_env.simulation.driver.manoeuvre import MOST, TRIES
 from warehouse_env.simulation.driver.rejoin import AMONG_OTHERS, plan_aside, plan_to_route, write_bodies_near
+from warehouse_env.simulation.driver.room_field import room_around, write_way
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.people import RADIUS
 from warehouse_env.simulation.physics.trigonometry import ZERO
@@ -24,7 +29,9 @@ from warehouse_env.simulation.rules.waits import SEEKS, STAGE, STUCK
 from warehouse_env.simulation.state import NOBODY
 
 NEAR, NEAR_PEOPLE = np.float32(6.0), np.float32(2.0)  # [m] within which bodies are gone round, and who walks
+ASIDE = 700  # nodes of a search for room near by: within a metre or two
 BEHIND, BEHIND_STEP = 5, np.float32(0.3)  # poses, and [m] between them, to which who finds no way out wants to back off
+WAY = POSES  # bodies along its way off others' paths at most: 13 m, or more where it leads across the lattice
 CHAIN = 4  # robots one behind the other that are asked to leave the floor behind it
 
 
@@ -61,10 +68,10 @@ def _write_near(i, robots, persons, p, kinds, bodies):
     return count
 
 
-@part
-def _leave_ring(low, robots, persons, arcs, ways, bodies, avoid, p, kinds, solid, clearance, metrics):
-    """Search a way off the paths of all others in the ring for robot `low`, or if it is alone from where it stands;
-    return whether there is one.
+@inline
+def _write_ring(low, robots, ways, avoid, p, kinds):
+    """Write the bodies along the paths of all others in the ring of robot `low` into avoid, or if it is alone its own
+    where it stands; return how many.
     """
     paths, poses = ways
     count, j, whole_ring = 0, robots[low]["yields_to"], False
@@ -75,12 +82,19 @@ def _leave_ring(low, robots, persons, arcs, ways, bodies, avoid, p, kinds, solid
             count += 1
         j = robots[j]["yields_to"]
         whole_ring = j == low
-    r, own = robots[low], kind_of(low, p, kinds)
-    near = _write_near(low, robots, persons, own, kinds, bodies)
-    found = plan_aside(r, arcs[low], avoid[:count], bodies[:near], own, solid, clearance, metrics[own["kind"]])
-    r["aside"] = found > 0
-    r["pause"] = waits.LEAVES if found > 0 else waits.PAUSE
-    return found > 0
+    return count
+
+
+@part
+def _leave(i, robots, persons, arcs, bodies, avoid, p, kinds, solid, clearance, metrics):
+    """Search a way for robot i off the bodies `avoid`; return what plan_aside does."""
+    r, own = robots[i], kind_of(i, p, kinds)
+    near = _write_near(i, robots, persons, own, kinds, bodies)
+    most = whole(MOST) if waits.is_shut_in(r) else whole(ASIDE)
+    found = plan_aside(r, arcs[i], avoid, bodies[:near], most, own, solid, clearance, metrics[own["kind"]])
+    if found > 0:
+        r["aside"], r["pause"] = 1, waits.LEAVES
+    return found
 
 
 @part
@@ -102,22 +116,43 @@ def _write_way_back(r, p, avoid):
         write_body(r["x"] - behind * r["cos"], r["y"] - behind * r["sin"], r["cos"], r["sin"], p, avoid[k])
 
 
+@kernel
+def _write_way_out(i, robots, avoid, count, p, kinds, solid, clearance):
+    """Write into avoid the bodies along the way of robot i off those in avoid[:count], past nobody but the one that it
+    waits for; straight back, if there is nothing to be off or no such way. Return how many.
+    """
+    r, own, many = robots[i], kind_of(i, p, kinds), 0
+    if count > 0:
+        j, others = r["yields_to"], np.empty((1, BODY), np.float32)
+        o, other = robots[j], kind_of(j, p, kinds)
+        x, y = o["x"] - other["offset"] * o["cos"], o["y"] - other["offset"] * o["sin"]
+        write_body(x, y, o["cos"], o["sin"], other, others[0])
+        others = others[: j != i]  # nobody, if it waits for itself
+        room = room_around(r["x"], r["y"], r["heading"], avoid[:count], others, own, solid, clearance)
+        x, y = r["x"] - own["offset"] * r["cos"], r["y"] - own["offset"] * r["sin"]
+        many = write_way(x, y, room, own, avoid[:WAY])
+    if many == 0:
+        _write_way_back(r, own, avoid)
+        many = BEHIND
+    return many
+
+
 @part
-def _clear_behind(i, robots, persons, arcs, bodies, avoid, p, kinds, solid, clearance, metrics):
-    """Have who waits for robot i, which finds no way out, leave the floor behind it; who cannot asks its own waiter."""
-    asks = i
+def _clear_way(i, count, robots, persons, arcs, bodies, avoid, p, kinds, solid, clearance, metrics):
+    """Have who waits for robot i, which finds no way out, leave the floor it needs; who cannot asks its own waiter.
+
+    avoid[:count]: what robot i is to be off, if it is in a ring.
+    """
+    asks, shut_in = i, waits.is_shut_in(robots[i])
     for _ in range(CHAIN):
-        _write_way_back(robots[asks], kind_of(asks, p, kinds), avoid)
+        count = _write_way_out(asks, robots, avoid, count if shut_in else 0, p, kinds, solid, clearance)
         blocked = NOBODY
         for j in range(robots.shape[0]):
             r = robots[j]
             if j == asks or r["yields_to"] != asks or not waits.may_leave(r):
                 continue
-            own = kind_of(j, p, kinds)
-            near = _write_near(j, robots, persons, own, kinds, bodies)
-            found = plan_aside(r, arcs[j], avoid[:BEHIND], bodies[:near], own, solid, clearance, metrics[own["kind"]])
+            found = _leave(j, robots, persons, arcs, bodies, avoid[:count], p, kinds, solid, clearance, metrics)
             if found > 0:
-                r["aside"], r["pause"] = 1, waits.LEAVES
                 return
             if found < 0:
                 r["pause"], blocked = waits.PAUSE, j
@@ -131,12 +166,14 @@ def _resolve(robots, persons, routes, arcs, ways, found, bodies, avoid, p, kinds
     """Let those of a world search that seek or are stuck, one after another; each search changes who still is."""
     waits.look(robots, found)
     for i in range(robots.shape[0]):
-        stage, low, most = found[STAGE, i], i, AMONG_OTHERS
+        stage, low, most, count = found[STAGE, i], i, AMONG_OTHERS, 0
         if stage == SEEKS:
             low = _least(i, robots)
-            if _leave_ring(low, robots, persons, arcs, ways, bodies, avoid, p, kinds, solid, clearance, metrics):
+            count = _write_ring(low, robots, ways, avoid, p, kinds)
+            if _leave(low, robots, persons, arcs, bodies, avoid[:count], p, kinds, solid, clearance, metrics) > 0:
                 waits.look(robots, found)
                 continue
+            robots[low]["aside"], robots[low]["pause"] = 0, waits.PAUSE
         elif stage == STUCK:
             if robots[robots[i]["yields_to"]]["alive"] == 0:
                 most = MOST  # else it may yet go
@@ -147,7 +184,7 @@ def _resolve(robots, persons, routes, arcs, ways, found, bodies, avoid, p, kinds
         if alone or not _go_round(
             low, robots, persons, routes, arcs, bodies, most, p, kinds, solid, clearance, metrics
         ):
-            _clear_behind(low, robots, persons, arcs, bodies, avoid, p, kinds, solid, clearance, metrics)
+            _clear_way(low, count, robots, persons, arcs, bodies, avoid, p, kinds, solid, clearance, metrics)
         waits.look(robots, found)
 
 

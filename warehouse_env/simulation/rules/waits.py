@@ -33,6 +33,7 @@ URGED = np.float32(2.0)  # standing: it goes if it has right of way, though its 
 SEEKS_AFTER = np.float32(2.0)  # waiting, in a ring: one of the ring leaves it
 FOR_GOOD = np.float32(2.0)  # waiting: as far as can be told, it stands for good
 STUCK_AFTER = np.float32(4.0)  # waiting, for one that stands for good: it goes round that one
+SHUT_IN_AFTER = np.float32(20.0)  # waiting: it goes for room however far, and those behind it leave its way
 ROCKS = np.float32(4.95)  # standing: it stands, though it moves (5 s, less its rounding)
 LONGER = np.float32(5.0)  # standing, times `right_of_way_after`: rules step in around it, in a ring or not
 DEARER = 20.0  # standing: others that stand cost its route twice as much, after as long again three times, and so on
@@ -116,6 +117,12 @@ def refuser(r):
 def may_leave(r):
     """Whether a robot stands that could be asked to leave: it is not parked, and not making room already."""
     return r["alive"] != 0 and r["waiting_time"] >= STANDS and (r["aside"] == 0 or r["pause"] <= ZERO)
+
+
+@inline
+def is_shut_in(r):
+    """Whether a robot has waited so long that it goes for room however far that is."""
+    return r["waiting_time"] > SHUT_IN_AFTER
 
 
 @inline

@@ -1,0 +1,178 @@
+"""How far it is off others' paths for a disc as wide as the body, by hand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.simulation.driver.test_manoeuvre import NOBODY, PARAMETERS, ROBOT, body, driven, plan, rectangles, sized
+from tests.simulation.worlds import drawn, room
+from warehouse_env.config import EnvConfig
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.driver.bodies import BODY, CENTRE_X, CENTRE_Y, COS, HALF_WIDTH
+from warehouse_env.simulation.driver.manoeuvre import ARCS
+from warehouse_env.simulation.driver.room_field import (
+    BARRED,
+    POINTS,
+    UNKNOWN,
+    apart_of,
+    room_around,
+    room_at,
+    write_way,
+)
+from warehouse_env.simulation.physics.floor import floor_of
+from warehouse_env.simulation.state import parameters_of
+
+MIDDLE = POINTS // 2
+APART = np.float32(apart_of(PARAMETERS[0]))
+STEP = 0.2
+ROUNDING = 1e-4
+AISLE = drawn(["#" * 12, "." * 12, "#" * 12])
+BENT = drawn(["#" * 12, "#......#####", "######.#####", "######.#####", "######.....#", "#" * 12])
+
+
+def field(
+    grid: GridMap,
+    centre: tuple[float, float],
+    avoid: NDArray[np.float32] = NOBODY,
+    bodies: NDArray[np.float32] = NOBODY,
+    parameters: NDArray[np.void] = PARAMETERS,
+) -> NDArray[np.float32]:
+    """The field around a body that heads east and has its centre there."""
+    p, floor = parameters[0], floor_of(grid)
+    x, y = np.float32(centre[0] + p["offset"]), np.float32(centre[1])
+    found: NDArray[np.float32] = room_around(x, y, np.float32(0.0), avoid, bodies, p, floor.solid, floor.clearance)
+    return found
+
+
+def centred(*poses: tuple[float, float, float]) -> NDArray[np.float32]:
+    """Bodies of the default size with their centres there."""
+    return np.array([sized((x, y, math.cos(turn), math.sin(turn))) for x, y, turn in poses], np.float32)
+
+
+def along(x: float, y: float, count: int) -> NDArray[np.float32]:
+    """A path east, from there on."""
+    return centred(*((x + 0.25 * k, y, 0.0) for k in range(count)))
+
+
+def at(found: NDArray[np.float32], dx: float, dy: float) -> float:
+    """How far it is from so many metres east and north of the middle."""
+    return float(found[MIDDLE + round(dy / STEP), MIDDLE + round(dx / STEP)])
+
+
+def test_where_nobody_passes_there_is_room() -> None:
+    assert not field(room(20, 20), (10.0, 10.0)).any()
+
+
+def test_beside_a_path_it_is_as_far_as_two_half_widths_and_what_is_kept_off() -> None:
+    """0.3 + 0.3 + 0.2 m from the middle of it; the disc on a point is smaller by 0.14."""
+    found = field(room(20, 20), (10.0, 10.0), along(0.5, 10.0, 80))
+    assert at(found, 0, 0) == pytest.approx(0.8, abs=ROUNDING)
+    assert at(found, 0, 0.6) == at(found, 0, -0.6) == pytest.approx(0.2, abs=ROUNDING)
+    assert at(found, 3, 0.8) == 0.0
+
+
+def test_in_an_aisle_it_is_as_far_as_its_mouth_round_the_corner() -> None:
+    path = np.concatenate([along(1.5, 4.5, 21), centred(*((6.5, 4.5 - 0.25 * k, 1.57) for k in range(13)))])
+    found = field(BENT, (2.5, 4.5), path)
+    # 4 m east and 3 m south along the path, then 0.8 m off it to the east; the corners may be cut by a metre
+    assert 7.8 - 2.0 < at(found, 0, 0) < 7.8
+    assert at(found, 2, 0) == pytest.approx(at(found, 0, 0) - 2.0, abs=ROUNDING)
+    assert at(found, 0, 1) == BARRED  # a shelf
+
+
+def test_bodies_bar_the_way() -> None:
+    path, west, east = along(4.0, 1.5, 20), (4.5, 1.5, 0.0), (8.5, 1.5, 0.0)
+    free = field(AISLE, (6.0, 1.5), path)
+    # the first body of the path reaches west to 3.55, and the disc is off from 0.5 m less 0.14 before that on
+    assert at(free, 0, 0) == pytest.approx(6.0 - 3.0, abs=ROUNDING)
+    barred = field(AISLE, (6.0, 1.5), path, centred(west))
+    assert at(barred, 0, 0) == pytest.approx(9.6 - 6.0, abs=ROUNDING)  # out by the other end
+    assert at(barred, -1.6, 0) == BARRED
+    assert at(field(AISLE, (6.0, 1.5), path, centred(west, east)), 0, 0) == UNKNOWN
+
+
+def test_beyond_the_rim_there_may_be_room() -> None:
+    grid, rim = drawn(["#" * 40, "." * 40, "#" * 40]), MIDDLE * STEP
+    found = field(grid, (20.0, 1.5), along(0.5, 1.5, 160))
+    assert at(found, 0, 0) == pytest.approx(rim, abs=ROUNDING)
+    assert at(found, 3, 0) == pytest.approx(rim - 3.0, abs=ROUNDING)
+    x0, y0 = np.float32(20.0), np.float32(1.5)
+    assert room_at(np.float32(20.0 + rim + 0.1), y0, x0, y0, found, APART) == 0.0
+    assert room_at(np.float32(22.9), np.float32(1.45), x0, y0, found, APART) == pytest.approx(rim - 3.0, abs=ROUNDING)
+
+
+def test_of_a_wider_body_all_is_as_much_farther() -> None:
+    """But for what is kept off: 0.2 m for any."""
+    parameters = parameters_of(EnvConfig(robot=replace(ROBOT, width=1.5 * ROBOT.width)), 1.0)
+    assert apart_of(parameters[0]) == pytest.approx(1.5 * STEP)
+    path = along(0.5, 20.0, 160)
+    path[:, HALF_WIDTH] *= 1.5
+    found = field(room(40, 40), (20.0, 20.0), path, parameters=parameters)
+    # off are 0.45 + 0.45 + 0.2 m, less 0.21: points at 0.9 m, not at 0.6
+    assert float(found[MIDDLE, MIDDLE]) == pytest.approx(0.9, abs=ROUNDING)
+    assert float(found[MIDDLE + 2, MIDDLE]) == pytest.approx(0.3, abs=ROUNDING)
+    assert float(found[MIDDLE + 3, MIDDLE]) == 0.0
+
+
+def test_a_body_longer_than_the_aisle_is_wide_gets_along_it_too() -> None:
+    parameters = parameters_of(EnvConfig(robot=replace(ROBOT, length=2 * ROBOT.length)), 1.0)
+    assert at(field(AISLE, (6.0, 1.5), along(4.0, 1.5, 20), parameters=parameters), 0, 0) == pytest.approx(
+        3.0, abs=ROUNDING
+    )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_manoeuvre_off_a_path_is_shorter(seed: int) -> None:
+    """Whatever the exact body drives: its way is no shorter than the field says, and the field is 0 at its end."""
+    rng, planned = np.random.default_rng(seed), 0
+    for _ in range(25):
+        shelves = rng.random((14, 14)) < 0.12
+        shelves[5:9, 5:9] = False
+        grid, heading = GridMap(shelves), rng.uniform(-math.pi, math.pi)
+        pose = (*rng.uniform(6.2, 7.8, 2), heading)
+        ways = np.arange(-2.0, 2.0, 0.25)[:, None] * [math.cos(heading), math.sin(heading), 0.0]
+        avoid = rectangles(*(np.array(pose) + ways))
+        bodies = rectangles(*((x, y, turn) for x, y, turn in rng.uniform((4, 4, -3), (10, 10, 3), (2, 3))))
+        bodies = bodies[np.hypot(bodies[:, CENTRE_X] - pose[0], bodies[:, CENTRE_Y] - pose[1]) > 1.5]
+        arcs = plan(grid, pose, avoid=avoid, bodies=bodies)
+        if arcs is None or len(arcs) in (0, ARCS):
+            continue
+        planned += 1
+        p, floor = PARAMETERS[0], floor_of(grid)
+        values = [np.float32(value) for value in pose]
+        found = room_around(*values, avoid, bodies, p, floor.solid, floor.clearance)
+        centres = np.array([body(each)[:2] for each in driven(pose, arcs)], np.float32)
+        says = np.array([room_at(x, y, *centres[0], found, APART) for x, y in centres])
+        assert says[-1] == 0.0
+        to_go = np.append(np.hypot(*np.diff(centres, axis=0).T)[::-1].cumsum()[::-1], 0.0)
+        assert (says <= to_go / math.cos(math.pi / 8) + 2 * STEP).all()
+    assert planned > 10
+
+
+def way_of(grid: GridMap, centre: tuple[float, float], avoid: NDArray[np.float32], most: int = 16) -> Any:
+    way = np.zeros((most, BODY), np.float32)
+    found = field(grid, centre, avoid)
+    return way[: write_way(np.float32(centre[0]), np.float32(centre[1]), found, PARAMETERS[0], way)]
+
+
+def test_the_way_out_follows_a_bend() -> None:
+    path = np.concatenate([along(1.5, 4.5, 21), centred(*((6.5, 4.5 - 0.25 * k, 1.57) for k in range(13)))])
+    way = way_of(BENT, (2.5, 4.5), path)
+    assert way[0, :2] == pytest.approx((2.9, 4.5), abs=STEP + ROUNDING)  # at once towards the inner side of the bend
+    assert way[0, COS] > 0.7
+    x, y = way[:, CENTRE_X], way[:, CENTRE_Y]
+    assert ((y > 4.0) | ((x > 6.0) & (x < 7.0)) | (y < 2.0)).all()  # within the passage
+    assert (np.hypot(np.diff(x), np.diff(y)) < 2 * math.sqrt(2) * STEP + ROUNDING).all()
+    assert y[-1] < 2.4
+    assert way_of(BENT, (2.5, 4.5), path, 3) == pytest.approx(way[:3])
+
+
+def test_there_is_no_way_out_where_there_is_room_or_none_at_all() -> None:
+    assert len(way_of(AISLE, (6.0, 1.5), NOBODY)) == 0
+    assert len(way_of(drawn(["#" * 5, "#...#", "#" * 5]), (2.5, 1.5), along(1.5, 1.5, 9))) == 0
