@@ -95,6 +95,7 @@ def test_distance_kernels_are_the_same_as_plain_python() -> None:
     for kernel, arguments in (
         (distance.distance_field, (grid.legal_moves, MOVES, *goal)),
         (distance.label_regions, (~grid.occupied,)),
+        (distance.cut_cells, (~grid.occupied,)),
     ):
         plain = getattr(kernel, "py_func", kernel)
         assert np.array_equal(kernel(*arguments), plain(*arguments))
@@ -305,3 +306,14 @@ def test_the_origin_is_where_the_floor_is_in_its_files_frame() -> None:
     for origin in (3, (1, 2, 3), (np.nan, 0), ("x", 0), None, (10**400, 0)):
         with pytest.raises(MapError, match="origin"):
             GridMap(np.zeros((2, 3)), origin=origin)  # type: ignore[arg-type]
+
+
+@given(floors())
+def test_cut_cells_are_those_without_which_a_region_falls_apart(grid: GridMap) -> None:
+    free = ~grid.occupied
+    regions, expected = distance.label_regions(free).max(), np.zeros_like(free)
+    for row, column in np.argwhere(free):
+        rest = free.copy()
+        rest[row, column] = False
+        expected[row, column] = distance.label_regions(rest).max() > regions
+    np.testing.assert_array_equal(distance.cut_cells(free), expected)

@@ -90,3 +90,45 @@ def label_regions(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
                         stack[size, 0], stack[size, 1] = a, b
                         size += 1
     return label
+
+
+@kernel
+def cut_cells(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return bool[H, W]: free cells without which their region falls apart (Hopcroft and Tarjan 1973)."""
+    rows, columns = free.shape
+    order, low = np.zeros(rows * columns, np.int32), np.zeros(rows * columns, np.int32)
+    parent, tried = np.full(rows * columns, -1, np.int32), np.zeros(rows * columns, np.uint8)
+    cut = np.zeros(rows * columns, np.bool_)
+    count = 0
+    for root in range(rows * columns):
+        if order[root] != 0 or not free[root // columns, root % columns]:
+            continue
+        count += 1
+        order[root] = low[root] = count
+        at, branches = root, 0
+        while at >= 0:
+            k, r, c = tried[at], at // columns, at % columns
+            tried[at] += 1
+            if k < 4:
+                a, b = r + (k == 1) - (k == 3), c + (k == 0) - (k == 2)
+                if a < 0 or b < 0 or a >= rows or b >= columns or not free[a, b]:
+                    continue
+                other = a * columns + b
+                if order[other] == 0:
+                    count += 1
+                    order[other] = low[other] = count
+                    parent[other] = at
+                    at = other
+                elif other != parent[at]:
+                    low[at] = min(low[at], order[other])
+                continue
+            up = parent[at]
+            if up == root:
+                branches += 1
+            elif up >= 0:
+                cut[up] |= low[at] >= order[up]
+            if up >= 0:
+                low[up] = min(low[up], low[at])
+            at = up
+        cut[root] = branches > 1
+    return cut.reshape((rows, columns))

@@ -63,3 +63,15 @@ def test_a_hall_of_pallets_has_faces_however_its_cells_lie(tmp_path: Path, begin
 def test_a_public_hall_has_faces_however_its_cells_lie() -> None:
     for begin in ("corner", "best", "0.4+0.4"):
         assert len(read_hall(f"{REAL / 'depot.yaml'}:begin={begin}").grid.picks) > 25
+
+
+def test_no_pick_face_is_in_the_only_way_to_a_room() -> None:
+    """Whoever stood in the gap below the rack would shut the room behind it; where that is all, it is taken."""
+    occupied = np.array([list(row) for row in ("#....##....#", "#....##....#", "#..........#", "############")]) == "#"
+    rack = np.zeros_like(occupied)
+    rack[:2, 5:7] = True
+    found, _ = propose(occupied, rack, occupied, 1.0)
+    assert sorted(map(tuple, found.tolist())) == [(0, 4), (0, 7), (1, 4), (1, 7)]
+    rack[0] = False
+    found, _ = propose(occupied, rack, occupied, 1.0)
+    assert found.tolist() == [[2, 5], [2, 6]]

@@ -129,7 +129,7 @@ def test_a_body_longer_than_the_aisle_is_wide_gets_along_it_too() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_no_manoeuvre_off_a_path_is_shorter(seed: int) -> None:
-    """Whatever the exact body drives: its way is no shorter than the field says, and the field is 0 at its end."""
+    """What the exact body drives is no shorter than the field says, but for 8%, and ends where that is 0."""
     rng, planned = np.random.default_rng(seed), 0
     for _ in range(25):
         shelves = rng.random((14, 14)) < 0.12
@@ -151,7 +151,7 @@ def test_no_manoeuvre_off_a_path_is_shorter(seed: int) -> None:
         says = np.array([room_at(x, y, *centres[0], found, APART) for x, y in centres])
         assert says[-1] == 0.0
         to_go = np.append(np.hypot(*np.diff(centres, axis=0).T)[::-1].cumsum()[::-1], 0.0)
-        assert (says <= to_go / math.cos(math.pi / 8) + 2 * STEP).all()
+        assert (says <= to_go / math.cos(math.pi / 8) + ROUNDING).all()
     assert planned > 10
 
 

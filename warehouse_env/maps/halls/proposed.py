@@ -22,12 +22,16 @@ def propose(
     """Return picks int64[K, 2] and stations int64[S, 2] of a bare map.
 
     Picks are floor beside straight obstacles, of the first of these kinds that has any: goods, what stands free among
-    the cells, what stands there at all, what is closed. Stations stand along the west and the east rim of the floor
-    that robots drive on. What a map is too small or too odd for is as on other maps.
+    the cells, what stands there at all, what is closed. Where a robot that stands would cut floor off, as in the only
+    way to a room, there is none, if there are others (well-formed infrastructures: Cap et al. 2015). Stations stand
+    along the west and the east rim of the floor that robots drive on. What a map is too small or too odd for is as on
+    other maps.
 
     occupied, goods, walls: bool[H, W], cells that are no floor, those with something of a rack (`racks`), and those
     where something stands; cell: their side [m].
     """
+    from warehouse_env.maps.distance import cut_cells
+
     region = largest_region(~occupied)
     rows, columns = (np.flatnonzero(region.any(axis=axis)) for axis in (1, 0))
     part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
@@ -37,10 +41,12 @@ def propose(
     free = region.copy()
     free[tuple(stations.T)] = False
     long = max(2, math.ceil(FACE / cell - 1e-6))
+    bars = cut_cells(region)
     for obstacles in (goods, shelves(walls), walls, occupied):
-        picks = np.argwhere(free & _beside_straight(obstacles, region, long) & beside(obstacles))
-        if len(picks):
-            return picks, stations
+        found = free & _beside_straight(obstacles, region, long) & beside(obstacles)
+        for faces in (found & ~bars, found):
+            if faces.any():
+                return np.argwhere(faces), stations
     return usual, stations
 
 

@@ -31,7 +31,7 @@ from warehouse_env.simulation.state import NOBODY
 NEAR, NEAR_PEOPLE = np.float32(6.0), np.float32(2.0)  # [m] within which bodies are gone round, and who walks
 ASIDE = 700  # nodes of a search for room near by: within a metre or two
 BEHIND, BEHIND_STEP = 5, np.float32(0.3)  # poses, and [m] between them, to which who finds no way out wants to back off
-WAY = POSES  # bodies along its way off others' paths at most: 13 m, or more where it leads across the lattice
+WAY = POSES  # bodies along its way off others' paths at most, some 13 m: as many as `avoid` holds of one robot
 CHAIN = 4  # robots one behind the other that are asked to leave the floor behind it
 
 
