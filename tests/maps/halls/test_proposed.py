@@ -75,3 +75,11 @@ def test_no_pick_face_is_in_the_only_way_to_a_room() -> None:
     rack[0] = False
     found, _ = propose(occupied, rack, occupied, 1.0)
     assert found.tolist() == [[2, 5], [2, 6]]
+
+
+def test_no_pick_face_is_in_a_blind_alley() -> None:
+    rows = ("........", "..##.##.", "..##.##.", "..#####.", "........")
+    occupied = np.array([list(row) for row in rows]) == "#"
+    found, _ = propose(occupied, occupied, occupied, 1.0)
+    assert len(found) > 12
+    assert not {(1, 4), (2, 4)} & set(map(tuple, found.tolist()))

@@ -23,9 +23,9 @@ def propose(
 
     Picks are floor beside straight obstacles, of the first of these kinds that has any: goods, what stands free among
     the cells, what stands there at all, what is closed. Where a robot that stands would cut floor off, as in the only
-    way to a room, there is none, if there are others (well-formed infrastructures: Cap et al. 2015). Stations stand
-    along the west and the east rim of the floor that robots drive on. What a map is too small or too odd for is as on
-    other maps.
+    way to a room, there is none, if there are others (well-formed infrastructures: Cap et al. 2015); nor at the end of
+    a blind alley, from which it has to back out. Stations stand along the west and the east rim of the floor that
+    robots drive on. What a map is too small or too odd for is as on other maps.
 
     occupied, goods, walls: bool[H, W], cells that are no floor, those with something of a rack (`racks`), and those
     where something stands; cell: their side [m].
@@ -41,7 +41,7 @@ def propose(
     free = region.copy()
     free[tuple(stations.T)] = False
     long = max(2, math.ceil(FACE / cell - 1e-6))
-    bars = cut_cells(region)
+    bars = cut_cells(region) | _ends_blindly(region)
     for obstacles in (goods, shelves(walls), walls, occupied):
         found = free & _beside_straight(obstacles, region, long) & beside(obstacles)
         for faces in (found & ~bars, found):
@@ -85,6 +85,12 @@ def _boxes(label: NDArray[np.int32]) -> NDArray[np.int64]:
         np.minimum.at(found[:, 0, axis], which, at)
         np.maximum.at(found[:, 1, axis], which, at)
     return found
+
+
+def _ends_blindly(floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return bool[H, W]: floor with floor on one side at most; what leads there are cells that would cut it off."""
+    near = np.pad(floor, 1).astype(np.int8)
+    return floor & (near[:-2, 1:-1] + near[2:, 1:-1] + near[1:-1, :-2] + near[1:-1, 2:] < 2)
 
 
 def _beside_straight(obstacles: NDArray[np.bool_], floor: NDArray[np.bool_], long: int) -> NDArray[np.bool_]:
