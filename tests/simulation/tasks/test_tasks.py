@@ -15,6 +15,7 @@ from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.tasks import Tasks
+from warehouse_env.work import OrderSpec
 
 PICKS, STATIONS = [(0, 0), (0, 1), (0, 2), (0, 3), (0, 4)], [(4, 0), (4, 2), (4, 4)]
 
@@ -104,15 +105,22 @@ def test_robots_that_find_no_room_to_stand_are_an_error() -> None:
         Simulator(EnvConfig(num_agents=8, planner="astar"), grid=grid).reset(seed=0)
 
 
-def test_where_places_lie_too_near_to_each_other_robots_begin_elsewhere_on_the_floor() -> None:
+@pytest.mark.parametrize("orders", [None, OrderSpec(per_hour=60.0)])
+def test_where_places_lie_too_near_to_each_other_robots_begin_elsewhere_on_the_floor(orders: OrderSpec | None) -> None:
+    """With orders they stand there until one comes."""
     picks, stations = np.array([(0, 0), (0, 1), (1, 0), (1, 1), (2, 0)]), np.array([(8, 8), (8, 7), (7, 8)])
     grid = GridMap(np.zeros((9, 9), dtype=bool), cell_size=0.5, picks=picks, stations=stations)
-    simulator = Simulator(EnvConfig(num_agents=7, planner="astar"), grid=grid)
+    config = EnvConfig(num_agents=7, planner="astar", arrival="pass" if orders is None else "stop", orders=orders)
+    simulator = Simulator(config, grid=grid)
     simulator.reset(seed=3)
     body = bodies(*simulator.state.pose[0].astype(np.float64).T)
     first, second = np.triu_indices(7, 1)
     assert separation(body[first], body[second]).min() > 0.0
-    assert {tuple(goal) for goal in simulator.state.goal[0].tolist()} <= set(simulator.grid.endpoints[2])
+    places = set(simulator.grid.endpoints[2])
+    goals, starts = ({tuple(cell) for cell in cells.tolist()} for cells in
+                     (simulator.state.goal[0], grid.standing(simulator.state.pose[0, :, :2])))  # fmt: skip
+    assert starts - places
+    assert goals <= (places if orders is None else places | starts)
 
 
 @pytest.mark.parametrize("name", sorted(LAYOUTS))
