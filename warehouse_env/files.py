@@ -1,72 +1,212 @@
-"""Files that are either complete or absent."""
+"""The doors for files: what is read is regular, small enough and decoded; what is written is complete or absent."""
 
 from __future__ import annotations
 
+import codecs
 import contextlib
+import csv
 import glob
 import hashlib
+import io
+import json
 import os
+import shutil
+import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any, BinaryIO
 
 from warehouse_env.errors import MapError, WarehouseError, shown
 
 _LONGEST_NAME, _LONGEST_PATH = 255, 4095  # [bytes]
-
+_MARKS = {  # of UTF-32 first: UTF-16's begins as that one does
+    codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF32_LE: "utf-32-le", codecs.BOM_UTF32_BE: "utf-32-be",
+    codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be",
+}  # fmt: skip
 
 STAGED: dict[str, Path] = {}
-"""Names as they were typed of files or folders that lie elsewhere in this process: they came here with a job."""
+"""Name as it was typed -> the file or folder that came with a job and stands in for it in this process."""
 
 
 def whereabouts(name: str) -> Path:
-    """Return where the file or folder of a name that was typed lies; ~ stands for the home."""
-    return (
-        STAGED[name] if name in STAGED else Path(os.path.expanduser(name))
-    )  # which leaves the home of nobody as it is
+    """Return the path of the file or folder that a typed name stands for; ~ is the home directory."""
+    return STAGED[name] if name in STAGED else Path(os.path.expanduser(name))
 
 
 def path_of(given: object, error: type[WarehouseError] = WarehouseError) -> Path:
-    """Return what a user gives as the name of a file as a Path; raises `error` for what names none."""
+    """Return a user's file name as a Path, where the file lies in this process; raises `error` for anything else."""
     try:
-        path = Path(given)  # type: ignore[arg-type]
+        path = whereabouts(os.fspath(given))  # type: ignore[call-overload]
         encoded = os.fsencode(path)
         named = not set(encoded) & set(b"\0\r\n") and max(map(len, encoded.split(b"/"))) <= _LONGEST_NAME
         named = named and len(encoded) <= _LONGEST_PATH
-    except (TypeError, UnicodeEncodeError):
+    except (TypeError, ValueError):
         named = False
     if not named:
         raise error(f"{shown(given)} is no file name")
     return path
 
 
-def read_bytes(path: Path, kind: str, most: int) -> bytes:
-    """Return what a plain file holds; MapError if there is none, or more than `most` bytes in it."""
+@contextlib.contextmanager
+def open_regular(given: object, kind: str, most: int, error: type[WarehouseError] = MapError) -> Iterator[BinaryIO]:
+    """Yield a regular file of at most `most` bytes, opened for reading.
+
+    Raises `error`, which names the kind of file, for a device, pipe or folder (without waiting for a writer), for a
+    larger file, and for one that cannot be read.
+    """
+    path = path_of(given, error)
     try:
-        if not path.is_file():
-            raise MapError(f"{kind} {path} {'is no plain file' if path.exists() else 'does not exist'}")
-        if path.stat().st_size > most:
-            raise MapError(f"{kind} {path} has {path.stat().st_size:,} bytes; at most {most:,} are read")
-        return path.read_bytes()
-    except OSError as error:
-        raise MapError(f"{kind} {path} cannot be read: {error.strerror}") from None
+        with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
+            about = os.fstat(file.fileno())
+            if not stat.S_ISREG(about.st_mode):
+                raise error(f"{kind} {path} must be a regular file, not a {_what(about.st_mode)}")
+            if about.st_size > most:
+                raise error(f"{kind} {path} has {about.st_size:,} bytes; at most {most:,} are read")
+            yield file
+    except FileNotFoundError:
+        raise error(f"{kind} {path} does not exist") from None
+    except OSError as failed:
+        raise error(f"{kind} {path} cannot be read: {failed.strerror or failed}") from None
+
+
+def read_bytes(given: object, kind: str, most: int, error: type[WarehouseError] = MapError) -> bytes:
+    """Return the content of a regular file of at most `most` bytes; raises `error` as `open_regular` does."""
+    with open_regular(given, kind, most, error) as file:
+        content = file.read(most + 1)
+    if len(content) > most:  # it grew, or is one of the kernel's files, which have no size
+        raise error(f"{kind} {given} has more than the {most:,} bytes that are read")
+    return content
+
+
+def decoded(content: bytes, what: str, error: type[WarehouseError] = MapError) -> str:
+    """Return text with \\n at the end of lines: UTF-8, or as its byte order mark says; raises `error` otherwise."""
+    mark = next((mark for mark in _MARKS if content.startswith(mark)), b"")
+    try:
+        text = content[len(mark) :].decode(_MARKS.get(mark, "utf-8"))
+    except UnicodeDecodeError as failed:
+        line = content[: failed.start].count(b"\n") + 1
+        raise error(f"{what}, line {line}: the text is not UTF-8; save the file as UTF-8") from None
+    if "\0" in text:
+        raise error(f"{what}, line {text[: text.index(chr(0))].count(chr(10)) + 1}: a zero byte, so this is no text")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def read_text(given: object, kind: str, most: int, error: type[WarehouseError] = MapError) -> str:
+    """Return the text of a regular file of at most `most` bytes; raises `error` (`open_regular`, `decoded`)."""
+    return decoded(read_bytes(given, kind, most, error), f"{kind} {given}", error)
+
+
+def parsed_json(text: str, what: str, error: type[WarehouseError] = MapError) -> Any:
+    """Return the value of a JSON text; raises `error`, naming the line."""
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as failed:
+        raise error(f"{what}, line {failed.lineno}: not valid JSON ({failed.msg})") from None
+    except (ValueError, RecursionError):  # a number of thousands of digits, or thousands of brackets
+        raise error(f"{what}: not valid JSON (a number or the nesting is too long)") from None
+
+
+def read_json(given: object, kind: str, most: int, error: type[WarehouseError] = MapError) -> Any:
+    """Return the value of a JSON file of at most `most` bytes; raises `error` (`read_text`, `parsed_json`)."""
+    return parsed_json(read_text(given, kind, most, error), f"{kind} {given}", error)
+
+
+def table_rows(text: str, what: str, error: type[WarehouseError] = MapError) -> list[tuple[int, list[str]]]:
+    """Return (line number, cells) of a CSV text as spreadsheets write it; raises `error`, naming the line.
+
+    Commas, semicolons or tabs separate cells, whichever the first line holds most. Blanks around cells, empty lines
+    and empty cells at the right are left out.
+    """
+    head = text.lstrip("\n").partition("\n")[0]
+    reader = csv.reader(io.StringIO(text), delimiter=max(",;\t", key=head.count), skipinitialspace=True, strict=True)
+    rows = []
+    try:
+        for cells in reader:
+            line = [cell.strip() for cell in cells]
+            while line and not line[-1]:
+                line.pop()
+            if line:
+                rows.append((reader.line_num, line))
+    except csv.Error as failed:
+        raise error(f"{what}, line {reader.line_num}: {failed}") from None
+    return rows
+
+
+def _what(mode: int) -> str:
+    kinds = {stat.S_IFDIR: "folder", stat.S_IFIFO: "pipe", stat.S_IFCHR: "device", stat.S_IFBLK: "device"}
+    return kinds.get(stat.S_IFMT(mode), "socket")
+
+
+class _Guard:
+    """The files that a command reads, and those that it fills row by row."""
+
+    def __init__(self, inputs: Iterable[Path]) -> None:
+        self.inputs = {identity for path in inputs if (identity := _identity(path))}
+        self.rows: set[Path] = set()
+
+
+_guard = _Guard(())
+
+
+@contextlib.contextmanager
+def guarded(inputs: Iterable[Path]) -> Iterator[None]:
+    """Within, refuse to write over any of these files, under whatever name, or over a file of rows."""
+    global _guard
+    before, _guard = _guard, _Guard(inputs)
+    try:
+        yield
+    finally:
+        _guard = before
+
+
+def check_writable(given: object, rows: bool = False) -> Path:
+    """Return where an output goes, links followed; WarehouseError if it cannot or must not be written.
+
+    Commands ask before they work for hours. rows: the file is filled row by row, so no other output may replace it.
+    """
+    path = path_of(given)
+    target = _followed(path)
+    if target.is_dir():
+        raise WarehouseError(f"{path} is a folder; name a file")
+    if target.is_file() and _identity(target) in _guard.inputs:
+        raise WarehouseError(f"cannot write {path}: this command reads it; name another file for the output")
+    if target in _guard.rows and not rows:
+        raise WarehouseError(f"cannot write {path}: the rows go there; name another file for one of the two")
+    if rows and not _is_special(target):
+        _guard.rows.add(target)
+    there = next(place for place in (target, *target.parents) if place.exists())
+    writable = os.access(there, os.W_OK) and there.stat().st_mode & 0o222  # root may write where nobody is meant to
+    if there == target and not writable:
+        raise WarehouseError(f"cannot write {path}: it is read-only; name another file or allow writing")
+    if there != target and not (there.is_dir() and writable):
+        raise WarehouseError(f"cannot write {path}: {there} is no folder that can be written to")
+    return target
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    try:
+        about = path.stat()
+    except OSError:
+        return None
+    return about.st_dev, about.st_ino
 
 
 def part_file(path: Path) -> Path:
-    """Create an empty file beside `path`, with its suffix, to be written and then moved over it.
+    """Create an empty file with the suffix of `path`, to be written and then handed to `put_in_place`.
 
-    Makes missing folders, and removes what a killed process left of an earlier attempt; raises WarehouseError where
-    `path` cannot be written.
+    It lies beside the output, with missing folders made; what a killed process left of an earlier attempt is removed.
+    Raises WarehouseError where `path` cannot be written.
     """
+    target = check_writable(path)
     try:
-        if path.is_dir():
-            raise IsADirectoryError(None, "it is a folder")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        _sweep(path)
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-{os.getpid()}-", suffix=path.suffix, dir=path.parent)
+        folder = Path(tempfile.gettempdir()) if _is_special(target) else target.parent
+        folder.mkdir(parents=True, exist_ok=True)
+        _sweep(folder, target.stem, path.suffix)
+        handle, name = tempfile.mkstemp(prefix=f".{target.stem}-{os.getpid()}-", suffix=path.suffix, dir=folder)
     except OSError as error:
         raise WarehouseError(f"cannot write {path}: {error.strerror or error}") from error
-    # mkstemp makes the file private; a picture gets the rights of any other new file.
+    # mkstemp makes the file private; an output gets the permissions of any other new file.
     mask = os.umask(0)
     os.umask(mask)
     os.fchmod(handle, 0o666 & ~mask)
@@ -74,10 +214,31 @@ def part_file(path: Path) -> Path:
     return Path(name)
 
 
-def _sweep(path: Path) -> None:
-    """Remove the parts of `path` whose writers are gone."""
-    before, after = f".{path.stem}-", path.suffix
-    for part in path.parent.glob(f"{glob.escape(before)}*-*{glob.escape(after)}"):
+def put_in_place(part: Path, path: Path) -> None:
+    """Make a finished part the output: bytes into a device or pipe, else a file with the old one's permissions."""
+    target = _followed(path)
+    if _is_special(target):
+        with part.open("rb") as source, target.open("wb") as sink:
+            shutil.copyfileobj(source, sink)
+        return
+    if target.exists():
+        os.chmod(part, stat.S_IMODE(target.stat().st_mode))
+    os.replace(part, target)
+
+
+def _followed(path: Path) -> Path:
+    return path if _is_special(path) else Path(os.path.realpath(path))  # a pipe's name in /proc leads nowhere
+
+
+def _is_special(target: Path) -> bool:
+    """Whether an output is a device, a pipe or a socket, which must stay what it is."""
+    return target.exists() and not target.is_file()
+
+
+def _sweep(folder: Path, stem: str, suffix: str) -> None:
+    """Remove the parts of an output whose writers are gone."""
+    before = f".{stem}-"
+    for part in folder.glob(f"{glob.escape(before)}*-*{glob.escape(suffix)}"):
         writer = part.name.removeprefix(before).partition("-")[0]
         if writer.isdecimal() and not _lives(int(writer)):
             part.unlink(missing_ok=True)
@@ -94,22 +255,28 @@ def _lives(process: int) -> bool:
 
 
 @contextlib.contextmanager
-def complete_file(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a file to write beside `path`; it takes that name at the end, or vanishes on an error.
+def complete_file(given: object) -> Iterator[Path]:
+    """Yield a part of an output to write; at the end it becomes the output, or on an error it vanishes.
 
-    Raises WarehouseError where it cannot be written, be it that the disk is full.
+    Raises WarehouseError where the output cannot be written, a full disk included.
     """
-    target = path_of(path)
-    part = part_file(target)
+    path = path_of(given)
+    part = part_file(path)
     try:
         yield part
-        os.replace(part, target)
+        put_in_place(part, path)
     except OSError as error:
-        if error.filename not in (None, str(part)):  # about another file
+        if error.filename not in (None, str(part), str(_followed(path))):  # about another file
             raise
-        raise WarehouseError(f"cannot write {target}: {error.strerror or error}") from error
+        raise WarehouseError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
         part.unlink(missing_ok=True)
+
+
+def write_text(path: object, text: str) -> None:
+    """Write a text file, all of it or nothing."""
+    with complete_file(path) as part:
+        part.write_text(text, encoding="utf-8", newline="\n")
 
 
 def file_digest(path: Path) -> str:
