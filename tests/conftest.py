@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
+from platformdirs import user_cache_dir
+
 # Two Numba threads, so that "one thread equals two" is really tested; one for BLAS and torch, since pytest runs one
 # process per core already.
 os.environ["NUMBA_NUM_THREADS"] = "2"
@@ -25,6 +27,8 @@ os.environ["NO_COLOR"] = "1"
 os.environ["COLUMNS"] = "200"
 os.environ.pop("FORCE_COLOR", None)
 
+# Compiled kernels stay where they are kept outside the tests.
+os.environ.setdefault("NUMBA_CACHE_DIR", user_cache_dir("warehouse_env"))
 # Plans and fonts are cached in a folder of this session, shared with its worker processes, never in the user's own.
 _SESSION_CACHE = "WAREHOUSE_TEST_SESSION"
 _owns_cache = _SESSION_CACHE not in os.environ

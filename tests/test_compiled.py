@@ -1,95 +1,123 @@
-"""Kept kernels are forgotten when any source file changes, and only then."""
+"""Kept kernels: one for each version of what it is compiled from, used wherever they can be read."""
 
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from warehouse_env.compiled import drop_stale_kernels
+import warehouse_env
+from warehouse_env.compiled import digest
 
+SOURCE = """
+import numpy as np
+from warehouse_env.kernel import kernel, part
 
-@pytest.fixture
-def package(tmp_path: Path) -> Path:
-    """Two modules, of which one has a kept kernel, and the package's stamp."""
-    (tmp_path / "inner" / "__pycache__").mkdir(parents=True)
-    for module in ("outer.py", "inner/helper.py"):
-        (tmp_path / module).write_text("x = 1\n", encoding="utf-8")
-    drop_stale_kernels(tmp_path)
-    (tmp_path / "inner/__pycache__/step-1.py311.nbi").write_bytes(b"index")
-    return tmp_path
+LIMIT = np.float32(2.0)
+TABLE = np.arange(3)
 
+@part
+def inner(x):
+    return x + 1
 
-def kept(package: Path) -> bool:
-    drop_stale_kernels(package)
-    return (package / "inner/__pycache__/step-1.py311.nbi").exists()
+@kernel
+def outer(x):
+    '''Say it.'''
+    return inner(x) * LIMIT + TABLE[1]
 
-
-def test_an_unchanged_package_keeps_its_kernels(package: Path) -> None:
-    assert kept(package)
-
-
-@pytest.mark.parametrize("module", ["outer.py", "inner/helper.py"])
-def test_one_changed_file_makes_all_kernels_stale(package: Path, module: str) -> None:
-    (package / module).write_text("x = 2\n", encoding="utf-8")
-    assert not kept(package)
-
-
-def test_a_touched_file_is_the_same_source(package: Path) -> None:
-    """Machines that share a disk may see other times, and must not drop each other's kernels."""
-    os.utime(package / "outer.py", ns=(1, 1))
-    assert kept(package)
-    assert kept(package)
-
-
-def test_in_a_folder_of_the_users_each_version_has_a_folder_of_its_own(tmp_path: Path) -> None:
-    body = """
-import numba
-from warehouse_env.kernel import kernel
-from warehouse_env.maps import clearance
-print(numba.config.CACHE_DIR)
-print(clearance.segment_gap._cache.cache_path)
+@kernel
+def other(x):
+    return x
 """
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    done = subprocess.run([sys.executable, "-c", body], env=environment, capture_output=True, text=True, check=True)
-    chosen, ours = done.stdout.split()
-    assert chosen == str(tmp_path)  # others' kernels stay where they were
-    assert Path(ours).is_relative_to(tmp_path)
-    assert Path(ours).relative_to(tmp_path).parts[0].startswith("warehouse-")
 
 
-def test_a_new_and_a_lost_file_do_as_well(package: Path) -> None:
-    (package / "new.py").write_text("", encoding="utf-8")
-    assert not kept(package)
-    (package / "inner/__pycache__/step-1.py311.nbi").write_bytes(b"index")
-    (package / "outer.py").unlink()
-    assert not kept(package)
+def digest_of(source: str, name: str = "outer") -> str:
+    module: dict[str, Any] = {"__name__": "mine"}
+    exec(compile(source, "mine.py", "exec"), module)
+    return digest(module[name])
 
 
-def test_importing_the_package_looks() -> None:
-    import warehouse_env
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("inner(x) * LIMIT", "inner(x) + LIMIT"),
+        ("x + 1", "x + 2"),
+        ("LIMIT = np.float32(2.0)", "LIMIT = 2.0"),
+        ("np.arange(3)", "np.arange(3) + 1"),
+        ("@part", "@kernel"),
+    ],
+)
+def test_whatever_a_kernel_is_compiled_from_is_in_its_digest(old: str, new: str) -> None:
+    assert digest_of(SOURCE) != digest_of(SOURCE.replace(old, new))
 
-    assert (Path(warehouse_env.__file__).parent / "__pycache__" / "kernels.stamp").is_file()
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("Say it.", "Say more."), ("\n@kernel", "\n# why\n@kernel"), ("return x\n", "return 0\n")]
+)
+def test_nothing_else_is(old: str, new: str) -> None:
+    assert digest_of(SOURCE) == digest_of(SOURCE.replace(old, new))
 
 
-def test_where_no_folder_can_be_written_kernels_are_compiled_and_not_kept(tmp_path: Path) -> None:
-    """Root may write anywhere, so a file stands where each of Numba's folders would be."""
-    import warehouse_env
-
-    package = tmp_path / "warehouse_env"
-    shutil.copytree(Path(warehouse_env.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
-    for folder in [package, *(path for path in package.rglob("*") if path.is_dir())]:
-        (folder / "__pycache__").touch()
-    homes = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "IPYTHONDIR"), "/dev/null")
-    body = "import warehouse_env.simulation.simulator"
-    environment = {**os.environ, **homes, "PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
+def run(folder: Path, body: str, **environment: str) -> str:
+    """Run Python in a folder whose kernels are kept in its folder `kept`; return what it prints."""
+    given = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "kept"), **environment}
     done = subprocess.run(
-        [sys.executable, "-c", body], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+        [sys.executable, "-W", "always", "-c", body], cwd=folder, env=given, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    assert done.stderr.count("compiled kernels cannot be kept") == 1
-    assert "NUMBA_CACHE_DIR" in done.stderr
+    return done.stdout + done.stderr
+
+
+def test_a_changed_callee_is_compiled_again_and_an_old_version_is_still_kept(tmp_path: Path) -> None:
+    body = "import mine; print(mine.outer(1.0), sum(mine.outer.stats.cache_hits.values()))"
+    (tmp_path / "mine.py").write_text(SOURCE, encoding="utf-8")
+    assert run(tmp_path, body) == "5.0 0\n"
+    assert run(tmp_path, body) == "5.0 1\n"
+    (tmp_path / "mine.py").write_text(SOURCE.replace("x + 1", "x + 10"), encoding="utf-8")
+    assert run(tmp_path, body) == "23.0 0\n"
+    (tmp_path / "mine.py").write_text(SOURCE, encoding="utf-8")
+    assert run(tmp_path, body) == "5.0 1\n"
+
+
+READ_ONLY = """
+from numba.core import caching
+
+def refuse(*arguments):
+    raise PermissionError(13, "Permission denied")
+
+caching.IndexDataCacheFile.save = refuse  # root may write anywhere
+import mine
+print(mine.outer(1.0), sum(mine.outer.stats.cache_hits.values()))
+mine.outer(1), mine.other(1)
+"""
+
+
+def test_a_folder_that_cannot_be_written_is_read_and_said_once(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(SOURCE, encoding="utf-8")
+    run(tmp_path, "import mine; mine.outer(1.0)")
+    said = run(tmp_path, READ_ONLY)
+    assert said.startswith("5.0 1\n")
+    assert said.count("compiled kernels cannot be kept in") == 1
+    assert "NUMBA_CACHE_DIR" in said
+
+
+def test_digests_are_the_same_in_every_process(tmp_path: Path) -> None:
+    """Whatever the order of sets and the addresses of objects."""
+    body = """
+import gc
+from numba.core.dispatcher import Dispatcher
+from warehouse_env.compiled import digest
+import warehouse_env.simulation.simulator
+print(sorted(digest(one) for one in gc.get_objects() if isinstance(one, Dispatcher)))
+"""
+    first, second = (run(Path.cwd(), body, PYTHONHASHSEED=seed) for seed in ("1", "2"))
+    assert first.count(",") > 100
+    assert first == second
+
+
+def test_nothing_is_kept_beside_the_source() -> None:
+    assert not list(Path(warehouse_env.__file__).parent.rglob("*.nb[ic]"))

@@ -7,12 +7,9 @@ imported when it is first used.
 from __future__ import annotations
 
 import importlib
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
-
-from warehouse_env.compiled import drop_stale_kernels
 
 if TYPE_CHECKING:
     from warehouse_env.config import EnvConfig, FieldSpec, FleetPart, RerouteSpec, RewardWeights, RobotSpec, SensorSpec
@@ -143,6 +140,5 @@ def __dir__() -> list[str]:
     return sorted(set(globals()) | set(__all__))
 
 
-drop_stale_kernels(Path(__file__).parent)
 if "Warehouse-v0" not in gymnasium.registry:  # importlib.reload must not warn
     gymnasium.register("Warehouse-v0", entry_point="warehouse_env.envs.single:WarehouseSingleEnv")

@@ -1,42 +1,187 @@
-"""The compiled kernels kept on disk must be those of the source.
+"""Compiled kernels on disk, each under a digest of all that went into it.
 
-Numba keeps a kernel beside the file that defines it and compiles it anew when that file changes, but not when another
-one does whose functions it has taken in. So one changed file makes all of them stale. A folder of the user's choice
-(NUMBA_CACHE_DIR) may serve several versions at a time, even several machines, so each has a folder of its own in it.
+Numba by itself keeps a kernel beside its source and notices a change of that one file only, though a kernel holds the
+code of every function that it calls. Here a kernel's name on disk ends in a digest of its own code, of the code of all
+kernels that it calls, and of the constants that they use. So no kernel is ever stale, several versions share a folder,
+and an edit compiles only what depends on it. The folder may be read-only: what is there is used.
 """
 
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
+import os
+import time
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any, ClassVar, NamedTuple
 
-_STAMP = "kernels.stamp"
+import numba
+import numpy as np
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache
+from numba.core.dispatcher import Dispatcher
+from platformdirs import user_cache_dir
 
-
-def drop_stale_kernels(package: Path) -> None:
-    """Forget all kept kernels of a package whose source is another than when this was last called; a millisecond.
-
-    Files that were only touched, or lie on a disk that other machines see with other times, are the same source.
-    """
-    with contextlib.suppress(OSError):  # a folder that cannot be written has no kernels of ours in it
-        files = sorted(package.rglob("*.py"))
-        text = "".join(f"{file.relative_to(package)} {(s := file.stat()).st_mtime_ns} {s.st_size}\n" for file in files)
-        times, stamp = hashlib.sha256(text.encode()).hexdigest(), package / "__pycache__" / _STAMP
-        before = stamp.read_text(encoding="utf-8").split() if stamp.is_file() else []
-        if before[:1] == [times]:
-            return
-        source = source_digest(package)
-        if before[1:] != [source]:
-            for index in package.rglob("__pycache__/*.nbi"):
-                index.unlink(missing_ok=True)
-        stamp.parent.mkdir(exist_ok=True)
-        stamp.write_text(f"{times}\n{source}\n", encoding="utf-8")
+_UNUSED_DAYS = 30  # after which a kept kernel is removed
+_UNKEPT = (
+    "compiled kernels cannot be kept in {folder}, so every start compiles them again, for minutes: "
+    "name a folder that can be written in NUMBA_CACHE_DIR"
+)
 
 
-def source_digest(package: Path) -> str:
-    """Return a digest of the content of a package's modules."""
-    digest = hashlib.sha256()
-    for file in sorted(package.rglob("*.py")):
-        digest.update(f"{file.relative_to(package).as_posix()}\n".encode() + file.read_bytes())
-    return digest.hexdigest()
+def kernels_folder() -> Path:
+    """Return the folder of kept kernels: in NUMBA_CACHE_DIR if that is set, else in the user's cache folder."""
+    chosen: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+    return Path(chosen or user_cache_dir("warehouse_env"), "kernels")
+
+
+class KernelCache(NullCache):
+    """Numba's cache of one kernel, found when the kernel is first called: what it calls may be defined after it."""
+
+    def __init__(self, dispatcher: Any) -> None:
+        self._dispatcher = dispatcher
+
+    @functools.cached_property
+    def _kept(self) -> Any:
+        return _KeptKernel(self._dispatcher)
+
+    @property
+    def cache_path(self) -> str:
+        """The folder."""
+        return str(kernels_folder())
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the compiled code for a signature; None if none is kept."""
+        with contextlib.suppress(OSError):
+            return self._kept.load_overload(sig, target_context)
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the compiled code for a signature, where the folder can be written."""
+        try:
+            _remove_unused(self.cache_path)
+            self._kept.save_overload(sig, data)
+        except OSError:
+            _warn_once(self.cache_path)
+
+
+class _KeptKernel(FunctionCache):
+    """Numba's own reading and writing of compiled code, in our folder and under our names."""
+
+    def __init__(self, dispatcher: Any) -> None:
+        class Named(CompileResultCacheImpl):
+            _locator_classes: ClassVar[Any] = [_Locator(dispatcher)]
+
+        self._impl_class = Named
+        super().__init__(dispatcher.py_func)  # type: ignore[no-untyped-call]
+
+
+class _Locator:
+    """Numba's view of the folder: where a kernel is kept and what its name ends in."""
+
+    def __init__(self, dispatcher: Any) -> None:
+        self._digest = digest(dispatcher)
+        self._py_file = dispatcher.py_func.__code__.co_filename  # which Numba names in warnings
+
+    def from_function(self, py_func: object, py_file: str) -> _Locator:
+        """Return this locator, which is made for one function."""
+        return self
+
+    def get_cache_path(self) -> str:
+        """Return the folder."""
+        return str(kernels_folder())
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder."""
+        os.makedirs(self.get_cache_path(), exist_ok=True)
+
+    def get_source_stamp(self) -> str:
+        """Return the digest, by which Numba tells versions apart."""
+        return self._digest
+
+    def get_disambiguator(self) -> str:
+        """Return what sets the kernel's files apart from those of its other versions."""
+        return self._digest[:16]
+
+
+@functools.cache
+def _warn_once(folder: str) -> None:
+    warnings.warn(_UNKEPT.format(folder=folder), RuntimeWarning, stacklevel=2)
+
+
+@functools.cache  # once in a process
+def _remove_unused(folder: str) -> None:
+    """Remove kernels that nobody has loaded for some weeks."""
+    before = time.time() - 86400 * _UNUSED_DAYS
+    for file in Path(folder).glob("*.nb[ic]"):
+        with contextlib.suppress(OSError):
+            about = file.stat()
+            if max(about.st_atime, about.st_mtime) < before:
+                file.unlink()
+
+
+class _Own(NamedTuple):
+    """What a kernel itself says, without the kernels that it calls."""
+
+    digest: bytes
+    calls: tuple[Any, ...]  # kernels
+
+
+def digest(kernel: Any) -> str:
+    """Return a digest of all that a kernel is compiled from: 64 hexadecimal digits, the same wherever it lies."""
+    found, waiting = {}, [kernel]
+    while waiting:
+        one = waiting.pop()
+        if one not in found:
+            found[one] = _own(one)
+            waiting += found[one].calls
+    flags = f"{numba.config.BOUNDSCHECK} {numba.config.OPT} {np.__version__}"  # type: ignore[attr-defined]
+    parts = [flags.encode(), found[kernel].digest, *sorted(own.digest for own in found.values())]
+    return hashlib.sha256(b"".join(parts)).hexdigest()
+
+
+@functools.cache
+def _own(kernel: Any) -> _Own:
+    function: FunctionType = kernel.py_func
+    codes = list(_codes(function.__code__))
+    names = {name for code in codes for name in code.co_names}
+    values = {name: value for name, value in function.__globals__.items() if name in names}
+    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+    values |= {name: cell.cell_contents for name, cell in cells}
+    ours = function.__module__.partition(".")[0]  # Numba and NumPy say their versions elsewhere
+    for module in [one for one in values.values() if isinstance(one, ModuleType) and one.__name__.startswith(ours)]:
+        values |= {f"{module.__name__}.{name}": vars(module)[name] for name in names & vars(module).keys()}
+    calls = {name: value for name, value in values.items() if isinstance(value, Dispatcher)}
+    said = [f"{function.__module__}.{function.__qualname__} {sorted(kernel.targetoptions.items())}"]
+    for code in codes:
+        constants = [one for one in code.co_consts if not isinstance(one, CodeType) and one != function.__doc__]
+        said.append(f"{code.co_code.hex()} {code.co_names} {code.co_varnames} {constants}")
+    said += [f"{name}={_text(value)}" for name, value in sorted(values.items()) if name not in calls]
+    said += [f"{name}={one.py_func.__module__}.{one.py_func.__qualname__}" for name, one in sorted(calls.items())]
+    return _Own(hashlib.sha256("\n".join(said).encode()).digest(), tuple(calls.values()))
+
+
+def _codes(code: CodeType) -> Iterator[CodeType]:
+    """Yield a function's code and that of the functions within."""
+    yield code
+    for inner in code.co_consts:
+        if isinstance(inner, CodeType):
+            yield from _codes(inner)
+
+
+def is_kept(kernel: Any) -> bool:
+    """Return whether compiled code of this version of a kernel is kept, for whatever signature."""
+    return any(kernels_folder().glob(f"*-{digest(kernel)[:16]}.*.nbi"))
+
+
+def _text(value: Any) -> str:
+    """Return a constant, as it is compiled in, as text."""
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype.descr} {value.shape} {hashlib.sha256(value.tobytes()).hexdigest()}"
+    if isinstance(value, (tuple, list)):
+        return f"({', '.join(map(_text, value))})"
+    if callable(value) or isinstance(value, ModuleType):  # a type, a module, a function of NumPy's
+        return f"{getattr(value, '__module__', '')}.{value.__name__} {getattr(value, '_fields', '')}"
+    return f"{type(value).__name__} {value!r}"

@@ -10,16 +10,13 @@ callers say `whole(...)` where one would give the number 0 and another an int32 
 
 from __future__ import annotations
 
-import contextlib
-import warnings
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
 import numba
 import numpy as np
 
-from warehouse_env.compiled import source_digest
+from warehouse_env.compiled import KernelCache
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -30,43 +27,16 @@ class _Decorator(Protocol):
 
 
 _njit: Any = numba.njit  # whose stubs leave `_nrt` out
-_UNKEPT = (
-    "compiled kernels cannot be kept, so every start compiles them anew, for minutes: name a folder that can be "
-    "written in NUMBA_CACHE_DIR"
-)
-
-
-def _folder_in(chosen: str) -> str:
-    """Return the folder for kernels of this source in the one that the user chose; empty if none was."""
-    return chosen and str(Path(chosen) / f"warehouse-{source_digest(Path(__file__).parent)[:16]}")
-
-
-FOLDER = _folder_in(numba.config.CACHE_DIR)  # type: ignore[attr-defined]
-"""Where kernels are kept; empty: beside the source."""
-
-
-@contextlib.contextmanager
-def _kept_apart() -> Iterator[None]:
-    """Have Numba keep what is defined within in a folder of this version's own, where the user chose a folder."""
-    chosen: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    numba.config.CACHE_DIR = FOLDER  # type: ignore[attr-defined]
-    try:
-        yield
-    finally:
-        numba.config.CACHE_DIR = chosen  # type: ignore[attr-defined]
 
 
 def _compiled(**options: bool) -> _Decorator:
-    """Return a decorator that compiles, and keeps what is compiled where any folder for it can be written."""
-    each = {**options, "error_model": "numpy", "nogil": True}
+    """Return a decorator that compiles, and keeps what is compiled (`compiled.KernelCache`)."""
 
     def decorate(function: Function) -> Function:
-        try:
-            with _kept_apart():
-                return _njit(**each, cache=True)(function)  # type: ignore[no-any-return]
-        except RuntimeError:  # Numba's, where neither the package's folder nor the user's can be written
-            warnings.warn(_UNKEPT, RuntimeWarning, stacklevel=1)  # once, for all have this line
-            return _njit(**each)(function)  # type: ignore[no-any-return]
+        made = _njit(**options, error_model="numpy", nogil=True)(function)
+        if hasattr(made, "py_func"):  # not under NUMBA_DISABLE_JIT
+            made._cache = KernelCache(made)
+        return made  # type: ignore[no-any-return]
 
     return decorate
 

@@ -10,21 +10,20 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-import warehouse_env
 from train.evaluation.audit.watcher import Audit
 from train.evaluation.jobs import Job, Result, Runner, Tick
 from train.evaluation.processes import Processes
 from train.evaluation.rollout import make_experiment, run
 from train.reporting.rows import Row, RowFile
 from warehouse_env import EnvConfig, Simulator, parallel_env
-from warehouse_env.kernel import FOLDER
+from warehouse_env.compiled import is_kept
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner
 from warehouse_env.simulation.rules.live import FINDERS
+from warehouse_env.simulation.step import advance
 
 _BARE = EnvConfig(num_agents=4, layout="open", planner="astar", max_steps=20)
 _CROWD = EnvConfig(num_agents=24, layout="narrow")  # where robots stand, search and make room
@@ -32,8 +31,8 @@ _SECONDS = 60.0  # that the crowd drives, in a second of ours
 
 
 def is_compiled() -> bool:
-    """Return whether kernels of this source are kept, beside it or where the user chose; a stopped run's count, too."""
-    return any(Path(FOLDER or Path(warehouse_env.__file__).parent).rglob("*.nbi"))
+    """Return whether the step of this version is kept; what else a stopped set-up left is compiled later."""
+    return is_kept(advance)
 
 
 @dataclass(frozen=True)

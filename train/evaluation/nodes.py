@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from warehouse_env import __version__
-from warehouse_env.compiled import source_digest
 from warehouse_env.errors import WarehouseError
 
 _PACKAGES = ("warehouse_env", "agents", "train")
@@ -35,7 +34,7 @@ def about_this_node() -> Node:
     found = [("python", platform.python_version())]
     found += [("warehouse_env", __version__), *((name, importlib.metadata.version(name)) for name in _LIBRARIES)]
     homes = [Path(spec.origin).parent for name in _PACKAGES if (spec := importlib.util.find_spec(name)) and spec.origin]
-    source = hashlib.sha256("".join(map(source_digest, homes)).encode()).hexdigest()
+    source = hashlib.sha256("".join(map(_source_digest, homes)).encode()).hexdigest()
     return Node(source[:16], tuple(found), binding.get_host_cpu_name())
 
 
@@ -59,3 +58,11 @@ def _apart(node: Node, here: Node) -> tuple[str, str]:
     if not pairs:
         return f"sources {node.source}", here.source
     return ", ".join(" ".join(a) for a, _ in pairs), ", ".join(" ".join(b) for _, b in pairs)
+
+
+def _source_digest(package: Path) -> str:
+    """Return a digest of the content of a package's modules."""
+    whole = hashlib.sha256()
+    for file in sorted(package.rglob("*.py")):
+        whole.update(f"{file.relative_to(package).as_posix()}\n".encode() + file.read_bytes())
+    return whole.hexdigest()

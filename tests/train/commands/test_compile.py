@@ -57,12 +57,7 @@ def test_every_part_runs_in_processes(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_kept_kernels_are_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Beside the source, or in the folder that the user chose for them."""
-    package, chosen = tmp_path / "package", tmp_path / "chosen"
-    monkeypatch.setattr("warehouse_env.__file__", str(package / "__init__.py"))
-    for folder, home in (("", package / "simulation" / "__pycache__"), (str(chosen), chosen / "simulation")):
-        monkeypatch.setattr("train.evaluation.kernels.FOLDER", folder)
-        assert not is_compiled()
-        home.mkdir(parents=True)
-        (home / "step.advance-1.py311.nbi").touch()
-        assert is_compiled()
+    main(["compile"])
+    assert is_compiled()
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
+    assert not is_compiled()

@@ -2,9 +2,3 @@
 
 Nothing here is taken from the simulation's geometry, contact, motion or field: only what its state and config say.
 """
-
-from pathlib import Path
-
-from warehouse_env.compiled import drop_stale_kernels
-
-drop_stale_kernels(Path(__file__).parent)
