@@ -18,7 +18,7 @@ from safetensors.numpy import load_file, save
 from warehouse_env.checked import Checked, from_plain
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WarehouseError, WeightsError
-from warehouse_env.files import complete_file
+from warehouse_env.files import complete_file, write_text
 
 FORMAT = 1
 WEIGHTS, CONFIG = "weights.safetensors", "config.json"
@@ -83,12 +83,6 @@ def save_policy(directory: Path | str, record: PolicyRecord, tensors: Tensors) -
         part.write_bytes(save(arrays))  # the library's own file would be readable by its owner alone
     write_text(directory / CONFIG, json.dumps(record.to_dict(), indent=2) + "\n")
     return directory
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text file as a whole or not at all."""
-    with complete_file(path) as part:
-        part.write_text(text, encoding="utf-8")
 
 
 def read_record(directory: Path | str) -> PolicyRecord:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
+import stat
 import subprocess
 from pathlib import Path
 
-from warehouse_env.files import complete_file
+import pytest
+
+from warehouse_env.errors import WarehouseError
+from warehouse_env.files import complete_file, write_text
 
 
 def test_what_a_killed_writer_left_goes_and_what_others_write_stays(tmp_path: Path) -> None:
@@ -19,3 +23,44 @@ def test_what_a_killed_writer_left_goes_and_what_others_write_stays(tmp_path: Pa
     with complete_file(tmp_path / "a.txt") as part:
         part.write_text("new")
     assert {path.name for path in tmp_path.iterdir()} == {"a.txt", other.name, alive.name, named.name}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A file, a link to it, one to a file that is not there yet, and a pipe."""
+    (tmp_path / "old").write_text("old")
+    (tmp_path / "old").chmod(0o640)
+    (tmp_path / "link").symlink_to("old")
+    (tmp_path / "new link").symlink_to("new")
+    os.mkfifo(tmp_path / "pipe")
+    return tmp_path
+
+
+@pytest.mark.parametrize(("name", "file"), [("link", "old"), ("new link", "new"), ("old", "old")])
+def test_a_link_stays_one_and_a_file_keeps_its_permissions(folder: Path, name: str, file: str) -> None:
+    write_text(folder / name, "text")
+    assert (folder / file).read_text() == "text"
+    assert (folder / name).is_symlink() == ("link" in name)
+    assert stat.S_IMODE((folder / "old").stat().st_mode) == 0o640
+
+
+def test_devices_and_pipes_take_the_bytes(folder: Path) -> None:
+    write_text("/dev/null", "text")
+    assert stat.S_ISCHR(Path("/dev/null").stat().st_mode)
+    with subprocess.Popen(["cat", folder / "pipe"], stdout=subprocess.PIPE, text=True) as reader:
+        write_text(folder / "pipe", "text")
+        assert reader.communicate()[0] == "text"
+    assert (folder / "pipe").is_fifo()
+    assert {path.name for path in folder.iterdir()} == {"old", "link", "new link", "pipe"}
+
+
+def test_what_is_read_only_is_not_replaced(folder: Path) -> None:
+    """Not by root either."""
+    (folder / "old").chmod(0o444)
+    for name in ("old", "link"):
+        with pytest.raises(WarehouseError, match="read-only"):
+            write_text(folder / name, "text")
+    (folder / "inner").mkdir(0o555)
+    with pytest.raises(WarehouseError, match="no folder that can be written to"):
+        write_text(folder / "inner" / "new", "text")
+    assert (folder / "old").read_text() == "old"

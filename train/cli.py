@@ -184,7 +184,10 @@ def _run(arguments: list[str]) -> int:
     options = _options(_options_of(name), f"{PROGRAM} {name}", arguments[len(name.split()) :])
     if name not in _NAME_ROWS:
         _load_own(options)
-    options.run()
+    from train.doors import checked
+
+    with checked(options):
+        options.run()
     return 0
 
 

@@ -25,20 +25,27 @@ _BESIDE = {".map": (one_way.SUFFIX, discs.SUFFIX)}  # suffix of a file -> those 
 def pack(names: Iterable[str]) -> Parcel:
     """Return the content of those names that are files or policy folders, and of all own parts of this process."""
     homes = [part[0].rpartition(":")[0] for _, text in taken_in() if (part := split(text))]
-    packed = {name: _content(name) for name in dict.fromkeys([*homes, *names]) if name}
+    packed = {name: _content(name) for name in dict.fromkeys([*homes, *names]) if name and not split(name)}
     return {name: content for name, content in packed.items() if content}
 
 
-def _content(name: str) -> dict[str, bytes]:
-    path = whereabouts(name)
-    if is_hall(name):
+def files_behind(name: str) -> list[Path]:
+    """Return the files that a typed name stands for, the one that it names first: a map's, a policy's, own code."""
+    part = split(name)
+    path = whereabouts(part[0].rpartition(":")[0] if part else name)
+    if part is None and is_hall(name):
         found = list(files_of(name))
-        path = found[0]
     elif path.is_dir():
         found = [path / file for file in (CONFIG, WEIGHTS)]
     else:
         found = [path, *(path.with_suffix(suffix) for suffix in _BESIDE.get(path.suffix, ()))]
-    return {file.relative_to(path.parent).as_posix(): file.read_bytes() for file in found if file.is_file()}
+    return [file for file in found if file.is_file()]
+
+
+def _content(name: str) -> dict[str, bytes]:
+    found = files_behind(name)
+    home = (found[0] if is_hall(name) else whereabouts(name)).parent
+    return {file.relative_to(home).as_posix(): file.read_bytes() for file in found}
 
 
 @contextmanager

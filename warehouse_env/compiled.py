@@ -17,7 +17,7 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -71,10 +71,8 @@ class _KeptKernel(FunctionCache):
     """Numba's own reading and writing of compiled code, in our folder and under our names."""
 
     def __init__(self, dispatcher: Any) -> None:
-        class Named(CompileResultCacheImpl):
-            _locator_classes: ClassVar[Any] = [_Locator(dispatcher)]
-
-        self._impl_class = Named
+        ours = {"_locator_classes": [_Locator(dispatcher)]}
+        self._impl_class = type("Named", (CompileResultCacheImpl,), ours)  # type: ignore[assignment]
         super().__init__(dispatcher.py_func)  # type: ignore[no-untyped-call]
 
 

@@ -173,7 +173,7 @@ def check_writable(given: object, rows: bool = False) -> Path:
         raise WarehouseError(f"cannot write {path}: this command reads it; name another file for the output")
     if target in _guard.rows and not rows:
         raise WarehouseError(f"cannot write {path}: the rows go there; name another file for one of the two")
-    if rows and not _is_special(target):
+    if rows and not is_special(target):
         _guard.rows.add(target)
     there = next(place for place in (target, *target.parents) if place.exists())
     writable = os.access(there, os.W_OK) and there.stat().st_mode & 0o222  # root may write where nobody is meant to
@@ -200,7 +200,7 @@ def part_file(path: Path) -> Path:
     """
     target = check_writable(path)
     try:
-        folder = Path(tempfile.gettempdir()) if _is_special(target) else target.parent
+        folder = Path(tempfile.gettempdir()) if is_special(target) else target.parent
         folder.mkdir(parents=True, exist_ok=True)
         _sweep(folder, target.stem, path.suffix)
         handle, name = tempfile.mkstemp(prefix=f".{target.stem}-{os.getpid()}-", suffix=path.suffix, dir=folder)
@@ -217,7 +217,7 @@ def part_file(path: Path) -> Path:
 def put_in_place(part: Path, path: Path) -> None:
     """Make a finished part the output: bytes into a device or pipe, else a file with the old one's permissions."""
     target = _followed(path)
-    if _is_special(target):
+    if is_special(target):
         with part.open("rb") as source, target.open("wb") as sink:
             shutil.copyfileobj(source, sink)
         return
@@ -227,10 +227,10 @@ def put_in_place(part: Path, path: Path) -> None:
 
 
 def _followed(path: Path) -> Path:
-    return path if _is_special(path) else Path(os.path.realpath(path))  # a pipe's name in /proc leads nowhere
+    return path if is_special(path) else Path(os.path.realpath(path))  # a pipe's name in /proc leads nowhere
 
 
-def _is_special(target: Path) -> bool:
+def is_special(target: Path) -> bool:
     """Whether an output is a device, a pipe or a socket, which must stay what it is."""
     return target.exists() and not target.is_file()
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from train.central.car_like.floor import Body
 from train.evaluation.audit.bodies import gap, point_gap
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import complete_file, path_of
+from warehouse_env.files import path_of, write_text
 from warehouse_env.maps.plain_yaml import read_yaml
 
 BODY = Body(ahead=2.0, behind=1.0, half_width=1.0, radius=3.0)
@@ -119,8 +119,7 @@ def write_instance(instance: Instance, path: Path) -> None:
     lines += ["map:", f"  dimensions: [{instance.width:g}, {instance.height:g}]", "  obstacles:"]
     discs = instance.discs.tolist() or [NO_DISC]
     lines += [f"    - [{x:.6g}, {y:.6g}]" for x, y in discs]
-    with complete_file(path) as part:
-        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _listed(pose: NDArray[np.float64]) -> str:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from train.central.car_like.traffic import BEGIN, END, HEADING, PIECE, X, Y, pose_at
 from train.clmapf.instance import LARGEST, number
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import complete_file, path_of
+from warehouse_env.files import path_of, write_text
 from warehouse_env.maps.plain_yaml import read_yaml
 
 _KEYS = ("x", "y", "yaw", "t")
@@ -73,5 +73,4 @@ def write_solution(
         lines.append(f"  {name}:")
         for x, y, heading, t in states_of(route).tolist():
             lines += [f"    - x: {x:.9f}", f"      y: {y:.9f}", f"      yaw: {0.0 - heading:.9f}", f"      t: {t:.9f}"]
-    with complete_file(path) as part:
-        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n")

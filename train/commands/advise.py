@@ -30,9 +30,10 @@ from train.evaluation.workers import WorkerOptions
 from train.kinds import Kinds
 from train.reporting.page import Part
 from train.reporting.report import make_console, make_progress, require_charts
-from train.reporting.rows import RowFile, check_writable, instead
+from train.reporting.rows import RowFile, instead
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, MapWarning
+from warehouse_env.files import check_writable
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.hall import is_hall, read_hall
 from warehouse_env.maps.layouts import make_layout

@@ -16,8 +16,8 @@ from train.evaluation.audit.watcher import Audit
 from train.evaluation.disturbances import known
 from train.evaluation.jobs import Job, Runner
 from train.fleet.driven import load_simulated
-from train.reporting.rows import check_writable, write_text
 from warehouse_env.errors import ConfigError
+from warehouse_env.files import check_writable, write_text
 
 _SHOWN = 20  # faults in words; the rows have them all
 

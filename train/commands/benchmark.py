@@ -15,8 +15,9 @@ from train.leaderboard.board import board
 from train.leaderboard.cases import experiments
 from train.leaderboard.entry import SHIPPED, Entry, drive_again, faults, make_entry, read_entry, write_entry
 from train.own import versions
-from train.reporting.rows import RowFile, check_writable, instead
+from train.reporting.rows import RowFile, instead
 from warehouse_env.errors import ConfigError, WarehouseError, shown
+from warehouse_env.files import check_writable
 
 
 @dataclass(frozen=True)

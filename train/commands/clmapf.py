@@ -17,9 +17,10 @@ from train.clmapf.table import cells_table, impossible_lines, published_table, u
 from train.evaluation.jobs import Job, Runner
 from train.evaluation.processes import Processes
 from train.evaluation.rollout import MOST
-from train.reporting.rows import Row, RowFile, check_writable, write_text
+from train.reporting.rows import Row, RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapError
+from warehouse_env.files import check_writable, write_text
 
 
 @dataclass(frozen=True)

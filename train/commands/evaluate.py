@@ -22,10 +22,11 @@ from train.evaluation.scenes import SCENES, SceneJob, scene_table
 from train.evaluation.workers import ShardOptions
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import Table, evaluation_table, require_charts
-from train.reporting.rows import Row, RowFile, check_writable, instead, whole_rows, write_text
+from train.reporting.rows import Row, RowFile, instead, whole_rows
 from warehouse_env.checked import Checked
 from warehouse_env.config import ArrivalMode, EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError, unknown_name
+from warehouse_env.files import check_writable, write_text
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner
 

@@ -11,7 +11,7 @@ import numpy as np
 from agents import POLICIES, LearnedPolicy
 from agents.learned import read_policy
 from agents.onnx_model import INPUT, OUTPUT, onnx_model
-from train.reporting.rows import RowFile, check_writable
+from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, WarehouseError
 from warehouse_env.files import complete_file
@@ -40,7 +40,6 @@ class Export(Checked):
     def run(self) -> None:
         """Write the model if it computes what the policy does, and say how nearly; WarehouseError if it does not."""
         directory = self._directory()
-        check_writable(self.onnx)
         rows = RowFile(self.json)
         model = onnx_model(directory).SerializeToString()
         apart = largest_difference(model, directory, self.seed)

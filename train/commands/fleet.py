@@ -25,11 +25,11 @@ from train.fleet.secure import secure_context
 from train.fleet.story import Story, story_of
 from train.fleet.write import messages_of, write_floor, write_log
 from train.reporting.report import counted, make_progress, tell
-from train.reporting.rows import RowFile, check_writable
+from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, LostError, shown
-from warehouse_env.files import whereabouts
+from warehouse_env.files import check_writable, whereabouts
 from warehouse_env.simulation.physics.floor import load_grid
 
 _SHOWN = 20  # faults in words

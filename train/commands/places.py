@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import tyro
 
@@ -31,6 +32,8 @@ class PlacesCommand(Checked):
     """Propose anew, and replace a file that is there already."""
     json: Path | None = None
     """Write a row for each place, kind, name, x and y [m], to this file as JSON lines."""
+
+    rewrites: ClassVar[tuple[str, ...]] = (places.SUFFIX,)
 
     def run(self) -> None:
         """Write the file, if there is none yet, and the picture."""

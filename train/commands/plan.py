@@ -15,9 +15,10 @@ from train.evaluation.pictures import plan_pictures
 from train.evaluation.planning_runs import OPTIMAL, Run, Task, is_optimal, make_task, plan_once
 from train.evaluation.rollout import MOST
 from train.reporting.report import Table, counted, grouped, number, require_charts, with_interval
-from train.reporting.rows import Row, RowFile, check_writable, mean_interval, write_text
+from train.reporting.rows import Row, RowFile, mean_interval
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapError
+from warehouse_env.files import check_writable, write_text
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.halls.hall import is_hall
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout, read_file

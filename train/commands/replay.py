@@ -18,7 +18,7 @@ from train.evaluation.recorded import record, shares_of
 from train.evaluation.rollout import Experiment, identity, make_experiment
 from train.fleet.driven import load_episode
 from train.reporting.report import make_progress, require_video
-from train.reporting.rows import RowFile, check_writable
+from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig, TaskMode
 from warehouse_env.errors import ConfigError, WarehouseError
@@ -58,7 +58,6 @@ class Record(Working):
         floor = {"layout": self.layout} if self.map is None else {"map_file": str(self.map)}
         base = EnvConfig(num_agents=self.robots, planner=self.planner, tasks=self.tasks, **floor)  # type: ignore[arg-type]
         experiment = make_experiment(self.policy, base, 1, self.seconds, self.seed, self.chosen_for(self.robots))
-        check_writable(self.out)
         file = RowFile(self.json)
         with make_progress() as progress:
             bar = progress.add_task(experiment.title, total=experiment.config.max_steps)
@@ -155,7 +154,6 @@ class ReplayCommand(Checked):
     ) -> None:
         if self.robot is not None and not 0 <= self.robot < max(one.config.num_agents for one in episodes):
             raise ConfigError(f"--robot {self.robot} must be one of the episode's robots, which count from 0")
-        check_writable(path)
         replays: list[Replay] = []
         with make_progress() as progress:
             bar = progress.add_task("replay", total=sum(len(one.actions) + 1 for one in episodes))

@@ -20,7 +20,7 @@ from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig,
 from train.learning.curves import read_run
 from train.learning.recipes import Recipe, ThreadedPPORecipe, by_recipe
 from train.reporting.report import require_charts
-from train.reporting.rows import RowFile, check_writable, read_rows
+from train.reporting.rows import RowFile, read_rows
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
 from warehouse_env.render.learning_curves import learning_curves
@@ -188,7 +188,6 @@ class Curves(Checked):
         """Read all runs, then draw them."""
         if not self.runs:
             raise ConfigError("name at least one folder of a run")
-        check_writable(self.out)
         file = RowFile(self.json)
         runs = [run for run in map(read_run, dict.fromkeys(self.runs)) if not self.seed or run.seed in self.seed]
         if not runs:

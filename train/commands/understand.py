@@ -14,10 +14,11 @@ from train.evaluation.scenes import SCENES
 from train.evaluation.telling import MOMENTS, Asked
 from train.learning.curves import read_run
 from train.reporting.report import make_progress, require_charts
-from train.reporting.rows import Row, RowFile, check_writable, instead
+from train.reporting.rows import Row, RowFile, instead
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
+from warehouse_env.files import check_writable
 from warehouse_env.planning import make_planner
 from warehouse_env.render import probability_maps as pictures
 from warehouse_env.render.overview import overview

@@ -12,9 +12,10 @@ from typing import Any
 
 from train.evaluation.rollout import Experiment, run
 from train.leaderboard.cases import CASES, FIELD, TRACKS, VERSION, Case, experiments, set_hash
-from train.reporting.rows import Row, plain, write_text
+from train.reporting.rows import Row, plain
 from warehouse_env import __version__
 from warehouse_env.errors import WarehouseError
+from warehouse_env.files import write_text
 
 COLUMNS = (
     "track", "layout", "robots", "seed", "goals_per_robot_hour", "late_goals_per_robot_hour", "collisions_robot",

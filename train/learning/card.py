@@ -11,8 +11,9 @@ from agents.weights_folder import PolicyRecord, read_record
 from train.kinds import Kinds
 from train.learning.config import HELD_OUT_SEED
 from train.reporting.report import no_html
-from train.reporting.rows import Row, mean_interval, write_text
+from train.reporting.rows import Row, mean_interval
 from warehouse_env.checked import from_plain
+from warehouse_env.files import write_text
 
 CARD = "CARD.md"
 _BY = ("policy", "layout", "robots")  # one line of the table each

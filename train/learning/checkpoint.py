@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
-from train.reporting.rows import write_text
 from warehouse_env.errors import WeightsError, shown
-from warehouse_env.files import complete_file
+from warehouse_env.files import complete_file, write_text
 
 Arrays = Mapping[str, NDArray[Any]]
 FORMAT = 1

@@ -26,9 +26,9 @@ from train.learning.stop import stop_signal
 from train.learning.timing import Split
 from train.reporting.lock import held
 from train.reporting.report import tell
-from train.reporting.rows import check_writable
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, LostError, WarehouseError, WeightsError
+from warehouse_env.files import check_writable
 from warehouse_env.simulation.simulator import Simulator
 
 CHECKPOINT = "checkpoint"

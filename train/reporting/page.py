@@ -16,8 +16,8 @@ import jinja2
 from markupsafe import Markup, escape
 
 from train.reporting.report import Table
-from train.reporting.rows import write_text
 from warehouse_env import __version__
+from warehouse_env.files import write_text
 
 _BOUND_TO = ("numpy", "numba", "torch")  # packages on which figures may depend
 

@@ -11,13 +11,13 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, TextIO
 
 import numpy as np
 
 from train.reporting.lock import held
 from warehouse_env.errors import WarehouseError
-from warehouse_env.files import complete_file
+from warehouse_env.files import check_writable, is_special, write_text
 
 Row = dict[str, Any]
 
@@ -50,11 +50,12 @@ class RowFile:
         self.count = 0
         self._keep, self._instead = keep, "" if keep else instead
         self._lock = ExitStack()
+        self._stream: TextIO | None = None  # of a device or pipe, where what was written is gone
         if path is not None:
-            check_writable(path)
+            check_writable(path, rows=True)
 
     def __enter__(self) -> Self:
-        if self.path is not None:
+        if self.path is not None and not is_special(self.path):
             self._lock.enter_context(held(self.path.with_name(f".{self.path.name}.lock"), self.path))
             there = self.path.read_bytes().count(b"\n") if self._instead and self.path.is_file() else 0
             if there:
@@ -72,7 +73,10 @@ class RowFile:
     def add(self, rows: Iterable[Row]) -> None:
         """Append `rows` in one write and hand them to the disk."""
         lines = [json.dumps(plain(row), allow_nan=False) + "\n" for row in rows]
-        if self.path is not None and lines:
+        if self.path is not None and lines and is_special(self.path):
+            self._stream = self._stream or self.path.open("w", encoding="utf-8")
+            print("".join(lines), end="", file=self._stream, flush=True)
+        elif self.path is not None and lines:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             if self._keep and not self.count:
                 _cut_torn_line(self.path)  # else its rest and the first row would become one line
@@ -95,15 +99,6 @@ def instead(overwrite: bool, resumes: bool = True) -> str:
     """Return what to do where rows would be replaced, for a RowFile; nothing where they may be."""
     goes_on = "--resume keeps them and goes on, " * resumes
     return "" if overwrite else f"{goes_on}--overwrite replaces them, another --out leaves them alone"
-
-
-def check_writable(path: Path) -> None:
-    """Raise WarehouseError if no file can be written at `path`; asked before hours go into what it is to hold."""
-    if path.is_dir():
-        raise WarehouseError(f"{path} is a folder; name a file")
-    above = next(folder for folder in path.absolute().parents if folder.exists())
-    if not above.is_dir() or not os.access(above, os.W_OK):
-        raise WarehouseError(f"cannot write {path}: {above} is no folder that can be written to")
 
 
 def read_rows(path: Path) -> list[Row]:
@@ -147,12 +142,6 @@ def _cut_torn_line(path: Path) -> None:
 def write_rows(path: Path, rows: Iterable[Row]) -> None:
     """Write a JSON-lines file, all of it or nothing."""
     write_text(path, "".join(json.dumps(plain(row), allow_nan=False) + "\n" for row in rows))
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text file, all of it or nothing."""
-    with complete_file(path) as part:
-        part.write_text(text, encoding="utf-8")
 
 
 class Interval(NamedTuple):

@@ -14,7 +14,8 @@ from train.evaluation.jobs import Job, Runner, go_on
 from train.evaluation.rollout import MOST, Experiment
 from train.evaluation.workers import ShardOptions
 from train.reporting.report import Table
-from train.reporting.rows import Row, RowFile, check_writable, write_text
+from train.reporting.rows import Row, RowFile
+from warehouse_env.files import check_writable, write_text
 
 PAGE = "README.md"
 GOES_ON = "the same command goes on from there"

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from train.evaluation.pictures import file_name
 from train.reporting.report import Table, number, with_interval
-from train.reporting.rows import Row, write_text
+from train.reporting.rows import Row
 from train.tables.measures import MEASURES, Figures
 from train.tables.study import Claim, Published, Study, Verdict
 from train.tables.verdicts import RULE, judge, verdict_counts
 from warehouse_env import __version__
+from warehouse_env.files import write_text
 from warehouse_env.render import charts
 from warehouse_env.render.colours import name_colours
 

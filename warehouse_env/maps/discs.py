@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import complete_file, read_bytes
+from warehouse_env.files import read_bytes, write_text
 
 SUFFIX = ".discs.json"  # beside NAME.map
 MOST = 100_000
@@ -149,5 +149,4 @@ def write_discs(discs: NDArray[np.floating[Any]], path: Path) -> None:
     """Write discs (x, y, radius) [m] as JSON, one a line, so that they are read as they were."""
     numbers = [[float(str(value)) for value in disc] for disc in discs]  # the shortest that say it
     lines = [f'  {{"x": {x!r}, "y": {y!r}, "radius": {radius!r}}}' for x, y, radius in numbers]
-    with complete_file(path) as part:
-        part.write_text('{"discs": [\n' + ",\n".join(lines) + "\n]}\n", encoding="utf-8")
+    write_text(path, '{"discs": [\n' + ",\n".join(lines) + "\n]}\n")

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import STAGED, complete_file, path_of
+from warehouse_env.files import STAGED, path_of, write_text
 from warehouse_env.maps import one_way
 from warehouse_env.maps.discs import SUFFIX, read_discs, write_discs
 from warehouse_env.maps.grid_map import Cell, GridMap
@@ -112,10 +112,11 @@ def write_map(grid: GridMap, path: str | os.PathLike[str]) -> None:
     rows, columns = grid.shape
     floor = ["".join("@" if taken else "." for taken in row) for row in grid.walls.tolist()]
     path = path_of(path, MapError)
-    _write_whole(path, ["type octile", f"height {rows}", f"width {columns}", "map", *floor])
+    header = ["type octile", f"height {rows}", f"width {columns}", "map"]
+    write_text(path, "\n".join([*header, *floor]) + "\n")
     beside = path.with_suffix(one_way.SUFFIX)
     if grid.one_way.any():
-        _write_whole(beside, one_way.text(grid.one_way))
+        write_text(beside, "\n".join(one_way.text(grid.one_way)) + "\n")
     else:
         beside.unlink(missing_ok=True)  # of another floor that was written here before
     if len(grid.discs):
@@ -177,7 +178,7 @@ def write_scen(scenarios: Iterable[Scenario], path: str | os.PathLike[str]) -> N
         sizes = (s.width, s.height, column, row, goal_column, goal_row)
         lines.append("\t".join([_digits(s.bucket), s.map_name, *map(_digits, sizes), length]))
         _scenario(path, number, lines[-1])  # what cannot be read back is not written
-    _write_whole(path, lines)
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def make_scenarios(grid: GridMap, count: int, rng: np.random.Generator) -> list[Scenario]:
@@ -230,9 +231,3 @@ def _read_lines(path: Path, kind: str) -> list[str]:
     if not lines:
         raise MapError(f"{path} is empty, so no MovingAI {kind}")
     return lines
-
-
-def _write_whole(path: Path, lines: list[str]) -> None:
-    """Write the file as a whole or not at all."""
-    with complete_file(path) as part:
-        part.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")

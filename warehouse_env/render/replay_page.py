@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from warehouse_env.errors import ConfigError
-from warehouse_env.files import complete_file
+from warehouse_env.files import write_text
 from warehouse_env.render.page_text import about_page, about_world, as_json, assembled, scripts_of, style_of
 from warehouse_env.render.replay import Replay
 from warehouse_env.render.replay_codec import packed
@@ -45,8 +45,7 @@ def write_replay_page(path: Path, replays: Sequence[Replay], title: str, robot: 
         "script": scripts_of(FOLDER, SCRIPTS),
     }
     page = assembled(FOLDER, parts)
-    with complete_file(path) as part:
-        part.write_text(page, encoding="utf-8")
+    write_text(path, page)
 
 
 def _about(replays: Sequence[Replay], columns: Sequence[list[dict[str, Any]]]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import ConfigError, WarehouseError
-from warehouse_env.files import part_file
+from warehouse_env.files import part_file, put_in_place
 from warehouse_env.render.colours import CONTACT, DEADLOCK, WAITING, mix, robot_colour
 from warehouse_env.render.extras import load
 from warehouse_env.render.floor import FLOOR
@@ -84,7 +84,7 @@ class VideoWriter:
                 self._stream.close()
                 if not _complete(part):
                     raise WarehouseError(f"cannot write {self.path}: the video encoder failed; is the disk full?")
-                os.replace(part, self.path)
+                put_in_place(part, self.path)
         finally:
             part.unlink(missing_ok=True)
 

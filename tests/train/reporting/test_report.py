@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from train.reporting.report import Table, evaluation_table, number, summarise, with_interval
-from train.reporting.rows import Interval, RowFile, instead, mean_interval, read_rows, t_quantile, write_text
+from train.reporting.rows import Interval, RowFile, instead, mean_interval, read_rows, t_quantile
 from warehouse_env.errors import WarehouseError
+from warehouse_env.files import write_text
 
 
 @pytest.mark.parametrize(

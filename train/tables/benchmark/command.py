@@ -11,13 +11,13 @@ import numpy as np
 
 from train.evaluation.pictures import file_name
 from train.reporting.report import Table, require_charts
-from train.reporting.rows import write_text
 from train.tables.benchmark.figures import NOTE, Summary, anytime_table, csv, overview, rank, summarise, table_of
 from train.tables.benchmark.maps import MAPS, make_tasks
 from train.tables.benchmark.peers import PEERS, installed, missing_note
 from train.tables.benchmark.runs import MOMENTS, pairs_of, planner_of
 from train.tables.options import StudyOptions
 from warehouse_env.errors import ConfigError, unknown_name
+from warehouse_env.files import write_text
 from warehouse_env.planning import PLANNERS
 from warehouse_env.planning.ants.system import AntSystem
 

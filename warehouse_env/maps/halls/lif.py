@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import complete_file, path_of
+from warehouse_env.files import path_of, write_text
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.lanes import MOST, Lane, Lanes, of_floor
 from warehouse_env.maps.halls.places import KINDS, Place, is_number, read_json
@@ -234,8 +234,7 @@ def write_lif(grid: GridMap, path: str | os.PathLike[str], when: datetime | None
             ],
         }],
     }  # fmt: skip
-    with complete_file(path_of(path, MapError)) as part:
-        part.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    write_text(path_of(path, MapError), json.dumps(data, indent=1) + "\n")
 
 
 def _node(name: str, where: tuple[float, float], action: str | None) -> dict[str, Any]:

@@ -17,7 +17,7 @@ import yaml
 from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import complete_file
+from warehouse_env.files import write_text
 from warehouse_env.maps.halls.picture import SUFFIXES, Picture, read_picture, write_pgm
 from warehouse_env.maps.plain_yaml import read_yaml
 
@@ -154,8 +154,7 @@ def write_occupancy(occupancy: Occupancy, path: Path) -> None:
         f"resolution: {occupancy.resolution!r}", f"origin: [{occupancy.origin[0]!r}, {occupancy.origin[1]!r}, 0.0]",
         "negate: 0", f"occupied_thresh: {OCCUPIED_THRESH}", f"free_thresh: {FREE_THRESH}",
     ]  # fmt: skip
-    with complete_file(path) as part:
-        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _quoted(name: str) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import complete_file, read_bytes
+from warehouse_env.files import read_bytes, write_text
 from warehouse_env.maps.halls.cells import Raster
 
 SUFFIX = ".places.json"
@@ -86,8 +86,7 @@ def write_places(places: Places, path: Path) -> None:
     for kind, listed in places.items():
         lines = [f'    {{"id": {json.dumps(place.name)}, "x": {place.x:g}, "y": {place.y:g}}}' for place in listed]
         kinds.append(f'  "{kind}": [\n' + ",\n".join(lines) + "\n  ]")
-    with complete_file(path) as part:
-        part.write_text("{\n" + ",\n".join(kinds) + "\n}\n", encoding="utf-8")
+    write_text(path, "{\n" + ",\n".join(kinds) + "\n}\n")
 
 
 def places_at(raster: Raster, cells: NDArray[np.int64], names: Iterable[str] | None = None) -> tuple[Place, ...]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import complete_file, path_of
+from warehouse_env.files import path_of, write_text
 from warehouse_env.maps.going import CHEAPEST, DEAREST
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.lanes import MOST, Lane, Lanes, of_floor
@@ -162,8 +162,7 @@ def write_route_graph(grid: GridMap, path: str | os.PathLike[str]) -> None:
             about |= {"cost": lane.price * float(np.hypot(*(lane.line[1] - lane.line[0]))), "overridable": False}
         features.append(_feature(about, "LineString", lane.line.tolist()))
     data = {"type": "FeatureCollection", "name": grid.name, "features": features}
-    with complete_file(path_of(path, MapError)) as part:
-        part.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+    write_text(path_of(path, MapError), json.dumps(data, indent=1) + "\n")
 
 
 def _feature(properties: dict[str, Any], kind: str, coordinates: Any) -> dict[str, Any]:

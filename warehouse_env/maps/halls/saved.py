@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError
-from warehouse_env.files import complete_file
+from warehouse_env.files import write_text
 from warehouse_env.maps import discs, one_way
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import places
@@ -58,8 +58,7 @@ def write_hall(
     places.write_places(listed, path.with_suffix(places.SUFFIX))
     arrows = path.with_suffix(one_way.SUFFIX)
     if grid.one_way.any():
-        with complete_file(arrows) as part:
-            part.write_text("\n".join(one_way.text(grid.one_way)) + "\n", encoding="utf-8")
+        write_text(arrows, "\n".join(one_way.text(grid.one_way)) + "\n")
     else:
         arrows.unlink(missing_ok=True)  # of another floor that was written here before
     return f"{path}:{','.join(parameters)}" if parameters else str(path)

@@ -1,0 +1,59 @@
+"""The files that a command's options name: what it reads is not written over, and no two outputs are one file."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from train.parcels import files_behind
+from warehouse_env.errors import ConfigError, WarehouseError
+from warehouse_env.files import check_writable, guarded, is_special
+
+OUTPUTS = {"json", "out", "html", "png", "video", "onnx", "report", "convert", "resume"}
+"""Names of the options that say where a command writes; any other path is one to read."""
+
+
+@contextmanager
+def checked(options: Any) -> Iterator[None]:
+    """Run a command within: ConfigError for an output named twice; WarehouseError where one must not be written."""
+    given = _given(options)
+    rewrites = getattr(options, "rewrites", ())  # ends of names of files that the command is there to replace
+    read = [path for name, value, _ in given if name not in OUTPUTS for path in _files(value)]
+    with guarded(path for path in read if not path.name.endswith(rewrites or "/")):
+        taken: dict[str, str] = {}
+        for name, path, is_folder in given:
+            if name in OUTPUTS and isinstance(path, Path) and not is_folder:
+                place = os.path.realpath(path)
+                if place in taken and not is_special(path):
+                    raise ConfigError(f"--{taken[place]} and --{name} name the same file {path}; name two")
+                taken[place] = name
+                check_writable(path, rows=name == "json")
+        yield
+
+
+def _given(options: Any) -> list[tuple[str, Any, bool]]:
+    """Return name, value and whether it is a folder, of all options, those of an inner `config` as well."""
+    found = []
+    for field in dataclasses.fields(options):
+        value = getattr(options, field.name)
+        if dataclasses.is_dataclass(value):
+            found += _given(value)
+            continue
+        usual = field.default
+        is_file = field.name not in ("out", "report", "resume") or (isinstance(usual, Path) and usual.suffix != "")
+        found.append((field.name, value, not is_file))
+    return found
+
+
+def _files(value: Any) -> Iterator[Path]:
+    """Yield the files that the value of an option names."""
+    for one in value if isinstance(value, tuple) else (value,):
+        if isinstance(one, Path) and one.is_dir():
+            yield from one.iterdir()
+        elif isinstance(one, (str, Path)):
+            with suppress(WarehouseError):
+                yield from files_behind(str(one))
