@@ -5,7 +5,9 @@ A new command is one line in COMMANDS. Its module is imported only when it is ca
 
 from __future__ import annotations
 
+import errno
 import importlib
+import io
 import itertools
 import os
 import signal
@@ -101,6 +103,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     and 143 after SIGTERM.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
+    _open_streams()
     warnings.formatwarning = _noted_once()
     try:
         with _terminable():
@@ -117,9 +120,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
+        where = f"{error.filename}: " if error.filename else "cannot print: " if error.errno == errno.ENOSPC else ""
         print(f"{PROGRAM}: {where}{error.strerror or error}", file=sys.stderr)
         return 2
+
+
+def _open_streams() -> None:
+    """Have somewhere to print to where a stream was closed, and print "?" for what its encoding cannot say."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 def _noted_once() -> Callable[..., str]:

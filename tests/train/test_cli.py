@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -166,6 +167,8 @@ def test_the_last_line_says_what_was_written_and_where(
         ("layouts --draw nowhere", ["unknown layout 'nowhere'"]),
         ("layouts --check missing.map", ["missing.map"]),
         ("layouts --png picture.png", ["--draw"]),
+        ("layouts --draw open --png a.b", ["a.b must end in", ".png"]),
+        ("curves nowhere --out c.v1", ["c.v1 must end in", ".png"]),
         ("bench --seconds -1", ["--seconds -1"]),
         ("bench --seconds nan", ["seconds=nan", "finite"]),
         ("demo --video-seconds -1", ["--video-seconds"]),
@@ -232,6 +235,17 @@ def test_a_folder_where_a_file_should_be(tmp_path: Path, capsys: pytest.CaptureF
         assert "no folder" in sentence
     sentence = fails(capsys, "layouts", "--draw", "open", "--convert", str(tmp_path / "file" / "new.map"))
     assert "new.map" in sentence or "file" in sentence
+
+
+@pytest.mark.parametrize("closed", [">&-", ">&- 2>&-", "<&-"])
+def test_closed_streams_and_poor_encodings_are_no_fault(closed: str, tmp_path: Path) -> None:
+    command = f"{shlex.quote(sys.executable)} -m train.cli layouts --json rows.jsonl {closed}"
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONPATH": str(Path(__file__).parents[2])}
+    done = subprocess.run(
+        ["sh", "-c", command], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "rows.jsonl").read_text().count("\n") > 3
 
 
 def test_ctrl_c_ends_with_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

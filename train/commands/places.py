@@ -39,7 +39,7 @@ class PlacesCommand(Checked):
         """Write the file, if there is none yet, and the picture."""
         if not is_hall(self.map):
             raise ConfigError(f"{self.map} is no map of a hall: it must be NAME.yaml or a picture")
-        require_charts()
+        require_charts(self.png)
         path, _ = parse(self.map)
         file = path.with_suffix(places.SUFFIX)
         there = file.exists() and not self.propose

@@ -188,11 +188,11 @@ class Curves(Checked):
         """Read all runs, then draw them."""
         if not self.runs:
             raise ConfigError("name at least one folder of a run")
+        require_charts(self.out)
         file = RowFile(self.json)
         runs = [run for run in map(read_run, dict.fromkeys(self.runs)) if not self.seed or run.seed in self.seed]
         if not runs:
             raise ConfigError(f"no run was trained with --seed {' '.join(map(str, self.seed))}")
-        require_charts()
         for run in runs:
             file.add(run.rows())
         learning_curves([run.curve for run in runs], self.out)

@@ -17,6 +17,7 @@ from rich.table import Table as RichTable
 
 from train.reporting.columns import Measure, field_of, measures_for, note_for
 from train.reporting.rows import Interval, Row, values_of
+from warehouse_env.render.chart_style import check_picture
 from warehouse_env.render.extras import load
 
 _PLAIN_WIDTH = 180  # [characters] where the output is no terminal, at the least: tables go to files and pipes whole
@@ -128,9 +129,11 @@ def tell(text: str, console: Console | None = None) -> None:
     (console or Console(stderr=True)).print(text, markup=False, highlight=False, soft_wrap=True)
 
 
-def require_charts() -> None:
-    """Raise WarehouseError if charts cannot be drawn: asked before a long run, not found out after it."""
+def require_charts(picture: Path | None = None) -> None:
+    """Raise WarehouseError if charts or this kind of picture cannot be drawn; asked before a long run."""
     load("matplotlib")
+    if picture is not None:
+        check_picture(picture)
 
 
 def require_video() -> None:

@@ -7,8 +7,10 @@ import io
 import math
 import os
 import re
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from warehouse_env.errors import ConfigError
 from warehouse_env.files import complete_file
 from warehouse_env.render.colours import RGB
 from warehouse_env.render.extras import load
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from warehouse_env.maps.grid_map import GridMap
 
 DPI = 150
+PICTURES = (".png", ".svg", ".pdf", ".jpg", ".jpeg", ".webp", ".tif", ".tiff")
 ROUNDING = 1e-9  # what means and intervals leave of 0: no figure of ours is as small
 INK = "#2b3038"
 FAINT = "#5f6771"
@@ -61,8 +64,15 @@ def empty_figure(width: float, height: float, dpi: int = DPI) -> Figure:
     return figure
 
 
+def check_picture(path: str | os.PathLike[str]) -> None:
+    """Raise ConfigError for a picture whose suffix names no format that figures are written in."""
+    if Path(path).suffix.lower() not in PICTURES:
+        raise ConfigError(f"picture {path} must end in one of {', '.join(PICTURES)}")
+
+
 def save(figure: Figure, path: str | os.PathLike[str]) -> None:
     """Write a figure, all of it or nothing; WarehouseError where it cannot be written."""
+    check_picture(path)
     with complete_file(path) as part:
         figure.savefig(part, facecolor="white", bbox_inches="tight", pad_inches=0.12)
 
