@@ -172,8 +172,6 @@ def test_the_last_line_says_what_was_written_and_where(
         ("bench --seconds -1", ["--seconds -1"]),
         ("bench --seconds nan", ["seconds=nan", "finite"]),
         ("demo --video-seconds -1", ["--video-seconds"]),
-        ("understand --policy brake", ["policy 'brake' has no probabilities"]),
-        ("understand --policy ppo --runs nowhere", ["nowhere is no run of training"]),
         ("curves nowhere", ["nowhere is no run of training: it has no config.json"]),
         ("train reinforce --robots 0", ["robots=(0,)"]),
         ("train ppo --gamma 2", ["gamma=2.0"]),

@@ -11,7 +11,7 @@ import numpy as np
 import tyro
 
 from train.advice.candidates import cut_off, run_lengths
-from train.reporting.report import Table
+from train.reporting.report import Table, require_charts
 from train.reporting.rows import Row, RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapError
@@ -55,6 +55,8 @@ class Layouts(Checked):
         """Do the first of check, convert, draw that is asked for, else list."""
         if self.draw is None and (self.png is not None or self.convert is not None):
             raise ConfigError("--png and --convert need --draw NAME_OR_FILE, the floor to write")
+        if self.png is not None:
+            require_charts(self.png)
         if self.check is not None:
             self._check(self.check)
         elif self.draw is not None:
