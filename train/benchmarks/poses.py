@@ -27,6 +27,7 @@ from warehouse_env.simulation.driver.manoeuvre import ARCS, MOST, search
 from warehouse_env.simulation.driver.turning import turning_metric
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
+from warehouse_env.simulation.physics.geometry import Rectangle
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import parameters_of
 from warehouse_env.simulation.tasks.assignment import Assignment
@@ -113,7 +114,8 @@ class _Sampler:
         cx, cy = x - p["offset"] * c, y - p["offset"] * s
         half_length, half_width = p["half_length"] + margin, p["half_width"] + margin
         shelves = floor.solid, floor.clearance
-        if body_touches_shelf(cx, cy, c, s, half_length, half_width, floor.solid, floor.clearance, p["cell"]):
+        standing = Rectangle(cx, cy, c, s, half_length, half_width)
+        if body_touches_shelf(standing, floor.solid, floor.clearance, p["cell"]):
             return False
         none, nobody = np.empty((0, 4), np.float32), np.empty((0, BODY), np.float32)
         body = np.array([[cx, cy, c, s, p["half_length"], p["half_width"], p["radius"]]], np.float32)

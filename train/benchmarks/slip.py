@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
-from warehouse_env.simulation.physics.geometry import rectangles_touch
+from warehouse_env.simulation.physics.geometry import body_of, rectangles_touch
 from warehouse_env.simulation.physics.trigonometry import sin_cos, wrap
 from warehouse_env.simulation.simulator import Simulator
 
@@ -26,13 +26,12 @@ class Noise(NamedTuple):
 def _touches(robots, i, x, y, heading, p, solid, clearance):
     """Whether robot i would touch a shelf or another robot at a pose."""
     s, c = sin_cos(heading)
-    cx, cy, length, width = x - p["offset"] * c, y - p["offset"] * s, p["half_length"], p["half_width"]
-    if body_touches_shelf(cx, cy, c, s, length, width, solid, clearance, p["cell"]):
+    body = body_of(x, y, c, s, p)
+    if body_touches_shelf(body, solid, clearance, p["cell"]):
         return True
     for j in range(robots.shape[0]):
         o = robots[j]
-        dx, dy = o["x"] - p["offset"] * o["cos"] - cx, o["y"] - p["offset"] * o["sin"] - cy
-        if j != i and rectangles_touch(dx, dy, c, s, length, width, o["cos"], o["sin"], length, width):
+        if j != i and rectangles_touch(body, body_of(o["x"], o["y"], o["cos"], o["sin"], p)):
             return True
     return False
 

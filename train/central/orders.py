@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from train.central.grid_pibt import BACKWARDS
 from warehouse_env.kernel import kernel
-from warehouse_env.simulation.physics.geometry import rectangles_touch
+from warehouse_env.simulation.physics.geometry import Rectangle, rectangles_touch
 
 LENGTH = 64  # visits of a robot kept, in a ring
 REACHED = 0.6  # [cells] from a cell's centre to the axle, within which a robot may shift gears there
@@ -109,8 +109,9 @@ def advance(orders, axle, heading, centre, body, look):
             for visit in range(orders.first[i] + 1, orders.at[i] + 1):
                 again |= orders.cell[i, visit % LENGTH] == cell
             q = centre[cell]
-            dx, dy, half = q[0] - x, q[1] - y, 0.5 * side - SLACK
-            if not again and rectangles_touch(dx, dy, c, s, body[0], body[1], 1.0, 0.0, half, half):
+            half = 0.5 * side - SLACK
+            square = Rectangle(q[0], q[1], 1.0, 0.0, half, half)
+            if not again and rectangles_touch(Rectangle(x, y, c, s, body[0], body[1]), square):
                 break
             orders.done[cell] += 1
             orders.first[i] += 1

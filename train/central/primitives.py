@@ -17,7 +17,7 @@ from warehouse_env.simulation.physics import kinematics
 from warehouse_env.simulation.physics.discs import Obstacles
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
-from warehouse_env.simulation.physics.geometry import rectangles_touch
+from warehouse_env.simulation.physics.geometry import Rectangle, rectangles_touch, squared_distance
 from warehouse_env.simulation.physics.kinematics import approach
 from warehouse_env.simulation.physics.trigonometry import sin_cos
 
@@ -96,9 +96,9 @@ def meet(one, two, half_length, half_width, margin):
     reach = 2.0 * np.hypot(half_length, half_width) + margin
     wide, long = half_width + 0.5 * margin, half_length + 0.5 * margin
     for k in range(POSES):
-        dx, dy = two[k, X] - one[k, X], two[k, Y] - one[k, Y]
-        c, s, d, t = one[k, COS], one[k, SIN], two[k, COS], two[k, SIN]
-        if dx * dx + dy * dy <= reach * reach and rectangles_touch(dx, dy, c, s, long, wide, d, t, long, wide):
+        body = Rectangle(one[k, X], one[k, Y], one[k, COS], one[k, SIN], long, wide)
+        other = Rectangle(two[k, X], two[k, Y], two[k, COS], two[k, SIN], long, wide)
+        if squared_distance(body, other) <= reach * reach and rectangles_touch(body, other):
             return True
     return False
 
@@ -108,7 +108,8 @@ def meets_shelf(motion, half_length, half_width, margin, solid, clearance, cell)
     """Whether a motion comes nearer than `margin` [m] to a shelf of a Floor."""
     for k in range(POSES):
         x, y, c, s = motion[k, X], motion[k, Y], motion[k, COS], motion[k, SIN]
-        if body_touches_shelf(x, y, c, s, half_length + margin, half_width + margin, solid, clearance, cell):
+        body = Rectangle(x, y, c, s, half_length + margin, half_width + margin)
+        if body_touches_shelf(body, solid, clearance, cell):
             return True
     return False
 

@@ -250,8 +250,8 @@ def _observe_world(
             row[k] = ONE / (ONE + row[k])
         sensing.write_ego_and_route(r, routes[i], own, row, ego)
         if table is not None:
-            start = near + NEIGHBOUR * p["neighbours"]
-            prediction.write_predictions(row, ego, route, near, table[own["kind"]], own, start, legs, path)
+            slices = ego, route, near, near + NEIGHBOUR * p["neighbours"]
+            prediction.write_predictions(row, slices, table[own["kind"]], legs, path, own)
         end = row.shape[0] - p["needs"]
         if stopping is not None:
             end -= GOAL

@@ -15,7 +15,7 @@ import numpy as np
 from train.central.car_like.floor import point_speed
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.routes.reeds_shepp import rolled
-from warehouse_env.simulation.physics.geometry import separation
+from warehouse_env.simulation.physics.geometry import Rectangle, separation
 
 BEGIN, X, Y, HEADING, RATE, BEND, END = range(7)  # columns of a piece: times [s], where it begins, how it is driven
 PIECE = 7
@@ -85,7 +85,8 @@ def _meets(x, y, heading, rate, curvature, begin, start, end, traffic, j, slot, 
         c, s, to_c, to_s = math.cos(own), math.sin(own), math.cos(to), math.sin(to)
         dx = to_x - own_x + floor.middle * (to_c - c)
         dy = to_y - own_y + floor.middle * (to_s - s)
-        gap = separation(dx, dy, c, s, half_length, half_width, to_c, to_s, half_length, half_width)
+        body = Rectangle(0.0, 0.0, c, s, half_length, half_width)
+        gap = separation(body, Rectangle(dx, dy, to_c, to_s, half_length, half_width))
         if gap < margin:
             return True
         if t >= end:

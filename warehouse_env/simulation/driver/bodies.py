@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline
-from warehouse_env.simulation.physics.geometry import rectangles_touch, separation
+from warehouse_env.simulation.physics.geometry import (
+    Rectangle,
+    body_of,
+    grown,
+    rectangles_touch,
+    separation,
+    squared_distance,
+)
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 
 # Columns of bodies float32[K, BODY]: the centre [m], cosine and sine of the heading, half length, half width and half
@@ -29,16 +36,19 @@ def write_body(x, y, c, s, p, body):
 
 
 @inline
+def _rectangle(body):
+    return Rectangle(
+        body[CENTRE_X], body[CENTRE_Y], body[COS], body[SIN], body[HALF_LENGTH], body[HALF_WIDTH]
+    )  # fmt: skip
+
+
+@inline
 def bars(x, y, c, s, avoid, p):
     """Whether the body at an axle pose, with OFF around it, touches one of the bodies `avoid` float32[K, BODY]."""
-    cx, cy = x - p["offset"] * c, y - p["offset"] * s
+    own = grown(body_of(x, y, c, s, p), OFF)
     for k in range(avoid.shape[0]):
-        reach = p["radius"] + avoid[k, RADIUS] + OFF + OFF
-        dx, dy = avoid[k, CENTRE_X] - cx, avoid[k, CENTRE_Y] - cy
-        if dx * dx + dy * dy < reach * reach and rectangles_touch(
-            dx, dy, c, s, p["half_length"] + OFF, p["half_width"] + OFF,
-            avoid[k, COS], avoid[k, SIN], avoid[k, HALF_LENGTH], avoid[k, HALF_WIDTH],
-        ):  # fmt: skip
+        reach, other = p["radius"] + avoid[k, RADIUS] + OFF + OFF, _rectangle(avoid[k])
+        if squared_distance(own, other) < reach * reach and rectangles_touch(own, other):
             return True
     return False
 
@@ -46,29 +56,23 @@ def bars(x, y, c, s, avoid, p):
 @inline
 def write_rooms(x, y, c, s, margin, bodies, p, rooms):
     """Write how far [m] to keep off each body: as the field will ask for and `margin`, or what it is at the start."""
-    cx, cy = x - p["offset"] * c, y - p["offset"] * s
+    own = body_of(x, y, c, s, p)
     field = p["field_margin"] if p["field"] != 0 else ZERO
     for k in range(bodies.shape[0]):
-        apart = separation(
-            bodies[k, CENTRE_X] - cx, bodies[k, CENTRE_Y] - cy, c, s, p["half_length"], p["half_width"],
-            bodies[k, COS], bodies[k, SIN], bodies[k, HALF_LENGTH], bodies[k, HALF_WIDTH],
-        )  # fmt: skip
+        apart = separation(own, _rectangle(bodies[k]))
         rooms[k] = min(field + _BERTH * margin, max(apart - _GIVEN, min(apart - _ROUNDING, field + _SPARE)))
 
 
 @inline
 def _spare(x, y, c, s, bodies, rooms, p):
     """Return how much further [m] the body at an axle pose is off each of the bodies, at least, than its room."""
-    cx, cy = x - p["offset"] * c, y - p["offset"] * s
+    own = body_of(x, y, c, s, p)
     least = np.float32(np.inf)
     for k in range(bodies.shape[0]):
-        dx, dy = bodies[k, CENTRE_X] - cx, bodies[k, CENTRE_Y] - cy
-        apart = np.sqrt(dx * dx + dy * dy) - p["radius"] - bodies[k, RADIUS]
+        other = _rectangle(bodies[k])
+        apart = np.sqrt(squared_distance(own, other)) - p["radius"] - bodies[k, RADIUS]
         if apart < rooms[k] + _STEP:
-            apart = separation(
-                dx, dy, c, s, p["half_length"], p["half_width"],
-                bodies[k, COS], bodies[k, SIN], bodies[k, HALF_LENGTH], bodies[k, HALF_WIDTH],
-            )  # fmt: skip
+            apart = separation(own, other)
         least = min(least, apart - rooms[k])
     return least
 

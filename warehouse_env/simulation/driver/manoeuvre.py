@@ -39,6 +39,7 @@ from warehouse_env.simulation.driver.heap import pop, push
 from warehouse_env.simulation.driver.room_field import UNKNOWN, apart_of, room_around, room_at
 from warehouse_env.simulation.driver.shots import MOST_ARCS, shoot
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, sweep_is_free
+from warehouse_env.simulation.physics.geometry import body_of, grown
 from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos, wrap
 
 NONE, CUT_OFF = -1, -2  # found: see above
@@ -68,10 +69,8 @@ X, Y, HEADING, COSINE, SINE, COST, MARGIN = range(7)  # columns of `poses`; MARG
 @inline
 def _margin_at(x, y, c, s, margin, p, solid, clearance):
     """Return the margin [m] to shelves of arcs from a pose: TOO_NEAR where the body there is nearer than that."""
-    cx, cy = x - p["offset"] * c, y - p["offset"] * s
-    half_length, half_width = p["half_length"] + margin, p["half_width"] + margin
-    touches = body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, p["cell"])
-    return TOO_NEAR if touches else margin
+    body = grown(body_of(x, y, c, s, p), margin)
+    return TOO_NEAR if body_touches_shelf(body, solid, clearance, p["cell"]) else margin
 
 
 @inline

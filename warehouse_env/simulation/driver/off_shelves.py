@@ -7,6 +7,7 @@ import numpy as np
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.driver.driving import NARROW
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, sweep_is_free
+from warehouse_env.simulation.physics.geometry import body_of, grown
 from warehouse_env.simulation.physics.kinematics import approach, braking, curvature, drive
 from warehouse_env.simulation.physics.stops import REST
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO, sin_cos
@@ -41,10 +42,9 @@ def _stops_clear(r, next_speed, next_steer, p, solid, clearance):
 
     Substep by substep, by the arithmetic with which contact.py moves it: nothing is left to a prediction.
     """
-    dt, wheelbase, offset, lock = p["dt"], p["wheelbase"], p["offset"], p["max_steer"]
+    dt, wheelbase, lock = p["dt"], p["wheelbase"], p["max_steer"]
     x, y, heading, speed, steer = r["x"], r["y"], r["heading"], r["speed"], r["steer"]
     acceleration, rate = (next_speed - speed) / p["time_step"], (next_steer - steer) / p["time_step"]
-    half_length, half_width = p["half_length"] + GRAZE, p["half_width"] + GRAZE
     while True:
         for _ in range(p["substeps"]):
             to_speed = min(max(speed + acceleration * dt, p["min_speed"]), p["max_speed"])
@@ -52,8 +52,7 @@ def _stops_clear(r, next_speed, next_steer, p, solid, clearance):
             if speed != ZERO or to_speed != ZERO:
                 x, y, heading = drive(x, y, heading, speed, to_speed, steer, to_steer, wheelbase, dt)
                 s, c = sin_cos(heading)
-                cx, cy = x - offset * c, y - offset * s
-                if body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, p["cell"]):
+                if body_touches_shelf(grown(body_of(x, y, c, s, p), GRAZE), solid, clearance, p["cell"]):
                     return False
             speed, steer = to_speed, to_steer
         if abs(speed) < REST:

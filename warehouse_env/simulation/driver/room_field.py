@@ -33,7 +33,8 @@ from warehouse_env.simulation.driver.bodies import (
 )
 from warehouse_env.simulation.driver.heap import pop, push
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
-from warehouse_env.simulation.physics.trigonometry import ONE, ZERO, sin_cos
+from warehouse_env.simulation.physics.geometry import square_at
+from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos
 
 POINTS = 81  # each way: 8 m around the default body, farther than it knows of others (making_room.NEAR)
 _APART = np.float32(2.0 / 3.0)  # of the disc's radius between two points: 0.2 m, so that an aisle has five abreast
@@ -76,7 +77,7 @@ def _write_places(left, low, apart, avoid, bodies, p, solid, clearance, room):
     for row in range(POINTS):
         for column in range(POINTS):
             x, y = left + np.float32(column) * apart, low + np.float32(row) * apart
-            shut = body_touches_shelf(x, y, ONE, ZERO, square, square, solid, clearance, p["cell"])
+            shut = body_touches_shelf(square_at(x, y, square), solid, clearance, p["cell"])
             room[row, column] = BARRED if shut else ZERO
     for k in range(avoid.shape[0]):
         _raise_near(avoid[k], slim + OFF, left, low, apart, UNKNOWN, room)

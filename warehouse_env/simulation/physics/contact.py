@@ -14,10 +14,10 @@ from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, bucket_at
 from warehouse_env.simulation.physics.disc_sweep import touches_obstacle
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, disc_room, meets_obstacle
-from warehouse_env.simulation.physics.geometry import rectangles_touch, separation
+from warehouse_env.simulation.physics.geometry import body_of, grown, rectangles_touch, separation, squared_distance
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import curvature, drive, way_driven
-from warehouse_env.simulation.physics.sweep import AT_END, BETWEEN, touch_between, turns_back
+from warehouse_env.simulation.physics.sweep import AT_END, BETWEEN, Sweep, touch_between, turns_back
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 
 # Rows of `motion` float32[MOTION, N], the robots' motion within one physics step, field by field side by side: the
@@ -157,6 +157,18 @@ def put_back(motion, flags, i):
 
 
 @inline
+def body_in(motion, i, p):
+    """Return robot i's body, a Rectangle, before the substep."""
+    return body_of(motion[X, i], motion[Y, i], motion[COS, i], motion[SIN, i], p)
+
+
+@inline
+def _trial(motion, i, p):
+    """Return robot i's body, a Rectangle, on trial."""
+    return body_of(motion[TRY_X, i], motion[TRY_Y, i], motion[TRY_COS, i], motion[TRY_SIN, i], p)
+
+
+@inline
 def _back(motion, i, p):
     """Return how far robot i may leave its arc [m] on trial, where it turns back."""
     speed, next_speed = motion[SPEED, i] - motion[ACCELERATION, i] * p["dt"], motion[SPEED, i]
@@ -169,14 +181,12 @@ def _back(motion, i, p):
 @part
 def _touches_shelf(motion, i, between, p, solid, clearance):
     """Whether robot i on trial touches a shelf, where it comes to or, if asked, on the way there."""
-    c0, s0, c1, s1 = motion[COS, i], motion[SIN, i], motion[TRY_COS, i], motion[TRY_SIN, i]
-    x0, y0 = motion[X, i] - p["offset"] * c0, motion[Y, i] - p["offset"] * s0
-    x1, y1 = motion[TRY_X, i] - p["offset"] * c1, motion[TRY_Y, i] - p["offset"] * s1
-    way, back = motion[WAY, i], _back(motion, i, p)
-    where = touches_obstacle(x0, y0, c0, s0, x1, y1, c1, s1, way, back, between, p, solid)
+    before = body_in(motion, i, p)
+    where = touches_obstacle(
+        Sweep(before, _trial(motion, i, p), _back(motion, i, p)), motion[WAY, i], between, p, solid
+    )
     return where == AT_END or (
-        where == BETWEEN
-        and not body_touches_shelf(x0, y0, c0, s0, p["half_length"], p["half_width"], solid, clearance, p["cell"])
+        where == BETWEEN and not body_touches_shelf(before, solid, clearance, p["cell"])
     )  # who was put into a shelf may leave it
 
 
@@ -187,13 +197,11 @@ def _tries_a_shelf(motion, i, guarded, p, solid, clearance):
     if before > way:
         motion[ROOM, i] = before - way
         return False
-    half_length, half_width, cell = p["half_length"], p["half_width"], p["cell"]
-    c, s = motion[TRY_COS, i], motion[TRY_SIN, i]
-    x, y = motion[TRY_X, i] - p["offset"] * c, motion[TRY_Y, i] - p["offset"] * s
-    room = disc_room(x, y, c, s, half_length, half_width, clearance, cell)
+    body = _trial(motion, i, p)
+    room = disc_room(body, clearance, p["cell"])
     motion[ROOM, i] = room
     if guarded is not None:
-        return room <= ZERO and meets_obstacle(x, y, c, s, half_length, half_width, solid, cell)
+        return room <= ZERO and meets_obstacle(body, solid, p["cell"])
     between = max(before, ZERO) + max(room, ZERO) <= way
     return (between or room <= ZERO) and _touches_shelf(motion, i, between, p, solid, clearance)
 
@@ -215,59 +223,38 @@ def keep_off_shelves(robots, motion, flags, guarded, p, kinds, solid, clearance)
 
 
 @part
-def _touch_on_the_way(motion, i, j, dx, dy, way, p, q):
+def _touch_on_the_way(motion, i, j, way, p, q):
     """Whether robots i and j, with parameters p and q, touch on trial where they come to or on the way there.
 
-    (dx, dy): from the one centre to the other at the end [m]; way: both bodies', together [m].
+    way: both bodies', together [m].
     """
-    offset, other_offset = p["offset"], q["offset"]
-    length, width, other_length, other_width = p["half_length"], p["half_width"], q["half_length"], q["half_width"]
-    c1, s1, other_c1, other_s1 = motion[TRY_COS, i], motion[TRY_SIN, i], motion[TRY_COS, j], motion[TRY_SIN, j]
-    gap = separation(dx, dy, c1, s1, length, width, other_c1, other_s1, other_length, other_width)
+    end, other_end = _trial(motion, i, p), _trial(motion, j, q)
+    gap = separation(end, other_end)
     if gap <= ZERO or gap > way:
         return gap <= ZERO
-    c0, s0, other_c0, other_s0 = motion[COS, i], motion[SIN, i], motion[COS, j], motion[SIN, j]
-    x0, y0 = motion[X, i] - offset * c0, motion[Y, i] - offset * s0
-    other_x0, other_y0 = motion[X, j] - other_offset * other_c0, motion[Y, j] - other_offset * other_s0
-    before = separation(
-        other_x0 - x0, other_y0 - y0, c0, s0, length, width, other_c0, other_s0, other_length, other_width
-    )
+    start, other_start = body_in(motion, i, p), body_in(motion, j, q)
+    before = separation(start, other_start)
     if before <= ZERO or before > way - gap:  # who were put into each other may part
         return False
-    return touch_between(
-        x0, y0, c0, s0, motion[TRY_X, i] - offset * c1, motion[TRY_Y, i] - offset * s1, c1, s1,
-        other_x0, other_y0, other_c0, other_s0,
-        motion[TRY_X, j] - other_offset * other_c1, motion[TRY_Y, j] - other_offset * other_s1, other_c1, other_s1,
-        other_length, other_width, other_offset, _back(motion, i, p), _back(motion, j, q), p, q,
-    )  # fmt: skip
+    one, other = Sweep(start, end, _back(motion, i, p)), Sweep(other_start, other_end, _back(motion, j, q))
+    return touch_between(one, other, q["offset"], p, q)
 
 
 @inline
 def _try_a_touch(motion, i, j, guarded, p, q):
     """Whether robots i and j, with parameters p and q, touch on trial where they come to or, unless guarded, before."""
-    offset, other_offset = p["offset"], q["offset"]
-    c, s, other_c, other_s = motion[TRY_COS, i], motion[TRY_SIN, i], motion[TRY_COS, j], motion[TRY_SIN, j]
-    dx = (motion[TRY_X, j] - other_offset * other_c) - (motion[TRY_X, i] - offset * c)
-    dy = (motion[TRY_Y, j] - other_offset * other_s) - (motion[TRY_Y, i] - offset * s)
+    one, other = _trial(motion, i, p), _trial(motion, j, q)
     way = ZERO if guarded is not None else motion[WAY, i] + motion[WAY, j]
     reach = p["radius"] + q["radius"] + way
-    if dx * dx + dy * dy > reach * reach or not rectangles_touch(
-        dx, dy, c, s, p["half_length"] + way, p["half_width"] + way, other_c, other_s, q["half_length"], q["half_width"]
-    ):
+    if squared_distance(one, other) > reach * reach or not rectangles_touch(grown(one, way), other):
         return False
-    return guarded is not None or _touch_on_the_way(motion, i, j, dx, dy, way, p, q)
+    return guarded is not None or _touch_on_the_way(motion, i, j, way, p, q)
 
 
 @inline
 def _runs_into(motion, i, j, p, q):
     """Whether robot i's trial pose touches robot j where that stood: then i is at fault, whatever j does."""
-    offset, other_offset = p["offset"], q["offset"]
-    c, s, other_c, other_s = motion[TRY_COS, i], motion[TRY_SIN, i], motion[COS, j], motion[SIN, j]
-    dx = (motion[X, j] - other_offset * other_c) - (motion[TRY_X, i] - offset * c)
-    dy = (motion[Y, j] - other_offset * other_s) - (motion[TRY_Y, i] - offset * s)
-    return rectangles_touch(
-        dx, dy, c, s, p["half_length"], p["half_width"], other_c, other_s, q["half_length"], q["half_width"]
-    )
+    return rectangles_touch(_trial(motion, i, p), body_in(motion, j, q))
 
 
 @inline

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline
-from warehouse_env.simulation.physics.contact import COS, SIN, X, Y
+from warehouse_env.simulation.physics.contact import body_in
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
-from warehouse_env.simulation.physics.geometry import rectangle_gap
+from warehouse_env.simulation.physics.geometry import body_of, grown, rectangle_gap, squared_distance
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ZERO
 from warehouse_env.simulation.state import GAP_HORIZON
@@ -51,15 +51,10 @@ def judge_pairs(robots, motion, pairs, count, stamps, clock, p, kinds):
         i, j = pairs[k, 0], pairs[k, 1]
         one, other = kind_of(i, p, kinds), kind_of(j, p, kinds)
         reach = one["radius"] + other["radius"] + _HORIZON
-        c, s, other_c, other_s = motion[COS, i], motion[SIN, i], motion[COS, j], motion[SIN, j]
-        dx = (motion[X, j] - other["offset"] * other_c) - (motion[X, i] - one["offset"] * c)
-        dy = (motion[Y, j] - other["offset"] * other_s) - (motion[Y, i] - one["offset"] * s)
-        if dx * dx + dy * dy > reach * reach:
+        body, other_body = body_in(motion, i, one), body_in(motion, j, other)
+        if squared_distance(body, other_body) > reach * reach:
             continue
-        gap = rectangle_gap(
-            dx, dy, c, s, one["half_length"], one["half_width"],
-            other_c, other_s, other["half_length"], other["half_width"],
-        )  # fmt: skip
+        gap = rectangle_gap(body, other_body)
         r, o = robots[i], robots[j]
         if pairs[k, 2] != 0:
             gap = ZERO
@@ -92,9 +87,6 @@ def end_shelf_contacts(robots, p, kinds, solid, clearance):
     for i in range(robots.shape[0]):
         r = robots[i]
         if r["shelf_contact"] != 0:
-            c, s, own = r["cos"], r["sin"], kind_of(i, p, kinds)
-            cx, cy = r["x"] - own["offset"] * c, r["y"] - own["offset"] * s
-            if not body_touches_shelf(
-                cx, cy, c, s, own["half_length"] + wide, own["half_width"] + wide, solid, clearance, p["cell"]
-            ):
+            body = grown(body_of(r["x"], r["y"], r["cos"], r["sin"], kind_of(i, p, kinds)), wide)
+            if not body_touches_shelf(body, solid, clearance, p["cell"]):
                 r["shelf_contact"] = 0

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, part
 from warehouse_env.maps.discs import cells_near
-from warehouse_env.simulation.physics.geometry import squared_distance_to_box
-from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
+from warehouse_env.simulation.physics.geometry import square_at, squared_distance_to
+from warehouse_env.simulation.physics.trigonometry import ZERO
 
 _LISTED = 1e-3  # [m] from a cell, up to which it lists a disc: rounding leaves none out
 
@@ -98,18 +98,17 @@ def reached_columns(low, high, count, cell):
 
 
 @part
-def meets_disc(cx, cy, c, s, half_length, half_width, solid, cell):
-    """Return whether the closed rectangle at (cx, cy) [m] with heading (c, s) touches a disc."""
-    ex = half_length * abs(c) + half_width * abs(s)
-    ey = half_length * abs(s) + half_width * abs(c)
+def meets_disc(body, solid, cell):
+    """Return whether a closed Rectangle touches a disc."""
+    ex = body.length * abs(body.c) + body.width * abs(body.s)
+    ey = body.length * abs(body.s) + body.width * abs(body.c)
     rows, columns = solid.cells.shape
-    first_row, last_row = reached_rows(cy - ey, cy + ey, rows, cell)
-    left, right = reached_columns(cx - ex, cx + ex, columns, cell)
+    first_row, last_row = reached_rows(body.y - ey, body.y + ey, rows, cell)
+    left, right = reached_columns(body.x - ex, body.x + ex, columns, cell)
     for row in range(first_row, last_row + 1):
         for k in range(solid.first[row, left], solid.first[row, right + 1]):
-            dx, dy, radius = solid.discs[k, 0] - cx, solid.discs[k, 1] - cy, solid.discs[k, 2]
-            gap = squared_distance_to_box(dx * c + dy * s, dy * c - dx * s, half_length, half_width)
-            if gap <= radius * radius:
+            radius = solid.discs[k, 2]
+            if squared_distance_to(solid.discs[k, 0], solid.discs[k, 1], body) <= radius * radius:
                 return True
     return False
 
@@ -121,7 +120,7 @@ def is_taken(x, y, solid, cell):
     if hasattr(solid, "cells"):
         if row >= solid.cells.shape[0] or column >= solid.cells.shape[1] or solid.cells[row, column] != 0:
             return True
-        return meets_disc(x, y, ONE, ZERO, ZERO, ZERO, solid, cell)
+        return meets_disc(square_at(x, y, ZERO), solid, cell)
     return row >= solid.shape[0] or column >= solid.shape[1] or solid[row, column] != 0
 
 

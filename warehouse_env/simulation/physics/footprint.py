@@ -7,7 +7,7 @@ import numpy as np
 from warehouse_env.kernel import inline
 from warehouse_env.simulation.physics.discs import meets_disc
 from warehouse_env.simulation.physics.floor import FINE, UNIT
-from warehouse_env.simulation.physics.geometry import rectangles_touch
+from warehouse_env.simulation.physics.geometry import Rectangle, rectangles_touch, square_at
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 
 _FINE = np.float32(FINE)
@@ -34,72 +34,69 @@ def clearance_at(x, y, clearance, cell):
 
 
 @inline
-def body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, cell):
-    """Return whether the closed rectangle at (cx, cy) [m] with heading (c, s) touches a shelf, the rim or a disc.
+def body_touches_shelf(body, solid, clearance, cell):
+    """Return whether a closed Rectangle touches a shelf, the rim or a disc.
 
     Three discs that cover the body settle most cases by the clearance field; the rest is exact.
     """
-    third = half_length * _THIRD
-    radius = np.sqrt(third * third + half_width * half_width)
-    shift = half_length * _TWO_THIRDS
+    third = body.length * _THIRD
+    radius = np.sqrt(third * third + body.width * body.width)
+    shift = body.length * _TWO_THIRDS
     if (
-        clearance_at(cx, cy, clearance, cell) > radius
-        and clearance_at(cx + shift * c, cy + shift * s, clearance, cell) > radius
-        and clearance_at(cx - shift * c, cy - shift * s, clearance, cell) > radius
+        clearance_at(body.x, body.y, clearance, cell) > radius
+        and clearance_at(body.x + shift * body.c, body.y + shift * body.s, clearance, cell) > radius
+        and clearance_at(body.x - shift * body.c, body.y - shift * body.s, clearance, cell) > radius
     ):
         return False
-    return meets_obstacle(cx, cy, c, s, half_length, half_width, solid, cell)
+    return meets_obstacle(body, solid, cell)
 
 
 @inline
-def meets_obstacle(cx, cy, c, s, half_length, half_width, solid, cell):
+def meets_obstacle(body, solid, cell):
     """Return what `body_touches_shelf` does, exactly in any case; solid: see Floor."""
     if hasattr(solid, "cells"):
-        return meets_cell(cx, cy, c, s, half_length, half_width, solid.cells, cell) or meets_disc(
-            cx, cy, c, s, half_length, half_width, solid, cell
-        )
-    return meets_cell(cx, cy, c, s, half_length, half_width, solid, cell)
+        return meets_cell(body, solid.cells, cell) or meets_disc(body, solid, cell)
+    return meets_cell(body, solid, cell)
 
 
 @inline
-def meets_cell(cx, cy, c, s, half_length, half_width, solid, cell):
-    """Return whether the closed rectangle at (cx, cy) [m] with heading (c, s) touches a cell of a shelf or the rim."""
-    ex = half_length * abs(c) + half_width * abs(s)
-    ey = half_length * abs(s) + half_width * abs(c)
+def meets_cell(body, solid, cell):
+    """Return whether a closed Rectangle touches a cell of a shelf or the rim."""
+    ex = body.length * abs(body.c) + body.width * abs(body.s)
+    ey = body.length * abs(body.s) + body.width * abs(body.c)
     half = HALF * cell
     rows, columns = solid.shape
-    first_row = max(int(np.ceil((cy - ey) / cell)), 0)
-    last_row = min(int(np.floor((cy + ey) / cell)) + 1, rows - 1)
-    first_column = max(int(np.ceil((cx - ex) / cell)), 0)
-    last_column = min(int(np.floor((cx + ex) / cell)) + 1, columns - 1)
+    first_row = max(int(np.ceil((body.y - ey) / cell)), 0)
+    last_row = min(int(np.floor((body.y + ey) / cell)) + 1, rows - 1)
+    first_column = max(int(np.ceil((body.x - ex) / cell)), 0)
+    last_column = min(int(np.floor((body.x + ex) / cell)) + 1, columns - 1)
     for row in range(first_row, last_row + 1):
         for column in range(first_column, last_column + 1):
             if solid[row, column] != 0:
-                dx = (np.float32(column) - HALF) * cell - cx
-                dy = (np.float32(row) - HALF) * cell - cy
-                if rectangles_touch(dx, dy, c, s, half_length, half_width, ONE, ZERO, half, half):
+                x, y = (np.float32(column) - HALF) * cell, (np.float32(row) - HALF) * cell
+                if rectangles_touch(body, square_at(x, y, half)):
                     return True
     return False
 
 
 @inline
-def body_room(cx, cy, c, s, half_length, half_width, clearance, cell):
-    """Return metres that no point of the body at (cx, cy) can be moved into a shelf; none or negative: not known."""
-    room = clearance_at(cx, cy, clearance, cell) - np.sqrt(half_length * half_length + half_width * half_width)
-    return room if room > ZERO else disc_room(cx, cy, c, s, half_length, half_width, clearance, cell)
+def body_room(body, clearance, cell):
+    """Return metres that no point of a body can be moved into a shelf; none or negative: not known."""
+    room = clearance_at(body.x, body.y, clearance, cell) - np.sqrt(body.length * body.length + body.width * body.width)
+    return room if room > ZERO else disc_room(body, clearance, cell)
 
 
 @inline
-def disc_room(cx, cy, c, s, half_length, half_width, clearance, cell):
+def disc_room(body, clearance, cell):
     """Return the room [m] as `body_room` does of a body near shelves: that of three discs which cover it."""
-    third = half_length * _THIRD
-    shift = half_length * _TWO_THIRDS
+    third = body.length * _THIRD
+    shift = body.length * _TWO_THIRDS
     nearest = min(
-        clearance_at(cx, cy, clearance, cell),
-        clearance_at(cx + shift * c, cy + shift * s, clearance, cell),
-        clearance_at(cx - shift * c, cy - shift * s, clearance, cell),
+        clearance_at(body.x, body.y, clearance, cell),
+        clearance_at(body.x + shift * body.c, body.y + shift * body.s, clearance, cell),
+        clearance_at(body.x - shift * body.c, body.y - shift * body.s, clearance, cell),
     )
-    return nearest - np.sqrt(third * third + half_width * half_width)
+    return nearest - np.sqrt(third * third + body.width * body.width)
 
 
 @inline
@@ -130,10 +127,10 @@ def sweep_is_free(x, y, c, s, bend, distance, margin, p, solid, clearance):
         room -= most
         if room > ZERO:
             continue
-        cx, cy = x - p["offset"] * c, y - p["offset"] * s
-        room = body_room(cx, cy, c, s, half_length, half_width, clearance, cell)
+        body = Rectangle(x - p["offset"] * c, y - p["offset"] * s, c, s, half_length, half_width)
+        room = body_room(body, clearance, cell)
         if room > most * np.float32(count - 1 - k):
             return True
-        if room <= ZERO and body_touches_shelf(cx, cy, c, s, half_length, half_width, solid, clearance, cell):
+        if room <= ZERO and body_touches_shelf(body, solid, clearance, cell):
             return False
     return True

@@ -1,41 +1,91 @@
-"""Exact contact and distance of oriented rectangles, by separating axes. Scalars only."""
+"""Exact contact and distance of oriented rectangles, by separating axes. Rectangles are tuples of scalars."""
 
 from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from warehouse_env.kernel import inline
-from warehouse_env.simulation.physics.trigonometry import ZERO
+from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
+
+
+class Rectangle(NamedTuple):
+    """A rectangle on the floor: its centre, cosine and sine of its heading, half its length and half its width [m]."""
+
+    x: Any
+    y: Any
+    c: Any
+    s: Any
+    length: Any
+    width: Any
 
 
 @inline
-def rectangles_touch(dx, dy, c1, s1, l1, w1, c2, s2, l2, w2):
-    """Return whether two closed rectangles share a point.
-
-    (dx, dy): centre 2 - centre 1 [m]; (c, s): cosine and sine of each heading; (l, w): half length and half width [m].
-    """
-    c = abs(c1 * c2 + s1 * s2)
-    s = abs(c1 * s2 - s1 * c2)
-    if abs(dx * c1 + dy * s1) > l1 + l2 * c + w2 * s:
-        return False
-    if abs(dy * c1 - dx * s1) > w1 + l2 * s + w2 * c:
-        return False
-    if abs(dx * c2 + dy * s2) > l2 + l1 * c + w1 * s:
-        return False
-    return abs(dy * c2 - dx * s2) <= w2 + l1 * s + w1 * c
+def body_at(x, y, c, s, p):
+    """Return the body of a robot with parameters p, whose centre is at (x, y) [m]."""
+    return Rectangle(x, y, c, s, p["half_length"], p["half_width"])
 
 
 @inline
-def separation(dx, dy, c1, s1, l1, w1, c2, s2, l2, w2):
+def body_of(x, y, c, s, p):
+    """Return the body of a robot with parameters p, whose front axle is at (x, y) [m]."""
+    return Rectangle(x - p["offset"] * c, y - p["offset"] * s, c, s, p["half_length"], p["half_width"])
+
+
+@inline
+def grown(one, margin):
+    """Return a rectangle with `margin` [m] around it."""
+    return Rectangle(one.x, one.y, one.c, one.s, one.length + margin, one.width + margin)
+
+
+@inline
+def square_at(x, y, half):
+    """Return a square along the axes of the floor, of twice `half` [m]."""
+    return Rectangle(x, y, ONE, ZERO, half, half)
+
+
+@inline
+def squared_distance(one, other):
+    """Return the squared distance [m^2] of two rectangles' centres."""
+    dx, dy = other.x - one.x, other.y - one.y
+    return dx * dx + dy * dy
+
+
+@inline
+def rectangles_touch(one, other):
+    """Return whether two closed rectangles share a point."""
+    dx, dy = other.x - one.x, other.y - one.y
+    c = abs(one.c * other.c + one.s * other.s)
+    s = abs(one.c * other.s - one.s * other.c)
+    if abs(dx * one.c + dy * one.s) > one.length + other.length * c + other.width * s:
+        return False
+    if abs(dy * one.c - dx * one.s) > one.width + other.length * s + other.width * c:
+        return False
+    if abs(dx * other.c + dy * other.s) > other.length + one.length * c + one.width * s:
+        return False
+    return abs(dy * other.c - dx * other.s) <= other.width + one.length * s + one.width * c
+
+
+@inline
+def separation(one, other):
     """Return the widest gap [m] that an axis of either of two rectangles shows between them.
 
     Over 0 where `rectangles_touch` is False, and then between 0.7 of their distance and all of it.
     """
-    c = abs(c1 * c2 + s1 * s2)
-    s = abs(c1 * s2 - s1 * c2)
-    long = max(abs(dx * c1 + dy * s1) - (l1 + l2 * c + w2 * s), abs(dx * c2 + dy * s2) - (l2 + l1 * c + w1 * s))
-    wide = max(abs(dy * c1 - dx * s1) - (w1 + l2 * s + w2 * c), abs(dy * c2 - dx * s2) - (w2 + l1 * s + w1 * c))
-    return max(long, wide)
+    dx, dy = other.x - one.x, other.y - one.y
+    c = abs(one.c * other.c + one.s * other.s)
+    s = abs(one.c * other.s - one.s * other.c)
+    return max(
+        max(
+            abs(dx * one.c + dy * one.s) - (one.length + other.length * c + other.width * s),
+            abs(dx * other.c + dy * other.s) - (other.length + one.length * c + one.width * s),
+        ),
+        max(
+            abs(dy * one.c - dx * one.s) - (one.width + other.length * s + other.width * c),
+            abs(dy * other.c - dx * other.s) - (other.width + one.length * s + one.width * c),
+        ),
+    )
 
 
 @inline
@@ -49,32 +99,43 @@ def squared_distance_to_box(px, py, half_length, half_width):
 
 
 @inline
-def _nearest_corner(dx, dy, c1, s1, l1, w1, c2, s2, l2, w2):
-    """Return the smallest squared distance of rectangle 2's corners to rectangle 1."""
-    x = dx * c1 + dy * s1
-    y = dy * c1 - dx * s1
-    c = c1 * c2 + s1 * s2
-    s = c1 * s2 - s1 * c2
-    lx, ly = l2 * c, l2 * s
-    wx, wy = -w2 * s, w2 * c
-    a = squared_distance_to_box(x + lx + wx, y + ly + wy, l1, w1)
-    b = squared_distance_to_box(x + lx - wx, y + ly - wy, l1, w1)
-    d = squared_distance_to_box(x - lx + wx, y - ly + wy, l1, w1)
-    e = squared_distance_to_box(x - lx - wx, y - ly - wy, l1, w1)
-    return min(min(a, b), min(d, e))
+def squared_distance_to(x, y, one):
+    """Return the squared distance [m^2] of a point to a rectangle; 0 inside."""
+    dx, dy = x - one.x, y - one.y
+    return squared_distance_to_box(dx * one.c + dy * one.s, dy * one.c - dx * one.s, one.length, one.width)
 
 
 @inline
-def rectangle_gap(dx, dy, c1, s1, l1, w1, c2, s2, l2, w2):
-    """Return the distance [m] between two rectangles, 0 where they touch (arguments as rectangles_touch).
+def _nearest_corner(one, other):
+    """Return the smallest squared distance [m^2] of the other rectangle's corners to the one."""
+    dx, dy = other.x - one.x, other.y - one.y
+    x = dx * one.c + dy * one.s
+    y = dy * one.c - dx * one.s
+    c = one.c * other.c + one.s * other.s
+    s = one.c * other.s - one.s * other.c
+    lx, ly = other.length * c, other.length * s
+    wx, wy = -other.width * s, other.width * c
+    return min(
+        min(
+            squared_distance_to_box(x + lx + wx, y + ly + wy, one.length, one.width),
+            squared_distance_to_box(x + lx - wx, y + ly - wy, one.length, one.width),
+        ),
+        min(
+            squared_distance_to_box(x - lx + wx, y - ly + wy, one.length, one.width),
+            squared_distance_to_box(x - lx - wx, y - ly - wy, one.length, one.width),
+        ),
+    )
+
+
+@inline
+def rectangle_gap(one, other):
+    """Return the distance [m] between two rectangles, 0 where they touch.
 
     Disjoint convex polygons are nearest at a corner of one of them.
     """
-    if rectangles_touch(dx, dy, c1, s1, l1, w1, c2, s2, l2, w2):
+    if rectangles_touch(one, other):
         return ZERO
-    first = _nearest_corner(dx, dy, c1, s1, l1, w1, c2, s2, l2, w2)
-    second = _nearest_corner(-dx, -dy, c2, s2, l2, w2, c1, s1, l1, w1)
-    return np.sqrt(min(first, second))
+    return np.sqrt(min(_nearest_corner(one, other), _nearest_corner(other, one)))
 
 
 @inline

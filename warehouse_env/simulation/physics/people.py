@@ -25,6 +25,7 @@ from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.simulation.physics.contact import MOVING, TRY_COS, TRY_SIN, TRY_X, TRY_Y, put_back
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
+from warehouse_env.simulation.physics.geometry import square_at
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.stops import BODY_COS, BODY_SIN, CENTRE_X, CENTRE_Y
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
@@ -179,7 +180,7 @@ def gap_to(x, y, r, p):
 @inline
 def _may_step(o, x, y, robots, p, kinds, solid, clearance):
     """Whether a person may step to (x, y) [m]: off the shelves, and off robots, or farther off than it is."""
-    if body_touches_shelf(x, y, ONE, ZERO, RADIUS, RADIUS, solid, clearance, p["cell"]):
+    if body_touches_shelf(square_at(x, y, RADIUS), solid, clearance, p["cell"]):
         return False
     for i in range(robots.shape[0]):
         r, own = robots[i], kind_of(i, p, kinds)

@@ -13,9 +13,16 @@ from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.physics.contact import COS, HEADING, SIN, SPEED, STEER, X, Y
 from warehouse_env.simulation.physics.disc_sweep import touches_obstacle
 from warehouse_env.simulation.physics.footprint import body_room, body_touches_shelf
-from warehouse_env.simulation.physics.geometry import rectangles_touch, separation
+from warehouse_env.simulation.physics.geometry import (
+    Rectangle,
+    body_at,
+    grown,
+    rectangles_touch,
+    separation,
+    squared_distance,
+)
 from warehouse_env.simulation.physics.kinematics import braking, curvature, roll, way_driven
-from warehouse_env.simulation.physics.sweep import NOWHERE, touch_between, turns_back
+from warehouse_env.simulation.physics.sweep import NOWHERE, Sweep, touch_between, turns_back
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 
 REST = np.float32(1e-6)  # [m/s] under which a stop is over: what rounding leaves of a speed
@@ -119,31 +126,36 @@ def sample(row, i, acceleration, steer_rate, commanded, motion, paths, outlines,
 
 
 @inline
-def outlines_meet(dx, dy, c1, s1, l1, w1, r1, c2, s2, l2, w2, r2, gap):
-    """Whether two outlines come within `gap` [m]; (dx, dy): from middle to middle [m], r: half the diagonals [m]."""
-    reach = r1 + r2 + gap
-    return dx * dx + dy * dy <= reach * reach and rectangles_touch(dx, dy, c1, s1, l1 + gap, w1 + gap, c2, s2, l2, w2)
+def outline_of(row, outlines):
+    """Return the outline in a row, a Rectangle."""
+    return Rectangle(
+        outlines[MIDDLE_X, row], outlines[MIDDLE_Y, row], outlines[AXIS_COS, row], outlines[AXIS_SIN, row],
+        outlines[LONG, row], outlines[WIDE, row],
+    )  # fmt: skip
 
 
 @inline
-def _touch_before(a, k, b, m, gaps, paths, outlines, moves_a, moves_b, p, q):
-    """Whether two motions touch between their samples k and m and those before; who moves not has none before.
+def outlines_meet(one, row, other, gap, outlines):
+    """Whether the outline `one` of a row comes within `gap` [m] of that in the row `other`."""
+    reach, theirs = outlines[REACH, row] + outlines[REACH, other] + gap, outline_of(other, outlines)
+    return squared_distance(one, theirs) <= reach * reach and rectangles_touch(grown(one, gap), theirs)
 
-    gaps [m]: at these samples and at those before, together.
-    """
-    way = paths[a, k, WAY] if moves_a else ZERO
-    if moves_b:
-        way += paths[b, m, WAY]
-    if gaps > way:
-        return False
-    i, j = k - 1 if moves_a else k, m - 1 if moves_b else m
-    return touch_between(
-        paths[a, i, CENTRE_X], paths[a, i, CENTRE_Y], paths[a, i, BODY_COS], paths[a, i, BODY_SIN],
-        paths[a, k, CENTRE_X], paths[a, k, CENTRE_Y], paths[a, k, BODY_COS], paths[a, k, BODY_SIN],
-        paths[b, j, CENTRE_X], paths[b, j, CENTRE_Y], paths[b, j, BODY_COS], paths[b, j, BODY_SIN],
-        paths[b, m, CENTRE_X], paths[b, m, CENTRE_Y], paths[b, m, BODY_COS], paths[b, m, BODY_SIN],
-        q["half_length"], q["half_width"], q["offset"], outlines[TURNS_BACK, a], outlines[TURNS_BACK, b], p, q,
-    )  # fmt: skip
+
+@inline
+def sampled(row, n, paths, p):
+    """Return the body, a Rectangle, at a sample of a row's motion."""
+    return body_at(
+        paths[row, n, CENTRE_X], paths[row, n, CENTRE_Y], paths[row, n, BODY_COS], paths[row, n, BODY_SIN], p
+    )
+
+
+@inline
+def _touch_before(a, k, i, b, m, j, motions, pair):
+    """Whether the motions in rows a and b touch between their samples k and m and those before, i and j."""
+    (paths, outlines), (p, q) = motions, pair
+    one = Sweep(sampled(a, i, paths, p), sampled(a, k, paths, p), outlines[TURNS_BACK, a])
+    other = Sweep(sampled(b, j, paths, q), sampled(b, m, paths, q), outlines[TURNS_BACK, b])
+    return touch_between(one, other, q["offset"], p, q)
 
 
 @part
@@ -154,23 +166,22 @@ def least_separation(a, b, paths, outlines, marks, p, q):
     Substeps in which they cannot come within the margin are passed over: a separation is at least 0.7 of the distance.
     Where they touch between two samples it is not over 0: the least that it can have been.
     """
-    length, width, other_length, other_width = p["half_length"], p["half_width"], q["half_length"], q["half_width"]
     most = outlines[PACE, a] + outlines[PACE, b]
     last_a, last_b = marks[SAMPLES, a] - 1, marks[SAMPLES, b] - 1
     last, n, least, before = max(last_a, last_b), 0, np.float32(np.inf), np.float32(np.inf)
     while n <= last:
         k, m = min(n, last_a), min(n, last_b)
-        dx = paths[b, m, CENTRE_X] - paths[a, k, CENTRE_X]
-        dy = paths[b, m, CENTRE_Y] - paths[a, k, CENTRE_Y]
-        gap = separation(
-            dx, dy, paths[a, k, BODY_COS], paths[a, k, BODY_SIN], length, width,
-            paths[b, m, BODY_COS], paths[b, m, BODY_SIN], other_length, other_width,
-        )  # fmt: skip
+        gap = separation(sampled(a, k, paths, p), sampled(b, m, paths, q))
         if n > 0 or last == 0:  # where they are now is no motion's doing
             least = min(least, gap)
         both = before + gap if min(before, gap) > ZERO else np.float32(np.inf)
-        if both <= most and _touch_before(a, k, b, m, both, paths, outlines, n <= last_a, n <= last_b, p, q):
-            least = min(least, HALF * (both - most))
+        if both <= most:
+            i, j = k - 1 if n <= last_a else k, m - 1 if n <= last_b else m  # who moves no more has none before
+            way = paths[a, k, WAY] if n <= last_a else ZERO
+            if n <= last_b:
+                way += paths[b, m, WAY]
+            if both <= way and _touch_before(a, k, i, b, m, j, (paths, outlines), (p, q)):
+                least = min(least, HALF * (both - most))
         n, before = n + 1, gap
         spare = gap - _ROOT_2 * p["field_margin"] - SLACK
         if spare > most:
@@ -182,21 +193,17 @@ def least_separation(a, b, paths, outlines, marks, p, q):
 @part
 def meets_shelf(row, paths, outlines, marks, p, solid, clearance):
     """Whether the body touches a shelf anywhere along a sampled motion."""
-    half_length, half_width, cell, pace = p["half_length"], p["half_width"], p["cell"], outlines[PACE, row]
+    pace = outlines[PACE, row]
     n, count, before = 1, marks[SAMPLES, row], ZERO
     while n < count:
-        cx, cy = paths[row, n, CENTRE_X], paths[row, n, CENTRE_Y]
-        c, s = paths[row, n, BODY_COS], paths[row, n, BODY_SIN]
-        room = body_room(cx, cy, c, s, half_length, half_width, clearance, cell) - SLACK
+        body = sampled(row, n, paths, p)
+        room = body_room(body, clearance, p["cell"]) - SLACK
         way, near = paths[row, n, WAY], room <= ZERO
         room = max(room, ZERO)
         between = before + room <= way
         if near or between:
-            where = touches_obstacle(
-                paths[row, n - 1, CENTRE_X], paths[row, n - 1, CENTRE_Y], paths[row, n - 1, BODY_COS],
-                paths[row, n - 1, BODY_SIN], cx, cy, c, s, way, outlines[TURNS_BACK, row], between, p, solid,
-            )  # fmt: skip
-            if where != NOWHERE:
+            swept = Sweep(sampled(row, n - 1, paths, p), body, outlines[TURNS_BACK, row])
+            if touches_obstacle(swept, way, between, p, solid) != NOWHERE:
                 return True
         n, before = n + 1, room
         if room > pace:
@@ -228,7 +235,4 @@ def outline_trial(i, acceleration, steer_rate, motion, outlines, p):
 @inline
 def is_far_from_shelves(row, outlines, p, solid, clearance):
     """Whether a motion's outline touches no shelf."""
-    return not body_touches_shelf(
-        outlines[MIDDLE_X, row], outlines[MIDDLE_Y, row], outlines[AXIS_COS, row], outlines[AXIS_SIN, row],
-        outlines[LONG, row] + SLACK, outlines[WIDE, row] + SLACK, solid, clearance, p["cell"],
-    )  # fmt: skip
+    return not body_touches_shelf(grown(outline_of(row, outlines), SLACK), solid, clearance, p["cell"])

@@ -7,10 +7,12 @@ no axis says so, the arcs are cut into ever shorter pieces.
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from warehouse_env.kernel import inline, part
-from warehouse_env.simulation.physics.geometry import rectangles_touch
+from warehouse_env.simulation.physics.geometry import rectangles_touch, square_at
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
 
 _EIGHTH = np.float32(0.125)
@@ -28,54 +30,103 @@ def turn_bound(c0, s0, c1, s1):
     return _TWO * abs(c0 * s1 - s0 * c1) / max(ONE + c0 * c1 + s0 * s1, _TINY)
 
 
+class Sweep(NamedTuple):
+    """A body at two samples of its motion, and how far it may go beyond the arc's ends [m] (`turns_back`)."""
+
+    start: Any  # Rectangle
+    end: Any
+    back: Any
+
+
+class _Pair(NamedTuple):
+    """Two bodies at one moment: from the one to the other [m], and both headings."""
+
+    x: Any
+    y: Any
+    ac: Any
+    as_: Any
+    bc: Any
+    bs: Any
+
+
+class _Sizes(NamedTuple):
+    """Half the lengths and widths of two bodies [m], and from the axle of each to its centre [m]."""
+
+    a_length: Any
+    a_width: Any
+    a_offset: Any
+    b_length: Any
+    b_width: Any
+    b_offset: Any
+
+
+class Arc(NamedTuple):
+    """An arc of an axle: its chord [m], cosine and sine of half the angle by which it turns."""
+
+    x: Any
+    y: Any
+    c: Any
+    s: Any
+
+
 @inline
-def _gap_along(ux, uy, d0x, d0y, d1x, d1y, a0c, a0s, a1c, a1s, b0c, b0s, b1c, b1s, la, wa, lb, wb):
+def _half_widths(ux, uy, pair, sizes):
+    """Return how far the two bodies reach, of half of each, along a unit axis [m]."""
+    return (
+        sizes.a_length * abs(ux * pair.ac + uy * pair.as_) + sizes.a_width * abs(uy * pair.ac - ux * pair.as_),
+        sizes.b_length * abs(ux * pair.bc + uy * pair.bs) + sizes.b_width * abs(uy * pair.bc - ux * pair.bs),
+    )
+
+
+@inline
+def _gap_along(ux, uy, start, end, sizes):
     """Return the lesser of the gaps [m] along a unit axis at both ends; negative where they are on different sides."""
-    first, second = d0x * ux + d0y * uy, d1x * ux + d1y * uy
+    first, second = start.x * ux + start.y * uy, end.x * ux + end.y * uy
     if first < ZERO:
         first, second = -first, -second
-    first -= la * abs(ux * a0c + uy * a0s) + wa * abs(uy * a0c - ux * a0s)
-    first -= lb * abs(ux * b0c + uy * b0s) + wb * abs(uy * b0c - ux * b0s)
-    second -= la * abs(ux * a1c + uy * a1s) + wa * abs(uy * a1c - ux * a1s)
-    second -= lb * abs(ux * b1c + uy * b1s) + wb * abs(uy * b1c - ux * b1s)
-    return min(first, second)
+    a, b = _half_widths(ux, uy, start, sizes)
+    first = first - a - b
+    a, b = _half_widths(ux, uy, end, sizes)
+    return min(first, second - a - b)
 
 
 @part
-def _are_apart(d0x, d0y, d1x, d1y, a0c, a0s, a1c, a1s, b0c, b0s, b1c, b1s, la, wa, lb, wb, blurs, bow):
-    """Whether an axis shows that two bodies are apart all along a piece of their arcs.
+def _are_apart(start, end, sizes, blurs, bow):
+    """Whether an axis shows that two bodies, a _Pair at both ends, are apart all along a piece of their arcs.
 
     The axes of both bodies at both ends are tried, and the one across their relative motion, which settles whatever
     does not turn. blurs: (x, y, all ways) [m] of a, then of b.
     """
     for k in range(9):
         if k < 4:
-            ux, uy = (a0c, a0s) if k < 2 else (a1c, a1s)
+            ux, uy = (start.ac, start.as_) if k < 2 else (end.ac, end.as_)
         elif k < 8:
-            ux, uy = (b0c, b0s) if k < 6 else (b1c, b1s)
+            ux, uy = (start.bc, start.bs) if k < 6 else (end.bc, end.bs)
         else:
-            mx, my = d1x - d0x, d1y - d0y
+            mx, my = end.x - start.x, end.y - start.y
             norm = max(np.sqrt(mx * mx + my * my), _TINY)
             ux, uy = -my / norm, mx / norm
         if k % 2 == 1:
             ux, uy = -uy, ux
         blur = abs(blurs[0] * ux + blurs[1] * uy) + blurs[2] + abs(blurs[3] * ux + blurs[4] * uy) + blurs[5]
-        gap = _gap_along(ux, uy, d0x, d0y, d1x, d1y, a0c, a0s, a1c, a1s, b0c, b0s, b1c, b1s, la, wa, lb, wb)
-        if gap > blur + bow + ROUNDING:
+        if _gap_along(ux, uy, start, end, sizes) > blur + bow + ROUNDING:
             return True
     return False
 
 
 @inline
-def halve(c, s, x, y):
-    """Return (cosine and sine of half the angle, chord of the first half) of an arc.
+def halve(arc):
+    """Return the first half of an arc."""
+    c = np.sqrt(max(HALF + HALF * arc.c, _TINY))
+    scale = HALF / c
+    s = HALF * arc.s / c
+    return Arc(scale * (arc.x * c + arc.y * s), scale * (arc.y * c - arc.x * s), c, s)
 
-    c, s: of half the angle by which an arc turns; (x, y): its chord [m].
-    """
-    half_c = np.sqrt(max(HALF + HALF * c, _TINY))
-    half_s = HALF * s / half_c
-    scale = HALF / half_c
-    return half_c, half_s, scale * (x * half_c + y * half_s), scale * (y * half_c - x * half_s)
+
+@inline
+def turned(x, y, c, s):
+    """Return (x, y) turned by an angle of which c and s are cosine and sine."""
+    return x * c - y * s, y * c + x * s
 
 
 @inline
@@ -106,65 +157,79 @@ def bow_of(x, y, turn, p):
     return _EIGHTH * turn * (np.sqrt(x * x + y * y) + p["far"] * turn)
 
 
+@inline
+def arc_of(start, end, offset):
+    """Return the arc on which the axle of a body comes from one Rectangle to another."""
+    x, y = end.x - start.x + offset * (end.c - start.c), end.y - start.y + offset * (end.s - start.s)
+    c = np.sqrt(max(HALF + HALF * (start.c * end.c + start.s * end.s), _TINY))
+    return Arc(x, y, c, HALF * (start.c * end.s - start.s * end.c) / c)
+
+
+@inline
+def arc_bow(arc, p):
+    """Return how far any point of a body on an arc leaves its chord [m]."""
+    return bow_of(arc.x, arc.y, _TWO * abs(arc.s) / max(arc.c, _TINY), p)
+
+
+@inline
+def _middles(axles, sizes):
+    """Return the _Pair of two bodies' centres from that of their axles."""
+    return _Pair(
+        axles.x - sizes.b_offset * axles.bc + sizes.a_offset * axles.ac,
+        axles.y - sizes.b_offset * axles.bs + sizes.a_offset * axles.as_,
+        axles.ac, axles.as_, axles.bc, axles.bs,
+    )  # fmt: skip
+
+
 @part
-def _keep_apart(halvings, dx, dy, c1, s1, ax, ay, ac, as_, c2, s2, bx, by, bc, bs, lb, wb, b_offset, blurs, p, q):
+def _keep_apart(halvings, axles, a, b, sizes, blurs, p, q):
     """Whether two bodies are apart in each of 2^halvings pieces of their arcs.
 
-    dx, dy: from the axle of a to that of b [m]; c1, s1 and c2, s2: their headings; ax, ay: the chord of a [m]; ac, as_:
-    cosine and sine of half the angle by which it turns; so of b; all else: `touch_between`.
+    axles: the _Pair of their axles at the start; a, b: the Arcs of these; all else: `touch_between`.
     """
-    la, wa, offset = p["half_length"], p["half_width"], p["offset"]
     for _ in range(halvings):
-        ac, as_, ax, ay = halve(ac, as_, ax, ay)
-        bc, bs, bx, by = halve(bc, bs, bx, by)
-    bow = bow_of(ax, ay, _TWO * abs(as_) / max(ac, _TINY), p) + bow_of(bx, by, _TWO * abs(bs) / max(bc, _TINY), q)
+        a, b = halve(a), halve(b)
+    bow = arc_bow(a, p) + arc_bow(b, q)
     # each piece turns the chord, and the body, by as much again
-    a_c, a_s, b_c, b_s = ac * ac - as_ * as_, _TWO * ac * as_, bc * bc - bs * bs, _TWO * bc * bs
+    a_c, a_s, b_c, b_s = a.c * a.c - a.s * a.s, _TWO * a.c * a.s, b.c * b.c - b.s * b.s, _TWO * b.c * b.s
+    ax, ay, bx, by, middles = a.x, a.y, b.x, b.y, _middles(axles, sizes)
     for _ in range(1 << halvings):
-        next_c1, next_s1 = c1 * a_c - s1 * a_s, s1 * a_c + c1 * a_s
-        next_c2, next_s2 = c2 * b_c - s2 * b_s, s2 * b_c + c2 * b_s
-        next_dx, next_dy = dx + bx - ax, dy + by - ay
-        if not _are_apart(
-            dx - b_offset * c2 + offset * c1, dy - b_offset * s2 + offset * s1,
-            next_dx - b_offset * next_c2 + offset * next_c1, next_dy - b_offset * next_s2 + offset * next_s1,
-            c1, s1, next_c1, next_s1, c2, s2, next_c2, next_s2, la, wa, lb, wb, blurs, bow,
-        ):  # fmt: skip
+        ac, as_ = turned(axles.ac, axles.as_, a_c, a_s)
+        bc, bs = turned(axles.bc, axles.bs, b_c, b_s)
+        axles = _Pair(axles.x + bx - ax, axles.y + by - ay, ac, as_, bc, bs)
+        ends = _middles(axles, sizes)
+        if not _are_apart(middles, ends, sizes, blurs, bow):
             return False
-        dx, dy, c1, s1, c2, s2 = next_dx, next_dy, next_c1, next_s1, next_c2, next_s2
-        ax, ay, bx, by = ax * a_c - ay * a_s, ay * a_c + ax * a_s, bx * b_c - by * b_s, by * b_c + bx * b_s
+        middles = ends
+        ax, ay = turned(ax, ay, a_c, a_s)
+        bx, by = turned(bx, by, b_c, b_s)
     return True
 
 
 @part
-def touch_between(
-    ax0, ay0, ac0, as0, ax1, ay1, ac1, as1, bx0, by0, bc0, bs0, bx1, by1, bc1, bs1, lb, wb, b_offset,
-    a_back, b_back, p, q
-):  # fmt: skip
+def touch_between(a, b, b_offset, p, q):
     """Whether a robot's body a and a body b touch between two samples of their motions, at which they do not.
 
-    x, y: their centres [m] at the first and the second sample; c, s: their headings; lb, wb: half length and half width
-    of b [m]; b_offset: from the point of b that moves on an arc along b's heading, back to its centre [m]; back: see
-    `turns_back`; p, q: the parameters of a and of b, which of a cell, that stays where it is, may be any.
+    a, b: Sweeps; b_offset: from the point of b that moves on an arc along b's heading, back to its centre [m]; p, q:
+    the parameters of a and of b, which of a cell, that stays where it is, may be any.
     """
-    offset = p["offset"]
-    ax, ay = ax1 - ax0 + offset * (ac1 - ac0), ay1 - ay0 + offset * (as1 - as0)  # chords of the axles
-    bx, by = bx1 - bx0 + b_offset * (bc1 - bc0), by1 - by0 + b_offset * (bs1 - bs0)
+    a0, a1, b0, b1, offset = a.start, a.end, b.start, b.end, p["offset"]
+    ax, ay = a1.x - a0.x + offset * (a1.c - a0.c), a1.y - a0.y + offset * (a1.s - a0.s)  # chords of the axles
+    bx, by = b1.x - b0.x + b_offset * (b1.c - b0.c), b1.y - b0.y + b_offset * (b1.s - b0.s)
     a_moves, b_moves = ax != ZERO or ay != ZERO, bx != ZERO or by != ZERO
-    a_turn, b_turn = turn_bound(ac0, as0, ac1, as1), turn_bound(bc0, bs0, bc1, bs1)
-    blurs = (*_blur(ax, ay, a_turn, a_back, b_moves, p), *_blur(bx, by, b_turn, b_back, a_moves, q))
-    if _are_apart(
-        bx0 - ax0, by0 - ay0, bx1 - ax1, by1 - ay1, ac0, as0, ac1, as1, bc0, bs0, bc1, bs1,
-        p["half_length"], p["half_width"], lb, wb, blurs, bow_of(ax, ay, a_turn, p) + bow_of(bx, by, b_turn, q),
-    ):  # fmt: skip
+    a_turn, b_turn = turn_bound(a0.c, a0.s, a1.c, a1.s), turn_bound(b0.c, b0.s, b1.c, b1.s)
+    blurs = (*_blur(ax, ay, a_turn, a.back, b_moves, p), *_blur(bx, by, b_turn, b.back, a_moves, q))
+    sizes = _Sizes(a0.length, a0.width, offset, b0.length, b0.width, b_offset)
+    start = _Pair(b0.x - a0.x, b0.y - a0.y, a0.c, a0.s, b0.c, b0.s)
+    end = _Pair(b1.x - a1.x, b1.y - a1.y, a1.c, a1.s, b1.c, b1.s)
+    if _are_apart(start, end, sizes, blurs, bow_of(ax, ay, a_turn, p) + bow_of(bx, by, b_turn, q)):
         return False
-    a_c = np.sqrt(max(HALF + HALF * (ac0 * ac1 + as0 * as1), _TINY))
-    b_c = np.sqrt(max(HALF + HALF * (bc0 * bc1 + bs0 * bs1), _TINY))
-    a_s, b_s = HALF * (ac0 * as1 - as0 * ac1) / a_c, HALF * (bc0 * bs1 - bs0 * bc1) / b_c
-    dx, dy = bx0 - ax0 + b_offset * bc0 - offset * ac0, by0 - ay0 + b_offset * bs0 - offset * as0
-    for level in range(LEVELS):
-        if _keep_apart(
-            2 * level + 2, dx, dy, ac0, as0, ax, ay, a_c, a_s, bc0, bs0, bx, by, b_c, b_s, lb, wb, b_offset, blurs, p, q
-        ):  # fmt: skip
+    a_arc, b_arc = arc_of(a0, a1, offset), arc_of(b0, b1, b_offset)
+    axles = _Pair(
+        start.x + b_offset * b0.c - offset * a0.c, start.y + b_offset * b0.s - offset * a0.s, a0.c, a0.s, b0.c, b0.s
+    )
+    for level in range(LEVELS):  # noqa: SIM110 (kernels have no generators)
+        if _keep_apart(2 * level + 2, axles, a_arc, b_arc, sizes, blurs, p, q):
             return False
     return True
 
@@ -183,52 +248,58 @@ def _passes(along0, along1, across0, across1, long, wide):
 
 
 @part
-def _touch_cell(first_row, last_row, first_column, last_column, x0, y0, c0, s0, x1, y1, c1, s1, spare, back, p, solid):
-    """Whether a body touches one of the cells on the way; most that are near it passes along its axes at the end."""
-    cell, half, length, width = p["cell"], HALF * p["cell"], p["half_length"], p["half_width"]
-    c, s, corner = abs(c0 * c1 + s0 * s1), abs(c0 * s1 - s0 * c1), half * (abs(c1) + abs(s1)) + spare
+def _touch_cell(cells, body, spare, p, solid):
+    """Whether a body touches one of the cells (first row, last row, first column, last column) on the way.
+
+    body: its Sweep. Most cells that are near it passes along its axes at the end.
+    """
+    first_row, last_row, first_column, last_column = cells
+    start, end, cell, half = body.start, body.end, p["cell"], HALF * p["cell"]
+    c, s = abs(start.c * end.c + start.s * end.s), abs(start.c * end.s - start.s * end.c)
+    length, width, corner = end.length, end.width, half * (abs(end.c) + abs(end.s)) + spare
     long, wide = max(length, length * c + width * s) + corner, max(width, length * s + width * c) + corner
     for row in range(first_row, last_row + 1):
         for column in range(first_column, last_column + 1):
             if solid[row, column] == 0:
                 continue
-            x, y = (np.float32(column) - HALF) * cell, (np.float32(row) - HALF) * cell
-            dx0, dy0, dx1, dy1 = x - x0, y - y0, x - x1, y - y1
+            shelf = square_at((np.float32(column) - HALF) * cell, (np.float32(row) - HALF) * cell, half)
+            dx0, dy0, dx1, dy1 = shelf.x - start.x, shelf.y - start.y, shelf.x - end.x, shelf.y - end.y
             if not _passes(
-                dx0 * c1 + dy0 * s1, dx1 * c1 + dy1 * s1, dy0 * c1 - dx0 * s1, dy1 * c1 - dx1 * s1, long, wide
-            ) and touch_between(
-                x0, y0, c0, s0, x1, y1, c1, s1, x, y, ONE, ZERO, x, y, ONE, ZERO, half, half, ZERO, back, ZERO, p, p
-            ):  # fmt: skip
+                dx0 * end.c + dy0 * end.s, dx1 * end.c + dy1 * end.s,
+                dy0 * end.c - dx0 * end.s, dy1 * end.c - dx1 * end.s, long, wide,
+            ) and touch_between(body, Sweep(shelf, shelf, ZERO), ZERO, p, p):  # fmt: skip
                 return True
     return False
 
 
 @inline
-def touches_shelf(x0, y0, c0, s0, x1, y1, c1, s1, way, back, between, p, solid):
+def _reach(one):
+    """Return half the box around a rectangle, along the axes of the floor [m]."""
+    return one.length * abs(one.c) + one.width * abs(one.s), one.length * abs(one.s) + one.width * abs(one.c)
+
+
+@inline
+def touches_shelf(body, way, between, p, solid):
     """Return where a robot's body touches a shelf or the rim in a motion: AT_END, else, if asked, BETWEEN, or NOWHERE.
 
-    x, y: its centre [m]; c, s: its heading; way: of any point of it at most [m], which leaves its chord by an eighth of
-    way^2 / far at most; back: see `turns_back`. Along the axes of the floor a body is apart from all cells but those
-    that the box around it at both ends meets.
+    body: its Sweep; way: of any point of it at most [m], which leaves its chord by an eighth of way^2 / far at most.
+    Along the axes of the floor a body is apart from all cells but those that the box around it at both ends meets.
     """
-    length, width, cell, half = p["half_length"], p["half_width"], p["cell"], HALF * p["cell"]
-    spare = _EIGHTH * way * way / p["far"] + back + ROUNDING
-    ex0, ey0 = length * abs(c0) + width * abs(s0), length * abs(s0) + width * abs(c0)
-    ex1, ey1 = length * abs(c1) + width * abs(s1), length * abs(s1) + width * abs(c1)
+    start, end, cell, half = body.start, body.end, p["cell"], HALF * p["cell"]
+    spare = _EIGHTH * way * way / p["far"] + body.back + ROUNDING
+    (ex0, ey0), (ex1, ey1) = _reach(start), _reach(end)
     (rows, columns), scale, more, near = solid.shape, ONE / cell, spare + _ON_FLOOR, False
-    first_row = max(int((min(y0 - ey0, y1 - ey1) - more) * scale + ONE), 0)  # under 0 is rounded up, to the rim
-    last_row = min(int((max(y0 + ey0, y1 + ey1) + more) * scale) + 1, rows - 1)
-    first_column = max(int((min(x0 - ex0, x1 - ex1) - more) * scale + ONE), 0)
-    last_column = min(int((max(x0 + ex0, x1 + ex1) + more) * scale) + 1, columns - 1)
+    first_row = max(int((min(start.y - ey0, end.y - ey1) - more) * scale + ONE), 0)  # under 0 is rounded up, to the rim
+    last_row = min(int((max(start.y + ey0, end.y + ey1) + more) * scale) + 1, rows - 1)
+    first_column = max(int((min(start.x - ex0, end.x - ex1) - more) * scale + ONE), 0)
+    last_column = min(int((max(start.x + ex0, end.x + ex1) + more) * scale) + 1, columns - 1)
     for row in range(first_row, last_row + 1):
         for column in range(first_column, last_column + 1):
             if solid[row, column] != 0:
                 near = between
-                dx, dy = (np.float32(column) - HALF) * cell - x1, (np.float32(row) - HALF) * cell - y1
-                if rectangles_touch(dx, dy, c1, s1, length, width, ONE, ZERO, half, half):
+                x, y = (np.float32(column) - HALF) * cell, (np.float32(row) - HALF) * cell
+                if rectangles_touch(end, square_at(x, y, half)):
                     return AT_END
-    if near and _touch_cell(
-        first_row, last_row, first_column, last_column, x0, y0, c0, s0, x1, y1, c1, s1, spare, back, p, solid
-    ):  # fmt: skip
+    if near and _touch_cell((first_row, last_row, first_column, last_column), body, spare, p, solid):
         return BETWEEN
     return NOWHERE

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from warehouse_env.errors import UnsafeError
 from warehouse_env.kernel import kernel, part
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
-from warehouse_env.simulation.physics.geometry import rectangles_touch
+from warehouse_env.simulation.physics.geometry import body_at, rectangles_touch
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import approach, drive
 from warehouse_env.simulation.physics.people import PACE, RADIUS, distance_to_body
@@ -70,11 +70,11 @@ def find_fault(robots, persons, clock, p, kinds, solid, clearance, fault):
         _stop(robots[i], kind_of(i, p, kinds), stops[i])
     for i in range(robots.shape[0]):
         own = kind_of(i, p, kinds)
-        length, width = own["half_length"], own["half_width"]
         for n in range(stops.shape[1]):
             x, y, c, s = stops[i, n]
             other = NONE
-            if body_touches_shelf(x, y, c, s, length, width, solid, clearance, p["cell"]):
+            body = body_at(x, y, c, s, own)
+            if body_touches_shelf(body, solid, clearance, p["cell"]):
                 other = SHELF
             for o in persons:
                 moves = robots[i]["speed"] != ZERO and (n == 0 or (stops[i, n] != stops[i, n - 1]).any())
@@ -84,9 +84,7 @@ def find_fault(robots, persons, clock, p, kinds, solid, clearance, fault):
             for j in range(i):
                 to_x, to_y, to_c, to_s = stops[j, n]
                 theirs = kind_of(j, p, kinds)
-                if rectangles_touch(
-                    to_x - x, to_y - y, c, s, length, width, to_c, to_s, theirs["half_length"], theirs["half_width"]
-                ):
+                if rectangles_touch(body, body_at(to_x, to_y, to_c, to_s, theirs)):
                     other = j
             if other != NONE and fault[STEP] == 0:
                 fault[STEP], fault[FIRST], fault[SECOND] = clock, i, other

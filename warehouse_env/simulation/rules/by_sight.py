@@ -22,25 +22,23 @@ from warehouse_env.simulation.physics.contact import ACCELERATION, SPEED, STEER_
 from warehouse_env.simulation.physics.geometry import separation
 from warehouse_env.simulation.physics.kinematics import braking
 from warehouse_env.simulation.physics.stops import (
-    AXIS_COS,
-    AXIS_SIN,
     BODY_COS,
     BODY_SIN,
     CENTRE_X,
     CENTRE_Y,
-    LONG,
     MIDDLE_X,
     MIDDLE_Y,
     PACE,
     REACH,
     SAMPLES,
     SLACK,
-    WIDE,
     is_far_from_shelves,
     meets_shelf,
+    outline_of,
     outline_trial,
     outlines_meet,
     sample,
+    sampled,
 )
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
 from warehouse_env.simulation.rules import unseen
@@ -93,11 +91,7 @@ def _shares(i, j, paths, outlines, marks, p):
             beyond = min(beyond, _shift(trial, n, i, m, paths, p))
         blur, m = _blur(trial, n, paths, marks, p), 0
         while m < marks[SAMPLES, j]:
-            gap = separation(
-                paths[j, m, CENTRE_X] - paths[trial, n, CENTRE_X], paths[j, m, CENTRE_Y] - paths[trial, n, CENTRE_Y],
-                paths[trial, n, BODY_COS], paths[trial, n, BODY_SIN], p["half_length"], p["half_width"],
-                paths[j, m, BODY_COS], paths[j, m, BODY_SIN], p["half_length"], p["half_width"],
-            )  # fmt: skip
+            gap = separation(sampled(trial, n, paths, p), sampled(j, m, paths, p))
             need = beyond + blur + blur + _blur(j, m, paths, marks, p) + SLACK
             if gap <= need:
                 return False
@@ -109,16 +103,10 @@ def _shares(i, j, paths, outlines, marks, p):
 def _who_refuses(i, motion, field, sights, p):
     """Return a robot that i sees and would not keep its share from, FREE if there is none."""
     paths, outlines, marks, _ = field
-    trial = motion.shape[1]
-    mx, my, reach = outlines[MIDDLE_X, trial], outlines[MIDDLE_Y, trial], outlines[REACH, trial]
-    c, s = outlines[AXIS_COS, trial], outlines[AXIS_SIN, trial]
-    long, wide, gap = outlines[LONG, trial], outlines[WIDE, trial], p["stride"] + p["stride"]
+    trial, gap = motion.shape[1], p["stride"] + p["stride"]
+    outline = outline_of(trial, outlines)
     for j in range(motion.shape[1]):
-        if sights[i, j] == NOT_SEEN or not outlines_meet(
-            outlines[MIDDLE_X, j] - mx, outlines[MIDDLE_Y, j] - my, c, s, long, wide, reach,
-            outlines[AXIS_COS, j], outlines[AXIS_SIN, j], outlines[LONG, j], outlines[WIDE, j], outlines[REACH, j],
-            gap,
-        ):  # fmt: skip
+        if sights[i, j] == NOT_SEEN or not outlines_meet(outline, trial, j, gap, outlines):
             continue
         for k in (i, j):
             if marks[SAMPLES, k] == 0:

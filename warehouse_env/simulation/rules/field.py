@@ -25,10 +25,7 @@ from warehouse_env.simulation.physics.contact import ACCELERATION, COS, HEADING,
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import braking, curvature
 from warehouse_env.simulation.physics.stops import (
-    AXIS_COS,
-    AXIS_SIN,
     COMMITTED,
-    LONG,
     MARK,
     MIDDLE_X,
     MIDDLE_Y,
@@ -39,11 +36,11 @@ from warehouse_env.simulation.physics.stops import (
     REST,
     SAMPLES,
     SLACK,
-    WIDE,
     draw_outline,
     is_far_from_shelves,
     least_separation,
     meets_shelf,
+    outline_of,
     outline_trial,
     outlines_meet,
     sample,
@@ -102,19 +99,13 @@ def _who_refuses(i, acceleration, steer_rate, motion, field, places, p, kinds):
     paths, outlines, marks, _ = field
     order, starts, _ = places
     trial, columns, found, gap = motion.shape[1], p["bucket_columns"], FREE, p["field_margin"] + SLACK
-    mx, my, reach = outlines[MIDDLE_X, trial], outlines[MIDDLE_Y, trial], outlines[REACH, trial]
-    c, s = outlines[AXIS_COS, trial], outlines[AXIS_SIN, trial]
-    long, wide = outlines[LONG, trial], outlines[WIDE, trial]
+    outline = outline_of(trial, outlines)
     row, column = bucket_at(motion[X, i] - p["offset"] * motion[COS, i], motion[Y, i] - p["offset"] * motion[SIN, i], p)
     left, right = max(column - 1, 0), min(column + 2, columns)
     for by in range(max(row - 1, 0), min(row + 2, p["bucket_rows"])):
         for n in range(starts[by * columns + left], starts[by * columns + right]):
             j = order[n]
-            if j == i or not outlines_meet(
-                outlines[MIDDLE_X, j] - mx, outlines[MIDDLE_Y, j] - my, c, s, long, wide, reach,
-                outlines[AXIS_COS, j], outlines[AXIS_SIN, j], outlines[LONG, j], outlines[WIDE, j], outlines[REACH, j],
-                gap,
-            ):  # fmt: skip
+            if j == i or not outlines_meet(outline, trial, j, gap, outlines):
                 continue
             if marks[SAMPLES, trial] == 0:
                 sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)

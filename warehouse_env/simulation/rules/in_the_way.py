@@ -11,7 +11,7 @@ import numpy as np
 
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.driver.line import point_at
-from warehouse_env.simulation.physics.geometry import rectangles_touch
+from warehouse_env.simulation.physics.geometry import body_of, rectangles_touch, squared_distance
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO, arc_tan2, sin_cos, wrap
 from warehouse_env.simulation.state import NOBODY
@@ -23,17 +23,13 @@ _ONTO_LINE = np.float32(1.0)  # [m] of driving that brings a robot onto its line
 
 
 @inline
-def _touched(cx, cy, c, s, near, count, robots, p, kinds):
-    """Return the first of the robots near[:count] whose body a body at (cx, cy) [m], heading (c, s), touches."""
-    for k in range(count):
-        o, other = robots[near[k]], kind_of(near[k], p, kinds)
-        reach, offset = p["radius"] + other["radius"], other["offset"]
-        dx, dy = o["x"] - offset * o["cos"] - cx, o["y"] - offset * o["sin"] - cy
-        if dx * dx + dy * dy < reach * reach and rectangles_touch(
-            dx, dy, c, s, p["half_length"], p["half_width"], o["cos"], o["sin"],
-            other["half_length"], other["half_width"],
-        ):  # fmt: skip
-            return near[k]
+def _touched(body, near, robots, p, kinds):
+    """Return the first of the robots `near` whose body the Rectangle `body` touches; p: of whose body that is."""
+    for j in near:
+        o, kind = robots[j], kind_of(j, p, kinds)
+        reach, other = p["radius"] + kind["radius"], body_of(o["x"], o["y"], o["cos"], o["sin"], kind)
+        if squared_distance(body, other) < reach * reach and rectangles_touch(body, other):
+            return j
     return NOBODY
 
 
@@ -71,8 +67,7 @@ def first_in_the_way(robots, i, route, p, kinds, near):
         x, y, ux, uy = point_at(route, points, spacing, r["position"] + ahead, ZERO)
         s, c = sin_cos(left * turned)
         c, s = ux * c - uy * s, uy * c + ux * s
-        cx, cy = x + left * off_x - p["offset"] * c, y + left * off_y - p["offset"] * s
-        other = _touched(cx, cy, c, s, near, count, robots, p, kinds)
+        other = _touched(body_of(x + left * off_x, y + left * off_y, c, s, p), near[:count], robots, p, kinds)
         if other != NOBODY:
             return other
     return NOBODY

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part, whole
-from warehouse_env.simulation.physics.geometry import rectangles_touch
+from warehouse_env.simulation.physics.geometry import body_at, grown, rectangles_touch, squared_distance
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.rules.path_ahead import CENTRE_X, CENTRE_Y, COS, POSES, SIN
 
@@ -79,30 +79,30 @@ def _number_of(j, count, masks, numbers):
 
 
 @inline
-def _touch(paths, masks, numbers, row, k, j, m, count, p, q):
+def pose_in(pose, p):
+    """Return the body, a Rectangle, at a pose of a path."""
+    return body_at(pose[CENTRE_X], pose[CENTRE_Y], pose[COS], pose[SIN], p)
+
+
+@inline
+def _touch(ways, row, k, j, m, count, p, q):
     """Write whether pose k of a path touches pose m of robot j's; return how many are met then.
 
     p, q: the parameters of whose path it is, and of robot j.
     """
-    length, width, other_length, other_width = p["half_length"], p["half_width"], q["half_length"], q["half_width"]
-    dx, dy = paths[j, m, CENTRE_X] - paths[row, k, CENTRE_X], paths[j, m, CENTRE_Y] - paths[row, k, CENTRE_Y]
-    reach = _reach(p)
-    if dx * dx + dy * dy > reach * reach:
+    paths, _, _, masks, numbers = ways
+    one, other, reach = pose_in(paths[row, k], p), pose_in(paths[j, m], q), _reach(p)
+    if squared_distance(one, other) > reach * reach:
         return count
-    c, s, other_c, other_s = paths[row, k, COS], paths[row, k, SIN], paths[j, m, COS], paths[j, m, SIN]
     near = m == 0 or k == 0 or (k <= NEARBY and m <= NEARBY)
     room = TIGHT if near else WIDE
-    if not rectangles_touch(
-        dx, dy, c, s, length + room, width + room, other_c, other_s, other_length + room, other_width + room
-    ):
+    if not rectangles_touch(grown(one, room), grown(other, room)):
         return count
     n, bit = _number_of(j, count, masks, numbers), BIT << np.uint32(m)
     masks[TOUCH_WIDE, n, k] |= bit
-    if near or rectangles_touch(
-        dx, dy, c, s, length + TIGHT, width + TIGHT, other_c, other_s, other_length + TIGHT, other_width + TIGHT
-    ):
+    if near or rectangles_touch(grown(one, TIGHT), grown(other, TIGHT)):
         masks[TOUCH_TIGHT, n, k] |= bit
-    if c * other_c + s * other_s < ACROSS:
+    if one.c * other.c + one.s * other.s < ACROSS:
         masks[CROSS, n, k] |= bit
     return max(count, n + 1)
 
@@ -113,7 +113,7 @@ def meet(i, row, last, ways, p, kinds):
 
     p: its own; kinds: see kinds.py.
     """
-    paths, first, following, masks, numbers = ways
+    paths, first, following, _, _ = ways
     reach, count = _reach(p), whole(0)
     for k in range(last + 1):
         middle_row, middle_column = _square(paths[row, k, CENTRE_Y], reach), _square(paths[row, k, CENTRE_X], reach)
@@ -124,6 +124,6 @@ def meet(i, row, last, ways, p, kinds):
             while pose >= 0:
                 j, m = pose >> PLACES, pose & (POSES - 1)
                 if j != i:
-                    count = _touch(paths, masks, numbers, row, k, j, m, count, p, kind_of(j, p, kinds))
+                    count = _touch(ways, row, k, j, m, count, p, kind_of(j, p, kinds))
                 pose = following[pose]
     return count

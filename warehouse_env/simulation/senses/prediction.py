@@ -12,7 +12,14 @@ import numpy as np
 
 from warehouse_env.kernel import inline
 from warehouse_env.observation import NEIGHBOUR
-from warehouse_env.simulation.physics.geometry import rectangles_touch
+from warehouse_env.simulation.physics.geometry import (
+    Rectangle,
+    body_at,
+    grown,
+    rectangles_touch,
+    square_at,
+    squared_distance,
+)
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, PI, ZERO, sin_cos
 
 HORIZON = np.float32(2.4)  # [s]
@@ -86,59 +93,59 @@ def _lay_out_path(v0, speed, p, legs, path):
 
 
 @inline
-def _touches(x, y, c, s, margin, ox, oy, oc, os, p):
-    """Whether the body with its front axle at (x, y), grown by `margin` [m], touches the other, centred at (ox, oy)."""
-    half_length, half_width = p["half_length"] + margin, p["half_width"] + margin
+def _touches(x, y, c, s, margin, other, p):
+    """Whether the body with its front axle at (x, y), grown by `margin` [m], touches the other, a Rectangle."""
     far = p["radius"] + p["widest"] + _DIAGONAL * margin
-    dx = ox - (x - p["offset"] * c + p["offset"])  # the frame's origin is the own body's centre now
-    dy = oy - (y - p["offset"] * s)
-    return dx * dx + dy * dy < far * far and rectangles_touch(
-        dx, dy, c, s, half_length, half_width, oc, os, p["widest_length"], p["widest_width"]
-    )
+    # the frame's origin is the own body's centre now
+    body = grown(body_at(x - p["offset"] * c + p["offset"], y - p["offset"] * s, c, s, p), margin)
+    return squared_distance(body, other) < far * far and rectangles_touch(body, other)
 
 
 @inline
-def _turns_into(ox, oy, oc, os, p):
+def _turns_into(other, p):
     """Whether the square that a turn on the spot may sweep touches the other body."""
     far = p["widest"] + _DIAGONAL * TURN_SIDE
-    return ox * ox + oy * oy < far * far and rectangles_touch(
-        ox, oy, ONE, ZERO, TURN_SIDE, TURN_SIDE, oc, os, p["widest_length"], p["widest_width"]
-    )
+    square = square_at(ZERO, ZERO, TURN_SIDE)
+    return squared_distance(square, other) < far * far and rectangles_touch(square, other)
 
 
 @inline
-def _offset_touches(path, k, lateral, offset, margin, ox, oy, oc, os, p):
+def _offset_touches(path, k, lateral, offset, margin, other, p):
     """Whether the body, on its way from `lateral` to `offset` [m] beside the route, touches the other."""
     ux, uy, left = path[UNIT_X + k], path[UNIT_Y + k], path[LEFT + k]
     side = offset + (lateral - offset) * left
     x, y = path[PATH_X + k] - side * uy, path[PATH_Y + k] + side * ux
     far = p["radius"] + p["widest"] + _DIAGONAL * margin + abs(p["offset"])  # however the body stands about its axle
-    gap_x, gap_y = ox - x - p["offset"], oy - y
+    gap_x, gap_y = other.x - x - p["offset"], other.y - y
     if gap_x * gap_x + gap_y * gap_y > far * far:
         return False
     slope = (offset - lateral) / SETTLE if left > ZERO else ZERO
     norm = np.sqrt(ONE + slope * slope)
     c, s = (ux - slope * uy) / norm, (uy + slope * ux) / norm
-    return _touches(x, y, c, s, margin, ox, oy, oc, os, p)
+    return _touches(x, y, c, s, margin, other, p)
 
 
 @inline
-def _conflicts(row, start, table, at, count, path, k, lateral, turning, ox, oy, oc, os, p):
-    """Enter the conflicts at time k of `count` commands from table[at] on, all of one speed, with one neighbour."""
+def _conflicts(out, commands, path, k, lateral, turning, other, p):
+    """Enter the conflicts at time k of commands that are all of one speed with one neighbour, a Rectangle.
+
+    out: the slice; commands: (table, the first, the first that is none).
+    """
+    table, at, end = commands
     share = np.float32(k) / np.float32(SAMPLES)
     margin = MARGIN + MARGIN_RATE * path[TIME + k]
-    for a in range(at, at + count):
-        if row[start + a] <= share:  # an earlier one
+    for a in range(at, end):
+        if out[a] <= share:  # an earlier one
             continue
         if turning:
-            touches = _turns_into(ox, oy, oc, os, p)
+            touches = _turns_into(other, p)
         elif path[ALONG + k] <= ZERO:
-            touches = _touches(path[PATH_X + k], ZERO, ONE, ZERO, margin, ox, oy, oc, os, p)
+            touches = _touches(path[PATH_X + k], ZERO, ONE, ZERO, margin, other, p)
         else:
             offset = table[a, 1] if table[a, 0] > ZERO else ZERO
-            touches = _offset_touches(path, k, lateral, offset, margin, ox, oy, oc, os, p)
+            touches = _offset_touches(path, k, lateral, offset, margin, other, p)
         if touches:
-            row[start + a] = share
+            out[a] = share
 
 
 @inline
@@ -155,40 +162,47 @@ def _mark_close(x, y, vx, vy, bodies, offset, path):
 
 
 @inline
-def _look(row, start, near, others, table, at, count, path, v0, lateral, turning, p):
-    """Enter all conflicts of `count` commands from table[at] on; bodies far from the path are passed over."""
+def _look(out, seen, commands, path, v0, lateral, turning, p):
+    """Enter all conflicts of commands with the neighbours `seen`; bodies far from the path are passed over.
+
+    out, commands: see `_conflicts`; v0 [m/s]: the own speed.
+    """
+    table, at, end = commands
     widest = abs(lateral)
     if table[at, 0] > ZERO:
-        for a in range(at, at + count):
+        for a in range(at, end):
             widest = max(widest, abs(table[a, 1]))
     bodies = p["radius"] + p["widest"] + abs(p["offset"]) + widest + _DIAGONAL * MARGIN
-    for j in range(others):
-        entry = near + j * NEIGHBOUR
-        x, vx = row[entry] * p["lidar_range"], row[entry + 4] * p["max_speed"] + v0
-        y, vy = row[entry + 1] * p["lidar_range"], row[entry + 5] * p["max_speed"]
+    for entry in range(0, seen.shape[0], NEIGHBOUR):
+        x, vx = seen[entry] * p["lidar_range"], seen[entry + 4] * p["max_speed"] + v0
+        y, vy = seen[entry + 1] * p["lidar_range"], seen[entry + 5] * p["max_speed"]
         if not turning and _mark_close(x, y, vx, vy, bodies, p["offset"], path) == 0:
             continue
         for k in range(SAMPLES):
             if turning or path[CLOSE + k] != ZERO:
-                ox, oy = x + vx * path[TIME + k], y + vy * path[TIME + k]
-                oc, os = row[entry + 2], row[entry + 3]
-                _conflicts(row, start, table, at, count, path, k, lateral, turning, ox, oy, oc, os, p)
+                other = Rectangle(
+                    x + vx * path[TIME + k], y + vy * path[TIME + k], seen[entry + 2], seen[entry + 3],
+                    p["widest_length"], p["widest_width"],
+                )  # fmt: skip
+                _conflicts(out, commands, path, k, lateral, turning, other, p)
 
 
 @inline
-def write_predictions(row, ego, route, near, table, p, start, legs, path):
-    """Write the slice `predictions` from row[start] on: of each command the share of HORIZON until the body would
-    touch a neighbour, 1 if it would not.
+def write_predictions(row, slices, table, legs, path, p):
+    """Write the slice `predictions`: of each command the share of HORIZON until the body would touch a neighbour, 1 if
+    it would not.
 
-    row: the observation float32[D], written but for this; ego, route, near: where its slices start; table float32[K,
-    2]: the commands (speed, offset), those of one speed together; legs, path: scratch. Braking, backing and turning on
-    the spot do not depend on the offset, so they are looked at once.
+    row: the observation float32[D], written but for this; slices: where `ego`, `route`, `neighbours` and this one
+    start; table float32[K, 2]: the commands (speed, offset), those of one speed together; legs, path: scratch. Braking,
+    backing and turning on the spot do not depend on the offset, so they are looked at once.
     """
-    others = 0
+    ego, route, near, start = slices
+    others, out = 0, row[start : start + table.shape[0]]
     while others < p["neighbours"] and row[near + others * NEIGHBOUR + 6] != ZERO:
         others += 1
+    seen = row[near : near + others * NEIGHBOUR]
     for a in range(table.shape[0]):
-        row[start + a] = ONE
+        out[a] = ONE
     if others > 0:
         _lay_out_route(row, ego, route, p, legs)
     at = 0
@@ -200,7 +214,7 @@ def write_predictions(row, ego, route, near, table, p, start, legs, path):
         turning = abs(row[ego + 3] * PI) > TURNING and speed > ZERO
         count = end - at if speed > ZERO and not turning else 1
         _lay_out_path(row[ego] * p["max_speed"], speed, p, legs, path)
-        _look(row, start, near, others, table, at, count, path, row[ego] * p["max_speed"], row[ego + 4], turning, p)
+        _look(out, seen, (table, at, at + count), path, row[ego] * p["max_speed"], row[ego + 4], turning, p)
         for a in range(at + count, end):
-            row[start + a] = row[start + at]
+            out[a] = out[at]
         at = end

@@ -17,7 +17,7 @@ from warehouse_env.simulation.physics.contact import COS, SIN, X, Y
 from warehouse_env.simulation.physics.discs import Outlines
 from warehouse_env.simulation.physics.edges import Edges
 from warehouse_env.simulation.physics.footprint import meets_obstacle
-from warehouse_env.simulation.physics.geometry import rectangles_touch
+from warehouse_env.simulation.physics.geometry import Rectangle, body_at, grown, rectangles_touch
 from warehouse_env.simulation.physics.people import RADIUS, scan_people
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, TWO_PI, ZERO, arc_tan2
 from warehouse_env.simulation.senses.sensing import scan_robot, scan_shelves
@@ -103,7 +103,8 @@ def _is_clear(ax, ay, bx, by, i, j, persons, motion, places, walking, p, solid):
         return True
     c, s, half, columns = dx / length, dy / length, HALF * length, p["bucket_columns"]
     mx, my = ax + HALF * dx, ay + HALF * dy
-    if meets_obstacle(mx, my, c, s, half, ZERO, solid, p["cell"]):
+    line = Rectangle(mx, my, c, s, half, ZERO)
+    if meets_obstacle(line, solid, p["cell"]):
         return False
     row, column = bucket_at(mx, my, p)
     left, right = max(column - SEARCH, 0), min(column + SEARCH + 1, columns)
@@ -112,10 +113,7 @@ def _is_clear(ax, ay, bx, by, i, j, persons, motion, places, walking, p, solid):
             k = order[n]
             x, y = centre_of(k, motion, p)
             skin = _SKIN if k in (i, j) else ZERO
-            if rectangles_touch(
-                x - mx, y - my, c, s, half, ZERO, motion[COS, k], motion[SIN, k],
-                p["half_length"] - skin, p["half_width"] - skin,
-            ):  # fmt: skip
+            if rectangles_touch(line, grown(body_at(x, y, motion[COS, k], motion[SIN, k], p), -skin)):
                 return False
     if walking is not None:
         for o in persons:

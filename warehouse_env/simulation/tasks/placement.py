@@ -14,7 +14,7 @@ from warehouse_env.kernel import kernel, part
 from warehouse_env.simulation.driver import line
 from warehouse_env.simulation.physics.floor import FINE, Floor
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
-from warehouse_env.simulation.physics.geometry import rectangle_gap
+from warehouse_env.simulation.physics.geometry import body_of, grown, rectangle_gap, squared_distance
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos, wrap
 
@@ -31,20 +31,13 @@ def _fits(robots, index, x, y, heading, p, kinds, solid, clearance, gap):
     """Whether robot `index` at (x, y, heading) keeps `gap` from those before it and half of it from shelves."""
     s, c = sin_cos(heading)
     own = kind_of(index, p, kinds)
-    cx, cy = x - own["offset"] * c, y - own["offset"] * s
-    wide = np.float32(0.5) * gap
-    hl, hw = own["half_length"], own["half_width"]
-    if body_touches_shelf(cx, cy, c, s, hl + wide, hw + wide, solid, clearance, p["cell"]):
+    body = body_of(x, y, c, s, own)
+    if body_touches_shelf(grown(body, np.float32(0.5) * gap), solid, clearance, p["cell"]):
         return False
     for j in range(index):
-        o, other = robots[j], kind_of(j, p, kinds)
-        dx = o["x"] - other["offset"] * o["cos"] - cx
-        dy = o["y"] - other["offset"] * o["sin"] - cy
-        reach = own["radius"] + other["radius"] + gap
-        near = dx * dx + dy * dy < reach * reach
-        if near and gap > rectangle_gap(
-            dx, dy, c, s, hl, hw, o["cos"], o["sin"], other["half_length"], other["half_width"]
-        ):
+        o, kind = robots[j], kind_of(j, p, kinds)
+        other, reach = body_of(o["x"], o["y"], o["cos"], o["sin"], kind), own["radius"] + kind["radius"] + gap
+        if squared_distance(body, other) < reach * reach and gap > rectangle_gap(body, other):
             return False
     return True
 
