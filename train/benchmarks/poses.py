@@ -113,14 +113,13 @@ class _Sampler:
         c, s, margin = np.cos(heading), np.sin(heading), np.float32(MARGIN)
         cx, cy = x - p["offset"] * c, y - p["offset"] * s
         half_length, half_width = p["half_length"] + margin, p["half_width"] + margin
-        shelves = floor.solid, floor.clearance
         standing = Rectangle(cx, cy, c, s, half_length, half_width)
-        if body_touches_shelf(standing, floor.solid, floor.clearance, p["cell"]):
+        if body_touches_shelf(standing, floor):
             return False
         none, nobody = np.empty((0, 4), np.float32), np.empty((0, BODY), np.float32)
         body = np.array([[cx, cy, c, s, p["half_length"], p["half_width"], p["radius"]]], np.float32)
         arcs = np.empty((ARCS, 2), np.float32)
-        count, _ = search(x, y, heading, np.float32(0.0), none, body, nobody, MOST, p, *shelves, self._metric, arcs)
+        count, _ = search(x, y, heading, np.float32(0.0), none, body, nobody, MOST, p, floor, self._metric, arcs)
         return int(count) > 0
 
 

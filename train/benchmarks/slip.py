@@ -23,11 +23,11 @@ class Noise(NamedTuple):
 
 
 @kernel
-def _touches(robots, i, x, y, heading, p, solid, clearance):
+def _touches(robots, i, x, y, heading, p, floor):
     """Whether robot i would touch a shelf or another robot at a pose."""
     s, c = sin_cos(heading)
     body = body_of(x, y, c, s, p)
-    if body_touches_shelf(body, solid, clearance, p["cell"]):
+    if body_touches_shelf(body, floor):
         return True
     for j in range(robots.shape[0]):
         o = robots[j]
@@ -37,13 +37,13 @@ def _touches(robots, i, x, y, heading, p, solid, clearance):
 
 
 @kernel
-def _move(robots, moves, p, solid, clearance):
+def _move(robots, moves, p, floor):
     """Move robots ROBOT[N] by float32[N, 3] (x [m], y [m], heading [rad]), who would touch not; return how many."""
     touches = 0
     for i in range(robots.shape[0]):
         r = robots[i]
         x, y, heading = r["x"] + moves[i, 0], r["y"] + moves[i, 1], wrap(r["heading"] + moves[i, 2])
-        if _touches(robots, i, x, y, heading, p, solid, clearance):
+        if _touches(robots, i, x, y, heading, p, floor):
             touches += 1
             continue
         r["x"], r["y"], r["heading"] = x, y, heading
@@ -68,4 +68,4 @@ def slip(simulator: Simulator, before: NDArray[Any], noise: Noise, rng: np.rando
     sizes = np.array([noise.slip, noise.slip, noise.turn])
     moves = (rng.standard_normal((len(robots), 3)) * sizes * simulator.events.driven[0][:, None]).astype(np.float32)
     floor = simulator._floor
-    return int(_move(robots, moves, simulator._params[0], floor.solid, floor.clearance))
+    return int(_move(robots, moves, simulator._params[0], floor))

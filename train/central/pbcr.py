@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.policy import Action
-from train.central.primitives import DT, decide_all, given
+from train.central.primitives import DT, Given, decide_all
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.simulator import Simulator
@@ -96,7 +96,7 @@ class CentralPBCR:
         order = np.lexsort((rows, -memory.since))
         floor = floor_of(simulator.grid, simulator.config.sensor.lidar_range)
         choice = decide_all(
-            given(poses, speeds, steers, self._commands, keys, floor, self._body, self._limits, self._decision), order
+            Given(poses, speeds, steers, self._commands, keys, floor, self._body, self._limits, self._decision), order
         )
         change = self._commands[choice] - np.stack([speeds, steers], axis=-1)
         memory.action = np.clip(change / (self._every * self._step) / self._limits[:2], -1.0, 1.0).astype(np.float32)

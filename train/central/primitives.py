@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
 from warehouse_env.simulation.physics import kinematics
-from warehouse_env.simulation.physics.discs import Obstacles
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import Rectangle, rectangles_touch, squared_distance
@@ -42,9 +41,7 @@ class Given(NamedTuple):
     steers: Floats  # [N]
     commands: Floats  # [K, 2], speed and steering of each primitive
     keys: Floats  # [N, K], less is better
-    solid: NDArray[np.uint8] | Obstacles  # as those of Floor
-    clearance: NDArray[np.uint8]
-    cell: float  # [m]
+    floor: Floor
     body: Floats  # half length, half width [m]
     limits: Floats  # acceleration, steering rate, wheelbase, axle to centre
     decision: int  # DT of a decision
@@ -57,15 +54,6 @@ class _Made(NamedTuple):
     choice: NDArray[np.int64]  # [N], a primitive, -1: stop
     motions: Floats  # [N, POSES, 4], of the undecided the stop
     stops: Floats  # [N, POSES, 4]
-
-
-def given(
-    poses: Floats, speeds: Floats, steers: Floats, commands: Floats, keys: Floats, floor: Floor, body: Floats,
-    limits: Floats, decision: int,
-) -> Given:  # fmt: skip
-    """Return what a decision on a floor is made from."""
-    walls = (floor.solid, floor.clearance, float(floor.cell))
-    return Given(poses, speeds, steers, commands, keys, *walls, body, limits, decision)
 
 
 @kernel
@@ -104,12 +92,12 @@ def meet(one, two, half_length, half_width, margin):
 
 
 @kernel
-def meets_shelf(motion, half_length, half_width, margin, solid, clearance, cell):
+def meets_shelf(motion, half_length, half_width, margin, floor):
     """Whether a motion comes nearer than `margin` [m] to a shelf of a Floor."""
     for k in range(POSES):
         x, y, c, s = motion[k, X], motion[k, Y], motion[k, COS], motion[k, SIN]
         body = Rectangle(x, y, c, s, half_length + margin, half_width + margin)
-        if body_touches_shelf(body, solid, clearance, cell):
+        if body_touches_shelf(body, floor):
             return True
     return False
 
@@ -157,14 +145,13 @@ def _decide(given, made, i):
     False: it falls back on its stop. It calls itself, and no other that calls it: kept on disk, those crash (Numba).
     """
     length, width = given.body[0], given.body[1]
-    walls = (given.solid, given.clearance, given.cell)
-    margin = LEAST if meets_shelf(made.stops[i], length, width, MARGIN, *walls) else MARGIN
+    margin = LEAST if meets_shelf(made.stops[i], length, width, MARGIN, given.floor) else MARGIN
     made.state[i] = CHOOSING
     motion = np.empty((POSES, 4))
     for k in np.argsort(given.keys[i]):
         speed, steer = given.commands[k, 0], given.commands[k, 1]
         drive(given.poses[i], given.speeds[i], given.steers[i], speed, steer, given.decision, given.limits, motion)
-        if meets_shelf(motion, length, width, margin, *walls) or not _is_free(given, made, i, motion):
+        if meets_shelf(motion, length, width, margin, given.floor) or not _is_free(given, made, i, motion):
             continue
         made.motions[i], made.choice[i] = motion, k
         leave = True

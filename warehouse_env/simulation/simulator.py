@@ -189,19 +189,18 @@ class Simulator(Portable):
             self._rays, table, self._weights, *self._floor.edges,
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
-        floor = (self._floor.solid, self._floor.clearance)
         persons, features = self.people.persons, self._features
         shifts = self.dispatcher.shifts
         self._advance_arguments = (
             persons, self.people.ways, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
             self.terminated, self._waiting, self._faults, self._deviation.bodies, self._deviation.errors,
             None if shifts is None else shifts.limits, *features, self._scanners, self._sights, self._zones,
-            *self._limits, self._true_params, self._true_kinds, *floor,
+            *self._limits, self._true_params, self._true_kinds, self._floor,
         )  # fmt: skip
         self._agree_arguments = (
-            persons, self.arcs, self._commands[0], self._paths, *self._limits, self._choices, self._floor.clearance,
+            persons, self.arcs, self._commands[0], self._paths, *self._limits, self._choices, self._floor,
         )  # fmt: skip
-        self._room_arguments = (persons, self.arcs, self._paths, *self._limits, *floor)
+        self._room_arguments = (persons, self.arcs, self._paths, *self._limits, self._floor)
         walking, stopping = features.walking, features.stopping
         of_robots = self._true_params, self._true_kinds
         self._observe_arguments = (persons, self._waiting, stopping, walking, *of_robots, *seen)
@@ -384,7 +383,7 @@ class Simulator(Portable):
         arrivals, seeking = advance(*where, *self._advance_arguments)
         if seeking:
             seek: Callable[..., None] = rejoin.seek if self._features.stopping is None else docking.seek
-            seek(*where, self.arcs, *self._limits, self._floor.solid, self._floor.clearance, self._metrics)
+            seek(*where, self.arcs, *self._limits, self._floor, self._metrics)
         if not self.dispatcher.all_look:
             observe(begin, end, False, self._planned, self.dispatcher.routes, *self._observe_arguments)
         return arrivals

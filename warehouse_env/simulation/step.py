@@ -80,14 +80,14 @@ def _take_raw(r, acceleration, steer_rate, p):
 
 
 @inline
-def _follow(r, route, arcs, first, second, stopping, p, solid, clearance):
+def _follow(r, route, arcs, first, second, stopping, p, floor):
     """Turn a speed [m/s] and an offset [m] into (acceleration [m/s^2], steering rate [rad/s]) for a physics step."""
     if r["alive"] == 0:
         return braking(r["speed"], p), ZERO
     dt = p["time_step"]
     if p["right_of_way"] != 0 and r["settled"] > ZERO:
         first, second = right_of_way.limit(r, first, p), r["side"]
-    tracking.follow(r, route, arcs, first, second, stopping, p, solid, clearance)
+    tracking.follow(r, route, arcs, first, second, stopping, p, floor)
     next_speed = approach(r["speed"], r["target_speed"], p["max_acceleration"] * dt)
     next_steer = approach(r["steer"], r["target_steer"], p["max_steer_rate"] * dt)
     return (next_speed - r["speed"]) / dt, (next_steer - r["steer"]) / dt
@@ -156,12 +156,12 @@ def _sights(p):
 
 
 @inline
-def _move(robots, persons, near, motions, walking, guarded, p, kinds, solid, clearance):
+def _move(robots, persons, near, motions, walking, guarded, p, kinds, floor):
     """Carry out the motions of one physics step, but for those that would end in a shelf, a person or another robot."""
     pairs, motion, flags, lanes = motions
     for _ in range(p["substeps"]):
         contact.try_motion(motion, flags, lanes, p, kinds)
-        contact.keep_off_shelves(robots, motion, flags, guarded, p, kinds, solid, clearance)
+        contact.keep_off_shelves(robots, motion, flags, guarded, p, kinds, floor)
         if walking is not None:
             people.keep_off_people(robots, persons, motion, flags, p, kinds)
         contact.keep_off_robots(motion, flags, pairs, near, guarded, p, kinds)
@@ -171,7 +171,7 @@ def _move(robots, persons, near, motions, walking, guarded, p, kinds, solid, cle
 @inline
 def _choose(
     robots, persons, routes, arcs, commands, limits, places, motions, guards, followed, stopping, walking, guarded,
-    scanners, sights, looks, slow, p, kinds, solid, clearance,
+    scanners, sights, looks, slow, p, kinds, floor,
 ):  # fmt: skip
     """Choose each robot's motion of one physics step.
 
@@ -188,24 +188,23 @@ def _choose(
                 first = min(max(first, -most), most)
         if followed is not None:
             own = unladen if limits is None else limits[i]
-            first, second = _follow(robots[i], routes[i], arcs[i], first, second, stopping, own, solid, clearance)
+            first, second = _follow(robots[i], routes[i], arcs[i], first, second, stopping, own, floor)
         else:
             first, second = _take_raw(robots[i], first, second, unladen)
             if limits is not None:
                 first = _slowed(robots[i], first, limits[i])
         if slow is not None:
             first = zones.keep_under(robots[i], first, most, unladen)
-        contact.load(robots, i, first, second, unladen, clearance, motion)
+        contact.load(robots, i, first, second, unladen, floor, motion)
     if scanners is not None:
-        by_sight.guard(robots, persons, motion, guards, places, sights, looks, walking, p, solid, clearance, scanners)
+        by_sight.guard(robots, persons, motion, guards, places, sights, looks, walking, p, floor, scanners)
     elif guarded is not None:
-        field.guard(robots, persons, motion, guards, places, walking, p, kinds, solid, clearance)
+        field.guard(robots, persons, motion, guards, places, walking, p, kinds, floor)
 
 
 @inline
 def _carry_out(
-    robots, persons, actual, errors, near, motions, own, walking, guarded, erring, p, kinds, true, true_kinds, solid,
-    clearance,
+    robots, persons, actual, errors, near, motions, own, walking, guarded, erring, p, kinds, true, true_kinds, floor,
 ):  # fmt: skip
     """Carry out the motions chosen, with bodies that err as well as they can.
 
@@ -213,12 +212,12 @@ def _carry_out(
     """
     pairs, motion, flags, lanes = motions
     if erring is None:
-        _move(robots, persons, near, motions, walking, guarded, p, kinds, solid, clearance)
+        _move(robots, persons, near, motions, walking, guarded, p, kinds, floor)
         contact.store(robots, motion)
     else:
         deviation.plan(motion, flags, lanes, p, kinds)
-        deviation.load(robots, actual, motion, errors, own, true, true_kinds, clearance)
-        _move(robots, persons, near, (pairs, own, flags, lanes), walking, None, true, true_kinds, solid, clearance)
+        deviation.load(robots, actual, motion, errors, own, true, true_kinds, floor)
+        _move(robots, persons, near, (pairs, own, flags, lanes), walking, None, true, true_kinds, floor)
         deviation.store(robots, actual, motion, errors, own, guarded, true, true_kinds)
     if guarded is not None:
         field.settle(robots)
@@ -275,7 +274,7 @@ def _count_step(robots, steps, b, truncated, terminated, p):
 def advance(
     begin, end, robots, routes, persons, ways, arcs, commands, stamps, steps, truncated, terminated, waiting, faults,
     actual, errors, limits, followed, stopping, walking, guarded, checked, erring, scanners, sights, slow, params,
-    kinds, true_params, true_kinds, solid, clearance,
+    kinds, true_params, true_kinds, floor,
 ):  # fmt: skip
     """Move the worlds from `begin` to before `end` on by one env step; return (arrivals, robots that seek a manoeuvre).
 
@@ -310,18 +309,18 @@ def advance(
             _choose(
                 robots[b], persons[b], routes[b], arcs[b], commands[said, b], None if limits is None else limits[b],
                 places, motions, guards, followed, stopping, walking, guarded, scanners,
-                None if scanners is None else sights[b], looks, slow, p, kinds, solid, clearance,
+                None if scanners is None else sights[b], looks, slow, p, kinds, floor,
             )  # fmt: skip
             _carry_out(
                 robots[b], persons[b], actual[b], errors[b, repeat], near, motions, own, walking, guarded, erring, p,
-                kinds, true, true_kinds, solid, clearance,
+                kinds, true, true_kinds, floor,
             )  # fmt: skip
             if walking is not None:
-                people.walk(persons[b], ways[b], robots[b], p, kinds, solid, clearance)
+                people.walk(persons[b], ways[b], robots[b], p, kinds, floor)
             if checked is not None:
-                audit.find_fault(robots[b], persons[b], clock, p, kinds, solid, clearance, faults[b])
+                audit.find_fault(robots[b], persons[b], clock, p, kinds, floor, faults[b])
             contact_episodes.judge_pairs(robots[b], own, pairs, near, stamps[b], clock, true, true_kinds)
-            contact_episodes.end_shelf_contacts(robots[b], true, true_kinds, solid, clearance)
+            contact_episodes.end_shelf_contacts(robots[b], true, true_kinds, floor)
             if walking is not None:
                 people.end_contacts(robots[b], persons[b], p, kinds)
             for i in range(count):

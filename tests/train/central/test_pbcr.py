@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from train.central import CENTRAL, central_config
 from train.central.pbcr import PERIOD, SPEEDS, STEERINGS
-from train.central.primitives import DT, MARGIN, POSES, decide_all, drive, given, meet, meets_shelf
+from train.central.primitives import DT, MARGIN, POSES, Given, decide_all, drive, meet, meets_shelf
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.physics.floor import Floor, floor_of
@@ -37,7 +37,7 @@ def chosen(poses: Floats, speeds: Floats, floor: Floor, keys: Floats) -> NDArray
     """Return the primitives that robots with straight wheels choose, the first of them first."""
     straight, order, period = np.zeros(len(poses)), np.arange(len(poses)), round(PERIOD / DT)
     choice: NDArray[np.int64] = decide_all(
-        given(poses, speeds, straight, COMMANDS, keys, floor, BODY, LIMITS, period), order
+        Given(poses, speeds, straight, COMMANDS, keys, floor, BODY, LIMITS, period), order
     )
     return choice
 

@@ -69,7 +69,7 @@ def _slowed_down(r, p):
 
 
 @kernel
-def plan_to_goal(r, arcs, bodies, tries, most, p, solid, clearance, metric):
+def plan_to_goal(r, arcs, bodies, tries, most, p, floor, metric):
     """Begin the soonest manoeuvre found to the robot's goal; return the number of its arcs, NONE if there is none.
 
     Arguments: see rejoin.plan_to_route.
@@ -82,11 +82,9 @@ def plan_to_goal(r, arcs, bodies, tries, most, p, solid, clearance, metric):
     for trial in range(tries):
         margin = manoeuvre.MARGINS[trial]
         write_rooms(r["x"], r["y"], c, s, margin, bodies, p, rooms)
-        if not sweep_is_free(r["x"], r["y"], c, s, curvature(steer, p["wheelbase"]), way, margin, p, solid, clearance):
+        if not sweep_is_free(r["x"], r["y"], c, s, curvature(steer, p["wheelbase"]), way, margin, p, floor):
             continue
-        count, _ = shoot(
-            x, y, heading, steer, goals, margin, np.float32(np.inf), bodies, rooms, p, solid, clearance, shot
-        )
+        count, _ = shoot(x, y, heading, steer, goals, margin, np.float32(np.inf), bodies, rooms, p, floor, shot)
         if count >= 0:
             first = 0
             if way != ZERO:
@@ -101,7 +99,7 @@ def plan_to_goal(r, arcs, bodies, tries, most, p, solid, clearance, metric):
     for k in range(tries):
         trial = manoeuvre.trial_of(k, bodies)
         found = manoeuvre.search_exact(
-            r["x"], r["y"], r["heading"], steer, goals, bodies, trial, most, p, solid, clearance, metric, arcs
+            r["x"], r["y"], r["heading"], steer, goals, bodies, trial, most, p, floor, metric, arcs
         )
         if found >= 0:
             _dock(r, found, arcs, manoeuvre.MARGINS[trial], p)
@@ -112,7 +110,7 @@ def plan_to_goal(r, arcs, bodies, tries, most, p, solid, clearance, metric):
 
 
 @kernel
-def seek(begin, end, robots, routes, arcs, params, kinds, solid, clearance, metrics):
+def seek(begin, end, robots, routes, arcs, params, kinds, floor, metrics):
     """Search for all who seek their goal or their route in the worlds from `begin` to before `end`.
 
     Arguments: see step.advance and rejoin.seek.
@@ -128,6 +126,6 @@ def seek(begin, end, robots, routes, arcs, params, kinds, solid, clearance, metr
             bodies, metric = near[:others], metrics[own["kind"]]
             if docks_from(r):
                 r["docks"] = 0
-                if plan_to_goal(r, arcs[b, i], bodies, tries, most, own, solid, clearance, metric) >= 0:
+                if plan_to_goal(r, arcs[b, i], bodies, tries, most, own, floor, metric) >= 0:
                     continue
-            plan_to_route(r, routes[b, i], arcs[b, i], bodies, tries, most, own, solid, clearance, metric)
+            plan_to_route(r, routes[b, i], arcs[b, i], bodies, tries, most, own, floor, metric)

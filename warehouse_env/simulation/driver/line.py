@@ -85,16 +85,16 @@ def look_ahead(speed, p):
 
 
 @inline
-def room_beside(tx, ty, ux, uy, offset, to_go, clearance, p):
+def room_beside(tx, ty, ux, uy, offset, to_go, floor, p):
     """Return the lateral offset [m] that a point of the route is given: what of `offset` there is room for.
 
     ux, uy: the route's direction there; to_go [m]: of the route, at the end of which it fades out.
     """
     offset *= min(ONE, to_go / (OFFSET_FADE * p["long"]))
     least = LANE_CLEARANCE * p["wide"]
-    if clearance_at(tx - offset * uy, ty + offset * ux, clearance, p["cell"]) < least:
+    if clearance_at(tx - offset * uy, ty + offset * ux, floor) < least:
         offset *= HALF
-        if clearance_at(tx - offset * uy, ty + offset * ux, clearance, p["cell"]) < least:
+        if clearance_at(tx - offset * uy, ty + offset * ux, floor) < least:
             offset = ZERO
     return offset
 

@@ -7,7 +7,7 @@ MOST nodes has the field of how far room is, which knows what stands around (roo
 
 API, for any kernel of the simulation (nothing is drawn at random, nothing kept between calls):
 
-    count, margin = search(x, y, heading, steer, goals, avoid, bodies, most, p, solid, clearance, metric, arcs)
+    count, margin = search(x, y, heading, steer, goals, avoid, bodies, most, p, floor, metric, arcs)
 
 x, y, heading, steer: the robot's pose [m], [rad] and its present steering angle [rad]; it may stand too near to
     something: what touches at the start does not count, what touches after it does.
@@ -17,7 +17,7 @@ avoid float32[K, BODY]: rectangles (columns: bodies.py) to be off in the end; no
 bodies float32[K, BODY]: rectangles that stand still, to be kept off all the way, by the field's margin as well.
 most: nodes of each of TRIES, each nearer to shelves and bodies and with shorter arcs than the one before; some 1.5 us a
     node. After one that was cut off there is no other, unless `most` is MOST.
-p, solid, clearance: PARAMETERS record and the floor; metric: turning_metric(PARAMETERS[1]), made once a Simulator.
+p, floor: PARAMETERS record and the floor; metric: turning_metric(PARAMETERS[1]), made once a Simulator.
 arcs float32[ARCS, 2]: is filled with (signed length [m], steering [rad]) of one arc after the other.
 search_once(..., goals, leave, bodies, trial, most, ...): a single try; leave: `avoid`, and the field of how far room
     is, float32[0, 0] if there is none.
@@ -67,10 +67,10 @@ X, Y, HEADING, COSINE, SINE, COST, MARGIN = range(7)  # columns of `poses`; MARG
 
 
 @inline
-def _margin_at(x, y, c, s, margin, p, solid, clearance):
+def _margin_at(x, y, c, s, margin, p, floor):
     """Return the margin [m] to shelves of arcs from a pose: TOO_NEAR where the body there is nearer than that."""
     body = grown(body_of(x, y, c, s, p), margin)
-    return TOO_NEAR if body_touches_shelf(body, solid, clearance, p["cell"]) else margin
+    return TOO_NEAR if body_touches_shelf(body, floor) else margin
 
 
 @inline
@@ -137,11 +137,11 @@ def _after(poses, node, move):
 
 
 @inline
-def _is_free(poses, node, move, bodies, rooms, p, solid, clearance):
+def _is_free(poses, node, move, bodies, rooms, p, floor):
     """Whether a move from a node keeps off shelves and bodies."""
     x, y, c, s = poses[node, X], poses[node, Y], poses[node, COSINE], poses[node, SINE]
     bend, length = move[turning.BEND], move[turning.LENGTH]
-    return sweep_is_free(x, y, c, s, bend, length, poses[node, MARGIN], p, solid, clearance) and clear_of_bodies(
+    return sweep_is_free(x, y, c, s, bend, length, poses[node, MARGIN], p, floor) and clear_of_bodies(
         x, y, c, s, bend, length, bodies, rooms, p
     )
 
@@ -156,9 +156,7 @@ def _seconds(poses, node, steer, by, move, moves, p):
 
 
 @part
-def _finish(
-    poses, node, steer, parents, by, moves, goals, facing, bodies, rooms, exact, p, solid, clearance, metric, arcs
-):
+def _finish(poses, node, steer, parents, by, moves, goals, facing, bodies, rooms, exact, p, floor, metric, arcs):
     """Return the number of arcs to a goal over a node, -1 if no shot is tried from there or none is free."""
     x, y, heading = poses[node, X], poses[node, Y], poses[node, HEADING]
     rest = _to_go(x, y, heading, goals, facing, metric, p)[1]
@@ -166,7 +164,7 @@ def _finish(
         return -1
     last = moves[by[node], turning.STEER] if by[node] >= 0 else steer
     more, _ = shoot(
-        x, y, heading, last, goals, poses[node, MARGIN], _TWICE * rest + _SPARE, bodies, rooms, p, solid, clearance,
+        x, y, heading, last, goals, poses[node, MARGIN], _TWICE * rest + _SPARE, bodies, rooms, p, floor,
         exact,
     )  # fmt: skip
     if more < 0:
@@ -181,7 +179,7 @@ def _finish(
 @part
 def _search(
     x, y, heading, steer, goals, facing, leave, bodies, rooms, margin, stride, cell, tree, table, queue, exact,
-    p, solid, clearance, metric, arcs,
+    p, floor, metric, arcs,
 ):  # fmt: skip
     """Search as search_once does, or search_exact if `exact` (float32[MOST_ARCS, 2], else None), with its arrays.
 
@@ -197,7 +195,7 @@ def _search(
     x0, y0 = x - p["offset"] * c, y - p["offset"] * s
     write_rooms(x, y, c, s, margin, bodies, p, rooms)
     poses[0, X], poses[0, Y], poses[0, HEADING], poses[0, COSINE], poses[0, SINE] = x, y, heading, c, s
-    poses[0, COST], poses[0, MARGIN] = ZERO, _margin_at(x, y, c, s, margin, p, solid, clearance)
+    poses[0, COST], poses[0, MARGIN] = ZERO, _margin_at(x, y, c, s, margin, p, floor)
     parents[0], by[0] = -1, -1
     if exact is None and (
         (not bars(x, y, c, s, avoid, p)) if aside else _to_go(x, y, heading, goals, facing, metric, p)[0]
@@ -234,7 +232,7 @@ def _search(
             total = _seconds(poses, node, steer, by, moves[k], moves, p)
             slot, key = _slot_of(x, y, heading, cell, taken)
             if not (taken[slot] == key and best[slot] <= total):
-                found = _is_free(poses, node, moves[k], bodies, rooms, p, solid, clearance)
+                found = _is_free(poses, node, moves[k], bodies, rooms, p, floor)
         if not found:
             return NONE
         if used == parents.size:
@@ -249,7 +247,7 @@ def _search(
             s,
         )
         poses[used, COST] = total
-        poses[used, MARGIN] = margin if kept == margin else _margin_at(x, y, c, s, margin, p, solid, clearance)
+        poses[used, MARGIN] = margin if kept == margin else _margin_at(x, y, c, s, margin, p, floor)
         parents[used], by[used] = node, k
         node = used
         used += 1
@@ -267,8 +265,7 @@ def _search(
                 rooms,
                 exact,
                 p,
-                solid,
-                clearance,
+                floor,
                 metric,
                 arcs,
             )
@@ -279,9 +276,7 @@ def _search(
 
 
 @kernel
-def _search_within(
-    x, y, heading, steer, goals, leave, bodies, trial, most, slots, exact, p, solid, clearance, metric, arcs
-):
+def _search_within(x, y, heading, steer, goals, leave, bodies, trial, most, slots, exact, p, floor, metric, arcs):
     """Search as `_search` does, in arrays for `most` nodes and a table of `slots` cells, a power of two."""
     tree = (
         np.empty((turning.MOVES, 9), np.float32), np.empty((most, 7), np.float32), np.empty(most, np.int32),
@@ -298,7 +293,7 @@ def _search_within(
     return _search(
         x, y, heading, steer, goals, facing, leave, bodies, rooms, MARGINS[trial],
         STRIDES[trial] * p["long"], CELLS[trial] * p["long"],
-        tree, table, queue, exact, p, solid, clearance, metric, arcs,
+        tree, table, queue, exact, p, floor, metric, arcs,
     )  # fmt: skip
 
 
@@ -309,7 +304,7 @@ def no_leave():
 
 
 @kernel
-def search_once(x, y, heading, steer, goals, leave, bodies, trial, most, p, solid, clearance, metric, arcs):
+def search_once(x, y, heading, steer, goals, leave, bodies, trial, most, p, floor, metric, arcs):
     """Search as in try `trial` of TRIES, for at most `most` <= MOST nodes; return as `search` does.
 
     Most searches are short, so the arrays are small at first: to make large ones takes longer than such a search.
@@ -318,7 +313,7 @@ def search_once(x, y, heading, steer, goals, leave, bodies, trial, most, p, soli
     for large in range(2):
         nodes, slots = (most, _SLOTS) if large else (min(most, _SHORT), _SHORT_SLOTS)
         count = _search_within(
-            x, y, heading, steer, goals, leave, bodies, trial, nodes, slots, None, p, solid, clearance, metric, arcs
+            x, y, heading, steer, goals, leave, bodies, trial, nodes, slots, None, p, floor, metric, arcs
         )
         if count != CUT_OFF or nodes == most:
             break
@@ -326,11 +321,11 @@ def search_once(x, y, heading, steer, goals, leave, bodies, trial, most, p, soli
 
 
 @kernel
-def search_exact(x, y, heading, steer, goals, bodies, trial, most, p, solid, clearance, metric, arcs):
+def search_exact(x, y, heading, steer, goals, bodies, trial, most, p, floor, metric, arcs):
     """Search as search_once does, for a way that ends exactly at one of the goals."""
     exact = np.empty((MOST_ARCS, 2), np.float32)
     return _search_within(
-        x, y, heading, steer, goals, no_leave(), bodies, trial, most, _SLOTS, exact, p, solid, clearance, metric, arcs
+        x, y, heading, steer, goals, no_leave(), bodies, trial, most, _SLOTS, exact, p, floor, metric, arcs
     )
 
 
@@ -341,15 +336,15 @@ def trial_of(k, bodies):
 
 
 @kernel
-def search(x, y, heading, steer, goals, avoid, bodies, most, p, solid, clearance, metric, arcs):
+def search(x, y, heading, steer, goals, avoid, bodies, most, p, floor, metric, arcs):
     """Find a manoeuvre and write it into `arcs`; return the number of its arcs and its margin (see above)."""
     room = no_leave()[1]
     if goals.shape[0] == 0 and most == MOST:
-        room = room_around(x, y, heading, avoid, bodies, p, solid, clearance)
+        room = room_around(x, y, heading, avoid, bodies, p, floor)
     leave = avoid, room
     for k in range(TRIES):
         trial = trial_of(k, bodies)
-        count = search_once(x, y, heading, steer, goals, leave, bodies, trial, most, p, solid, clearance, metric, arcs)
+        count = search_once(x, y, heading, steer, goals, leave, bodies, trial, most, p, floor, metric, arcs)
         if count >= 0:
             return count, MARGINS[trial]
         if count == CUT_OFF and most < MOST:  # among narrower ways there are more

@@ -16,7 +16,7 @@ GRAZE = np.float32(3e-5)  # [m] that the body then keeps off shelves
 
 
 @inline
-def _keeps_margin(r, next_speed, next_steer, margin, p, solid, clearance):
+def _keeps_margin(r, next_speed, next_steer, margin, p, floor):
     """Whether the body keeps `margin` [m] in a step to a speed and a steering angle, and in the stop after it.
 
     The step's arc is that of the mean steering (kinematics.drive), the braking path's that of the steering at its end.
@@ -25,7 +25,7 @@ def _keeps_margin(r, next_speed, next_steer, margin, p, solid, clearance):
     way = HALF * (r["speed"] + next_speed) * p["time_step"]
     if next_steer != r["steer"]:
         bend = curvature(HALF * (r["steer"] + next_steer), p["wheelbase"])
-        if not sweep_is_free(x, y, c, s, bend, way, margin, p, solid, clearance):
+        if not sweep_is_free(x, y, c, s, bend, way, margin, p, floor):
             return False
         half_s, half_c = sin_cos(HALF * way * bend)
         turn_s, turn_c = sin_cos(way * bend)
@@ -33,11 +33,11 @@ def _keeps_margin(r, next_speed, next_steer, margin, p, solid, clearance):
         c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
         way = ZERO
     way += HALF * next_speed * abs(next_speed) / p["max_acceleration"]
-    return sweep_is_free(x, y, c, s, curvature(next_steer, p["wheelbase"]), way, margin, p, solid, clearance)
+    return sweep_is_free(x, y, c, s, curvature(next_steer, p["wheelbase"]), way, margin, p, floor)
 
 
 @inline
-def _stops_clear(r, next_speed, next_steer, p, solid, clearance):
+def _stops_clear(r, next_speed, next_steer, p, floor):
     """Whether the body keeps GRAZE in a step to a speed and a steering angle, and in the stop after it.
 
     Substep by substep, by the arithmetic with which contact.py moves it: nothing is left to a prediction.
@@ -52,7 +52,7 @@ def _stops_clear(r, next_speed, next_steer, p, solid, clearance):
             if speed != ZERO or to_speed != ZERO:
                 x, y, heading = drive(x, y, heading, speed, to_speed, steer, to_steer, wheelbase, dt)
                 s, c = sin_cos(heading)
-                if body_touches_shelf(grown(body_of(x, y, c, s, p), GRAZE), solid, clearance, p["cell"]):
+                if body_touches_shelf(grown(body_of(x, y, c, s, p), GRAZE), floor):
                     return False
             speed, steer = to_speed, to_steer
         if abs(speed) < REST:
@@ -61,7 +61,7 @@ def _stops_clear(r, next_speed, next_steer, p, solid, clearance):
 
 
 @part
-def may_drive(r, speed, steer, margin, p, solid, clearance):
+def may_drive(r, speed, steer, margin, p, floor):
     """Whether a robot of ROBOT may go for a speed [m/s] and a steering angle [rad] in the next physics step.
 
     It must then be able to brake with the steering that it has at the end of the step, and all the way keep `margin`
@@ -70,5 +70,5 @@ def may_drive(r, speed, steer, margin, p, solid, clearance):
     next_speed = approach(r["speed"], speed, p["max_acceleration"] * p["time_step"])
     next_steer = approach(r["steer"], steer, p["max_steer_rate"] * p["time_step"])
     if margin < NARROW:
-        return _stops_clear(r, next_speed, next_steer, p, solid, clearance)
-    return _keeps_margin(r, next_speed, next_steer, margin, p, solid, clearance)
+        return _stops_clear(r, next_speed, next_steer, p, floor)
+    return _keeps_margin(r, next_speed, next_steer, margin, p, floor)

@@ -1,9 +1,9 @@
 """Where a manoeuvre leads: back to the robot's own route, or out of somebody's way.
 
-API: seek(begin, end, robots, routes, arcs, params, kinds, solid, clearance, metrics) for all that seek their routes;
+API: seek(begin, end, robots, routes, arcs, params, kinds, floor, metrics) for all that seek their routes;
      write_bodies_near(i, robots, within, p, kinds, near) -> number of bodies for
-     plan_to_route(r, route, arcs, bodies, tries, most, p, solid, clearance, metric) and
-     plan_aside(r, arcs, avoid, bodies, most, p, solid, clearance, metric)
+     plan_to_route(r, route, arcs, bodies, tries, most, p, floor, metric) and
+     plan_aside(r, arcs, avoid, bodies, most, p, floor, metric)
 The two search from where the robot stands, begin the manoeuvre if there is one, and return the number of its arcs: 0
 if it needs none, -1 if there is none. For bodies, most, avoid and metric see manoeuvre.py, and driving.py for how it
 is driven; tries: of manoeuvre.TRIES. With `most` below manoeuvre.MOST the first search that is cut off is the last.
@@ -74,7 +74,7 @@ def write_bodies_near(i, robots, within, p, kinds, near):
 
 
 @kernel
-def plan_to_route(r, route, arcs, bodies, tries, most, p, solid, clearance, metric):
+def plan_to_route(r, route, arcs, bodies, tries, most, p, floor, metric):
     """Begin the soonest manoeuvre to a pose on the robot's own route (see above)."""
     if r["points"] < 2:
         return manoeuvre.NONE
@@ -87,7 +87,7 @@ def plan_to_route(r, route, arcs, bodies, tries, most, p, solid, clearance, metr
         goals = near if k % 2 == 0 else far
         found = manoeuvre.search_once(
             r["x"], r["y"], r["heading"], r["steer"], goals, leave, bodies, trial, most,
-            p, solid, clearance, metric, arcs,
+            p, floor, metric, arcs,
         )  # fmt: skip
         if found > 0:
             begin_manoeuvre(r, found, arcs, manoeuvre.MARGINS[trial])
@@ -99,13 +99,11 @@ def plan_to_route(r, route, arcs, bodies, tries, most, p, solid, clearance, metr
 
 
 @kernel
-def plan_aside(r, arcs, avoid, bodies, most, p, solid, clearance, metric):
+def plan_aside(r, arcs, avoid, bodies, most, p, floor, metric):
     """Begin the soonest manoeuvre to a pose whose body is off all rectangles of `avoid` (see above)."""
     goals = np.empty((0, 4), np.float32)
     x, y, heading, steer = r["x"], r["y"], r["heading"], r["steer"]
-    found, margin = manoeuvre.search(
-        x, y, heading, steer, goals, avoid, bodies, most, p, solid, clearance, metric, arcs
-    )
+    found, margin = manoeuvre.search(x, y, heading, steer, goals, avoid, bodies, most, p, floor, metric, arcs)
     if found > 0:
         begin_manoeuvre(r, found, arcs, margin)
     return found
@@ -128,7 +126,7 @@ def take_up(i, robots, p, kinds, near):
 
 
 @kernel
-def seek(begin, end, robots, routes, arcs, params, kinds, solid, clearance, metrics):
+def seek(begin, end, robots, routes, arcs, params, kinds, floor, metrics):
     """Search for all who seek their route in the worlds from `begin` to before `end`. Arguments: see step.advance;
     metrics: of each kind of robots its turning metric (turning.py).
     """
@@ -140,6 +138,6 @@ def seek(begin, end, robots, routes, arcs, params, kinds, solid, clearance, metr
             others, tries, most = take_up(i, robots[b], own, kinds, near)
             if others >= 0:
                 plan_to_route(
-                    robots[b, i], routes[b, i], arcs[b, i], near[:others], tries, most, own, solid, clearance,
+                    robots[b, i], routes[b, i], arcs[b, i], near[:others], tries, most, own, floor,
                     metrics[own["kind"]],
                 )  # fmt: skip

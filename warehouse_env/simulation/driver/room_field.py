@@ -7,7 +7,7 @@ robot: the holonomic-with-obstacles heuristic of hybrid-state A* (Dolgov et al. 
 point, so the discs on points are smaller by that: what a body can do, the lattice allows. Its ways turn by eighths, so
 they are up to 8% longer than the disc's: no more than the search weighs them anyway (manoeuvre.GREED).
 
-    room = room_around(x, y, heading, avoid, bodies, p, solid, clearance)   float32[POINTS, POINTS] [m], rows northward
+    room = room_around(x, y, heading, avoid, bodies, p, floor)   float32[POINTS, POINTS] [m], rows northward
     room_at(x, y, x0, y0, room, apart_of(p))    what it says of a body's centre (x, y) [m]; (x0, y0): of the robot's
     write_way(x0, y0, room, p, way)             the way of descent, as bodies along it
 
@@ -70,14 +70,14 @@ def _raise_near(body, wide, left, low, apart, value, room):
 
 
 @inline
-def _write_places(left, low, apart, avoid, bodies, p, solid, clearance, room):
+def _write_places(left, low, apart, avoid, bodies, p, floor, room):
     """Write what a disc on each point is in: BARRED in a shelf or a body, UNKNOWN on the paths, else 0."""
     slim = _radius(p) - _SLACK * apart
     square = slim * _SLACK  # half the side of the square in the disc: rectangles are what is held against shelves
     for row in range(POINTS):
         for column in range(POINTS):
             x, y = left + np.float32(column) * apart, low + np.float32(row) * apart
-            shut = body_touches_shelf(square_at(x, y, square), solid, clearance, p["cell"])
+            shut = body_touches_shelf(square_at(x, y, square), floor)
             room[row, column] = BARRED if shut else ZERO
     for k in range(avoid.shape[0]):
         _raise_near(avoid[k], slim + OFF, left, low, apart, UNKNOWN, room)
@@ -128,21 +128,21 @@ def _spread(size, apart, room, keys, items):
 
 
 @part
-def _write_room(x0, y0, avoid, bodies, p, solid, clearance, room, keys, items):
+def _write_room(x0, y0, avoid, bodies, p, floor, room, keys, items):
     """Write the field around (x0, y0) [m]; keys float32[2 * POINTS**2] and items int32[2 * POINTS**2] are scratch."""
     apart = apart_of(p)
     left, low = x0 - np.float32(_MIDDLE) * apart, y0 - np.float32(_MIDDLE) * apart
-    _write_places(left, low, apart, avoid, bodies, p, solid, clearance, room)
+    _write_places(left, low, apart, avoid, bodies, p, floor, room)
     _spread(_begin(apart, room, keys, items), apart, room, keys, items)
 
 
 @kernel
-def room_around(x, y, heading, avoid, bodies, p, solid, clearance):
+def room_around(x, y, heading, avoid, bodies, p, floor):
     """Return how far [m] it is off `avoid`, past `bodies`, for points around the body at an axle pose (see above)."""
     s, c = sin_cos(heading)
     room = np.empty((POINTS, POINTS), np.float32)
     keys, items = np.empty(2 * POINTS * POINTS, np.float32), np.empty(2 * POINTS * POINTS, np.int32)
-    _write_room(x - p["offset"] * c, y - p["offset"] * s, avoid, bodies, p, solid, clearance, room, keys, items)
+    _write_room(x - p["offset"] * c, y - p["offset"] * s, avoid, bodies, p, floor, room, keys, items)
     return room
 
 

@@ -44,7 +44,7 @@ def _seconds(n, lengths, radius, steer, p):
 
 
 @part
-def _is_free(n, lengths, radius, x, y, heading, margin, bodies, rooms, p, solid, clearance):
+def _is_free(n, lengths, radius, x, y, heading, margin, bodies, rooms, p, floor):
     """Whether the body keeps off shelves and bodies along word n from a pose."""
     for k in range(MOST_ARCS):
         length = np.float32(lengths[k])
@@ -52,7 +52,7 @@ def _is_free(n, lengths, radius, x, y, heading, margin, bodies, rooms, p, solid,
             continue
         bend = curvature(to_steering(np.float32(TURNS[n, k] / radius), p["wheelbase"], p["max_steer"]), p["wheelbase"])
         s, c = sin_cos(heading)
-        if not sweep_is_free(x, y, c, s, bend, length, margin, p, solid, clearance):
+        if not sweep_is_free(x, y, c, s, bend, length, margin, p, floor):
             return False
         if not clear_of_bodies(x, y, c, s, bend, length, bodies, rooms, p):
             return False
@@ -61,7 +61,7 @@ def _is_free(n, lengths, radius, x, y, heading, margin, bodies, rooms, p, solid,
 
 
 @part
-def shoot(x, y, heading, steer, goals, margin, most, bodies, rooms, p, solid, clearance, arcs):
+def shoot(x, y, heading, steer, goals, margin, most, bodies, rooms, p, floor, arcs):
     """Write the soonest free curve from a pose to one of goals float32[G, 4] into arcs float32[MOST_ARCS, 2].
 
     most [s]: of curves that take as long or longer none is looked at. Returns (arcs, seconds), -1 arcs where there is
@@ -86,9 +86,7 @@ def shoot(x, y, heading, steer, goals, margin, most, bodies, rooms, p, solid, cl
                     continue
                 lengths = (a, b, c, d, e)
                 seconds = _seconds(n, lengths, radius, steer, p)
-                if seconds >= least or not _is_free(
-                    n, lengths, radius, x, y, heading, margin, bodies, rooms, p, solid, clearance
-                ):
+                if seconds >= least or not _is_free(n, lengths, radius, x, y, heading, margin, bodies, rooms, p, floor):
                     continue
                 count, least = 0, seconds
                 for k in range(MOST_ARCS):

@@ -37,15 +37,15 @@ HELD = np.float32(2.5)  # [s] in touch with a robot, or held by the field, after
 
 
 @inline
-def _brake_steer(r, steer, margin, p, solid, clearance):
+def _brake_steer(r, steer, margin, p, floor):
     """The steering angle to brake with: the wanted one if its sweep is free, else the present one, free before."""
-    if r["speed"] == ZERO or may_drive(r, ZERO, steer, margin, p, solid, clearance):
+    if r["speed"] == ZERO or may_drive(r, ZERO, steer, margin, p, floor):
         return steer
     return r["steer"]
 
 
 @inline
-def _manoeuvre(r, arcs, wanted, stopping, p, solid, clearance):
+def _manoeuvre(r, arcs, wanted, stopping, p, floor):
     """Return (speed, steering) along the arcs; give the manoeuvre up where it is no longer free.
 
     Where the planned margin cannot be kept it is lowered, and raised again as soon as it can be: where it was not, a
@@ -55,43 +55,43 @@ def _manoeuvre(r, arcs, wanted, stopping, p, solid, clearance):
     if r["arcs"] == 0:
         return ZERO, r["steer"]
     margin = r["arc_margin"]
-    if may_drive(r, speed, steer, margin, p, solid, clearance):
+    if may_drive(r, speed, steer, margin, p, floor):
         more = min(margin / KEPT, r["arc_planned"])  # further on there is more room, as planned
-        if more > margin and may_drive(r, speed, steer, more, p, solid, clearance):
+        if more > margin and may_drive(r, speed, steer, more, p, floor):
             r["arc_margin"] = more
         return speed, steer
     if abs(r["speed"]) < STANDS and wanted > ZERO and abs(steer - r["steer"]) < STEERED:  # else it steers first
         r["arc_margin"] *= KEPT  # too near at the start
         if r["arc_margin"] < LAST:
             give_up(r)
-    return ZERO, _brake_steer(r, steer, r["arc_margin"], p, solid, clearance)
+    return ZERO, _brake_steer(r, steer, r["arc_margin"], p, floor)
 
 
 @inline
-def _forward(r, alone, speed, steer, angle, p, solid, clearance):
+def _forward(r, alone, speed, steer, angle, p, floor):
     """Return the wanted (speed, steering) if its sweep is free, else those of stopping; seek a manoeuvre if need be."""
     slow = abs(r["speed"]) < SLOW
-    may = not (slow and abs(angle) > ASIDE) and may_drive(r, speed, steer, MARGIN, p, solid, clearance)
+    may = not (slow and abs(angle) > ASIDE) and may_drive(r, speed, steer, MARGIN, p, floor)
     if slow and not (may and alone) and r["search_wait"] <= ZERO:
         r["seeks"] = ALONE if alone else AROUND_OTHERS
         again_held = AGAIN_HELD_BACK if p["field"] else AGAIN_HELD
         r["search_wait"] = AGAIN if alone else again_held + r["stalled_time"]
     if may:
         return speed, steer
-    return ZERO, _brake_steer(r, steer, MARGIN, p, solid, clearance)
+    return ZERO, _brake_steer(r, steer, MARGIN, p, floor)
 
 
 @inline
-def _backwards(r, speed, p, solid, clearance):
+def _backwards(r, speed, p, floor):
     """Return (speed, steering) of backing with the nose along the route, or of stopping before a shelf."""
     steer = min(max(r["bearing"], -p["max_steer"]), p["max_steer"])
-    if may_drive(r, speed, steer, MARGIN, p, solid, clearance):
+    if may_drive(r, speed, steer, MARGIN, p, floor):
         return speed, steer
-    return ZERO, _brake_steer(r, steer, MARGIN, p, solid, clearance)
+    return ZERO, _brake_steer(r, steer, MARGIN, p, floor)
 
 
 @inline
-def follow(r, route, arcs, wanted_speed, offset, stopping, p, solid, clearance):
+def follow(r, route, arcs, wanted_speed, offset, stopping, p, floor):
     """Set target_speed, target_steer and follow_steer from a wanted speed [m/s] and lateral offset [m].
 
     stopping: see step.Features.
@@ -101,7 +101,7 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, solid, clearance):
     steer = r["follow_steer"]
     if offset != ZERO:
         to_go = np.float32(r["points"] - 1) * r["spacing"] - r["position"]
-        offset = room_beside(tx, ty, ux, uy, offset, to_go, clearance, p)
+        offset = room_beside(tx, ty, ux, uy, offset, to_go, floor, p)
         steer, angle = steer_for(r, tx - offset * uy, ty + offset * ux, p)
     speed = on_line = wanted_speed
     alone = max(r["contact_time"], r["held_time"]) <= HELD
@@ -117,15 +117,15 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, solid, clearance):
         aligned = max(abs(angle), abs(r["bearing"])) < BACK_ON and r["stalled_time"] < PATIENCE
         if stopping is not None:
             aligned = aligned and r["docks"] == 0
-        if aligned and leads_ahead(r, arcs) and may_drive(r, on_line, steer, MARGIN, p, solid, clearance):
+        if aligned and leads_ahead(r, arcs) and may_drive(r, on_line, steer, MARGIN, p, floor):
             give_up(r)
     if r["arcs"] > 0 and speed >= ZERO:  # one that backs has its manoeuvre left for when it drives on
-        speed, steer = _manoeuvre(r, arcs, speed, stopping, p, solid, clearance)
+        speed, steer = _manoeuvre(r, arcs, speed, stopping, p, floor)
     elif speed > ZERO:
-        speed, steer = _forward(r, alone, on_line, steer, angle, p, solid, clearance)
+        speed, steer = _forward(r, alone, on_line, steer, angle, p, floor)
     elif r["speed"] > ZERO or speed == ZERO:
-        speed, steer = ZERO, _brake_steer(r, steer, MARGIN, p, solid, clearance)
+        speed, steer = ZERO, _brake_steer(r, steer, MARGIN, p, floor)
     else:
-        speed, steer = _backwards(r, speed, p, solid, clearance)
+        speed, steer = _backwards(r, speed, p, floor)
     r["target_speed"] = speed
     r["target_steer"] = steer

@@ -66,7 +66,7 @@ def list_pairs(bodies, order, starts, p, pairs):
 
 
 @inline
-def load(robots, i, acceleration, steer_rate, p, clearance, motion):
+def load(robots, i, acceleration, steer_rate, p, floor, motion):
     """Take robot i's state at the start of a physics step, and its command [m/s^2], [rad/s], into `motion`."""
     r = robots[i]
     c, s = r["cos"], r["sin"]
@@ -75,7 +75,7 @@ def load(robots, i, acceleration, steer_rate, p, clearance, motion):
     motion[SPEED, i], motion[STEER, i] = r["speed"], r["steer"]
     motion[ACCELERATION, i], motion[STEER_RATE, i] = acceleration, steer_rate
     centre_x, centre_y = r["x"] - p["offset"] * c, r["y"] - p["offset"] * s
-    motion[ROOM, i] = clearance_at(centre_x, centre_y, clearance, p["cell"]) - p["radius"]
+    motion[ROOM, i] = clearance_at(centre_x, centre_y, floor) - p["radius"]
 
 
 @inline
@@ -179,41 +179,41 @@ def _back(motion, i, p):
 
 
 @part
-def _touches_shelf(motion, i, between, p, solid, clearance):
+def _touches_shelf(motion, i, between, p, floor):
     """Whether robot i on trial touches a shelf, where it comes to or, if asked, on the way there."""
     before = body_in(motion, i, p)
     where = touches_obstacle(
-        Sweep(before, _trial(motion, i, p), _back(motion, i, p)), motion[WAY, i], between, p, solid
+        Sweep(before, _trial(motion, i, p), _back(motion, i, p)), motion[WAY, i], between, p, floor
     )
     return where == AT_END or (
-        where == BETWEEN and not body_touches_shelf(before, solid, clearance, p["cell"])
+        where == BETWEEN and not body_touches_shelf(before, floor)
     )  # who was put into a shelf may leave it
 
 
 @inline
-def _tries_a_shelf(motion, i, guarded, p, solid, clearance):
+def _tries_a_shelf(motion, i, guarded, p, floor):
     """Whether robot i on trial touches a shelf, where it comes to or, unless guarded, on the way."""
     before, way = motion[ROOM, i], motion[WAY, i]
     if before > way:
         motion[ROOM, i] = before - way
         return False
     body = _trial(motion, i, p)
-    room = disc_room(body, clearance, p["cell"])
+    room = disc_room(body, floor)
     motion[ROOM, i] = room
     if guarded is not None:
-        return room <= ZERO and meets_obstacle(body, solid, p["cell"])
+        return room <= ZERO and meets_obstacle(body, floor)
     between = max(before, ZERO) + max(room, ZERO) <= way
-    return (between or room <= ZERO) and _touches_shelf(motion, i, between, p, solid, clearance)
+    return (between or room <= ZERO) and _touches_shelf(motion, i, between, p, floor)
 
 
 @inline
-def keep_off_shelves(robots, motion, flags, guarded, p, kinds, solid, clearance):
+def keep_off_shelves(robots, motion, flags, guarded, p, kinds, floor):
     """Put back the robots that touch a shelf on trial; guarded: see step.Features, whose field has looked between."""
     for i in range(robots.shape[0]):
         own = kind_of(i, p, kinds)
         if flags[MOVING, i] == 0 or motion[ROOM, i] > own["stride"]:  # too far off for this physics step
             continue
-        if _tries_a_shelf(motion, i, guarded, own, solid, clearance):
+        if _tries_a_shelf(motion, i, guarded, own, floor):
             put_back(motion, flags, i)
             r = robots[i]
             r["touching"] = 1

@@ -81,12 +81,12 @@ def judge_pairs(robots, motion, pairs, count, stamps, clock, p, kinds):
 
 
 @inline
-def end_shelf_contacts(robots, p, kinds, solid, clearance):
+def end_shelf_contacts(robots, p, kinds, floor):
     """A shelf episode ends when the body, widened by near_miss_gap, is free again."""
     wide = p["near_miss_gap"]
     for i in range(robots.shape[0]):
         r = robots[i]
         if r["shelf_contact"] != 0:
             body = grown(body_of(r["x"], r["y"], r["cos"], r["sin"], kind_of(i, p, kinds)), wide)
-            if not body_touches_shelf(body, solid, clearance, p["cell"]):
+            if not body_touches_shelf(body, floor):
                 r["shelf_contact"] = 0

@@ -184,7 +184,7 @@ def _changed(value, wanted, error, most, p):
 
 
 @inline
-def load(robots, bodies, planned, errors, own, params, kinds, clearance):
+def load(robots, bodies, planned, errors, own, params, kinds, floor):
     """Take the bodies and what they do in this physics step into `own`; planned: where their robots will be.
 
     bodies: BODY[N]; planned, own: float32[MOTION, N]; errors: float32[N, ERRORS]; params: of the bodies; kinds: of
@@ -202,7 +202,7 @@ def load(robots, bodies, planned, errors, own, params, kinds, clearance):
         own[contact.COS, i], own[contact.SIN, i] = c, s
         own[SPEED, i], own[STEER, i] = body["speed"], body["steer"]
         x, y = body["x"] - p["offset"] * c, body["y"] - p["offset"] * s
-        own[contact.ROOM, i] = clearance_at(x, y, clearance, p["cell"]) - p["radius"]
+        own[contact.ROOM, i] = clearance_at(x, y, floor) - p["radius"]
 
 
 @inline

@@ -127,15 +127,17 @@ def touches_disc_between(x, y, radius, body, p):
 
 
 @part
-def touches_disc(body, way, between, p, solid):
+def touches_disc(body, way, between, p, floor, discs):
     """Return where a robot's body touches a disc in a motion, as `touches_shelf` does for shelves."""
     start, end, cell, where, r = body.start, body.end, p["cell"], NOWHERE, p["radius"]
-    rows, columns = solid.cells.shape
+    if discs is None:
+        return NOWHERE
+    rows, columns = floor.solid.shape
     first_row, last_row = reached_rows(min(start.y, end.y) - r - way, max(start.y, end.y) + r + way, rows, cell)
     left, right = reached_columns(min(start.x, end.x) - r - way, max(start.x, end.x) + r + way, columns, cell)
     for row in range(first_row, last_row + 1):
-        for k in range(solid.first[row, left], solid.first[row, right + 1]):
-            x, y, radius = solid.discs[k, 0], solid.discs[k, 1], solid.discs[k, 2]
+        for k in range(discs.first[row, left], discs.first[row, right + 1]):
+            x, y, radius = discs.discs[k, 0], discs.discs[k, 1], discs.discs[k, 2]
             after = squared_distance_to(x, y, end)
             if after <= radius * radius:
                 return AT_END
@@ -149,11 +151,9 @@ def touches_disc(body, way, between, p, solid):
 
 
 @inline
-def touches_obstacle(body, way, between, p, solid):
+def touches_obstacle(body, way, between, p, floor):
     """Return where a robot's body touches a shelf, the rim or a disc in a motion; see `touches_shelf`."""
-    if hasattr(solid, "cells"):
-        at_shelf = touches_shelf(body, way, between, p, solid.cells)
-        if at_shelf == AT_END:
-            return AT_END
-        return max(at_shelf, touches_disc(body, way, between, p, solid))
-    return touches_shelf(body, way, between, p, solid)
+    at_shelf = touches_shelf(body, way, between, p, floor)
+    if at_shelf == AT_END:
+        return AT_END
+    return max(at_shelf, touches_disc(body, way, between, p, floor, floor.discs))

@@ -1,8 +1,7 @@
 """Discs on the floor, such as pillars: does a body touch one, and what does the lidar see of them? All exact.
 
-On a floor with discs `solid`, which kernels are given everywhere, is no array of cells but Obstacles, and `edges` no
-array but Outlines. Which of the two it is `hasattr` tells as a kernel is compiled, so that a floor without discs has
-the code that it had.
+Kernels are given the discs of a floor, or None: a branch on an argument that is None is not compiled. The lidar sees
+Outlines where there are discs, else an array of edges.
 """
 
 from __future__ import annotations
@@ -20,10 +19,9 @@ from warehouse_env.simulation.physics.trigonometry import ZERO
 _LISTED = 1e-3  # [m] from a cell, up to which it lists a disc: rounding leaves none out
 
 
-class Obstacles(NamedTuple):
-    """Shelves, and discs beside them; arrays by padded cells, y up."""
+class CellDiscs(NamedTuple):
+    """The discs that each padded cell touches, y up."""
 
-    cells: NDArray[np.uint8]  # [H + 2, W + 2], 1 = shelf or outside; row 0 is the rim south of the map
     first: NDArray[np.int32]  # [H + 2, W + 3], where the discs of a cell begin in `discs`; they end where the next's do
     discs: NDArray[np.float32]  # [M, 3]: x, y, radius [m], once for each cell that one touches
 
@@ -42,7 +40,7 @@ def listed(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Return the indices of the discs within `margin` [m] of each padded cell, and where each cell's begin.
 
-    shape: of the padded floor, (H + 2, W + 2). int32[M], and int32[H + 2, W + 3] as in Obstacles.
+    shape: of the padded floor, (H + 2, W + 2). int32[M], and int32[H + 2, W + 3] as in CellDiscs.
     """
     shift = np.array([cell, cell, 0.0])
     at, who = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
@@ -58,10 +56,10 @@ def listed(
     return np.concatenate(who)[order].astype(np.int32), first
 
 
-def obstacles_of(cells: NDArray[np.uint8], discs: NDArray[np.float32], cell: float) -> Obstacles:
-    """Return the obstacles of a floor; cells: uint8[H + 2, W + 2], those of shelves alone."""
-    which, first = listed(discs, _LISTED, cells.shape, cell)
-    return Obstacles(cells, first, discs[which])
+def by_cell(discs: NDArray[np.float32], shape: tuple[int, ...], cell: float) -> CellDiscs:
+    """Return the discs of a padded floor of a shape by the cells of `cell` [m] that they touch."""
+    which, first = listed(discs, _LISTED, shape, cell)
+    return CellDiscs(first, discs[which])
 
 
 def lower_clearance(clearance: NDArray[np.uint8], discs: NDArray[np.float32], step: float, unit: float) -> None:
@@ -98,30 +96,31 @@ def reached_columns(low, high, count, cell):
 
 
 @part
-def meets_disc(body, solid, cell):
-    """Return whether a closed Rectangle touches a disc."""
+def meets_disc(body, floor, discs):
+    """Return whether a closed Rectangle touches one of the discs, CellDiscs or None, of a floor."""
+    if discs is None:
+        return False
     ex = body.length * abs(body.c) + body.width * abs(body.s)
     ey = body.length * abs(body.s) + body.width * abs(body.c)
-    rows, columns = solid.cells.shape
+    cell = floor.cell
+    rows, columns = floor.solid.shape
     first_row, last_row = reached_rows(body.y - ey, body.y + ey, rows, cell)
     left, right = reached_columns(body.x - ex, body.x + ex, columns, cell)
     for row in range(first_row, last_row + 1):
-        for k in range(solid.first[row, left], solid.first[row, right + 1]):
-            radius = solid.discs[k, 2]
-            if squared_distance_to(solid.discs[k, 0], solid.discs[k, 1], body) <= radius * radius:
+        for k in range(discs.first[row, left], discs.first[row, right + 1]):
+            radius = discs.discs[k, 2]
+            if squared_distance_to(discs.discs[k, 0], discs.discs[k, 1], body) <= radius * radius:
                 return True
     return False
 
 
 @inline
-def is_taken(x, y, solid, cell):
+def is_taken(x, y, floor):
     """Whether a point [m] on or east and north of the floor's corner lies in a shelf, off the floor, or in a disc."""
-    row, column = int(y / cell) + 1, int(x / cell) + 1
-    if hasattr(solid, "cells"):
-        if row >= solid.cells.shape[0] or column >= solid.cells.shape[1] or solid.cells[row, column] != 0:
-            return True
-        return meets_disc(square_at(x, y, ZERO), solid, cell)
-    return row >= solid.shape[0] or column >= solid.shape[1] or solid[row, column] != 0
+    solid, row, column = floor.solid, int(y / floor.cell) + 1, int(x / floor.cell) + 1
+    if row >= solid.shape[0] or column >= solid.shape[1] or solid[row, column] != 0:
+        return True
+    return meets_disc(square_at(x, y, ZERO), floor, floor.discs)
 
 
 @part

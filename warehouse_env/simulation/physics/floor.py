@@ -17,7 +17,7 @@ from warehouse_env.kernel import kernel
 from warehouse_env.maps.fitting import fitted
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout, read_file
-from warehouse_env.simulation.physics.discs import Obstacles, lower_clearance, obstacles_of
+from warehouse_env.simulation.physics.discs import CellDiscs, by_cell, lower_clearance
 from warehouse_env.simulation.physics.edges import Edges, edges_of
 
 FINE = 8  # samples of the clearance field per cell side
@@ -46,10 +46,11 @@ def fit(grid: GridMap, config: EnvConfig) -> GridMap:
 class Floor(NamedTuple):
     """Static arrays of one map."""
 
-    solid: NDArray[np.uint8] | Obstacles  # [H + 2, W + 2], 1 = shelf or outside; row 0 is the rim south of the map
+    solid: NDArray[np.uint8]  # [H + 2, W + 2], 1 = shelf or outside; row 0 is the rim south of the map
     clearance: NDArray[np.uint8]  # [H * FINE, W * FINE], y up: lower bound of the distance to the nearest obstacle
     cell: np.float32  # [m]
-    edges: Edges  # what the lidar sees of them
+    edges: Edges  # what the lidar sees of all obstacles
+    discs: CellDiscs | None  # obstacles that are discs, if there are any
 
 
 @kernel
@@ -86,13 +87,12 @@ def _floor(
     clearance = np.empty((rows * FINE, columns * FINE), dtype=np.uint8)
     _clearance(solid, float(cell), FINE, UNIT, clearance)
     solid.flags.writeable = False
-    obstacles: NDArray[np.uint8] | Obstacles = solid
     discs = np.frombuffer(round_ones, dtype=np.float32).reshape(-1, 3)
     if len(discs):
-        obstacles = obstacles_of(solid, discs, cell)
         lower_clearance(clearance, discs, cell / FINE, UNIT)
     clearance.flags.writeable = False
-    return Floor(obstacles, clearance, np.float32(cell), edges_of(solid, cell, lidar_range, discs))
+    listed = by_cell(discs, solid.shape, cell) if len(discs) else None
+    return Floor(solid, clearance, np.float32(cell), edges_of(solid, cell, lidar_range, discs), listed)
 
 
 def floor_of(grid: GridMap, lidar_range: float = SensorSpec.lidar_range) -> Floor:

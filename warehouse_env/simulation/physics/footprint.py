@@ -21,11 +21,11 @@ _LEAST_TURN = np.float32(0.001)  # [rad] but not without end
 
 
 @inline
-def clearance_at(x, y, clearance, cell):
+def clearance_at(x, y, floor):
     """Return a lower bound of the distance [m] from a point to the nearest shelf, 0 outside the map."""
     if x < ZERO or y < ZERO:
         return ZERO
-    scale = _FINE / cell
+    clearance, scale = floor.clearance, _FINE / floor.cell
     row = int(y * scale)
     column = int(x * scale)
     if row >= clearance.shape[0] or column >= clearance.shape[1]:
@@ -34,7 +34,7 @@ def clearance_at(x, y, clearance, cell):
 
 
 @inline
-def body_touches_shelf(body, solid, clearance, cell):
+def body_touches_shelf(body, floor):
     """Return whether a closed Rectangle touches a shelf, the rim or a disc.
 
     Three discs that cover the body settle most cases by the clearance field; the rest is exact.
@@ -43,28 +43,26 @@ def body_touches_shelf(body, solid, clearance, cell):
     radius = np.sqrt(third * third + body.width * body.width)
     shift = body.length * _TWO_THIRDS
     if (
-        clearance_at(body.x, body.y, clearance, cell) > radius
-        and clearance_at(body.x + shift * body.c, body.y + shift * body.s, clearance, cell) > radius
-        and clearance_at(body.x - shift * body.c, body.y - shift * body.s, clearance, cell) > radius
+        clearance_at(body.x, body.y, floor) > radius
+        and clearance_at(body.x + shift * body.c, body.y + shift * body.s, floor) > radius
+        and clearance_at(body.x - shift * body.c, body.y - shift * body.s, floor) > radius
     ):
         return False
-    return meets_obstacle(body, solid, cell)
+    return meets_obstacle(body, floor)
 
 
 @inline
-def meets_obstacle(body, solid, cell):
+def meets_obstacle(body, floor):
     """Return what `body_touches_shelf` does, exactly in any case; solid: see Floor."""
-    if hasattr(solid, "cells"):
-        return meets_cell(body, solid.cells, cell) or meets_disc(body, solid, cell)
-    return meets_cell(body, solid, cell)
+    return meets_cell(body, floor) or meets_disc(body, floor, floor.discs)
 
 
 @inline
-def meets_cell(body, solid, cell):
+def meets_cell(body, floor):
     """Return whether a closed Rectangle touches a cell of a shelf or the rim."""
     ex = body.length * abs(body.c) + body.width * abs(body.s)
     ey = body.length * abs(body.s) + body.width * abs(body.c)
-    half = HALF * cell
+    solid, cell, half = floor.solid, floor.cell, HALF * floor.cell
     rows, columns = solid.shape
     first_row = max(int(np.ceil((body.y - ey) / cell)), 0)
     last_row = min(int(np.floor((body.y + ey) / cell)) + 1, rows - 1)
@@ -80,34 +78,33 @@ def meets_cell(body, solid, cell):
 
 
 @inline
-def body_room(body, clearance, cell):
+def body_room(body, floor):
     """Return metres that no point of a body can be moved into a shelf; none or negative: not known."""
-    room = clearance_at(body.x, body.y, clearance, cell) - np.sqrt(body.length * body.length + body.width * body.width)
-    return room if room > ZERO else disc_room(body, clearance, cell)
+    room = clearance_at(body.x, body.y, floor) - np.sqrt(body.length * body.length + body.width * body.width)
+    return room if room > ZERO else disc_room(body, floor)
 
 
 @inline
-def disc_room(body, clearance, cell):
+def disc_room(body, floor):
     """Return the room [m] as `body_room` does of a body near shelves: that of three discs which cover it."""
     third = body.length * _THIRD
     shift = body.length * _TWO_THIRDS
     nearest = min(
-        clearance_at(body.x, body.y, clearance, cell),
-        clearance_at(body.x + shift * body.c, body.y + shift * body.s, clearance, cell),
-        clearance_at(body.x - shift * body.c, body.y - shift * body.s, clearance, cell),
+        clearance_at(body.x, body.y, floor),
+        clearance_at(body.x + shift * body.c, body.y + shift * body.s, floor),
+        clearance_at(body.x - shift * body.c, body.y - shift * body.s, floor),
     )
     return nearest - np.sqrt(third * third + body.width * body.width)
 
 
 @inline
-def sweep_is_free(x, y, c, s, bend, distance, margin, p, solid, clearance):
+def sweep_is_free(x, y, c, s, bend, distance, margin, p, floor):
     """Return whether the body keeps `margin` [m] from shelves along an arc of curvature `bend` [1/m].
 
     (x, y) is the front axle, (c, s) its heading, `distance` [m] signed (negative: backwards).
     The pose at the start is not checked: a robot that stands too close must be able to leave.
     Poses that are nearer to a checked one than its room allows are free as well, and passed over.
     """
-    cell = p["cell"]
     half_length = p["half_length"] + margin
     half_width = p["half_width"] + margin
     step = _SWEEP_STEP
@@ -128,9 +125,9 @@ def sweep_is_free(x, y, c, s, bend, distance, margin, p, solid, clearance):
         if room > ZERO:
             continue
         body = Rectangle(x - p["offset"] * c, y - p["offset"] * s, c, s, half_length, half_width)
-        room = body_room(body, clearance, cell)
+        room = body_room(body, floor)
         if room > most * np.float32(count - 1 - k):
             return True
-        if room <= ZERO and body_touches_shelf(body, solid, clearance, cell):
+        if room <= ZERO and body_touches_shelf(body, floor):
             return False
     return True

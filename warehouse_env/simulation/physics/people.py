@@ -178,9 +178,9 @@ def gap_to(x, y, r, p):
 
 
 @inline
-def _may_step(o, x, y, robots, p, kinds, solid, clearance):
+def _may_step(o, x, y, robots, p, kinds, floor):
     """Whether a person may step to (x, y) [m]: off the shelves, and off robots, or farther off than it is."""
-    if body_touches_shelf(square_at(x, y, RADIUS), solid, clearance, p["cell"]):
+    if body_touches_shelf(square_at(x, y, RADIUS), floor):
         return False
     for i in range(robots.shape[0]):
         r, own = robots[i], kind_of(i, p, kinds)
@@ -191,10 +191,10 @@ def _may_step(o, x, y, robots, p, kinds, solid, clearance):
 
 
 @inline
-def _leads_on(x, y, way, solid, cell):
+def _leads_on(x, y, way, floor, discs):
     """Whether ways lead on from a point: in cells that discs close they do not, though there may be room."""
-    if hasattr(solid, "cells"):
-        return way[int(y / cell), int(x / cell)] < np.inf
+    if discs is not None:
+        return way[int(y / floor.cell), int(x / floor.cell)] < np.inf
     return True
 
 
@@ -221,7 +221,7 @@ def _next_place(o, way, p):
 
 
 @inline
-def _step(o, way, robots, p, kinds, solid, clearance):
+def _step(o, way, robots, p, kinds, floor):
     """Take a person one step of its way, around what is in it, or else away from a robot that is near."""
     x, y = _next_place(o, way, p)
     dx, dy = x - o["x"], y - o["y"]
@@ -233,8 +233,8 @@ def _step(o, way, robots, p, kinds, solid, clearance):
     for k in range(_TURNS.shape[0] if _is_near(o, robots, KEEP, p, kinds) else _ONWARD):
         to_c, to_s = c * _TURNS[k, 0] - s * _TURNS[k, 1], s * _TURNS[k, 0] + c * _TURNS[k, 1]
         to_x, to_y = o["x"] + step * to_c, o["y"] + step * to_s
-        free = _may_step(o, to_x, to_y, robots, p, kinds, solid, clearance)
-        if free and _leads_on(to_x, to_y, way, solid, p["cell"]):
+        free = _may_step(o, to_x, to_y, robots, p, kinds, floor)
+        if free and _leads_on(to_x, to_y, way, floor, floor.discs):
             o["x"], o["y"], o["cos"], o["sin"] = to_x, to_y, to_c, to_s
             return
 
@@ -253,7 +253,7 @@ def _count_kept(o, robots, p, kinds):
 
 
 @part
-def walk(persons, ways, robots, p, kinds, solid, clearance):
+def walk(persons, ways, robots, p, kinds, floor):
     """Move the people PERSON[M] of a world on by a physics step; ways float32[M, H, W]: see People; kinds: kinds.py."""
     for m in range(persons.shape[0]):
         o = persons[m]
@@ -265,7 +265,7 @@ def walk(persons, ways, robots, p, kinds, solid, clearance):
         if dx * dx + dy * dy < AT_GOAL * AT_GOAL:
             o["wants"] = ARRIVED
             continue
-        _step(o, ways[m], robots, p, kinds, solid, clearance)
+        _step(o, ways[m], robots, p, kinds, floor)
         left = ways[m, int(o["y"] / p["cell"]), int(o["x"] / p["cell"])]
         if left < o["left"]:
             o["left"], o["blocked"] = left, ZERO

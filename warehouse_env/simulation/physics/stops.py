@@ -191,19 +191,19 @@ def least_separation(a, b, paths, outlines, marks, p, q):
 
 
 @part
-def meets_shelf(row, paths, outlines, marks, p, solid, clearance):
+def meets_shelf(row, paths, outlines, marks, p, floor):
     """Whether the body touches a shelf anywhere along a sampled motion."""
     pace = outlines[PACE, row]
     n, count, before = 1, marks[SAMPLES, row], ZERO
     while n < count:
         body = sampled(row, n, paths, p)
-        room = body_room(body, clearance, p["cell"]) - SLACK
+        room = body_room(body, floor) - SLACK
         way, near = paths[row, n, WAY], room <= ZERO
         room = max(room, ZERO)
         between = before + room <= way
         if near or between:
             swept = Sweep(sampled(row, n - 1, paths, p), body, outlines[TURNS_BACK, row])
-            if touches_obstacle(swept, way, between, p, solid) != NOWHERE:
+            if touches_obstacle(swept, way, between, p, floor) != NOWHERE:
                 return True
         n, before = n + 1, room
         if room > pace:
@@ -233,6 +233,6 @@ def outline_trial(i, acceleration, steer_rate, motion, outlines, p):
 
 
 @inline
-def is_far_from_shelves(row, outlines, p, solid, clearance):
+def is_far_from_shelves(row, outlines, p, floor):
     """Whether a motion's outline touches no shelf."""
-    return not body_touches_shelf(grown(outline_of(row, outlines), SLACK), solid, clearance, p["cell"])
+    return not body_touches_shelf(grown(outline_of(row, outlines), SLACK), floor)

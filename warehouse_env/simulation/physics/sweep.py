@@ -248,12 +248,12 @@ def _passes(along0, along1, across0, across1, long, wide):
 
 
 @part
-def _touch_cell(cells, body, spare, p, solid):
-    """Whether a body touches one of the cells (first row, last row, first column, last column) on the way.
+def _touch_cell(box, body, spare, p, solid):
+    """Whether a body touches one of the cells in a box (first row, last row, first column, last column) on the way.
 
     body: its Sweep. Most cells that are near it passes along its axes at the end.
     """
-    first_row, last_row, first_column, last_column = cells
+    first_row, last_row, first_column, last_column = box
     start, end, cell, half = body.start, body.end, p["cell"], HALF * p["cell"]
     c, s = abs(start.c * end.c + start.s * end.s), abs(start.c * end.s - start.s * end.c)
     length, width, corner = end.length, end.width, half * (abs(end.c) + abs(end.s)) + spare
@@ -279,7 +279,7 @@ def _reach(one):
 
 
 @inline
-def touches_shelf(body, way, between, p, solid):
+def touches_shelf(body, way, between, p, floor):
     """Return where a robot's body touches a shelf or the rim in a motion: AT_END, else, if asked, BETWEEN, or NOWHERE.
 
     body: its Sweep; way: of any point of it at most [m], which leaves its chord by an eighth of way^2 / far at most.
@@ -288,18 +288,18 @@ def touches_shelf(body, way, between, p, solid):
     start, end, cell, half = body.start, body.end, p["cell"], HALF * p["cell"]
     spare = _EIGHTH * way * way / p["far"] + body.back + ROUNDING
     (ex0, ey0), (ex1, ey1) = _reach(start), _reach(end)
-    (rows, columns), scale, more, near = solid.shape, ONE / cell, spare + _ON_FLOOR, False
+    (rows, columns), scale, more, near = floor.solid.shape, ONE / cell, spare + _ON_FLOOR, False
     first_row = max(int((min(start.y - ey0, end.y - ey1) - more) * scale + ONE), 0)  # under 0 is rounded up, to the rim
     last_row = min(int((max(start.y + ey0, end.y + ey1) + more) * scale) + 1, rows - 1)
     first_column = max(int((min(start.x - ex0, end.x - ex1) - more) * scale + ONE), 0)
     last_column = min(int((max(start.x + ex0, end.x + ex1) + more) * scale) + 1, columns - 1)
     for row in range(first_row, last_row + 1):
         for column in range(first_column, last_column + 1):
-            if solid[row, column] != 0:
+            if floor.solid[row, column] != 0:
                 near = between
                 x, y = (np.float32(column) - HALF) * cell, (np.float32(row) - HALF) * cell
                 if rectangles_touch(end, square_at(x, y, half)):
                     return AT_END
-    if near and _touch_cell((first_row, last_row, first_column, last_column), body, spare, p, solid):
+    if near and _touch_cell((first_row, last_row, first_column, last_column), body, spare, p, floor.solid):
         return BETWEEN
     return NOWHERE

@@ -14,7 +14,7 @@ from warehouse_env.simulation.rules import meetings, right_of_way, stepping_in, 
 
 
 @kernel
-def agree(begin, end, robots, routes, persons, arcs, commands, paths, params, kinds, choices, clearance):
+def agree(begin, end, robots, routes, persons, arcs, commands, paths, params, kinds, choices, floor):
     """Decide on the right of way in the worlds from `begin` to before `end`; return how many robots search a way then.
 
     Arguments: see step.advance; choices float32[B, N, K, 3]: see preferences.py; paths float32[B, N + 1, POSES,
@@ -30,7 +30,7 @@ def agree(begin, end, robots, routes, persons, arcs, commands, paths, params, ki
         right_of_way.rank(robots[b], order)
         right_of_way.decide(
             robots[b], persons[b], routes[b], arcs[b], commands[b], choices[b], order, ways, p, kinds,
-            clearance,
+            floor,
         )  # fmt: skip
         for r in robots[b]:
             r["pause"] = max(r["pause"] - seconds, ZERO)

@@ -63,7 +63,7 @@ def _stop(r, p, stop):
 
 
 @kernel
-def find_fault(robots, persons, clock, p, kinds, solid, clearance, fault):
+def find_fault(robots, persons, clock, p, kinds, floor, fault):
     """Write (clock, i, j, SHELF or PERSON) into `fault` int32[3] for robots whose stops touch, unless one is there."""
     stops = np.empty((robots.shape[0], p["stop_samples"], 4), np.float32)
     for i in range(robots.shape[0]):
@@ -74,7 +74,7 @@ def find_fault(robots, persons, clock, p, kinds, solid, clearance, fault):
             x, y, c, s = stops[i, n]
             other = NONE
             body = body_at(x, y, c, s, own)
-            if body_touches_shelf(body, solid, clearance, p["cell"]):
+            if body_touches_shelf(body, floor):
                 other = SHELF
             for o in persons:
                 moves = robots[i]["speed"] != ZERO and (n == 0 or (stops[i, n] != stops[i, n - 1]).any())

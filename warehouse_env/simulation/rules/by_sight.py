@@ -118,7 +118,7 @@ def _who_refuses(i, motion, field, sights, p):
 
 @part
 def commit(
-    i, persons, acceleration, steer_rate, wary, motion, field, sights, view, walking, p, solid, clearance
+    i, persons, acceleration, steer_rate, wary, motion, field, sights, view, walking, p, floor
 ):  # fmt: skip
     """Return what refuses robot i a command [m/s^2], [rad/s] for this physics step and the safe stop after it, or FREE.
 
@@ -135,9 +135,7 @@ def commit(
     fastest = max(p["max_speed"], -p["min_speed"])
     if pace - p["blur"] > (fastest + _SPEED) * p["dt"]:
         return TOO_FAST
-    if not is_far_from_shelves(trial, outlines, p, solid, clearance) and meets_shelf(
-        trial, paths, outlines, marks, p, solid, clearance
-    ):
+    if not is_far_from_shelves(trial, outlines, p, floor) and meets_shelf(trial, paths, outlines, marks, p, floor):
         return SHELF
     x, y, reach = outlines[MIDDLE_X, trial], outlines[MIDDLE_Y, trial], outlines[REACH, trial]
     fit, comes = min(p["half_length"], p["half_width"]), max((pace - p["blur"]) / p["dt"], wary, p["unseen_speed"])
@@ -147,15 +145,13 @@ def commit(
             return PERSON
     refuser = _who_refuses(i, motion, field, sights, p)
     grain = whole(unseen.GRAINS[1] if abs(speed) <= unseen.SLOW else unseen.GRAINS[0])
-    if refuser == FREE and unseen.could_come(
-        i, paths[trial], samples, pace, comes, fit, grain, motion, view, p, solid, clearance
-    ):
+    if refuser == FREE and unseen.could_come(i, paths[trial], samples, pace, comes, fit, grain, motion, view, p, floor):
         return UNSEEN
     return refuser
 
 
 @part
-def _look(robots, persons, motion, places, sights, walking, p, solid):
+def _look(robots, persons, motion, places, sights, walking, p, floor):
     """Find who sees whom, and be as wary as those who have just gone out of sight may be fast.
 
     sights float32[N, N]: as fast as j may become by the next look [m/s], if i sees it, or NOT_SEEN.
@@ -169,7 +165,7 @@ def _look(robots, persons, motion, places, sights, walking, p, solid):
         for j in range(i + 1, count):
             other_x, other_y = centre_of(j, motion, p)
             dx, dy, had = other_x - x, other_y - y, sights[i, j] != NOT_SEEN
-            if dx * dx + dy * dy < reach * reach and see_each_other(i, j, persons, motion, places, walking, p, solid):
+            if dx * dx + dy * dy < reach * reach and see_each_other(i, j, persons, motion, places, walking, p, floor):
                 sights[i, j] = min((abs(motion[SPEED, j]) + gain) * p["reel"], fastest)
                 sights[j, i] = min((abs(motion[SPEED, i]) + gain) * p["reel"], fastest)
             elif had:
@@ -193,11 +189,11 @@ def _open_eyes(i, persons, motion, places, sights, turned, view, walking, p, sca
 
 
 @inline
-def guard(robots, persons, motion, field, places, sights, looks, walking, p, solid, clearance, scanners):
+def guard(robots, persons, motion, field, places, sights, looks, walking, p, floor, scanners):
     """Let the robots drive as `motion` commands, or as much of it as they may; who may not at all, brakes."""
     turned, view = looks
     begin(motion, field, p, None)
-    _look(robots, persons, motion, places, sights, walking, p, solid)
+    _look(robots, persons, motion, places, sights, walking, p, floor)
     for i in range(robots.shape[0]):
         r = robots[i]
         acceleration, steer_rate = motion[ACCELERATION, i], motion[STEER_RATE, i]
@@ -208,9 +204,7 @@ def guard(robots, persons, motion, field, places, sights, looks, walking, p, sol
         _open_eyes(i, persons, motion, places, sights, turned, view, walking, p, scanners)
         for _ in range(_TRIES):
             weaker = brake + share * (acceleration - brake)
-            refuser = commit(
-                i, persons, weaker, steer_rate, r["wary"], motion, field, sights, view, walking, p, solid, clearance
-            )
+            refuser = commit(i, persons, weaker, steer_rate, r["wary"], motion, field, sights, view, walking, p, floor)
             if refuser == FREE or acceleration == brake:
                 break
             share *= HALF

@@ -134,7 +134,7 @@ def _publish(i, trial, paths, outlines, marks):
 
 
 @part
-def commit(i, persons, acceleration, steer_rate, motion, field, places, walking, p, kinds, solid, clearance):
+def commit(i, persons, acceleration, steer_rate, motion, field, places, walking, p, kinds, floor):
     """Have robot i commit to a command [m/s^2], [rad/s] for this physics step and the safe stop after it, if it may.
 
     Returns FREE where it has; else SHELF, PERSON, or the index of a robot that is in the way, and what i had committed
@@ -146,9 +146,9 @@ def commit(i, persons, acceleration, steer_rate, motion, field, places, walking,
     if speed != ZERO or min(max(acceleration * p["dt"], p["min_speed"]), p["max_speed"]) != ZERO:
         marks[SAMPLES, trial] = 0
         outline_trial(i, acceleration, steer_rate, motion, outlines, p)
-        if not is_far_from_shelves(trial, outlines, p, solid, clearance):
+        if not is_far_from_shelves(trial, outlines, p, floor):
             sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)
-            if meets_shelf(trial, paths, outlines, marks, p, solid, clearance):
+            if meets_shelf(trial, paths, outlines, marks, p, floor):
                 return SHELF
         x, y, reach = outlines[MIDDLE_X, trial], outlines[MIDDLE_Y, trial], outlines[REACH, trial]
         if walking is not None and people.anybody_near(persons, x, y, reach, p):
@@ -176,7 +176,7 @@ def hold(i, motion, field, p):
 
 
 @inline
-def guard(robots, persons, motion, field, places, walking, p, kinds, solid, clearance):
+def guard(robots, persons, motion, field, places, walking, p, kinds, floor):
     """Let the robots commit, in the order of priority, to the commands that `motion` holds; who may not, brakes."""
     begin(motion, field, p, kinds)
     for i in field[3]:
@@ -184,9 +184,7 @@ def guard(robots, persons, motion, field, places, walking, p, kinds, solid, clea
         refuser = FREE
         if r["silent"] == 0 and r["off_plan"] == 0:
             acceleration, steer_rate = motion[ACCELERATION, i], motion[STEER_RATE, i]
-            refuser = commit(
-                i, persons, acceleration, steer_rate, motion, field, places, walking, own, kinds, solid, clearance
-            )
+            refuser = commit(i, persons, acceleration, steer_rate, motion, field, places, walking, own, kinds, floor)
             if refuser == FREE:
                 r["held_time"] = ZERO
                 continue

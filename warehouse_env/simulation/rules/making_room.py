@@ -86,25 +86,23 @@ def _write_ring(low, robots, ways, avoid, p, kinds):
 
 
 @part
-def _leave(i, robots, persons, arcs, bodies, avoid, p, kinds, solid, clearance, metrics):
+def _leave(i, robots, persons, arcs, bodies, avoid, p, kinds, floor, metrics):
     """Search a way for robot i off the bodies `avoid`; return what plan_aside does."""
     r, own = robots[i], kind_of(i, p, kinds)
     near = _write_near(i, robots, persons, own, kinds, bodies)
     most = whole(MOST) if waits.is_shut_in(r) else whole(ASIDE)
-    found = plan_aside(r, arcs[i], avoid, bodies[:near], most, own, solid, clearance, metrics[own["kind"]])
+    found = plan_aside(r, arcs[i], avoid, bodies[:near], most, own, floor, metrics[own["kind"]])
     if found > 0:
         r["aside"], r["pause"] = 1, waits.LEAVES
     return found
 
 
 @part
-def _go_round(i, robots, persons, routes, arcs, bodies, most, p, kinds, solid, clearance, metrics):
+def _go_round(i, robots, persons, routes, arcs, bodies, most, p, kinds, floor, metrics):
     """Search a way for robot i to its own route, in `most` nodes, round those near; return whether there is one."""
     own = kind_of(i, p, kinds)
     near = _write_near(i, robots, persons, own, kinds, bodies)
-    found = plan_to_route(
-        robots[i], routes[i], arcs[i], bodies[:near], TRIES, most, own, solid, clearance, metrics[own["kind"]]
-    )
+    found = plan_to_route(robots[i], routes[i], arcs[i], bodies[:near], TRIES, most, own, floor, metrics[own["kind"]])
     return found >= 0
 
 
@@ -117,7 +115,7 @@ def _write_way_back(r, p, avoid):
 
 
 @kernel
-def _write_way_out(i, robots, avoid, count, p, kinds, solid, clearance):
+def _write_way_out(i, robots, avoid, count, p, kinds, floor):
     """Write into avoid the bodies along the way of robot i off those in avoid[:count], past nobody but the one that it
     waits for; straight back, if there is nothing to be off or no such way. Return how many.
     """
@@ -128,7 +126,7 @@ def _write_way_out(i, robots, avoid, count, p, kinds, solid, clearance):
         x, y = o["x"] - other["offset"] * o["cos"], o["y"] - other["offset"] * o["sin"]
         write_body(x, y, o["cos"], o["sin"], other, others[0])
         others = others[: j != i]  # nobody, if it waits for itself
-        room = room_around(r["x"], r["y"], r["heading"], avoid[:count], others, own, solid, clearance)
+        room = room_around(r["x"], r["y"], r["heading"], avoid[:count], others, own, floor)
         x, y = r["x"] - own["offset"] * r["cos"], r["y"] - own["offset"] * r["sin"]
         many = write_way(x, y, room, own, avoid[:WAY])
     if many == 0:
@@ -138,20 +136,20 @@ def _write_way_out(i, robots, avoid, count, p, kinds, solid, clearance):
 
 
 @part
-def _clear_way(i, count, robots, persons, arcs, bodies, avoid, p, kinds, solid, clearance, metrics):
+def _clear_way(i, count, robots, persons, arcs, bodies, avoid, p, kinds, floor, metrics):
     """Have who waits for robot i, which finds no way out, leave the floor it needs; who cannot asks its own waiter.
 
     avoid[:count]: what robot i is to be off, if it is in a ring.
     """
     asks, shut_in = i, waits.is_shut_in(robots[i])
     for _ in range(CHAIN):
-        count = _write_way_out(asks, robots, avoid, count if shut_in else 0, p, kinds, solid, clearance)
+        count = _write_way_out(asks, robots, avoid, count if shut_in else 0, p, kinds, floor)
         blocked = NOBODY
         for j in range(robots.shape[0]):
             r = robots[j]
             if j == asks or r["yields_to"] != asks or not waits.may_leave(r):
                 continue
-            found = _leave(j, robots, persons, arcs, bodies, avoid[:count], p, kinds, solid, clearance, metrics)
+            found = _leave(j, robots, persons, arcs, bodies, avoid[:count], p, kinds, floor, metrics)
             if found > 0:
                 return
             if found < 0:
@@ -162,7 +160,7 @@ def _clear_way(i, count, robots, persons, arcs, bodies, avoid, p, kinds, solid, 
 
 
 @part
-def _resolve(robots, persons, routes, arcs, ways, found, bodies, avoid, p, kinds, solid, clearance, metrics):
+def _resolve(robots, persons, routes, arcs, ways, found, bodies, avoid, p, kinds, floor, metrics):
     """Let those of a world search that seek or are stuck, one after another; each search changes who still is."""
     waits.look(robots, found)
     for i in range(robots.shape[0]):
@@ -170,7 +168,7 @@ def _resolve(robots, persons, routes, arcs, ways, found, bodies, avoid, p, kinds
         if stage == SEEKS:
             low = _least(i, robots)
             count = _write_ring(low, robots, ways, avoid, p, kinds)
-            if _leave(low, robots, persons, arcs, bodies, avoid[:count], p, kinds, solid, clearance, metrics) > 0:
+            if _leave(low, robots, persons, arcs, bodies, avoid[:count], p, kinds, floor, metrics) > 0:
                 waits.look(robots, found)
                 continue
             robots[low]["aside"], robots[low]["pause"] = 0, waits.PAUSE
@@ -181,15 +179,13 @@ def _resolve(robots, persons, routes, arcs, ways, found, bodies, avoid, p, kinds
         else:
             continue
         alone = robots[low]["yields_to"] == low
-        if alone or not _go_round(
-            low, robots, persons, routes, arcs, bodies, most, p, kinds, solid, clearance, metrics
-        ):
-            _clear_way(low, count, robots, persons, arcs, bodies, avoid, p, kinds, solid, clearance, metrics)
+        if alone or not _go_round(low, robots, persons, routes, arcs, bodies, most, p, kinds, floor, metrics):
+            _clear_way(low, count, robots, persons, arcs, bodies, avoid, p, kinds, floor, metrics)
         waits.look(robots, found)
 
 
 @kernel
-def make_room(begin, end, robots, routes, persons, arcs, paths, params, kinds, solid, clearance, metrics):
+def make_room(begin, end, robots, routes, persons, arcs, paths, params, kinds, floor, metrics):
     """Let those search that seek or are stuck in the worlds from `begin` to before `end`; right after agreement.agree
     has said that somebody is. Arguments: see there, step.advance and rejoin.seek.
     """
@@ -202,6 +198,6 @@ def make_room(begin, end, robots, routes, persons, arcs, paths, params, kinds, s
             poses[i] = robots[b, i]["poses"]
         ways = paths[b], poses
         _resolve(
-            robots[b], persons[b], routes[b], arcs[b], ways, found, bodies, avoid, params[0], kinds, solid, clearance,
+            robots[b], persons[b], routes[b], arcs[b], ways, found, bodies, avoid, params[0], kinds, floor,
             metrics,
         )  # fmt: skip

@@ -82,11 +82,11 @@ def _joins(r, route, x, y):
 
 
 @inline
-def _steer(route, points, spacing, along, end, side, look, x, y, c, s, p, clearance):
+def _steer(route, points, spacing, along, end, side, look, x, y, c, s, p, floor):
     """Return the steering [rad] of the follower at `along` [m] of its route, with an offset `side` [m]."""
     tx, ty, ux, uy = point_at(route, points, spacing, min(along + look, end + p["beyond"]), p["beyond"])
     if side != ZERO:
-        side = room_beside(tx, ty, ux, uy, side, end - along, clearance, p)
+        side = room_beside(tx, ty, ux, uy, side, end - along, floor, p)
     return pursue(x, y, c, s, tx - side * uy, ty + side * ux, p)[0]
 
 
@@ -133,7 +133,7 @@ def begin_path(r, poses, at_end):
 
 
 @part
-def write_path(r, route, arcs, side, many, p, clearance, path):
+def write_path(r, route, arcs, side, many, p, floor, path):
     """Write the bodies at the robot's pose and ahead of it into a path; return (poses, at the end?).
 
     path float32[POSES, COLUMNS], of which at most `many` poses are written; side [m]: the lateral offset from the
@@ -162,7 +162,7 @@ def write_path(r, route, arcs, side, many, p, clearance, path):
                 k += 1
             return k, True
         s, c = sin_cos(heading)
-        wanted = _steer(route, points, spacing, along, end, side, look, x, y, c, s, p, clearance)
+        wanted = _steer(route, points, spacing, along, end, side, look, x, y, c, s, p, floor)
         stride = min(_STRIDE, to_next)
         most = _STEERED * stride / _STRIDE
         steer = min(max(wanted, steer - most), steer + most)

@@ -146,16 +146,16 @@ def _comes_against(row, granted, end, count, barrier, ways):
 
 
 @inline
-def _write(i, r, route, arcs, ways, p, clearance):
+def _write(i, r, route, arcs, ways, p, floor):
     """Write a robot's path anew."""
     paths, _, _, _, numbers = ways
-    poses, at_end = write_path(r, route, arcs, r["side"], whole(POSES), p, clearance, paths[i])
+    poses, at_end = write_path(r, route, arcs, r["side"], whole(POSES), p, floor, paths[i])
     begin_path(r, poses, at_end)
     numbers[COUNT, i] = poses
 
 
 @part
-def _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, kinds, clearance):
+def _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, kinds, floor):
     """Try the robot's other offsets, the best-liked one first, for one whose path is free as far as it asks.
 
     Takes the first that is, and returns the new (poses granted, who bars the way).
@@ -171,7 +171,7 @@ def _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, kinds, cle
         if n > 0 and side == wanted:
             continue
         want = numbers[MUST, i] + BESIDE + (BACK if side == wanted else 0)
-        many, at_end = write_path(r, route, arcs, side, min(want + 1, POSES), p, clearance, paths[trial])
+        many, at_end = write_path(r, route, arcs, side, min(want + 1, POSES), p, floor, paths[trial])
         numbers[COUNT, trial], want = many, min(want, many - 1)
         if want < 2:
             continue
@@ -181,7 +181,7 @@ def _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, kinds, cle
         free, _ = _grant(count, whole(0), numbers[MUST, i], want, want, goal, want < 0, ways)
         if free >= want:
             r["side"] = side
-            _write(i, r, route, arcs, ways, p, clearance)
+            _write(i, r, route, arcs, ways, p, floor)
             enlist(ways, p)
             return free, NOBODY
     return granted, barrier
@@ -197,7 +197,7 @@ def _within(path, count, way):
 
 
 @inline
-def _begin(i, r, route, arcs, ways, p, clearance):
+def _begin(i, r, route, arcs, ways, p, floor):
     """Bring the robot's path up to date, and what it has been granted of it before."""
     paths, _, _, _, numbers = ways
     if r["arcs"] == 0 and r["aside"] != 0:
@@ -206,7 +206,7 @@ def _begin(i, r, route, arcs, ways, p, clearance):
     if keep_path(r, paths[i], p):
         numbers[COUNT, i] = r["poses"]
     else:
-        _write(i, r, route, arcs, ways, p, clearance)
+        _write(i, r, route, arcs, ways, p, floor)
     speed, last = abs(r["speed"]), numbers[COUNT, i] - 1
     have = _within(paths[i], last + 1, np.float32(r["claim"] - r["distance"]) + _ROUNDING)
     stop = speed * speed * HALF / p["max_acceleration"] + speed * p["time_step"] * np.float32(p["repeat"])
@@ -216,7 +216,7 @@ def _begin(i, r, route, arcs, ways, p, clearance):
 
 
 @inline
-def _ask(i, robots, persons, route, arcs, choices, ways, p, kinds, clearance):
+def _ask(i, robots, persons, route, arcs, choices, ways, p, kinds, floor):
     """Grant robot i what it may have of its path; p: its own."""
     paths, _, _, _, numbers = ways
     r = robots[i]
@@ -236,7 +236,7 @@ def _ask(i, robots, persons, route, arcs, choices, ways, p, kinds, clearance):
         )
         again = barrier != before or (r["age"] // p["repeat"] + i) % TRIED == 0
         if (stuck and again) or (barrier == NOBODY and r["side"] != choices[0, SIDE]):
-            granted, barrier = _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, kinds, clearance)
+            granted, barrier = _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, kinds, floor)
     granted, person = before_people(paths[i], must, granted, persons, p)
     if person != NOBODY and is_kept(persons[person]):
         barrier = who_frees(i, persons[person], robots, p, kinds)
@@ -292,7 +292,7 @@ def rank(robots, order):
 
 
 @part
-def decide(robots, persons, routes, arcs, commands, choices, order, ways, p, kinds, clearance):
+def decide(robots, persons, routes, arcs, commands, choices, order, ways, p, kinds, floor):
     """Grant all robots of a world a stretch of their paths: `authority` [m], `side` [m] and `yields_to` of the records.
 
     persons PERSON[M]; commands float32[N, 2]: speed [m/s] and lateral offset [m] of each, of which the speed becomes
@@ -301,11 +301,11 @@ def decide(robots, persons, routes, arcs, commands, choices, order, ways, p, kin
     """
     count = robots.shape[0]
     for i in range(count):
-        _begin(i, robots[i], routes[i], arcs[i], ways, kind_of(i, p, kinds), clearance)
+        _begin(i, robots[i], routes[i], arcs[i], ways, kind_of(i, p, kinds), floor)
     enlist(ways, p)
     for n in range(count):
         i = whole(order[n])
-        _ask(i, robots, persons, routes[i], arcs[i], choices[i], ways, kind_of(i, p, kinds), kinds, clearance)
+        _ask(i, robots, persons, routes[i], arcs[i], choices[i], ways, kind_of(i, p, kinds), kinds, floor)
         if robots[i]["settled"] > ZERO:
             commands[i, 0] = speed_of(robots[i], choices[i], commands[i, 0], is_urged(robots[i]))
 

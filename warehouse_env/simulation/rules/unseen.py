@@ -58,7 +58,7 @@ def _is_known(x, y, within, motion, view, p):
 
 
 @inline
-def _kind(row, column, step, top, left, i, motion, view, fit, p, clearance):
+def _kind(row, column, step, top, left, i, motion, view, fit, p, floor):
     """Return the kind of a place of the lattice, looked at once; fit [m]: radius of a disc that is in any body."""
     ranges, kinds = view[0], view[2]
     at = (row - top) * SIDE + column - left
@@ -67,9 +67,9 @@ def _kind(row, column, step, top, left, i, motion, view, fit, p, clearance):
         return kind
     slack = _ROOT_HALF * step
     x, y = (np.float32(column) + HALF) * step, (np.float32(row) + HALF) * step
-    inside = x > ZERO and y > ZERO and int(y / p["cell"] * _FINE) < clearance.shape[0]
-    inside = inside and int(x / p["cell"] * _FINE) < clearance.shape[1]
-    room = clearance_at(x, y, clearance, p["cell"]) + _UNIT + _ROOT_2 * p["cell"] / _FINE  # at most, of a point there
+    inside = x > ZERO and y > ZERO and int(y / p["cell"] * _FINE) < floor.clearance.shape[0]
+    inside = inside and int(x / p["cell"] * _FINE) < floor.clearance.shape[1]
+    room = clearance_at(x, y, floor) + _UNIT + _ROOT_2 * p["cell"] / _FINE  # at most, of a point there
     kind = SHELF
     if inside and room >= fit:
         seen = sees_disc(x, y, fit - slack, i, motion, p, ranges)
@@ -95,7 +95,7 @@ def _meets(x, y, path, samples, pace, speed, contact, p):
 
 
 @part
-def _list_points(box, step, i, path, samples, pace, speed, motion, view, p, solid):
+def _list_points(box, step, i, path, samples, pace, speed, motion, view, p, floor):
     """Write the points that may be unseen and could come to the body in time; return how many, _POINTS if too many."""
     ranges, points, count, slack = view[0], view[5], 0, _ROOT_HALF * step
     contact = slack + pace + p["max_acceleration"] * p["time_step"] * p["time_step"]
@@ -104,7 +104,7 @@ def _list_points(box, step, i, path, samples, pace, speed, motion, view, p, soli
             x, y = (np.float32(column) + HALF) * step, (np.float32(row) + HALF) * step
             if x < ZERO or y < ZERO or _meets(x, y, path, samples, pace, speed, contact, p) == 0:
                 continue
-            if is_taken(x, y, solid, p["cell"]):
+            if is_taken(x, y, floor):
                 continue
             if not _is_known(x, y, ZERO, motion, view, p) and not sees_all(x, y, slack, i, motion, p, ranges):
                 points[0, count], points[1, count] = x, y
@@ -144,7 +144,7 @@ def _is_near(x, y, within, points, count):
 
 
 @part
-def could_come(i, path, samples, pace, speed, fit, grain, motion, view, p, solid, clearance):
+def could_come(i, path, samples, pace, speed, fit, grain, motion, view, p, floor):
     """Whether somebody hidden could be where robot i's body will be, at any time of a motion float32[T + 1, PLACE].
 
     pace [m]: the most that any point of the body moves in a substep; speed [m/s]: the same of whoever is hidden; fit:
@@ -158,7 +158,7 @@ def could_come(i, path, samples, pace, speed, fit, grain, motion, view, p, solid
     top, left = int(cy / step) - SIDE // 2, int(cx / step) - SIDE // 2
     comes = speed * np.float32(samples) * p["dt"] + gain
     box = _box(comes + slack + pace, step, top, left, i, path, samples, motion, p)
-    count = _list_points(box, step, i, path, samples, pace, speed, motion, view, p, solid)
+    count = _list_points(box, step, i, path, samples, pace, speed, motion, view, p, floor)
     if count == 0:
         return False
     contact = far + slack + pace  # of the disc's centre, on all the way from the sample before
@@ -171,7 +171,7 @@ def could_come(i, path, samples, pace, speed, fit, grain, motion, view, p, solid
             n = _meets(x, y, path, samples, pace, ZERO, contact, p)
             if n == 0:
                 continue
-            kind = _kind(row, column, step, top, left, i, motion, view, fit, p, clearance)
+            kind = _kind(row, column, step, top, left, i, motion, view, fit, p, floor)
             if kind == HIDDEN and _is_near(x, y, far + slack + slack, points, count):
                 return True
             if kind != SHELF:
@@ -180,13 +180,13 @@ def could_come(i, path, samples, pace, speed, fit, grain, motion, view, p, solid
                 queue[tail] = at
                 tail += 1
     return _comes_out(
-        i, tail, step, top, left, contact + gain, path, samples, pace, speed, count, motion, view, fit, p, clearance
+        i, tail, step, top, left, contact + gain, path, samples, pace, speed, count, motion, view, fit, p, floor
     )
 
 
 @part
 def _comes_out(
-    i, tail, step, top, left, contact, path, samples, pace, speed, count, motion, view, fit, p, clearance
+    i, tail, step, top, left, contact, path, samples, pace, speed, count, motion, view, fit, p, floor
 ):  # fmt: skip
     """Whether a hidden place near one of `count` points is no farther from a place in the queue than what is left over
     there [m]; a place is looked at again where more is left over than before.
@@ -208,7 +208,7 @@ def _comes_out(
                 to, rest = (r - top) * SIDE + c - left, here - (across if r != row and c != column else straight)
                 if rest < ZERO or rest <= left_over[to]:
                     continue
-                kind = _kind(r, c, step, top, left, i, motion, view, fit, p, clearance)
+                kind = _kind(r, c, step, top, left, i, motion, view, fit, p, floor)
                 if kind == SHELF:
                     continue
                 if kind == HIDDEN:

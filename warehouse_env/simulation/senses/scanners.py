@@ -94,7 +94,7 @@ def scan(i, persons, motion, places, walking, p, scanners, turned, ranges):
 
 
 @part
-def _is_clear(ax, ay, bx, by, i, j, persons, motion, places, walking, p, solid):
+def _is_clear(ax, ay, bx, by, i, j, persons, motion, places, walking, p, floor):
     """Whether nothing is in the line of sight from a scanner of robot i to one of robot j."""
     order, starts, _ = places
     dx, dy = bx - ax, by - ay
@@ -104,7 +104,7 @@ def _is_clear(ax, ay, bx, by, i, j, persons, motion, places, walking, p, solid):
     c, s, half, columns = dx / length, dy / length, HALF * length, p["bucket_columns"]
     mx, my = ax + HALF * dx, ay + HALF * dy
     line = Rectangle(mx, my, c, s, half, ZERO)
-    if meets_obstacle(line, solid, p["cell"]):
+    if meets_obstacle(line, floor):
         return False
     row, column = bucket_at(mx, my, p)
     left, right = max(column - SEARCH, 0), min(column + SEARCH + 1, columns)
@@ -125,7 +125,7 @@ def _is_clear(ax, ay, bx, by, i, j, persons, motion, places, walking, p, solid):
 
 
 @part
-def see_each_other(i, j, persons, motion, places, walking, p, solid):
+def see_each_other(i, j, persons, motion, places, walking, p, floor):
     """Whether a scanner of robot i sees one of robot j, or, what is the same, the other way round; i < j."""
     for k in range(SCANNERS):
         ax, ay = scanner_at(i, k, motion, p)
@@ -133,7 +133,7 @@ def see_each_other(i, j, persons, motion, places, walking, p, solid):
             bx, by = scanner_at(j, m, motion, p)
             dx, dy = bx - ax, by - ay
             if dx * dx + dy * dy <= p["lidar_range"] * p["lidar_range"] and _is_clear(
-                ax, ay, bx, by, i, j, persons, motion, places, walking, p, solid
+                ax, ay, bx, by, i, j, persons, motion, places, walking, p, floor
             ):
                 return True
     return False

@@ -27,12 +27,12 @@ TURNS = (0, 1, -1, 2, -2, 3, -3, 4)  # eighths of a circle tried off the route's
 
 
 @part
-def _fits(robots, index, x, y, heading, p, kinds, solid, clearance, gap):
+def _fits(robots, index, x, y, heading, p, kinds, floor, gap):
     """Whether robot `index` at (x, y, heading) keeps `gap` from those before it and half of it from shelves."""
     s, c = sin_cos(heading)
     own = kind_of(index, p, kinds)
     body = body_of(x, y, c, s, own)
-    if body_touches_shelf(grown(body, np.float32(0.5) * gap), solid, clearance, p["cell"]):
+    if body_touches_shelf(grown(body, np.float32(0.5) * gap), floor):
         return False
     for j in range(index):
         o, kind = robots[j], kind_of(j, p, kinds)
@@ -62,7 +62,7 @@ def _nearest(route, points, x, y):
 
 
 @kernel
-def _put_all(robots, routes, pose, speed, params, kinds, solid, clearance):
+def _put_all(robots, routes, pose, speed, params, kinds, floor):
     """Put robots ROBOT[B, N] at pose float32[B, N, 3], driving at speed float32[B, N] [m/s], wheels straight, beside
     the nearest points of their routes float32[B, N, R, 2] [m]; return bool[B]: whether nothing of a world touches.
     """
@@ -71,7 +71,7 @@ def _put_all(robots, routes, pose, speed, params, kinds, solid, clearance):
     for b in range(robots.shape[0]):
         for i in range(robots.shape[1]):
             r, x, y, heading = robots[b, i], pose[b, i, 0], pose[b, i, 1], wrap(pose[b, i, 2])
-            free[b] = free[b] and _fits(robots[b], i, x, y, heading, p, kinds, solid, clearance, TOUCH)
+            free[b] = free[b] and _fits(robots[b], i, x, y, heading, p, kinds, floor, TOUCH)
             _put(robots[b], i, x, y, heading)
             r["anchor_x"], r["anchor_y"], r["speed"], r["steer"] = x, y, speed[b, i], ZERO
             r["position"] = np.float32(_nearest(routes[b, i], r["points"], x, y)) * r["spacing"]
@@ -96,7 +96,7 @@ def put_all(
     turned = float(np.abs(poses[..., 2]).max(initial=0.0))
     if turned > MOST_TURNED:
         raise ConfigError(f"pose: a heading of {turned:g} rad must lie between {-MOST_TURNED:g} and {MOST_TURNED:g}")
-    free: NDArray[np.bool_] = _put_all(robots, routes, poses, speeds, *limits, floor.solid, floor.clearance)
+    free: NDArray[np.bool_] = _put_all(robots, routes, poses, speeds, *limits, floor)
     return free
 
 
@@ -129,7 +129,7 @@ def place(
     first = round(along / eighth) * eighth
     for turn in TURNS:
         heading = np.float32(math.remainder(first + turn * eighth, 2 * math.pi))
-        if _fits(robots, index, x, y, heading, limits[0][0], limits[1], floor.solid, floor.clearance, GAP):
+        if _fits(robots, index, x, y, heading, limits[0][0], limits[1], floor, GAP):
             _put(robots, index, x, y, heading)
             return True
     return False
@@ -139,7 +139,7 @@ def stand(robots: NDArray[Any], index: int, pose: NDArray[np.float64], limits: L
     """Stand robot `index` of ROBOT[N] at a pose (x [m], y [m], heading [rad]); ConfigError if it touches something."""
     x, y = np.float32(pose[0]), np.float32(pose[1])
     heading = np.float32(math.remainder(float(pose[2]), 2 * math.pi))
-    if not _fits(robots, index, x, y, heading, limits[0][0], limits[1], floor.solid, floor.clearance, TOUCH):
+    if not _fits(robots, index, x, y, heading, limits[0][0], limits[1], floor, TOUCH):
         raise ConfigError(
             f"robot {index} touches a shelf or another robot at ({x:.3f}, {y:.3f}), heading {heading:.3f}"
         )
