@@ -5,9 +5,8 @@ from __future__ import annotations
 import bisect
 import dataclasses
 from collections import Counter
-from collections.abc import Iterator
 from datetime import UTC, datetime
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,8 @@ from numpy.typing import NDArray
 from train.fleet.driven import MOST_POINTS, Driven
 from train.fleet.factsheet import body_of
 from train.fleet.figures import MOMENT, PRESENT, UNDER_WAY
-from train.fleet.received import ASLEEP, GONE, Fleet, Key, Vehicle
+from train.fleet.places import LOST, SILENCE, Clock, Places, places_of, spans
+from train.fleet.received import GONE, Fleet, Key, Vehicle
 from train.reporting.report import counted
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, shown
@@ -24,35 +24,6 @@ from warehouse_env.maps.grid_map import GridMap
 FINEST = 0.05  # [s] between two moments, unless asked for
 _COARSEST = 10.0  # [s]
 _MOST, _LONGEST = 5_000_000, 200_000  # moments of all vehicles; of one
-_SILENCE = 30.0  # [s] after which a vehicle should have said something
-_FASTEST, _STILL = 10.0, 1.0  # [m/s] and [m] beyond which a vehicle did not drive: it was carried, or found itself anew
-_LOST = (
-    "was on another map", "was offline or cut off", "was moved while it hibernated",
-    f"said nothing of its position for over {_SILENCE:g} s", f"was farther than it drives at {_FASTEST:g} m/s",
-)  # fmt: skip
-
-
-class Places(NamedTuple):
-    """Where one vehicle was, at moments of its own that go up."""
-
-    seconds: NDArray[np.float64]  # [K], since 1970
-    pose: NDArray[np.float64]  # [K, 3], in the floor's frame; headings go on beyond a turn
-    lost: NDArray[np.int64]  # [K - 1], why nobody knows where it was between two of them, 1 + index of _LOST; 0: known
-    asleep: NDArray[np.bool_]  # [K - 1], where it hibernates in between
-    until: float  # since 1970, when it was last there
-
-
-class Clock(NamedTuple):
-    """Even moments."""
-
-    begin: float  # [s] since 1970
-    step: float  # [s]
-    frames: int
-
-    @property
-    def times(self) -> NDArray[np.float64]:
-        """Seconds since the beginning."""
-        return np.round(np.arange(self.frames) * self.step, 6)
 
 
 def episode_of(fleet: Fleet, grid: GridMap, config: EnvConfig, every: float | None = None) -> Driven:
@@ -70,7 +41,7 @@ def episode_of(fleet: Fleet, grid: GridMap, config: EnvConfig, every: float | No
             version = f"version {shown(fleet.named[major])} of VDA 5050"
             notes.append(f"{counted(count, 'message')} are of {version}; what version 2.1 does not have is not shown")
     name = _map_of(fleet, grid, notes)
-    found = {key: _places(vehicle, name, grid) for key, vehicle in sorted(fleet.vehicles.items())}
+    found = {key: places_of(vehicle, name, grid) for key, vehicle in sorted(fleet.vehicles.items())}
     placed = {key: places for key, places in found.items() if len(places.seconds)}
     if not placed:
         why = "".join(f"; {note}" for note in notes)
@@ -112,43 +83,6 @@ def _map_of(fleet: Fleet, grid: GridMap, notes: list[str]) -> str:
     return name
 
 
-def _places(vehicle: Vehicle, name: str, grid: GridMap) -> Places:
-    """Return where a vehicle was on a map; of two reports of one moment the later one."""
-    order = np.argsort(np.frombuffer(vehicle.seconds), kind="stable")
-    number = vehicle.maps.index(name) if name in vehicle.maps else -1
-    there = np.frombuffer(vehicle.map, np.uint16)[order] == number
-    seconds, x, y, theta = (
-        np.frombuffer(values)[order][there] for values in (vehicle.seconds, vehicle.x, vehicle.y, vehicle.theta)
-    )
-    last = np.append(np.diff(seconds) > 0, True) if len(seconds) else np.zeros(0, np.bool_)
-    pose = np.stack([x - grid.origin[0], y - grid.origin[1], np.unwrap(theta)], axis=-1)[last]
-    elsewhere = np.diff(np.cumsum(~there)[there][last]) > 0
-    seconds = seconds[last]
-    asleep, gone = (_connected(vehicle, seconds, states) for states in ((ASLEEP,), GONE))
-    gap, moved = np.diff(seconds), np.hypot(*np.diff(pose[:, :2], axis=0).T)
-    why = (elsewhere, gone, asleep & (moved > _STILL), ~asleep & (gap > _SILENCE + 1),
-           moved > np.maximum(_FASTEST * gap, _STILL))  # fmt: skip
-    until = _until(vehicle, float(seconds[-1])) if len(seconds) else 0.0
-    return Places(seconds, pose, np.select(why, range(1, len(why) + 1)), asleep, until)
-
-
-def _connected(vehicle: Vehicle, seconds: NDArray[np.float64], states: tuple[str, ...]) -> NDArray[np.bool_]:
-    """Return bool[K - 1], between which of its reports a vehicle told one of these states of its connection."""
-    found = np.zeros(len(seconds) + 1, np.bool_)
-    found[np.searchsorted(seconds, [moment for moment, state in vehicle.connected if state in states], "right")] = True
-    return found[1:-1]
-
-
-def _until(vehicle: Vehicle, last: float) -> float:
-    """Return when a vehicle was last there: at its last report, or up to the message that ends its hibernation."""
-    asleep = False
-    for moment, state in sorted(vehicle.connected, key=lambda one: one[0]):
-        if asleep:
-            return moment
-        asleep = moment >= last and state == ASLEEP
-    return np.inf if asleep else last
-
-
 def _clock(placed: dict[Key, Places], every: float | None) -> Clock:
     """Return the episode's moments."""
     begin = min(float(places.seconds[0]) for places in placed.values())
@@ -173,19 +107,11 @@ def _at(places: Places, clock: Clock) -> NDArray[np.float64]:
     """Return float64[F, 3], the poses at even moments: straight from one report to the next, unless it was lost."""
     own = np.round(places.seconds - clock.begin, 6)
     pose = np.stack([np.interp(clock.times, own, places.pose[:, axis]) for axis in range(3)], axis=-1)
-    for k, inside, back in _spans(places, places.lost > 0, clock):
+    for k, inside, back in spans(places, places.lost > 0, clock):
         pose[inside.start : back] = places.pose[k]
         pose[back : inside.stop] = places.pose[k + 1]
     pose[:, 2] = np.remainder(pose[:, 2] + np.pi, 2 * np.pi) - np.pi
     return pose
-
-
-def _spans(places: Places, which: NDArray[np.bool_], clock: Clock) -> Iterator[tuple[int, slice, int]]:
-    """Yield the number of each of these gaps between reports, the frames in it, and the one that shows its end."""
-    own, times = np.round(places.seconds - clock.begin, 6), clock.times
-    for k in np.flatnonzero(which).tolist():
-        start, stop = int(np.searchsorted(times, own[k], "right")), int(np.searchsorted(times, own[k + 1]))
-        yield k, slice(start, stop), min(max(round(own[k + 1] / clock.step), start), stop)
 
 
 class _Teller:
@@ -226,7 +152,7 @@ class _Teller:
                     now["planned"] += planned
             now["bits"] = told.bits | UNDER_WAY * (self._mute or told.left > 0)
         out[at:] = _with(out[at:], now)
-        for _, inside, _ in _spans(self._places, self._places.asleep, self._clock):
+        for _, inside, _ in spans(self._places, self._places.asleep, self._clock):
             out["bits"][inside] &= ~np.uint8(UNDER_WAY)
         out["bits"][times > self._places.seconds[-1] - self._clock.begin + self._clock.step / 2] &= ~np.uint8(UNDER_WAY)
         return out
@@ -236,7 +162,7 @@ class _Teller:
         first, until = self._places.seconds[0] - self._clock.begin, self._places.until - self._clock.begin
         half = self._clock.step / 2
         found = (times >= first - half) & (times <= until + half)
-        for k, _, back in _spans(self._places, self._places.lost > 0, self._clock):
+        for k, _, back in spans(self._places, self._places.lost > 0, self._clock):
             left = round((self._places.seconds[k] - self._clock.begin) / self._clock.step) + 1
             found[max(min(left, back - 1), 0) : back] = False
         return np.asarray(found)
@@ -281,13 +207,13 @@ def _note_absences(fleet: Fleet, placed: dict[Key, Places], notes: list[str]) ->
     """Note when vehicles were not there, and who fell silent without a word."""
     why = Counter(int(one) for places in placed.values() for one in places.lost if one)
     notes += [
-        f"{counted(count, 'time')} a vehicle {_LOST[one - 1]}: it is absent meanwhile"
+        f"{counted(count, 'time')} a vehicle {LOST[one - 1]}: it is absent meanwhile"
         for one, count in sorted(why.items())
     ]
     end = max(float(places.seconds[-1]) for places in placed.values())
     last = {key: fleet.vehicles[key].connected[-1:] for key in placed}
     silent = sum(
-        end - places.until > _SILENCE + 1 and not (last[key] and last[key][0][1] in GONE)
+        end - places.until > SILENCE + 1 and not (last[key] and last[key][0][1] in GONE)
         for key, places in placed.items()
     )
     if silent:
