@@ -23,6 +23,7 @@ BASE = (
     "warehouse_env.field_notes",
     "warehouse_env.config",
     "warehouse_env.files",
+    "warehouse_env.format_version",
     "warehouse_env.kernel",
     "warehouse_env.own_parts",
     "warehouse_env.portable",

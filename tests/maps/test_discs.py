@@ -134,6 +134,8 @@ def test_a_hall_reads_its_discs_and_pixels_within_are_theirs(tmp_path: Path) -> 
     far = read_hall(f"{tmp_path / 'hall.yaml'}:discs=far.csv")
     assert len(far.grid.discs) == 1
     assert any("1 disc with a centre off the floor" in note for note in far.notes)
+    (tmp_path / "none.csv").write_text("x,y,radius\n")
+    assert "none.csv holds no disc" in read_hall(f"{tmp_path / 'hall.yaml'}:discs=none.csv").notes
 
 
 def test_files_of_discs(tmp_path: Path) -> None:

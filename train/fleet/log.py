@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from train.fleet.messages import LOG
 from warehouse_env.errors import WarehouseError, shown
 from warehouse_env.files import path_of
+from warehouse_env.format_version import major_of
 
 LONGEST = 4_000_000  # bytes of a line
 _MOST_LINES = 100_000_000
@@ -98,3 +99,12 @@ def moment_of(stamp: object, zoned: bool = False) -> float | None:
         return moment.timestamp()
     except (ValueError, OverflowError):
         return None
+
+
+def version_of(entry: Entry) -> tuple[str, int | None]:
+    """Return the version that a message, or else its topic, names: as written, and its major number or None."""
+    level = "" if entry.topic is None else "".join(entry.topic.split("/")[-4:-3])
+    for said in (entry.payload.get("version"), level if level[:1] in ("v", "V") else None):
+        if (major := major_of(said)) is not None:
+            return str(said), major
+    return "", None
