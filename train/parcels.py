@@ -10,7 +10,7 @@ from pathlib import Path
 
 from agents.weights_folder import CONFIG, WEIGHTS
 from train.own import taken_in
-from warehouse_env.files import STAGED, whereabouts
+from warehouse_env.files import MOST, STAGED, companion, read_bytes, whereabouts
 from warehouse_env.maps import discs, one_way
 from warehouse_env.maps.halls.hall import files_of, is_hall
 from warehouse_env.own_parts import split
@@ -37,8 +37,10 @@ def _content(name: str) -> dict[str, bytes]:
     elif path.is_dir():
         found = [path / file for file in (CONFIG, WEIGHTS)]
     else:
-        found = [path, *(path.with_suffix(suffix) for suffix in _BESIDE.get(path.suffix, ()))]
-    return {file.relative_to(path.parent).as_posix(): file.read_bytes() for file in found if file.is_file()}
+        found = [path, *(companion(path, suffix) for suffix in _BESIDE.get(path.suffix.lower(), ()))]
+    return {
+        file.relative_to(path.parent).as_posix(): read_bytes(file, "file", MOST) for file in found if file.is_file()
+    }
 
 
 @contextmanager
