@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import contextlib
 import csv
+import functools
 import glob
 import hashlib
 import io
@@ -23,6 +24,7 @@ from typing import Any, BinaryIO
 from warehouse_env.errors import MapError, WarehouseError, shown
 
 _LONGEST_NAME, _LONGEST_PATH = 255, 4095  # [bytes]
+_CHUNK = 2**20  # [bytes]
 MOST = 4_000_000_000  # bytes of a file whose size has no better bound
 _MARKS = {  # of UTF-32 first: UTF-16's begins as that one does
     codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF32_LE: "utf-32-le", codecs.BOM_UTF32_BE: "utf-32-be",
@@ -71,6 +73,8 @@ def open_regular(given: object, kind: str, most: int, error: type[WarehouseError
             yield file
     except FileNotFoundError:
         raise error(f"{kind} {path} does not exist") from None
+    except IsADirectoryError:  # as Python says before its kind can be asked for
+        raise error(f"{kind} {path} must be a regular file, not a folder") from None
     except OSError as failed:
         raise error(f"{kind} {path} cannot be read: {failed.strerror or failed}") from None
 
@@ -78,7 +82,8 @@ def open_regular(given: object, kind: str, most: int, error: type[WarehouseError
 def read_bytes(given: object, kind: str, most: int, error: type[WarehouseError] = MapError) -> bytes:
     """Return the content of a regular file of at most `most` bytes; raises `error` as `open_regular` does."""
     with open_regular(given, kind, most, error) as file:
-        content = file.read(most + 1)
+        chunks = iter(functools.partial(file.read, _CHUNK), b"")  # to read `most` at once would reserve it
+        content = b"".join(itertools.islice(chunks, most // _CHUNK + 1))
     if len(content) > most:  # it grew, or is one of the kernel's files, which have no size
         raise error(f"{kind} {given} has more than the {most:,} bytes that are read")
     return content
@@ -206,7 +211,7 @@ def companion(path: Path, suffix: str) -> Path:
 
 
 def _what(mode: int) -> str:
-    kinds = {stat.S_IFDIR: "folder", stat.S_IFIFO: "pipe", stat.S_IFCHR: "device", stat.S_IFBLK: "device"}
+    kinds = {stat.S_IFIFO: "pipe", stat.S_IFCHR: "device", stat.S_IFBLK: "device"}
     return kinds.get(stat.S_IFMT(mode), "socket")
 
 

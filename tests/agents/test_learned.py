@@ -167,7 +167,7 @@ def test_a_damaged_config_is_refused(folder: Path, changes: dict[str, Any], sent
 
 def test_a_config_that_is_no_json_is_refused(folder: Path) -> None:
     (folder / "config.json").write_text("{")
-    with pytest.raises(WeightsError, match="cannot be read as JSON"):
+    with pytest.raises(WeightsError, match="line 1: not valid JSON"):
         policy_config(folder, EnvConfig())
 
 

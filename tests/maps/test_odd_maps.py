@@ -13,25 +13,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.odd import damaged, values, works_or_says
+from tests.odd import values, works_or_says
 from warehouse_env.errors import ConfigError, MapError, WarehouseError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
-from warehouse_env.maps.movingai import EXAMPLE_SCEN, Scenario, read_map, read_scen, write_map, write_scen
+from warehouse_env.maps.movingai import Scenario, read_map, read_scen, write_map, write_scen
 
-MAP = b"type octile\nheight 4\nwidth 5\nmap\n.@...\n.....\n..@..\n.....\n"
-SCEN = EXAMPLE_SCEN.read_bytes()[:300]
 GOOD = Scenario(1, "m.map", 7, 6, (0, 0), (1, 1), 2.0)
-
-
-@given(damaged(MAP), damaged(SCEN))
-def test_damaged_files(map_bytes: bytes, scen_bytes: bytes) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "file")
-        path.write_bytes(map_bytes)
-        works_or_says(lambda: read_map(path))
-        path.write_bytes(scen_bytes)
-        works_or_says(lambda: read_scen(path))
 
 
 @given(st.dictionaries(st.sampled_from(["occupied", "height", "cell_size", "picks", "stations", "name"]), values))

@@ -95,7 +95,7 @@ class PlanCommand(Checked):
         if self.map is not None:
             return read_file(str(self.map))
         if self.scen is not None and self.layout is None:
-            names = {scenario.map_name for scenario in read_scen(self.scen)}
+            names = {scenario.map_name for scenario in _scenarios(self.scen)}
             if len(names) != 1:
                 raise MapError(f"{self.scen} names {len(names)} maps; choose one with --map")
             return read_map(self.scen.parent / Path(names.pop()).name)
@@ -148,10 +148,14 @@ def _cell(text: str, option: str) -> Cell:
     return int(found[1]), int(found[2])
 
 
-def _scenario_tasks(path: Path, grid: GridMap, count: int | None, seed: int) -> list[Task]:
-    scenarios = list(enumerate(read_scen(path), start=1))
-    if not scenarios:
+def _scenarios(path: Path) -> list[Scenario]:
+    if not (scenarios := read_scen(path)):
         raise MapError(f"{path} holds no scenario, only its first line; name another file with --scen")
+    return scenarios
+
+
+def _scenario_tasks(path: Path, grid: GridMap, count: int | None, seed: int) -> list[Task]:
+    scenarios = list(enumerate(_scenarios(path), start=1))
     for place, scenario in scenarios:
         if (scenario.height, scenario.width) != grid.shape:
             raise MapError(
@@ -176,9 +180,9 @@ def _note_differences(path: Path, grid: GridMap, scenarios: Sequence[Scenario], 
     wrong = [(one.length, task) for one, task in both if abs(one.length - task.optimal_length) > _ROUNDING]
     if wrong:
         length, task = wrong[0]
-        text = f"{len(wrong)} of {counted(len(tasks), 'recorded length')} differ from the shortest path, which counts"
+        text = f"{path}: {len(wrong)} of {len(tasks)} lengths are not those of the shortest paths, which count here"
         first = f"{task.name} says {length:g}, its shortest path has {task.optimal_length:g} cells"
-        warnings.warn(f"{path}: {text}; {first}", MapWarning, stacklevel=2)
+        warnings.warn(f"{text}; {first}", MapWarning, stacklevel=2)
 
 
 def _random_tasks(grid: GridMap, count: int, seed: int) -> list[Task]:
