@@ -110,8 +110,6 @@ def read_record(directory: Path | str) -> PolicyRecord:
 def read_tensors(directory: Path | str, network: Network) -> dict[str, NDArray[np.float32]]:
     """Read weights.safetensors; raises WeightsError if it is missing, truncated, or has other names or shapes."""
     path = Path(directory) / WEIGHTS
-    if not path.is_file():
-        raise WeightsError(f"{directory} is not a policy folder: it has no {WEIGHTS}")
     content = read_bytes(path, "weights", _LARGEST_WEIGHTS, WeightsError)
     try:
         tensors = load(content)

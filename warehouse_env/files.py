@@ -11,6 +11,7 @@ import hashlib
 import io
 import itertools
 import json
+import math
 import os
 import re
 import shutil
@@ -193,6 +194,14 @@ def named_rows(
         if len(cells) > len(columns):
             raise error(f"{what}, line {line}: {len(cells)} cells in {len(columns)} columns")
     return [(line, dict(zip(columns, cells, strict=False))) for line, cells in rows]
+
+
+def as_number(value: Any) -> float:
+    """Return a value of a JSON, YAML or CSV file as a number, also where it stands there as text; NaN for others."""
+    try:
+        return math.nan if isinstance(value, bool) or not isinstance(value, (int, float, str)) else float(value)
+    except (ValueError, OverflowError):
+        return math.nan
 
 
 def zip_member(archive: zipfile.ZipFile, name: str, most: int) -> bytes:

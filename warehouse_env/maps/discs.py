@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import complete_file, named_rows, parsed_json, read_text
+from warehouse_env.files import as_number, complete_file, named_rows, parsed_json, read_text
 
 SUFFIX = ".discs.json"  # beside NAME.map
 MOST = 100_000
@@ -110,21 +110,14 @@ def read_discs(path: Path) -> NDArray[np.float64]:
         raise MapError(f"{path} holds {len(rows):,} discs; at most {MOST:,} are read")
     found = np.zeros((len(rows), 3))
     for k, row in enumerate(rows):
-        numbers = [_number(row.get(key)) for key in ("x", "y", "radius")] if isinstance(row, dict) else [math.nan]
-        if not all(math.isfinite(number) for number in numbers) or not SMALLEST <= numbers[2] <= LARGEST:
+        numbers = [as_number(row.get(key)) for key in ("x", "y", "radius")] if isinstance(row, dict) else [math.nan]
+        if not all(map(math.isfinite, numbers)) or not SMALLEST <= numbers[2] <= LARGEST:
             raise MapError(
                 f"{path}: disc {k + 1} {shown(row)} must have numbers x, y and radius in metres, the radius from "
                 f"{SMALLEST} to {LARGEST:g}"
             )
         found[k] = numbers
     return found
-
-
-def _number(value: Any) -> float:
-    try:
-        return math.nan if isinstance(value, bool) or not isinstance(value, (int, float, str)) else float(value)
-    except (ValueError, OverflowError):
-        return math.nan
 
 
 def write_discs(discs: NDArray[np.floating[Any]], path: Path) -> None:

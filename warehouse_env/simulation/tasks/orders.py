@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from warehouse_env.errors import ConfigError, MapWarning, WarehouseError, shown
-from warehouse_env.files import complete_file, named_rows, parsed_json, path_of, read_text
+from warehouse_env.files import as_number, complete_file, named_rows, parsed_json, path_of, read_text
 from warehouse_env.maps.grid_map import Cell, GridMap
 
 EXAMPLE_ORDERS = Path(__file__).parents[2] / "maps" / "data" / "paper46-orders.csv"  # an hour on the floor paper46
@@ -116,13 +116,10 @@ def _order(row: Any, where: str) -> Order:
 
 
 def _number(value: Any, name: str, where: str) -> float:
-    try:
-        number = math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if not 0.0 <= number <= _LATEST:
+    found = as_number(value)
+    if not 0.0 <= found <= _LATEST:
         raise ConfigError(f"{where}: {name}={shown(value)} must be a number from 0 to {_LATEST:g}")
-    return number
+    return found
 
 
 def _cell(value: Any, where: str) -> Cell:
