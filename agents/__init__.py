@@ -122,12 +122,12 @@ def _entry(name_or_dir: str | Path) -> PolicyEntry:
         path = whereabouts(name)
     except ValueError:  # half of a character, or the one that ends names
         raise own_parts.unknown("policy", name, POLICIES) from None
-    if path.suffix == ".zip" and os.path.isfile(path):
+    if path.suffix.lower() == ".zip" and os.path.isfile(path):
         return PolicyEntry("a model of stable-baselines3", weights=path)
     if os.path.isdir(path):  # which Path.is_dir raises about where a name is too long
         return PolicyEntry("a policy folder", weights=path)
     own = own_parts.split(name) or path.suffix == ".py"
-    if path.suffix == ".zip":
+    if path.suffix.lower() == ".zip":
         raise WeightsError(f"there is no file {shown(str(path))}")
     if not own and (len(path.parts) > 1 or isinstance(name_or_dir, Path)):
         raise WeightsError(f"{shown(str(path))} is no folder; a policy folder holds {CONFIG} and its weights")

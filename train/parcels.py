@@ -10,7 +10,7 @@ from pathlib import Path
 
 from agents.weights_folder import CONFIG, WEIGHTS
 from train.own import taken_in
-from warehouse_env.files import STAGED, whereabouts
+from warehouse_env.files import MOST, STAGED, companion, read_bytes, whereabouts
 from warehouse_env.maps import discs, one_way
 from warehouse_env.maps.halls.hall import files_of, is_hall
 from warehouse_env.own_parts import split
@@ -38,14 +38,14 @@ def files_behind(name: str) -> list[Path]:
     elif path.is_dir():
         found = [path / file for file in (CONFIG, WEIGHTS)]
     else:
-        found = [path, *(path.with_suffix(suffix) for suffix in _BESIDE.get(path.suffix, ()))]
+        found = [path, *(companion(path, suffix) for suffix in _BESIDE.get(path.suffix.lower(), ()))]
     return [file for file in found if file.is_file()]
 
 
 def _content(name: str) -> dict[str, bytes]:
     found = files_behind(name)
     home = (found[0] if is_hall(name) else whereabouts(name)).parent
-    return {file.relative_to(home).as_posix(): file.read_bytes() for file in found}
+    return {file.relative_to(home).as_posix(): read_bytes(file, "file", MOST) for file in found}
 
 
 @contextmanager

@@ -153,5 +153,5 @@ def _look_in(folder: Path) -> None:
 def _digest(module: ModuleType) -> str:
     try:
         return file_digest(Path(inspect.getfile(module)))
-    except (OSError, TypeError):  # a module without a file
+    except (ValueError, TypeError):  # a module without a file
         return ""

@@ -342,5 +342,5 @@ def test_orders_are_drawn_carried_out_and_tabled(tmp_path: Path, capsys: pytest.
     assert all(heading in table for heading in ("orders/h", "late orders", "stations used %", "lowest charge %"))
     capsys.readouterr()
     assert main(["evaluate", *drive, "--orders", str(tmp_path / "none.csv"), "--out", str(out)]) == 2
-    assert "none.csv cannot be read" in capsys.readouterr().err
+    assert "none.csv does not exist" in capsys.readouterr().err
     assert main(["evaluate", *drive, "--orders", str(orders), "--orders-per-hour", "9", "--out", str(out)]) == 2

@@ -141,5 +141,3 @@ def test_what_is_no_log_is_said(tmp_path: Path) -> None:
         (tmp_path / "log.jsonl").write_text(content)
         with pytest.raises(WarehouseError, match=says):
             check_log(tmp_path / "log.jsonl")
-    with pytest.raises(WarehouseError, match="does not exist"):
-        check_log(tmp_path / "none.jsonl")

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from warehouse_env.checked import from_plain, parse_named
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError, MapWarning
-from warehouse_env.files import STAGED, path_of, read_bytes
+from warehouse_env.files import STAGED, companion, path_of
 from warehouse_env.maps import one_way
 from warehouse_env.maps.discs import covered, read_discs
 from warehouse_env.maps.endpoints import largest_region
@@ -72,7 +72,7 @@ def files_of(name: str) -> Iterator[Path]:
         if one.suffix.lower() in YAMLS:
             with contextlib.suppress(MapError):  # who reads it says what is wrong
                 yield image_of(one)
-    yield from (path.with_suffix(suffix) for suffix in (places.SUFFIX, one_way.SUFFIX))
+    yield from (companion(path, suffix) for suffix in (places.SUFFIX, one_way.SUFFIX))
 
 
 def read_floor(name: str) -> GridMap:
@@ -147,7 +147,7 @@ class _Reader:
         how = self._how
         if (given := how.beginning) is not None:
             return given, None
-        if self._path.with_suffix(one_way.SUFFIX).exists():
+        if companion(self._path, one_way.SUFFIX).exists():
             return (0.0, 0.0), None
         choice = choose(self._occupancy, how.cell, how.share, how.unknown == "floor")
         return choice.best.begin, choice
@@ -234,26 +234,20 @@ class _Reader:
 
     def _one_way(self) -> NDArray[np.uint8]:
         """Return the directions that stand beside the map as beside a MovingAI file; none where there are none."""
-        path = self._path.with_suffix(one_way.SUFFIX)
+        path = companion(self._path, one_way.SUFFIX)
         if not path.exists():
             return np.zeros(self._walls.shape, np.uint8)
-        text = read_bytes(path, "one-way file", 64_000_000).decode("utf-8", "replace").split()
-        try:
-            found = one_way.parse(text)
-            if found.shape != self._walls.shape:
-                raise MapError(f"it has {found.shape} rows and columns, the floor {self._walls.shape}; remove it")
-            if lost := int((self._walls & (found > 0)).sum()):
-                total = counted((found > 0).sum(), "one-way cell")
-                self._notes.append(f"{path.name}: {lost} of {total} are in walls and left out")
-            return np.where(self._walls, 0, found).astype(np.uint8)
-        except MapError as error:
-            raise MapError(f"{path}: {error}") from None
+        found = one_way.read(path, self._walls.shape)
+        if lost := int((self._walls & (found > 0)).sum()):
+            total = counted((found > 0).sum(), "one-way cell")
+            self._notes.append(f"{path.name}: {lost} of {total} are in walls and left out")
+        return np.where(self._walls, 0, found).astype(np.uint8)
 
     def _places(
         self, lanes: Lanes | None, occupied: NDArray[np.bool_]
     ) -> tuple[list[NDArray[np.int64]], places.Places]:
         """Return the cells of picks and stations, and both by name: of the file, else the lanes, else proposed."""
-        path = self._path.with_suffix(places.SUFFIX)
+        path = companion(self._path, places.SUFFIX)
         given = dict(lanes.places) if lanes is not None else {}
         if self._edited and path.exists():
             given |= places.read_places(path)
