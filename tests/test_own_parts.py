@@ -34,6 +34,17 @@ class Slow:
     def act(self, observation, rng):
         return self._command.at_speed(observation, np.full(observation.shape[:-1], SLOW, np.float32))
 
+class Remembers(Slow):
+    """Fails where it is asked more often than one episode of one world has steps."""
+    def __init__(self, config):
+        super().__init__(config)
+        self._left = config.max_steps
+
+    def act(self, observation, rng):
+        self._left -= 1
+        assert self._left >= 0, "it has served two worlds"
+        return super().act(observation, rng)
+
 class Idle:
     def __init__(self, config):
         pass
@@ -105,6 +116,10 @@ def test_policy_planner_and_layout_are_driven_and_named_as_typed(name: str) -> N
     assert set(slow["versions"]) == {name, "my_planner.py:Backwards", "my_layout.py:hall"}
     assert (slow["config"]["protective_field"], follow["config"]["protective_field"]) == (True, False)
     assert 0 < slow["robot_km"] < 0.7 * follow["robot_km"]
+
+
+def test_each_world_has_a_policy_that_remembers_it_alone() -> None:
+    assert evaluate("--policy", "my_policy.py:Remembers", "--planner", "astar", "--episodes", "3") == 0
 
 
 def test_processes_give_the_same_rows() -> None:
