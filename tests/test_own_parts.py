@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ import pytest
 from agents import add_policy, make_policy, policy_config
 from tests.train.test_cli import fails
 from train.cli import main
+from train.parcels import pack
 from train.reporting.rows import read_rows
 from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, make_layout, make_planner
 from warehouse_env.errors import ConfigError
@@ -131,6 +134,47 @@ def test_processes_give_the_same_rows() -> None:
     for row in (*one, *two):
         del row["ms_per_step"]
     assert one == two
+
+
+INSTALLED = """
+import sys
+from importlib.machinery import PathFinder
+
+class Installed:  # as pip installs with --editable: found after all that is on sys.path
+    def find_spec(name, path=None, target=None):
+        ours = path is None and name in ("warehouse_env", "agents", "train")
+        return PathFinder.find_spec(name, [{root!r}]) if ours else None
+
+sys.meta_path.insert(sys.meta_path.index(PathFinder) + 1, Installed)
+"""
+
+
+def test_what_else_lies_beside_is_not_run(here: Path) -> None:
+    """Not by this process, nor by those that work for it, whatever it is called."""
+    for name in ("train", "agents", "warehouse_env", "numpy", "ray", "tests", "signal", "pickle"):
+        (here / f"{name}.py").write_text("import pathlib\npathlib.Path(__file__).with_suffix('.sprung').touch()\n")
+    (here / "site").mkdir()
+    (here / "site/sitecustomize.py").write_text(INSTALLED.format(root=str(Path(__file__).parent.parent)))
+    command = ["evaluate", *DRIVEN.split(), "--policy", "my_policy.py:Slow", "my_policy:Slow", "--processes", "2"]
+    code = f"import sys; from train.cli import main; sys.exit(main({command}))"
+    settings = os.environ | {"PYTHONPATH": "site"}
+    run = subprocess.run([sys.executable, "-P", "-c", code], env=settings, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert not list(here.glob("*.sprung"))
+
+
+def test_what_it_imports_from_beside_is_its_own(here: Path) -> None:
+    (here / "helper_of_mine.py").write_text("import package_of_mine.inner as inner\nSLOW = inner.SLOW\n")
+    (here / "package_of_mine").mkdir()
+    (here / "package_of_mine/inner.py").write_text("import importlib\nSLOW = importlib.import_module('last').SLOW\n")
+    (here / "last.py").write_text("SLOW = 0.25\n")
+    add_policy("my_policy.py:Slow")
+    assert sys.modules["last"].SLOW == 0.25
+    assert find_spec("my_planner") is None
+    parcel = pack([])
+    assert set(parcel["my_policy.py"]) == {
+        "my_policy.py", "helper_of_mine.py", "package_of_mine/inner.py", "last.py"
+    }  # fmt: skip
 
 
 def test_rows_of_a_changed_file_are_not_mixed(here: Path) -> None:

@@ -13,7 +13,7 @@ from train.own import taken_in
 from warehouse_env.files import STAGED, whereabouts
 from warehouse_env.maps import discs, one_way
 from warehouse_env.maps.halls.hall import files_of, is_hall
-from warehouse_env.own_parts import split
+from warehouse_env.own_parts import loaded_files, split
 
 Parcel = dict[str, dict[str, bytes]]
 """Name as it was typed -> its files, by their names within a folder; the first is what the name stands for, or all lie
@@ -30,6 +30,8 @@ def pack(names: Iterable[str]) -> Parcel:
 
 
 def _content(name: str) -> dict[str, bytes]:
+    if own := loaded_files(name):
+        return {file: path.read_bytes() for file, path in own.items()}
     path = whereabouts(name)
     if is_hall(name):
         found = list(files_of(name))
