@@ -15,6 +15,7 @@ import pytest
 from agents import add_policy, make_policy, policy_config
 from tests.train.test_cli import fails
 from train.cli import main
+from train.learning import checkpoint
 from train.parcels import pack
 from train.reporting.rows import read_rows
 from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, make_layout, make_planner
@@ -279,6 +280,12 @@ def test_a_training_takes_them_and_goes_on_with_them(capsys: pytest.CaptureFixtu
     assert main(["train", "reinforce", "--resume", "run", "--no-progress"]) == 2
     assert "layout 'my_layout.py:hall' is code" in capsys.readouterr().err
     assert main(["train", "reinforce", "--resume", "run", "--no-progress", *own]) == 0
+    saved = checkpoint.read(Path("run/checkpoint"))
+    other = saved.data | {"code": saved.data["code"] | {"my_planner.py:Backwards": "another"}}
+    checkpoint.write(Path("run/checkpoint"), saved.arrays, other)
+    capsys.readouterr()
+    assert main(["train", "reinforce", "--resume", "run", "--no-progress", *own]) == 2
+    assert "my_planner.py:Backwards is not the code that run was trained with" in capsys.readouterr().err
 
 
 def test_a_filter_of_rows_runs_nothing(here: Path) -> None:
