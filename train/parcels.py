@@ -33,6 +33,14 @@ def pack(names: Iterable[str]) -> Parcel:
     return {name: content for name, content in packed.items() if content}
 
 
+def floor_digest(name: str) -> str:
+    """Return a digest of all files that the floor of a map's file is read from; "" for other floors."""
+    content = _content(name) if name.endswith(".map") or is_hall(name) else {}
+    return (
+        _digest(b"".join(f"{file} {len(data)} ".encode() + data for file, data in content.items())) if content else ""
+    )
+
+
 def kept(names: Iterable[str], folder: Path) -> Kept:
     """Write the files of those names that are files of data into a folder; return what `staged` needs to trust them."""
     parcel = {name: content for name in dict.fromkeys(names) if not split(name) and (content := _content(name))}

@@ -18,6 +18,7 @@ from train.books import simulator_of
 from train.central import CENTRAL, central_config
 from train.evaluation.disturbances import DISTURBANCES, Breakdown, Senses
 from train.own import versions
+from train.parcels import floor_digest
 from train.reporting.report import counted
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__
@@ -206,7 +207,10 @@ def identity(experiment: Experiment) -> Row:
         strengths = DISTURBANCES[experiment.disturbance].strengths
         shared |= {"disturbance": experiment.disturbance, "strengths": strengths}
     orders = (config.orders and config.orders.file) or ""
-    if made_of := versions(experiment.policy, config.planner, config.layout, orders):
+    made_of = versions(experiment.policy, config.planner, config.layout, orders)
+    if floor := floor_digest(experiment.place):
+        made_of[experiment.place] = floor
+    if made_of:
         shared["versions"] = made_of
     return dict(plain({**shared, "tasks": config.tasks, "planner": config.planner, "config": config.to_dict()}))
 
