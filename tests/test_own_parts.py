@@ -213,7 +213,7 @@ def test_a_changed_planner_plans_anew(here: Path) -> None:
         ("--policy my_policy.py:Slow:a=1", "a policy takes no parameters; leave out 'a=1'"),
         ("--policy my_policy.py:Idle", "my_policy.py:Idle is no policy: it has no act(observation, rng)"),
         ("--policy my_policy.py:Odd", "must act by an array of whole numbers [1, 2] for [1, 2, 94], not by float64[3]"),
-        ("--policy my_policy.py:Broken", "my_policy.py, line 26: ZeroDivisionError: division by zero"),
+        ("--policy my_policy.py:Broken", "my_policy.py, line 37: ZeroDivisionError: division by zero"),
         ("--policy bad.py:Mine", "bad.py, line 2: SyntaxError"),
         ("--policy missing.py:Mine", "missing.py, line 1: ModuleNotFoundError: No module named 'nowhere'"),
         ("--policy follow --planner my_planner.py:Aimless", "is no planner: it has no plan(grid, start, goal, rng"),
