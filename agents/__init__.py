@@ -90,7 +90,7 @@ _ACT = "act(observation, rng)"
 
 
 def _own(name: str, made: Callable[[EnvConfig], Policy], config: EnvConfig) -> Policy:
-    """Make a policy of one's own and try it on empty observations; ConfigError where it fails or gives no actions."""
+    """Make a policy of one's own once another was tried on empty observations; ConfigError where that fails."""
     seen = np.zeros((1, config.num_agents, observation_layout(config).size), np.float32)
     with own_parts.running(name):
         policy = made(config)
@@ -103,7 +103,8 @@ def _own(name: str, made: Callable[[EnvConfig], Policy], config: EnvConfig) -> P
         got = f"{given.dtype}{list(given.shape)}" if isinstance(given, np.ndarray) else shown(given)
         what = "whole numbers" if discrete else "numbers"
         raise ConfigError(f"{name} must act by an array of {what} {list(wanted)} for {list(seen.shape)}, not by {got}")
-    return policy
+    with own_parts.running(name):
+        return made(config)  # anew, for one that remembers has now seen what is nowhere
 
 
 def save_model(directory: Path | str, model: Any, config: EnvConfig | None = None, mode: Mode | None = None) -> Path:

@@ -14,7 +14,7 @@ import warnings
 import zipfile
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
@@ -56,12 +56,15 @@ class Episode:
     pose: NDArray[np.float32]  # [T + 1, B, N, 3], front axle x [m], y [m], heading [rad]; the first after the reset
     policy: str = ""  # name or folder of what chose the actions, if it was told
     orders: tuple[Order, ...] | None = None  # those of the file that the config names
+    made_of: str = field(default="", kw_only=True)  # digest of that policy's weights or code, "" of a shipped one
 
     def save(self, path: str | Path) -> None:
         """Write to a file (.npz), as a whole or not at all; WarehouseError where it cannot be written."""
         grid = self.grid
         text = {"format": FORMAT, "config": self.config.to_dict(), "map": grid.name, "cell_size": grid.cell_size}
         text["policy"] = self.policy
+        if self.made_of:
+            text["made_of"] = self.made_of
         ordered: dict[str, Any] = (
             {} if self.orders is None else {"orders": np.array(as_table(self.orders), dtype=np.float64)}
         )
@@ -110,7 +113,8 @@ class Episode:
         if not all(isinstance(seed, int) and seed >= 0 for seed in seeds):
             raise WarehouseError(f"the seeds {shown(seeds)} must be one whole number a world, none negative")
         orders = from_table(arrays.read("orders").tolist()) if "orders" in arrays else None
-        return cls(config, grid, seeds, arrays.read("actions"), arrays.read("pose"), policy, orders)
+        made_of = str(about.get("made_of", ""))  # which earlier versions did not tell
+        return cls(config, grid, seeds, arrays.read("actions"), arrays.read("pose"), policy, orders, made_of=made_of)
 
     def replay(self) -> Iterator[Simulator]:
         """Run the episode again: yield the simulator after the reset and after every step."""
