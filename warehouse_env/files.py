@@ -227,12 +227,13 @@ def _what(mode: int) -> str:
 class _Guard:
     """The files that a command reads, and those that it fills row by row."""
 
-    def __init__(self, inputs: Iterable[Path]) -> None:
+    def __init__(self, inputs: Iterable[Path], is_on: bool = True) -> None:
+        self.is_on = is_on
         self.inputs = {identity for path in inputs if (identity := _identity(path))}
         self.rows: set[Path] = set()
 
 
-_guard = _Guard(())
+_guard = _Guard((), is_on=False)
 
 
 @contextlib.contextmanager
@@ -259,7 +260,7 @@ def check_writable(given: object, rows: bool = False) -> Path:
         raise WarehouseError(f"cannot write {path}: this command reads it; name another file for the output")
     if target in _guard.rows and not rows:
         raise WarehouseError(f"cannot write {path}: the rows go there; name another file for one of the two")
-    if rows and not is_special(target):
+    if rows and _guard.is_on and not is_special(target):
         _guard.rows.add(target)
     there = next(place for place in (target, *target.parents) if place.exists())
     writable = os.access(there, os.W_OK) and there.stat().st_mode & 0o222  # root may write where nobody is meant to
@@ -278,13 +279,13 @@ def _identity(path: Path) -> tuple[int, int] | None:
     return about.st_dev, about.st_ino
 
 
-def part_file(path: Path) -> Path:
+def part_file(path: Path, rows: bool = False) -> Path:
     """Create an empty file with the suffix of `path`, to be written and then handed to `put_in_place`.
 
     It lies beside the output, with missing folders made; what a killed process left of an earlier attempt is removed.
-    Raises WarehouseError where `path` cannot be written.
+    Raises WarehouseError where `path` cannot be written. rows: see `check_writable`.
     """
-    target = check_writable(path)
+    target = check_writable(path, rows)
     try:
         folder = Path(tempfile.gettempdir()) if is_special(target) else target.parent
         folder.mkdir(parents=True, exist_ok=True)
@@ -341,13 +342,13 @@ def _lives(process: int) -> bool:
 
 
 @contextlib.contextmanager
-def complete_file(given: object) -> Iterator[Path]:
+def complete_file(given: object, rows: bool = False) -> Iterator[Path]:
     """Yield a part of an output to write; at the end it becomes the output, or on an error it vanishes.
 
     Raises WarehouseError where the output cannot be written, a full disk included.
     """
     path = path_of(given)
-    part = part_file(path)
+    part = part_file(path, rows)
     try:
         yield part
         put_in_place(part, path)
@@ -359,9 +360,9 @@ def complete_file(given: object) -> Iterator[Path]:
         part.unlink(missing_ok=True)
 
 
-def write_text(path: object, text: str) -> None:
-    """Write a text file, all of it or nothing."""
-    with complete_file(path) as part:
+def write_text(path: object, text: str, rows: bool = False) -> None:
+    """Write a text file, all of it or nothing; rows: see `check_writable`."""
+    with complete_file(path, rows) as part:
         part.write_text(text, encoding="utf-8", newline="\n")
 
 

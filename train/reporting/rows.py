@@ -136,7 +136,7 @@ def _cut_torn_line(path: Path) -> None:
 
 def write_rows(path: Path, rows: Iterable[Row]) -> None:
     """Write a JSON-lines file, all of it or nothing."""
-    write_text(path, "".join(json.dumps(plain(row), allow_nan=False) + "\n" for row in rows))
+    write_text(path, "".join(json.dumps(plain(row), allow_nan=False) + "\n" for row in rows), rows=True)
 
 
 class Interval(NamedTuple):
