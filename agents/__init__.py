@@ -90,7 +90,7 @@ _ACT = "act(observation, rng)"
 
 
 def _own(name: str, made: Callable[[EnvConfig], Policy], config: EnvConfig) -> Policy:
-    """Make a policy of one's own and try it on empty observations; ConfigError where it fails or gives no actions."""
+    """Make a policy of one's own once another was tried on empty observations; ConfigError where that fails."""
     seen = np.zeros((1, config.num_agents, observation_layout(config).size), np.float32)
     with own_parts.running(name):
         policy = made(config)
@@ -103,7 +103,8 @@ def _own(name: str, made: Callable[[EnvConfig], Policy], config: EnvConfig) -> P
         got = f"{given.dtype}{list(given.shape)}" if isinstance(given, np.ndarray) else shown(given)
         what = "whole numbers" if discrete else "numbers"
         raise ConfigError(f"{name} must act by an array of {what} {list(wanted)} for {list(seen.shape)}, not by {got}")
-    return policy
+    with own_parts.running(name):
+        return made(config)  # anew, for one that remembers has now seen what is nowhere
 
 
 def save_model(directory: Path | str, model: Any, config: EnvConfig | None = None, mode: Mode | None = None) -> Path:
@@ -122,12 +123,12 @@ def _entry(name_or_dir: str | Path) -> PolicyEntry:
         path = whereabouts(name)
     except ValueError:  # half of a character, or the one that ends names
         raise own_parts.unknown("policy", name, POLICIES) from None
-    if path.suffix == ".zip" and os.path.isfile(path):
+    if path.suffix.lower() == ".zip" and os.path.isfile(path):
         return PolicyEntry("a model of stable-baselines3", weights=path)
     if os.path.isdir(path):  # which Path.is_dir raises about where a name is too long
         return PolicyEntry("a policy folder", weights=path)
     own = own_parts.split(name) or path.suffix == ".py"
-    if path.suffix == ".zip":
+    if path.suffix.lower() == ".zip":
         raise WeightsError(f"there is no file {shown(str(path))}")
     if not own and (len(path.parts) > 1 or isinstance(name_or_dir, Path)):
         raise WeightsError(f"{shown(str(path))} is no folder; a policy folder holds {CONFIG} and its weights")

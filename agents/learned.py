@@ -25,7 +25,7 @@ _TRAINED_UNDER = ("protective_field", "right_of_way", "right_of_way_after", "rer
 
 def read_policy(path: Path | str) -> tuple[PolicyRecord, dict[str, NDArray[np.float32]]]:
     """Read a policy folder, or a .zip file of stable-baselines3; raises WeightsError if it is damaged."""
-    if Path(path).suffix == ".zip":
+    if Path(path).suffix.lower() == ".zip":
         from agents.sb3_model import read_model  # which needs torch
 
         record, tensors = read_model(Path(path))
@@ -41,7 +41,7 @@ def needed_fields(record: PolicyRecord) -> tuple[str, ...]:
 
 def config_for(directory: Path | str, base: EnvConfig) -> EnvConfig:
     """Return `base` with the action, the sensor and the options that the policy in `directory` is made for."""
-    record = read_policy(directory)[0] if Path(directory).suffix == ".zip" else read_record(directory)
+    record = read_policy(directory)[0] if Path(directory).suffix.lower() == ".zip" else read_record(directory)
     options = [name for name in _TRAINED_UNDER if getattr(record.env, name)]
     return base.replace(**{name: getattr(record.env, name) for name in (*needed_fields(record), *options)})
 

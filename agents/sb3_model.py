@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from agents.weights_folder import Activation, Mode, Network, PolicyRecord, save_policy
 from warehouse_env.config import ActionType, EnvConfig, SensorSpec
 from warehouse_env.errors import ConfigError, WarehouseError, WeightsError, shown
+from warehouse_env.files import MOST, open_regular, zip_member
 from warehouse_env.observation import observation_layout
 
 if TYPE_CHECKING:
@@ -77,18 +78,19 @@ def read_model(path: Path) -> tuple[PolicyRecord, Tensors]:
     import torch
 
     try:
-        with zipfile.ZipFile(path) as archive:
-            for name in (_DATA, _WEIGHTS):
-                if archive.getinfo(name).file_size > _MOST:
-                    raise WeightsError(f"{path}: its {name} would fill more than {_MOST >> 20} MB")
-            about = json.loads(archive.read(_DATA))
-            packed = archive.read(_WEIGHTS)
+        with open_regular(path, "model", MOST, WeightsError) as file, zipfile.ZipFile(file) as archive:
+            about, packed = json.loads(zip_member(archive, _DATA, _MOST)), zip_member(archive, _WEIGHTS, _MOST)
         if not packed.startswith(_ZIP):  # torch's older forms, whose plain reader was not safe before 2.6
             raise WeightsError(f"{path}: its {_WEIGHTS} is no zip file of plain tensors, as torch writes since 1.6")
+        with zipfile.ZipFile(io.BytesIO(packed)) as inner:
+            if sum(member.file_size for member in inner.infolist()) > _MOST:
+                raise WeightsError(f"{path}: its {_WEIGHTS} would fill more than {_MOST >> 20} MB")
         state = torch.load(io.BytesIO(packed), map_location="cpu", weights_only=True)
         arrays = {str(name): tensor.detach().numpy() for name, tensor in state.items()}
-    except WarehouseError:
+    except WeightsError:
         raise
+    except WarehouseError as error:
+        raise WeightsError(f"{path}: {error}") from None
     except _DAMAGE as error:
         raise WeightsError(f"{path} is no model of stable-baselines3: {shown(error)}") from None
     except Exception as error:  # torch's reader has errors of pickle's kind for whatever is no plain tensor

@@ -13,15 +13,16 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.numpy import load_file, save
+from safetensors.numpy import load, save
 
 from warehouse_env.checked import Checked, from_plain
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WarehouseError, WeightsError
-from warehouse_env.files import complete_file, write_text
+from warehouse_env.files import complete_file, read_bytes, read_json, write_text
 
 FORMAT = 1
 WEIGHTS, CONFIG = "weights.safetensors", "config.json"
+_LARGEST_CONFIG, _LARGEST_WEIGHTS = 16_000_000, 2_000_000_000  # [bytes]
 Mode = Literal["sample", "greedy"]
 Activation = Literal["tanh", "relu", "leaky_relu", "elu", "silu", "sigmoid"]
 Tensors = Mapping[str, NDArray[Any]]
@@ -90,10 +91,7 @@ def read_record(directory: Path | str) -> PolicyRecord:
     path = Path(directory) / CONFIG
     if not path.is_file():
         raise WeightsError(f"{directory} is not a policy folder: it has no {CONFIG}")
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise WeightsError(f"{path} cannot be read as JSON: {error}") from None
+    data = read_json(path, "policy record", _LARGEST_CONFIG, WeightsError)
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         found = data.get("format") if isinstance(data, dict) else None
         raise WeightsError(f"{path} has format {found!r}; this version reads format {FORMAT}")
@@ -106,11 +104,10 @@ def read_record(directory: Path | str) -> PolicyRecord:
 def read_tensors(directory: Path | str, network: Network) -> dict[str, NDArray[np.float32]]:
     """Read weights.safetensors; raises WeightsError if it is missing, truncated, or has other names or shapes."""
     path = Path(directory) / WEIGHTS
-    if not path.is_file():
-        raise WeightsError(f"{directory} is not a policy folder: it has no {WEIGHTS}")
+    content = read_bytes(path, "weights", _LARGEST_WEIGHTS, WeightsError)
     try:
-        tensors = load_file(path)
-    except (SafetensorError, OSError, ValueError) as error:
+        tensors = load(content)
+    except (SafetensorError, KeyError, ValueError) as error:
         raise WeightsError(f"{path} is damaged or no safetensors file: {error}") from None
     return checked_tensors(path, network, tensors)
 

@@ -11,7 +11,7 @@ import pytest
 
 from agents import make_policy
 from tests.hostile.__main__ import Hunt, attempt, guarded
-from tests.hostile.targets import EVALUATED, PROGRESS, RECORD, SMALL, TARGETS, Target, an_episode
+from tests.hostile.targets import EVALUATED, PROGRESS, RECORD, SMALL, TARGETS, Target, _plans, an_episode
 from train.evaluation.episodes import Episodes
 from train.evaluation.jobs import of_all_runs
 from train.evaluation.rollout import make_experiment
@@ -24,7 +24,8 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WarehouseError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.movingai import read_map
-from warehouse_env.simulation.record.recording import Episode
+from warehouse_env.routes.book import PlanStore
+from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
 
 
@@ -101,6 +102,7 @@ def test_rows_of_other_values_are_not_compared(tmp_path: Path, field: str, value
         (lambda: read_map("a\nb.map"), "is no file name"),
         (lambda: Episode.load("a" * 300), "is no file name"),
         (lambda: Episode.load("a/" * 3000), "is no file name"),
+        (lambda: Recorder(_simulator(), (2**70,)), r"below 2\*\*63"),
     ],
 )
 def test_what_was_found(make: Callable[[], object], sentence: str) -> None:
@@ -117,12 +119,21 @@ def test_heights_that_signal_are_refused_without_a_warning() -> None:
         GridMap(np.zeros((2, 2)), height=heights)
 
 
-def test_an_archive_that_says_it_is_encrypted_is_one_sentence(tmp_path: Path) -> None:
+def test_an_archive_that_says_it_is_encrypted_is_one_sentence_and_left_open_by_nobody(
+    tmp_path: Path, recwarn: pytest.WarningsRecorder
+) -> None:
     content = bytearray(an_episode())
     content[content.index(b"PK\1\2") + 8] |= 1  # of the first entry in the directory at the end
     (tmp_path / "e.npz").write_bytes(content)
     with pytest.raises(WarehouseError, match="encrypted"):
         Episode.load(tmp_path / "e.npz")
+    assert not recwarn.list
+
+
+def test_a_store_whose_table_is_no_text_is_not_used(tmp_path: Path) -> None:
+    """SQLite repeats the table's text in its error, and Python could not decode that."""
+    (tmp_path / "plans-3.sqlite").write_bytes(_plans().replace(b"CREATE TABLE plan", b"CREATE TABL\xff plan"))
+    assert PlanStore(tmp_path).get("key 3") is None
 
 
 def test_rows_of_a_training_or_an_evaluation_with_odd_values_are_made_again(tmp_path: Path) -> None:

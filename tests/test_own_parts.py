@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,8 @@ import pytest
 from agents import add_policy, make_policy, policy_config
 from tests.train.test_cli import fails
 from train.cli import main
+from train.learning import checkpoint
+from train.parcels import pack
 from train.reporting.rows import read_rows
 from warehouse_env import LAYOUTS, PLANNERS, EnvConfig, make_layout, make_planner
 from warehouse_env.errors import ConfigError
@@ -33,6 +37,17 @@ class Slow:
 
     def act(self, observation, rng):
         return self._command.at_speed(observation, np.full(observation.shape[:-1], SLOW, np.float32))
+
+class Remembers(Slow):
+    """Fails where it is asked more often than one episode of one world has steps."""
+    def __init__(self, config):
+        super().__init__(config)
+        self._left = config.max_steps
+
+    def act(self, observation, rng):
+        self._left -= 1
+        assert self._left >= 0, "it has served two worlds"
+        return super().act(observation, rng)
 
 class Idle:
     def __init__(self, config):
@@ -107,6 +122,10 @@ def test_policy_planner_and_layout_are_driven_and_named_as_typed(name: str) -> N
     assert 0 < slow["robot_km"] < 0.7 * follow["robot_km"]
 
 
+def test_each_world_has_a_policy_that_remembers_it_alone() -> None:
+    assert evaluate("--policy", "my_policy.py:Remembers", "--planner", "astar", "--episodes", "3") == 0
+
+
 def test_processes_give_the_same_rows() -> None:
     options = ["--policy", "my_policy.py:Slow", "follow", "--planner", "my_planner.py:Backwards"]
     assert evaluate(*options) == 0
@@ -116,6 +135,47 @@ def test_processes_give_the_same_rows() -> None:
     for row in (*one, *two):
         del row["ms_per_step"]
     assert one == two
+
+
+INSTALLED = """
+import sys
+from importlib.machinery import PathFinder
+
+class Installed:  # as pip installs with --editable: found after all that is on sys.path
+    def find_spec(name, path=None, target=None):
+        ours = path is None and name in ("warehouse_env", "agents", "train")
+        return PathFinder.find_spec(name, [{root!r}]) if ours else None
+
+sys.meta_path.insert(sys.meta_path.index(PathFinder) + 1, Installed)
+"""
+
+
+def test_what_else_lies_beside_is_not_run(here: Path) -> None:
+    """Not by this process, nor by those that work for it, whatever it is called."""
+    for name in ("train", "agents", "warehouse_env", "numpy", "ray", "tests", "signal", "pickle"):
+        (here / f"{name}.py").write_text("import pathlib\npathlib.Path(__file__).with_suffix('.sprung').touch()\n")
+    (here / "site").mkdir()
+    (here / "site/sitecustomize.py").write_text(INSTALLED.format(root=str(Path(__file__).parent.parent)))
+    command = ["evaluate", *DRIVEN.split(), "--policy", "my_policy.py:Slow", "my_policy:Slow", "--processes", "2"]
+    code = f"import sys; from train.cli import main; sys.exit(main({command}))"
+    settings = os.environ | {"PYTHONPATH": "site"}
+    run = subprocess.run([sys.executable, "-P", "-c", code], env=settings, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert not list(here.glob("*.sprung"))
+
+
+def test_what_it_imports_from_beside_is_its_own(here: Path) -> None:
+    (here / "helper_of_mine.py").write_text("import package_of_mine.inner as inner\nSLOW = inner.SLOW\n")
+    (here / "package_of_mine").mkdir()
+    (here / "package_of_mine/inner.py").write_text("import importlib\nSLOW = importlib.import_module('last').SLOW\n")
+    (here / "last.py").write_text("SLOW = 0.25\n")
+    add_policy("my_policy.py:Slow")
+    assert sys.modules["last"].SLOW == 0.25
+    assert find_spec("my_planner") is None
+    parcel = pack([])
+    assert set(parcel["my_policy.py"]) == {
+        "my_policy.py", "helper_of_mine.py", "package_of_mine/inner.py", "last.py"
+    }  # fmt: skip
 
 
 def test_rows_of_a_changed_file_are_not_mixed(here: Path) -> None:
@@ -153,7 +213,7 @@ def test_a_changed_planner_plans_anew(here: Path) -> None:
         ("--policy my_policy.py:Slow:a=1", "a policy takes no parameters; leave out 'a=1'"),
         ("--policy my_policy.py:Idle", "my_policy.py:Idle is no policy: it has no act(observation, rng)"),
         ("--policy my_policy.py:Odd", "must act by an array of whole numbers [1, 2] for [1, 2, 94], not by float64[3]"),
-        ("--policy my_policy.py:Broken", "my_policy.py, line 26: ZeroDivisionError: division by zero"),
+        ("--policy my_policy.py:Broken", "my_policy.py, line 37: ZeroDivisionError: division by zero"),
         ("--policy bad.py:Mine", "bad.py, line 2: SyntaxError"),
         ("--policy missing.py:Mine", "missing.py, line 1: ModuleNotFoundError: No module named 'nowhere'"),
         ("--policy follow --planner my_planner.py:Aimless", "is no planner: it has no plan(grid, start, goal, rng"),
@@ -220,6 +280,12 @@ def test_a_training_takes_them_and_goes_on_with_them(capsys: pytest.CaptureFixtu
     assert main(["train", "reinforce", "--resume", "run", "--no-progress"]) == 2
     assert "layout 'my_layout.py:hall' is code" in capsys.readouterr().err
     assert main(["train", "reinforce", "--resume", "run", "--no-progress", *own]) == 0
+    saved = checkpoint.read(Path("run/checkpoint"))
+    other = saved.data | {"code": saved.data["code"] | {"my_planner.py:Backwards": "another"}}
+    checkpoint.write(Path("run/checkpoint"), saved.arrays, other)
+    capsys.readouterr()
+    assert main(["train", "reinforce", "--resume", "run", "--no-progress", *own]) == 2
+    assert "my_planner.py:Backwards is not the code that run was trained with" in capsys.readouterr().err
 
 
 def test_a_filter_of_rows_runs_nothing(here: Path) -> None:

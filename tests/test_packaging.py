@@ -106,6 +106,48 @@ def test_the_command_resolves() -> None:
     assert callable(EntryPoint("warehouse", project["scripts"]["warehouse"], "console_scripts").load())
 
 
+def hide(folder: Path, name: str, owner: str = "") -> None:
+    """Put a package or module of other people's in a folder, where a distribution of theirs may have installed it."""
+    path = folder / f"{name}/__init__.py" if owner else folder / f"{name}.py"
+    path.parent.mkdir(parents=True)
+    path.write_text("mine = 'somebody else'\n")
+    if owner:
+        about = folder / f"{owner.replace('-', '_')}-1.0.dist-info"
+        about.mkdir()
+        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {owner}\nVersion: 1.0\n")
+        (about / "top_level.txt").write_text(f"{name}\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "owner", "merged"),
+    [
+        ("agents", "openai-agents", False),
+        ("agents", "openai-agents", True),
+        ("train", "trainer", False),
+        ("train", "", False),
+    ],
+)
+def test_whoever_hides_a_package_of_ours_is_named(name: str, owner: str, merged: bool, tmp_path: Path) -> None:
+    """Found before ours, or (merged) installed over it."""
+    theirs = tmp_path / "theirs"
+    hide(theirs, name, owner)
+    for package in ("warehouse_env", "train") if merged else ():
+        (theirs / package).symlink_to(ROOT / package)
+    settings = os.environ | {"PYTHONPATH": f"{theirs}{os.pathsep}{ROOT}"}
+    for code in ("from warehouse_env.start import main; sys.exit(main())", "import train"):
+        words = [sys.executable, "-P", "-c", f"import sys; {code}", "--version"]
+        run = subprocess.run(words, env=settings, capture_output=True, text=True, check=False)
+        if (name, code) == ("train", "import train"):
+            continue  # which is theirs
+        *traced, said = run.stderr.splitlines()
+        assert run.returncode == (1 if "import train" in code else 2)
+        assert bool(traced) == ("import train" in code)
+        assert f"hides the package {name} of warehouse-env" in said
+        assert f"it is of {owner}: install" in said if owner else "train.py" in said
+    run = subprocess.run([sys.executable, "-P", "-c", "import warehouse_env"], env=settings, check=False)
+    assert run.returncode == 0
+
+
 def test_every_folder_of_code_is_a_package() -> None:
     folders = {path.parent for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
     assert not [folder for folder in folders if not (folder / "__init__.py").is_file()]

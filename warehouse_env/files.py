@@ -5,25 +5,33 @@ from __future__ import annotations
 import codecs
 import contextlib
 import csv
+import functools
 import glob
 import hashlib
 import io
+import itertools
 import json
+import math
 import os
+import re
 import shutil
 import stat
 import tempfile
-from collections.abc import Iterable, Iterator
+import zipfile
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from warehouse_env.errors import MapError, WarehouseError, shown
 
 _LONGEST_NAME, _LONGEST_PATH = 255, 4095  # [bytes]
+_CHUNK = 2**20  # [bytes]
+MOST = 4_000_000_000  # bytes of a file whose size has no better bound
 _MARKS = {  # of UTF-32 first: UTF-16's begins as that one does
     codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF32_LE: "utf-32-le", codecs.BOM_UTF32_BE: "utf-32-be",
     codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be",
 }  # fmt: skip
+_DECIMAL_COMMA = re.compile(r"^([+-]?\d+),(\d+)$", re.ASCII)
 
 STAGED: dict[str, Path] = {}
 """Name as it was typed -> the file or folder that came with a job and stands in for it in this process."""
@@ -66,6 +74,8 @@ def open_regular(given: object, kind: str, most: int, error: type[WarehouseError
             yield file
     except FileNotFoundError:
         raise error(f"{kind} {path} does not exist") from None
+    except IsADirectoryError:  # as Python says before its kind can be asked for
+        raise error(f"{kind} {path} must be a regular file, not a folder") from None
     except OSError as failed:
         raise error(f"{kind} {path} cannot be read: {failed.strerror or failed}") from None
 
@@ -73,7 +83,8 @@ def open_regular(given: object, kind: str, most: int, error: type[WarehouseError
 def read_bytes(given: object, kind: str, most: int, error: type[WarehouseError] = MapError) -> bytes:
     """Return the content of a regular file of at most `most` bytes; raises `error` as `open_regular` does."""
     with open_regular(given, kind, most, error) as file:
-        content = file.read(most + 1)
+        chunks = iter(functools.partial(file.read, _CHUNK), b"")  # to read `most` at once would reserve it
+        content = b"".join(itertools.islice(chunks, most // _CHUNK + 1))
     if len(content) > most:  # it grew, or is one of the kernel's files, which have no size
         raise error(f"{kind} {given} has more than the {most:,} bytes that are read")
     return content
@@ -81,15 +92,22 @@ def read_bytes(given: object, kind: str, most: int, error: type[WarehouseError] 
 
 def decoded(content: bytes, what: str, error: type[WarehouseError] = MapError) -> str:
     """Return text with \\n at the end of lines: UTF-8, or as its byte order mark says; raises `error` otherwise."""
-    mark = next((mark for mark in _MARKS if content.startswith(mark)), b"")
+    mark = _mark(content)
+    body = content[len(mark) :]
     try:
-        text = content[len(mark) :].decode(_MARKS.get(mark, "utf-8"))
+        text = body.decode(_MARKS.get(mark, "utf-8"))
     except UnicodeDecodeError as failed:
-        line = content[: failed.start].count(b"\n") + 1
+        line = body[: failed.start].count(b"\n") + 1
         raise error(f"{what}, line {line}: the text is not UTF-8; save the file as UTF-8") from None
     if "\0" in text:
-        raise error(f"{what}, line {text[: text.index(chr(0))].count(chr(10)) + 1}: a zero byte, so this is no text")
+        line = text[: text.index("\0")].count("\n") + 1
+        raise error(f"{what}, line {line}: a zero byte, so this is no text; if it is one, save the file as UTF-8")
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _mark(content: bytes) -> bytes:
+    """Return the byte order mark that a text begins with."""
+    return next((mark for mark in _MARKS if content.startswith(mark)), b"")
 
 
 def read_text(given: object, kind: str, most: int, error: type[WarehouseError] = MapError) -> str:
@@ -97,14 +115,38 @@ def read_text(given: object, kind: str, most: int, error: type[WarehouseError] =
     return decoded(read_bytes(given, kind, most, error), f"{kind} {given}", error)
 
 
-def parsed_json(text: str, what: str, error: type[WarehouseError] = MapError) -> Any:
-    """Return the value of a JSON text; raises `error`, naming the line."""
+def text_lines(
+    given: object, kind: str, most: int, longest: int, error: type[WarehouseError] = MapError
+) -> Iterator[tuple[int, str]]:
+    """Yield the lines of a text that need not fit into memory, with their numbers from 1 on.
+
+    Bytes that are not UTF-8 come as half characters (surrogateescape). Raises `error` as `open_regular` does, and for
+    a line of more than `longest` characters.
+    """
+    with open_regular(given, kind, most, error) as file:
+        mark = _mark(file.read(4))
+        file.seek(len(mark))
+        with io.TextIOWrapper(file, _MARKS.get(mark, "utf-8"), "surrogateescape") as text:
+            for number in itertools.count(1):
+                try:
+                    line = text.readline(longest + 1)
+                except UnicodeDecodeError:
+                    raise error(f"{kind} {given}, line {number}: the text is damaged; save it as UTF-8") from None
+                if len(line) > longest:
+                    raise error(f"{kind} {given}, line {number} has more than {longest:,} characters")
+                if not line:
+                    return
+                yield number, line
+
+
+def parsed_json(text: str, what: str, error: type[WarehouseError] = MapError, first: int = 1) -> Any:
+    """Return the value of a JSON text whose first line is so many of `what`; raises `error`, naming the line."""
     try:
         return json.loads(text)
     except json.JSONDecodeError as failed:
-        raise error(f"{what}, line {failed.lineno}: not valid JSON ({failed.msg})") from None
+        raise error(f"{what}, line {first + failed.lineno - 1}: not valid JSON ({failed.msg})") from None
     except (ValueError, RecursionError):  # a number of thousands of digits, or thousands of brackets
-        raise error(f"{what}: not valid JSON (a number or the nesting is too long)") from None
+        raise error(f"{what}, line {first} or later: not valid JSON (a number or the nesting is too long)") from None
 
 
 def read_json(given: object, kind: str, most: int, error: type[WarehouseError] = MapError) -> Any:
@@ -115,15 +157,18 @@ def read_json(given: object, kind: str, most: int, error: type[WarehouseError] =
 def table_rows(text: str, what: str, error: type[WarehouseError] = MapError) -> list[tuple[int, list[str]]]:
     """Return (line number, cells) of a CSV text as spreadsheets write it; raises `error`, naming the line.
 
-    Commas, semicolons or tabs separate cells, whichever the first line holds most. Blanks around cells, empty lines
-    and empty cells at the right are left out.
+    Commas, semicolons or tabs separate cells, whichever the first line holds most; but for commas, 0,5 is read as 0.5.
+    Blanks around cells, empty lines and empty cells at the right are left out.
     """
     head = text.lstrip("\n").partition("\n")[0]
-    reader = csv.reader(io.StringIO(text), delimiter=max(",;\t", key=head.count), skipinitialspace=True, strict=True)
+    delimiter = max(",;\t", key=head.count)
+    reader = csv.reader(io.StringIO(text), delimiter=delimiter, skipinitialspace=True, strict=True)
     rows = []
     try:
         for cells in reader:
             line = [cell.strip() for cell in cells]
+            if delimiter != ",":
+                line = [_DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in line]
             while line and not line[-1]:
                 line.pop()
             if line:
@@ -133,20 +178,62 @@ def table_rows(text: str, what: str, error: type[WarehouseError] = MapError) -> 
     return rows
 
 
+def named_rows(
+    text: str, what: str, names: Sequence[str], error: type[WarehouseError] = MapError
+) -> list[tuple[int, dict[str, str]]]:
+    """Return (line number, cells by name) of a CSV text (`table_rows`) whose first line names its columns.
+
+    Names are in small letters. Raises `error` where one of `names` is missing, or a line has more cells than columns.
+    """
+    (first, head), *rows = table_rows(text, what, error) or [(1, [])]
+    columns = [name.lower() for name in head]
+    missing = [name for name in names if name not in columns]
+    if missing:
+        raise error(f"{what}, line {first}: {missing[0]} is missing; it must name the columns {', '.join(names)}")
+    for line, cells in rows:
+        if len(cells) > len(columns):
+            raise error(f"{what}, line {line}: {len(cells)} cells in {len(columns)} columns")
+    return [(line, dict(zip(columns, cells, strict=False))) for line, cells in rows]
+
+
+def as_number(value: Any) -> float:
+    """Return a value of a JSON, YAML or CSV file as a number, also where it stands there as text; NaN for others."""
+    try:
+        return math.nan if isinstance(value, bool) or not isinstance(value, (int, float, str)) else float(value)
+    except (ValueError, OverflowError):
+        return math.nan
+
+
+def zip_member(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
+    """Return what a member of a zip file holds; WarehouseError for more than `most` bytes, unpacked."""
+    with archive.open(name) as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise WarehouseError(f"its {name} holds more than {most:,} bytes")
+    return content
+
+
+def companion(path: Path, suffix: str) -> Path:
+    """Return where NAME.suffix lies beside a file NAME.*, with its suffix in large letters if only that is there."""
+    usual, large = path.with_suffix(suffix), path.with_suffix(suffix.upper())
+    return large if large.exists() and not usual.exists() else usual
+
+
 def _what(mode: int) -> str:
-    kinds = {stat.S_IFDIR: "folder", stat.S_IFIFO: "pipe", stat.S_IFCHR: "device", stat.S_IFBLK: "device"}
+    kinds = {stat.S_IFIFO: "pipe", stat.S_IFCHR: "device", stat.S_IFBLK: "device"}
     return kinds.get(stat.S_IFMT(mode), "socket")
 
 
 class _Guard:
     """The files that a command reads, and those that it fills row by row."""
 
-    def __init__(self, inputs: Iterable[Path]) -> None:
+    def __init__(self, inputs: Iterable[Path], is_on: bool = True) -> None:
+        self.is_on = is_on
         self.inputs = {identity for path in inputs if (identity := _identity(path))}
         self.rows: set[Path] = set()
 
 
-_guard = _Guard(())
+_guard = _Guard((), is_on=False)
 
 
 @contextlib.contextmanager
@@ -173,7 +260,7 @@ def check_writable(given: object, rows: bool = False) -> Path:
         raise WarehouseError(f"cannot write {path}: this command reads it; name another file for the output")
     if target in _guard.rows and not rows:
         raise WarehouseError(f"cannot write {path}: the rows go there; name another file for one of the two")
-    if rows and not is_special(target):
+    if rows and _guard.is_on and not is_special(target):
         _guard.rows.add(target)
     there = next(place for place in (target, *target.parents) if place.exists())
     writable = os.access(there, os.W_OK) and there.stat().st_mode & 0o222  # root may write where nobody is meant to
@@ -192,13 +279,13 @@ def _identity(path: Path) -> tuple[int, int] | None:
     return about.st_dev, about.st_ino
 
 
-def part_file(path: Path) -> Path:
+def part_file(path: Path, rows: bool = False) -> Path:
     """Create an empty file with the suffix of `path`, to be written and then handed to `put_in_place`.
 
     It lies beside the output, with missing folders made; what a killed process left of an earlier attempt is removed.
-    Raises WarehouseError where `path` cannot be written.
+    Raises WarehouseError where `path` cannot be written. rows: see `check_writable`.
     """
-    target = check_writable(path)
+    target = check_writable(path, rows)
     try:
         folder = Path(tempfile.gettempdir()) if is_special(target) else target.parent
         folder.mkdir(parents=True, exist_ok=True)
@@ -255,13 +342,13 @@ def _lives(process: int) -> bool:
 
 
 @contextlib.contextmanager
-def complete_file(given: object) -> Iterator[Path]:
+def complete_file(given: object, rows: bool = False) -> Iterator[Path]:
     """Yield a part of an output to write; at the end it becomes the output, or on an error it vanishes.
 
     Raises WarehouseError where the output cannot be written, a full disk included.
     """
     path = path_of(given)
-    part = part_file(path)
+    part = part_file(path, rows)
     try:
         yield part
         put_in_place(part, path)
@@ -273,12 +360,12 @@ def complete_file(given: object) -> Iterator[Path]:
         part.unlink(missing_ok=True)
 
 
-def write_text(path: object, text: str) -> None:
-    """Write a text file, all of it or nothing."""
-    with complete_file(path) as part:
+def write_text(path: object, text: str, rows: bool = False) -> None:
+    """Write a text file, all of it or nothing; rows: see `check_writable`."""
+    with complete_file(path, rows) as part:
         part.write_text(text, encoding="utf-8", newline="\n")
 
 
 def file_digest(path: Path) -> str:
     """Return a digest of a file's content, to tell versions apart."""
-    return hashlib.blake2b(path.read_bytes(), digest_size=8).hexdigest()
+    return hashlib.blake2b(read_bytes(path, "file", MOST, WarehouseError), digest_size=8).hexdigest()

@@ -17,15 +17,19 @@ import sys
 import traceback
 from collections.abc import Container, Iterable, Iterator
 from contextlib import contextmanager
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
-from types import ModuleType
+from types import FrameType, ModuleType
 from typing import Any, NamedTuple
 
 from warehouse_env.checked import parse_named
 from warehouse_env.errors import ConfigError, WarehouseError, shown, unknown_name
-from warehouse_env.files import file_digest, whereabouts
+from warehouse_env.files import STAGED, file_digest, whereabouts
 
 _NAME = re.compile(r"(?P<home>[^:]+\.py|(?:[^\W\d]\w*)(?:\.[^\W\d]\w*)*):(?P<name>[^\W\d]\w*)(?::(?P<rest>.*))?", re.S)
+
+_OURS = ("warehouse_env", "agents", "train")
 
 
 class OwnPart(NamedTuple):
@@ -60,7 +64,8 @@ def parse(text: Any, kind: str, example: str, known: Container[str]) -> tuple[An
 def load(name: str, kind: str) -> Any:
     """Run the file or import the module of a part and return what it names there; ConfigError in one sentence.
 
-    name: without parameters. A file's folder, or for a module the working folder, is added to where Python looks.
+    name: without parameters. What the code imports is looked for in the file's folder, too, or for a module in the
+    working folder, but only where nothing installed has that name. No other file there is run.
     """
     if name not in LOADED:
         home, _, inner = name.rpartition(":")
@@ -115,8 +120,7 @@ def _run_file(home: str, kind: str, name: str) -> ModuleType:
     path = Path(os.path.abspath(whereabouts(home)))
     if not path.is_file():
         raise ConfigError(f"{kind} {shown(name)}: there is no file {home}")
-    _look_in(path.parent)
-    own = f"own_{path.stem}_{hashlib.blake2b(str(path).encode(), digest_size=4).hexdigest()}"  # beside any other name
+    own = _own_name(home)
     if own in sys.modules:
         return sys.modules[own]
     spec = importlib.util.spec_from_file_location(own, path)
@@ -124,6 +128,7 @@ def _run_file(home: str, kind: str, name: str) -> ModuleType:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[own] = module  # where dataclasses and pickles look it up
+    _BESIDE.serve(own, path.parent)
     try:
         with running(name):
             spec.loader.exec_module(module)
@@ -133,25 +138,83 @@ def _run_file(home: str, kind: str, name: str) -> ModuleType:
     return module
 
 
+def _own_name(home: str) -> str:
+    """Return the module that a file becomes, beside any other of its name."""
+    path = os.path.abspath(whereabouts(home))
+    return f"own_{Path(path).stem}_{hashlib.blake2b(path.encode(), digest_size=4).hexdigest()}"
+
+
 def _import(home: str, kind: str, name: str) -> ModuleType:
-    _look_in(Path.cwd())
+    folder = STAGED[home].parent if home in STAGED else Path.cwd()
+    _BESIDE.serve(__name__, folder)
     try:
         with running(name):
-            return importlib.import_module(home)
+            module = importlib.import_module(home)
     except ConfigError as error:
         missing = error.__cause__
         if isinstance(missing, ModuleNotFoundError) and f"{home}.".startswith(f"{missing.name}."):
             raise ConfigError(f"{kind} {shown(name)}: there is no module {missing.name} here or installed") from None
         raise
+    if _home_of(home) == str(folder):
+        _BESIDE.serve(home.partition(".")[0], folder)
+    return module
 
 
-def _look_in(folder: Path) -> None:
-    if str(folder) not in sys.path:
-        sys.path.append(str(folder))  # last, so that no file there stands in for an installed module
+def loaded_files(home: str) -> dict[str, Path]:
+    """Return the files of a part that is loaded, by their names in its folder: its own, then what it imported there."""
+    own = next((name for name in (_own_name(home), home) if name in sys.modules), "")
+    folder = _BESIDE.folder_of(own)
+    if folder is None:
+        return {}
+    loaded = [name for name in list(sys.modules) if name.partition(".")[0] not in _OURS and _home_of(name) == folder]
+    files = [Path(file) for name in (own, *loaded) if (file := getattr(sys.modules[name], "__file__", None))]
+    return {file.relative_to(folder).as_posix(): file for file in files if file.is_relative_to(folder)}
+
+
+def _home_of(name: str) -> str | None:
+    """Return the folder that holds a module that is loaded, or the package that it is in."""
+    top = sys.modules.get(name.partition(".")[0])
+    places = [*getattr(top, "__path__", ()), getattr(top, "__file__", None)]
+    return os.path.dirname(places[0]) if isinstance(places[0], str) else None
+
+
+class _Beside(MetaPathFinder):
+    """Finds modules for code of one's own, beside it: the last finder, so nothing there stands in for another module.
+
+    A folder on sys.path would serve all modules of this process, and of those that it starts: these would take a file
+    there that is called as one of our packages, or as one that may be missing, for it.
+    """
+
+    def __init__(self) -> None:
+        self._folders: dict[str, str] = {}  # module, a package for all that is in it -> the folder for its imports
+
+    def serve(self, module: str, folder: Path) -> None:
+        """Look in a folder for what a module imports, and for what that imports."""
+        self._folders[module] = str(folder)
+        if self not in sys.meta_path:
+            sys.meta_path.append(self)
+
+    def folder_of(self, module: str) -> str | None:
+        """Return the folder in which a module looks for its imports, if it is code of one's own."""
+        return self._folders.get(module, self._folders.get(module.partition(".")[0]))
+
+    def find_spec(self, fullname: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
+        """Return what lies beside the code that imports a module; None if there is none, or the code is another's."""
+        frame: FrameType | None = sys._getframe(1)
+        while frame and frame.f_globals.get("__name__", "").partition(".")[0] == "importlib":
+            frame = frame.f_back
+        folder = self.folder_of(frame.f_globals.get("__name__", "")) if frame and path is None else None
+        spec = None if folder is None else PathFinder.find_spec(fullname, [folder])
+        if spec is not None and folder is not None:
+            self.serve(fullname, Path(folder))
+        return spec
+
+
+_BESIDE = _Beside()
 
 
 def _digest(module: ModuleType) -> str:
     try:
         return file_digest(Path(inspect.getfile(module)))
-    except (OSError, TypeError):  # a module without a file
+    except (ValueError, TypeError):  # a module without a file
         return ""

@@ -165,12 +165,6 @@ def test_a_damaged_config_is_refused(folder: Path, changes: dict[str, Any], sent
     assert str(folder / "config.json") in str(error.value)
 
 
-def test_a_config_that_is_no_json_is_refused(folder: Path) -> None:
-    (folder / "config.json").write_text("{")
-    with pytest.raises(WeightsError, match="cannot be read as JSON"):
-        policy_config(folder, EnvConfig())
-
-
 def test_what_is_no_policy_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="unknown policy 'folow'; did you mean follow"):
         make_policy("folow", EnvConfig())

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 import supersuit
+from gymnasium.spaces import Box
+from pettingzoo.test import parallel_api_test, parallel_seed_test
 from stable_baselines3 import PPO
 
 from warehouse_env import parallel_env
@@ -46,6 +48,29 @@ def test_each_world_is_the_env_itself(small: dict[str, Any]) -> None:
         ]
         seen = [step[0] for step in steps]
         np.testing.assert_array_equal(reward, np.float32([value for step in steps for value in step[1].values()]))
+    env.close()
+
+
+def finite(env: Any) -> Any:
+    """Normalised as docs/how_to/train.md says: by bounds that observations are clipped to."""
+    box = Box(-5, 5, env.observation_space("robot_0").shape, np.float32)
+    return supersuit.normalize_obs_v0(supersuit.observation_lambda_v0(env, lambda o, _: o.clip(-5, 5), lambda _: box))
+
+
+@pytest.mark.parametrize("wrap", [lambda env: supersuit.frame_skip_v0(env, (2, 4)), finite, supersuit.black_death_v3])
+def test_wrappers(small: dict[str, Any], wrap: Any) -> None:
+    parallel_api_test(wrap(parallel_env(**small)), num_cycles=60)
+    parallel_seed_test(lambda: wrap(parallel_env(**small)), num_cycles=60)
+
+
+def test_a_robot_that_parks_ends_with_its_world(small: dict[str, Any]) -> None:
+    one_shot = supersuit.black_death_v3(parallel_env(**small | {"tasks": "one_shot", "max_steps": 300}))
+    env = supersuit.concat_vec_envs_v1(
+        supersuit.pettingzoo_env_to_vec_env_v1(one_shot), 1, base_class="stable_baselines3"
+    )
+    env.reset()
+    dones = np.sum([env.step(np.full(3, 15))[2] for _ in range(400)], axis=0)
+    assert dones.min() == dones.max() > 0
     env.close()
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, render_test
+from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, render_test, seed_test
 
 from warehouse_env import EnvConfig, Simulator, WarehouseParallelEnv, aec_env, parallel_env
 from warehouse_env.errors import ActionError, ConfigError
@@ -33,6 +33,11 @@ def test_parallel_api(every_config: EnvConfig) -> None:
 @strict
 def test_parallel_seed(every_config: EnvConfig) -> None:
     parallel_seed_test(lambda: parallel_env(every_config), num_cycles=10)
+
+
+@strict
+def test_aec_seed(every_config: EnvConfig) -> None:
+    seed_test(lambda: aec_env(every_config), num_cycles=15)
 
 
 @strict
@@ -129,6 +134,15 @@ def test_infos_that_nobody_has_read_yet_are_a_dict(tiny: EnvConfig, name: str) -
     assert read(infos) == read(plain)
     assert infos == plain
     assert kept != plain
+
+
+def test_wrappers_draw_by_the_seed(tiny: EnvConfig) -> None:
+    env = parallel_env(tiny)
+    draws = []
+    for seed in (3, 3, np.int64(3), 4):
+        env.reset(seed=seed)
+        draws.append(env.np_random.integers(1000, size=4).tolist())
+    assert draws[0] == draws[1] == draws[2] != draws[3]
 
 
 def test_spaces_are_one_instance_a_robot(tiny: EnvConfig) -> None:

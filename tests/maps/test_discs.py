@@ -134,23 +134,26 @@ def test_a_hall_reads_its_discs_and_pixels_within_are_theirs(tmp_path: Path) -> 
     far = read_hall(f"{tmp_path / 'hall.yaml'}:discs=far.csv")
     assert len(far.grid.discs) == 1
     assert any("1 disc with a centre off the floor" in note for note in far.notes)
+    (tmp_path / "none.csv").write_text("x,y,radius\n")
+    assert "none.csv holds no disc" in read_hall(f"{tmp_path / 'hall.yaml'}:discs=none.csv").notes
 
 
 def test_files_of_discs(tmp_path: Path) -> None:
     discs = np.float32([(0.1, 2.7, 0.3), (1e-3, 33.3333, 1.0)])
     write_discs(discs, tmp_path / "a.json")
     assert (read_discs(tmp_path / "a.json").astype(np.float32) == discs).all()
-    (tmp_path / "a.csv").write_text("radius, x, y\n0.3, 1, 2\n")
-    assert read_discs(tmp_path / "a.csv").tolist() == [[1.0, 2.0, 0.3]]
+    for text in ("radius, x, y\n0.3, 1, 2\n", "X;Y;Radius;name\n1;2;0,3;a\n", "x\ty\tradius\t\n1\t2\t0.3\t\n\t\t\t\n"):
+        (tmp_path / "a.CSV").write_text(text)
+        assert read_discs(tmp_path / "a.CSV").tolist() == [[1.0, 2.0, 0.3]]
     for text, says in (
-        ("[", "is no JSON"), ('{"disc": []}', 'must hold "discs"'), ('{"discs": [{"x": 1, "y": 2}]}', "disc 1"),
+        ("[", "line 1: not valid"), ('{"disc": []}', 'must hold "discs"'), ('{"discs": [{"x": 1, "y": 2}]}', "disc 1"),
         ('{"discs": [{"x": 1, "y": 2, "radius": -1}]}', "radius from 0.001"), ('{"discs": [3]}', "disc 1"),
     ):  # fmt: skip
         (tmp_path / "b.json").write_text(text)
         with pytest.raises(MapError, match=says):
             read_discs(tmp_path / "b.json")
     (tmp_path / "b.csv").write_text("1,2,3\n")
-    with pytest.raises(MapError, match="x,y,radius"):
+    with pytest.raises(MapError, match="x, y, radius"):
         read_discs(tmp_path / "b.csv")
     with pytest.raises(ConfigError, match="radius"):
         make_layout("pillars:radius=0")

@@ -50,13 +50,12 @@ def test_reading_a_map(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        GOOD.replace("\n", "\r\n"),
-        GOOD.removesuffix("\n"),
-        GOOD + "\n\n",
+        GOOD.replace("\n", " \n"),
+        GOOD.replace("type octile", "Type Octile").replace("height", "HEIGHT"),
         GOOD.replace("height 2\nwidth 3", "width 3\nheight 2"),
         GOOD.replace("type octile\n", ""),
     ],
-    ids=["windows line ends", "no last line end", "blank lines at the end", "width first", "no type"],
+    ids=["blanks at the end of lines", "capitals", "width first", "no type"],
 )
 def test_harmless_differences_are_read(tmp_path: Path, text: str) -> None:
     path = tmp_path / "m.map"
@@ -99,7 +98,7 @@ def test_layouts_round_trip(tmp_path: Path, name: str) -> None:
         (GOOD.replace("map\n", ""), 4, "begins with"),
         ("type octile\n", 1, "begins with"),
         ("height 999999999\nwidth 999999999\nmap\n.\n", 4, "999999999 rows"),
-        ("\x00\x01\x02\n", 1, "begins with"),
+        ("", 1, "begins with"),
     ],
 )
 def test_broken_maps_name_file_and_line(tmp_path: Path, text: str, line: int, words: str) -> None:
@@ -111,34 +110,10 @@ def test_broken_maps_name_file_and_line(tmp_path: Path, text: str, line: int, wo
     assert "\n" not in str(raised.value)
 
 
-def test_unusable_map_files_are_named(tmp_path: Path) -> None:
-    full, empty, binary = tmp_path / "full.map", tmp_path / "empty.map", tmp_path / "binary.map"
-    full.write_text(GOOD.replace(".", "@"))
-    empty.write_text("")
-    binary.write_bytes(bytes(range(256)))
-    for path, words in (
-        (full, "no free cell"),
-        (empty, "empty"),
-        (binary, "not a text file"),
-        (tmp_path / "none.map", "does not exist"),
-        (tmp_path, "cannot be read"),
-    ):
-        with pytest.raises(MapError, match=words) as raised:
-            read_map(path)
-        assert str(path) in str(raised.value)
-
-
-@given(st.binary(max_size=200))
-def test_any_garbage_is_a_map_error_or_a_map(content: bytes) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        for prefix in (b"", b"type octile\nheight 1\nwidth 2\nmap\n", b"version 1\n"):
-            path = Path(folder, "garbage")
-            path.write_bytes(prefix + content)
-            for read in (read_map, read_scen):
-                try:
-                    read(path)
-                except MapError as error:
-                    assert str(path) in str(error)  # noqa: PT017  either outcome is right
+def test_a_map_without_floor_is_named(tmp_path: Path) -> None:
+    (tmp_path / "full.map").write_text(GOOD.replace(".", "@"))
+    with pytest.raises(MapError, match=r"full\.map: .*no free cell"):
+        read_map(tmp_path / "full.map")
 
 
 def test_failed_writing_leaves_nothing(tmp_path: Path) -> None:
@@ -146,7 +121,7 @@ def test_failed_writing_leaves_nothing(tmp_path: Path) -> None:
     (tmp_path / "folder.map").mkdir()
     (tmp_path / "file").write_text("kept")
     for path in (tmp_path / "folder.map", tmp_path / "file" / "x.map"):
-        with pytest.raises(WarehouseError, match="cannot write"):
+        with pytest.raises(WarehouseError, match="is a folder"):
             write_map(grid, path)
     assert sorted(os.listdir(tmp_path)) == ["file", "folder.map"]
 
@@ -157,7 +132,10 @@ def test_failed_writing_leaves_nothing(tmp_path: Path) -> None:
 def test_reading_scenarios_turns_x_and_y_into_row_and_column(tmp_path: Path) -> None:
     path = tmp_path / "s.scen"
     path.write_text("version 1\n3\tmy map.map\t32\t31\t11\t6\t7\t18\t13.65685425\n\n")
-    assert read_scen(path) == [Scenario(3, "my map.map", 32, 31, (6, 11), (18, 7), 13.65685425)]
+    read = [Scenario(3, "my map.map", 32, 31, (6, 11), (18, 7), 13.65685425)]
+    assert read_scen(path) == read
+    path.write_text("VERSION 1\n3;my map.map;32;31; 11;6;7;18;13,65685425;\n")  # of a spreadsheet
+    assert read_scen(path) == read
 
 
 @st.composite

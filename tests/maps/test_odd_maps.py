@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -11,48 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 
-from tests.odd import damaged, values, works_or_says
+from tests.odd import values, works_or_says
 from warehouse_env.errors import ConfigError, MapError, WarehouseError
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.layouts import LAYOUTS, make_layout
-from warehouse_env.maps.movingai import EXAMPLE_SCEN, Scenario, read_map, read_scen, write_map, write_scen
+from warehouse_env.maps.layouts import make_layout
+from warehouse_env.maps.movingai import Scenario, read_map, read_scen, write_map, write_scen
 
-MAP = b"type octile\nheight 4\nwidth 5\nmap\n.@...\n.....\n..@..\n.....\n"
-SCEN = EXAMPLE_SCEN.read_bytes()[:300]
 GOOD = Scenario(1, "m.map", 7, 6, (0, 0), (1, 1), 2.0)
-
-
-@given(damaged(MAP), damaged(SCEN))
-def test_damaged_files(map_bytes: bytes, scen_bytes: bytes) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "file")
-        path.write_bytes(map_bytes)
-        works_or_says(lambda: read_map(path))
-        path.write_bytes(scen_bytes)
-        works_or_says(lambda: read_scen(path))
-
-
-@given(st.dictionaries(st.sampled_from(["occupied", "height", "cell_size", "picks", "stations", "name"]), values))
-def test_any_grid_map(parts: dict[str, Any]) -> None:
-    made = works_or_says(lambda: GridMap(**{"occupied": np.zeros((4, 5)), **parts}))
-    if made is not None:
-        works_or_says(lambda: (made.text(), made.key, made.legal_moves, repr(made)))
-
-
-@given(values)
-def test_any_cell(cell: Any) -> None:
-    grid = GridMap(np.zeros((4, 5)))
-    works_or_says(lambda: grid.distance_to(cell))
-
-
-@given(st.sampled_from(sorted(LAYOUTS)), st.data())
-def test_any_layout(name: str, data: st.DataObject) -> None:
-    names = [*inspect.signature(LAYOUTS[name]).parameters, "zz"]
-    sizes = st.one_of(values, st.integers(0, 60))
-    works_or_says(lambda: make_layout(name, **data.draw(st.dictionaries(st.sampled_from(names), sizes, max_size=2))))
-    works_or_says(lambda: make_layout(data.draw(values)))
 
 
 @given(values)
@@ -68,15 +33,6 @@ def test_any_path_and_anything_to_write(value: Any) -> None:
     with tempfile.TemporaryDirectory() as folder:
         works_or_says(lambda: write_map(value, Path(folder, "m")))
         works_or_says(lambda: write_scen(value, Path(folder, "m")))
-
-
-@given(st.sampled_from(Scenario._fields), values)
-def test_any_scenario_is_written_so_that_it_can_be_read_or_refused(field: str, value: Any) -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "m.scen")
-        works_or_says(lambda: write_scen([GOOD._replace(**{field: value})], path))
-        if path.exists():
-            assert len(read_scen(path)) == 1
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from train.commands.layouts import Layouts
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import MapError
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.layouts import make_layout
 from warehouse_env.maps.movingai import read_map, write_map
 from warehouse_env.maps.one_way import against, parse, text
 from warehouse_env.routes.lanes import drivable_line
@@ -52,9 +53,13 @@ def test_directions_stand_beside_a_map_file(tmp_path: Path) -> None:
     write_map(grid, path)
     assert (tmp_path / "aisle.oneway").read_text().splitlines() == AISLE
     assert read_map(path).key == grid.key
-    (tmp_path / "aisle.oneway").write_text("..\n>?\n")
-    with pytest.raises(MapError, match=r"aisle\.oneway: line 2"):
-        read_map(path)
+    for lines, wrong in (("..\n>?\n", "line 2"), ("..\n..\n", r"\(2, 2\) rows and columns, the floor \(4, 9\)")):
+        (tmp_path / "aisle.oneway").write_text(lines)
+        with pytest.raises(MapError, match=rf"aisle\.oneway: .*{wrong}"):
+            read_map(path)
+    (tmp_path / "AISLE.MAP").write_text(path.read_text())
+    (tmp_path / "AISLE.ONEWAY").write_text("\n".join(AISLE).lower() + " \n")
+    assert make_layout(str(tmp_path / "AISLE.MAP")).one_way.tolist() == grid.one_way.tolist()
     write_map(GridMap(grid.occupied), path)
     assert not read_map(path).one_way.any()
 

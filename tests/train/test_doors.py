@@ -86,7 +86,7 @@ def test_rows_are_not_replaced_by_a_table(tmp_path: Path, capsys: pytest.Capture
     assert "the rows go there" in capsys.readouterr().err
 
 
-WRITERS = {"warehouse_env/files.py", "train/reporting/rows.py", "train/fleet/listen.py", "train/parcels.py"}
+WRITERS = {"warehouse_env/files.py", "train/reporting/rows.py", "train/fleet/listen.py"}
 
 
 def test_outputs_are_written_through_one_door() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -45,17 +46,23 @@ def test_a_map_with_its_directions_and_a_policy(tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.usefixtures("registries")
-def test_code_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("name", ["mine.py:Mine", "mine:Mine"])
+def test_code_of_ones_own(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from agents import POLICIES
     from warehouse_env.own_parts import LOADED
 
     monkeypatch.chdir(tmp_path)
-    Path("mine.py").write_text("from agents.path_following import Follow as Mine\n")
-    take_in([("policy", "mine.py:Mine")])
-    parcel = pack(("mine.py:Mine",))
-    assert list(parcel) == ["mine.py"]
-    Path("mine.py").unlink()
-    del LOADED["mine.py:Mine"], POLICIES["mine.py:Mine"]
+    home, _, _ = name.partition(":")
+    beside = f"beside_{home.replace('.', '_')}"  # of its own: what was imported of a parcel stays imported
+    Path("mine.py").write_text(f"from {beside} import Mine\n")
+    Path(f"{beside}.py").write_text("from agents.path_following import Follow as Mine\n")
+    take_in([("policy", name)])
+    parcel = pack(())
+    assert {one: list(files) for one, files in parcel.items()} == {home: ["mine.py", f"{beside}.py"]}
+    for module in ("mine", beside):
+        Path(f"{module}.py").unlink()
+        sys.modules.pop(module, None)
+    del LOADED[name], POLICIES[name]
     with unpacked(parcel):
-        take_in([("policy", "mine.py:Mine")])
-        assert make_policy("mine.py:Mine", EnvConfig())
+        take_in([("policy", name)])
+        assert make_policy(name, EnvConfig())

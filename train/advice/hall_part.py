@@ -7,6 +7,7 @@ from pathlib import Path
 
 from train.reporting.page import Part, Shown
 from train.reporting.report import counted
+from warehouse_env.files import companion
 from warehouse_env.maps.halls import places
 from warehouse_env.maps.halls.hall import Hall, parse
 from warehouse_env.render.hall_map import SMALL, cell_kinds, hall_map
@@ -35,7 +36,7 @@ def hall_parts(hall: Hall, name: str) -> list[Part]:
 def doubts(hall: Hall, name: str) -> Iterator[str]:
     """Yield what may be otherwise than it was taken, one sentence each, and what settles it; the gravest first."""
     path, how = parse(name)
-    if not path.with_suffix(places.SUFFIX).exists() and how.lanes is None:
+    if not companion(path, places.SUFFIX).exists() and how.lanes is None:
         picks, stations = len(hall.places["picks"]), len(hall.places["stations"])
         yield (
             f"where robots fetch and bring was guessed: {counted(picks, 'pick face')} beside what stands straight, "

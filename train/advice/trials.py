@@ -23,7 +23,7 @@ from train.own import versions
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
-from warehouse_env.files import whereabouts
+from warehouse_env.files import MOST, read_bytes
 from warehouse_env.maps.grid_map import GridMap
 
 BLOCK = 1_000  # seeds of each use, so that what is confirmed has none of those it was chosen by
@@ -101,7 +101,7 @@ def _plain(work: Mapping[str, Any], robots: int) -> Row:
     given = {name: config[name] for name in work}
     file = _orders_file(work)
     if file is not None:
-        given["orders"]["content"] = hashlib.blake2b(whereabouts(file).read_bytes(), digest_size=16).hexdigest()
+        given["orders"]["content"] = hashlib.blake2b(read_bytes(file, "orders", MOST), digest_size=16).hexdigest()
     return dict(plain(given))
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from train.central.car_like.floor import Body
 from train.evaluation.audit.bodies import gap, point_gap
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import path_of, write_text
+from warehouse_env.files import as_number, path_of, write_text
 from warehouse_env.maps.plain_yaml import read_yaml
 
 BODY = Body(ahead=2.0, behind=1.0, half_width=1.0, radius=3.0)
@@ -137,18 +137,10 @@ def _member(data: Any, key: str, kind: type, path: Path) -> Any:
 
 
 def _numbers(given: Any, count: int, what: str, path: Path) -> tuple[float, ...]:
-    found = [number(value) for value in given] if isinstance(given, list) else []
+    found = [as_number(value) for value in given] if isinstance(given, list) else []
     if len(found) != count or not all(map(math.isfinite, found)):
         raise MapError(f"{path}: {what} {shown(given)} must be {count} numbers")
     return tuple(found)
-
-
-def number(value: Any) -> float:
-    """Return what YAML holds as a number, as text where it is written 1e-05; NaN for anything else."""
-    try:
-        return math.nan if isinstance(value, bool) or not isinstance(value, (int, float, str)) else float(value)
-    except (ValueError, OverflowError):
-        return math.nan
 
 
 def _name(agent: Any, path: Path) -> str:

@@ -93,7 +93,7 @@ def instances_in(folder: Path) -> list[str]:
     """Return the names of all instances below a folder, in order."""
     if not folder.is_dir():
         raise MapError(f"{folder} is no folder; name one that holds the benchmark's instances, *.yaml")
-    names = sorted(str(path.relative_to(folder)) for path in folder.rglob("*.yaml"))
+    names = sorted(str(path.relative_to(folder)) for path in folder.rglob("*.[yY][aA][mM][lL]"))
     if not names:
         raise MapError(f"{folder} holds no instances, *.yaml")
     return names

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.central.car_like.traffic import BEGIN, END, HEADING, PIECE, X, Y, pose_at
-from train.clmapf.instance import LARGEST, number
+from train.clmapf.instance import LARGEST
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import path_of, write_text
+from warehouse_env.files import as_number, path_of, write_text
 from warehouse_env.maps.plain_yaml import read_yaml
 
 _KEYS = ("x", "y", "yaw", "t")
@@ -41,7 +41,7 @@ def _states(rows: Any, name: str, path: Path) -> States:
         raise MapError(f"{path}: {name} has no states")
     found = []
     for row in rows:
-        found.append([number(row.get(key)) for key in _KEYS] if isinstance(row, dict) else [math.nan])
+        found.append([as_number(row.get(key)) for key in _KEYS] if isinstance(row, dict) else [math.nan])
         if not all(abs(value) <= _FARTHEST for value in found[-1]):
             raise MapError(f"{path}: {name} has a state {shown(row)}, where x, y, yaw and t must be numbers")
     states = np.array(found, np.float64)

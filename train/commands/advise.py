@@ -154,6 +154,7 @@ class Advise(Fleet, Work, WorkerOptions):
         seconds, wanted = self.seconds or SECONDS, self.goals
         if "orders" in work:
             seconds, wanted = self.seconds or ORDERED, self.in_time
+            self.note_orders(grid)
             due = work["orders"].due if self.orders is None else min(order.due for order in read_orders(self.orders))
             if self.goals is not None:
                 raise ConfigError("--goals must be left out where orders are given, which say how much there is to do")

@@ -174,7 +174,7 @@ class Episodes(Working, ShardOptions):
         make_planner(self.planner)
         named = self.layout or (() if self.map else self.usual)
         for name in (*named, *map(str, self.map)):
-            make_layout(name)  # a wrong name is said before anything drives
+            self.note_orders(make_layout(name))  # a wrong name is said before anything drives
         floors: list[dict[str, Any]] = [{"layout": name} for name in named]
         floors += [{"map_file": str(path)} for path in self.map]
         experiments = []

@@ -273,4 +273,4 @@ class FleetCommand(Checked):
 def _is_broker(source: str) -> bool:
     """Whether what is listened to is a broker, by its name, and no log."""
     path = whereabouts(source)
-    return not (path.exists() or path.suffix in (".jsonl", ".json", ".log", ".txt") or "/" in source)
+    return not (path.exists() or path.suffix.lower() in (".jsonl", ".json", ".log", ".txt") or "/" in source)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from train.kinds import Kinds, Part
 from warehouse_env.checked import Checked, from_plain
-from warehouse_env.errors import ConfigError, shown
-from warehouse_env.files import path_of, read_bytes, whereabouts
+from warehouse_env.errors import ConfigError
+from warehouse_env.files import read_json
 
 _EXAMPLE = '[{"share": 0.25, "robot": {"length": 1.4}}]'
 _MOST = 1_000_000  # bytes of a file
@@ -38,11 +37,7 @@ def read_fleet(path: Path) -> Kinds:
     """Return the kinds that a file lists as [{"share": 0.25, "robot": {"length": 1.4}}], say; what a robot leaves out
     is as RobotSpec has it. ConfigError or MapError says what cannot be used.
     """
-    content = read_bytes(whereabouts(str(path_of(str(path), ConfigError))), "fleet", _MOST)
-    try:
-        parts = json.loads(content.decode("utf-8"))
-    except (ValueError, RecursionError) as error:  # of which wrong UTF-8 is one
-        raise ConfigError(f"fleet {path} cannot be read: {shown(str(error))[1:-1]}") from None
+    parts = read_json(path, "fleet", _MOST, ConfigError)
     if not isinstance(parts, list) or not parts:
         raise ConfigError(f"fleet {path} must be a list, as {_EXAMPLE}")
     try:

@@ -65,7 +65,7 @@ class Layouts(Checked):
             self._list()
 
     def _floor(self, name: str) -> GridMap:
-        if Path(name).suffix == ".map":
+        if Path(name).suffix.lower() == ".map":
             return read_map(Path(name))
         seeded = name in LAYOUTS and "seed" in inspect.signature(LAYOUTS[name]).parameters
         return make_layout(name, **({"seed": self.seed} if seeded and self.seed is not None else {}))
@@ -80,13 +80,14 @@ class Layouts(Checked):
 
     def _convert(self, grid: GridMap, hall: Hall | None, path: Path) -> None:
         barred = None if hall is None else hall.barred
-        if path.suffix == ".map":
+        suffix = path.suffix.lower()
+        if suffix == ".map":
             write_map(grid, path)
-        elif path.name.endswith(lif.SUFFIX):
+        elif path.name.lower().endswith(lif.SUFFIX):
             lif.write_lif(grid, path)
-        elif path.suffix == route_graph.SUFFIX:
+        elif suffix == route_graph.SUFFIX:
             route_graph.write_route_graph(grid, path)
-        elif path.suffix in YAMLS:
+        elif suffix in YAMLS:
             print(f"wrote {path}, which is read by --map {write_hall(grid, path, self.resolution, barred)}")
             return
         else:

@@ -11,10 +11,11 @@ from train.reporting.rows import Row, RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
+from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.simulation.tasks.allocation import make_allocator
 from warehouse_env.simulation.tasks.demand import draw_orders
-from warehouse_env.simulation.tasks.orders import Order, read_orders, write_orders
+from warehouse_env.simulation.tasks.orders import Order, note_strays, read_orders, write_orders
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 
@@ -49,6 +50,11 @@ class Work(Checked):
         if self.battery:
             given["battery"] = BatterySpec()
         return given | {"arrival": "stop"} if given else given
+
+    def note_orders(self, grid: GridMap) -> None:
+        """Warn of orders to cells of a floor that are neither pick faces nor stations, which workers do not."""
+        if self.orders is not None:
+            note_strays(read_orders(self.orders), grid)
 
 
 @dataclass(frozen=True)

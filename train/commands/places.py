@@ -12,6 +12,7 @@ from train.reporting.report import require_charts
 from train.reporting.rows import RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError
+from warehouse_env.files import companion
 from warehouse_env.maps.halls import places
 from warehouse_env.maps.halls.hall import is_hall, parse, read_hall
 
@@ -41,7 +42,7 @@ class PlacesCommand(Checked):
             raise ConfigError(f"{self.map} is no map of a hall: it must be NAME.yaml or a picture")
         require_charts(self.png)
         path, _ = parse(self.map)
-        file = path.with_suffix(places.SUFFIX)
+        file = companion(path, places.SUFFIX)
         there = file.exists() and not self.propose
         hall = read_hall(self.map, edited=there)
         if not there:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import statistics
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,28 +18,29 @@ from train.evaluation.rollout import MOST
 from train.reporting.report import Table, counted, grouped, number, require_charts, with_interval
 from train.reporting.rows import Row, RowFile, mean_interval
 from warehouse_env.checked import Checked
-from warehouse_env.errors import ConfigError, MapError
+from warehouse_env.errors import ConfigError, MapError, MapWarning, shown
 from warehouse_env.files import check_writable, write_text
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.maps.halls.hall import is_hall
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout, read_file
-from warehouse_env.maps.movingai import read_map, read_scen
+from warehouse_env.maps.movingai import Scenario, read_map, read_scen
 from warehouse_env.planning import Planner, make_planner
 
+_LAYOUT = "paper46"
 _RANDOM_TASKS = 5  # on a floor without named tasks
+_ROUNDING = 0.01  # [cells], of recorded lengths
 
 
 @dataclass(frozen=True)
 class PlanCommand(Checked):
     """Compare planners on the tasks of a map: how often they find the shortest path, with how many turns, how fast."""
 
-    layout: str = "paper46"
-    """The floor: a name of `warehouse layouts`, a file NAME.map or NAME.yaml, or your own, FILE.py:FUNCTION; its named
-    tasks are planned unless other tasks are given."""
+    layout: str | None = None
+    """The floor (paper46): a name of `warehouse layouts`, a file NAME.map or NAME.yaml, or your own, FILE.py:FUNCTION;
+    its named tasks are planned unless other tasks are given."""
     map: Path | None = None
     """A map's file instead of the layout: NAME.map, or NAME.yaml of map_server."""
     scen: Path | None = None
-    """A MovingAI .scen file with tasks for the map; without --map, the map of that name beside it is used."""
+    """A MovingAI .scen file with tasks for the floor; if none is given, the map of that name beside it is used."""
     planner: tuple[str, ...] = ("pf_aco", "aco", "astar_turns", "astar")
     """Planners to compare: names of `warehouse planners`, with parameters if need be, as in pf_aco:ants=20, or your
     own, FILE.py:CLASS or MODULE:CLASS."""
@@ -67,7 +69,7 @@ class PlanCommand(Checked):
         if not planners:
             raise ConfigError("--planner needs at least one name")
         grid = self._grid()
-        tasks = [make_task(grid, *task) for task in self._tasks(grid)]
+        tasks = self._tasks(grid)
         check_writable(self.out / "table.md")
         if self.pictures:
             require_charts()
@@ -89,17 +91,19 @@ class PlanCommand(Checked):
         print(f"wrote {rows_too}the table{' and the pictures' if self.pictures else ''} to {self.out}")
 
     def _grid(self) -> GridMap:
+        if self.map is not None and self.layout is not None:
+            raise ConfigError("name one floor: --map FILE or --layout NAME")
         if self.map is not None:
             return read_file(str(self.map))
-        if self.scen is not None and not (self.layout.endswith(".map") or is_hall(self.layout)):
-            names = {scenario.map_name for scenario in read_scen(self.scen)}
+        if self.scen is not None and self.layout is None:
+            names = {scenario.map_name for scenario in _scenarios(self.scen)}
             if len(names) != 1:
                 raise MapError(f"{self.scen} names {len(names)} maps; choose one with --map")
             return read_map(self.scen.parent / Path(names.pop()).name)
-        return make_layout(self.layout)
+        return make_layout(self.layout or _LAYOUT)
 
-    def _tasks(self, grid: GridMap) -> list[tuple[str, Cell, Cell]]:
-        """Return (name, start, goal) of the tasks that the options ask for."""
+    def _tasks(self, grid: GridMap) -> list[Task]:
+        """Return the tasks that the options ask for."""
         if self.tasks is not None and not 1 <= self.tasks <= MOST:
             raise ConfigError(f"--tasks {self.tasks} must lie in 1..{MOST:,}")
         if (self.start is None) != (self.goal is None):
@@ -107,12 +111,12 @@ class PlanCommand(Checked):
         if self.start is not None and self.goal is not None:
             if self.tasks is not None or self.scen is not None:
                 raise ConfigError("--start and --goal name the only task; leave --tasks and --scen out")
-            return [("start_goal", _cell(self.start, "--start"), _cell(self.goal, "--goal"))]
+            return [make_task(grid, "start_goal", _cell(self.start, "--start"), _cell(self.goal, "--goal"))]
         if self.scen is not None:
             return _scenario_tasks(self.scen, grid, self.tasks, self.seed)
-        named = NAMED_TASKS.get(self.layout, {}) if self.map is None and self.tasks is None else {}
+        named = NAMED_TASKS.get(self.layout or _LAYOUT, {}) if self.map is None and self.tasks is None else {}
         if named:
-            return [(name, task.start, task.goal) for name, task in named.items()]
+            return [make_task(grid, name, task.start, task.goal) for name, task in named.items()]
         return _random_tasks(grid, self.tasks or _RANDOM_TASKS, self.seed)
 
 
@@ -145,8 +149,14 @@ def _cell(text: str, option: str) -> Cell:
     return int(found[1]), int(found[2])
 
 
-def _scenario_tasks(path: Path, grid: GridMap, count: int | None, seed: int) -> list[tuple[str, Cell, Cell]]:
-    scenarios = list(enumerate(read_scen(path), start=1))
+def _scenarios(path: Path) -> list[Scenario]:
+    if not (scenarios := read_scen(path)):
+        raise MapError(f"{path} holds no scenario, only its first line; name another file with --scen")
+    return scenarios
+
+
+def _scenario_tasks(path: Path, grid: GridMap, count: int | None, seed: int) -> list[Task]:
+    scenarios = list(enumerate(_scenarios(path), start=1))
     for place, scenario in scenarios:
         if (scenario.height, scenario.width) != grid.shape:
             raise MapError(
@@ -156,15 +166,32 @@ def _scenario_tasks(path: Path, grid: GridMap, count: int | None, seed: int) -> 
     if count is not None and count < len(scenarios):
         chosen = np.random.default_rng([seed, 0]).choice(len(scenarios), count, replace=False)
         scenarios = [scenarios[index] for index in sorted(chosen.tolist())]
-    return [(f"scenario_{place}", scenario.start, scenario.goal) for place, scenario in scenarios]
+    tasks = [make_task(grid, f"scenario_{place}", scenario.start, scenario.goal) for place, scenario in scenarios]
+    _note_differences(path, grid, [scenario for _, scenario in scenarios], tasks)
+    return tasks
 
 
-def _random_tasks(grid: GridMap, count: int, seed: int) -> list[tuple[str, Cell, Cell]]:
+def _note_differences(path: Path, grid: GridMap, scenarios: Sequence[Scenario], tasks: Sequence[Task]) -> None:
+    """Warn where scenarios name another map than this, or other lengths than its shortest paths have (MapWarning)."""
+    names = {Path(scenario.map_name).stem for scenario in scenarios}
+    if names != {grid.name}:
+        other = min(names - {grid.name})
+        warnings.warn(f"{path}: its scenarios are of map {shown(other)}, not {grid.name!r}", MapWarning, stacklevel=2)
+    both = list(zip(scenarios, tasks, strict=True))
+    wrong = [(one.length, task) for one, task in both if abs(one.length - task.optimal_length) > _ROUNDING]
+    if wrong:
+        length, task = wrong[0]
+        text = f"{path}: {len(wrong)} of {len(tasks)} lengths are not those of the shortest paths, which count here"
+        first = f"{task.name} says {length:g}, its shortest path has {task.optimal_length:g} cells"
+        warnings.warn(f"{text}; {first}", MapWarning, stacklevel=2)
+
+
+def _random_tasks(grid: GridMap, count: int, seed: int) -> list[Task]:
     rng, free = np.random.default_rng([seed, 0]), grid.free_cells
     if len(free) < 2:
         raise MapError(f"map {grid.name!r} has no two connected free cells to plan between")
     pairs = [free[rng.choice(len(free), 2, replace=False)].tolist() for _ in range(count)]
-    return [(f"random_{k}", (a[0], a[1]), (b[0], b[1])) for k, (a, b) in enumerate(pairs, start=1)]
+    return [make_task(grid, f"random_{k}", (a[0], a[1]), (b[0], b[1])) for k, (a, b) in enumerate(pairs, start=1)]
 
 
 _HEADER = (

@@ -159,7 +159,7 @@ class ReplayCommand(Checked):
             bar = progress.add_task("replay", total=sum(len(one.actions) + 1 for one in episodes))
             for episode, world, name in zip(episodes, worlds, names, strict=True):
                 try:
-                    shares = shares_of(episode.policy, episode.config)
+                    shares = shares_of(episode.policy, episode.config, episode.made_of)
                 except WarehouseError as error:
                     progress.console.print(f"without the policy's preferences: {error}", markup=False)
                     shares = None

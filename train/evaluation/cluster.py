@@ -200,9 +200,9 @@ def connected(address: str, cores: int | None = None) -> Iterator[Any]:
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")  # else it warns of what a later version will do
     with contextlib.ExitStack() as stack:
         options: dict[str, Any] = {"address": address}
+        folder = tempfile.mkdtemp(prefix="warehouse-", dir=_short_folder())
+        stack.callback(shutil.rmtree, folder, ignore_errors=True)
         if address == LOCAL:
-            folder = tempfile.mkdtemp(prefix="warehouse-", dir=_short_folder())
-            stack.callback(shutil.rmtree, folder, ignore_errors=True)
             if "RAY_AUTH_MODE" not in os.environ:  # for good: Ray reads the token once in a process
                 os.environ.update(RAY_AUTH_MODE="token", RAY_AUTH_TOKEN=secrets.token_hex(32))
             options = {"address": LOCAL, "num_cpus": cores, "include_dashboard": False, "_temp_dir": folder}
@@ -210,7 +210,8 @@ def connected(address: str, cores: int | None = None) -> Iterator[Any]:
 
         before = signal.getsignal(signal.SIGTERM)
         try:
-            ray.init(log_to_driver=False, configure_logging=False, **options)
+            with contextlib.chdir(folder):  # Ray has workers look for modules here first: nowhere is best
+                ray.init(log_to_driver=False, configure_logging=False, **options)
         except (OSError, RuntimeError, ValueError) as error:  # ConnectionError is an OSError
             joins = "; this machine must belong to the cluster: `ray start --address HOST:PORT` has it join one"
             raise WarehouseError(f"--ray {address}: {_first_line(error)}{joins * (address != LOCAL)}") from None

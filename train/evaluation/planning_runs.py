@@ -77,7 +77,7 @@ def plan_once(grid: GridMap, planner: Planner, task: Task, number: int, run: int
         "success": plan.found,
         "length": length if plan.found else None,
         "optimal_length": task.optimal_length,
-        "gap": length / task.optimal_length - 1 if plan.found and task.optimal_length else None,
+        "gap": _gap(length, task.optimal_length) if plan.found else None,
         "turns": turns(plan.cells) if plan.found else None,
         "min_turns": task.min_turns,
         "climb_m": climb(grid, plan.cells) if plan.found else None,
@@ -93,6 +93,11 @@ def plan_once(grid: GridMap, planner: Planner, task: Task, number: int, run: int
         "version": __version__,
     }
     return Run(task, row["planner"], row, plan)
+
+
+def _gap(length: float, optimal: float) -> float:
+    """Return by what share a path is longer than the shortest; one from a cell to itself is as short as can be."""
+    return length / optimal - 1 if optimal else length
 
 
 def is_optimal(row: Row) -> bool:

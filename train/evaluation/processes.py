@@ -82,6 +82,7 @@ class Processes:
         if self._pool is None:
             context = multiprocessing.get_context("spawn")  # a fork would inherit locks and threads in an unknown state
             self._parts = context.RawArray("d", self.width)  # no lock, which a killed process could keep
+            os.environ.setdefault("PYTHONSAFEPATH", "1")  # so a file of the working folder is none of Python's to them
             end, ours = context.Pipe(duplex=False)
             pool = ProcessPoolExecutor(self.width, context, _set_up, (self._parts, end, taken_in()))
             for close in (end.close, pool.shutdown, ours.close):  # in the end the last one comes first

@@ -18,11 +18,12 @@ from train.central import CENTRAL
 from train.evaluation.disturbances import DISTURBANCES
 from train.evaluation.pictures import file_name
 from train.evaluation.rollout import Experiment, identity, play_out
+from train.own import versions
 from train.reporting.page import Link
 from train.reporting.report import counted, grouped, number
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, WeightsError
 from warehouse_env.render.replay import Shares, replay_of
 from warehouse_env.render.replay_page import write_replay_page
 from warehouse_env.simulation.record.recording import Episode, Recorder
@@ -46,18 +47,24 @@ def record(experiment: Experiment, moved: Callable[[], object] = lambda: None) -
         moved()
 
     play_out(one, recorder.simulator, step=step)
-    return recorder.episode
+    return dataclasses.replace(recorder.episode, made_of=_made_of(experiment.policy))
 
 
-def shares_of(policy: str, config: EnvConfig) -> Shares | None:
+def _made_of(policy: str) -> str:
+    return versions(policy, "", "").get(policy, "")
+
+
+def shares_of(policy: str, config: EnvConfig, made_of: str = "") -> Shares | None:
     """Return how much a policy likes each action, for `replay_of`; None if it has no preferences, or has no name.
 
     Of a learned policy these are the chances; of a rule its order, 1 for the action liked best and 0 for the one liked
-    least. Raises ConfigError or WeightsError for a policy that cannot be made.
+    least. made_of: see Episode. Raises ConfigError or WeightsError for a policy that cannot be made, or is another.
     """
     if not policy or policy in CENTRAL or config.action_type != "discrete":
         return None
     made = make_policy(policy, config)
+    if made_of not in ("", _made_of(policy)):
+        raise WeightsError(f"{policy} is not the policy that was recorded, but another of that name")
     if not isinstance(made, Preferring):
         return None
 

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents import make_policy, policy_config
-from agents.policy import Action, Observation, Preferring, ranked
+from agents import LearnedPolicy, make_policy, policy_config
+from agents.policy import Action, Observation, Policy, Preferring, ranked
 from train.books import simulator_of
 from train.central import CENTRAL, central_config
 from train.evaluation.disturbances import DISTURBANCES, Breakdown, Senses
 from train.own import versions
+from train.parcels import floor_digest
 from train.reporting.report import counted
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__
@@ -33,6 +34,9 @@ Watcher = Callable[[Simulator, int], None]
 
 Decider = Callable[[Simulator, Sequence[np.random.Generator]], NDArray[Any]]
 """The actions of all robots of all worlds, from the simulator and a generator a world."""
+
+Actor = Callable[[Observation, np.random.Generator], Action]
+"""The actions of all robots of one world, from what they see and a generator."""
 
 MOST = 1_000_000  # episodes of an experiment, runs of a planner, tasks: whatever a command makes a list of
 _POLICY_STREAM = 1  # apart from the world's own stream SeedSequence([seed, 0])
@@ -159,13 +163,13 @@ def _decider(experiment: Experiment) -> Decider:
     if name is not None:  # which may give other commands than the policy was made for
         eyes = [Senses(DISTURBANCES[name], config, seed) for seed in experiment.seeds]
         config = config.replace(speed_levels=config_of(experiment.policy, config, {}).speed_levels)
-    act = make_actor(experiment.policy, config)
+    act = make_actors(experiment.policy, config, len(experiment.seeds))
 
     def decide(simulator: Simulator, generators: Sequence[np.random.Generator]) -> NDArray[Any]:
         seen = [simulator.observation[b : b + 1] for b in range(len(generators))]
         seen = [eye.see(row) for eye, row in zip(eyes, seen, strict=True)] if eyes else seen
         going = np.flatnonzero(~simulator.terminated.all(axis=1)).tolist()
-        given = [act(seen[world], generators[world]) for world in going]
+        given = [act[world](seen[world], generators[world]) for world in going]
         actions = np.zeros((len(generators), *given[0].shape[1:]), given[0].dtype)  # nobody drives where all are parked
         actions[going] = np.concatenate(given)
         return actions
@@ -173,9 +177,23 @@ def _decider(experiment: Experiment) -> Decider:
     return decide
 
 
-def make_actor(name: str, config: EnvConfig) -> Callable[[Observation, np.random.Generator], Action]:
+def make_actors(name: str, config: EnvConfig, worlds: int) -> list[Actor]:
+    """Return an actor for each world: a policy of its own, which may remember what it has seen.
+
+    A learned policy remembers nothing: all worlds share one, so that its weights are read once.
+    """
+    first = make_policy(name, config)
+    shared = isinstance(first, LearnedPolicy)
+    return [_actor(first if shared or not world else make_policy(name, config), config) for world in range(worlds)]
+
+
+def make_actor(name: str, config: EnvConfig) -> Actor:
+    """Return the actor of one world."""
+    return make_actors(name, config, 1)[0]
+
+
+def _actor(policy: Policy, config: EnvConfig) -> Actor:
     """Return what a policy gives Simulator.step: its preferences where right of way can use them, else its actions."""
-    policy = make_policy(name, config)
     if config.right_of_way and config.action_type == "discrete" and isinstance(policy, Preferring):
         return lambda observation, rng, policy=policy: ranked(policy, observation, rng)  # type: ignore[misc]
     return policy.act
@@ -189,7 +207,10 @@ def identity(experiment: Experiment) -> Row:
         strengths = DISTURBANCES[experiment.disturbance].strengths
         shared |= {"disturbance": experiment.disturbance, "strengths": strengths}
     orders = (config.orders and config.orders.file) or ""
-    if made_of := versions(experiment.policy, config.planner, config.layout, orders):
+    made_of = versions(experiment.policy, config.planner, config.layout, orders)
+    if floor := floor_digest(experiment.place):
+        made_of[experiment.place] = floor
+    if made_of:
         shared["versions"] = made_of
     return dict(plain({**shared, "tasks": config.tasks, "planner": config.planner, "config": config.to_dict()}))
 

@@ -6,7 +6,7 @@ import bisect
 import dataclasses
 from collections import Counter
 from datetime import UTC, datetime
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from train.fleet.driven import MOST_POINTS, Driven
 from train.fleet.factsheet import body_of
 from train.fleet.figures import MOMENT, PRESENT, UNDER_WAY
-from train.fleet.received import Fleet, Key, Vehicle
+from train.fleet.places import LOST, SILENCE, Clock, Places, places_of, spans
+from train.fleet.received import GONE, Fleet, Key, Vehicle
 from train.reporting.report import counted
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, shown
@@ -23,15 +24,6 @@ from warehouse_env.maps.grid_map import GridMap
 FINEST = 0.05  # [s] between two moments, unless asked for
 _COARSEST = 10.0  # [s]
 _MOST, _LONGEST = 5_000_000, 200_000  # moments of all vehicles; of one
-_SILENCE = 30.0  # [s] after which a vehicle should have said something
-
-
-class Places(NamedTuple):
-    """Where one vehicle was, at moments of its own that go up."""
-
-    seconds: NDArray[np.float64]  # [K], since 1970
-    pose: NDArray[np.float64]  # [K, 3], in the floor's frame; headings go on beyond a turn
-    away: NDArray[np.float64]  # [M, 2], from when to when it was on other maps in between
 
 
 def episode_of(fleet: Fleet, grid: GridMap, config: EnvConfig, every: float | None = None) -> Driven:
@@ -44,27 +36,33 @@ def episode_of(fleet: Fleet, grid: GridMap, config: EnvConfig, every: float | No
     if fleet.gaps:
         broke = counted(len(fleet.gaps), "time")
         notes.append(f"the connection to the broker broke {broke}; nothing was heard for {sum(fleet.gaps):.1f} s then")
+    for major, count in sorted(fleet.versions.items()):
+        if major != 2:
+            version = f"version {shown(fleet.named[major])} of VDA 5050"
+            notes.append(f"{counted(count, 'message')} are of {version}; what version 2.1 does not have is not shown")
     name = _map_of(fleet, grid, notes)
-    found = {key: _places(vehicle, name, grid) for key, vehicle in sorted(fleet.vehicles.items())}
+    found = {key: places_of(vehicle, name, grid) for key, vehicle in sorted(fleet.vehicles.items())}
     placed = {key: places for key, places in found.items() if len(places.seconds)}
     if not placed:
-        raise WarehouseError(f"{counted(fleet.messages, 'message')} came, and none says where a vehicle is")
+        why = "".join(f"; {note}" for note in notes)
+        raise WarehouseError(f"{counted(fleet.messages, 'message')} came, and none says where a vehicle is{why}")
     if len(placed) < len(found):
         notes.append(f"{counted(len(found) - len(placed), 'vehicle')} never said where: left out")
-    begin, step, frames = _clock(placed, every)
-    times = np.round(np.arange(frames) * step, 6)
+    clock = _clock(placed, every)
+    frames = clock.frames
     pose = np.zeros((frames, 1, len(placed), 3), np.float32)
     moments = np.zeros((frames, len(placed)), MOMENT)
     works = any(told.works for vehicle in fleet.vehicles.values() for told in vehicle.told)
     lines: list[NDArray[np.float32]] = []
     for k, (key, places) in enumerate(placed.items()):
-        pose[:, 0, k] = _at(places, begin, times)
-        moments[:, k] = _Teller(fleet.vehicles[key], places, grid, begin, works).moments(times, pose[:, 0, k], lines)
+        pose[:, 0, k] = _at(places, clock)
+        moments[:, k] = _Teller(fleet.vehicles[key], places, grid, clock, works).moments(pose[:, 0, k], lines)
     if sum(map(len, lines)) > MOST_POINTS:
         raise WarehouseError(f"the orders in these messages have more than {MOST_POINTS:,} nodes; cut the log")
     _note_places(placed, grid, notes)
-    config = _config(fleet, list(placed), config, step, frames, notes)
-    stamp = datetime.fromtimestamp(begin, UTC).isoformat(timespec="milliseconds")
+    _note_absences(fleet, placed, notes)
+    config = _config(fleet, list(placed), config, clock, notes)
+    stamp = datetime.fromtimestamp(clock.begin, UTC).isoformat(timespec="milliseconds")
     actions = np.zeros((frames - 1, 1, len(placed)), np.int8)
     names = tuple("/".join(key) for key in placed)
     return Driven(config, grid, (0,), actions, pose, "", None, moments, tuple(lines), names, stamp, tuple(notes))
@@ -85,22 +83,8 @@ def _map_of(fleet: Fleet, grid: GridMap, notes: list[str]) -> str:
     return name
 
 
-def _places(vehicle: Vehicle, name: str, grid: GridMap) -> Places:
-    """Return where a vehicle was on a map; of two reports of one moment the later one."""
-    order = np.argsort(np.frombuffer(vehicle.seconds), kind="stable")
-    number = vehicle.maps.index(name) if name in vehicle.maps else -1
-    here = np.flatnonzero(np.frombuffer(vehicle.map, np.uint16)[order] == number)
-    seconds, x, y, theta = (
-        np.frombuffer(values)[order][here] for values in (vehicle.seconds, vehicle.x, vehicle.y, vehicle.theta)
-    )
-    last = np.append(np.diff(seconds) > 0, True) if len(seconds) else np.zeros(0, np.bool_)
-    pose = np.stack([x - grid.origin[0], y - grid.origin[1], np.unwrap(theta)], axis=-1)
-    away = np.stack([seconds[:-1], seconds[1:]], axis=-1)[np.diff(here) > 1]
-    return Places(seconds[last], pose[last], away)
-
-
-def _clock(placed: dict[Key, Places], every: float | None) -> tuple[float, float, int]:
-    """Return when the episode begins [s], the time between two moments [s], and how many there are."""
+def _clock(placed: dict[Key, Places], every: float | None) -> Clock:
+    """Return the episode's moments."""
     begin = min(float(places.seconds[0]) for places in placed.values())
     end = max(float(places.seconds[-1]) for places in placed.values())
     gaps = [float(np.median(np.diff(places.seconds))) for places in placed.values() if len(places.seconds) > 1]
@@ -116,13 +100,16 @@ def _clock(placed: dict[Key, Places], every: float | None) -> tuple[float, float
             f"these messages go from {first} to {last}, {frames:,} moments of {step:g} s for "
             f"{counted(len(placed), 'vehicle')}; cut the log, or name more seconds with --every"
         )
-    return begin, step, frames
+    return Clock(begin, step, frames)
 
 
-def _at(places: Places, begin: float, times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return float64[F, 3], the poses at moments [s] since `begin`, straight from one report to the next."""
-    own = np.round(places.seconds - begin, 6)
-    pose = np.stack([np.interp(times, own, places.pose[:, axis]) for axis in range(3)], axis=-1)
+def _at(places: Places, clock: Clock) -> NDArray[np.float64]:
+    """Return float64[F, 3], the poses at even moments: straight from one report to the next, unless it was lost."""
+    own = np.round(places.seconds - clock.begin, 6)
+    pose = np.stack([np.interp(clock.times, own, places.pose[:, axis]) for axis in range(3)], axis=-1)
+    for k, inside, back in spans(places, places.lost > 0, clock):
+        pose[inside.start : back] = places.pose[k]
+        pose[back : inside.stop] = places.pose[k + 1]
     pose[:, 2] = np.remainder(pose[:, 2] + np.pi, 2 * np.pi) - np.pi
     return pose
 
@@ -130,22 +117,17 @@ def _at(places: Places, begin: float, times: NDArray[np.float64]) -> NDArray[np.
 class _Teller:
     """What one vehicle told of its orders, at even moments."""
 
-    def __init__(self, vehicle: Vehicle, places: Places, grid: GridMap, begin: float, works: bool) -> None:
+    def __init__(self, vehicle: Vehicle, places: Places, grid: GridMap, clock: Clock, works: bool) -> None:
         """works: whether goals are only what a vehicle works at, since some vehicle tells such actions."""
         self._told = sorted(vehicle.told, key=lambda told: told.seconds)
-        self._places, self._grid, self._begin, self._works = places, grid, begin, works
+        self._places, self._grid, self._clock, self._works = places, grid, clock, works
         self._mute = not any(told.order for told in vehicle.told)  # of orders: then it is always taken to drive
 
-    def moments(
-        self, times: NDArray[np.float64], pose: NDArray[np.float32], lines: list[NDArray[np.float32]]
-    ) -> NDArray[Any]:
+    def moments(self, pose: NDArray[np.float32], lines: list[NDArray[np.float32]]) -> NDArray[Any]:
         """Return MOMENT[F]; the lines that it is ordered along are added."""
+        times = self._clock.times
         out = np.zeros(len(times), MOMENT)
-        half = (times[1] - times[0]) / 2
-        seen = self._places.seconds - self._begin
-        out["bits"][(times >= seen[0] - half) & (times <= seen[-1] + half)] = PRESENT
-        for left, back in self._places.away - self._begin:
-            out["bits"][(times > left) & (times < back)] = 0
+        out["bits"] = PRESENT * self._present(times)
         lines.append(pose[:1, :2].copy())
         now = np.zeros((), MOMENT)
         now["line"], now["goal"] = len(lines) - 1, self._cell(pose[0, :2])
@@ -153,7 +135,7 @@ class _Teller:
         order, done, planned = "", True, 0.0
         at = 0
         for number, told in enumerate(self._told):
-            frame = bisect.bisect_left(times, round(told.seconds - self._begin, 6) - 1e-6)
+            frame = bisect.bisect_left(times, round(told.seconds - self._clock.begin, 6) - 1e-6)
             out[at:frame] = _with(out[at:frame], now)
             at = frame
             if told.nodes:
@@ -170,7 +152,20 @@ class _Teller:
                     now["planned"] += planned
             now["bits"] = told.bits | UNDER_WAY * (self._mute or told.left > 0)
         out[at:] = _with(out[at:], now)
+        for _, inside, _ in spans(self._places, self._places.asleep, self._clock):
+            out["bits"][inside] &= ~np.uint8(UNDER_WAY)
+        out["bits"][times > self._places.seconds[-1] - self._clock.begin + self._clock.step / 2] &= ~np.uint8(UNDER_WAY)
         return out
+
+    def _present(self, times: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return bool[F]: whether it is known where it is. Between two places that it did not drive it never is."""
+        first, until = self._places.seconds[0] - self._clock.begin, self._places.until - self._clock.begin
+        half = self._clock.step / 2
+        found = (times >= first - half) & (times <= until + half)
+        for k, _, back in spans(self._places, self._places.lost > 0, self._clock):
+            left = round((self._places.seconds[k] - self._clock.begin) / self._clock.step) + 1
+            found[max(min(left, back - 1), 0) : back] = False
+        return np.asarray(found)
 
     def _line(self, nodes: tuple[tuple[float, float], ...], here: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the way from where the vehicle is over the nodes to come."""
@@ -206,13 +201,27 @@ def _note_places(placed: dict[Key, Places], grid: GridMap, notes: list[str]) -> 
     in_shelves = int(grid.occupied[tuple(grid.cell(poses[on]).T)].sum())
     if in_shelves:
         notes.append(f"{counted(in_shelves, 'position')} of {len(on):,} lie in cells of shelves or walls")
-    silent = sum(int((np.diff(places.seconds) > _SILENCE + 1).sum()) for places in placed.values())
+
+
+def _note_absences(fleet: Fleet, placed: dict[Key, Places], notes: list[str]) -> None:
+    """Note when vehicles were not there, and who fell silent without a word."""
+    why = Counter(int(one) for places in placed.values() for one in places.lost if one)
+    notes += [
+        f"{counted(count, 'time')} a vehicle {LOST[one - 1]}: it is absent meanwhile"
+        for one, count in sorted(why.items())
+    ]
+    end = max(float(places.seconds[-1]) for places in placed.values())
+    last = {key: fleet.vehicles[key].connected[-1:] for key in placed}
+    silent = sum(
+        end - places.until > SILENCE + 1 and not (last[key] and last[key][0][1] in GONE)
+        for key, places in placed.items()
+    )
     if silent:
-        notes.append(f"{counted(silent, 'time')} a vehicle did not say where it is for over {_SILENCE:g} s")
+        notes.append(f"{counted(silent, 'vehicle')} fell silent for good without going offline: absent from then on")
 
 
 def _config(
-    fleet: Fleet, keys: list[Key], config: EnvConfig, step: float, frames: int, notes: list[str]
+    fleet: Fleet, keys: list[Key], config: EnvConfig, clock: Clock, notes: list[str]
 ) -> EnvConfig:  # fmt: skip
     """Return the config of the episode: as many robots, of the body that the factsheets tell."""
     bodies = [body_of(fleet.vehicles[key].factsheet) for key in keys]
@@ -221,4 +230,4 @@ def _config(
     if any(other != body for other, _ in bodies):
         notes.append("the vehicles differ in size; all are taken for the first one's")
     robot = dataclasses.replace(config.robot, **body)
-    return config.replace(num_agents=len(keys), time_step=step, max_steps=frames - 1, robot=robot)
+    return config.replace(num_agents=len(keys), time_step=clock.step, max_steps=clock.frames - 1, robot=robot)

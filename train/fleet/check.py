@@ -5,17 +5,21 @@ from __future__ import annotations
 import functools
 import importlib
 import json
+import re
 from collections import Counter, defaultdict
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from train.fleet.log import Bad, Entry, log_path, moment_of, read_log
+from train.fleet.log import Bad, Entry, log_path, moment_of, read_log, version_of
 from train.fleet.order_rules import OrderBook
 from warehouse_env.errors import WarehouseError, shown
+from warehouse_env.format_version import major_of
 
 SCHEMAS = Path(__file__).with_name("schemas")
 NAMES = ("connection", "factsheet", "order", "state", "visualization")
+_READS = 2  # major version
+_VERSION = re.compile(r"\d+\.\d+\.\d+", re.ASCII)
 _LATEST = 30.0  # [s] after which a state is due
 _SHOWN = 100  # faults that are kept; the others are counted
 
@@ -25,7 +29,7 @@ class Fault(NamedTuple):
 
     line: int
     vehicle: str
-    kind: str  # schema, header, time, quality, connection, order, state
+    kind: str  # version, schema, header, time, quality, connection, order, state
     what: str
 
     @property
@@ -61,7 +65,13 @@ def check_log(given: Path, moved: Callable[[], object] = lambda: None) -> Checke
         checker.take(number, entry)
         moved()
     if not checker.messages:
-        raise WarehouseError(f"{log_path(given)} holds no message of VDA 5050")
+        unread = " and ".join(map(shown, checker.unread.values()))
+        is_of = (
+            f"is of version {unread} of VDA 5050; --check reads {_READS}.x"
+            if unread
+            else "holds no message of VDA 5050"
+        )
+        raise WarehouseError(f"{log_path(given)} {is_of}")
     return checker.done()
 
 
@@ -69,6 +79,7 @@ class _Vehicle:
     """What is known of one vehicle."""
 
     def __init__(self) -> None:
+        self.versions: set[str] = set()  # odd ones, told once each
         self.headers: dict[str, int] = {}
         self.times: dict[str, float] = {}
         self.online = False
@@ -82,6 +93,7 @@ class _Checker:
 
     def __init__(self) -> None:
         self.messages: Counter[str] = Counter()
+        self.unread: dict[int, str] = {}  # major version that is not read -> as it was first written
         self._vehicles: defaultdict[str, _Vehicle] = defaultdict(_Vehicle)
         self._faults: list[Fault] = []
         self._count = 0
@@ -95,14 +107,17 @@ class _Checker:
         if isinstance(entry, Bad):
             self._note("header", entry.why)
             return
-        parts = (entry.topic or "").split("/")
+        parts = (entry.topic or "").split("/")[-5:]  # an interface's name may have several levels
+        if len(parts) == 5:
+            self._where = (number, "/".join(parts[2:4]))
+        if not self._is_read(entry):
+            return
         if len(parts) != 5 or parts[4] not in (*NAMES, "instantActions"):
             self._note("header", f"the topic {shown(entry.topic)} is not INTERFACE/VERSION/MANUFACTURER/SERIAL/TOPIC")
             return
         name, key = parts[4], "/".join(parts[2:4])
         if name == "connection" and self._is_old(key, entry):
             return
-        self._where = (number, key)
         vehicle, payload = self._vehicles[key], entry.payload
         self.messages[name] += 1
         if name == "instantActions":
@@ -117,9 +132,19 @@ class _Checker:
         """Return what was found."""
         for key, vehicle in self._vehicles.items():
             self._where = (self._where[0], key)
-            self._due(vehicle, vehicle.times.get("connection", self._last))
+            self._due(vehicle, self._last)
         seconds = self._last - self._first if self._first is not None else 0.0
         return Checked(self.messages, len(self._vehicles), seconds, self._faults, self._count)
+
+    def _is_read(self, entry: Entry) -> bool:
+        """Whether a message is of a version that is checked; each other version is one fault."""
+        version, major = version_of(entry)
+        if major is None or major == _READS:
+            return True
+        if major not in self.unread:
+            self.unread[major] = version
+            self._note("version", f"{shown(version)} is not read; --check reads {_READS}.x and skips the others")
+        return False
 
     def _is_old(self, key: str, entry: Entry) -> bool:
         """Whether a connection's message is what the broker has kept from before, or delivers a second time."""
@@ -155,18 +180,26 @@ class _Checker:
         whose = (payload.get("manufacturer"), payload.get("serialNumber"))
         if whose != (parts[2], parts[3]):
             self._note("header", f"it names vehicle {shown(whose)}, its topic another")
-        version = str(payload.get("version"))
-        if f"v{version.split('.')[0]}" != parts[1]:
-            self._note("header", f"version {shown(version)} is not that of the topic, {shown(parts[1])}")
+        self._version(vehicle, payload["version"], parts[1])
         now = moment_of(payload.get("timestamp"), zoned=True)
         if now is None:
             self._note("time", f"timestamp {shown(payload.get('timestamp'))} is none by ISO 8601 in UTC")
+            return
+        if payload.get("connectionState") == "CONNECTIONBROKEN":  # told by the broker, as old as the connection
             return
         if now < vehicle.times.get(name, now):
             self._note("time", f"the timestamp of this {name} lies before that of the last")
         vehicle.times[name] = now
         self._first = now if self._first is None else min(self._first, now)
         self._last = max(self._last, now)
+
+    def _version(self, vehicle: _Vehicle, version: str, level: str) -> None:
+        """Note a version that is oddly written, or not the topic's, once for a vehicle."""
+        wrong = not _VERSION.fullmatch(version), f"v{major_of(version)}" != level
+        if any(wrong) and f"{level}/{version}" not in vehicle.versions:
+            vehicle.versions.add(f"{level}/{version}")
+            what = "is not MAJOR.MINOR.PATCH" if wrong[0] else f"is not that of the topic, {shown(level)}"
+            self._note("version", f"{shown(version)} {what}")
 
     def _quality(self, name: str, entry: Entry) -> None:
         wanted = int(name == "connection")
@@ -175,6 +208,9 @@ class _Checker:
 
     def _connection(self, vehicle: _Vehicle, payload: dict[str, Any]) -> None:
         state, vehicle.connection = payload["connectionState"], payload
+        if state != "ONLINE":  # from then on no state is due
+            self._due(vehicle, vehicle.times.get("connection", self._last))
+            vehicle.said = None
         if vehicle.online and state == "ONLINE":
             self._note("connection", "it is ONLINE once more, and was not gone")
         if not vehicle.online and state != "ONLINE" and payload["headerId"] == 0:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import zipfile
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.fleet.figures import LOADED, MOMENT, PRESENT, Figures
-from warehouse_env.errors import WarehouseError, shown
-from warehouse_env.files import complete_file, path_of
+from warehouse_env.errors import WarehouseError
+from warehouse_env.files import complete_file, zip_member
 from warehouse_env.render.replay import REWARD_TERMS
 from warehouse_env.simulation.record.metrics import episode_row
-from warehouse_env.simulation.record.recording import Episode
+from warehouse_env.simulation.record.recording import Episode, opened
 from warehouse_env.simulation.rules.jams import Jams
 from warehouse_env.simulation.state import NOBODY, PERSON, events_of, state_of
 
@@ -124,13 +123,8 @@ class Shown:
 def load_episode(path: str | Path) -> Episode:
     """Read an episode's file, of `warehouse record` or `warehouse fleet --listen`; WarehouseError as Episode.load."""
     episode = Episode.load(path)
-    try:
-        with zipfile.ZipFile(path_of(path)) as archive:
-            return _driven(episode, archive) if _ABOUT in archive.namelist() else episode
-    except WarehouseError as error:
-        raise WarehouseError(f"{path} is no complete episode file: {error}") from None
-    except (OSError, KeyError, ValueError, TypeError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
-        raise WarehouseError(f"{path} is no complete episode file: {shown(error)}") from None
+    with opened(path) as archive:
+        return _driven(episode, archive) if _ABOUT in archive.namelist() else episode
 
 
 def load_simulated(path: str | Path) -> Episode:
@@ -145,12 +139,12 @@ def load_simulated(path: str | Path) -> Episode:
 
 def _driven(episode: Episode, archive: zipfile.ZipFile) -> Driven:
     """Return the episode with what stands in further members, each checked before it is read."""
-    about = json.loads(_member(archive, _ABOUT, _LONGEST_TEXT))
+    about = json.loads(zip_member(archive, _ABOUT, _LONGEST_TEXT))
     frames, worlds, robots, _ = episode.pose.shape
     size = frames * robots * MOMENT.itemsize
-    moments = np.frombuffer(_member(archive, _MOMENTS, size), MOMENT)
-    counts = np.frombuffer(_member(archive, _COUNTS, _COUNT.itemsize * MOST_POINTS), _COUNT)
-    points = np.frombuffer(_member(archive, _POINTS, 2 * _POINT.itemsize * MOST_POINTS), _POINT).reshape(-1, 2)
+    moments = np.frombuffer(zip_member(archive, _MOMENTS, size), MOMENT)
+    counts = np.frombuffer(zip_member(archive, _COUNTS, _COUNT.itemsize * MOST_POINTS), _COUNT)
+    points = np.frombuffer(zip_member(archive, _POINTS, 2 * _POINT.itemsize * MOST_POINTS), _POINT).reshape(-1, 2)
     if worlds != 1 or len(moments) != frames * robots:
         raise WarehouseError(f"its {len(moments)} moments are not those of {frames} times {robots} vehicles")
     if not len(counts) or counts.min() < 1 or counts.sum(dtype=np.int64) != len(points):
@@ -165,11 +159,3 @@ def _driven(episode: Episode, archive: zipfile.ZipFile) -> Driven:
         moments.reshape(frames, robots), lines, tuple(map(str, about["vehicles"])), str(about["begin"]),
         tuple(map(str, about["notes"])),
     )  # fmt: skip
-
-
-def _member(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
-    with archive.open(name) as file:
-        content = file.read(most + 1)
-    if len(content) > most:
-        raise WarehouseError(f"its member {name} has more than {most:,} bytes")
-    return content

@@ -79,17 +79,16 @@ def body_of(factsheet: dict[str, Any]) -> tuple[dict[str, float], str]:
 
 def _outline(factsheet: dict[str, Any]) -> tuple[tuple[float, float], tuple[float, float]] | None:
     """Return the bounds in x and y [m] of the first outline around the position; None if there is none."""
-    try:
-        if "mobileRobotGeometry" in factsheet:  # as version 3 calls it
-            points = factsheet["mobileRobotGeometry"]["envelopes2d"][0]["vertices"]
-        else:
-            points = factsheet["agvGeometry"]["envelopes2d"][0]["polygonPoints"]
-        listed = [[float(point[axis]) for point in points] for axis in ("x", "y")]
-        (west, east), (south, north) = ((min(values), max(values)) for values in listed)
-    except (KeyError, IndexError, TypeError, ValueError, OverflowError):
-        return None
-    fits = all(map(math.isfinite, (west, east, south, north))) and west < 0 <= east and south < north
-    return ((west, east), (south, north)) if fits else None
+    for geometry, outline in (("mobileRobotGeometry", "vertices"), ("agvGeometry", "polygonPoints")):  # 3 on, until 2
+        try:
+            points = factsheet[geometry]["envelopes2d"][0][outline]
+            listed = [[float(point[axis]) for point in points] for axis in ("x", "y")]
+            (west, east), (south, north) = ((min(values), max(values)) for values in listed)
+        except (KeyError, IndexError, TypeError, ValueError, OverflowError):
+            continue
+        if all(map(math.isfinite, (west, east, south, north))) and west < 0 <= east and south < north:
+            return (west, east), (south, north)
+    return None
 
 
 def _size(value: object) -> float | None:

@@ -36,7 +36,8 @@ def _step_robots(robots, poses, before, moments, was, seconds, dt, late):
         r = robots[i]
         x, y, heading = poses[i, 0], poses[i, 1], poses[i, 2]
         dx, dy = x - before[i, 0], y - before[i, 1]
-        way = math.sqrt(dx * dx + dy * dy)
+        seen = (moments[i]["bits"] & was[i]["bits"] & PRESENT) != 0
+        way = math.sqrt(dx * dx + dy * dy) if seen else 0.0
         ahead = dx * (math.cos(heading) + math.cos(before[i, 2])) + dy * (math.sin(heading) + math.sin(before[i, 2]))
         r["x"], r["y"], r["heading"] = x, y, heading
         r["cos"], r["sin"] = math.cos(heading), math.sin(heading)
@@ -50,7 +51,7 @@ def _step_robots(robots, poses, before, moments, was, seconds, dt, late):
         r["hit_shelf"], r["hit_person"] = (began & AT_SHELF) != 0, (began & AT_PERSON) != 0
         r["hits_shelf"] += r["hit_shelf"]
         r["hits_person"] += r["hit_person"]
-        r["distance"] += way if (moments[i]["bits"] & was[i]["bits"] & PRESENT) != 0 else 0.0
+        r["distance"] += way
         r["position"] = 0.0 if moments[i]["line"] != was[i]["line"] else r["position"] + way
         if (
             dt == 0.0

@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 
 from train.fleet.messages import LOG
 from warehouse_env.errors import WarehouseError, shown
-from warehouse_env.files import path_of
+from warehouse_env.files import path_of, text_lines
+from warehouse_env.format_version import major_of
 
-LONGEST = 4_000_000  # bytes of a line
-_MOST_LINES = 100_000_000
+LONGEST = 4_000_000  # characters of a line
+_LARGEST_FILE = 10**12  # [bytes]
 
 
 class Entry(NamedTuple):
@@ -32,29 +33,16 @@ class Bad(NamedTuple):
 
 
 def log_path(given: Path) -> Path:
-    """Return where the log lies: the file itself, or in the folder; WarehouseError if there is none."""
+    """Return where the log lies: the file itself, or in the folder."""
     path = path_of(given)
-    path = path / LOG if path.is_dir() else path
-    if not path.is_file():
-        raise WarehouseError(f"log of messages {path} {'is no plain file' if path.exists() else 'does not exist'}")
-    return path
+    return path / LOG if path.is_dir() else path
 
 
 def read_log(path: Path) -> Iterator[tuple[int, Entry | Bad]]:
     """Yield each line that is not empty, with its number from 1 on; WarehouseError where the file cannot be read."""
-    try:
-        with path.open("rb") as file:
-            for number in range(1, _MOST_LINES):
-                line = file.readline(LONGEST + 1)
-                if not line:
-                    return
-                if len(line) > LONGEST:
-                    raise WarehouseError(f"{path}: line {number} has more than {LONGEST:,} bytes, as no message has")
-                if line.strip():
-                    yield number, entry_of(line)
-    except OSError as error:
-        raise WarehouseError(f"log of messages {path} cannot be read: {error.strerror}") from None
-    raise WarehouseError(f"{path} has more than {_MOST_LINES:,} lines; cut it into several")
+    for number, line in text_lines(path, "log of messages", _LARGEST_FILE, LONGEST, WarehouseError):
+        if line.strip():
+            yield number, entry_of(line.encode("utf-8", "surrogateescape"))
 
 
 def entry_of(line: bytes) -> Entry | Bad:
@@ -98,3 +86,12 @@ def moment_of(stamp: object, zoned: bool = False) -> float | None:
         return moment.timestamp()
     except (ValueError, OverflowError):
         return None
+
+
+def version_of(entry: Entry) -> tuple[str, int | None]:
+    """Return the version that a message, or else its topic, names: as written, and its major number or None."""
+    level = "" if entry.topic is None else "".join(entry.topic.split("/")[-4:-3])
+    for said in (entry.payload.get("version"), level if level[:1] in ("v", "V") else None):
+        if (major := major_of(said)) is not None:
+            return str(said), major
+    return "", None

@@ -11,15 +11,19 @@ from collections import Counter
 from typing import Any, NamedTuple
 
 from train.fleet.figures import AT_PERSON, AT_ROBOT, AT_SHELF, LOADED
-from train.fleet.log import Bad, Entry, moment_of
+from train.fleet.log import Bad, Entry, moment_of, version_of
 from train.fleet.vehicle import CONTACTS
-from warehouse_env.errors import WarehouseError
+from warehouse_env.errors import WarehouseError, shown
 
 MOST_REPORTS = 5_000_000  # of positions, and of states
 _MOST_VEHICLES = 2_000
 _MOST_NODES = 5_000  # of an order
 _FARTHEST = 1e7  # [m]
 _BITS = dict(zip(CONTACTS, (AT_ROBOT, AT_SHELF, AT_PERSON), strict=True))
+GONE, ASLEEP = ("OFFLINE", "CONNECTIONBROKEN"), "HIBERNATING"
+_CONNECTIONS = ("ONLINE", ASLEEP, *GONE)  # CONNECTION_BROKEN of version 3 counts as CONNECTIONBROKEN
+_POSITIONS = ("agvPosition", "mobileRobotPosition")  # until version 2, and from 3 on
+_READ = range(1, 4)  # major versions
 _PARKING = ("startCharging", "stopCharging")  # actions that are no goal's
 
 Key = tuple[str, str]
@@ -48,12 +52,23 @@ class Vehicle:
         self.told: list[Told] = []
         self.factsheet: dict[str, Any] = {}
         self.connection: dict[str, Any] = {}  # what it said of it last
+        self.connected: list[tuple[float, str]] = []  # moment and state of each connection message
         self._last: tuple[str, int] | None = None
+        self._latest = -math.inf  # moment of any message so far
 
     @property
     def spoke(self) -> bool:
         """Whether it has said anything that it only says while it is there."""
         return bool(self.connection or self.seconds or self.told)
+
+    def connect(self, payload: dict[str, Any], state: str) -> None:
+        """Keep a connection message. The broker tells a broken one, with a timestamp from before the connection."""
+        moment = moment_of(payload.get("timestamp"))
+        if moment is None or state == GONE[1]:
+            moment = self._latest
+        self._latest = max(self._latest, moment)
+        self.connection = payload
+        self.connected.append((moment, state))
 
     def place(self, seconds: float, pose: tuple[float, float, float], name: str) -> None:
         """Keep a position."""
@@ -65,11 +80,16 @@ class Vehicle:
         for values, value in zip((self.x, self.y, self.theta), pose, strict=True):
             values.append(value)
         self.map.append(self.maps.index(name))
+        self._latest = max(self._latest, seconds)
 
     def tell(self, seconds: float, payload: dict[str, Any]) -> None:
         """Keep what a state says of its order, its load and its errors."""
         order, update = _text(payload.get("orderId")), int(_number(payload.get("orderUpdateId")) or 0)
-        nodes, edges = (_objects(payload.get(name)) for name in ("nodeStates", "edgeStates"))
+        listed = [payload.get(name) for name in ("nodeStates", "edgeStates")]
+        nodes, edges = map(_objects, listed)
+        left = len(nodes) + len(edges)
+        if not any(isinstance(one, list) for one in listed):  # it does not say what is left
+            left = self.told[-1].left if self.told and self.told[-1].order == order else int(order != "")
         new = self._last != (order, update)
         self._last = (order, update)
         positions = tuple(filter(None, (_point(node) for node in nodes[:_MOST_NODES]))) if new else ()
@@ -78,7 +98,8 @@ class Vehicle:
         for error in _objects(payload.get("errors")):
             kind = error.get("errorType")
             bits |= _BITS.get(kind, 0) if isinstance(kind, str) else 0
-        self.told.append(Told(seconds, order, update, len(nodes) + len(edges), positions, works, bits))
+        self.told.append(Told(seconds, order, update, left, positions, works, bits))
+        self._latest = max(self._latest, seconds)
 
 
 class Fleet:
@@ -87,6 +108,8 @@ class Fleet:
     def __init__(self) -> None:
         self.vehicles: dict[Key, Vehicle] = {}
         self.left_out: Counter[str] = Counter()
+        self.versions: Counter[int] = Counter()  # messages read, by major version
+        self.named: dict[int, str] = {}  # major version -> as it was first written
         self.messages = self.places = self.states = 0
         self.gaps: list[float] = []  # [s] for which nothing was heard since the connection was broken
         self._said: set[tuple[Key, str]] = set()  # topics of vehicles on which something came
@@ -107,6 +130,8 @@ class Fleet:
         if name is None or key is None:
             self.left_out["are of no topic or vehicle of VDA 5050"] += 1
             return
+        if not self._is_read(entry):
+            return
         first = (key, name) not in self._said
         self._said.add((key, name))
         if first and entry.retain and name in ("state", "visualization"):
@@ -116,7 +141,11 @@ class Fleet:
         if name == "factsheet":
             vehicle.factsheet = vehicle.factsheet or payload
         elif name == "connection":
-            vehicle.connection = payload
+            state = _connection(payload)
+            if state is None:
+                self.left_out["have a connectionState that is none"] += 1
+            else:
+                vehicle.connect(payload, state)
         else:
             self._report(vehicle, name, payload)
 
@@ -127,14 +156,27 @@ class Fleet:
         key = _key(entry)
         vehicle = self.vehicles.get(key) if key is not None else None
         if vehicle is None or not vehicle.spoke:
-            return not _is_online(entry.payload)
+            return _connection(entry.payload) in GONE
         return vehicle.connection == entry.payload
 
     @property
     def gone(self) -> bool:
         """Whether all vehicles that spoke have said that they are offline, and there are some."""
         spoke = [vehicle for vehicle in self.vehicles.values() if vehicle.spoke]
-        return bool(spoke) and all(one.connection and not _is_online(one.connection) for one in spoke)
+        return bool(spoke) and all(one.connected and one.connected[-1][1] in GONE for one in spoke)
+
+    def _is_read(self, entry: Entry) -> bool:
+        """Whether a message is of a version that is read, or names none; count it by its version."""
+        version, major = version_of(entry)
+        if major is None:
+            return True
+        named = shown(self.named.setdefault(major, version))
+        if major not in _READ:
+            reads = f"versions {_READ[0]} to {_READ[-1]} are read"
+            self.left_out[f"are of version {named} of VDA 5050, and {reads}"] += 1
+            return False
+        self.versions[major] += 1
+        return True
 
     def _vehicle(self, key: Key) -> Vehicle:
         if key not in self.vehicles:
@@ -154,16 +196,15 @@ class Fleet:
         if name == "state":
             self.states += 1
             vehicle.tell(seconds, payload)
-        found = payload.get("agvPosition", payload.get("mobileRobotPosition"))  # until version 2, and from 3 on
-        if found is None and name == "state":
+        given = [payload[key] for key in _POSITIONS if payload.get(key) is not None]
+        if not given and name == "state":
             return
-        position = found if isinstance(found, dict) else {}
-        pose = _numbers(position, ("x", "y", "theta"))
-        if pose is None or position.get("positionInitialized", position.get("localized")) is False:
+        pose, position = next(((pose, one) for one in _objects(given) if (pose := _pose(one)) is not None), (None, {}))
+        if pose is None:
             self.left_out["have no position"] += 1
             return
         self.places += 1
-        vehicle.place(seconds, pose, _text(position.get("mapId"))[:200])  # type: ignore[arg-type]
+        vehicle.place(seconds, pose, _text(position.get("mapId"))[:200])
 
 
 def _kind(entry: Entry) -> str | None:
@@ -178,7 +219,7 @@ def _kind(entry: Entry) -> str | None:
         "actions": "instantActions", "nodeStates": "state", "agvPosition": "visualization",
         "mobileRobotPosition": "visualization",
     }  # fmt: skip
-    return next((name for sign, name in signs.items() if sign in entry.payload), None)
+    return next((name for sign, name in signs.items() if entry.payload.get(sign) is not None), None)
 
 
 def _key(entry: Entry) -> Key | None:
@@ -189,8 +230,17 @@ def _key(entry: Entry) -> Key | None:
     return (first, second) if second and len(first) + len(second) < 200 else None
 
 
-def _is_online(connection: dict[str, Any]) -> bool:
-    return connection.get("connectionState") == "ONLINE"
+def _connection(payload: dict[str, Any]) -> str | None:
+    """Return a connectionState of any version by the name that version 2 has for it; None for what is none."""
+    state = _text(payload.get("connectionState")).upper().replace("_", "")
+    return state if state in _CONNECTIONS else None
+
+
+def _pose(position: dict[str, Any]) -> tuple[float, float, float] | None:
+    """Return x, y [m] and theta [rad] of a position; None where one is missing, or the vehicle has not found itself."""
+    if any(position.get(name) in (False, "false") for name in ("positionInitialized", "localized")):
+        return None
+    return _numbers(position, ("x", "y", "theta"))  # type: ignore[return-value]
 
 
 def _objects(value: object) -> list[dict[str, Any]]:

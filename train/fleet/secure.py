@@ -6,7 +6,9 @@ import ssl
 from pathlib import Path
 
 from warehouse_env.errors import ConfigError
-from warehouse_env.files import path_of
+from warehouse_env.files import path_of, read_bytes
+
+_LARGEST_FILE = 4_000_000  # [bytes]
 
 
 def secure_context(authority: Path | None, certificate: Path | None, key: Path | None) -> ssl.SSLContext:
@@ -58,9 +60,5 @@ def _with_certificate(option: str, given: Path) -> Path:
 
 def _readable(option: str, given: Path) -> Path:
     """Return the path of a file that can be read."""
-    path = path_of(given)
-    try:
-        path.open("rb").close()
-    except OSError as error:
-        raise ConfigError(f"{option} {given} cannot be read: {error.strerror}") from None
-    return path
+    read_bytes(given, option, _LARGEST_FILE, ConfigError)
+    return path_of(given)

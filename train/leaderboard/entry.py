@@ -15,13 +15,14 @@ from train.leaderboard.cases import CASES, FIELD, TRACKS, VERSION, Case, experim
 from train.reporting.rows import Row, plain
 from warehouse_env import __version__
 from warehouse_env.errors import WarehouseError
-from warehouse_env.files import write_text
+from warehouse_env.files import read_json, write_text
 
 COLUMNS = (
     "track", "layout", "robots", "seed", "goals_per_robot_hour", "late_goals_per_robot_hour", "collisions_robot",
     "collisions_shelf", "robot_km", "stuck", "longest_standing_s",
 )  # fmt: skip
 _KNOWN_BY = COLUMNS[:4]
+_LARGEST_FILE = 64_000_000  # [bytes]
 SHIPPED = Path(__file__).parent / "entries"  # of the shipped policies
 
 
@@ -60,10 +61,7 @@ def write_entry(entry: Entry, path: Path) -> None:
 
 def read_entry(path: Path) -> Entry:
     """Read an entry; WarehouseError says in one sentence if it is none, or was changed after it was written."""
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise WarehouseError(f"{path} cannot be read as JSON: {error}") from None
+    data = read_json(path, "entry", _LARGEST_FILE, WarehouseError)
     if not isinstance(data, dict) or not isinstance(data.get("benchmark"), int):
         raise WarehouseError(f"{path} is no entry of the benchmark: make one with warehouse benchmark --policy NAME")
     if data["benchmark"] != VERSION:

@@ -14,14 +14,14 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.numpy import load_file, save
+from safetensors.numpy import load, save
 
 from warehouse_env.errors import WeightsError, shown
-from warehouse_env.files import complete_file, write_text
+from warehouse_env.files import MOST, complete_file, read_bytes, read_json, write_text
 
 Arrays = Mapping[str, NDArray[Any]]
 FORMAT = 1
-_STATE = "state.json"
+_STATE, _LARGEST_STATE = "state.json", 16_000_000  # [bytes]
 
 
 class Checkpoint(NamedTuple):
@@ -58,12 +58,13 @@ def read(directory: Path) -> Checkpoint:
     path = directory / _STATE
     if not path.is_file():
         raise WeightsError(f"{directory} holds no checkpoint to go on from: {_STATE} is missing")
+    data = read_json(path, "checkpoint", _LARGEST_STATE, WeightsError)
+    if not isinstance(data, dict) or data.get("format") != FORMAT or not isinstance(data.get("arrays"), str):
+        raise WeightsError(f"the checkpoint {path} is damaged: it is not of format {FORMAT}")
+    content = read_bytes(directory / Path(data["arrays"]).name, "checkpoint", MOST, WeightsError)
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(data, dict) or data.get("format") != FORMAT:
-            raise ValueError(f"it is not of format {FORMAT}")
-        arrays = load_file(directory / Path(str(data["arrays"])).name)
-    except (OSError, ValueError, KeyError, RecursionError, SafetensorError) as error:
+        arrays = load(content)
+    except (ValueError, KeyError, SafetensorError) as error:
         raise WeightsError(f"the checkpoint {path} is damaged: {shown(error)}") from None
     return Checkpoint(arrays, data)
 

@@ -24,14 +24,17 @@ from train.learning.evaluations import Drive, Evaluations
 from train.learning.progress import ProgressLog
 from train.learning.stop import stop_signal
 from train.learning.timing import Split
+from train.parcels import Kept, check_kept, kept, staged
 from train.reporting.lock import held
 from train.reporting.report import tell
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, LostError, WarehouseError, WeightsError
 from warehouse_env.files import check_writable
+from warehouse_env.own_parts import digests
 from warehouse_env.simulation.simulator import Simulator
 
 CHECKPOINT = "checkpoint"
+FILES = "files"  # in a run's folder, the files of its floors
 LOCK = ".lock"  # in a run's folder, while it is trained in
 _NAMED = 3  # floors that the first line names
 _MOST_LOST = 5  # times in a row that workers are lost before another checkpoint is written; a machine may cost two
@@ -94,6 +97,15 @@ class Position:
     update: int = 0
     steps: int = 0  # agent-steps
     seconds: float = 0.0
+    files: Kept = dataclasses.field(default_factory=dict)  # of floors, in FILES
+    code: dict[str, str] = dataclasses.field(default_factory=dict)  # parts of one's own, each with its digest
+
+    @classmethod
+    def of(cls, saved: checkpoint.Checkpoint) -> Position:
+        """Return that of a checkpoint; earlier versions kept neither files nor digests."""
+        return cls(
+            **{field.name: saved.data[field.name] for field in dataclasses.fields(cls) if field.name in saved.data}
+        )
 
     def spent(self, config: TrainingConfig) -> float:
         """Return the share of the budget used, 0 to 1."""
@@ -130,6 +142,8 @@ def run_training(config: ConfigT, algorithm: str, make: Callable[[ConfigT], Trai
         if config.resume is None or config.resume.is_dir():  # else there is nothing to go on with, which _begin says
             stack.enter_context(held(config.directory / LOCK, config.directory))
         config, saved = _begin(config, algorithm)
+        if saved is not None:
+            stack.enter_context(staged(_unchanged(config, Position.of(saved)), config.directory / FILES))
         tell(_beginning(config))
         lost = 0
         while True:
@@ -151,10 +165,11 @@ def _run(
     """Train from the beginning or a checkpoint; LostError where the trainer lost workers, what is saved stands."""
     with ExitStack() as stack:
         trainer = stack.enter_context(closing(make(config)))
-        position = Position()
-        if saved is not None:
+        if saved is None:
+            position = Position(files=kept(config.layouts, config.directory / FILES), code=_code(config))
+        else:
             trainer.load(saved.arrays)
-            position = Position(**{f.name: saved.data[f.name] for f in dataclasses.fields(Position)})
+            position = Position.of(saved)
         stop = stack.enter_context(stop_signal())
         log = stack.enter_context(ProgressLog(config.directory, config.progress, position.steps, config.to_dict()))
         evaluations = Evaluations(config, drive, None if saved is None else position.update)
@@ -167,6 +182,22 @@ def _run(
             evaluations.run(position.update, position.steps, log)
         if config.progress:
             tell(_split(trainer))
+
+
+def _code(config: TrainingConfig) -> dict[str, str]:
+    return digests(*config.layouts, config.router)
+
+
+def _unchanged(config: TrainingConfig, position: Position) -> Kept:
+    """Return the files of a run's floors; WeightsError where they, or code of one's own, are other than they were."""
+    check_kept(position.files, config.directory / FILES)
+    now = _code(config)
+    for name, digest in position.code.items():
+        if now.get(name, digest) != digest:
+            raise WeightsError(
+                f"{name} is not the code that {config.directory} was trained with: take that, or begin anew"
+            )
+    return position.files
 
 
 def _last(config: TrainingConfig) -> checkpoint.Checkpoint | None:

@@ -119,8 +119,6 @@ def read_runs(paths: Sequence[Path]) -> list[Run]:
 
 
 def _rows(file: Path) -> list[Row]:
-    if not file.is_file():
-        raise WarehouseError(f"{file} does not exist; name rows that `warehouse evaluate` wrote, or their folder")
     rows = read_rows(file)
     missing = [name for name in _NEEDED if any(name not in row for row in rows)]
     if not rows or missing:

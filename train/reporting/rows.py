@@ -17,9 +17,10 @@ import numpy as np
 
 from train.reporting.lock import held
 from warehouse_env.errors import WarehouseError
-from warehouse_env.files import check_writable, is_special, write_text
+from warehouse_env.files import MOST, check_writable, is_special, read_bytes, text_lines, write_text
 
 Row = dict[str, Any]
+_LONGEST = 64_000_000  # characters of a row
 
 
 def plain(value: Any) -> Any:
@@ -104,24 +105,18 @@ def instead(overwrite: bool, resumes: bool = True) -> str:
 def read_rows(path: Path) -> list[Row]:
     """Return the rows of a JSON-lines file; raises WarehouseError naming the file and line of a damaged one."""
     rows = []
-    for number, line in enumerate(_read_text(path).split("\n"), start=1):
+    for number, line in text_lines(path, "file of rows", MOST, _LONGEST, WarehouseError):
         if not line.strip():
             continue
         try:
-            row = json.loads(line)
-        except (ValueError, RecursionError):
-            row = None
+            row = json.loads(line.encode())
+        except (ValueError, RecursionError) as error:
+            row = error
         if not isinstance(row, dict):
-            raise WarehouseError(f"{path}, line {number}: not a JSON object; delete the line or the file")
+            what = "UTF-8" if isinstance(row, UnicodeError) else "a JSON object"
+            raise WarehouseError(f"{path}, line {number}: not {what}; delete the line or the file")
         rows.append(row)
     return rows
-
-
-def _read_text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise WarehouseError(f"{path} cannot be read as text: {getattr(error, 'strerror', None) or error}") from None
 
 
 def whole_rows(path: Path) -> list[Row]:
@@ -134,14 +129,14 @@ def whole_rows(path: Path) -> list[Row]:
 
 def _cut_torn_line(path: Path) -> None:
     if path.is_file():
-        content = path.read_bytes()
+        content = read_bytes(path, "file of rows", MOST, WarehouseError)
         if not content.endswith(b"\n"):
             os.truncate(path, content.rfind(b"\n") + 1)
 
 
 def write_rows(path: Path, rows: Iterable[Row]) -> None:
     """Write a JSON-lines file, all of it or nothing."""
-    write_text(path, "".join(json.dumps(plain(row), allow_nan=False) + "\n" for row in rows))
+    write_text(path, "".join(json.dumps(plain(row), allow_nan=False) + "\n" for row in rows), rows=True)
 
 
 class Interval(NamedTuple):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import math
 
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
@@ -17,9 +16,9 @@ class MetricsCallback(BaseCallback):
     """Logs the metrics of the episodes that ended: `model.learn(..., callback=MetricsCallback())`.
 
     "robot/...": means over robots (metrics.robot_rows), with any of our environments; "world/...": means over worlds
-    (metrics.episode_row), with `vec_env`. Each is over the episodes that ended since the logger last wrote; a figure
-    that an episode does not have (nan, as the path length of one without a goal) is left out of its mean. The model's
-    file says in plain words which environment it was trained in, so that commands take it as --policy FILE.zip.
+    (metrics.episode_row), with `vec_env`. Each is over the episodes that ended since the logger last wrote and have
+    the figure: one without a goal has no path length. The model's file says in plain words which environment it was
+    trained in, so that commands take it as --policy FILE.zip.
     """
 
     def _on_training_start(self) -> None:
@@ -36,6 +35,5 @@ class MetricsCallback(BaseCallback):
             info = self.locals["infos"][row]
             for key, prefix in _PREFIXES.items():
                 for name, value in info.get(key, {}).items():
-                    if not math.isnan(value):
-                        self.logger.record_mean(f"{prefix}/{name}", value)
+                    self.logger.record_mean(f"{prefix}/{name}", value)
         return True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from struct import Struct
 from typing import TYPE_CHECKING, Any
@@ -139,9 +140,9 @@ def finished_task(arrival: Arrival) -> dict[str, float]:
 
 
 def final_metrics(simulator: Simulator, robots: ArrayLike) -> list[dict[str, float]]:
-    """Return the rows of metrics (`robot_rows`, its world's `people_row` and `work_row`) of robots whose episode has
-    ended with this step.
+    """Return the metrics of robots whose episode has ended with this step, as far as an episode has them.
 
+    They are those of `robot_rows`, and its world's `people_row` and `work_row`.
     robots: int[K], counted over all worlds: world * num_agents + robot.
     """
     chosen = np.asarray(robots)
@@ -149,7 +150,15 @@ def final_metrics(simulator: Simulator, robots: ArrayLike) -> list[dict[str, flo
     seconds = simulator.steps[worlds] * config.action_repeat * config.time_step
     rows = robot_rows(simulator.robots.reshape(-1)[chosen], seconds, config)
     work = {world: simulator.dispatcher.work_row(world) for world in set(worlds.tolist())}
-    return [row | people_row(persons[world]) | work[int(world)] for row, world in zip(rows, worlds, strict=True)]
+    return [known(row | people_row(persons[world]) | work[int(world)]) for row, world in zip(rows, worlds, strict=True)]
+
+
+def known(row: dict[str, float]) -> dict[str, float]:
+    """Return a row without the figures that an episode does not have (nan), as the path length of one without a goal.
+
+    nan is equal to nothing, not even to itself, over which checkers and loggers of other libraries trip.
+    """
+    return {name: value for name, value in row.items() if not math.isnan(value)}
 
 
 def _struct_of(record: np.dtype[Any], fields: tuple[str, ...]) -> Struct:

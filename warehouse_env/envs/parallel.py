@@ -31,7 +31,8 @@ class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pett
 
     Lifelong tasks: nobody terminates, all are truncated at `max_steps`. One-shot tasks: a robot that arrives
     terminates and leaves `agents`; its body stays parked. A robot's last info holds the metrics of its episode under
-    "episode_metrics" (see metrics.robot_rows). Arrays given away are never overwritten later.
+    "episode_metrics" (see infos.final_metrics). Arrays given away are never overwritten later. `np_random` is for
+    wrappers that draw, as SuperSuit's frame_skip_v0 does; the world has generators of its own.
     """
 
     bound = ("_observation", "_reward", "_terminated", "_infos")
@@ -69,6 +70,7 @@ class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pett
         self._nobody = dict.fromkeys(self.possible_agents, False)
         self._actions = ActionPacker(self.possible_agents, self.simulator.action_space)
         self._idle = self.simulator.cruise_action
+        self.np_random = np.random.default_rng()
         self._bind()
 
     def _bind(self) -> None:
@@ -89,6 +91,8 @@ class WarehouseParallelEnv(Portable, ParallelEnv):  # type: ignore[misc]  # pett
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observations, Infos]:
         """Start an episode; a seed fixes it to the bit, without one the generators go on. `options` is not used."""
         self.simulator.reset(seed)
+        if seed is not None:
+            self.np_random = np.random.default_rng(seed)
         self.agents = list(self.possible_agents)
         if self.render_mode == "human":
             self.render()

@@ -33,7 +33,7 @@ class WarehouseSingleEnv(Portable, gymnasium.Env[NDArray[np.float32], Any]):
     """One robot's view of a warehouse that it shares with others.
 
     The episode terminates when robot 0 does (one-shot arrival) and is truncated at `max_steps`. The last info holds
-    the metrics of robot 0's episode under "episode_metrics" (see metrics.robot_rows).
+    the metrics of robot 0's episode under "episode_metrics" (see infos.final_metrics).
     """
 
     bound = ("_infos",)

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import inspect
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple, Unpack
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
+from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
 from warehouse_env.config import EnvConfig, EnvOptions
 from warehouse_env.envs.camera import Camera, render_fps
-from warehouse_env.envs.infos import EPISODE_METRICS, final_metrics, finished_task
+from warehouse_env.envs.infos import EPISODE_METRICS, final_metrics, finished_task, known
 from warehouse_env.envs.options import build_simulator, share_routes
 from warehouse_env.errors import ActionError, ConfigError, shown
 from warehouse_env.kernel import kernel
@@ -47,14 +50,14 @@ class WarehouseVecEnv(VecEnv):
     """Many worlds side by side, one row for each robot; worlds start anew by themselves.
 
     A world starts anew when it is truncated (`max_steps`) or when all its robots have terminated (one-shot tasks).
-    A robot that terminates earlier keeps its row until then: parked, done at every step, with reward 0 and
-    `infos[row]["padding"] = True`, so that no value leaks across its end.
+    A robot that terminates earlier ends its episode then, once, and parks. Its row is padding until its world starts
+    anew: observation and reward are 0, actions are not read, `infos[row]["padding"]` is True, and the row is not done.
 
-    A done row's info holds "terminal_observation" and "TimeLimit.truncated"; where an episode ended it also holds
-    "episode" (r: return, l: steps, t: seconds) and "episode_metrics" (of the robot, see metrics.robot_rows), and the
-    first row of a world that starts anew holds "world_metrics" (`Simulator.episode_metrics`). At an arrival the info
-    holds "path_length_m" and "planned_length_m" of the finished task. All other rows' infos are empty dicts, the same
-    ones at each step. Observations and rewards given away are never overwritten.
+    A done row's info holds "terminal_observation", "TimeLimit.truncated", "episode" (r: return, l: steps, t: seconds)
+    and "episode_metrics" (of the robot, see infos.final_metrics). The first done row of a world that starts anew also
+    holds "world_metrics" (`Simulator.episode_metrics`). Both leave out figures that an episode does not have. At an
+    arrival the info holds "path_length_m" and "planned_length_m" of the finished task. All other infos are empty.
+    Observations and rewards given away are never overwritten, nor do notes in an info return in a later step's.
     """
 
     def __init__(self, simulators: Sequence[Simulator], render_mode: str | None = None) -> None:
@@ -76,9 +79,11 @@ class WarehouseVecEnv(VecEnv):
             self.blocks.append(Block(simulator, rows, actions))
             rows += simulator.num_worlds * simulator.num_agents
         self._owner = np.repeat(np.arange(len(self.blocks)), [b.rows.stop - b.start for b in self.blocks])
+        self._world = np.concatenate([np.repeat(np.arange(one.num_worlds), one.num_agents) for one in simulators])
         super().__init__(rows, first.observation_space, first.action_space)
         self._blank_infos: list[dict[str, Any]] = [{} for _ in range(rows)]
         self._parked = np.zeros(rows, dtype=np.bool_)
+        self._padding: list[int] = []  # the rows of parked robots
         self._returns = np.zeros(rows, dtype=np.float64)
         self._steps = 0  # of this env since it was made
         self._first = np.zeros(rows, dtype=np.int64)  # of those, the ones before each row's episode
@@ -97,6 +102,7 @@ class WarehouseVecEnv(VecEnv):
         self._reset_seeds()
         self._reset_options()
         self._begin(slice(None))
+        self._padding = []
         return observation
 
     def _new_observation(self) -> NDArray[np.float32]:
@@ -131,6 +137,8 @@ class WarehouseVecEnv(VecEnv):
         observation = self._new_observation()
         reward = np.empty(self.num_envs, dtype=np.float32)
         dones = np.empty(self.num_envs, dtype=np.bool_)
+        if any(self._blank_infos):  # one that was written in stays with who did; to make all anew takes far longer
+            self._blank_infos = [{} if info else info for info in self._blank_infos]
         infos = list(self._blank_infos)
         some_done = False
         for block in self.blocks:
@@ -143,9 +151,14 @@ class WarehouseVecEnv(VecEnv):
             for arrival in simulator.arrivals:
                 infos[block.world_rows(arrival.world).start + arrival.robot] = finished_task(arrival)
         self._steps += 1
-        if some_done:
+        for row in self._padding:
+            reward[row], dones[row], infos[row] = 0.0, False, {"padding": True}
+        if some_done and dones.any():
             self._end_rows(infos, observation, dones)
             self._restart_worlds(infos, dones)
+            self._padding = np.flatnonzero(self._parked).tolist()
+        if self._padding:
+            observation[self._padding] = 0.0
         return observation, reward, dones, infos
 
     def _end_rows(
@@ -154,31 +167,28 @@ class WarehouseVecEnv(VecEnv):
         """Give every done row its info, and mark the terminated ones as parked."""
         now = time.time()
         for block in self.blocks:
-            terminated, parked = block.simulator.terminated.ravel(), self._parked[block.rows]
+            terminated = block.simulator.terminated.ravel()
             ended = np.flatnonzero(dones[block.rows])
             final = observation[block.rows][ended]  # a copy: the rows themselves may start anew below
-            metrics = iter(final_metrics(block.simulator, ended[~parked[ended]]))
-            for robot, last in zip(ended.tolist(), final, strict=True):
+            metrics = final_metrics(block.simulator, ended)
+            for robot, last, figures in zip(ended.tolist(), final, metrics, strict=True):
                 row = block.start + robot
-                infos[row] = info = {
-                    **infos[row], "terminal_observation": last, "TimeLimit.truncated": not terminated[robot]
-                }  # fmt: skip
-                if parked[robot]:
-                    info["padding"] = True
-                    continue
                 length, seconds = self._steps - int(self._first[row]), round(now - float(self._begun[row]), 6)
-                info["episode"] = {"r": float(self._returns[row]), "l": length, "t": seconds}
-                info[EPISODE_METRICS] = next(metrics)
-            parked |= terminated
+                infos[row] = {
+                    **infos[row], "terminal_observation": last, "TimeLimit.truncated": not terminated[robot],
+                    "episode": {"r": float(self._returns[row]), "l": length, "t": seconds}, EPISODE_METRICS: figures,
+                }  # fmt: skip
+            self._parked[block.rows] = terminated
 
     def _restart_worlds(self, infos: list[dict[str, Any]], dones: NDArray[np.bool_]) -> None:
-        """Reset every world whose robots are all done; its first observations come in place of the last."""
+        """Reset every world whose robots have all ended; its first observations come in place of the last."""
         for block in self.blocks:
-            over = dones[block.rows].reshape(block.simulator.num_worlds, -1).all(axis=1)
-            for world in np.flatnonzero(over).tolist():
+            simulator = block.simulator
+            for world in np.flatnonzero(simulator.truncated | simulator.terminated.all(axis=1)).tolist():
                 rows = block.world_rows(world)
-                infos[rows.start]["world_metrics"] = block.simulator.episode_metrics(world)
-                block.simulator.reset_world(world)
+                first = rows.start + int(np.argmax(dones[rows]))
+                infos[first]["world_metrics"] = known(simulator.episode_metrics(world))
+                simulator.reset_world(world)
                 self._begin(rows)
 
     def _begin(self, rows: slice) -> None:
@@ -188,12 +198,31 @@ class WarehouseVecEnv(VecEnv):
         self._first[rows] = self._steps
         self._begun[rows] = time.time()
 
+    def state(self) -> NDArray[np.float32]:
+        """Return float32[rows, S] for centralised critics: for each row `Simulator.global_state` of its world.
+
+        S is that of the worlds with most robots; where a world has fewer, zeros follow.
+        """
+        worlds = [(block, world) for block in self.blocks for world in range(block.simulator.num_worlds)]
+        views = [block.simulator.global_state(world) for block, world in worlds]
+        whole = np.zeros((self.num_envs, max(map(len, views))), dtype=np.float32)
+        for (block, world), view in zip(worlds, views, strict=True):
+            whole[block.world_rows(world), : len(view)] = view
+        return whole
+
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Return, for each chosen row, the attribute of its Simulator ("render_mode": of this env)."""
+        """Return, for each chosen row, the attribute of its Simulator ("render_mode": of this env).
+
+        A method that takes a world takes the row's own, unless world= names another.
+        """
         rows = list(self._get_indices(indices))
         if attr_name == "render_mode":
             return [self._mode for _ in rows]
-        return [getattr(self.blocks[self._owner[row]].simulator, attr_name) for row in rows]
+        found = [getattr(self.blocks[self._owner[row]].simulator, attr_name) for row in rows]
+        return [
+            partial(one, world=int(self._world[row])) if callable(one) and _takes_world(one) else one
+            for row, one in zip(rows, found, strict=True)
+        ]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Set an attribute of the Simulators that hold the chosen rows."""
@@ -203,19 +232,30 @@ class WarehouseVecEnv(VecEnv):
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Call a method once on each Simulator that holds a chosen row; returns its result for each such row."""
+        """Call a method once on each Simulator that holds a chosen row; returns the result for each such row.
+
+        A method that takes a world, as `global_state` and `episode_metrics` do, is called once for each chosen row's
+        world instead, unless the arguments name one. "state" gives rows of `state`.
+        """
         rows = list(self._get_indices(indices))
-        results = {
-            k: getattr(self.blocks[k].simulator, method_name)(*method_args, **method_kwargs)
-            for k in np.unique(self._owner[rows]).tolist()
-        }
-        return [results[int(self._owner[row])] for row in rows]
+        if method_name == "state":
+            return list(self.state(*method_args, **method_kwargs)[rows])
+        results: dict[tuple[int, int | None], Any] = {}
+        asked = list[tuple[int, int | None]]()
+        for row in rows:
+            block, world = int(self._owner[row]), int(self._world[row])
+            method = getattr(self.blocks[block].simulator, method_name)
+            own = {"world": world} if _takes_world(method, *method_args, **method_kwargs) else {}
+            asked.append((block, own.get("world")))
+            if asked[-1] not in results:
+                results[asked[-1]] = method(*method_args, **method_kwargs, **own)
+        return [results[one] for one in asked]
 
     def env_is_wrapped(
         self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
     ) -> list[bool]:
-        """Return False for each chosen row: there are no single envs to wrap."""
-        return [False for _ in self._get_indices(indices)]
+        """Return True for each chosen row if asked for `Monitor`, whose "episode" the infos hold; False for others."""
+        return [wrapper_class is Monitor for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """Return one picture for each world (not row)."""
@@ -246,6 +286,12 @@ def _write_rows(reward, terminated, truncated, rewards, dones, returns):
             some_done |= dones[row]
             row += 1
     return some_done
+
+
+def _takes_world(method: Callable[..., Any], *arguments: Any, **options: Any) -> bool:
+    """Return whether a method has a parameter `world` that these arguments leave open."""
+    signature = inspect.signature(method)
+    return "world" in signature.parameters and "world" not in signature.bind_partial(*arguments, **options).arguments
 
 
 def _seed_of_block(seed: int, block: int) -> int:

@@ -7,9 +7,6 @@ x,y,radius first.
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -18,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import read_bytes, write_text
+from warehouse_env.files import as_number, named_rows, parsed_json, read_text, write_text
 
 SUFFIX = ".discs.json"  # beside NAME.map
 MOST = 100_000
@@ -101,48 +98,26 @@ def among(
 
 def read_discs(path: Path) -> NDArray[np.float64]:
     """Return float64[K, 3], the discs (x, y, radius) [m] of a JSON or CSV file in its own frame; MapError."""
-    text = read_bytes(path, "discs file", _LARGEST_FILE).decode("utf-8-sig", "replace")
-    rows = _from_csv(path, text) if path.suffix.lower() == ".csv" else _from_json(path, text)
+    text = read_text(path, "discs file", _LARGEST_FILE)
+    if path.suffix.lower() == ".csv":
+        rows: Any = [row for _, row in named_rows(text, str(path), ("x", "y", "radius"))]
+    else:
+        data = parsed_json(text, str(path))
+        rows = data.get("discs") if isinstance(data, dict) else None
+    if not isinstance(rows, list):
+        raise MapError(f'{path} must hold "discs", a list like {_EXAMPLE}')
     if len(rows) > MOST:
         raise MapError(f"{path} holds {len(rows):,} discs; at most {MOST:,} are read")
     found = np.zeros((len(rows), 3))
     for k, row in enumerate(rows):
-        numbers = [_number(row.get(key)) for key in ("x", "y", "radius")] if isinstance(row, dict) else [math.nan]
-        if not all(math.isfinite(number) for number in numbers) or not SMALLEST <= numbers[2] <= LARGEST:
+        numbers = [as_number(row.get(key)) for key in ("x", "y", "radius")] if isinstance(row, dict) else [math.nan]
+        if not all(map(math.isfinite, numbers)) or not SMALLEST <= numbers[2] <= LARGEST:
             raise MapError(
                 f"{path}: disc {k + 1} {shown(row)} must have numbers x, y and radius in metres, the radius from "
                 f"{SMALLEST} to {LARGEST:g}"
             )
         found[k] = numbers
     return found
-
-
-def _number(value: Any) -> float:
-    try:
-        return math.nan if isinstance(value, bool) or not isinstance(value, (int, float, str)) else float(value)
-    except (ValueError, OverflowError):
-        return math.nan
-
-
-def _from_json(path: Path, text: str) -> list[Any]:
-    try:
-        data = json.loads(text)
-    except (ValueError, RecursionError):
-        raise MapError(f"{path} is no JSON; it must read like {_EXAMPLE}") from None
-    listed = data.get("discs") if isinstance(data, dict) else None
-    if not isinstance(listed, list):
-        raise MapError(f'{path} must hold "discs", a list like {_EXAMPLE}')
-    return listed
-
-
-def _from_csv(path: Path, text: str) -> list[Any]:
-    try:
-        reader = csv.DictReader(io.StringIO(text), skipinitialspace=True)
-        if not {"x", "y", "radius"} <= set(reader.fieldnames or ()):
-            raise MapError(f"{path} must begin with the line x,y,radius")
-        return list(reader)
-    except csv.Error as error:
-        raise MapError(f"{path} is no CSV: {error}") from None
 
 
 def write_discs(discs: NDArray[np.floating[Any]], path: Path) -> None:

@@ -140,7 +140,7 @@ def make_layout(name: str, **parameters: Any) -> GridMap:
     The name may carry parameters, so that a configuration or a command line can: "aisles:seed=7,rows=40". ConfigError,
     with near matches, for an unknown name or an unknown parameter; MapError for a file that is none.
     """
-    if isinstance(name, str) and name.endswith(".map") and not parameters:
+    if isinstance(name, str) and name.lower().endswith(".map") and not parameters:
         return read_map(name)
     if is_hall(name) and not parameters:
         return read_floor(name)

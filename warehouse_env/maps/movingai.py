@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import STAGED, path_of, write_text
+from warehouse_env.files import companion, path_of, read_text, write_text
 from warehouse_env.maps import one_way
 from warehouse_env.maps.discs import SUFFIX, read_discs, write_discs
 from warehouse_env.maps.grid_map import Cell, GridMap
@@ -25,6 +25,7 @@ FREE = ".GS"  # floor; S is swamp, which the benchmarks' shortest paths treat as
 BLOCKED = "@OTW"
 EXAMPLE_MAP = Path(__file__).parent / "data" / "warehouse-40-64.map"
 EXAMPLE_SCEN = Path(__file__).parent / "data" / "warehouse-40-64.scen"
+_LARGEST_FILE = 64_000_000  # [bytes]
 
 
 class Scenario(NamedTuple):
@@ -43,14 +44,12 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
     """Return the floor of a `.map` file, named after the file, with default endpoints and cells of 1 m.
 
     One-way cells stand in a file NAME.oneway beside it (maps/one_way.py), discs in NAME.discs.json (maps/discs.py), if
-    there are such files. MapError, naming the file and line, if it is missing, not text, or breaks the format.
+    there are such files. MapError, naming the file and line, if it cannot be read or breaks the format.
     """
-    path = path_of(STAGED.get(str(path), path), MapError)
+    path = path_of(path, MapError)
     lines = _read_lines(path, "map")
     height, width, first = _read_header(path, lines)
     body = lines[first:]
-    while body and not body[-1].strip():
-        body.pop()
     if len(body) != height:
         at = len(lines) if len(body) < height else first + height + 1
         raise _bad(path, at, f"the header announces {height} rows but the file holds {len(body)}")
@@ -63,17 +62,10 @@ def read_map(path: str | os.PathLike[str]) -> GridMap:
                 raise _bad(path, number, f"unknown cell {letter!r} in column {column}; known cells: {known}")
     try:
         occupied = np.array([[letter in BLOCKED for letter in line] for line in body])
-        directions, round_ones = _read_one_way(path.with_suffix(one_way.SUFFIX), occupied), path.with_suffix(SUFFIX)
+        arrows, round_ones = companion(path, one_way.SUFFIX), companion(path, SUFFIX)
+        directions = one_way.read(arrows, occupied.shape) if arrows.exists() else None
         discs = read_discs(round_ones) if round_ones.exists() else None
         return GridMap(occupied, name=path.stem, one_way=directions, discs=discs)  # type: ignore[arg-type]
-    except MapError as error:
-        raise MapError(f"{path}: {error}") from None
-
-
-def _read_one_way(path: Path, occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Return the directions of one-way cells, none where there is no such file; MapError if it is damaged."""
-    try:
-        return one_way.checked(one_way.parse(_read_lines(path, "one-way")) if path.exists() else None, occupied)
     except MapError as error:
         raise MapError(f"{path}: {error}") from None
 
@@ -82,7 +74,7 @@ def _read_header(path: Path, lines: list[str]) -> tuple[int, int, int]:
     """Return (height, width, index of the first line after `map`)."""
     sizes: dict[str, int] = {}
     for number, line in enumerate(lines, start=1):
-        words = line.split()
+        words = line.lower().split()
         if words == ["map"]:
             for key in ("height", "width"):
                 if key not in sizes:
@@ -92,9 +84,7 @@ def _read_header(path: Path, lines: list[str]) -> tuple[int, int, int]:
             sizes[words[0]] = _whole(path, number, words[1], words[0], least=1)
         elif words and words[0] != "type":
             break
-    raise _bad(
-        path, min(len(lines), number), "a .map begins with the lines 'type octile', 'height N', 'width N', 'map'"
-    )
+    raise _bad(path, number, "a .map begins with the lines 'type octile', 'height N', 'width N', 'map'")
 
 
 def write_map(grid: GridMap, path: str | os.PathLike[str]) -> None:
@@ -114,22 +104,22 @@ def write_map(grid: GridMap, path: str | os.PathLike[str]) -> None:
     path = path_of(path, MapError)
     header = ["type octile", f"height {rows}", f"width {columns}", "map"]
     write_text(path, "\n".join([*header, *floor]) + "\n")
-    beside = path.with_suffix(one_way.SUFFIX)
+    beside, round_ones = companion(path, one_way.SUFFIX), companion(path, SUFFIX)
     if grid.one_way.any():
         write_text(beside, "\n".join(one_way.text(grid.one_way)) + "\n")
     else:
         beside.unlink(missing_ok=True)  # of another floor that was written here before
     if len(grid.discs):
-        write_discs(grid.discs, path.with_suffix(SUFFIX))
+        write_discs(grid.discs, round_ones)
     else:
-        path.with_suffix(SUFFIX).unlink(missing_ok=True)
+        round_ones.unlink(missing_ok=True)
 
 
 def read_scen(path: str | os.PathLike[str]) -> list[Scenario]:
     """Return the scenarios of a `.scen` file; MapError, naming the file and line, if it breaks the format."""
     path = path_of(path, MapError)
     lines = _read_lines(path, "scenario")
-    if lines[0].split() not in (["version", "1"], ["version", "1.0"]):
+    if lines[0].lower().split() not in (["version", "1"], ["version", "1.0"]):
         raise _bad(path, 1, "a .scen begins with the line 'version 1'")
     numbered = enumerate(lines[1:], start=2)
     return [_scenario(path, number, line) for number, line in numbered if line.strip()]
@@ -137,7 +127,8 @@ def read_scen(path: str | os.PathLike[str]) -> list[Scenario]:
 
 def _scenario(path: Path, number: int, line: str) -> Scenario:
     """Return one line of a `.scen` file."""
-    words = line.split("\t") if "\t" in line else line.split()
+    between = next((sign for sign in "\t;" if sign in line), None)
+    words = line.rstrip(between).split(between)
     if len(words) != 9:
         wanted = "bucket, map, width, height, start x, start y, goal x, goal y, length"
         raise _bad(path, number, f"{len(words)} fields instead of 9, parted by tabs ({wanted})")
@@ -150,7 +141,7 @@ def _scenario(path: Path, number: int, line: str) -> Scenario:
         if value >= limit:
             raise _bad(path, number, f"{name} {value} is outside the map of {width} x {height} cells")
     try:
-        length = float(words[8])
+        length = float(words[8].replace(",", "."))
     except ValueError:
         length = math.nan
     if not (math.isfinite(length) and length >= 0):
@@ -210,24 +201,13 @@ def _bad(path: Path, line: int, reason: str) -> MapError:
 
 def _whole(path: Path, line: int, text: str, what: str, least: int) -> int:
     # isascii and isdigit refuse what int() would let pass: signs, underscores, spaces, other scripts' digits
+    text = text.strip()
     if not (text.isascii() and text.isdigit() and len(text) < 10 and int(text) >= least):
         raise _bad(path, line, f"{what} {shown(text)} must be a whole number of at least {least}")
     return int(text)
 
 
 def _read_lines(path: Path, kind: str) -> list[str]:
-    """Return the lines of a text file without their ends; at least one."""
-    try:
-        text = path.read_bytes().decode("utf-8")
-    except FileNotFoundError:
-        raise MapError(f"{kind} file {path} does not exist") from None
-    except OSError as error:
-        raise MapError(f"{kind} file {path} cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise MapError(f"{path} is not a text file, so no MovingAI {kind}") from None
-    lines = [line.removesuffix("\r") for line in text.split("\n")]
-    if lines[-1] == "":
-        lines.pop()
-    if not lines:
-        raise MapError(f"{path} is empty, so no MovingAI {kind}")
-    return lines
+    """Return the lines of a text file without blanks at their ends; at least one."""
+    text = read_text(path, f"{kind} file", _LARGEST_FILE)
+    return [line.strip() for line in text.rstrip().split("\n")]

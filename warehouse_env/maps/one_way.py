@@ -8,14 +8,17 @@ for none and an arrow otherwise; beside NAME.map they stand in NAME.oneway.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.errors import MapError
+from warehouse_env.files import read_text
 
 ARROWS = ".>^<v"  # none, east, north, west, south: MOVES[2 * (k - 1)]
 SUFFIX = ".oneway"
+_LARGEST_FILE = 64_000_000  # [bytes]
 
 
 def checked(one_way: ArrayLike | None, occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
@@ -43,6 +46,18 @@ def against(one_way: NDArray[np.uint8]) -> NDArray[np.bool_]:
     move = np.arange(8)
     off = (move - 2 * (one_way[..., None].astype(np.int64) - 1)) % 8
     return (one_way[..., None] > 0) & (off >= 3) & (off <= 5)
+
+
+def read(path: Path, shape: tuple[int, ...]) -> NDArray[np.uint8]:
+    """Return the directions uint8[H, W] that a file holds for a floor of this shape; MapError if it is damaged."""
+    text = read_text(path, "one-way file", _LARGEST_FILE)
+    try:
+        found = parse([line.strip() for line in text.rstrip().split("\n")])
+        if found.shape != shape:
+            raise MapError(f"it has {found.shape} rows and columns, the floor {shape}; remove it")
+    except MapError as error:
+        raise MapError(f"{path}: {error}") from None
+    return found
 
 
 def parse(lines: Sequence[str]) -> NDArray[np.uint8]:

@@ -8,7 +8,7 @@ from typing import Any
 import yaml
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import read_bytes
+from warehouse_env.files import read_text
 
 _DEEPEST = 16  # mappings and lists within each other
 
@@ -30,15 +30,12 @@ def read_yaml(path: Path, kind: str, most: int) -> Any:
 
     Aliases are refused, by which a short file can be endless, and what lies deeper than 16 levels.
     """
-    content = read_bytes(path, kind, most)
+    text = read_text(path, kind, most)
     try:
-        text = content.decode("utf-8-sig")
         _check(text, path)
         return yaml.load(text, _Loader)
     except MapError:  # a ValueError as well
         raise
-    except UnicodeDecodeError:
-        raise MapError(f"{path} is no text, so no {kind}") from None
     except yaml.MarkedYAMLError as error:
         line = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
         raise MapError(f"{path}{line} is no YAML: {shown(error.problem)[1:-1]}") from None

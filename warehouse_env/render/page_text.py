@@ -84,6 +84,7 @@ def about_world(name: str, grid: GridMap, config: EnvConfig, seed: int) -> dict[
             for body in config.kinds
         ],
         "kinds": config.kind_of,
+        "idle": "parked" if config.tasks == "one_shot" else "says nothing",  # a robot of a real fleet
         "people": config.people,
         "personRadius": PERSON_RADIUS,
         "lidar": {"rays": config.sensor.rays, "range": config.sensor.lidar_range},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -182,15 +183,15 @@ def test_a_real_route_graph_on_its_hall() -> None:
 
 def test_a_curve_goes_through_its_arc(tmp_path: Path) -> None:
     """A quarter circle of radius 10 as a rational curve of degree 2."""
-    write_lif(GridMap(np.zeros((1, 2))), tmp_path / "f.json")
-    data = json.loads((tmp_path / "f.json").read_text())
-    nodes, edges = data["layouts"][0]["nodes"], data["layouts"][0]["edges"]
-    nodes[0]["nodePosition"], nodes[1]["nodePosition"] = {"x": 10, "y": 0}, {"x": 0, "y": 10}
-    points = [{"x": 10, "y": 0}, {"x": 10, "y": 10, "weight": 0.5**0.5}, {"x": 0, "y": 10}]
-    curve = {"degree": 2, "knotVector": [0, 0, 0, 1, 1, 1], "controlPoints": points}
-    edges[0]["vehicleTypeEdgeProperties"][0]["trajectory"] = curve
-    (tmp_path / "f.json").write_text(json.dumps(data))
-    line = read_lif(tmp_path / "f.json").lanes[0].line
+
+    def bend(data: Any) -> None:
+        nodes, edges = data["layouts"][0]["nodes"], data["layouts"][0]["edges"]
+        nodes[0]["nodePosition"], nodes[1]["nodePosition"] = {"x": 10, "y": 0}, {"x": 0, "y": 10}
+        points = [{"x": 10, "y": 0}, {"x": 10, "y": 10, "weight": 0.5**0.5}, {"x": 0, "y": 10}]
+        curve = {"degree": 2, "knotVector": [0, 0, 0, 1, 1, 1], "controlPoints": points}
+        edges[0]["vehicleTypeEdgeProperties"][0]["trajectory"] = curve
+
+    line = read_lif(lif(tmp_path, bend, GridMap(np.zeros((1, 2))))).lanes[0].line
     assert np.allclose(np.hypot(*line.T), 10.0)
     assert len(line) > 10
 
@@ -201,16 +202,18 @@ def test_costs_and_headings_of_lanes_are_kept_or_said(tmp_path: Path) -> None:
     data = json.loads(file.read_text())
     edges = [one["properties"] for one in data["features"] if one["geometry"]["type"] == "LineString"]
     edges[0]["cost"], edges[1]["cost"], edges[2]["cost"] = 3.0, 0.0, 1e9
+    edges[2]["id"] = edges[1]["id"]
     file.write_text(json.dumps(data))
     read = read_route_graph(file)
     assert [one.price for one in read.lanes] == [1.5, 1.0, 1000.0, 1.0]
-    assert "counts as that" in read.noted()[0]
-    write_lif(GridMap(np.zeros((1, 3))), tmp_path / "f.json")
-    data = json.loads((tmp_path / "f.json").read_text())
-    first, second = (edge["vehicleTypeEdgeProperties"][0] for edge in data["layouts"][0]["edges"][:2])
-    first["vehicleOrientation"], first["rotationAllowed"], second["vehicleOrientation"] = 3.14, False, 0.0
-    (tmp_path / "f.json").write_text(json.dumps(data))
-    notes = read_lif(tmp_path / "f.json").noted()
+    assert any("counts as that" in note for note in read.noted())
+    assert any("stands for several things" in note for note in read.noted())
+
+    def edit(data: Any) -> None:
+        first, second = (edge["vehicleTypeEdgeProperties"][0] for edge in data["layouts"][0]["edges"][:2])
+        first["vehicleOrientation"], first["rotationAllowed"], second["vehicleOrientation"] = 3.14, False, 0.0
+
+    notes = read_lif(lif(tmp_path, edit)).noted()
     assert any("another heading" in note and "times" not in note for note in notes)
     assert any("no rotation" in note for note in notes)
 
@@ -230,7 +233,11 @@ FIRST = ["layouts", 0]
         (["layouts"], [], "list of one or more"),
         ([*FIRST, "nodes"], 3, "nodes must be a list"),
         ([*FIRST, "nodes", 0], 3, "a node is 3"),
-        ([*FIRST, "nodes", 0, "nodeId"], "r0c1", "stands for two nodes"),
+        (["metaInformation", "lifVersion"], "2.0.0", "lifVersion '2.0.0' is not read; versions 0 and 1 are"),
+        (["metaInformation", "lifVersion"], "v3", "lifVersion 'v3' is not read"),
+        ([*FIRST, "nodes", 0, "nodeId"], "r0c1", "nodeId 'r0c1' stands for two nodes"),
+        ([*FIRST, "edges", 0, "edgeId"], "r0c1-r0c0", "edgeId 'r0c1-r0c0' stands for two edges"),
+        ([*FIRST, "nodes", 0, "vehicleTypeNodeProperties"], [{"vehicleTypeId": "a"}] * 2, "vehicleTypeId 'a' stands"),
         ([*FIRST, "nodes", 0, "nodeId"], None, "nodeId None must be a text"),
         ([*FIRST, "nodes", 0, "nodePosition", "x"], float("nan"), "finite number"),
         ([*FIRST, "nodes", 0, "nodePosition"], [1, 2], "position of"),
@@ -240,13 +247,92 @@ FIRST = ["layouts", 0]
     ],
 )
 def test_a_wrong_lif_is_one_sentence(tmp_path: Path, path: list[Any], value: Any, sentence: str) -> None:
-    file = tmp_path / "f.json"
-    write_lif(GridMap(np.zeros((1, 3))), file)
-    data = json.loads(file.read_text())
-    change(data, path, value)
-    file.write_text(json.dumps(data))
     with pytest.raises(MapError, match=sentence):
-        read_lif(file)
+        read_lif(lif(tmp_path, lambda data: change(data, path, value)))
+
+
+def lif(folder: Path, edit: Callable[[Any], object], grid: GridMap | None = None) -> Path:
+    """Write a floor's lanes, as something else changes them; return the file."""
+    file = folder / "f.json"
+    write_lif(grid or GridMap(np.zeros((1, 3))), file)
+    data = json.loads(file.read_text())
+    edit(data)
+    file.write_text(json.dumps(data))
+    return file
+
+
+@pytest.mark.parametrize("level", [None, "upstairs"])
+@pytest.mark.parametrize("kind", ["nodes", "edges", "stations", "layouts"])
+def test_ids_are_given_once_in_a_file(tmp_path: Path, kind: str, level: str | None) -> None:
+    def again(data: Any) -> None:
+        first = data["layouts"][0]
+        more = {"layoutId": first["layoutId"] if kind == "layouts" else "more", "layoutLevelId": level}
+        data["layouts"].append({"nodes": [], "edges": [], "stations": []} | more | {kind: first.get(kind, [])[:1]})
+
+    with pytest.raises(MapError, match=f"{kind[:-1]}Id '.*' stands for two {kind}; give each its own"):
+        read_lif(lif(tmp_path, again))
+
+
+@pytest.mark.parametrize("version", ["1", "1.0", "v1.0.0", 1.0, "0.11.0"])
+def test_versions_before_and_of_the_first_are_read(tmp_path: Path, version: Any) -> None:
+    found = read_lif(lif(tmp_path, lambda data: data["metaInformation"].update(lifVersion=version)))
+    assert (len(found.lanes), found.noted()) == (4, [])
+
+
+@pytest.mark.parametrize("about", [{}, None, {"lifVersion": None}, {"lifVersion": "draft"}, {"lifVersion": [2]}])
+def test_a_file_without_a_version_is_read_unless_its_names_are_new(tmp_path: Path, about: Any) -> None:
+    found = read_lif(lif(tmp_path, lambda data: data.update(metaInformation=about)))
+    assert found.noted() == ["lifVersion is missing or none, and taken for 1.0.0"]
+    text = (tmp_path / "f.json").read_text()
+    for old in ("vehicleTypeNode", "vehicleTypeEdge"):
+        (tmp_path / "f.json").write_text(text.replace(old, old.replace("vehicleType", "mobileRobotType")))
+        with pytest.raises(MapError, match=r"holds mobileRobotType.*, a name of LIF 2, which is not read; versions 0"):
+            read_lif(tmp_path / "f.json")
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({}, None), ({"degree": None, "knotVector": [0, 0, 0.5, 1, 1]}, None), ({"weight": None}, None),
+        ({"shift": 0.5}, None), ({"shift": 20.0}, "begins or ends over 1 m from its nodes"),
+        ({"degree": 0}, "no NURBS"), ({"degree": 2.5}, "no NURBS"), ({"degree": 7}, "no NURBS"),
+        ({"knotVector": [0] * 6}, "no NURBS"), ({"knotVector": [1, 1, 1, 0, 0, 0]}, "no NURBS"),
+        ({"knotVector": None}, "no NURBS"), ({"knotVector": [0, 0, 1, 1]}, "no NURBS"),
+        ({"knotVector": [-1e299] * 3 + [1e299] * 3}, None), ({"weight": 0}, "no NURBS"), ({"weight": -1}, "no NURBS"),
+        ({"weight": 5e-324, "x": 1e-200}, "no NURBS"), ({"controlPoints": []}, "no NURBS"),
+    ],
+)  # fmt: skip
+def test_a_curve_is_followed_or_noted(tmp_path: Path, change: dict[str, Any], says: str | None) -> None:
+    def bend(data: Any) -> None:
+        by, scale = change.get("shift", 0.0), change.get("x", 1.0)
+        points = [{"x": x * scale + by, "y": y + by, "weight": change.get("weight", 1.0)}
+                  for x, y in ((0.5, 0.5), (1.0, 0.8), (1.5, 0.5))]  # fmt: skip
+        curve = {"degree": 2, "knotVector": [0, 0, 0, 1, 1, 1], "controlPoints": points} | change
+        data["layouts"][0]["edges"][0]["vehicleTypeEdgeProperties"][0]["trajectory"] = curve
+
+    found = read_lif(lif(tmp_path, bend))
+    assert (len(found.lanes[0].line) == 2) == (says is not None)
+    assert np.isfinite(found.lanes[0].line).all()
+    assert any(says in note and "straight" in note for note in found.noted()) if says else not found.notes
+
+
+def test_what_a_lif_closes_or_names_elsewhere_is_said(tmp_path: Path) -> None:
+    def edit(data: Any) -> None:
+        first = data["layouts"][0]
+        for edge in first["edges"]:
+            edge["vehicleTypeEdgeProperties"] = []
+        first["nodes"][0]["nodeId"], first["edges"] = (
+            7,
+            [edge for edge in first["edges"] if "r0c0" not in edge["edgeId"]],
+        )
+        first["stations"] = [{"stationId": "s", "interactionNodeIds": [7, "up"]}]
+        up = {"nodeId": "up", "nodePosition": {"x": 0, "y": 0}}
+        data["layouts"].append({"layoutId": "2", "layoutLevelId": "2", "nodes": [up], "edges": [], "stations": None})
+
+    found = read_lif(lif(tmp_path, edit))
+    assert [place.name for place in found.places["stations"]] == ["s"]
+    assert "none of its 2 edges is open to a vehicle" in found.noted()
+    assert any(note.startswith("interactionNodeIds is a number") for note in found.noted())
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import MapError, MapWarning, WarehouseError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.hall import read_hall
+from warehouse_env.maps.halls.lif import write_lif
 from warehouse_env.maps.halls.map_server import UNKNOWN, Occupancy, read_occupancy, write_occupancy
 from warehouse_env.maps.halls.picture import read_picture, write_pgm
 from warehouse_env.maps.halls.saved import write_hall
@@ -104,6 +105,56 @@ def test_masks_bar_and_slow(tmp_path: Path) -> None:
     assert not np.isfinite(found.grid.speed[[0, 1, 3]]).any()
 
 
+def marked(*rows: slice) -> np.ndarray:
+    """Return pixels of 0.25 m, marked in these rows and at the wall of a hall of 4 x 6 cells."""
+    values = np.zeros((16, 24), np.int8)
+    values[14:, 22:] = 100 * (len(rows) > 0)
+    for row in rows:
+        values[row, 4:8] = 100
+    return values
+
+
+@pytest.mark.parametrize("kind", ["keepout", "speed"])
+@pytest.mark.parametrize(
+    ("values", "resolution", "origin", "says"),
+    [
+        (marked(slice(4, 8)), 0.25, (-3.0, 2.0), None),
+        (marked(slice(4, 9)), 0.25, (-3.0, 2.0), None),  # a row of pixels spills over into the next cell
+        (np.pad(marked(slice(4, 8)), 9), 0.25, (-5.25, -0.25), None),
+        (np.array([[100, 0]], np.int8), 9.0, (-11.0, 1.0), None),
+        (marked(slice(4, 8)), 0.25, (100.0, 100.0), "lies off the map and marks nothing"),
+        (marked(slice(4, 8)), 0.25, (-3.0, 6.0), "lies off the map and marks nothing"),
+        (marked(), 0.25, (-3.0, 2.0), "marks no pixel"),
+        (marked(slice(4, 8)), 0.25, (-3.0, 3.0), "leaves 6 of 24 cells of floor out, which count as unmarked"),
+        (np.pad(marked(slice(4, 8)), 9), 0.25, (-5.25, -4.5), "leaves 12 of 24 cells of floor out"),
+        (np.pad(marked(), ((0, 12), (0, 0)), constant_values=100), 0.25, (-3.0, -1.0), "marks only what lies off"),
+        (marked(slice(4, 8), slice(15, 16)), 0.25, (-3.0, 2.0),
+         "too little of 1 cell of 1 m is marked, as near (-1.5, 2.5) m; try a smaller cell="),
+    ],
+)  # fmt: skip
+def test_a_mask_that_marks_less_than_it_seems_is_noted(
+    tmp_path: Path, kind: str, values: np.ndarray, resolution: float, origin: tuple[float, float], says: str | None
+) -> None:
+    write_occupancy(Occupancy(values, resolution, origin), tmp_path / "m.yaml")
+    grey = room()
+    grey[7, 11] = 0
+    notes = read_hall(f"{hall(tmp_path, grey)}:share=0.3,{kind}=m.yaml").notes
+    assert [note for note in notes if "m.yaml" in note and says and says in note] if says else not notes, notes
+
+
+def test_arrows_that_do_not_count_are_noted(tmp_path: Path) -> None:
+    grey = room()
+    grey[:2, :4] = 0
+    name = hall(tmp_path, grey)
+    (tmp_path / "hall.oneway").write_text(">>>...\n" + "......\n" * 3)
+    assert "hall.oneway: 2 of 3 one-way cells are in walls and left out" in read_hall(name).notes
+    write_lif(read_hall(name).grid, tmp_path / "same.json")
+    write_lif(GridMap(np.zeros((4, 6)), origin=(-3.0, 2.0)), tmp_path / "other.json")
+    told = [any("hall.oneway is not used" in note for note in read_hall(f"{name}:lanes={lanes}.json").notes)
+            for lanes in ("same", "other")]  # fmt: skip
+    assert told == [False, True]
+
+
 @given(
     hnp.arrays(np.bool_, st.tuples(st.integers(2, 7), st.integers(2, 7))),
     st.sampled_from([(1.0, None), (1.0, 0.25), (0.5, 0.25)]),
@@ -163,7 +214,7 @@ def test_pictures_of_other_kinds(tmp_path: Path) -> None:
         ("negate: 0", "negate: [", "is no YAML"),
         ("negate: 0", "x: !!python/object/apply:os.system [ls]", "is no YAML"),
         (YAML, "- 1\n", "no entries"),
-        (YAML, "\x00", "is no YAML"),
+        (YAML, "\x00", "a zero byte"),
         (YAML, "x" * 70_000, "at most"),
     ],
 )

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError
+from warehouse_env.errors import ConfigError, MapWarning
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.simulation.tasks.allocation import ALLOCATORS, make_allocator
 from warehouse_env.simulation.tasks.demand import Demand, draw_orders
@@ -49,12 +49,48 @@ def test_a_line_says_what_its_columns_say(tmp_path: Path) -> None:
     assert read_orders(path) == (Order(0.0, ((1, 1), (1, 4)), (9, 1), 600.0, 120.0),)
 
 
+JSON = '{{"release_s": 0, "picks": {}, "drop": {}, "due_s": 600, "weight_kg": 120}}'
+ONE = Order(0.0, ((1, 1), (1, 4)), (9, 1), 600.0, 120.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("o.CSV", f"{HEAD}\n{LINE}\n"),
+        ("o.csv", f"{HEAD.replace(',', ';')}\n{LINE.replace(',', ';').replace('600', '600,0')}\n"),
+        ("o.csv", f"{HEAD}\n{LINE}\n".replace(",", "\t")),
+        ("o.csv", f"{HEAD.title()},,\n{LINE},,\n,,,,,,\n\n".replace(",", " , ")),
+        ("o.csv", '"release_s","picks","drop","due_s","weight_kg"\n"0","1:1 1:4","9:1","600","120"\n'),
+        ("o.JSONL", JSON.format('["1:1", "1:4"]', '"9:1"')),
+        ("o.Json", "\n" + JSON.format('"1:1 1:4"', "[9, 1]")),
+    ],
+)
+def test_what_other_programs_save_is_read(name: str, text: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text(text)
+    assert read_orders(tmp_path / name) == (ONE,)
+
+
+@pytest.mark.parametrize("picks", ['["12", "15"]', "[12, 15]", "[[true, 1]]", '"12"', "[[1, 2, 3]]", "[[1.5, 2]]"])
+def test_cells_that_are_none_are_refused(picks: str, tmp_path: Path) -> None:
+    (tmp_path / "o.jsonl").write_text(f"\n{JSON.format(picks, '[9, 1]')}\n")
+    with pytest.raises(ConfigError, match=r"o\.jsonl, line 2: .* (row:column|as \"12:7\" or \[12, 7\])$"):
+        read_orders(tmp_path / "o.jsonl")
+
+
+def test_orders_to_cells_that_are_no_places_are_noted() -> None:
+    stray = next(cell for cell in map(tuple, FLOOR.free_cells.tolist()) if cell not in map(tuple, FLOOR.endpoints[2]))
+    with pytest.warns(MapWarning, match=r"open: orders lead to 1 cell that are neither .* \(\d+, \d+\) of order 2$"):
+        check_orders([Order(0, (PICK,), DROP, 1, 5), Order(0, (stray,), DROP, 1, 5)], FLOOR, 500)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "hold none"),
+        ("", "line 1: release_s is missing"),
         (HEAD, "hold none"),
-        ("release_s,picks\n0,1:1\n", "line 2 must have exactly the fields"),
+        (f"{HEAD.replace('drop', 'dorp')}\n{LINE}\n", "line 1: drop is missing"),
+        (f"{HEAD}\n{LINE},3\n", "line 2: 6 cells in 5 columns"),
+        (f"{HEAD}\n0,1:1,9:1,600,\n", "line 2 must have exactly the fields"),
         (f"{HEAD}\n0,,9:1,600,1\n", "line 2: picks"),
         (f"{HEAD}\n0,1:1,9:1 2:2,600,1\n", "line 2: the cell"),
         (f"{HEAD}\n0,1,9:1,600,1\n", "line 2: the cell"),
@@ -69,6 +105,7 @@ def test_what_is_no_order_is_named_by_its_line(tmp_path: Path, text: str, said: 
         read_orders(path)
 
 
+@pytest.mark.filterwarnings("error")
 def test_orders_that_nobody_can_carry_out_are_refused() -> None:
     check_orders([Order(0, (PICK,), DROP, 1, 500)], FLOOR, 500)
     with pytest.raises(ConfigError, match="order 1 weighs 501 kg"):

@@ -258,7 +258,7 @@ def test_the_command_moves_stations(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     [
         ("--orders-per-hour 9 --goals 9", "--goals must be left out where orders are given"),
         ("--orders-per-hour 9 --seconds 300", "--seconds 300 must be more than 900, when the first order is due"),
-        ("--orders nowhere.csv", "cannot be read"),
+        ("--orders nowhere.csv", "does not exist"),
         ("--orders-per-hour 9 --in-time 2", "in_time=2.0 must be a number from 0.001"),
     ],
 )

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from train.cli import main
 from train.clmapf.instance import read_instance
-from train.clmapf.solution import read_solution
 from train.reporting.rows import read_rows
 from warehouse_env.errors import MapError
 
@@ -41,16 +37,6 @@ def test_numbers_are_read_however_a_program_writes_them(tmp_path: Path, written:
     """YAML 1.1 takes 5e0 for a text, and other programs write such numbers."""
     (tmp_path / "a.yaml").write_text(TEXT.replace("[5, 15, 0]", f"[{written}, 15, 0]"))
     assert read_instance(tmp_path / "a.yaml", "a").starts[0, 0] == 5.0
-
-
-@given(st.text(alphabet="agentsmp:-[]{}, 0123.e#\n\t&*!'\"", max_size=200), st.integers(0, len(TEXT)))
-def test_bad_files_end_in_one_sentence(tmp_path_factory: pytest.TempPathFactory, text: str, cut: int) -> None:
-    path = tmp_path_factory.getbasetemp() / "bad.yaml"
-    for made in (text, TEXT[:cut] + text, TEXT[:cut] + text + TEXT[cut:]):
-        path.write_text(made, encoding="utf-8")
-        for read in (lambda: read_instance(path, "it"), lambda: read_solution(path)):
-            with contextlib.suppress(MapError):  # anything else is a traceback
-                read()
 
 
 @pytest.mark.parametrize(

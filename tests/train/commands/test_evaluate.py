@@ -18,7 +18,8 @@ from train.reporting.rows import RowFile, read_rows
 from warehouse_env import __version__
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
-from warehouse_env.maps.movingai import EXAMPLE_MAP
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.movingai import EXAMPLE_MAP, write_map
 
 FIELDS = {
     "policy", "layout", "robots", "tasks", "planner", "episode", "seed", "robot_km", "collisions_robot",
@@ -187,6 +188,19 @@ def test_resume_plays_only_what_is_missing(tmp_path: Path, monkeypatch: pytest.M
     assert timeless(resumed) == timeless(read_rows(tmp_path / "fresh" / "rows.jsonl"))
 
 
+def test_rows_of_another_floor_of_that_name_are_not_mixed(tmp_path: Path) -> None:
+    """Neither of another map nor of the same one with other directions beside it."""
+    floor, one_way = tmp_path / "mine.map", np.zeros((12, 16), np.uint8)
+    options = "--policy follow --robots 2 --episodes 1 --seconds 2 --planner astar --no-pictures --resume"
+    for cell in range(3):
+        one_way[5, :cell] = 1
+        write_map(GridMap(np.zeros((12, 16), bool), one_way=one_way), floor)
+        for _ in range(2):
+            assert main(["evaluate", *options.split(), "--map", str(floor), "--out", str(tmp_path)]) == 0
+    rows = read_rows(tmp_path / "rows.jsonl")
+    assert len({row["versions"][str(floor)] for row in rows}) == len(rows) == 3
+
+
 @pytest.mark.parametrize("damage", ["a byte", "half a row", "a row and a half", "a row without its episode", "all"])
 def test_a_cut_file_is_resumed_to_the_same_rows(damage: str, tmp_path: Path) -> None:
     options = ["--policy", "brake", "follow", "--episodes", "2"]
@@ -342,5 +356,5 @@ def test_orders_are_drawn_carried_out_and_tabled(tmp_path: Path, capsys: pytest.
     assert all(heading in table for heading in ("orders/h", "late orders", "stations used %", "lowest charge %"))
     capsys.readouterr()
     assert main(["evaluate", *drive, "--orders", str(tmp_path / "none.csv"), "--out", str(out)]) == 2
-    assert "none.csv cannot be read" in capsys.readouterr().err
+    assert "none.csv does not exist" in capsys.readouterr().err
     assert main(["evaluate", *drive, "--orders", str(orders), "--orders-per-hour", "9", "--out", str(out)]) == 2

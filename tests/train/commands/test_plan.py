@@ -11,7 +11,7 @@ import pytest
 from train.cli import main
 from train.commands.plan import plan_note, plan_table
 from train.reporting.rows import read_rows
-from warehouse_env.maps.movingai import EXAMPLE_MAP
+from warehouse_env.maps.movingai import EXAMPLE_MAP, EXAMPLE_SCEN
 
 FIELDS = {
     "planner", "start", "goal", "success", "length", "optimal_length", "gap", "turns", "min_turns", "converged_at",
@@ -63,13 +63,48 @@ def test_random_tasks_on_a_map(tmp_path: Path) -> None:
     assert [row["task"] for row in rows] == ["random_1", "random_2", "random_3"]
 
 
-def test_tasks_of_a_scenario_file(tmp_path: Path) -> None:
-    scenario = EXAMPLE_MAP.with_suffix(".scen")
-    if not scenario.exists():
-        pytest.skip("the example map has no scenarios")
-    rows = plan(tmp_path, "--scen", str(scenario), "--planner", "astar", "--tasks", "2", "--runs", "1")
+def test_tasks_of_a_scenario_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = plan(tmp_path, "--scen", str(EXAMPLE_SCEN), "--planner", "astar", "--tasks", "2", "--runs", "1")
     assert len(rows) == 2
     assert all(row["task"].startswith("scenario_") for row in rows)
+    assert not capsys.readouterr().err
+
+
+SCEN = "version 1\n0\tm.map\t3\t2\t0\t0\t2\t1\t{}\n"
+
+
+@pytest.mark.parametrize(
+    ("scen", "options", "code", "said"),
+    [
+        (SCEN.format(3), (), 0, ""),
+        (SCEN.format(3.0004), (), 0, ""),
+        (SCEN.format(2.83), (), 0, "1 of 1 lengths are not those of the shortest paths"),
+        (SCEN.format(3).replace("m.map", "x/other.map"), ("--map", "m.map"), 0, "are of map 'other', not 'm'"),
+        (SCEN.format(3), ("--layout", "m.map"), 0, ""),
+        (SCEN.format(3), ("--layout", "open"), 2, "is for a map of 2 x 3 cells, but the map has 40 x 40"),
+        (SCEN.format(3), ("--layout", "open", "--map", "m.map"), 2, "name one floor"),
+        ("version 1\n", (), 2, "s.scen holds no scenario"),
+        ("version 1\n", ("--map", "m.map"), 2, "s.scen holds no scenario"),
+    ],
+)
+def test_a_scenario_file_that_does_not_fit_is_told_of(
+    scen: str, options: tuple[str, ...], code: int, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str], recwarn: pytest.WarningsRecorder,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    Path("s.scen").write_text(scen)
+    Path("m.map").write_text("type octile\nheight 2\nwidth 3\nmap\n...\n.@.\n")
+    command = ["plan", "--scen", "s.scen", "--planner", "astar", "--runs", "1", "--no-pictures", "--out", "out"]
+    assert main([*command, *options]) == code
+    told = [*capsys.readouterr().err.splitlines(), *(str(one.message) for one in recwarn)]
+    assert len(told) == (said != "")
+    assert said in "".join(told)
+
+
+def test_a_task_without_a_way_counts_as_solved(tmp_path: Path) -> None:
+    rows = plan(tmp_path, "--layout", "open", "--start", "1,1", "--goal", "1,1", "--planner", "astar", "--runs", "1")
+    assert (rows[0]["length"], rows[0]["gap"]) == (0, 0)
+    assert "finds the shortest path in 100%" in plan_note(rows)
 
 
 def test_pictures(tmp_path: Path) -> None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from agents import WEIGHTS_FOLDER
 from train.cli import main
 from train.commands.replay import frames, pace
 from train.reporting.rows import read_rows
@@ -160,3 +162,18 @@ def test_a_policy_that_is_gone_leaves_its_preferences_out(
     dataclasses.replace(Episode.load(files[0]), policy=str(tmp_path / "gone")).save(old)
     run(capsys, old, "--html", tmp_path / "page.html")
     assert '"liked"' not in (tmp_path / "page.html").read_text(encoding="utf-8").split('id="about"')[1][:20_000]
+
+
+def test_another_policy_of_that_name_is_not_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for place, policy in (("here", "ppo"), ("there", "reinforce")):
+        shutil.copytree(WEIGHTS_FOLDER / policy, tmp_path / place / "runs/mine")
+    monkeypatch.chdir(tmp_path / "here")
+    options = "--policy runs/mine --layout open --robots 2 --planner astar --seconds 2 --out one.npz"
+    assert main(["record", *options.split()]) == 0
+    for place in ("here", "there"):
+        monkeypatch.chdir(tmp_path / place)
+        assert main(["replay", "../here/one.npz", "--html", "page.html"]) == 0
+        said = "without the policy's preferences: runs/mine is not the policy that was recorded"
+        assert (said in capsys.readouterr().err) == (place == "there")

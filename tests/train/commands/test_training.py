@@ -8,9 +8,11 @@ import signal
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from agents.weights_folder import read_record
+from tests.maps.halls.test_map_server import YAML, hall, room
 from train.cli import main
 from train.commands.training import TrainReinforce
 from train.learning import checkpoint, progress
@@ -19,7 +21,9 @@ from train.reinforce import Reinforce
 from train.reporting.lock import held
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import ConfigError
-from warehouse_env.maps.movingai import EXAMPLE_MAP
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.halls.picture import write_pgm
+from warehouse_env.maps.movingai import EXAMPLE_MAP, write_map
 
 SMALL = (
     "--robots 2 --rows 4 --planner astar --rollout 6 --minibatch 24 --hidden 24 --episode-seconds 3 "
@@ -32,6 +36,13 @@ def train(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[list[str], l
     assert main(["train", "reinforce", *SMALL.split(), *words]) == 0
     shown = capsys.readouterr()
     return shown.out.splitlines(), shown.err.splitlines()
+
+
+def half_done(folder: Path) -> None:
+    """Have a training that is done be so for half of its steps."""
+    saved = checkpoint.read(folder / "checkpoint")
+    longer = saved.data["config"] | {"steps": 2 * saved.data["steps"]}
+    checkpoint.write(folder / "checkpoint", saved.arrays, saved.data | {"config": longer})
 
 
 def test_without_a_bar_it_says_what_it_begins_and_what_it_wrote(
@@ -60,9 +71,7 @@ def test_without_a_bar_a_line_now_and_then_tells_how_it_goes(
 def test_a_stopped_one_says_how_to_go_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     train(capsys, "--layout", "open", "--steps", "24", "--out", str(tmp_path), "--name", "short")
     folder = tmp_path / "short"
-    saved = checkpoint.read(folder / "checkpoint")
-    longer = saved.data["config"] | {"steps": 48}
-    checkpoint.write(folder / "checkpoint", saved.arrays, saved.data | {"config": longer})
+    half_done(folder)
     TrainReinforce(ReinforceConfig(resume=folder, progress=False), json=tmp_path / "rows.jsonl").run()
     shown = capsys.readouterr()
     assert shown.err.startswith(f"goes on with {folder}")
@@ -81,6 +90,59 @@ def test_a_map_file_is_a_floor_to_train_on(tmp_path: Path, capsys: pytest.Captur
     record = read_record(tmp_path / "reinforce")
     assert record.env.layout == str(floor)
     assert record.training["config"]["layouts"] == [str(floor), "open"]
+
+
+FLOORS = {
+    "mine.map": ("mine.map", "mine.oneway"),
+    "hall.yaml:keepout=masks/mask.yaml": ("hall.yaml", "hall.pgm", "masks/mask.yaml", "masks/mask.pgm"),
+}
+
+
+def make_floors() -> None:
+    """Write the files of all floors into the working folder."""
+    write_map(GridMap(np.zeros((12, 16), bool), one_way=np.eye(12, 16, dtype=np.uint8)), "mine.map")
+    grey = room(24, 32)
+    hall(Path(), grey)
+    grey[:, :8] = 0
+    Path("masks").mkdir(exist_ok=True)
+    write_pgm(grey.astype(np.uint8), Path("masks/mask.pgm"))
+    Path("masks/mask.yaml").write_text(YAML.replace("hall.pgm", "mask.pgm"))
+
+
+@pytest.mark.parametrize("name", FLOORS)
+def test_a_run_goes_on_anywhere_with_the_floors_it_began_with(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "here").mkdir()
+    (tmp_path / "there").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    make_floors()
+    train(capsys, "--layout", name, "--steps", "24", "--out", ".")
+    folder = tmp_path / "here" / "reinforce"
+    monkeypatch.chdir(tmp_path / "there")
+    for place in ("here", "there"):  # what is called so now is another
+        for file in FLOORS[name]:
+            (tmp_path / place / file).parent.mkdir(exist_ok=True)
+            (tmp_path / place / file).write_text("another")
+    half_done(folder)
+    assert main(["train", "reinforce", "--resume", str(folder), "--no-progress"]) == 0
+    kept = {path.name: path for path in (folder / "files").rglob("*") if path.is_file()}
+    assert set(kept) == {Path(file).name for file in FLOORS[name]}
+    half_done(folder)
+    for file, change in ((min(kept), Path.unlink), (max(kept), lambda path: path.write_text("another"))):
+        before = kept[file].read_bytes()
+        change(kept[file])
+        capsys.readouterr()
+        assert main(["train", "reinforce", "--resume", str(folder), "--no-progress"]) == 2
+        assert f"{kept[file]}, kept of {name}, is missing or was changed" in capsys.readouterr().err
+        kept[file].write_bytes(before)
+    data = checkpoint.read(folder / "checkpoint")
+    del data.data["files"], data.data["code"]  # of an earlier version
+    checkpoint.write(folder / "checkpoint", data.arrays, data.data)
+    assert main(["train", "reinforce", "--resume", str(folder), "--no-progress"]) == 2
+    monkeypatch.chdir(tmp_path / "here")
+    make_floors()
+    assert main(["train", "reinforce", "--resume", str(folder), "--no-progress"]) == 0
 
 
 def test_one_process_trains_in_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -128,8 +128,10 @@ class Wrong(Job):
 
 def test_a_lost_job_is_an_exit_code(tmp_path: Path, two_nodes: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "train.py").write_text("raise SystemExit('my own training starts')\n")
+    (tmp_path / "beside.py").write_text("import os, signal\n")
     (tmp_path / "mine.py").write_text(
-        "import os, signal\n"
+        "from beside import os, signal\n"
         "from agents.path_following import Follow\n"
         "class Mine(Follow):\n"
         "    def act(self, observation, rng):\n"
@@ -138,7 +140,7 @@ def test_a_lost_job_is_an_exit_code(tmp_path: Path, two_nodes: Any, monkeypatch:
     )
     own = ["evaluate", "--policy", "mine.py:Mine", "follow", *DRIVE[4:], "--episodes", "2", "--out", "own"]
     body = f"import sys; from train.cli import main; sys.exit(main({[*own, '--ray', two_nodes.address]!r}))"
-    run = subprocess.run([sys.executable, "-c", body], cwd=tmp_path, capture_output=True, text=True, check=False)
+    run = subprocess.run([sys.executable, "-P", "-c", body], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert run.returncode == LOST, run.stderr
     assert "mine.py:Mine" in run.stderr
     assert {row["policy"] for row in read_rows(tmp_path / "own" / "rows.jsonl")} == {"follow"}

@@ -141,12 +141,39 @@ STREAMS = {
     "deeper topics": [said("plant/hall/uagv/v2/M/a/state", bare(x, x)) for x in (1, 2, 3)],
     "no version in topics": [said("uagv/M/a/state", bare(x, x)) for x in (1, 2, 3)],
     "topics of one's own": [said("M/robots/7/state", foreign(x, x)) for x in (1, 2, 3)],
+    "another interface": [said("amr/v2/M/a/state", bare(x, x)) for x in (1, 2, 3)],
+    "both names, one without a value": [
+        version_3(x, x) | {"agvPosition": none} for x, none in ((1, None), (2, {}), (3, {"x": None, "mapId": "L1"}))
+    ],
+    "odd versions": [foreign(x, x, version=odd) for x, odd in ((1, "2"), (2, "v2.1.0"), (3, None))],
+    "nothing but a position": [
+        foreign(x, x)
+        | dict.fromkeys(
+            (
+                "orderId",
+                "orderUpdateId",
+                "nodeStates",
+                "edgeStates",
+                "actionStates",
+                "loads",
+                "errors",
+                "version",
+                "headerId",
+            )
+        )
+        for x in (1, 2, 3)
+    ],
     "texts": [quoted(x, x) for x in (1, 2, 3)],
     "twice": [foreign(x, x) for x in (1, 1, 2, 2, 3, 3)],
     "out of order": [foreign(x, x) for x in (2, 1, 3)],
     "kept from before": [said("uagv/v2/M/a/state", OLD, 1), *(foreign(x, x) for x in (1, 2, 3))],
     "kept where vehicles are kept": [said("uagv/v2/M/a/state", foreign(x, x), 1) for x in (0, 1, 2, 3)],
-    "not yet located": [at(9, 0, positionInitialized=False), *(foreign(x, x) for x in (1, 2, 3))],
+    "not yet located": [
+        at(9, 0, positionInitialized=False),
+        at(9, 0, positionInitialized="false"),
+        at(9, 0, positionInitialized=None, localized=False),
+        *(foreign(x, x) for x in (1, 2, 3)),
+    ],
     "some without a position": [foreign(9, 0, agvPosition=None), *(foreign(x, x) for x in (1, 2, 3))],
     "zones": [
         foreign(1, 0, timestamp="2026-05-01T12:00:01.500000000+02:00"),
@@ -164,13 +191,97 @@ def test_streams_of_other_makers_are_understood(stream: str, tmp_path: Path) -> 
     assert made.begin == "2026-05-01T10:00:01.500+00:00"
 
 
-def test_who_comes_back_from_another_map_was_away(tmp_path: Path) -> None:
-    made = episode_of(
-        heard(tmp_path, [foreign(1, 0), foreign(2, 2), at(9, 4, mapId="L2"), foreign(8, 6), foreign(9, 8)]),
-        FLOOR, EnvConfig(),
-    )  # fmt: skip
-    assert ((made.moments["bits"] & PRESENT) != 0)[:, 0].tolist() == [True, True, False, True, True]
-    assert made.row()["robot_km"] == pytest.approx(0.002)  # the way in between is nobody's
+def link(state: Any, second: int) -> dict[str, Any]:
+    """Return a connection message."""
+    header = ("headerId", "timestamp", "version", "manufacturer", "serialNumber")
+    return {name: value for name, value in foreign(0, second).items() if name in header} | {"connectionState": state}
+
+
+AWAY = {
+    "on another map": [foreign(1, 0), foreign(2, 2), at(9, 4, mapId="L2"), foreign(8, 6), foreign(9, 8)],
+    "offline": [foreign(1, 0), foreign(2, 2), link("OFFLINE", 3), link("ONLINE", 5), foreign(8, 6), foreign(9, 8)],
+    "offline, out of order": [link("OFFLINE", 3), foreign(8, 6), foreign(1, 0), foreign(9, 8), foreign(2, 2)],
+    "cut off, by a will as old as the connection": [
+        link("ONLINE", 0), foreign(1, 0), foreign(2, 2), link("CONNECTIONBROKEN", 0), foreign(8, 6), foreign(9, 8)],
+    "cut off, as version 3 says it": [foreign(1, 0), foreign(2, 2), link("CONNECTION_BROKEN", 0), foreign(8, 6),
+                                      foreign(9, 8)],
+    "silent": [link("ONLINE", 0), foreign(1, 0), foreign(2, 2), foreign(8, 50), foreign(9, 52)],
+    "carried": [foreign(1, 0), foreign(2, 2), at(0, 6, y=ORIGIN[1] + 60), foreign(8, 8)],
+    "moved while asleep": [foreign(1, 0), foreign(2, 2), link("HIBERNATING", 3), foreign(8, 6), foreign(9, 8)],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("how", AWAY)
+def test_a_vehicle_that_comes_back_elsewhere_was_away(how: str, tmp_path: Path) -> None:
+    made = episode_of(heard(tmp_path, AWAY[how]), FLOOR, EnvConfig(), every=2.0)
+    present = (made.moments["bits"] & PRESENT) != 0
+    frames = sorted(one["headerId"] // 2 for one in AWAY[how] if one.get("agvPosition", {}).get("mapId") == "L1")
+    seen = frames if how != "carried" else [0, 1, 4]  # from one moment to the next
+    assert np.flatnonzero(present[:, 0]).tolist() == seen
+    assert made.row()["robot_km"] == pytest.approx(0.002 - 0.001 * (how == "carried"))
+    assert made.row()["longest_standing_s"] < 5
+    assert any("absent" in note for note in made.notes)
+
+
+@pytest.mark.parametrize("every", [0.7, 5.0])
+def test_moments_that_miss_a_gap_do_not_bridge_it(every: float, tmp_path: Path) -> None:
+    states = [foreign(1, 0), foreign(1, 7), link("OFFLINE", 7), foreign(15, 8), foreign(15, 20)]
+    made = episode_of(heard(tmp_path, states), FLOOR, EnvConfig(), every=every)
+    assert made.row()["robot_km"] == 0
+    assert set(made.pose[:, 0, 0, 0].tolist()) == {1.0, 15.0}
+
+
+def test_a_vehicle_that_hibernates_is_there_and_does_not_wait(tmp_path: Path) -> None:
+    ends = [foreign(2, 51), link("HIBERNATING", 52)]
+    states = [foreign(1, 0), foreign(1, 1), link("HIBERNATING", 2), link("ONLINE", 49), foreign(1, 50), *ends]
+    states.append(foreign(1, 58, serialNumber="other"))
+    made = episode_of(heard(tmp_path, states), FLOOR, EnvConfig(), every=1.0)
+    bits = made.moments["bits"][:, 0]
+    assert ((bits & PRESENT) != 0).all()
+    assert np.flatnonzero(bits & UNDER_WAY).tolist() == [0, 1, 50, 51]
+    assert not any("absent" in note for note in made.notes)
+
+
+def test_a_vehicle_that_falls_silent_for_good_is_said(tmp_path: Path) -> None:
+    states = [foreign(1, 0), foreign(1, 1), foreign(1, 0, serialNumber="b"), foreign(1, 59, serialNumber="b")]
+    made = episode_of(heard(tmp_path, states), FLOOR, EnvConfig(), every=1.0)
+    assert np.flatnonzero(made.moments["bits"][:, 0] & PRESENT).tolist() == [0, 1]
+    assert any("1 vehicle fell silent" in note for note in made.notes)
+    assert any("1 time a vehicle said nothing of its position for over 30 s" in note for note in made.notes)
+
+
+@pytest.mark.parametrize(
+    ("state", "gone"),
+    [("ONLINE", False), ("OFFLINE", True), ("CONNECTIONBROKEN", True), ("CONNECTION_BROKEN", True),
+     ("HIBERNATING", False), ("SLEEPING", False), (None, False), ([], False)],
+)  # fmt: skip
+def test_a_vehicle_is_gone_when_it_says_so(state: Any, gone: bool) -> None:
+    fleet = Fleet()
+    for name, payload in (("state", foreign(1, 0)), ("connection", link("ONLINE", 0)), ("connection", link(state, 1))):
+        fleet.add(Entry(f"uagv/v2/M/a/{name}", payload, None, None))
+    assert fleet.gone == gone
+    known = state in ("ONLINE", "OFFLINE", "CONNECTIONBROKEN", "CONNECTION_BROKEN", "HIBERNATING")
+    assert ("have a connectionState that is none" in fleet.left_out) == (not known)
+
+
+def test_what_a_state_leaves_out_is_not_done(tmp_path: Path) -> None:
+    to_come = {"orderId": "o", "nodeStates": [{"nodeId": "n"}]}
+    silent = {"orderId": "o", "nodeStates": None, "edgeStates": None}
+    states = [foreign(1, 0, **to_come), foreign(2, 2, **silent), foreign(3, 4, orderId="o"), foreign(3, 6, **silent),
+              foreign(3, 8, **silent | {"orderId": "p"})]  # fmt: skip
+    made = episode_of(heard(tmp_path, states), FLOOR, EnvConfig())
+    assert made.moments["goals"][:, 0].tolist() == [0, 0, 1, 1, 1]
+
+
+def test_versions_are_named(tmp_path: Path) -> None:
+    new = [version_3(x, x) for x in (1, 2, 3)]
+    assert any("3 messages are of version '3.0.0'" in note for note in
+               episode_of(heard(tmp_path, new), FLOOR, EnvConfig()).notes)  # fmt: skip
+    later = [foreign(9, x, version=f"4.{x}.0") for x in (1, 2)]
+    made = episode_of(heard(tmp_path, [*later, foreign(1, 0), foreign(2, 3)]), FLOOR, EnvConfig())
+    assert made.notes[0].startswith("2 messages or lines are of version '4.1.0' of VDA 5050, and versions 1 to 3 are")
+    with pytest.raises(WarehouseError, match=r"none says where a vehicle is.*'4.1.0'"):
+        episode_of(heard(tmp_path, later), FLOOR, EnvConfig())
 
 
 def test_what_a_broker_has_kept_of_who_is_away_ends_nothing() -> None:
@@ -231,6 +342,8 @@ def test_bodies_are_told_by_factsheets() -> None:
     corners = [{"x": x, "y": y} for x in (-0.5, 1.5) for y in (-0.4, 0.4)]
     version_3 = {"mobileRobotGeometry": {"envelopes2d": [{"envelope2dId": "all", "vertices": corners}]}}
     assert body_of(version_3)[0] == {"length": 2.0, "width": 0.8, "front_overhang": 1.5}
+    both = {"mobileRobotGeometry": None, "agvGeometry": {"envelopes2d": [{"polygonPoints": corners}]}}
+    assert body_of(both)[0] == body_of(version_3)[0]
 
 
 def test_near_misses_and_contacts_are_counted_as_they_begin_and_end() -> None:

@@ -100,13 +100,11 @@ def test_single_policies_pair_whatever_they_are_called() -> None:
         ("", "it is empty"),
         ('{"part": 1}\n', "lack 'policy'"),
         ("nonsense\n", "line 1: not a JSON object"),
-        (None, "does not exist"),
     ],
 )
-def test_what_is_no_run_is_named(content: str | None, reason: str, tmp_path: Path) -> None:
+def test_what_is_no_run_is_named(content: str, reason: str, tmp_path: Path) -> None:
     write_rows(tmp_path / "good.jsonl", BEFORE)
-    if content is not None:
-        (tmp_path / "bad.jsonl").write_text(content)
+    (tmp_path / "bad.jsonl").write_text(content)
     with pytest.raises(WarehouseError, match=reason):
         read_runs([tmp_path / "good.jsonl", tmp_path / "bad.jsonl"])
 

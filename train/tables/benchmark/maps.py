@@ -53,7 +53,7 @@ def make_map(name: str) -> GridMap:
     """Return a map of MAPS, or one from a MovingAI file; ConfigError or MapError where there is none."""
     if name in MAPS:
         return MAPS[name]()
-    if name.endswith(".map"):
+    if name.lower().endswith(".map"):
         return read_map(Path(name))
     raise unknown_name("map of the benchmark", name, MAPS)
 

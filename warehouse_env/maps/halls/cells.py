@@ -136,13 +136,16 @@ def closed(room: NDArray[np.bool_], floor: NDArray[np.bool_]) -> NDArray[np.bool
 
     room: bool[H, W], cells that hold a pixel with room round it. Single cells are left out: they are corners.
     """
-    near = np.pad(floor, 1)
-    rows, columns = floor.shape
-    around = [near[a : a + rows, b : b + columns] for a in (0, 1, 2) for b in (0, 1, 2)]
-    found = room & ~np.any(around, axis=0)
+    found = room & ~around(floor)
     padded = np.pad(found, 1)
     several = padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]
     return np.asarray(found & several)
+
+
+def around(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return bool[H, W]: the cells of a mask and those beside them in any direction."""
+    near, (rows, columns) = np.pad(mask, 1), mask.shape
+    return np.asarray(np.any([near[a : a + rows, b : b + columns] for a in (0, 1, 2) for b in (0, 1, 2)], axis=0))
 
 
 def _square_fits(free: NDArray[np.bool_], side: float) -> NDArray[np.bool_]:

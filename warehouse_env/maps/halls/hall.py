@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from warehouse_env.checked import from_plain, parse_named
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError, MapWarning
-from warehouse_env.files import STAGED, path_of, read_bytes
+from warehouse_env.files import STAGED, companion, path_of
 from warehouse_env.maps import one_way
 from warehouse_env.maps.discs import covered, read_discs
 from warehouse_env.maps.endpoints import largest_region
@@ -28,7 +28,7 @@ from warehouse_env.maps.going import DEAREST
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import lif, picture, places, route_graph, told
 from warehouse_env.maps.halls.beginning import Choice, choose
-from warehouse_env.maps.halls.cells import Raster, exceeds, not_free, raster_of, spread, within
+from warehouse_env.maps.halls.cells import Raster, Sums, around, exceeds, not_free, raster_of, spread, within
 from warehouse_env.maps.halls.lanes import Lanes, lay, prices
 from warehouse_env.maps.halls.map_server import YAMLS, Occupancy, beside, image_of, read_occupancy
 from warehouse_env.maps.halls.proposed import propose, racks
@@ -72,7 +72,7 @@ def files_of(name: str) -> Iterator[Path]:
         if one.suffix.lower() in YAMLS:
             with contextlib.suppress(MapError):  # who reads it says what is wrong
                 yield image_of(one)
-    yield from (path.with_suffix(suffix) for suffix in (places.SUFFIX, one_way.SUFFIX))
+    yield from (companion(path, suffix) for suffix in (places.SUFFIX, one_way.SUFFIX))
 
 
 def read_floor(name: str) -> GridMap:
@@ -119,6 +119,8 @@ class _Reader:
         on_cells = None if lanes is None else lay(lanes, ~(self._walls | barred), self._raster)
         arrows, price = self._one_way(), None
         if on_cells is not None:
+            if arrows.any() and (arrows != on_cells.one_way).any():
+                self._notes.append(f"{self._path.stem}{one_way.SUFFIX} is not used, since lanes say the directions")
             speed, arrows = np.minimum(speed, on_cells.speed), on_cells.one_way
             price = np.minimum(prices(on_cells, self._how.lanes_prefer), DEAREST)
             if self._how.lanes_only:
@@ -145,7 +147,7 @@ class _Reader:
         how = self._how
         if (given := how.beginning) is not None:
             return given, None
-        if self._path.with_suffix(one_way.SUFFIX).exists():
+        if companion(self._path, one_way.SUFFIX).exists():
             return (0.0, 0.0), None
         choice = choose(self._occupancy, how.cell, how.share, how.unknown == "floor")
         return choice.best.begin, choice
@@ -155,6 +157,8 @@ class _Reader:
         if self._how.discs is None:
             return np.zeros((0, 3))
         found = read_discs(beside(self._path, self._how.discs, "discs"))
+        if not len(found):
+            self._notes.append(f"{self._how.discs} holds no disc")
         inside = self._raster.inside(self._raster.cells(found[:, :2]))
         if not inside.all():
             x, y, _ = found[np.argmin(inside)].tolist()
@@ -167,9 +171,30 @@ class _Reader:
         if not floor.any():
             raise MapError(f"{who} no cell of floor")
 
-    def _mask(self, name: str, what: str) -> Occupancy:
-        """Return a mask, as shares of what is known."""
-        return read_occupancy(beside(self._path, name, what))
+    def _note_mask(self, name: str, mask: Occupancy, marked: NDArray[np.bool_], kept: NDArray[np.bool_]) -> None:
+        """Note what a mask does not mark, though it seems to; kept: bool[H, W], cells that keep its marks."""
+        marks, pixels = Sums(mask, marked, self._how.cell).over(self._raster)
+        more = 100 * marks > np.maximum(pixels, 1) * (
+            spread(self._occupancy, self._taken, self._raster) + 1
+        )  # than walls
+        out, lost = (pixels == 0) & ~self._walls, more & ~around(kept) & ~self._walls
+        if not pixels.any():
+            self._notes.append(f"mask {name} lies off the map and marks nothing")
+        elif not marked.any():
+            self._notes.append(f"mask {name} marks no pixel")
+        elif not marks.any():
+            self._notes.append(f"mask {name} marks only what lies off the map")
+        elif lost.any():
+            x, y = self._raster.centres(np.argwhere(lost)[0]).tolist()
+            cells = f"{counted(lost.sum(), 'cell')} of {self._how.cell:g} m"
+            self._notes.append(
+                f"mask {name}: too little of {cells} is marked, as near ({x:.1f}, {y:.1f}) m; try a smaller cell="
+            )
+        if pixels.any() and out.any():
+            floor = int((~self._walls).sum())
+            self._notes.append(
+                f"mask {name} leaves {out.sum():,} of {floor:,} cells of floor out, which count as unmarked"
+            )
 
     def _keepout(self) -> NDArray[np.bool_]:
         if not (~self._walls).any():
@@ -179,8 +204,9 @@ class _Reader:
             )
         if self._how.keepout is None:
             return np.zeros_like(self._walls)
-        mask = self._mask(self._how.keepout, "keepout")
+        mask = read_occupancy(beside(self._path, self._how.keepout, "keepout"))
         taken = exceeds(100 * spread(mask, mask.values == 100, self._raster), self._how.share)
+        self._note_mask(self._how.keepout, mask, mask.values == 100, taken)
         if ((mask.values > 0) & (mask.values < 100)).any():
             self._notes.append("its keepout mask makes some floor dear without closing it; that floor is open here")
         return np.asarray(taken & ~self._walls)
@@ -189,9 +215,10 @@ class _Reader:
         """Return float64[H, W], [m/s] at most by the mask: the mean of a cell's pixels with a limit; 0 is none."""
         if self._how.speed is None:
             return np.full(self._walls.shape, np.inf)
-        mask = self._mask(self._how.speed, "speed")
+        mask = read_occupancy(beside(self._path, self._how.speed, "speed"))
         limited = mask.values > 0
         share, total = (spread(mask, weights, self._raster) for weights in (limited, mask.values * limited))
+        self._note_mask(self._how.speed, mask, limited, share > 0.5)
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(share > 0.5, total / share / 100 * RobotSpec.max_speed, np.inf)
 
@@ -207,23 +234,20 @@ class _Reader:
 
     def _one_way(self) -> NDArray[np.uint8]:
         """Return the directions that stand beside the map as beside a MovingAI file; none where there are none."""
-        path = self._path.with_suffix(one_way.SUFFIX)
+        path = companion(self._path, one_way.SUFFIX)
         if not path.exists():
             return np.zeros(self._walls.shape, np.uint8)
-        text = read_bytes(path, "one-way file", 64_000_000).decode("utf-8", "replace").split()
-        try:
-            found = one_way.parse(text)
-            if found.shape != self._walls.shape:
-                raise MapError(f"it has {found.shape} rows and columns, the floor {self._walls.shape}; remove it")
-            return np.where(self._walls, 0, found).astype(np.uint8)
-        except MapError as error:
-            raise MapError(f"{path}: {error}") from None
+        found = one_way.read(path, self._walls.shape)
+        if lost := int((self._walls & (found > 0)).sum()):
+            total = counted((found > 0).sum(), "one-way cell")
+            self._notes.append(f"{path.name}: {lost} of {total} are in walls and left out")
+        return np.where(self._walls, 0, found).astype(np.uint8)
 
     def _places(
         self, lanes: Lanes | None, occupied: NDArray[np.bool_]
     ) -> tuple[list[NDArray[np.int64]], places.Places]:
         """Return the cells of picks and stations, and both by name: of the file, else the lanes, else proposed."""
-        path = self._path.with_suffix(places.SUFFIX)
+        path = companion(self._path, places.SUFFIX)
         given = dict(lanes.places) if lanes is not None else {}
         if self._edited and path.exists():
             given |= places.read_places(path)

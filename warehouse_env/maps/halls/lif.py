@@ -1,5 +1,7 @@
 """Lanes in the Layout Interchange Format, LIF 1.0.0 (VDMA, 2024): read liberally, written as its schema asks.
 
+Its drafts (0.11.0, as in its own examples) are read, too; version 2 has other names and is refused.
+
 A node or edge without an entry for a type of vehicle is closed to it; a trajectory is a NURBS.
 """
 
@@ -7,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections import Counter
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,16 +19,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import path_of, write_text
+from warehouse_env.files import path_of, read_json, write_text
+from warehouse_env.format_version import major_of
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls.lanes import MOST, Lane, Lanes, of_floor
-from warehouse_env.maps.halls.places import KINDS, Place, is_number, read_json
+from warehouse_env.maps.halls.places import KINDS, Place, is_number
 
 SUFFIX = ".lif.json"
 VERSION = "1.0.0"
+_LISTS = ("nodes", "edges", "stations")
 VEHICLE = "robot"  # type of what is written
 _LARGEST_FILE = 64_000_000  # [bytes]
+_UNREAD = "is not read; versions 0 and 1 are"
+_NEWER = "mobileRobotType"  # what version 2 puts before names in place of vehicleType
 _MOST_POINTS = 1000  # of a trajectory
+_FAR = 1.0  # [m] from its nodes up to which a trajectory is joined to them
 _ALONG = 0.05  # sine of half the angle between a heading and a lane up to which it is along it
 
 
@@ -37,7 +45,9 @@ def read_lif(path: Path, vehicle: str | None = None) -> Lanes:
     data = read_json(path, "LIF file", _LARGEST_FILE)
     if not isinstance(data, dict) or not isinstance(data.get("layouts"), list) or not data["layouts"]:
         raise MapError(f'{path} is no LIF file: it must hold "layouts", a list of one or more')
-    return _Reading(path, vehicle).layouts(data["layouts"])
+    reading = _Reading(path, vehicle)
+    reading.check_version(data.get("metaInformation"))
+    return reading.layouts(data["layouts"])
 
 
 class _Reading:
@@ -47,23 +57,40 @@ class _Reading:
         self._path, self._vehicle, self._made = path, vehicle, Lanes()
         self._actions: dict[str, set[str]] = {}  # node -> types of what is done there
         self._elsewhere: set[str] = set()  # nodes of other levels
+        self._given: dict[str, set[str]] = {}  # name of an id -> those that stand for something
+
+    def check_version(self, about: Any) -> None:
+        """Raise MapError for a file of a version that is not read; note one that does not say its version."""
+        version = about.get("lifVersion") if isinstance(about, dict) else None
+        major = major_of(version)
+        if major is None:
+            self._note(f"lifVersion is missing or none, and taken for {VERSION}")
+        elif major > 1:
+            raise self._bad(f"lifVersion {shown(version)} {_UNREAD}")
 
     def layouts(self, layouts: list[Any]) -> Lanes:
+        """Return the lanes of the level of the first layout."""
         level: Any = None
         for number, layout in enumerate(layouts):
             self._object(layout, "layout")
             level = layout.get("layoutLevelId") if number == 0 else level
+            if layout.get("layoutId") is not None:
+                self._own_id(layout, "layoutId")
             if layout.get("layoutLevelId") != level:
                 self._note(f"a layout of another level than {shown(level)} is left out")
-                self._elsewhere |= {str(node.get("nodeId")) for node in self._each(layout, "nodes")}
+                ids = {key: {self._own_id(one, f"{key[:-1]}Id") for one in self._each(layout, key)} for key in _LISTS}
+                self._elsewhere |= ids["nodes"]
         chosen = [layout for layout in layouts if layout.get("layoutLevelId") == level]
-        for key, take in (("nodes", self._node), ("edges", self._edge), ("stations", self._station)):
+        for key, take in zip(_LISTS, (self._node, self._edge, self._station), strict=True):
             for layout in chosen:
                 for entry in self._each(layout, key):
                     take(entry)
+        for_whom = "a vehicle" if self._vehicle is None else f"vehicle {shown(self._vehicle)}"
         if not self._made.nodes:
-            for_whom = "" if self._vehicle is None else f" open to vehicle {shown(self._vehicle)}"
-            raise MapError(f"{self._path} has no node{for_whom}")
+            raise self._bad(f"none of its {len(self._actions):,} nodes is open to {for_whom}, so it has no node")
+        edges = sum(len(self._list(layout, "edges")) for layout in chosen)
+        if edges and not self._made.lanes:
+            self._note(f"none of its {edges:,} edges is open to {for_whom}")
         return self._made
 
     def _note(self, text: str) -> None:
@@ -77,7 +104,7 @@ class _Reading:
             raise self._bad(f"a {what} is {shown(entry)}, not an object of names and values")
 
     def _list(self, owner: dict[str, Any], key: str) -> list[Any]:
-        if key not in owner:
+        if owner.get(key) is None:
             self._note(f"{key} are missing, and taken for none")
             return []
         if not isinstance(owner[key], list) or len(owner[key]) > MOST:
@@ -89,8 +116,7 @@ class _Reading:
             self._object(entry, key[:-1])
             yield entry
 
-    def _id(self, entry: dict[str, Any], key: str) -> str:
-        name = entry.get(key)
+    def _id(self, name: Any, key: str) -> str:
         if is_number(name):
             self._note(f"{key} is a number, and taken for its text")
             name = str(name)
@@ -98,7 +124,16 @@ class _Reading:
             raise self._bad(f"{key} {shown(name)} must be a text")
         return name
 
-    def _number(self, value: Any, what: str) -> float:
+    def _own_id(self, entry: dict[str, Any], key: str) -> str:
+        """Return the id by which an entry is called, which must be its own in all of the file."""
+        name, given = self._id(entry.get(key), key), self._given.setdefault(key, set())
+        if name in given:
+            raise self._bad(f"{key} {shown(name)} stands for two {key[:-2]}s; give each its own")
+        given.add(name)
+        return name
+
+    def _number(self, value: Any, what: str, default: float | None = None) -> float:
+        value = default if value is None else value
         if isinstance(value, str):
             try:
                 value = float(value)
@@ -115,13 +150,17 @@ class _Reading:
 
     def _for_us(self, entry: dict[str, Any], key: str) -> dict[str, Any] | None:
         """Return the first entry for our vehicle, or for any; None where there is none, as the thing is closed then."""
+        newer = [name for name in entry if name.startswith(_NEWER)]
+        if newer and entry.get(key) is None:
+            raise self._bad(f"it holds {shown(newer[0])[1:-1]}, a name of LIF 2, which {_UNREAD}")
         listed = [one for one in self._list(entry, key) if isinstance(one, dict)]
+        types = Counter(str(one["vehicleTypeId"]) for one in listed if one.get("vehicleTypeId") is not None)
+        if types and (most := types.most_common(1)[0])[1] > 1:
+            raise self._bad(f"vehicleTypeId {shown(most[0])} stands twice in {key}; give each type one entry")
         return next((one for one in listed if self._vehicle in (None, one.get("vehicleTypeId"))), None)
 
     def _node(self, entry: dict[str, Any]) -> None:
-        name = self._id(entry, "nodeId")
-        if name in self._actions:
-            raise self._bad(f"nodeId {shown(name)} stands for two nodes; give each its own")
+        name = self._own_id(entry, "nodeId")
         where = self._point(entry.get("nodePosition"), f"node {shown(name)}")
         ours = self._for_us(entry, "vehicleTypeNodeProperties")
         actions = ours.get("actions") if ours else None
@@ -131,8 +170,8 @@ class _Reading:
             self._made.nodes[name] = where
 
     def _edge(self, entry: dict[str, Any]) -> None:
-        name = self._id(entry, "edgeId")
-        ends = self._id(entry, "startNodeId"), self._id(entry, "endNodeId")
+        name = self._own_id(entry, "edgeId")
+        ends = self._id(entry.get("startNodeId"), "startNodeId"), self._id(entry.get("endNodeId"), "endNodeId")
         for end in ends:
             if end not in self._actions and end not in self._elsewhere:
                 raise self._bad(f"edge {shown(name)} leads to node {shown(end)}, which there is not")
@@ -165,22 +204,28 @@ class _Reading:
         what = f"edge {shown(name)}: "
         points, knots = (self._list(trajectory, key)[: _MOST_POINTS + 20] for key in ("controlPoints", "knotVector"))
         places = np.array([self._point(point, what + "controlPoint") for point in points]).reshape(-1, 2)
-        weights = np.array([self._number(point.get("weight", 1.0), what + "weight") for point in points])
+        weights = np.array([self._number(point.get("weight"), what + "weight", 1.0) for point in points])
         knot = np.array([self._number(value, what + "knotVector") for value in knots])
-        degree = self._number(trajectory.get("degree", 1), what + "degree")
+        degree = self._number(trajectory.get("degree"), what + "degree", 1.0)
         sound = 2 <= len(places) <= _MOST_POINTS and degree in (1, 2, 3, 4, 5) and (weights > 0).all()
         sound = sound and len(knot) == len(places) + degree + 1 and (np.diff(knot) >= 0).all()
-        if not sound or not knot[int(degree)] < knot[len(places)] or np.abs(places).max() > 1e9:
+        sound = sound and knot[int(degree)] < knot[len(places)] and np.abs(places).max() <= 1e9
+        curve = _nurbs(places, weights, knot, int(degree)) if sound else np.full((1, 2), np.nan)
+        if not np.isfinite(curve).all():
             self._note("a trajectory is no NURBS that can be followed, and taken for straight")
             return straight
-        return np.concatenate([straight[:1], _nurbs(places, weights, knot, int(degree)), straight[1:]])
+        if np.hypot(*(curve[[0, -1]] - straight).T).max() > _FAR:
+            self._note(f"a trajectory begins or ends over {_FAR:g} m from its nodes, and is taken for straight")
+            return straight
+        return np.concatenate([straight[:1], curve, straight[1:]])
 
     def _station(self, entry: dict[str, Any]) -> None:
-        name, height = self._id(entry, "stationId"), entry.get("stationHeight")
+        name, height = self._own_id(entry, "stationId"), entry.get("stationHeight")
         if height is not None:
             self._number(height, f"station {shown(name)}: stationHeight")
-        for node in self._list(entry, "interactionNodeIds"):
-            if not isinstance(node, str) or node not in self._actions:
+        for given in self._list(entry, "interactionNodeIds"):
+            node = self._id(given, "interactionNodeIds")
+            if node not in self._actions and node not in self._elsewhere:
                 raise self._bad(f"station {shown(name)} names node {shown(node)}, which there is not")
             if node not in self._made.nodes:
                 continue
@@ -206,7 +251,8 @@ def _nurbs(
                 low, high = knots[j + span - degree], knots[j + 1 + span - r]
                 share = (u - low) / (high - low) if high > low else 0.0
                 d[j] = (1 - share) * d[j - 1] + share * d[j]
-        found.append(d[degree, :2] / d[degree, 2])
+        with np.errstate(all="ignore"):
+            found.append(d[degree, :2] / d[degree, 2])
     return np.array(found)
 
 

@@ -5,6 +5,7 @@ PGM: Poskanzer, "pgm(5)", Netpbm; P2 (text) and P5 (bytes) with at most 255 leve
 
 from __future__ import annotations
 
+import io
 import re
 import warnings
 from pathlib import Path
@@ -35,7 +36,7 @@ def read_picture(path: Path) -> Picture:
     if path.suffix.lower() not in SUFFIXES:
         raise MapError(f"{path} is no picture of a map; known are {', '.join(SUFFIXES)}")
     content = read_bytes(path, "picture", _LARGEST_FILE)
-    return _pgm(path, content) if content[:1] == b"P" else _by_pillow(path)
+    return _pgm(path, content) if content[:1] == b"P" else _by_pillow(path, content)
 
 
 def write_pgm(grey: NDArray[np.uint8], path: Path) -> None:
@@ -74,7 +75,7 @@ def _pgm(path: Path, content: bytes) -> Picture:
     return Picture(grey if highest == 255 else np.rint(grey * (255.0 / highest)).astype(np.uint8))
 
 
-def _by_pillow(path: Path) -> Picture:
+def _by_pillow(path: Path, content: bytes) -> Picture:
     try:
         from PIL import Image
     except ImportError:
@@ -82,7 +83,7 @@ def _by_pillow(path: Path) -> Picture:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of large pictures, whose size is checked here
-            with Image.open(path, formats=("PNG", "BMP", "PPM")) as image:
+            with Image.open(io.BytesIO(content), formats=("PNG", "BMP", "PPM")) as image:
                 _check_size(path, *image.size)
                 return _grey(image)
     except MapError:

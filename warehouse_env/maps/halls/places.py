@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
-from warehouse_env.files import read_bytes, write_text
+from warehouse_env.files import read_json, write_text
 from warehouse_env.maps.halls.cells import Raster
 
 SUFFIX = ".places.json"
@@ -47,16 +47,6 @@ def read_places(path: Path) -> Places:
         if kind in data:
             found[kind] = _listed(path, kind, data[kind])
     return found
-
-
-def read_json(path: Path, kind: str, most: int) -> Any:
-    """Return what a JSON file holds; MapError, with the line, where it holds none."""
-    try:
-        return json.loads(read_bytes(path, kind, most).decode("utf-8-sig"))
-    except json.JSONDecodeError as error:
-        raise MapError(f"{path}, line {error.lineno} is no JSON: {error.msg}") from None
-    except (ValueError, RecursionError):
-        raise MapError(f"{path} is no JSON text") from None
 
 
 def _listed(path: Path, kind: str, entries: Any) -> tuple[Place, ...]:

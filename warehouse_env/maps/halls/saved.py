@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.config import RobotSpec
 from warehouse_env.errors import MapError
-from warehouse_env.files import write_text
+from warehouse_env.files import companion, write_text
 from warehouse_env.maps import discs, one_way
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.halls import places
@@ -55,8 +55,8 @@ def write_hall(
     raster = Raster(*grid.shape, grid.cell_size, grid.origin)
     both = zip(places.KINDS, (grid.picks, grid.stations), strict=True)
     listed = {kind: places.places_at(raster, cells) for kind, cells in both}
-    places.write_places(listed, path.with_suffix(places.SUFFIX))
-    arrows = path.with_suffix(one_way.SUFFIX)
+    places.write_places(listed, companion(path, places.SUFFIX))
+    arrows = companion(path, one_way.SUFFIX)
     if grid.one_way.any():
         write_text(arrows, "\n".join(one_way.text(grid.one_way)) + "\n")
     else:

@@ -66,7 +66,10 @@ class Episode {
     this.moment = k;
     this.part = part;
     this.fill(this.now, this.robots, ["x", "y", "heading", "speed", "steer"], k, next, part);
-    for (let i = 0; i < this.robots; i++) this.bend(i, k, next, part);
+    for (let i = 0; i < this.robots; i++) {
+      if (this.flag("alive", i, k)) this.bend(i, k, next, part);
+      else this.now.set(["x", "y", "heading"].map((name) => this.get(name, i, k)), 5 * i); // nobody knows how it moves
+    }
     this.fill(this.walking, this.people, ["person_x", "person_y", "person_heading"], k, next, part);
   }
 

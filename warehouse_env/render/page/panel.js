@@ -144,7 +144,7 @@ function showRobot(app) {
 function stateOf(episode, robot) {
   const k = episode.moment;
   const said = [];
-  if (!episode.flag("alive", robot, k)) return "parked";
+  if (!episode.flag("alive", robot, k)) return episode.idle;
   const waits = episode.get("waits_for", robot, k), held = episode.get("held_by", robot, k);
   const yields = episode.get("yields_to", robot, k);
   if (episode.flag("touching", robot, k)) said.push("touches something");

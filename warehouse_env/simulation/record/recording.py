@@ -5,6 +5,7 @@ One compressed file of arrays, without pickle: the config as JSON, the map, the 
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import struct
@@ -13,7 +14,7 @@ import warnings
 import zipfile
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
@@ -23,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WarehouseError, shown
-from warehouse_env.files import complete_file, path_of
+from warehouse_env.files import complete_file, open_regular
 from warehouse_env.maps.discs import MOST
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.actions import ActionDecoder
@@ -33,8 +34,10 @@ from warehouse_env.simulation.tasks.orders import Order, as_table, from_table
 
 FORMAT = 1
 _GOING = ("speed", "price")  # arrays of a GridMap that not every floor has
+_LARGEST_FILE = 4_000_000_000  # [bytes]
 _LONGEST_TEXT = 2**20  # [bytes] of the config and all else that is no array
 _MOST_CELLS = 10**8  # of a floor
+_MOST_ENTRIES = 2**28  # of any array
 # What NumPy, zip and JSON raise where bytes are not what they were.
 _DAMAGE = (
     OSError, KeyError, ValueError, AttributeError, TypeError, EOFError, OverflowError, MemoryError, RuntimeError,
@@ -53,12 +56,15 @@ class Episode:
     pose: NDArray[np.float32]  # [T + 1, B, N, 3], front axle x [m], y [m], heading [rad]; the first after the reset
     policy: str = ""  # name or folder of what chose the actions, if it was told
     orders: tuple[Order, ...] | None = None  # those of the file that the config names
+    made_of: str = field(default="", kw_only=True)  # digest of that policy's weights or code, "" of a shipped one
 
     def save(self, path: str | Path) -> None:
         """Write to a file (.npz), as a whole or not at all; WarehouseError where it cannot be written."""
         grid = self.grid
         text = {"format": FORMAT, "config": self.config.to_dict(), "map": grid.name, "cell_size": grid.cell_size}
         text["policy"] = self.policy
+        if self.made_of:
+            text["made_of"] = self.made_of
         ordered: dict[str, Any] = (
             {} if self.orders is None else {"orders": np.array(as_table(self.orders), dtype=np.float64)}
         )
@@ -80,17 +86,8 @@ class Episode:
     @classmethod
     def load(cls, path: str | Path) -> Episode:
         """Read a file of `save`; WarehouseError with one sentence if it is missing, damaged or of another format."""
-        path = path_of(path)
-        try:
-            with path.open("rb") as file, zipfile.ZipFile(file) as archive, warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # NumPy's, of headers as Python 2 wrote them
-                return cls._read(_Arrays(archive))
-        except FileNotFoundError:
-            raise WarehouseError(f"episode file {path} does not exist") from None
-        except WarehouseError as error:
-            raise WarehouseError(f"{path} is no complete episode file: {error}") from None
-        except _DAMAGE as error:
-            raise WarehouseError(f"{path} is no complete episode file: {shown(error)}") from None
+        with opened(path) as archive:
+            return cls._read(_Arrays(archive))
 
     @classmethod
     def _read(cls, arrays: _Arrays) -> Episode:
@@ -116,7 +113,8 @@ class Episode:
         if not all(isinstance(seed, int) and seed >= 0 for seed in seeds):
             raise WarehouseError(f"the seeds {shown(seeds)} must be one whole number a world, none negative")
         orders = from_table(arrays.read("orders").tolist()) if "orders" in arrays else None
-        return cls(config, grid, seeds, arrays.read("actions"), arrays.read("pose"), policy, orders)
+        made_of = str(about.get("made_of", ""))  # which earlier versions did not tell
+        return cls(config, grid, seeds, arrays.read("actions"), arrays.read("pose"), policy, orders, made_of=made_of)
 
     def replay(self) -> Iterator[Simulator]:
         """Run the episode again: yield the simulator after the reset and after every step."""
@@ -126,6 +124,20 @@ class Episode:
         for actions in self.actions:
             simulator.step(actions)
             yield simulator
+
+
+@contextlib.contextmanager
+def opened(path: str | Path) -> Iterator[zipfile.ZipFile]:
+    """Yield the archive of an episode's file; WarehouseError where it, or what is read of it within, is damaged."""
+    with open_regular(path, "episode file", _LARGEST_FILE, WarehouseError) as file:
+        try:
+            with zipfile.ZipFile(file) as archive, warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # NumPy's, of headers as Python 2 wrote them
+                yield archive
+        except WarehouseError as error:
+            raise WarehouseError(f"{path} is no complete episode file: {error}") from None
+        except _DAMAGE as error:
+            raise WarehouseError(f"{path} is no complete episode file: {shown(error)}") from None
 
 
 class _Header(NamedTuple):
@@ -149,10 +161,10 @@ class _Arrays:
         with self._archive.open(f"{name}.npy") as file:
             return _header(file)
 
-    def read(self, name: str, most: int | None = None) -> NDArray[Any]:
+    def read(self, name: str, most: int = _MOST_ENTRIES) -> NDArray[Any]:
         """Return an array; WarehouseError if it has more than `most` entries, or other than numbers."""
         shape, dtype = self.header(name)
-        if dtype.kind not in "biuf" or (most is not None and math.prod(shape) > most):
+        if dtype.kind not in "biuf" or math.prod(shape) > most:
             raise WarehouseError(f"its array {name} of {dtype.name}{list(shape)} is not what such a file holds")
         with self._archive.open(f"{name}.npy") as file:
             return np.asarray(npy.read_array(file, allow_pickle=False))

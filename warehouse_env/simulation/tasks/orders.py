@@ -13,18 +13,23 @@ from __future__ import annotations
 import csv
 import json
 import math
+import multiprocessing
+import re
+import warnings
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from warehouse_env.errors import ConfigError, WarehouseError, shown
-from warehouse_env.files import STAGED, complete_file, path_of
+from warehouse_env.errors import ConfigError, MapWarning, WarehouseError, shown
+from warehouse_env.files import as_number, complete_file, named_rows, parsed_json, path_of, read_text
 from warehouse_env.maps.grid_map import Cell, GridMap
 
 EXAMPLE_ORDERS = Path(__file__).parents[2] / "maps" / "data" / "paper46-orders.csv"  # an hour on the floor paper46
 FIELDS = ("release_s", "picks", "drop", "due_s", "weight_kg")
-_MOST = 1_000_000  # orders, and seconds times a thousand: nobody plans further
+_JSON = (".jsonl", ".json")
+_LARGEST_FILE = 256_000_000  # [bytes]
 _LATEST = 1e9  # [s]
+_CELL = re.compile(r"(-?\d{1,9}):(-?\d{1,9})", re.ASCII)
 
 
 class Order(NamedTuple):
@@ -39,21 +44,21 @@ class Order(NamedTuple):
 
 def read_orders(path: str | Path) -> tuple[Order, ...]:
     """Return the orders of a file by their release; ConfigError names the line that cannot be used."""
-    path = path_of(STAGED.get(str(path), path))
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"orders {path} cannot be read: {shown(str(error))[1:-1]}") from None
-    rows = _json_rows(text, path) if path.suffix in (".jsonl", ".json") else _csv_rows(text, path)
-    orders = [_order(row, f"{path}, line {line}") for line, row in rows]
+    text, what = read_text(path, "orders", _LARGEST_FILE, ConfigError), f"orders {path}"
+    if path_of(path).suffix.lower() in _JSON:
+        lines = [(number, line) for number, line in enumerate(text.split("\n"), 1) if line.strip()]
+        rows: list[tuple[int, Any]] = [(number, parsed_json(line, what, ConfigError, number)) for number, line in lines]
+    else:
+        rows = [*named_rows(text, what, FIELDS, ConfigError)]
+    orders = [_order(row, f"{what}, line {line}") for line, row in rows]
     if not orders:
-        raise ConfigError(f"orders {path} hold none; give one a line: {', '.join(FIELDS)}")
+        raise ConfigError(f"{what} hold none; give one a line: {', '.join(FIELDS)}")
     return tuple(sorted(orders, key=lambda order: order.release))
 
 
 def write_orders(path: str | Path, orders: Iterable[Order]) -> None:
     """Write orders to a file, which `read_orders` reads; as JSON lines where it is called so, else as CSV."""
-    as_json = Path(path).suffix in (".jsonl", ".json")
+    as_json = Path(path).suffix.lower() in _JSON
     with complete_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         if as_json:
             file.writelines(json.dumps(dict(zip(FIELDS, order, strict=True))) + "\n" for order in orders)
@@ -65,7 +70,10 @@ def write_orders(path: str | Path, orders: Iterable[Order]) -> None:
 
 
 def check_orders(orders: Sequence[Order], grid: GridMap, payload: float) -> None:
-    """Raise ConfigError or MapError for an order that no robot of `payload` [kg] can carry out on this floor."""
+    """Raise ConfigError or MapError for an order that no robot of `payload` [kg] can carry out on this floor.
+
+    Cells that are neither pick faces nor stations are warned of (MapWarning).
+    """
     there = grid.return_region(grid.endpoints[2][0])
     for number, order in enumerate(orders, 1):
         for cell, what in [*((pick, "pick") for pick in order.picks), (order.drop, "drop")]:
@@ -76,42 +84,30 @@ def check_orders(orders: Sequence[Order], grid: GridMap, payload: float) -> None
             raise ConfigError(
                 f"order {number} weighs {order.weight:g} kg, more than a robot's payload of {payload:g}; split it"
             )
+    note_strays(orders, grid)
+
+
+def note_strays(orders: Sequence[Order], grid: GridMap) -> None:
+    """Warn of orders to cells that are neither pick faces nor stations (MapWarning); workers' parents have done so."""
+    places = {tuple(cell) for cell in (*grid.picks.tolist(), *grid.stations.tolist())}
+    visits = ((cell, k) for k, order in enumerate(orders, 1) for cell in (*order.picks, order.drop))
+    strays = [(cell, k) for cell, k in visits if cell not in places]
+    if strays and multiprocessing.parent_process() is None:
+        (cell, number), many = strays[0], len({cell for cell, _ in strays})
+        text = f"orders lead to {many} cell{'s' * (many > 1)} that are neither pick faces nor stations"
+        warnings.warn(f"{grid.name}: {text}, the first is {cell} of order {number}", MapWarning, stacklevel=3)
 
 
 def _named(cell: Cell) -> str:
     return f"{cell[0]}:{cell[1]}"
 
 
-def _csv_rows(text: str, path: Path) -> list[tuple[int, dict[str, Any]]]:
-    table = csv.DictReader(text.splitlines())
-    try:
-        rows = [(table.line_num, dict(row)) for row in table]
-    except csv.Error as error:
-        raise ConfigError(f"orders {path}, line {table.line_num}: {error}") from None
-    for _, row in rows:
-        for name in ("picks", "drop"):
-            row[name] = [cell.split(":") for cell in str(row.get(name) or "").split()]
-        row["drop"] = row["drop"][0] if len(row["drop"]) == 1 else row["drop"]
-    return rows
-
-
-def _json_rows(text: str, path: Path) -> list[tuple[int, Any]]:
-    rows = []
-    for line, part in enumerate(text.splitlines(), 1):
-        if part.strip():
-            try:
-                rows.append((line, json.loads(part)))
-            except (ValueError, RecursionError):
-                raise ConfigError(f"orders {path}, line {line}: {shown(part)} is no JSON") from None
-    return rows
-
-
 def _order(row: Any, where: str) -> Order:
     """Return the order of a line's values."""
     if not isinstance(row, dict) or set(row) != set(FIELDS):
-        raise ConfigError(f"{where} must have exactly the fields {', '.join(FIELDS)}")
+        raise ConfigError(f"{where} must have exactly the fields {', '.join(FIELDS)}, and no empty ones")
     release, due, weight = (_number(row[name], name, where) for name in ("release_s", "due_s", "weight_kg"))
-    picks = row["picks"]
+    picks = row["picks"].split() if isinstance(row["picks"], str) else row["picks"]
     if not isinstance(picks, list) or not picks:
         raise ConfigError(f"{where}: picks={shown(picks)} must be one or more cells, row:column")
     if due < release:
@@ -120,21 +116,18 @@ def _order(row: Any, where: str) -> Order:
 
 
 def _number(value: Any, name: str, where: str) -> float:
-    try:
-        number = math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if not 0.0 <= number <= _LATEST:
+    found = as_number(value)
+    if not 0.0 <= found <= _LATEST:
         raise ConfigError(f"{where}: {name}={shown(value)} must be a number from 0 to {_LATEST:g}")
-    return number
+    return found
 
 
 def _cell(value: Any, where: str) -> Cell:
-    try:
-        row, column = (int(str(number)) for number in value)
-    except (TypeError, ValueError):
-        raise ConfigError(f"{where}: the cell {shown(value)} must be two whole numbers, row:column") from None
-    return row, column
+    found = _CELL.fullmatch(value.strip()) if isinstance(value, str) else None
+    pair = list(map(int, found.groups())) if found else value
+    if not isinstance(pair, list) or len(pair) != 2 or not all(type(number) is int for number in pair):
+        raise ConfigError(f'{where}: the cell {shown(value)} must be two whole numbers, as "12:7" or [12, 7]')
+    return pair[0], pair[1]
 
 
 def as_table(orders: Sequence[Order]) -> list[list[float]]:
