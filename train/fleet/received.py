@@ -163,6 +163,7 @@ class Fleet:
             self.left_out["have no position"] += 1
             return
         self.places += 1
+        pose = *pose[:2], math.remainder(pose[2], math.tau)
         vehicle.place(seconds, pose, _text(position.get("mapId"))[:200])  # type: ignore[arg-type]
 
 
