@@ -43,6 +43,7 @@ def test_a_robot_that_believes_to_be_off_the_floor_or_in_a_shelf_gets_a_route(
     believed: tuple[float, float], reroute: bool
 ) -> None:
     simulator = simulator_at(*believed, 0.0, reroute)
+    simulator.robots["standing_time"] = simulator.robots["waiting_time"] = 9.0
     assert simulator.dispatcher.reroute(simulator.steps) == [0]
     line = simulator.routes[0, 0, : simulator.robots["points"][0, 0]]
     np.testing.assert_allclose(line[-1], simulator.grid.centre(np.array(GOAL)), atol=1e-3)
