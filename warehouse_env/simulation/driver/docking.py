@@ -130,4 +130,6 @@ def seek(begin, end, robots, routes, arcs, params, kinds, solid, clearance, metr
                 r["docks"] = 0
                 if plan_to_goal(r, arcs[b, i], bodies, tries, most, own, solid, clearance, metric) >= 0:
                     continue
-            plan_to_route(r, routes[b, i], arcs[b, i], bodies, tries, most, own, solid, clearance, metric)
+            found = plan_to_route(r, routes[b, i], arcs[b, i], bodies, tries, most, own, solid, clearance, metric)
+            if found == 0 and r["speed"] == ZERO:  # as near its route's end as that search gets it
+                r["docks"], r["search_wait"] = 1, ZERO
