@@ -9,6 +9,7 @@ TESTS ?= -n auto --maxprocesses 8 --dist loadgroup
 KILLS ?= 1000
 INPUTS ?= 10000000
 DECISIONS ?= 1000000
+EPISODES ?= 100
 NIGHT ?= results/night
 DEMO ?= results/demo
 BENCH ?= results/bench.jsonl
@@ -23,7 +24,7 @@ COMPILING := setuptools numba gymnasium pettingzoo pyyaml safetensors platformdi
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test kills hostile long docs gallery chart clients lint format bench clean missing
+.PHONY: help setup demo test kills hostile long bounds docs gallery chart clients lint format bench clean missing
 
 help: ## list what make can do (the default)
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -45,6 +46,9 @@ hostile: $(STAMP) ## try INPUTS hostile inputs on all readers and constructors; 
 
 long: $(STAMP) ## drive one world with everything on for DECISIONS decisions, twice; goes on where it stopped
 	$(RUN)/python -m tests.long --decisions $(DECISIONS) --keep $(NIGHT)/long
+
+bounds: $(STAMP) ## drive EPISODES random episodes and hostile inputs with all indices of all kernels checked
+	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=$(NIGHT)/bounds $(RUN)/python -m tests.bounds --episodes $(EPISODES)
 
 docs: $(STAMP) ## build the documentation in build/docs; a warning is an error
 	$(RUN)/python -m sphinx --quiet --fail-on-warning --keep-going --fresh-env docs build/docs

@@ -64,15 +64,6 @@ def _simulator() -> Simulator:
     return simulator
 
 
-@pytest.mark.parametrize(
-    "pose", [3.0, np.nan, "x", [[[1, 2]]], [[[1e30, 1, 0]] * 2], [[[-1, 1, 0]] * 2], [[[1, 1, 2e18]] * 2], None]
-)
-def test_robots_are_put_on_the_floor_alone(pose: object) -> None:
-    """The lidar read memory that is not its own, and the process ended; a heading of 2e18 rad was not a number."""
-    with pytest.raises(WarehouseError, match="pose"):
-        _simulator().put(pose if pose != 3.0 else [[[3.0, 99.0, 0.0]] * 2], 0.0)  # type: ignore[arg-type]
-
-
 def test_actions_in_the_order_of_another_machine_are_the_same() -> None:
     ours, theirs = _simulator(), _simulator()
     actions = np.array([[3, 16]])

@@ -81,8 +81,8 @@ def test_copies_keep_what_is_a_shelf_and_what_a_disc() -> None:
 
 def test_who_stands_beside_a_disc_in_its_cell_plans_from_the_nearest_free_one() -> None:
     grid = floor()  # rows count from the north: y 4..5 is row 0
-    points = [(2.05, 2.5), (2.95, 2.4), (0.5, 4.5), (5.5, 0.5), (-3.0, 9.0)]
-    assert grid.standing(points).tolist() == [[2, 1], [2, 3], [0, 0], [4, 5], [-5, -3]]
+    points = [(2.05, 2.5), (2.95, 2.4), (0.5, 4.4), (5.5, 0.5), (-3.0, 9.0), (6.0, -0.1)]
+    assert grid.standing(points).tolist() == [[2, 1], [2, 3], [1, 0], [4, 5], [0, 1], [4, 5]]
     assert GridMap(FREE).standing((2.05, 2.5)).tolist() == [2, 2]
 
 

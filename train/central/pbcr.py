@@ -114,8 +114,7 @@ class CentralPBCR:
 
     def _place(self, simulator: Simulator, poses: Floats) -> NDArray[np.int64]:
         """Return int64[...], the number of the place (cell and heading) of poses [..., 3]."""
-        rows, columns = simulator.grid.shape
-        cells = np.clip(simulator.grid.cell(poses[..., :2]), 0, (rows - 1, columns - 1))
+        cells, columns = simulator.grid.nearest_cell(poses[..., :2]), simulator.grid.shape[1]
         heading = np.floor(poses[..., 2] / (2.0 * np.pi) * HEADINGS).astype(np.int64) % HEADINGS
         return np.asarray((cells[..., 0] * columns + cells[..., 1]) * HEADINGS + heading)
 

@@ -149,7 +149,7 @@ class _World:
         self.plan = GridPIBT(grid, simulator.num_agents, rng)
         pose = simulator.state.pose[world].astype(np.float64)
         heading = np.round(pose[:, 2] / (0.5 * np.pi)).astype(np.int64) % 4
-        self.orders = Orders.of(_flat(grid.cell(pose[:, :2]), grid), heading, grid.occupied.size)
+        self.orders = Orders.of(_flat(grid.nearest_cell(pose[:, :2]), grid), heading, grid.occupied.size)
         self.seen = np.full((simulator.num_agents, 3), -1)  # at, granted, goes on: for which each robot has its line
         self.stop = np.zeros(simulator.num_agents)  # [m] on its line
         self.since = np.zeros(simulator.num_agents)  # [s] in one cell

@@ -180,7 +180,7 @@ class Breakdown:
         if self._aisles is None:
             self._aisles = in_aisles(simulator.grid)
         for world in [world for world in self._waiting if simulator.seconds(world) >= self._after]:
-            cells = simulator.grid.cell(simulator.state.pose[world, :, :2].astype(np.float64))
+            cells = simulator.grid.nearest_cell(simulator.state.pose[world, :, :2])
             inside = np.flatnonzero(self._aisles[cells[:, 0], cells[:, 1]] & (simulator.state.alive[world] != 0))
             if len(inside):
                 simulator.break_down(world, int(self._waiting.pop(world).choice(inside)))

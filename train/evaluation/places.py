@@ -48,8 +48,7 @@ class Places:
         world, robot = np.nonzero(stood > self._stood)
         spent = (stood - self._stood)[world, robot] * simulator.config.time_step
         self._stood = stood
-        cells = simulator.grid.cell(centres(simulator.state.pose, simulator.config)[world, robot])
-        row, column = cells.clip(0, np.array(self._shape) - 1).T
+        row, column = simulator.grid.nearest_cell(centres(simulator.state.pose, simulator.config)[world, robot]).T
         np.add.at(self._waited, (world, row * self._shape[1] + column), spent)
 
     def _note_contacts(self, simulator: Simulator) -> None:

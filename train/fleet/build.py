@@ -173,7 +173,7 @@ class _Teller:
 
     def _cell(self, point: NDArray[np.float32]) -> int:
         """Return the cell of a point, the nearest one if it lies off the floor."""
-        row, column = np.clip(self._grid.cell(point), 0, np.array(self._grid.shape) - 1).tolist()
+        row, column = self._grid.nearest_cell(point).tolist()
         return int(row * self._grid.shape[1] + column)
 
 
@@ -198,7 +198,7 @@ def _note_places(placed: dict[Key, Places], grid: GridMap, notes: list[str]) -> 
         )
     if not on.all():
         notes.append(f"{counted(int((~on).sum()), 'position')} of {len(on):,} lie off the floor")
-    in_shelves = int(grid.occupied[tuple(grid.cell(poses[on]).T)].sum())
+    in_shelves = int(grid.occupied[tuple(grid.nearest_cell(poses[on]).T)].sum())
     if in_shelves:
         notes.append(f"{counted(in_shelves, 'position')} of {len(on):,} lie in cells of shelves or walls")
 

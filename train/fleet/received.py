@@ -204,6 +204,7 @@ class Fleet:
             self.left_out["have no position"] += 1
             return
         self.places += 1
+        pose = pose[0], pose[1], math.remainder(pose[2], math.tau)
         vehicle.place(seconds, pose, _text(position.get("mapId"))[:200])
 
 

@@ -243,19 +243,23 @@ class GridMap:
         row = self.shape[0] - 1 - np.floor(array[..., 1] / self.cell_size)
         return np.stack([row, column], axis=-1).astype(np.int64)
 
-    def standing(self, points: ArrayLike) -> NDArray[np.int64]:
-        """Return int64[..., 2], the cells from which who stands at points (x, y) [m] plans: those that hold them.
+    def nearest_cell(self, points: ArrayLike) -> NDArray[np.int64]:
+        """Return int64[..., 2], the cells of the floor (row, col) that hold points (x, y) [m], or are nearest to them.
 
-        In a cell that a disc closes there may be room to stand: then it is the nearest free cell of `free_cells`.
+        For poses that may lie off the floor: on its rim, believed, or measured.
         """
-        cells = self.cell(points)
-        if len(self.discs):
-            rows, columns = self.shape
-            for at in np.ndindex(cells.shape[:-1]):
-                row, column = cells[at]
-                if 0 <= row < rows and 0 <= column < columns and self.occupied[row, column] > self.walls[row, column]:
-                    away = self.centre(self.free_cells) - np.asarray(points, dtype=np.float64)[at]
-                    cells[at] = self.free_cells[np.argmin((away * away).sum(axis=1))]
+        return self.cell(points).clip(0, np.array(self.shape) - 1)
+
+    def standing(self, points: ArrayLike) -> NDArray[np.int64]:
+        """Return int64[..., 2], the cells from which robots at points (x, y) [m] plan: those that hold them.
+
+        A robot can stand in a cell that a disc closes, and an erring one believes to be in a shelf or off the floor:
+        it plans from the nearest cell of `free_cells`.
+        """
+        cells = self.nearest_cell(points)
+        for at in map(tuple, np.argwhere(self.occupied[cells[..., 0], cells[..., 1]])):
+            away = self.centre(self.free_cells) - np.asarray(points, dtype=np.float64)[at]
+            cells[at] = self.free_cells[np.argmin((away * away).sum(axis=1))]
         return cells
 
     def world(self, points: ArrayLike) -> NDArray[np.float64]:

@@ -27,6 +27,7 @@ from warehouse_env.simulation.physics.buckets import bucket_grid
 from warehouse_env.simulation.physics.deviation import Deviation, errs, planned_config
 from warehouse_env.simulation.physics.floor import fit, floor_of, load_grid
 from warehouse_env.simulation.physics.people import People
+from warehouse_env.simulation.physics.poses import poses, speeds
 from warehouse_env.simulation.physics.zones import zones_of
 from warehouse_env.simulation.record import metrics
 from warehouse_env.simulation.rules import agreement, making_room
@@ -311,10 +312,15 @@ class Simulator(Portable):
             self._deviation.show(self.robots, self._planned)
 
     def put(self, pose: ArrayLike, speed: ArrayLike) -> NDArray[np.bool_]:
-        """Put robots at poses float[B, N, 3] (x [m], y [m], heading [rad]) with speeds float[B, N] [m/s] beside their
-        routes, and observe; return bool[B]: whether no body of a world touches anything. Call after a reset.
+        """Put robots at poses float[B, N, 3] (x [m], y [m], heading [rad]) with speeds float[B, N] [m/s], or one for
+        all, beside their routes, and observe. Call after a reset.
+
+        Returns bool[B]: whether no body of a world touches anything. ConfigError for what is not finite, for a front
+        axle off the floor, and for speeds beyond a robot's limits.
         """
-        free = put_all(self._planned, self.routes, pose, speed, self._limits, self._floor)
+        placed = poses("pose", pose, (self.num_worlds, self.num_agents, 3), self.grid)
+        driven = speeds(speed, self.num_worlds, self.config.robots)
+        free = put_all(self._planned, self.routes, placed, driven, self._limits, self._floor)
         if self.robots is not self._planned:
             for world in range(self.num_worlds):
                 self._deviation.stand(world, self._planned[world])

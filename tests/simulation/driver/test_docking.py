@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tests.simulation.worlds import drawn, plain_python, room
-from warehouse_env.config import EnvConfig
+from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.driver.bodies import BODY
 from warehouse_env.simulation.driver.manoeuvre import ARCS, MOST, search_exact
@@ -142,6 +142,21 @@ def test_a_tighter_goal_is_reached_as_well() -> None:
     x, y, heading = sim.state.pose[0, 0].tolist()
     assert math.hypot(x - goal[0], y - goal[1]) <= 0.01
     assert abs(math.remainder(heading - goal[2], 2 * math.pi)) <= math.radians(1.0)
+
+
+@pytest.mark.parametrize("heading", [(), (0.0,), (math.pi,)])
+@pytest.mark.parametrize("robot", [RobotSpec(), RobotSpec(length=1.4, width=0.8, wheelbase=0.9, front_overhang=0.25)])
+def test_goals_behind_a_robot_are_reached_at_any_distance(robot: RobotSpec, heading: tuple[float, ...]) -> None:
+    """With any heading, robots stood 6 cm off for good at 15 of these 123 distances, and at 18 of 144 beside them."""
+    far = [(6.0 - 0.01 * k, 6.0) for k in range(6, 129)]
+    aside = [(6.0 - d * math.cos(a), 6.0 + d * math.sin(a)) for d in np.arange(0.1, 1.6, 0.1) for a in (-0.17, 0.08)]
+    config = EnvConfig(num_agents=1, planner="astar", arrival="pose", tasks="one_shot", robot=robot)
+    sim = Simulator(config, len(far + aside), grid=room(12, 12))
+    sim.reset_to([Assignment([(6.0, 6.0, 0.0)], [(*goal, *heading)]) for goal in far + aside], seed=1)
+    for _ in range(300):
+        sim.step(np.full((sim.num_worlds, 1), sim.cruise_action))
+    late = [goal for goal, alive in zip(far + aside, sim.state.alive[:, 0], strict=True) if alive]
+    assert not late
 
 
 @pytest.mark.parametrize("told", [(0, 1), (0, 8)])

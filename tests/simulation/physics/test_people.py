@@ -14,13 +14,24 @@ from hypothesis import strategies as st
 
 from tests.simulation.test_determinism import MAP, actions_for, bits
 from tests.simulation.worlds import coast, drawn, plain_python, raw, room, stage
-from warehouse_env.config import EnvConfig, RobotSpec
+from warehouse_env.config import EnvConfig, FleetPart, RobotSpec
 from warehouse_env.envs.parallel import parallel_env
-from warehouse_env.errors import ConfigError, UnsafeError
+from warehouse_env.errors import ConfigError, UnsafeError, WarehouseError
 from warehouse_env.maps.grid_map import Cell
-from warehouse_env.simulation.physics.people import AT_GOAL, GIVEN_UP, KEEP, PACE, PATIENCE, RADIUS, RESTS, START
+from warehouse_env.simulation.physics.people import (
+    AT_GOAL,
+    GIVEN_UP,
+    KEEP,
+    PACE,
+    PATIENCE,
+    RADIUS,
+    RESTS,
+    START,
+    People,
+)  # fmt: skip
 from warehouse_env.simulation.rules import audit
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import ROBOT
 from warehouse_env.simulation.tasks.assignment import Assignment
 
 STEP = 0.1 * float(PACE)  # [m]
@@ -396,6 +407,35 @@ def test_people_begin_away_from_robots_and_where_they_can_walk() -> None:
     assert apart.min() >= START
     cells = simulator.grid.cell(np.stack([persons["x"], persons["y"]], axis=-1))
     assert not simulator.grid.occupied[cells[..., 0], cells[..., 1]].any()
+
+
+@pytest.mark.parametrize("longest_first", [False, True])
+@pytest.mark.parametrize("toward", range(4))
+def test_a_person_who_gives_up_keeps_off_each_robots_own_cells(toward: int, longest_first: bool) -> None:
+    """The tail of the short robot is at the rim, where the longer one's would lie outside, or at the rim opposite."""
+    long = RobotSpec(length=1.4, wheelbase=0.9, front_overhang=0.25)
+    bodies = (long, RobotSpec()) if longest_first else (RobotSpec(), long)
+    grid, config = room(9, 9), EnvConfig(num_agents=2, robot=bodies[0], fleet=(FleetPart(1, bodies[1]),), people=1)
+    people, robots = People(config, grid, 1), np.zeros((1, 2), ROBOT)
+    c, s = ((1, 0), (0, 1), (-1, 0), (0, -1))[toward]
+    short = robots[0, bodies.index(RobotSpec())]
+    robots["x"], robots["y"], robots["cos"] = 6.5, 6.5, 1.0
+    short["x"], short["y"], short["cos"], short["sin"] = 4.5 - 3.72 * c, 4.5 - 3.72 * s, c, s
+    people.stand(0, [[4.5, 4.5]])
+    people.persons["wants"] = GIVEN_UP
+    people.send_on(robots)
+    barred = np.argwhere(np.isinf(people.ways[0, 0]))  # rows from the south
+    assert {(6, 6), (6, 5), (4 - 4 * s, 4 - 4 * c)} == set(map(tuple, barred.tolist()))
+
+
+@pytest.mark.parametrize(
+    "points",
+    [[[math.nan, 1.0]], [[1.0, math.inf]], [[-0.1, 1.0]], [[1.0, 7.1]], [[1.0]], [[1.0, 2.0]] * 2, "x", [[2.5, 2.5]]],
+)
+def test_people_stand_on_free_floor_alone(points: Any) -> None:
+    people = People(EnvConfig(people=1), drawn(["......", "......", ".####.", "......", "......"]), 1)
+    with pytest.raises(WarehouseError, match=r"people|person 0 .* on a shelf"):
+        people.stand(0, points)
 
 
 def test_no_room_for_people() -> None:

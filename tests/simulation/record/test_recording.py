@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import math
 import tracemalloc
 import zipfile
 from pathlib import Path
@@ -119,6 +120,18 @@ def test_a_changed_action_is_another_episode(tmp_path: Path) -> None:
     episode, bits = _recorded("discrete", 50)
     episode.actions[10] = (episode.actions[10] + 7) % 20
     assert [sim.robots.tobytes() for sim in episode.replay()] != bits
+
+
+def test_recorded_headings_are_within_a_turn_and_poses_finite(tmp_path: Path) -> None:
+    episode, _ = _recorded("discrete", 3)
+    turned = dataclasses.replace(episode, pose=episode.pose + np.array([0.0, 0.0, 6 * math.tau]))
+    turned.save(tmp_path / "turned.npz")
+    loaded = Episode.load(tmp_path / "turned.npz").pose
+    assert np.abs(loaded[..., 2]).max() <= math.pi
+    np.testing.assert_allclose(np.cos(loaded), np.cos(episode.pose), atol=1e-5)
+    dataclasses.replace(episode, pose=np.full_like(episode.pose, np.nan)).save(tmp_path / "nan.npz")
+    with pytest.raises(WarehouseError, match="no complete episode file: pose="):
+        Episode.load(tmp_path / "nan.npz")
 
 
 def test_a_pickle_is_refused(tmp_path: Path) -> None:

@@ -37,6 +37,18 @@ def test_who_is_far_from_its_route_gets_another_and_arrives(reroute: bool) -> No
     assert simulator.robots["alive"][0, 0] == 0  # it is there
 
 
+@pytest.mark.parametrize("reroute", [False, True])
+@pytest.mark.parametrize("believed", [(-0.4, 3.0), (32.4, 3.0), (2.5, -0.4), (2.5, 6.4), (10.0, 3.0)])
+def test_a_robot_that_believes_to_be_off_the_floor_or_in_a_shelf_gets_a_route(
+    believed: tuple[float, float], reroute: bool
+) -> None:
+    simulator = simulator_at(*believed, 0.0, reroute)
+    simulator.robots["standing_time"] = simulator.robots["waiting_time"] = 9.0
+    assert simulator.dispatcher.reroute(simulator.steps) == [0]
+    line = simulator.routes[0, 0, : simulator.robots["points"][0, 0]]
+    np.testing.assert_allclose(line[-1], simulator.grid.centre(np.array(GOAL)), atol=1e-3)
+
+
 def test_astray_in_the_cell_of_its_goal_it_goes_on_to_its_centre() -> None:
     simulator = simulator_at(30.05, 0.95, -1.5)  # in the goal's cell, but too far from its centre to have arrived
     simulator.dispatcher.give_line(0, 0, np.array([[2.0, 5.5], [2.5, 5.5]], np.float32))

@@ -65,7 +65,7 @@ def test_worlds_do_not_depend_on_each_other() -> None:
     [
         (POSE, [(2, 9), (2, 9)], "same goal"),
         (POSE, GOAL[:1], "2 poses and 1 goals"),
-        ([(1.0, math.nan, 0.0)], GOAL[:1], "pose=.* 3 numbers a robot"),
+        ([(1.0, math.nan, 0.0)], GOAL[:1], "pose=.* 3 finite numbers a robot"),
         (POSE, [(0.5, math.nan), (2.0, 3.0)], "goal=.*a cell.*a point, a pose"),
         (POSE, [(1, 2, 3, 4)] * 2, "goal=.*a cell.*a point, a pose"),
         ([(2.3, 5.4, 0.0), (2.5, 5.4, 0.0)], GOAL, "robot 1 touches"),
@@ -85,5 +85,5 @@ def test_an_assignment_must_fit_worlds_robots_and_floor() -> None:
         simulator(num_agents=3).reset_to([told])
     with pytest.raises(MapError, match=r"goal of robot 0 .* outside"):
         simulator().reset_to([Assignment(POSE, [(50, 1), (0, 0)])])
-    with pytest.raises(MapError, match=r"start of robot 1 .* outside"):
+    with pytest.raises(ConfigError, match=r"pose: \(50, 2\) is not on the floor of 12 x 12 m"):
         simulator().reset_to([Assignment([POSE[0], (50.0, 2.0, 0.0)], GOAL)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +82,14 @@ def foreign(x: float, second: int, **more: Any) -> dict[str, Any]:
 
 def heard(path: Path, states: list[Any]) -> Fleet:
     return hear_log(write_lines(path / "f.jsonl", states)).fleet
+
+
+def test_headings_of_many_turns_are_heard_as_the_remainder(tmp_path: Path) -> None:
+    states = [foreign(1, second) for second in range(3)]
+    for state, theta in zip(states, (1e6, 1.0, 1.0 + 20 * math.pi), strict=True):
+        state["agvPosition"]["theta"] = theta
+    found = episode_of(heard(tmp_path, states), FLOOR, EnvConfig()).pose[:, 0, 0, 2]
+    assert found.tolist() == pytest.approx([math.remainder(1e6, math.tau), 1.0, 1.0], abs=1e-6)
 
 
 def test_a_foreign_stream_of_bare_states(tmp_path: Path) -> None:

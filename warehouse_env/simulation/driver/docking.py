@@ -128,4 +128,6 @@ def seek(begin, end, robots, routes, arcs, params, kinds, floor, metrics):
                 r["docks"] = 0
                 if plan_to_goal(r, arcs[b, i], bodies, tries, most, own, floor, metric) >= 0:
                     continue
-            plan_to_route(r, routes[b, i], arcs[b, i], bodies, tries, most, own, floor, metric)
+            found = plan_to_route(r, routes[b, i], arcs[b, i], bodies, tries, most, own, floor, metric)
+            if found == 0 and r["speed"] == ZERO:  # as near its route's end as that search gets it
+                r["docks"], r["search_wait"] = 1, ZERO

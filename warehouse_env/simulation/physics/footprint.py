@@ -21,6 +21,12 @@ _LEAST_TURN = np.float32(0.001)  # [rad] but not without end
 
 
 @inline
+def cell_at(x, cell, count):
+    """Return which of `count` cells in a line [m] holds a place [m], or is nearest to it where it lies beyond them."""
+    return min(max(int(x / cell), 0), count - 1)
+
+
+@inline
 def clearance_at(x, y, floor):
     """Return a lower bound of the distance [m] from a point to the nearest shelf, 0 outside the map."""
     if x < ZERO or y < ZERO:
@@ -28,7 +34,7 @@ def clearance_at(x, y, floor):
     clearance, scale = floor.clearance, _FINE / floor.cell
     row = int(y * scale)
     column = int(x * scale)
-    if row >= clearance.shape[0] or column >= clearance.shape[1]:
+    if not (0 <= row < clearance.shape[0] and 0 <= column < clearance.shape[1]):
         return ZERO
     return np.float32(clearance[row, column]) * _UNIT
 

@@ -13,10 +13,9 @@ Bouraine, Fraichard and Salhi 2012). Live routes lead round those who stand; rig
 from __future__ import annotations
 
 from collections import defaultdict
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
@@ -24,9 +23,10 @@ from warehouse_env.kernel import inline, part
 from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.simulation.physics.contact import MOVING, TRY_COS, TRY_SIN, TRY_X, TRY_Y, put_back
-from warehouse_env.simulation.physics.footprint import body_touches_shelf
+from warehouse_env.simulation.physics.footprint import body_touches_shelf, cell_at
 from warehouse_env.simulation.physics.geometry import square_at
 from warehouse_env.simulation.physics.kinds import kind_of
+from warehouse_env.simulation.physics.poses import poses
 from warehouse_env.simulation.physics.stops import BODY_COS, BODY_SIN, CENTRE_X, CENTRE_Y
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
 from warehouse_env.simulation.state import PERSON, PERSON_RADIUS
@@ -59,7 +59,7 @@ class People:
     def __init__(self, config: EnvConfig, grid: GridMap, worlds: int) -> None:
         self.persons = np.zeros((worlds, config.people), dtype=PERSON)
         self.ways = np.zeros((worlds, config.people, *grid.shape), dtype=np.float32)
-        self._grid, self._reach = grid, max(robot.rear_reach for robot in config.bodies)
+        self._grid, self._reaches = grid, np.array([robot.rear_reach for robot in config.robots], np.float32)
         self._turned_away = np.zeros((worlds, config.people), dtype=np.bool_)  # the goal is only out of somebody's way
         # made when first used, as the Dispatcher's
         self._rngs: defaultdict[int, np.random.Generator] = defaultdict(np.random.default_rng)
@@ -85,12 +85,15 @@ class People:
             o["x"], o["y"] = points[free[0]]
             o["cos"] = ONE
 
-    def stand(self, world: int, points: NDArray[np.floating[Any]]) -> None:
+    def stand(self, world: int, points: ArrayLike) -> None:
         """Stand the people of a world, who have begun, at points float[M, 2] [m] instead, each on the way elsewhere.
 
-        The caller sees to it that these are free cells of the largest region, and off robots.
+        ConfigError or MapError for points off the floor or in shelves. The caller sees to it that they lie in the
+        largest region, and off robots.
         """
-        for person, (x, y) in enumerate(points):
+        places = poses("people", points, (self.persons.shape[1], 2), self._grid)
+        for person, (x, y) in enumerate(places):
+            self._grid.check_cell(self._grid.nearest_cell((x, y)), f"person {person}")
             self._send(world, person)
             o = self.persons[world, person]
             o["x"], o["y"] = x, y
@@ -120,7 +123,7 @@ class People:
     def _turn_away(self, world: int, person: int, robots: NDArray[np.void]) -> None:
         """Send a person somewhere past no robot, first away from those that are near; else past them; else anywhere."""
         o = self.persons[world, person]
-        row, column = self._grid.cell(np.array([o["x"], o["y"]])).tolist()
+        row, column = self._grid.nearest_cell((o["x"], o["y"])).tolist()
         for away in (True, False):
             floor = self._past_robots(o, robots, away)
             region = label_regions(~floor.occupied)
@@ -135,12 +138,13 @@ class People:
         goes `away` those beside its own towards a robot that is near.
         """
         occupied, here = self._grid.occupied.copy(), np.array([o["x"], o["y"]], dtype=np.float64)
-        own = self._grid.cell(here)
+        own = self._grid.nearest_cell(here)
         beside = own + MOVES[((own + MOVES >= 0) & (own + MOVES < occupied.shape)).all(axis=-1)]
         ways = self._grid.centre(beside) - here
-        for back in (0.0, self._reach / 2, self._reach):
+        for share in (0.0, 0.5, 1.0):
+            back = share * self._reaches
             points = np.stack([robots["x"] - back * robots["cos"], robots["y"] - back * robots["sin"]], axis=-1)
-            occupied[tuple(self._grid.cell(points).T)] = True
+            occupied[tuple(self._grid.nearest_cell(points).T)] = True
             to = points[np.hypot(*(points - here).T) < (_TURNS_AWAY if away else 0.0)] - here
             along = (ways[:, None] * to).sum(axis=-1)
             ahead = along > _TOWARDS * np.hypot(*ways.T)[:, None] * np.hypot(*to.T)
@@ -191,10 +195,16 @@ def _may_step(o, x, y, robots, p, kinds, floor):
 
 
 @inline
+def _left(x, y, way, cell):
+    """Return how far [cells] it is to the goal from a point [m]."""
+    return way[cell_at(y, cell, way.shape[0]), cell_at(x, cell, way.shape[1])]
+
+
+@inline
 def _leads_on(x, y, way, floor, discs):
     """Whether ways lead on from a point: in cells that discs close they do not, though there may be room."""
     if discs is not None:
-        return way[int(y / floor.cell), int(x / floor.cell)] < np.inf
+        return _left(x, y, way, floor.cell) < np.inf
     return True
 
 
@@ -211,7 +221,7 @@ def _is_near(o, robots, gap, p, kinds):
 def _next_place(o, way, p):
     """Return the point [m] to walk to: the centre of the cell beside a person from which the goal is nearest."""
     cell = p["cell"]
-    row, column = int(o["y"] / cell), int(o["x"] / cell)
+    row, column = cell_at(o["y"], cell, way.shape[0]), cell_at(o["x"], cell, way.shape[1])
     best, to_row, to_column = way[row, column], row, column
     for r in range(max(row - 1, 0), min(row + 2, way.shape[0])):
         for c in range(max(column - 1, 0), min(column + 2, way.shape[1])):
@@ -266,7 +276,7 @@ def walk(persons, ways, robots, p, kinds, floor):
             o["wants"] = ARRIVED
             continue
         _step(o, ways[m], robots, p, kinds, floor)
-        left = ways[m, int(o["y"] / p["cell"]), int(o["x"] / p["cell"])]
+        left = _left(o["x"], o["y"], ways[m], p["cell"])
         if left < o["left"]:
             o["left"], o["blocked"] = left, ZERO
         else:

@@ -75,7 +75,7 @@ def _square_at(x, y, zones):
     """Return the square of the speed [m^2/s^2] that a robot may have at a point."""
     last_row, last_column = zones.squares.shape[0] - 2, zones.squares.shape[1] - 2
     u, v = max(x, ZERO) / zones.step, max(y, ZERO) / zones.step
-    column, row = min(int(u), last_column), min(int(v), last_row)
+    column, row = min(max(int(u), 0), last_column), min(max(int(v), 0), last_row)
     u, v = min(u - np.float32(column), ONE), min(v - np.float32(row), ONE)
     below = zones.squares[row, column] * (ONE - u) + zones.squares[row, column + 1] * u
     above = zones.squares[row + 1, column] * (ONE - u) + zones.squares[row + 1, column + 1] * u

@@ -29,6 +29,7 @@ from warehouse_env.maps.discs import MOST
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.given import listed, whole_seed
+from warehouse_env.simulation.physics.poses import numbers, within_a_turn
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.orders import Order, as_table, from_table
 
@@ -113,8 +114,12 @@ class Episode:
         if not all(isinstance(seed, int) and seed >= 0 for seed in seeds):
             raise WarehouseError(f"the seeds {shown(seeds)} must be one whole number a world, none negative")
         orders = from_table(arrays.read("orders").tolist()) if "orders" in arrays else None
+        pose = numbers("pose", arrays.read("pose"), (-1, -1, -1, 3))
+        pose[..., 2] = within_a_turn(pose[..., 2])
         made_of = str(about.get("made_of", ""))  # which earlier versions did not tell
-        return cls(config, grid, seeds, arrays.read("actions"), arrays.read("pose"), policy, orders, made_of=made_of)
+        return cls(
+            config, grid, seeds, arrays.read("actions"), pose.astype(np.float32), policy, orders, made_of=made_of
+        )
 
     def replay(self) -> Iterator[Simulator]:
         """Run the episode again: yield the simulator after the reset and after every step."""

@@ -25,7 +25,7 @@ from warehouse_env.maps.grid_map import MOVES, Cell
 from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE
 from warehouse_env.portable import Portable
 from warehouse_env.simulation.rules.prices import ANY, Look, is_beyond, most_for, price_of, rest_from
-from warehouse_env.simulation.rules.ways import START, is_hairpin, write_rest, write_tail
+from warehouse_env.simulation.rules.ways import START, is_hairpin, make_path, write_rest, write_tail
 
 ANTS, ITERATIONS = 8, 20
 PATIENCE = 3  # iterations without a better way, once there is one, after which ants are not sent again
@@ -373,7 +373,7 @@ def colonise(look, most, seed, edges, levels, trails):
 def send_ants(look, cells, saving, runs_out, path, seed, edges, levels, trails):
     """Write the way that ants find to `path`, and return (of how many cells, edges of their trail that is kept).
 
-    path: int64[C, 2]; seed, edges, levels: see `colonise`; all else: ways.find_way.
+    path: see ways.make_path; seed, edges, levels: see `colonise`; all else: ways.find_way.
     """
     best, most = -1, most_for(look, cells, saving)
     kept = 0
@@ -401,7 +401,7 @@ class Ants(Portable):
 
     def _bind(self) -> None:
         cells = self._shape[0] * self._shape[1]
-        self._trails, self._path = make_trails(cells), np.zeros((cells, 2), np.int64)
+        self._trails, self._path = make_trails(cells), make_path(cells)
 
     def begin(self, world: int) -> None:
         """Forget the trails of a world: its robots begin anew."""

@@ -209,7 +209,7 @@ def next_cell(look, cells):
         apart = octile(cells[k, 0] - look.row, cells[k, 1] - look.column)
         if apart <= least:
             nearest, least = k, apart
-    return min(nearest + 1, last)
+    return max(min(nearest + 1, last), 0)
 
 
 @part

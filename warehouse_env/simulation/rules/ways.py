@@ -23,6 +23,7 @@ from warehouse_env.portable import Portable
 from warehouse_env.simulation.rules.prices import Look, is_beyond, most_for, next_cell, price_of, rest_from
 
 TURNS = 1 << 20  # turns that a way has less than
+_TWICE = 1024  # cells that a way may lead through again, as a long way round instead of a hairpin; ants walk fewer
 START = whole(8)  # in place of a move: of the start
 _ALL = np.uint8(255)
 # [9], as bits: the moves that are no hairpin after each, and after none
@@ -40,7 +41,12 @@ class Labels(NamedTuple):
     left: NDArray[np.uint8]  # [C], as bits: the moves from there that none of its closed states makes without a hairpin
     last: NDArray[np.int64]  # [C], the key of the one of them that was closed last
     heap: NDArray[np.int64]  # [Q, 2], bound and state
-    path: NDArray[np.int64]  # [C, 2], cells (row, column)
+    path: NDArray[np.int64]  # see make_path
+
+
+def make_path(cells: int) -> NDArray[np.int64]:
+    """Return room for the cells (row, column) of a way on a floor of so many, int64[L, 2]."""
+    return np.zeros((cells + _TWICE, 2), np.int64)
 
 
 def make_labels(rows: int, columns: int) -> Labels:
@@ -49,7 +55,7 @@ def make_labels(rows: int, columns: int) -> Labels:
     return Labels(
         np.zeros(1, np.int64), np.zeros(9 * cells, np.int64), np.zeros(9 * cells, np.int64),
         np.zeros(9 * cells, np.int32), np.zeros(cells, np.int64), np.zeros(cells, np.uint8), np.zeros(cells, np.int64),
-        np.zeros((1 << 16, 2), np.int64), np.zeros((cells, 2), np.int64),
+        np.zeros((1 << 16, 2), np.int64), make_path(cells),
     )  # fmt: skip
 
 
@@ -170,6 +176,8 @@ def _write_way(look, state, labels):
     while back >= 0:
         count += 1
         back = labels.before[back]
+    if count > len(path):
+        return 0
     back = state
     for k in range(count - 1, -1, -1):
         path[k, 0], path[k, 1] = back // 9 // columns, back // 9 % columns
@@ -201,7 +209,7 @@ def write_rest(look, cells, path):
     path[0, 0], path[0, 1] = look.row, look.column
     count = 1
     for k in range(begin, len(cells)):
-        if cells[k, 0] != path[count - 1, 0] or cells[k, 1] != path[count - 1, 1]:
+        if count < len(path) and (cells[k, 0] != path[count - 1, 0] or cells[k, 1] != path[count - 1, 1]):
             path[count, 0], path[count, 1] = cells[k, 0], cells[k, 1]
             count += 1
     return count

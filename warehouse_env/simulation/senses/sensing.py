@@ -25,6 +25,13 @@ TURNED = 4
 
 
 @inline
+def _padded_cell(x, y, cell, first):
+    """Return (row, column) of the cell of a padded floor that holds a point [m], the nearest one for a point off it."""
+    row, column = int(y / cell) + 1, int(x / cell) + 1
+    return min(max(row, 0), first.shape[0] - 1), min(max(column, 0), first.shape[1] - 1)
+
+
+@inline
 def scan_shelves(cx, cy, c, s, p, edges, seen, first, rays, turned, out):
     """Write the distance [m] of each ray from (cx, cy) to the nearest shelf or disc, at most lidar_range.
 
@@ -32,7 +39,8 @@ def scan_shelves(cx, cy, c, s, p, edges, seen, first, rays, turned, out):
     """
     if hasattr(edges, "lines"):
         _scan_lines(cx, cy, c, s, p, edges.lines, seen, first, rays, turned, out)
-        scan_discs(cx, cy, int(cy / p["cell"]) + 1, int(cx / p["cell"]) + 1, edges, turned, out)
+        row, column = _padded_cell(cx, cy, p["cell"], first)
+        scan_discs(cx, cy, row, column, edges, turned, out)
     else:
         _scan_lines(cx, cy, c, s, p, edges, seen, first, rays, turned, out)
 
@@ -54,7 +62,7 @@ def _scan_lines(cx, cy, c, s, p, edges, seen, first, rays, turned, out):
         turned[PER_X, k] = ONE / ux
         turned[PER_Y, k] = ONE / uy
         out[k] = p["lidar_range"]
-    row, column = int(cy / cell) + 1, int(cx / cell) + 1
+    row, column = _padded_cell(cx, cy, cell, first)
     seam = _SEAM * p["lidar_range"]
     for n in range(first[row, column, 0], first[row, column, 1]):
         e = seen[n]

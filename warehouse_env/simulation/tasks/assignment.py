@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.errors import ConfigError, shown
+from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.routes.goals import Goal
+from warehouse_env.simulation.physics.poses import numbers, poses, within_a_turn
+
+_GOALS = "a table of 2 whole numbers a robot (a cell), or 2 or 3 finite numbers (a point, a pose)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,17 +27,13 @@ class Assignment:
     goal: NDArray[np.int64] | NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        pose, goal = (_table(getattr(self, name)) for name in ("pose", "goal"))
-        if pose.shape[1] != 3 or not np.isfinite(pose).all():
-            raise ConfigError(f"pose={shown(self.pose)} must be a table of 3 numbers a robot")
-        if goal.shape[1] not in (2, 3) or not np.isfinite(goal[:, :2]).all() or np.isinf(goal).any():
-            raise ConfigError(
-                f"goal={shown(self.goal)} must be a table of 2 whole numbers a robot (a cell), or 2 or 3 numbers (a "
-                "point, a pose)"
-            )
-        object.__setattr__(self, "pose", pose.astype(np.float64))
-        cells = goal.shape[1] == 2 and goal.dtype.kind in "iu"
-        object.__setattr__(self, "goal", goal.astype(np.int64 if cells else np.float64))
+        pose = numbers("pose", self.pose, (-1, 3), rule="a table of 3 finite numbers a robot")
+        goal = numbers("goal", self.goal, (-1, 2), (-1, 3), rule=_GOALS, nan=True)
+        cells = goal.shape[1] == 2 and (given := np.asarray(self.goal)).dtype.kind in "iu"
+        for table in (pose, goal):
+            table[:, 2:] = within_a_turn(table[:, 2:])
+        object.__setattr__(self, "pose", pose)
+        object.__setattr__(self, "goal", given.astype(np.int64) if cells else goal)
         if len(self.pose) != len(self.goal) or not len(self.pose):
             raise ConfigError(f"{len(self.pose)} poses and {len(self.goal)} goals must be one of each for every robot")
         if len(np.unique(self.goal[:, :2], axis=0)) < len(self.goal):
@@ -51,15 +49,6 @@ class Assignment:
         return found
 
 
-def _table(given: object) -> NDArray[Any]:
-    """Return an array [N, K] of numbers; [0, 0] where it is none."""
-    try:
-        array = np.array(given)
-    except (TypeError, ValueError):
-        return np.empty((0, 0))
-    return array if array.ndim == 2 and array.dtype.kind in "fiu" else np.empty((0, 0))
-
-
 def check_assignments(assignments: Sequence[Assignment], worlds: int, robots: int, grid: GridMap) -> None:
     """Raise ConfigError or MapError unless there is one for each world, of its robots and on its floor."""
     several = isinstance(assignments, Sequence) and len(assignments) == worlds
@@ -69,5 +58,4 @@ def check_assignments(assignments: Sequence[Assignment], worlds: int, robots: in
         if len(one.pose) != robots:
             raise ConfigError(f"an assignment of {len(one.pose)} robots does not fit num_agents={robots}")
         one.goals(grid)
-        for robot in range(robots):
-            grid.check_cell(grid.standing(one.pose[robot, :2]), f"start of robot {robot}")
+        poses("pose", one.pose, (robots, 3), grid)

@@ -47,7 +47,7 @@ def _take_route(robots, routes, world, robot, points, heading):
         if k > 0:
             spacing = max(spacing, np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1]))
     r = robots[world, robot]
-    r["points"], r["spacing"] = len(points), spacing
+    r["points"], r["spacing"] = len(points) if spacing > 0.0 else 1, spacing  # it stands at the end already
     r["position"] = r["lateral"] = r["bearing"] = np.float32(0.0)
     r["arcs"] = r["seeks"] = r["docks"] = 0  # of a manoeuvre to the route before
     r["search_wait"] = r["side"] = np.float32(0.0)
@@ -151,7 +151,7 @@ class Dispatcher(Portable):
 
     def _assign(self, world: int, assignment: Assignment, floor: Floor) -> None:
         """Stand the robots of a world where they are told to, with the goals that they are given."""
-        starts = [(int(row), int(column)) for row, column in self.book.grid.standing(assignment.pose[:, :2])]
+        starts = [(row, column) for row, column in self.book.grid.standing(assignment.pose[:, :2]).tolist()]
         goals = assignment.goals(self.book.grid)
         self.tasks[world].assign(starts, [goal.cell for goal in goals])
         for robot, (start, goal) in enumerate(zip(starts, goals, strict=True)):
@@ -253,7 +253,7 @@ class Dispatcher(Portable):
 
     def give_line(self, world: int, robot: int, line: NDArray[np.float32]) -> None:
         """Give a robot a line float32[R, 2] [m] of someone else's making as its route, evenly spaced along it."""
-        self.give_route(world, robot, Route(self.book.grid.cell(line).astype(np.int32), line))
+        self.give_route(world, robot, Route(self.book.grid.nearest_cell(line).astype(np.int32), line))
 
     def arrive(self, steps: NDArray[np.int64]) -> list[Arrival]:
         """Book the arrivals and return them, and give lifelong robots their next task. steps [B]: since the resets.

@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from warehouse_env.errors import ConfigError, shown
+from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel, part
 from warehouse_env.simulation.driver import line
-from warehouse_env.simulation.physics.floor import FINE, Floor
+from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import body_of, grown, rectangle_gap, squared_distance
 from warehouse_env.simulation.physics.kinds import kind_of
-from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos, wrap
+from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos
 
 Limits = tuple[NDArray[Any], NDArray[Any] | None]
 """PARAMETERS[1] of a world's robots, and PARAMETERS[N] of each where these are not all alike (state.kinds_of)."""
 GAP = np.float32(0.15)  # [m] to robots at the start, half of it to shelves
 TOUCH = np.float32(1e-6)  # [m] of gap under which bodies touch
-MOST_TURNED = 1000.0  # [rad] of a heading that is given: of more, single precision leaves too little
 TURNS = (0, 1, -1, 2, -2, 3, -3, 4)  # eighths of a circle tried off the route's direction
 
 
@@ -70,7 +68,7 @@ def _put_all(robots, routes, pose, speed, params, kinds, floor):
     free = np.ones(robots.shape[0], np.bool_)
     for b in range(robots.shape[0]):
         for i in range(robots.shape[1]):
-            r, x, y, heading = robots[b, i], pose[b, i, 0], pose[b, i, 1], wrap(pose[b, i, 2])
+            r, x, y, heading = robots[b, i], pose[b, i, 0], pose[b, i, 1], pose[b, i, 2]
             free[b] = free[b] and _fits(robots[b], i, x, y, heading, p, kinds, floor, TOUCH)
             _put(robots[b], i, x, y, heading)
             r["anchor_x"], r["anchor_y"], r["speed"], r["steer"] = x, y, speed[b, i], ZERO
@@ -81,34 +79,13 @@ def _put_all(robots, routes, pose, speed, params, kinds, floor):
 
 
 def put_all(
-    robots: NDArray[Any], routes: NDArray[np.float32], pose: ArrayLike, speed: ArrayLike, limits: Limits, floor: Floor
-) -> NDArray[np.bool_]:
-    """Put robots ROBOT[B, N] at poses [B, N, 3] with speeds [B, N] or one for all; see `_put_all`.
-
-    ConfigError for what are no such numbers, for a front axle that is not on the floor, and for headings of many turns.
-    """
-    poses, speeds = (_numbers(*one) for one in (("pose", pose, (*robots.shape, 3)), ("speed", speed, robots.shape)))
-    rows, columns = (samples // FINE for samples in floor.clearance.shape)
-    wrong = (poses[..., :2] < 0) | (poses[..., :2] > floor.cell * np.array([columns, rows], np.float32))
-    if wrong.any():
-        x, y, _ = poses[wrong.any(axis=-1)][0].tolist()
-        raise ConfigError(f"pose: ({x:g}, {y:g}) is not on the floor")
-    turned = float(np.abs(poses[..., 2]).max(initial=0.0))
-    if turned > MOST_TURNED:
-        raise ConfigError(f"pose: a heading of {turned:g} rad must lie between {-MOST_TURNED:g} and {MOST_TURNED:g}")
-    free: NDArray[np.bool_] = _put_all(robots, routes, poses, speeds, *limits, floor)
+    robots: NDArray[Any], routes: NDArray[np.float32], pose: NDArray[Any], speed: NDArray[Any], limits: Limits,
+    floor: Floor,
+) -> NDArray[np.bool_]:  # fmt: skip
+    """Put robots ROBOT[B, N] at poses [B, N, 3] with speeds [B, N], as poses.py returns them; see `_put_all`."""
+    given = pose.astype(np.float32), speed.astype(np.float32)
+    free: NDArray[np.bool_] = _put_all(robots, routes, *given, *limits, floor)
     return free
-
-
-def _numbers(name: str, given: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Return float32 of a shape; ConfigError where it cannot be made of what is given, or is not finite."""
-    numbers = np.full(shape, np.nan, np.float32)
-    with contextlib.suppress(TypeError, ValueError, OverflowError, RecursionError), np.errstate(all="ignore"):
-        found = np.asarray(given)
-        numbers[:] = found if found.dtype.kind in "biuf" else np.nan
-    if not np.isfinite(numbers).all():
-        raise ConfigError(f"{name}={shown(given)} must be finite numbers of shape {shape}")
-    return numbers
 
 
 def place(
@@ -137,8 +114,7 @@ def place(
 
 def stand(robots: NDArray[Any], index: int, pose: NDArray[np.float64], limits: Limits, floor: Floor) -> None:
     """Stand robot `index` of ROBOT[N] at a pose (x [m], y [m], heading [rad]); ConfigError if it touches something."""
-    x, y = np.float32(pose[0]), np.float32(pose[1])
-    heading = np.float32(math.remainder(float(pose[2]), 2 * math.pi))
+    x, y, heading = pose.astype(np.float32)
     if not _fits(robots, index, x, y, heading, limits[0][0], limits[1], floor, TOUCH):
         raise ConfigError(
             f"robot {index} touches a shelf or another robot at ({x:.3f}, {y:.3f}), heading {heading:.3f}"

@@ -1,0 +1,254 @@
+"""Drive random episodes over all options, and hostile inputs, with every index of every kernel checked.
+
+    make bounds                                                # 100 episodes, and inputs that drive a simulator
+    NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=DIR python -m tests.bounds --only 17       # that episode, its traceback
+
+Negative indices count as out of range as well: no kernel means them. Episode K is made from (seed, K) alone; GROUP
+episodes in a row have the same SHAPES, for each other combination of these is compiled anew, for minutes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import sys
+import traceback
+from collections.abc import Callable
+from random import Random
+from typing import Any
+
+import numba
+import numpy as np
+import tyro
+from numba.np import arrayobj
+from numpy.typing import NDArray
+
+from tests.hostile.__main__ import attempt, guarded
+from train.reporting.report import tell
+from warehouse_env.config import (
+    EnvConfig,
+    FieldSpec,
+    FleetPart,
+    RerouteSpec,
+    RewardWeights,
+    RobotSpec,
+    SensorSpec,
+)
+from warehouse_env.errors import WarehouseError
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.layouts import LAYOUTS
+from warehouse_env.maps.movingai import EXAMPLE_MAP
+from warehouse_env.planning import PLANNERS
+from warehouse_env.simulation.physics.deviation import errs
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.assignment import Assignment
+from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
+
+GROUP = 5
+STEPS, WORLDS = 60, 2
+HOSTILE = ("act", "episode", "env")  # targets of tests/hostile that drive a simulator
+INPUTS = 200  # of each
+
+LONG = RobotSpec(length=1.4, width=0.8, wheelbase=0.9, front_overhang=0.25)
+FORK = RobotSpec(length=2.6, width=1.0, wheelbase=1.6, front_overhang=2.2, max_speed=1.0)
+SMALL = RobotSpec(length=0.5, width=0.4, wheelbase=0.3, front_overhang=0.1, max_speed=2.5, max_acceleration=3.0)
+
+
+def _one(*values: Any) -> Callable[[Random], Any]:
+    return lambda rng: rng.choice(values)
+
+
+CHOICES: dict[str, Callable[[Random], Any]] = {  # each field of EnvConfig -> how a value is drawn
+    "layout": lambda rng: rng.choice(sorted(LAYOUTS)),
+    "map_file": lambda rng: rng.choice([None] * 9 + [str(EXAMPLE_MAP)]),
+    "num_agents": lambda rng: rng.choice([1, 2, 3, 8, 40]),
+    "planner": lambda rng: rng.choice(["astar", "astar_turns", "pf_aco", rng.choice(sorted(PLANNERS))]),
+    "tasks": _one("lifelong", "lifelong", "one_shot"),
+    "action_type": _one("discrete", "continuous", "raw"),
+    "max_steps": _one(20, 1000),
+    "time_step": _one(0.05, 0.1, 0.2),
+    "substeps": _one(1, 2, 5),
+    "action_repeat": _one(1, 2, 3),
+    "arrival": _one("pass", "stop", "pose"),
+    "arrival_radius": _one(0.05, 0.5, 3.0),
+    "pose_radius": _one(0.01, 0.05, 1.0),
+    "pose_angle": _one(0.01, 0.1, math.pi),
+    "near_miss_gap": _one(0.01, 0.1, 2.0),
+    "stuck_after": _one(1.0, 60.0),
+    "terminate_on_collision": _one(False, False, True),
+    "speed_levels": _one((-0.4, 0.0, 0.5, 1.5), (0.0, 1e4), (-1e4,)),
+    "lateral_offsets": _one((0.0, 0.6, -0.6, 1.2, -1.2), (0.0,), (-1e4, 1e4)),
+    "keep_right": _one(0.0, 0.5, 100.0),
+    "protective_field": _one(False, True, True, "lidar"),
+    "field_margin": _one(0.0, 0.02, 1.0),
+    "field_spec": lambda rng: FieldSpec(
+        latency=rng.choice([0.0, 0.3]), scanner_rays=rng.choice([36, 360]), unseen_speed=rng.choice([0.0, 1.5])
+    ),
+    "message_latency": _one(0.0, 0.3),
+    "pose_error": _one(0.0, 0.0, 0.02, 1.0),
+    "heading_error": _one(0.0, 0.5),
+    "actuation_error": _one(0.0, 0.5),
+    "right_of_way": _one(False, True),
+    "right_of_way_after": _one(0.0, 5.0),
+    "people": _one(0, 0, 1, 4),
+    "message_loss": _one(0.0, 0.3, 1.0),
+    "message_burst": _one(0.0, 2.0),
+    "reroute": _one(False, True),
+    "reroute_spec": lambda rng: RerouteSpec(
+        planner=rng.choice([None, "pf_aco", "astar_turns"]), every=rng.choice([0.2, 4.0]), stood_for=0.5,
+        only_barred=rng.random() < 0.5, look_ahead=rng.choice([0.0, 10.0, 1e4]),
+    ),
+    "service": _one(None, ServiceSpec(1.0, 1.0, 0.5, load=200.0)),
+    "orders": _one(None, OrderSpec(per_hour=2000.0, picks=3)),
+    "battery": _one(None, BatterySpec(capacity=5.0, chargers=1)),
+    "robot": _one(RobotSpec(), RobotSpec(), LONG, FORK, SMALL),
+    "fleet": _one((), (), (FleetPart(1, LONG),), (FleetPart(1, SMALL), FleetPart(1, FORK))),
+    "sensor": lambda rng: SensorSpec(
+        rays=rng.choice([1, 16, 90]), lidar_range=rng.choice([0.3, 6.0, 100.0]), neighbours=rng.choice([1, 6, 20]),
+        route_points=rng.choice([1, 5]), route_spacing=rng.choice([0.01, 1.0, 50.0]),
+    ),
+    "reward": _one(RewardWeights(), RewardWeights(path_length=-1.0)),
+}  # fmt: skip
+SHAPES = (
+    "tasks", "action_type", "arrival", "terminate_on_collision", "protective_field", "pose_error", "right_of_way",
+    "people", "reroute", "service", "orders", "battery", "fleet",
+)  # fmt: skip
+
+
+def _room(rows: int, columns: int, **more: Any) -> GridMap:
+    cells = np.argwhere(np.ones((rows, columns)))
+    return GridMap(np.zeros((rows, columns)), name="room", picks=cells[::2], stations=cells[1::2], **more)
+
+
+FLOORS: dict[str, Callable[[Random], GridMap | None]] = {
+    "layout": lambda rng: None,  # that of the config
+    "tiny": lambda rng: _room(3, 3, cell_size=rng.choice([0.8, 1.0, 2.0])),
+    "lane": lambda rng: _room(rng.choice([1, 2]), rng.randint(3, 12)),
+    "fine": lambda rng: _room(16, 24, cell_size=0.3),
+    "discs": lambda rng: _room(9, 12, discs=np.array([[4.3, 4.4, 0.6], [0.2, 0.2, 0.3], [11.9, 8.0, 0.25]])),
+    "slow": lambda rng: _room(7, 9, speed=np.where(np.arange(63).reshape(7, 9) % 5, np.inf, 0.4)),
+    "one way": lambda rng: _room(5, 9, one_way=np.array([[0] * 9, [1] * 9, [0] * 9, [3] * 9, [0] * 9], np.uint8)),
+}
+
+
+def options_of(number: int, seed: int = 0) -> tuple[EnvConfig, GridMap | None]:
+    """Return the config and floor of an episode; the floor None: that which the config names."""
+    shape, own = Random(f"{seed} shape {number // GROUP}"), Random(f"{seed} {number}")
+    while True:
+        given = {name: CHOICES[name](shape) for name in SHAPES}
+        with contextlib.suppress(WarehouseError):
+            EnvConfig(**{"num_agents": 8, **given})
+            break
+    grid = list(FLOORS.values())[number // GROUP % len(FLOORS)](own)
+    if grid is not None:
+        given["battery"] = None  # there is no room to charge beside the traffic
+    while True:
+        drawn = {name: choose(own) for name, choose in CHOICES.items() if name not in SHAPES}
+        if grid is not None and 4 * drawn["num_agents"] > grid.occupied.size:
+            continue
+        with contextlib.suppress(WarehouseError):
+            return EnvConfig(**{**given, **drawn}), grid
+
+
+def episode(number: int, seed: int = 0) -> bool:
+    """Drive an episode; return whether there was one: not where one of our errors says why there can be none."""
+    config, grid = options_of(number, seed)
+    rng = np.random.default_rng([seed, number])
+    try:
+        simulator = Simulator(config, WORLDS, grid=grid)
+        simulator.reset([number, seed])
+    except WarehouseError:
+        return False
+    for step in range(STEPS):
+        if step % 15 == 14:
+            with contextlib.suppress(WarehouseError):  # robots that touch something, no way to a goal
+                _disturb(simulator, rng)
+        simulator.step(_actions(simulator, rng))
+        assert np.isfinite(simulator.observation).all()
+        points, side = simulator.state.pose[..., :2], simulator.grid.cell_size * np.array(simulator.grid.shape[::-1])
+        assert errs(config) or ((points >= 0) & (points <= side.astype(np.float32))).all()
+    return True
+
+
+def _actions(simulator: Simulator, rng: np.random.Generator) -> NDArray[Any]:
+    """Return actions of all kinds: those at the limits, along the route, and any between."""
+    shape, kind = (simulator.num_worlds, simulator.num_agents), rng.integers(4)
+    config = simulator.config
+    if config.action_type == "discrete":
+        count = len(config.speed_levels) * len(config.lateral_offsets)
+        if kind == 0:
+            return rng.normal(size=(*shape, count)).astype(np.float32)
+        return rng.integers(count, size=shape) if kind == 1 else np.tile(simulator.cruise_action, shape)
+    if kind == 3 and config.action_type != "raw":
+        return np.tile(simulator.cruise_action, (*shape, 1))
+    limits = rng.choice([-1.0, 1.0], (*shape, 2))
+    return limits if kind else rng.uniform(-1.0, 1.0, (*shape, 2))
+
+
+def _disturb(simulator: Simulator, rng: np.random.Generator) -> None:
+    """Put robots or people anywhere, on the rim and each other as well, begin anew, or break a robot down."""
+    shape, side = (simulator.num_worlds, simulator.num_agents), np.array(simulator.grid.shape[::-1])
+    points = rng.uniform(-0.2, 1.2, (*shape, 2)).clip(0, 1) * side * simulator.grid.cell_size
+    pose = np.concatenate([points, rng.choice([0.0, 0.5, 1.0, 1e20], (*shape, 1)) * math.pi], axis=-1)
+    limits = np.array([(robot.min_speed, robot.max_speed) for robot in simulator.config.robots])
+    kind = rng.integers(5)
+    if kind <= 1:
+        simulator.put(pose, np.where(rng.random(shape) < 0.5, *limits.T))
+    elif kind == 2:
+        cells = rng.permutation(simulator.grid.free_cells)
+        simulator.people.stand(0, simulator.grid.centre(cells[: simulator.config.people]))
+        simulator.break_down(1, int(rng.integers(simulator.num_agents)))
+    elif kind == 3:
+        free = simulator.grid.centre(rng.permutation(simulator.grid.free_cells)[: 2 * shape[1]])
+        told = np.column_stack([free, rng.uniform(-1e3, 1e3, len(free))])
+        simulator.reset_to([Assignment(told[: shape[1]], told[shape[1] :])] * shape[0])
+    else:
+        simulator.reset_world(0, int(rng.integers(9)))
+
+
+def check_negative_indices() -> None:
+    """Have Numba compile kernels for which a negative index is out of range; to be called before any is compiled."""
+
+    def unchanged(context: Any, builder: Any, kind: Any, index: Any, size: Any) -> Any:
+        return context.cast(builder, index, kind, numba.types.intp)
+
+    assert callable(arrayobj.fix_integer_index)
+    arrayobj.fix_integer_index = unchanged
+
+
+def main(episodes: int = 100, inputs: int = INPUTS, seed: int = 0, only: int | None = None) -> None:
+    """Drive episodes and hostile inputs, and say how many failed.
+
+    Args:
+        episodes: to drive.
+        inputs: hostile inputs of each target.
+        seed: of both.
+        only: the one episode to drive, and show the traceback of.
+    """
+    if not numba.config.BOUNDSCHECK or not numba.config.CACHE_DIR:  # type: ignore[attr-defined]
+        sys.exit("set NUMBA_BOUNDSCHECK=1, and NUMBA_CACHE_DIR to a folder of its own, as `make bounds` does")
+    check_negative_indices()
+    if only is not None:
+        print(options_of(only, seed), "driven" if episode(only, seed) else "refused")
+        return
+    passed = refused = failed = 0
+    for number in range(episodes):
+        try:
+            driven = episode(number, seed)
+            passed, refused = passed + driven, refused + (not driven)
+            tell(f"episode {number} {'was driven' if driven else 'could not begin'}")
+        except Exception:
+            failed += 1
+            tell(f"episode {number} failed: {traceback.format_exc()}")
+    with guarded() as folder:
+        for name in HOSTILE:
+            traces = [attempt(name, seed, number, folder) for number in range(inputs)]
+            found = [trace for trace in traces if trace is not None]
+            passed, failed = passed + inputs - len(found), failed + len(found)
+            tell("".join(found[:3]))
+    print(f"{passed} passed ({refused} more could not begin), {failed} failed")
+    sys.exit(failed > 0)
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
