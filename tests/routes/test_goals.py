@@ -15,6 +15,7 @@ from warehouse_env.routes.book import RouteBook
 from warehouse_env.routes.goals import Goal, face, facing
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
+from warehouse_env.simulation.physics.geometry import body_of, grown
 from warehouse_env.simulation.state import parameters_of
 
 ROBOT = RobotSpec()
@@ -65,7 +66,6 @@ def test_bodies_at_all_endpoints_are_off_the_shelves(name: str) -> None:
         for x, y, heading in face(grid, cell, ROBOT).poses:
             many += 1
             c, s = np.float32(math.cos(heading)), np.float32(math.sin(heading))
-            centre = np.float32(x) - p["offset"] * c, np.float32(y) - p["offset"] * s
-            body = (*centre, c, s, p["half_length"] + np.float32(0.03), p["half_width"] + np.float32(0.03))
-            assert not body_touches_shelf(*body, floor.solid, floor.clearance, p["cell"])
+            body = grown(body_of(np.float32(x), np.float32(y), c, s, p), np.float32(0.03))
+            assert not body_touches_shelf(body, floor)
     assert many > 0 or name == "open"

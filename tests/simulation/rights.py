@@ -58,7 +58,7 @@ class World:
         right_of_way.rank(self.robots, self.order)
         right_of_way.decide(
             self.robots, sim.people.persons[0], sim.routes[0], sim.arcs[0], sim._commands[0, 0], sim._choices[0],
-            self.order, self.ways, p, kinds, sim._floor.clearance,
+            self.order, self.ways, p, kinds, sim._floor,
         )  # fmt: skip
         return self
 

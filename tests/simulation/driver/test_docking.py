@@ -20,6 +20,7 @@ from warehouse_env.simulation.driver.shots import MOST_ARCS, shoot
 from warehouse_env.simulation.driver.turning import turning_metric
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
+from warehouse_env.simulation.physics.geometry import body_of
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import parameters_of
 from warehouse_env.simulation.tasks.assignment import Assignment
@@ -52,7 +53,7 @@ def shot(grid: GridMap, start: Pose, goal: Pose) -> NDArray[np.float32] | None:
     x, y, heading = (np.float32(value) for value in start)
     count, _ = shoot(
         x, y, heading, np.float32(0.0), np.array([(*goal, 0.0)], np.float32), np.float32(0.03), np.float32(np.inf),
-        NOBODY, np.empty(0, np.float32), PARAMETERS[0], floor.solid, floor.clearance, arcs,
+        NOBODY, np.empty(0, np.float32), PARAMETERS[0], floor, arcs,
     )  # fmt: skip
     return arcs[:count] if count >= 0 else None
 
@@ -90,7 +91,7 @@ def test_the_search_leads_round_the_wall_and_ends_exactly() -> None:
     x, y, heading = (np.float32(value) for value in start)
     count = search_exact(
         x, y, heading, np.float32(0.0), np.array([(*goal, 0.0)], np.float32), NOBODY, 1, MOST, PARAMETERS[0],
-        floor.solid, floor.clearance, turning_metric(PARAMETERS), arcs,
+        floor, turning_metric(PARAMETERS), arcs,
     )  # fmt: skip
     assert count > 0
     poses = driven(start, arcs[:count])
@@ -98,8 +99,7 @@ def test_the_search_leads_round_the_wall_and_ends_exactly() -> None:
     p = PARAMETERS[0]
     for px, py, turned in poses.astype(np.float32):
         c, s = np.cos(turned), np.sin(turned)
-        body = (px - p["offset"] * c, py - p["offset"] * s, c, s, p["half_length"], p["half_width"])
-        assert not body_touches_shelf(*body, floor.solid, floor.clearance, np.float32(1.0))
+        assert not body_touches_shelf(body_of(px, py, c, s, p), floor)
 
 
 HARD: dict[str, tuple[Pose, Pose]] = {

@@ -20,7 +20,7 @@ from warehouse_env.simulation.driver.manoeuvre import ARCS, MOST, search
 from warehouse_env.simulation.driver.turning import turning_metric
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
-from warehouse_env.simulation.physics.geometry import rectangles_touch, separation
+from warehouse_env.simulation.physics.geometry import Rectangle, rectangles_touch, separation
 from warehouse_env.simulation.state import parameters_of
 
 ROBOT = EnvConfig().robot
@@ -45,7 +45,7 @@ def plan(
     x, y, heading = (np.float32(value) for value in pose)
     count, _ = search(
         x, y, heading, np.float32(0.0), goals, avoid, bodies, most, parameters[0],
-        floor.solid, floor.clearance, turning_metric(parameters), arcs,
+        floor, turning_metric(parameters), arcs,
     )  # fmt: skip
     return None if count < 0 else arcs[:count].astype(np.float64)
 
@@ -80,18 +80,17 @@ def body(pose: Any) -> tuple[float, float, float, float]:
 def touches_shelf(grid: GridMap, pose: Any, wide: float = 0.0) -> bool:
     floor = floor_of(grid)
     values = [np.float32(value) for value in (*body(pose), ROBOT.length / 2 + wide, ROBOT.width / 2 + wide)]
-    return bool(body_touches_shelf(*values, floor.solid, floor.clearance, floor.cell))
+    return bool(body_touches_shelf(Rectangle(*values), floor))
 
 
 def touch(one: Any, other: Any) -> bool:
     half = (ROBOT.length / 2, ROBOT.width / 2)
-    return bool(rectangles_touch(other[0] - one[0], other[1] - one[1], *one[2:4], *half, *other[2:4], *half))
+    return bool(rectangles_touch(Rectangle(*one, *half), Rectangle(*other, *half)))
 
 
 def apart(one: Any, other: Any) -> float:
-    values = [np.float32(v) for v in (other[0] - one[0], other[1] - one[1], *one[2:], *other[2:])]
-    half = (np.float32(ROBOT.length / 2), np.float32(ROBOT.width / 2))
-    return float(separation(*values[:4], *half, *values[4:], *half))
+    half = (ROBOT.length / 2, ROBOT.width / 2)
+    return float(separation(*(Rectangle(*map(np.float32, (*body, *half))) for body in (one, other))))
 
 
 def goals_at(*poses: tuple[float, float, float]) -> NDArray[np.float32]:
@@ -278,7 +277,7 @@ def test_a_short_search_finds_what_one_in_large_arrays_finds() -> None:
         for large in (False, True):
             arcs = np.zeros((ARCS, 2), dtype=np.float32)
             given = (x, y, heading, steer, goal, manoeuvre.no_leave(), NOBODY, 1)
-            rest = (PARAMETERS[0], floor.solid, floor.clearance, metric, arcs)
+            rest = (PARAMETERS[0], floor, metric, arcs)
             if large:
                 count = manoeuvre._search_within(*given, MOST, manoeuvre._SLOTS, None, *rest)
             else:

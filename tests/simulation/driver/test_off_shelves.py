@@ -42,10 +42,10 @@ def test_what_may_be_driven_touches_no_shelf_and_little_else_is_refused() -> Non
         back = robot.rear_reach - robot.length / 2
         simulator.robots["y"] = 2.0 - half + back * math.sin(heading) - rng.uniform(1e-5, 1e-3)  # a corner at the shelf
         speed, steer = rng.uniform(-0.5, 0.5), rng.uniform(-1.0, 1.0)
-        around = simulator._floor.solid, simulator._floor.clearance
+        around = simulator._floor
         r, p = simulator.robots[0, 0], simulator._params[0]
-        may = may_drive(r, np.float32(speed), np.float32(steer), np.float32(1.7e-4), p, *around)
-        loose = may_drive(r, np.float32(speed), np.float32(steer), np.float32(0.03), p, *around)
+        may = may_drive(r, np.float32(speed), np.float32(steer), np.float32(1.7e-4), p, around)
+        loose = may_drive(r, np.float32(speed), np.float32(steer), np.float32(0.03), p, around)
         touches = drive_and_stop(simulator, speed, steer) > 0
         counts[int(may), int(touches)] += 1
         coarse += loose and not may

@@ -46,7 +46,7 @@ def field(
     """The field around a body that heads east and has its centre there."""
     p, floor = parameters[0], floor_of(grid)
     x, y = np.float32(centre[0] + p["offset"]), np.float32(centre[1])
-    found: NDArray[np.float32] = room_around(x, y, np.float32(0.0), avoid, bodies, p, floor.solid, floor.clearance)
+    found: NDArray[np.float32] = room_around(x, y, np.float32(0.0), avoid, bodies, p, floor)
     return found
 
 
@@ -146,7 +146,7 @@ def test_no_manoeuvre_off_a_path_is_shorter(seed: int) -> None:
         planned += 1
         p, floor = PARAMETERS[0], floor_of(grid)
         values = [np.float32(value) for value in pose]
-        found = room_around(*values, avoid, bodies, p, floor.solid, floor.clearance)
+        found = room_around(*values, avoid, bodies, p, floor)
         centres = np.array([body(each)[:2] for each in driven(pose, arcs)], np.float32)
         says = np.array([room_at(x, y, *centres[0], found, APART) for x, y in centres])
         assert says[-1] == 0.0

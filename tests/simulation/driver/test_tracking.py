@@ -341,7 +341,7 @@ def test_nobody_searches_for_who_is_parked_or_gets_another_route(field: str) -> 
         simulator.robots["seeks"] = ALONE
         simulator.robots[field] = asks if field == "alive" else not asks
         rejoin.seek(
-            0, 1, simulator.robots, simulator.routes, simulator.arcs, *simulator._limits, floor.solid, floor.clearance,
+            0, 1, simulator.robots, simulator.routes, simulator.arcs, *simulator._limits, floor,
             simulator._metrics,
         )  # fmt: skip
         assert bool(simulator.robots["arcs"][0, 0] > 0) == found

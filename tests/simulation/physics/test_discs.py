@@ -17,6 +17,8 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.physics.disc_sweep import touches_disc_between
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, sweep_is_free
+from warehouse_env.simulation.physics.geometry import Rectangle
+from warehouse_env.simulation.physics.sweep import Sweep
 from warehouse_env.simulation.simulator import Simulator
 
 F = np.float32
@@ -39,8 +41,8 @@ def gaps(x: float, y: float, heading: float, discs: NDArray[np.float64] = DISCS)
 
 
 def touches(cx: float, cy: float, heading: float) -> bool:
-    values = (F(v) for v in (cx, cy, math.cos(heading), math.sin(heading), 0.45, 0.3))
-    return bool(body_touches_shelf(*values, FLOOR.solid, FLOOR.clearance, FLOOR.cell))
+    body = Rectangle(*map(F, (cx, cy, math.cos(heading), math.sin(heading), 0.45, 0.3)))
+    return bool(body_touches_shelf(body, FLOOR))
 
 
 @pytest.mark.parametrize("gap", [-1e-5, 1e-5])
@@ -82,7 +84,7 @@ def test_clearance_is_a_lower_bound_and_not_far_below(point: tuple[float, float]
     rim = min(x, 8 - x, y, 6 - y)
     discs = (np.hypot(DISCS[:, 0] - x, DISCS[:, 1] - y) - DISCS[:, 2]).min()
     distance = max(min(shelf, rim, discs), 0.0)
-    known = float(clearance_at(F(x), F(y), FLOOR.clearance, FLOOR.cell))
+    known = float(clearance_at(F(x), F(y), FLOOR))
     assert known <= distance + 1e-6
     assert known >= min(distance, 2.55) - 0.125 * math.sqrt(2) - 0.01 - 1e-6
 
@@ -108,8 +110,8 @@ def test_a_body_touches_a_disc_between_samples_where_dense_sampling_says_so(seed
     ends = []
     for x, y, heading in poses[[0, -1]]:
         c, s = math.cos(heading), math.sin(heading)
-        ends += [x - OFFSET * c, y - OFFSET * s, c, s]
-    found = touches_disc_between(*np.float32(disc[0]), *np.float32(ends), F(0.0), p)
+        ends.append(Rectangle(*map(F, (x - OFFSET * c, y - OFFSET * s, c, s, 0.45, 0.3))))
+    found = touches_disc_between(*np.float32(disc[0]), Sweep(*ends, F(0.0)), p)
     if apart.min() < -1e-5:
         assert found
     if apart.min() > 2e-5:
@@ -142,7 +144,7 @@ def test_a_free_sweep_touches_no_disc_on_its_way(
     p = stage(MAP, (0.5, 0.5, 0.0))._params[0]
     bend = -math.tan(steering) / 0.6
     values = (F(v) for v in (*axle, math.cos(heading), math.sin(heading), bend, distance, 0.03))
-    if not sweep_is_free(*values, p, FLOOR.solid, FLOOR.clearance):
+    if not sweep_is_free(*values, p, FLOOR):
         return
     poses = on_arcs(np.array([*axle, heading]), np.full(2, distance), np.full(2, steering), 1.0, 60)[1:]
     along = np.abs(distance) * np.arange(1, 61) / 60

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from tests.simulation.reference import OFFSET, WHEELBASE, rectangle, separation, shelves
 from tests.simulation.worlds import drawn, stage
-from warehouse_env.simulation.physics.floor import floor_of
+from warehouse_env.simulation.physics.floor import Floor, floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, sweep_is_free
+from warehouse_env.simulation.physics.geometry import Rectangle
 
 F = np.float32
 MAP = drawn(["........", ".##...#.", "......#.", ".#......", ".....##.", "..#....."])
@@ -24,8 +24,8 @@ inside = st.tuples(st.floats(0.0, COLUMNS), st.floats(0.0, ROWS))
 
 
 def touches(cx: float, cy: float, heading: float, half_length: float = 0.45, half_width: float = 0.3) -> bool:
-    values = (F(v) for v in (cx, cy, math.cos(heading), math.sin(heading), half_length, half_width))
-    return bool(body_touches_shelf(*values, FLOOR.solid, FLOOR.clearance, FLOOR.cell))
+    body = Rectangle(*map(F, (cx, cy, math.cos(heading), math.sin(heading), half_length, half_width)))
+    return bool(body_touches_shelf(body, FLOOR))
 
 
 @given(inside, st.floats(-math.pi, math.pi))
@@ -59,7 +59,7 @@ def test_clearance_is_a_lower_bound_and_not_far_below(point: tuple[float, float]
     low, high = WALLS.min(axis=1), WALLS.max(axis=1)
     outside = np.maximum(np.maximum(low - (x, y), (x, y) - high), 0.0)
     distance = float(np.hypot(outside[:, 0], outside[:, 1]).min())
-    known = float(clearance_at(F(x), F(y), FLOOR.clearance, FLOOR.cell))
+    known = float(clearance_at(F(x), F(y), FLOOR))
     assert known <= distance + 1e-6
     # at most a sample's diagonal (1 m / 8), and a count of 1 cm, too low
     assert known >= min(distance, 2.55) - 0.125 * math.sqrt(2) - 0.01 - 1e-6
@@ -67,24 +67,22 @@ def test_clearance_is_a_lower_bound_and_not_far_below(point: tuple[float, float]
 
 def test_there_is_no_clearance_outside_the_map() -> None:
     for x, y in ((-0.1, 1.0), (1.0, -0.1), (8.01, 1.0), (1.0, 6.01), (1e3, 1e3)):
-        assert clearance_at(F(x), F(y), FLOOR.clearance, FLOOR.cell) == 0.0
+        assert clearance_at(F(x), F(y), FLOOR) == 0.0
 
 
-def is_free(
-    axle: tuple[float, float], heading: float, steering: float, distance: float, clearance: NDArray[np.uint8]
-) -> bool:
+def is_free(axle: tuple[float, float], heading: float, steering: float, distance: float, floor: Floor = FLOOR) -> bool:
     """Whether the body keeps 3 cm from shelves as it drives `distance` with that steering."""
     p = stage(MAP, (4.5, 3.5, 0.0))._params[0]
     bend = -math.tan(steering) / WHEELBASE
     values = (F(v) for v in (*axle, math.cos(heading), math.sin(heading), bend, distance, 0.03))
-    return bool(sweep_is_free(*values, p, FLOOR.solid, clearance))
+    return bool(sweep_is_free(*values, p, floor))
 
 
 @given(inside, st.floats(-math.pi, math.pi), st.floats(-1.04, 1.04), st.floats(-1.5, 1.5))
 def test_a_free_sweep_touches_nothing_on_its_way(
     axle: tuple[float, float], heading: float, steering: float, distance: float
 ) -> None:
-    free = is_free(axle, heading, steering, distance, FLOOR.clearance)
+    free = is_free(axle, heading, steering, distance)
     bend = -math.tan(steering) / WHEELBASE
     x, y = axle
     along = np.linspace(0.0, distance, 60)[1:]
@@ -111,7 +109,6 @@ def test_poses_passed_over_would_have_been_free(
     axle: tuple[float, float], heading: float, steering: float, distance: float
 ) -> None:
     """A sweep that knows of no room, and so looks at every pose, gives the same answer."""
-    known, every = (
-        is_free(axle, heading, steering, distance, field) for field in (FLOOR.clearance, np.zeros_like(FLOOR.clearance))
-    )
+    unknown = FLOOR._replace(clearance=np.zeros_like(FLOOR.clearance))
+    known, every = (is_free(axle, heading, steering, distance, floor) for floor in (FLOOR, unknown))
     assert known == every

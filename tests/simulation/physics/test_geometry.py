@@ -11,7 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.simulation.reference import polygon_distance, ray_to_polygon, rectangle, separation
-from warehouse_env.simulation.physics.geometry import ray_to_rectangle, rectangle_gap, rectangles_touch
+from warehouse_env.simulation.physics.geometry import Rectangle, ray_to_rectangle, rectangle_gap, rectangles_touch
 
 F = np.float32
 EDGE = 2e-6  # [m] nearer than this to touching, float32 may judge either way
@@ -30,9 +30,10 @@ class Pair(NamedTuple):
     l2: float
     w2: float
 
-    def arguments(self) -> tuple[np.float32, ...]:
-        c1, s1, c2, s2 = math.cos(self.a1), math.sin(self.a1), math.cos(self.a2), math.sin(self.a2)
-        return tuple(F(v) for v in (self.dx, self.dy, c1, s1, self.l1, self.w1, c2, s2, self.l2, self.w2))
+    def arguments(self) -> tuple[Rectangle, Rectangle]:
+        one = (0.0, 0.0, math.cos(self.a1), math.sin(self.a1), self.l1, self.w1)
+        other = (self.dx, self.dy, math.cos(self.a2), math.sin(self.a2), self.l2, self.w2)
+        return Rectangle(*map(F, one)), Rectangle(*map(F, other))
 
     def touch(self) -> bool:
         return bool(rectangles_touch(*self.arguments()))

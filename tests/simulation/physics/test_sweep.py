@@ -15,7 +15,8 @@ from tests.simulation.physics.test_no_overlap import DEEP, MAZE, crowd
 from tests.simulation.reference import bodies, deepest_overlap, on_arcs, separation, shelves
 from tests.simulation.worlds import drawn, raw, room, stage
 from warehouse_env.config import EnvConfig, RobotSpec
-from warehouse_env.simulation.physics.sweep import touch_between
+from warehouse_env.simulation.physics.geometry import Rectangle
+from warehouse_env.simulation.physics.sweep import Sweep, touch_between
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import parameters_of
 
@@ -75,13 +76,16 @@ def test_bodies_touch_between_samples_where_dense_sampling_says_so(
     apart = separation(bodies(*poses[:, 0].T, *sizes[:, 0]), bodies(*poses[:, 1].T, *sizes[:, 1]))
     if min(apart[0], apart[-1]) <= DEEP:
         return
-    ends = []
+    sweeps = []
     for robot, kind in enumerate(kinds):
+        ends = []
         for x, y, heading in poses[[0, -1], robot]:
             c, s, back = math.cos(heading), math.sin(heading), kind.length / 2 - kind.front_overhang
-            ends += [x - back * c, y - back * s, c, s]
-    numbers = np.array(ends, dtype=np.float32)
-    found = touch_between(*numbers, q["half_length"], q["half_width"], q["offset"], *np.float32([0.0, 0.0]), p, q)
+            ends.append(
+                Rectangle(*map(np.float32, (x - back * c, y - back * s, c, s, kind.length / 2, kind.width / 2)))
+            )
+        sweeps.append(Sweep(*ends, np.float32(0.0)))
+    found = touch_between(*sweeps, q["offset"], p, q)
     if apart.min() < -DEEP:
         assert found
     if apart.min() > FARTHEST * 2 * p["blur"] + DEEP:

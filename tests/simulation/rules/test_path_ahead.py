@@ -26,7 +26,7 @@ def ahead(world: World, side: float = 0.0) -> tuple[NDArray[np.float32], bool]:
         np.float32(side),
         POSES,
         sim._params[0],
-        sim._floor.clearance,
+        sim._floor,
         path,
     )
     return path[:count], bool(at_end)
