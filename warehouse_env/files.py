@@ -263,8 +263,8 @@ def check_writable(given: object, rows: bool = False) -> Path:
     if rows and _guard.is_on and not is_special(target):
         _guard.rows.add(target)
     there = next(place for place in (target, *target.parents) if place.exists())
-    writable = os.access(there, os.W_OK) and there.stat().st_mode & 0o222  # root may write where nobody is meant to
-    if there == target and not writable:
+    writable = os.access(there, os.W_OK)
+    if there == target and not (writable and there.stat().st_mode & 0o222):  # root may write any
         raise WarehouseError(f"cannot write {path}: it is read-only; name another file or allow writing")
     if there != target and not (there.is_dir() and writable):
         raise WarehouseError(f"cannot write {path}: {there} is no folder that can be written to")
