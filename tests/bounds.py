@@ -10,6 +10,7 @@ episodes in a row have the same SHAPES, for each other combination of these is c
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import math
 import sys
 import traceback
@@ -116,14 +117,14 @@ SHAPES = (
 
 
 def _room(rows: int, columns: int, **more: Any) -> GridMap:
-    cells = np.argwhere(np.ones((rows, columns)))
-    return GridMap(np.zeros((rows, columns)), name="room", picks=cells[::2], stations=cells[1::2], **more)
+    bare = GridMap(np.zeros((rows, columns)), name="room", **more)
+    return dataclasses.replace(bare, picks=bare.free_cells[::2], stations=bare.free_cells[1::2])
 
 
 FLOORS: dict[str, Callable[[Random], GridMap | None]] = {
     "layout": lambda rng: None,  # that of the config
     "tiny": lambda rng: _room(3, 3, cell_size=rng.choice([0.8, 1.0, 2.0])),
-    "lane": lambda rng: _room(rng.choice([1, 2]), rng.randint(3, 12)),
+    "lane": lambda rng: _room(rng.choice([1, 2]), rng.randint(8, 12)),
     "fine": lambda rng: _room(16, 24, cell_size=0.3),
     "discs": lambda rng: _room(9, 12, discs=np.array([[4.3, 4.4, 0.6], [0.2, 0.2, 0.3], [11.9, 8.0, 0.25]])),
     "slow": lambda rng: _room(7, 9, speed=np.where(np.arange(63).reshape(7, 9) % 5, np.inf, 0.4)),
@@ -144,7 +145,7 @@ def options_of(number: int, seed: int = 0) -> tuple[EnvConfig, GridMap | None]:
         given["battery"] = None  # there is no room to charge beside the traffic
     while True:
         drawn = {name: choose(own) for name, choose in CHOICES.items() if name not in SHAPES}
-        if grid is not None and 4 * drawn["num_agents"] > grid.occupied.size:
+        if grid is not None and drawn["num_agents"] > grid.occupied.size // 4:
             continue
         with contextlib.suppress(WarehouseError):
             return EnvConfig(**{**given, **drawn}), grid
