@@ -85,12 +85,12 @@ def touches_shelf(grid: GridMap, pose: Any, wide: float = 0.0) -> bool:
 
 def touch(one: Any, other: Any) -> bool:
     half = (ROBOT.length / 2, ROBOT.width / 2)
-    return bool(rectangles_touch(Rectangle(*one, *half), Rectangle(*other, *half)))
+    return bool(rectangles_touch(Rectangle(*one[:4], *half), Rectangle(*other[:4], *half)))
 
 
 def apart(one: Any, other: Any) -> float:
     half = (ROBOT.length / 2, ROBOT.width / 2)
-    return float(separation(*(Rectangle(*map(np.float32, (*body, *half))) for body in (one, other))))
+    return float(separation(*(Rectangle(*map(np.float32, (*body[:4], *half))) for body in (one, other))))
 
 
 def goals_at(*poses: tuple[float, float, float]) -> NDArray[np.float32]:

@@ -80,12 +80,12 @@ def test_bodies_meet_within_the_margin() -> None:
 
 
 def test_bodies_meet_shelves_within_the_margin() -> None:
-    walls = room(3, 5)[:3]
-    assert not meets_shelf(motion_of(2.0, 1.5, 0.0), 0.45, 0.3, MARGIN, *walls)
-    assert meets_shelf(motion_of(2.0, 0.31, 0.0), 0.45, 0.3, MARGIN, *walls)  # 1 cm beside the rim
-    assert not meets_shelf(motion_of(2.0, 0.33, 0.0), 0.45, 0.3, MARGIN, *walls)
+    floor = room(3, 5)
+    assert not meets_shelf(motion_of(2.0, 1.5, 0.0), 0.45, 0.3, MARGIN, floor)
+    assert meets_shelf(motion_of(2.0, 0.31, 0.0), 0.45, 0.3, MARGIN, floor)  # 1 cm beside the rim
+    assert not meets_shelf(motion_of(2.0, 0.33, 0.0), 0.45, 0.3, MARGIN, floor)
     # its nose comes to 4.15 + 0.96 of 5 m
-    assert meets_shelf(motion_of(4.0, 1.5, 0.0, 1.2, 1.2), 0.45, 0.3, MARGIN, *walls)
+    assert meets_shelf(motion_of(4.0, 1.5, 0.0, 1.2, 1.2), 0.45, 0.3, MARGIN, floor)
 
 
 def test_who_stands_beside_the_rim_may_drive_along_it() -> None:
