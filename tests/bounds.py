@@ -45,7 +45,7 @@ from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
-GROUP = 5
+GROUP, ATTEMPTS = 5, 20
 STEPS, WORLDS = 60, 2
 HOSTILE = ("act", "episode", "env")  # targets of tests/hostile that drive a simulator
 INPUTS = 200  # of each
@@ -132,9 +132,9 @@ FLOORS: dict[str, Callable[[Random], GridMap | None]] = {
 }
 
 
-def options_of(number: int, seed: int = 0) -> tuple[EnvConfig, GridMap | None]:
-    """Return the config and floor of an episode; the floor None: that which the config names."""
-    shape, own = Random(f"{seed} shape {number // GROUP}"), Random(f"{seed} {number}")
+def options_of(number: int, seed: int = 0, attempt: int = 0) -> tuple[EnvConfig, GridMap | None]:
+    """Return the config and floor of an attempt at an episode; the floor None: that which the config names."""
+    shape, own = Random(f"{seed} shape {number // GROUP}"), Random(f"{seed} {number} {attempt}")
     while True:
         given = {name: CHOICES[name](shape) for name in SHAPES}
         with contextlib.suppress(WarehouseError):
@@ -151,14 +151,21 @@ def options_of(number: int, seed: int = 0) -> tuple[EnvConfig, GridMap | None]:
             return EnvConfig(**{**given, **drawn}), grid
 
 
+def _begun(number: int, seed: int) -> Simulator | None:
+    """Return the simulator of the first attempt at an episode that can begin; None where no robots fit on the floor."""
+    for again in range(ATTEMPTS):
+        config, grid = options_of(number, seed, again)
+        with contextlib.suppress(WarehouseError):
+            simulator = Simulator(config, WORLDS, grid=grid)
+            simulator.reset([number, seed])
+            return simulator
+    return None
+
+
 def episode(number: int, seed: int = 0) -> bool:
-    """Drive an episode; return whether there was one: not where one of our errors says why there can be none."""
-    config, grid = options_of(number, seed)
-    rng = np.random.default_rng([seed, number])
-    try:
-        simulator = Simulator(config, WORLDS, grid=grid)
-        simulator.reset([number, seed])
-    except WarehouseError:
+    """Drive an episode; return whether one could begin."""
+    simulator, rng = _begun(number, seed), np.random.default_rng([seed, number])
+    if simulator is None:
         return False
     for step in range(STEPS):
         if step % 15 == 14:
@@ -167,7 +174,7 @@ def episode(number: int, seed: int = 0) -> bool:
         simulator.step(_actions(simulator, rng))
         assert np.isfinite(simulator.observation).all()
         points, side = simulator.state.pose[..., :2], simulator.grid.cell_size * np.array(simulator.grid.shape[::-1])
-        assert errs(config) or ((points >= 0) & (points <= side.astype(np.float32))).all()
+        assert errs(simulator.config) or ((points >= 0) & (points <= side.astype(np.float32))).all()
     return True
 
 

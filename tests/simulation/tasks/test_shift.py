@@ -14,9 +14,11 @@ import pytest
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.distance import label_regions
+from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.tasks.allocation import ALLOCATORS
 from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.battery import GRAVITY, Batteries
 from warehouse_env.simulation.tasks.duty import Doing
@@ -261,3 +263,19 @@ def test_wrong_specs_say_what_is_right() -> None:
         Simulator(BASE.replace(orders=OrderSpec(allocation="neares")))
     with pytest.raises(ConfigError, match="need orders=OrderSpec"):
         Simulator(BASE, orders=[Order(0.0, (PICKS[0],), STATIONS[0], 1.0, 1.0)])
+
+
+@pytest.mark.parametrize("allocation", ALLOCATORS)
+def test_robots_that_are_shut_in_get_no_orders(allocation: str) -> None:
+    occupied = np.zeros((12, 20), np.bool_)
+    occupied[:, 13] = True
+    grid = GridMap(occupied, picks=[(1, c) for c in range(1, 12, 2)], stations=[(10, c) for c in range(1, 12, 2)])
+    orders = [Order(1.0, (pick,), (10, 5), 900.0, 1.0) for pick in ((1, 1), (1, 3), (1, 5))]
+    config = BASE.replace(num_agents=3, orders=OrderSpec(allocation=allocation))
+    simulator = Simulator(config, grid=grid, orders=orders)
+    simulator.reset(1)
+    simulator.put([[(16.5, 2.5, 0.0), (16.5, 6.5, 0.0), (1.5, 8.5, 0.0)]], 0.0)  # the last beside the first order
+    cruise(simulator, 15)
+    assert simulator.dispatcher.shifts is not None
+    given = [duty.order is not None for duty in simulator.dispatcher.shifts[0].duties]
+    assert given == [False, False, True]

@@ -33,6 +33,7 @@ from warehouse_env.simulation.tasks.tally import Tally
 from warehouse_env.simulation.tasks.tasks import Tasks
 
 WINDOW = 64  # open orders that are looked at for an allocation, the oldest
+_NO_WAY = 1e12  # [m] for allocators, where no way leads: to them, inf is what is taken
 _LOOK = 1.0  # [s] between two looks at the batteries
 _ROUNDING = 1e-9  # [s]
 _MINUTE = 60.0  # [s] of service from which on the observation says the same
@@ -256,7 +257,7 @@ class Shift:
         numbers = [number for number, order in ledger.open.items() if order.picks[0] not in held][:WINDOW]
         picks = tuple(np.array([ledger.open[number].picks[0] for number in numbers], dtype=np.int64).reshape(-1, 2).T)
         cost = np.array([self._grid.distance_to(self._cell(robots, robot))[picks] for robot in free])
-        for one, column in self._allocate_by(cost) if numbers else ():
+        for one, column in self._allocate_by(np.minimum(cost, _NO_WAY)) if numbers else ():
             if ledger.open[numbers[column]].picks[0] not in held and np.isfinite(cost[one, column]):
                 robot, order = free[one], ledger.give(numbers[column])
                 self.duties[robot].order, self.duties[robot].stops = numbers[column], [*order.picks, order.drop]
