@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from typing import Any
 
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from agents import make_policy, policy_config
 from tests.simulation.physics.test_no_overlap import MAZE, crowd
 from tests.simulation.reference import bodies, separation
-from tests.simulation.worlds import drawn, plain_python, put, raw, room, stage
+from tests.simulation.worlds import drawn, put, raw, room, stage
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import ConfigError, UnsafeError
 from warehouse_env.simulation.physics import contact, stops
@@ -349,33 +348,6 @@ def test_a_policy_trained_without_a_field_drives_under_one() -> None:
 def test_fields_that_cannot_be(changes: dict[str, Any], named: str) -> None:
     with pytest.raises(ConfigError, match=named):
         Simulator(EnvConfig(protective_field=True, planner="astar", **changes))
-
-
-def digest(worlds: int, action_type: Any) -> list[str]:
-    """A digest of the whole history of each world under the field."""
-    config = EnvConfig(num_agents=9, action_type=action_type, planner="astar", action_repeat=2, protective_field=True)
-    simulator = Simulator(config, worlds, grid=drawn(MAZE))
-    simulator.reset(seed=4)
-    contents = [hashlib.blake2b() for _ in range(worlds)]
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        actions = rng.integers(10, 20, (4, 9)) if action_type == "discrete" else rng.uniform(-0.6, 1.0, (4, 9, 2))
-        simulator.step(actions[:worlds])
-        for world, content in enumerate(contents):
-            content.update(simulator.robots[world].tobytes() + simulator.observation[world].tobytes())
-    assert simulator.robots["held_time"].any()
-    return [content.hexdigest() for content in contents]
-
-
-PROGRAM = (
-    "from tests.simulation.rules.test_field import digest; print(*(digest(1, kind)[0] for kind in ('discrete', 'raw')))"
-)
-
-
-def test_plain_python_and_other_batches_give_the_same_bits() -> None:
-    here = [digest(4, kind)[0] for kind in ("discrete", "raw")]
-    assert [digest(1, kind)[0] for kind in ("discrete", "raw")] == here
-    assert plain_python(PROGRAM) == here
 
 
 def test_a_robot_that_is_held_where_it_stands_may_steer() -> None:
