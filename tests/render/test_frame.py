@@ -49,11 +49,6 @@ def test_shape_and_type(make_scene: Callable[..., Scene]) -> None:
         assert frame.flags.writeable
 
 
-def test_no_robot_at_all(make_scene: Callable[..., Scene], grid: GridMap) -> None:
-    frame = draw(make_scene(), 16)
-    assert np.array_equal(frame[:160], floor_image(grid, 16.0))
-
-
 def test_north_is_at_the_top(grid: GridMap) -> None:
     image = floor_image(grid, float(SCALE)).astype(np.int64)
     occupied = np.zeros(grid.shape, dtype=np.bool_)
@@ -175,17 +170,6 @@ def test_caption_shows_text_and_time(make_scene: Callable[..., Scene]) -> None:
         draw(scene._replace(time=99.0), SCALE)[:-CAPTION_HEIGHT], draw(scene, SCALE)[:-CAPTION_HEIGHT]
     )
     assert draw(scene._replace(text="long " * 60), 16).shape == draw(scene, 16).shape
-
-
-def test_frames_do_not_share_memory(make_scene: Callable[..., Scene]) -> None:
-    scene = make_scene((8.0, 4.0, 0.0))
-    first = draw(scene)
-    kept = first.copy()
-    second = draw(make_scene((3.0, 7.0, 1.0)))
-    assert np.array_equal(first, kept)
-    first[:] = 0
-    assert second.any()
-    assert np.array_equal(draw(scene), kept)
 
 
 def test_robots_beyond_the_floor_are_clipped(make_scene: Callable[..., Scene]) -> None:
