@@ -84,17 +84,6 @@ def test_front_mark_is_ahead(make_scene: Callable[..., Scene]) -> None:
         assert back.min() < 200
 
 
-def test_rear_wheels_turn(make_scene: Callable[..., Scene]) -> None:
-    # Steered left, a wheel's front end swings to the left; steered right, its rear end does.
-    frames = [draw(make_scene((8.0, 4.0, 0.0), steer=np.array([angle])), 96) for angle in (-0.9, 0.0, 0.9)]
-    x, y = 8.0 - 0.6, 4.0 + 0.21  # the left rear wheel's centre
-    front = [at(frame, x + 0.05, y + 0.06, 96).sum() < 140 for frame in frames]
-    rear = [at(frame, x - 0.05, y + 0.06, 96).sum() < 140 for frame in frames]
-    assert (front, rear) == ([False, False, True], [True, False, False])
-    assert (frames[0][:, : int((8 - 0.45) * 96)] != frames[1][:, : int((8 - 0.45) * 96)]).any()
-    assert np.array_equal(frames[0][:, int((8 - 0.4) * 96) :], frames[1][:, int((8 - 0.4) * 96) :])
-
-
 def test_contact_is_red(make_scene: Callable[..., Scene]) -> None:
     free = draw(make_scene((8.0, 4.0, 0.0)), SCALE)
     hit = draw(make_scene((8.0, 4.0, 0.0), touching=np.array([True])), SCALE)

@@ -162,15 +162,6 @@ def test_who_rests_is_not_kept() -> None:
     assert simulator.episode_metrics()["longest_person_kept_s"] == 0.0
 
 
-def test_who_has_turned_away_does_not_rest() -> None:
-    simulator = with_people(room(10, 20), FAR)
-    o = send(simulator, 2.5, 2.5, (7, 9))
-    o["wants"] = GIVEN_UP
-    coast(simulator, 1)
-    assert o["rest"] == 0
-    assert o["wants"] == 0
-
-
 def test_where_a_person_has_turned_away_to_it_does_not_rest() -> None:
     """Or one that is shut in would rest where it is in everybody's way, and they with it."""
     simulator = with_people(room(10, 20), FAR)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from agents import make_policy, policy_config
 from tests.simulation.physics.test_no_overlap import MAZE, crowd
@@ -209,28 +208,6 @@ def test_an_outline_holds_all_that_a_motion_sweeps(seed: int, front: float) -> N
             dy = y + along * sin + aside * cos - outlines[stops.MIDDLE_Y, 1]
             assert abs(dx * c + dy * s) <= outlines[stops.LONG, 1] + ROUNDING
             assert abs(dy * c - dx * s) <= outlines[stops.WIDE, 1] + ROUNDING
-
-
-def towards_nearest(simulator: Simulator) -> NDArray[np.float64]:
-    """Raw actions at full speed, steering for the nearest robot."""
-    robots = simulator.robots
-    place = robots["x"][0] + 1j * robots["y"][0]
-    away = place[None, :] - place[:, None] + np.diag(np.full(len(place), np.inf))
-    nearest = away[np.arange(len(place)), np.abs(away).argmin(1)]
-    wanted = -2.0 * np.angle(nearest * np.exp(-1j * robots["heading"][0].astype(float)))
-    return np.stack([np.ones(len(place)), np.clip((wanted - robots["steer"][0]) / 0.15, -1, 1)], -1)[None]
-
-
-@settings(max_examples=10)
-@given(st.integers(0, 10**6))
-def test_robots_that_drive_at_the_nearest_one(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    grid = room(9, 9)
-    simulator = guarded(grid, *crowd(rng, grid, 10, 0.05))
-    for _ in range(60):
-        simulator.step(towards_nearest(simulator))
-    assert untouched(simulator)
-    assert simulator.robots["distance"].sum() > 1.0
 
 
 @settings(max_examples=12)

@@ -33,11 +33,10 @@ from train.advice.changes import Effect
 from train.advice.course import Advice
 from train.advice.curve import Load
 from train.advice.study import Crew
-from train.advice.trials import Plan, Trial
+from train.advice.trials import Plan
 from train.cli import main
-from train.evaluation.jobs import Result, Runner, Tick
 from train.evaluation.places import Floor
-from train.reporting.rows import Interval, RowFile, read_rows
+from train.reporting.rows import Interval, read_rows
 from warehouse_env.maps.movingai import EXAMPLE_MAP
 
 # Two racks of 2 x 4 cells, an aisle of one cell between them, ways of one cell around.
@@ -237,30 +236,6 @@ def test_the_command_drives_answers_and_writes_a_page(
     assert read_rows(tmp_path / "rows.jsonl") == rows
     again = (tmp_path / "index.html").read_text()
     assert again.split("<h2>What was run")[0] == page.split("<h2>What was run")[0]
-
-
-def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def stops(trial: Trial, tick: Tick) -> Result:
-        if trial.robots > 1:
-            raise KeyboardInterrupt
-        return drives(trial, tick)
-
-    drives = Trial.run
-    monkeypatch.setattr(Trial, "run", stops)
-    assert main([*COMMON, "--layout", "open", "--out", str(tmp_path)]) == 130
-    rows = tmp_path / "rows.jsonl"
-    error = capsys.readouterr().err
-    assert error == f"warehouse: stopped; 4 rows are kept in {rows}; the same command with --resume goes on\n"
-    assert len(read_rows(rows)) == 4
-
-
-def test_known_trials_are_not_driven_again() -> None:
-    asked = [Trial("as it is", RACKS, "greedy", 1, seed, 5.0, "astar") for seed in (1, 2)]
-    done = [{**trial.identity, "goals": seed} for trial, seed in zip(asked, (1, 2), strict=True)]
-    with Runner(RowFile(None), done) as drive:
-        assert [row["goals"] for row in drive(asked[::-1])] == [2, 1]
 
 
 @pytest.mark.parametrize(

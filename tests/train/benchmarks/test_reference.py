@@ -75,16 +75,6 @@ def test_the_work_is_the_same_each_time(kind: str, tmp_path: Path) -> None:
     assert ends[0].std() > 0.3
 
 
-def test_the_kernel_sees_by_hand() -> None:
-    work = InNumba(1, 2)
-    work.commands[:] = 0
-    work._call.args[0][0] = [(6.0, 2.5, 0.0), (9.0, 2.5, math.pi / 2)]
-    work(0)
-    assert work.seen[0, 0, 0] == pytest.approx(3.0 - 0.3)
-    assert work.seen[0, 1, 8] == pytest.approx(3.0 - 0.45)  # to its left it sees the first one's front
-    assert (np.delete(work.seen[0, 0], [31, 0, 1]) == 6).all()
-
-
 def test_ratios_by_a_clock_in_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     now = 0.0
 
