@@ -3,82 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from agents.weights_folder import Network, PolicyRecord
-from tests.odd import numbers, values, works_or_says
-from train.commands.bench import Bench
-from train.commands.demo import Demo
-from train.commands.evaluate import Evaluate
-from train.commands.plan import PlanCommand
-from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig
+from train.learning.config import ReinforceConfig
 from warehouse_env.checked import Checked, from_plain
 from warehouse_env.config import EnvConfig, RewardWeights, RobotSpec, SensorSpec
 from warehouse_env.errors import ConfigError
-from warehouse_env.planning import PLANNERS, make_planner
-
-COMMANDS = (Evaluate, PlanCommand, Bench, Demo)
-CLASSES = (
-    EnvConfig,
-    RobotSpec,
-    SensorSpec,
-    RewardWeights,
-    ReinforceConfig,
-    PPOConfig,
-    ThreadedPPOConfig,
-    Network,
-    PolicyRecord,
-    *COMMANDS,
-)
-NEEDED: dict[type, dict[str, Any]] = {
-    Network: {"observation_size": 3, "actions": 2, "discrete": True},
-    PolicyRecord: {"algorithm": "ppo", "network": Network(3, 2, True), "env": EnvConfig()},
-}
-
-
-@given(st.sampled_from(CLASSES), st.data())
-def test_any_value_of_a_field_works_or_is_refused(cls: type, data: st.DataObject) -> None:
-    names = [field.name for field in dataclasses.fields(cls)]
-    given_ = data.draw(st.dictionaries(st.sampled_from(names), values, min_size=1, max_size=2))
-    made = works_or_says(lambda: cls(**{**NEEDED.get(cls, {}), **given_}))
-    if made is not None:
-        assert cls is PolicyRecord or isinstance(hash(made), int)
-        if isinstance(made, EnvConfig):
-            text = json.dumps(made.to_dict(), allow_nan=False)
-            assert EnvConfig.from_dict(json.loads(text)) == made
-
-
-@given(st.sampled_from(sorted(PLANNERS)), st.data())
-def test_any_parameter_of_a_planner_works_or_is_refused(name: str, data: st.DataObject) -> None:
-    names = [field.name for field in dataclasses.fields(PLANNERS[name])]  # type: ignore[arg-type]
-    if names:  # theta_star has none
-        given_ = data.draw(st.dictionaries(st.sampled_from(names), values, min_size=1, max_size=2))
-        works_or_says(lambda: make_planner(name, **given_))
-    text = data.draw(st.sampled_from(["", *names])) + data.draw(st.text('ants=,:{}[]"0e9-. \0', max_size=8))
-    works_or_says(lambda: make_planner(f"{name}:{text}"))
-
-
-jsonish = st.recursive(
-    st.one_of(st.none(), st.booleans(), numbers, st.text(max_size=4)),
-    lambda inner: st.one_of(
-        st.lists(inner, max_size=3),
-        st.dictionaries(st.sampled_from([f.name for f in dataclasses.fields(EnvConfig)] + ["x"]), inner, max_size=3),
-    ),
-    max_leaves=6,
-)
-
-
-@given(jsonish)
-def test_any_json_works_or_is_refused(data: Any) -> None:
-    for build in (EnvConfig.from_dict, ReinforceConfig.from_dict, PPOConfig.from_dict, ThreadedPPOConfig.from_dict):
-        works_or_says(lambda build=build: build(data))
+from warehouse_env.planning import make_planner
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,6 @@ import copy
 import itertools
 import multiprocessing
 import pickle
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -324,43 +322,6 @@ def test_what_the_user_gave_goes_along_as_it_is() -> None:
     twin = cloudpickle.loads(cloudpickle.dumps(single_env(grid=GRID, others=lambda seen: [3] * len(seen), **SETTINGS)))
     twin.reset(seed=0)
     twin.step(3)
-
-
-def test_a_window_opens_again_where_it_is_needed(no_waiting: None) -> None:
-    env = brought_to("shown", DRIVES["parallel"])
-    twin = pickle.loads(pickle.dumps(env))
-    assert twin._camera._window is None
-    assert env._camera._window is not None
-    twin.render()
-    assert twin._camera._window is not None
-    twin.close()
-    env.close()
-
-
-def digest(observation: NDArray[np.float32]) -> str:
-    """The bits of an observation as text."""
-    return observation.tobytes().hex()
-
-
-IN_ANOTHER_PROCESS = """
-import pickle, sys
-simulator = pickle.load(open(sys.argv[1], "rb"))
-for _ in range(45):
-    simulator.step([[17, 17, 17], [17, 17, 17]])
-print(simulator.observation.tobytes().hex())
-"""
-
-
-def test_a_copy_goes_on_in_a_process_of_its_own(tmp_path: Path) -> None:
-    simulator = brought_to("driving", DRIVES["simulator"])
-    file = tmp_path / "simulator.pickle"
-    file.write_bytes(pickle.dumps(simulator))
-    command = [sys.executable, "-c", IN_ANOTHER_PROCESS, str(file)]
-    run = subprocess.run(command, capture_output=True, text=True, check=False, cwd=Path(__file__).parents[2])
-    assert run.returncode == 0, run.stderr
-    for _ in range(45):
-        simulator.step([[17, 17, 17], [17, 17, 17]])
-    assert run.stdout.strip() == digest(simulator.observation)
 
 
 @pytest.fixture

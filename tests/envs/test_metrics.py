@@ -15,7 +15,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from warehouse_env import EnvConfig, GridMap, MetricsCallback, aec_env, parallel_env, single_env, vec_env
+from warehouse_env import EnvConfig, MetricsCallback, aec_env, parallel_env, single_env, vec_env
 
 Info = dict[str, Any]
 
@@ -132,29 +132,6 @@ def test_arrivals_stand_in_the_rows_of_their_robots(tiny: EnvConfig) -> None:
                 assert info["planned_length_m"] == pytest.approx(robot["planned"] - was["planned"])
         total += int(robots["arrived"].sum())
     assert total > 3
-
-
-def aisle() -> GridMap:
-    """One cell wide: a pick face towards one end, a station 12 m on, and room for the tail behind either."""
-    occupied = np.ones((3, 15), dtype=bool)
-    occupied[1] = False
-    return GridMap(occupied, picks=np.array([[1, 1]]), stations=np.array([[1, 13]]), name="aisle")
-
-
-def test_path_lengths_by_hand() -> None:
-    """12 m straight on: to 1.3 m/s in 13 steps over 0.845 m, then 82 steps of 0.13 m, and it is within 0.5 m."""
-    env = parallel_env(grid=aisle(), num_agents=1, planner="astar", max_steps=100, speed_levels=(0.0, 1.3))
-    env.reset(seed=0)
-    infos = [env.step({"robot_0": env.simulator.cruise_action})[4]["robot_0"] for _ in range(100)]
-    assert [k for k, info in enumerate(infos) if info["goals"]] == [94]
-    assert infos[0]["distance_m"] == pytest.approx(0.005, abs=1e-5)
-    assert infos[50]["distance_m"] == pytest.approx(0.13, abs=1e-5)
-    assert infos[94]["path_length_m"] == pytest.approx(11.505, abs=1e-3)
-    assert infos[94]["planned_length_m"] == pytest.approx(12.0, abs=1e-3)
-    assert all("path_length_m" not in info and "planned_length_m" not in info for info in infos[:94] + infos[95:])
-    metrics = infos[-1]["episode_metrics"]
-    assert metrics["path_length_m"] == infos[94]["path_length_m"]
-    assert metrics["distance_m"] > 11.505
 
 
 def test_the_distance_is_the_front_axles_way() -> None:

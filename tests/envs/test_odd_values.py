@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -11,60 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.odd import values, works_or_says
+from tests.odd import works_or_says
 from warehouse_env.config import EnvConfig, RobotSpec, SensorSpec
 from warehouse_env.envs.parallel import parallel_env
 from warehouse_env.envs.single import single_env
 from warehouse_env.envs.vector import vec_env
-from warehouse_env.errors import ActionError, ConfigError
+from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.simulation.record.recording import Recorder
 from warehouse_env.simulation.simulator import Simulator
 
 BASE: dict[str, Any] = {"num_agents": 2, "planner": "astar", "layout": "open", "max_steps": 6}
-OPTIONS = [*(field.name for field in dataclasses.fields(EnvConfig)), "grid", "config", "render_mode", "zz"]
-
-near_actions = st.sampled_from(
-    [0, 19, 20, -1, 2**62, 2**63, np.uint64(2**64 - 1), np.array(3), [0, 0.5], [2, 3], [1e39, 0], [np.inf, 0],
-     np.full((4, 2), 1e300), np.zeros(4, int), np.full(4, 2**64 - 1, np.uint64), np.zeros((2, 2), int),
-     np.full((2, 2, 2), 1e300), np.full((2, 2), 2**63, np.uint64), [1, [2]], [0, 1, 2, 3]]
-)  # fmt: skip
-actions = st.one_of(values, near_actions)
-robots = st.dictionaries(st.sampled_from(["robot_0", "robot_1", "robot_2"]), actions, max_size=3)
-
-
-@settings(max_examples=60)
-@given(st.sampled_from([parallel_env, single_env, vec_env]), st.data())
-def test_any_option(make: Callable[..., Any], data: st.DataObject) -> None:
-    names = [*OPTIONS, *(("num_worlds", "configs") if make is vec_env else ())]
-    options = data.draw(st.dictionaries(st.sampled_from(names), values, min_size=1, max_size=2))
-    works_or_says(lambda: make(**{**BASE, **options}))
-
-
-@pytest.mark.parametrize("action_type", ["discrete", "raw"])
-@settings(max_examples=60)
-@given(data=st.data())
-def test_any_action_and_any_seed(action_type: str, data: st.DataObject) -> None:
-    parallel, single, vector, simulator = _envs(action_type)
-    seed = data.draw(values)
-    for reset in (parallel.reset, single.reset, vector.seed, simulator.reset):
-        works_or_says(lambda reset=reset: reset(seed=seed))
-    works_or_says(lambda: simulator.reset_world(0, seed))
-    works_or_says(lambda: Recorder(simulator, seed))
-    parallel.reset(seed=1), single.reset(seed=1), vector.seed(1), vector.reset(), simulator.reset(1)
-    works_or_says(lambda: parallel.step(data.draw(st.one_of(actions, robots))))
-    for step in (single.step, vector.step, simulator.step):
-        works_or_says(lambda step=step: step(data.draw(actions)))
-
-
-_MADE: dict[str, tuple[Any, ...]] = {}
-
-
-def _envs(action_type: str) -> tuple[Any, ...]:
-    if action_type not in _MADE:
-        config = EnvConfig(action_type=action_type, **BASE)  # type: ignore[arg-type]
-        _MADE[action_type] = parallel_env(config), single_env(config), vec_env(2, config), Simulator(config, 2)
-    return _MADE[action_type]
 
 
 def ends(low: float, high: float) -> st.SearchStrategy[float]:
@@ -154,13 +109,6 @@ def test_numbers_of_numpy_will_do() -> None:
     first = simulator.reset(np.array([3, 4])).copy()  # type: ignore[arg-type]
     assert np.array_equal(first, simulator.reset((3, np.int8(4))))
     assert np.array_equal(parallel_env(**BASE).reset(seed=2**70)[0]["robot_0"].shape, first[0, 0].shape)
-
-
-def test_actions_that_are_no_dict_are_an_action_error() -> None:
-    env = parallel_env(**BASE)
-    env.reset(seed=1)
-    with pytest.raises(ActionError, match=r"actions \[0, 0\] must be a dict"):
-        env.step([0, 0])  # type: ignore[arg-type]
 
 
 def test_large_real_valued_actions_are_clipped_in_a_vec_env_too() -> None:

@@ -28,7 +28,11 @@ from tests.hostile.making import damaged, json_bytes, json_lines, options, value
 from train import cli
 from train.clmapf.instance import read_instance
 from train.clmapf.solution import read_solution
+from train.commands.bench import Bench
+from train.commands.demo import Demo
+from train.commands.evaluate import Evaluate
 from train.commands.kinds import read_fleet
+from train.commands.plan import PlanCommand
 from train.evaluation.episodes import Episodes
 from train.evaluation.jobs import go_on
 from train.evaluation.rollout import make_experiment
@@ -371,7 +375,6 @@ def _policy(content: bytes, folder: Path) -> None:
 
 
 @functools.cache
-@functools.cache
 def _model() -> tuple[bytes, bytes]:
     """What a model's file of stable-baselines3 has in it that is read."""
     sizes = {"mlp_extractor.policy_net.0": (2, 92), "mlp_extractor.value_net.0": (2, 92)}
@@ -436,7 +439,7 @@ def _store(content: bytes, folder: Path) -> None:
 
 
 def _make_config(rng: Random) -> tuple[type, dict[str, Any]]:
-    kind = rng.choice([*CONFIGS, Network, PolicyRecord])
+    kind = rng.choice([*CONFIGS, Network, PolicyRecord, Bench, Demo, Evaluate, PlanCommand])
     return kind, options(rng, [*(field.name for field in dataclasses.fields(kind)), "zz"])
 
 
@@ -462,7 +465,8 @@ def _plain(given: tuple[type, bytes], folder: Path) -> None:
     with contextlib.suppress(ValueError, RecursionError):
         data = json.loads(given[1])
     made: Any = from_plain(given[0], data)
-    json.dumps(made.to_dict() if hasattr(made, "to_dict") else dataclasses.asdict(made), allow_nan=False)
+    text = json.dumps(made.to_dict() if hasattr(made, "to_dict") else dataclasses.asdict(made), allow_nan=False)
+    assert from_plain(given[0], json.loads(text)) == made
 
 
 def _grid(parts: dict[str, Any], folder: Path) -> None:
@@ -477,8 +481,8 @@ def _make_layout(rng: Random) -> tuple[Any, dict[str, Any]]:
     return rng.choice([name, name, *words, value(rng)]), sized
 
 
-def _planned(given: tuple[Any, tuple[Any, Any]], folder: Path) -> None:
-    make_planner(given[0])
+def _planned(given: tuple[Any, tuple[Any, Any], dict[str, Any]], folder: Path) -> None:
+    make_planner(given[0], **given[2])
     grid = _grids()
     grid.distance_to(given[1][0])
     make_planner("astar").plan(grid, *given[1], np.random.default_rng(0))
@@ -489,9 +493,12 @@ def _grids() -> GridMap:
     return GridMap(np.zeros((4, 5)))
 
 
-def _make_planned(rng: Random) -> tuple[Any, tuple[Any, Any]]:
-    name = rng.choice([value(rng), rng.choice(sorted(PLANNERS)), f"{rng.choice(sorted(PLANNERS))}:{making.text(rng)}"])
-    return name, tuple(rng.choice([value(rng), (rng.randrange(6), rng.randrange(6))]) for _ in range(2))
+def _make_planned(rng: Random) -> tuple[Any, tuple[Any, Any], dict[str, Any]]:
+    known = rng.choice(sorted(PLANNERS))
+    fields = [*inspect.signature(PLANNERS[known]).parameters, "zz"]
+    name = rng.choice([value(rng), known, known, f"{known}:{making.text(rng)}"])
+    ends = tuple(rng.choice([value(rng), (rng.randrange(6), rng.randrange(6))]) for _ in range(2))
+    return name, ends, rng.choice([{}, options(rng, fields)])
 
 
 def _scenarios(given: tuple[Any, Any, dict[str, Any]], folder: Path) -> None:
@@ -502,7 +509,8 @@ def _scenarios(given: tuple[Any, Any, dict[str, Any]], folder: Path) -> None:
 
 
 ENVS = (parallel_env, single_env, vec_env)
-OPTIONS = [*(field.name for field in dataclasses.fields(EnvConfig)), "grid", "config", "render_mode", "zz"]
+FIELDS = [field.name for field in dataclasses.fields(EnvConfig)]
+OPTIONS = [*FIELDS, "grid", "config", "render_mode", "num_worlds", "zz"]
 
 
 def _env(given: tuple[int, dict[str, Any]], folder: Path) -> None:

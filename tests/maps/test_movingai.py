@@ -19,7 +19,6 @@ from warehouse_env.maps.movingai import (
     EXAMPLE_MAP,
     EXAMPLE_SCEN,
     Scenario,
-    make_scenarios,
     read_map,
     read_scen,
     write_map,
@@ -197,17 +196,6 @@ def test_what_could_not_be_read_back_is_not_written(tmp_path: Path, bad: Scenari
     with pytest.raises(MapError):
         write_scen([bad], tmp_path / "bad.scen")
     assert os.listdir(tmp_path) == []
-
-
-def test_made_scenarios_are_sorted_true_and_reproducible() -> None:
-    grid = make_layout("random", seed=5)
-    made = make_scenarios(grid, 50, np.random.default_rng(1))
-    assert made == make_scenarios(grid, 50, np.random.default_rng(1))
-    assert [s.length for s in made] == sorted(s.length for s in made)
-    assert longest_error(grid, made) == 0
-    assert all(s.start != s.goal and s.bucket == int(s.length / 4) for s in made)
-    with pytest.raises(MapError, match="single free cell"):
-        make_scenarios(GridMap([[0]]), 1, np.random.default_rng(1))
 
 
 # ---- our shortest path against printed lengths

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import path_length, turns, validate
@@ -175,8 +174,3 @@ def distance(point: np.ndarray, p: np.ndarray, q: np.ndarray) -> float:
     """Of a point from a segment."""
     part = np.clip((point - p) @ (q - p) / ((q - p) @ (q - p)), 0, 1)
     return float(np.linalg.norm(point - p - part * (q - p)))
-
-
-def test_a_cost_map_is_refused() -> None:
-    with pytest.raises(ConfigError, match="takes no cost map"):
-        ThetaStar().plan(drawn("..."), (0, 0), (0, 2), RNG, cost=np.zeros((1, 3)))

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import Plan, path_length, validate
@@ -123,16 +122,3 @@ def test_in_narrow_aisles_the_intermediate_point_saves_four_walks_in_ten() -> No
     found = {p.key: sum(walk(p, grid, *task).found for task in tasks) for p in (Apf(), ApfImproved())}
     assert found[Apf().key] < 45
     assert found[ApfImproved().key] == 60
-
-
-@pytest.mark.parametrize("planner", [Apf(), ApfImproved()])
-def test_a_cost_map_is_refused(planner: Apf | ApfImproved) -> None:
-    with pytest.raises(ConfigError, match="takes no cost map"):
-        planner.plan(WALL, (0, 0), (4, 4), RNG, np.zeros(WALL.shape))
-
-
-def test_bad_parameters_are_named() -> None:
-    with pytest.raises(ConfigError, match=r"apf parameter repulsion_gain=-1.0 must be a number from 0"):
-        Apf(repulsion_gain=-1.0)
-    with pytest.raises(ConfigError, match="apf_improved parameter points=0"):
-        ApfImproved(points=0)

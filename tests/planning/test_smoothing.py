@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
-import subprocess
-import sys
 from itertools import pairwise
 from typing import Any
 
@@ -109,29 +106,3 @@ def test_lines_are_valid_shorter_and_lower_the_objective(seed: int, share: float
     assert objective(line, cells, power) <= objective(cells.astype(np.float64), cells, power) + 1e-9
     if power == 2:
         assert length(line) <= length(cells) + 1e-9
-
-
-PLAIN_PYTHON = """
-import numpy as np
-from tests.planning.test_smoothing import some_path
-from warehouse_env.routes.book import RouteBook
-from warehouse_env.planning import make_planner
-from warehouse_env.planning.smoothing import smooth
-
-def digest():
-    grid, cells = some_path(5, 0.25, 7, 9)
-    made = [smooth(cells, grid.occupied, power=power) for power in (1, 2)]
-    book = RouteBook(grid, make_planner("astar"))
-    ends = tuple(cells[0].tolist()), tuple(cells[-1].tolist())
-    return " ".join(array.tobytes().hex() for array in (*made, book.route(*ends).line))
-"""
-
-
-def test_compiled_and_plain_python_agree_to_the_bit() -> None:
-    scope: dict[str, Any] = {}
-    exec(PLAIN_PYTHON, scope)
-    ask = PLAIN_PYTHON + "\nimport numba\nassert numba.config.DISABLE_JIT\nprint(digest())"
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    plain = subprocess.run([sys.executable, "-c", ask], env=environment, capture_output=True, text=True, check=False)
-    assert plain.returncode == 0, plain.stderr
-    assert plain.stdout.strip() == scope["digest"]()

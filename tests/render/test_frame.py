@@ -49,11 +49,6 @@ def test_shape_and_type(make_scene: Callable[..., Scene]) -> None:
         assert frame.flags.writeable
 
 
-def test_no_robot_at_all(make_scene: Callable[..., Scene], grid: GridMap) -> None:
-    frame = draw(make_scene(), 16)
-    assert np.array_equal(frame[:160], floor_image(grid, 16.0))
-
-
 def test_north_is_at_the_top(grid: GridMap) -> None:
     image = floor_image(grid, float(SCALE)).astype(np.int64)
     occupied = np.zeros(grid.shape, dtype=np.bool_)
@@ -87,17 +82,6 @@ def test_front_mark_is_ahead(make_scene: Callable[..., Scene]) -> None:
         back = at(frame, 8.0 - 0.5 * math.cos(heading), 4.0 - 0.5 * math.sin(heading))
         assert front.min() > 240
         assert back.min() < 200
-
-
-def test_rear_wheels_turn(make_scene: Callable[..., Scene]) -> None:
-    # Steered left, a wheel's front end swings to the left; steered right, its rear end does.
-    frames = [draw(make_scene((8.0, 4.0, 0.0), steer=np.array([angle])), 96) for angle in (-0.9, 0.0, 0.9)]
-    x, y = 8.0 - 0.6, 4.0 + 0.21  # the left rear wheel's centre
-    front = [at(frame, x + 0.05, y + 0.06, 96).sum() < 140 for frame in frames]
-    rear = [at(frame, x - 0.05, y + 0.06, 96).sum() < 140 for frame in frames]
-    assert (front, rear) == ([False, False, True], [True, False, False])
-    assert (frames[0][:, : int((8 - 0.45) * 96)] != frames[1][:, : int((8 - 0.45) * 96)]).any()
-    assert np.array_equal(frames[0][:, int((8 - 0.4) * 96) :], frames[1][:, int((8 - 0.4) * 96) :])
 
 
 def test_contact_is_red(make_scene: Callable[..., Scene]) -> None:
@@ -175,17 +159,6 @@ def test_caption_shows_text_and_time(make_scene: Callable[..., Scene]) -> None:
         draw(scene._replace(time=99.0), SCALE)[:-CAPTION_HEIGHT], draw(scene, SCALE)[:-CAPTION_HEIGHT]
     )
     assert draw(scene._replace(text="long " * 60), 16).shape == draw(scene, 16).shape
-
-
-def test_frames_do_not_share_memory(make_scene: Callable[..., Scene]) -> None:
-    scene = make_scene((8.0, 4.0, 0.0))
-    first = draw(scene)
-    kept = first.copy()
-    second = draw(make_scene((3.0, 7.0, 1.0)))
-    assert np.array_equal(first, kept)
-    first[:] = 0
-    assert second.any()
-    assert np.array_equal(draw(scene), kept)
 
 
 def test_robots_beyond_the_floor_are_clipped(make_scene: Callable[..., Scene]) -> None:

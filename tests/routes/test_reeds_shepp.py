@@ -5,7 +5,6 @@ from __future__ import annotations
 import heapq
 import math
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,7 +17,6 @@ from warehouse_env.routes.reeds_shepp import (
     distance,
     rolled,
     seen_from,
-    shortest_curve,
     word,
     wrapped,
 )
@@ -108,13 +106,3 @@ def test_no_way_of_short_arcs_is_shorter() -> None:
                     best[cell] = cost + step
                     heapq.heappush(queue, (cost + step, end))
     assert seen == 3000
-
-
-def test_curves_between_poses() -> None:
-    arcs = shortest_curve(np.array([3.0, 4.0, math.pi / 2]), np.array([3.0, 10.0, math.pi / 2]), 3.0)
-    assert arcs.tolist() == [[pytest.approx(6.0), 0.0]]
-    pose = (1.0, -2.0, 0.7)
-    for length, bend in shortest_curve(np.array(pose), np.array([0.0, 5.0, -2.0]), 2.0):
-        pose = rolled(*pose, length, bend)
-    assert pose == (pytest.approx(0.0), pytest.approx(5.0), pytest.approx(-2.0))
-    assert shortest_curve(np.zeros(3), np.zeros(3), 1.0).shape == (0, 2)

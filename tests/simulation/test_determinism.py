@@ -74,7 +74,8 @@ def test_worlds_do_not_depend_on_the_batch_width(action_type: str) -> None:
     assert seven == many[:7]
 
 
-def test_one_thread_equals_two(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("rules", [{}, {"protective_field": True, "right_of_way": True, "reroute": True}])
+def test_one_thread_equals_two(rules: dict[str, bool], monkeypatch: pytest.MonkeyPatch) -> None:
     before = get_num_threads()
     if MOST_THREADS < 2:
         pytest.skip("one thread only")
@@ -84,7 +85,7 @@ def test_one_thread_equals_two(monkeypatch: pytest.MonkeyPatch) -> None:
         for threads, parallel_from in ((1, 1), (2, 1), (2, 10**9)):
             set_num_threads(threads)
             monkeypatch.setattr(simulator, "PARALLEL_FROM", parallel_from)
-            results.append(run(9, 150, 4, "discrete", drawn(MAP), sensor=sensor))
+            results.append(run(9, 150, 4, "discrete", drawn(MAP), sensor=sensor, **rules))
     finally:
         set_num_threads(before)
     assert results[0] == results[1] == results[2]

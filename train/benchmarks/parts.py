@@ -25,7 +25,7 @@ from warehouse_env.threads import MOST_THREADS, set_num_threads
 _PLANNER = "astar"  # its routes are there at once; ants would be measured under "plan"
 _POLICY = "ppo"
 _POOL = 32  # random actions are drawn before the clock starts, and then cycled
-_SIMULATED = 100  # seconds that the path follower drives, or robots under the field, for each second of the budget
+_SIMULATED = 100  # seconds that robots drive under the field for each second of the budget
 _TRAINED = 5  # seconds of each training for each second of the budget
 _ALONE = 300  # seconds that each robot alone drives for each second of the budget
 _PAIRS = 3334  # of poses for each second of the budget
@@ -281,7 +281,6 @@ def start(budget: Budget) -> Iterator[Row]:
 
 PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
     **{part.__name__: part for part in (simulator, reference, pettingzoo, vec_env, policy, training, plan, ant_walk)},
-    "tracking": _elsewhere("tracking", _SIMULATED),
     "traffic": _elsewhere("traffic"),
     "looks": _elsewhere("looks"),
     "field": _elsewhere("field", _SIMULATED),

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from train.benchmarks.parts import Budget
 
 What = Literal[
-    "simulator", "reference", "pettingzoo", "vec_env", "policy", "training", "plan", "ant_walk", "tracking",
-    "traffic", "looks", "field", "alone", "poses", "jobs", "start",
+    "simulator", "reference", "pettingzoo", "vec_env", "policy", "training", "plan", "ant_walk", "traffic",
+    "looks", "field", "alone", "poses", "jobs", "start",
 ]  # fmt: skip
 
 _SMALL = 32  # robots of the single world that larger ones are held against
@@ -30,8 +30,8 @@ _SMALL = 32  # robots of the single world that larger ones are held against
 @dataclass(frozen=True)
 class Bench(Checked):
     """Measure agent-steps/s of the simulator, the environments, a policy's drive and the trainers, the step beside
-    fixed work, plans/s, the path follower's tracking error, what right of way costs, contacts under the protective
-    field, whether a robot alone always arrives, and at any pose, episodes by who drives them, and the time to start."""
+    fixed work, plans/s, what right of way costs, contacts under the protective field, whether a robot alone always
+    arrives, and at any pose, episodes by who drives them, and the time to start."""
 
     only: tuple[What, ...] = ()
     """What to measure (everything if left out)."""
@@ -121,7 +121,7 @@ def measure(
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return the tables of speeds, plans, tracking errors and starting times, as far as they were measured."""
+    """Return the tables of speeds, plans and starting times, as far as they were measured."""
     speeds = [row for row in rows if "agent_steps_per_s" in row]
     made = [_speeds(speeds)] if speeds else []
     for what, make in TABLES.items():
@@ -167,7 +167,6 @@ TABLES: dict[str, Callable[[list[Row]], list[Table]]] = {
     "reference": _elsewhere("reference", "reference_table"),
     "plan": _plans,
     "ant_walk": _walks,
-    "tracking": _elsewhere("tracking", "tracking_table"),
     "traffic": _elsewhere("traffic", "traffic_table"),
     "looks": _elsewhere("looks", "looks_table"),
     "field": _elsewhere("field", "field_tables"),

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warehouse_env.errors import MapError, shown
 from warehouse_env.files import companion, path_of, read_text, write_text
@@ -170,24 +169,6 @@ def write_scen(scenarios: Iterable[Scenario], path: str | os.PathLike[str]) -> N
         lines.append("\t".join([_digits(s.bucket), s.map_name, *map(_digits, sizes), length]))
         _scenario(path, number, lines[-1])  # what cannot be read back is not written
     write_text(path, "\n".join(lines) + "\n")
-
-
-def make_scenarios(grid: GridMap, count: int, rng: np.random.Generator) -> list[Scenario]:
-    """Return `count` scenarios between distinct free cells of the largest region, shortest first, with their lengths.
-
-    A scenario's bucket is a quarter of its length, as in the benchmarks. MapError on a map with one free cell.
-    """
-    cells: NDArray[np.int64] = grid.free_cells
-    if len(cells) < 2:
-        raise MapError(f"map {grid.name!r} has a single free cell; a scenario needs two")
-    rows, columns = grid.shape
-    made: list[Scenario] = []
-    for _ in range(count):
-        picked = cells[rng.choice(len(cells), 2, replace=False)].tolist()
-        start, goal = (picked[0][0], picked[0][1]), (picked[1][0], picked[1][1])
-        length = float(grid.distance_to(goal)[start])
-        made.append(Scenario(int(length / 4), f"{grid.name}.map", columns, rows, start, goal, length))
-    return sorted(made, key=lambda scenario: scenario.length)
 
 
 def _digits(value: object) -> str:

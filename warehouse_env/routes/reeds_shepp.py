@@ -15,8 +15,6 @@ API, for any kernel (scalars, float64, pure): a goal seen from the start (`seen_
 
     seen_from(x, y, heading, to_x, to_y, to_heading)  (ahead, left, turn)
     rolled(x, y, heading, length, curvature)        the pose at the end of a segment
-
-`shortest_curve` finds the shortest from Python.
 """
 
 from __future__ import annotations
@@ -26,7 +24,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.kernel import inline, part
 
 WORDS, SEGMENTS = 44, 5
 _L, _R, _S = 1, -1, 0
@@ -211,26 +209,3 @@ def best_word(ahead, left, turn, radius):
             least, best = length, n
     _, p0, p1, p2, p3, p4 = _unit_word(best, x, y, s, c, turn)
     return best, least * radius, p0 * radius, p1 * radius, p2 * radius, p3 * radius, p4 * radius
-
-
-@kernel
-def _write_shortest(start, goal, radius, arcs):
-    """Write the segments of the shortest curve into arcs float64[SEGMENTS, 2]; return how many."""
-    ahead, left, turn = seen_from(start[0], start[1], start[2], goal[0], goal[1], goal[2])
-    n, _, p0, p1, p2, p3, p4 = best_word(ahead, left, turn, radius)
-    count = 0
-    for k, length in enumerate((p0, p1, p2, p3, p4)):
-        if abs(length) > _TINY * radius:
-            arcs[count, 0], arcs[count, 1] = length, TURNS[n, k] / radius
-            count += 1
-    return count
-
-
-def shortest_curve(start: NDArray[np.float64], goal: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
-    """Return the arcs float64[K, 2], signed length [m] and curvature [1/m], of the shortest curve between two poses.
-
-    start, goal: x, y [m] and heading [rad]; K is 0 where they are the same.
-    """
-    arcs = np.empty((SEGMENTS, 2))
-    ends = np.asarray(start, np.float64), np.asarray(goal, np.float64)
-    return arcs[: _write_shortest(*ends, float(radius), arcs)]

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from tests.planning.ants.colonies import EAST, SOUTH, SOUTH_EAST, WEST, walked
-from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
 from warehouse_env.planning import path_length, validate
@@ -93,18 +92,3 @@ def test_shorter_and_earlier_than_the_traditional_colony(task: str) -> None:
     assert np.mean(ours) <= 1.01 * optimum
     assert np.mean(ours) <= np.mean(traditional) + 1e-9
     assert np.mean([p.converged_at for p in plans[0]]) < np.mean([p.converged_at for p in plans[1]])
-
-
-def test_bad_parameters_are_named() -> None:
-    with pytest.raises(ConfigError, match=r"apf_aco parameter evaporation=1.5"):
-        ApfAco(evaporation=1.5)
-
-
-def test_a_cost_map_sends_the_colony_the_other_way_round() -> None:
-    occupied = np.zeros((5, 9), dtype=bool)
-    occupied[1:4, 2:7] = True  # ways round to the north and to the south, equally long
-    for busy, free in ((0, 4), (4, 0)):
-        cost = np.zeros((5, 9))
-        cost[busy] = 2.0
-        plan = ApfAco(ants=20, iterations=20).plan(GridMap(occupied), (2, 0), (2, 8), np.random.default_rng(0), cost)
-        assert {busy, free} & set(plan.cells[:, 0].tolist()) == {free}

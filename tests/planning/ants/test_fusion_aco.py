@@ -114,22 +114,3 @@ def test_the_field_is_what_helps() -> None:
             plan = planner.plan(grid, start, goal, np.random.default_rng(0))
             seen.append(path_length(plan.cells) / grid.distance_to(goal)[start] - 1)
     assert np.mean(gaps[1.0]) < 0.6 * np.mean(gaps[0.0])
-
-
-def test_the_same_seed_gives_the_same_plan() -> None:
-    grid = wall()
-    plans = [
-        FusionAco(ants=5, iterations=5, intermediate_point=True).plan(grid, (5, 4), (0, 4), np.random.default_rng(3))
-        for _ in range(2)
-    ]
-    np.testing.assert_array_equal(plans[0].cells, plans[1].cells)
-
-
-def test_a_cost_map_sends_the_colony_the_other_way_round() -> None:
-    occupied = np.zeros((5, 9), dtype=bool)
-    occupied[1:4, 2:7] = True  # ways round to the north and to the south, equally long
-    for busy, free in ((0, 4), (4, 0)):
-        cost = np.zeros((5, 9))
-        cost[busy] = 2.0
-        plan = FusionAco(ants=20, iterations=20).plan(GridMap(occupied), (2, 0), (2, 8), np.random.default_rng(0), cost)
-        assert {busy, free} & set(plan.cells[:, 0].tolist()) == {free}

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from tests.planning.ants.colonies import EAST, SOUTH, SOUTH_EAST, WEST, search, walked
-from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
 from warehouse_env.planning import path_length
@@ -80,17 +79,3 @@ def test_it_is_near_the_optimum_in_the_zone() -> None:
     grid = make_layout("paper46")
     lengths = [path_length(search("iaco", grid, TASK.start, TASK.goal, seed).cells) for seed in range(10)]
     assert np.mean(lengths) < 1.03 * grid.distance_to(TASK.goal)[TASK.start]
-
-
-def test_no_path_no_line() -> None:
-    grid = GridMap(np.array([[False, True, False]]))
-    plan = search("iaco", grid, (0, 0), (0, 2))
-    assert not plan.found
-    assert plan.line is None
-
-
-def test_shares_are_checked() -> None:
-    with pytest.raises(ConfigError, match=r"iaco parameter greed_middle=1.5 must be a share between 0 and 1"):
-        Iaco(greed_middle=1.5)
-    with pytest.raises(ConfigError, match=r"iaco parameter norms='cubed' must be one of squared, printed"):
-        Iaco(norms="cubed")  # type: ignore[arg-type]

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from tests.planning.swarms.recorder import TARGET, Recorder
-from warehouse_env.errors import ConfigError
 from warehouse_env.maps.generators import random_floor
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
 from warehouse_env.planning.plan import path_length, validate
@@ -112,8 +111,3 @@ def test_clutter_is_within_six_per_cent_on_average() -> None:
     start, goal = (tuple(grid.free_cells[k].tolist()) for k in (0, -1))
     lengths = [path_length(FishSwarm().plan(grid, start, goal, np.random.default_rng(s)).cells) for s in range(5)]
     assert np.mean(lengths) < 1.06 * grid.distance_to(goal)[start]
-
-
-def test_bad_parameters_are_named() -> None:
-    with pytest.raises(ConfigError, match=r"afsa parameter crowding=1.5 must be a share between 0 and 1"):
-        FishSwarm(crowding=1.5)

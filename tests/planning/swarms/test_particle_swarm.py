@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from tests.planning.swarms.recorder import TARGET, Recorder
-from warehouse_env.errors import ConfigError
 from warehouse_env.maps.generators import random_floor
-from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
 from warehouse_env.planning.plan import path_length, validate
 from warehouse_env.planning.swarms.particle_swarm import ParticleSwarm
@@ -62,19 +60,3 @@ def test_clutter_is_within_six_per_cent_on_average() -> None:
     start, goal = (tuple(grid.free_cells[k].tolist()) for k in (0, -1))
     lengths = [path_length(ParticleSwarm().plan(grid, start, goal, np.random.default_rng(s)).cells) for s in range(5)]
     assert np.mean(lengths) < 1.06 * grid.distance_to(goal)[start]
-
-
-def test_a_cost_map_is_heeded() -> None:
-    grid = GridMap(np.zeros((9, 9), dtype=bool))
-    cost = np.zeros((9, 9))
-    cost[3:6, 4] = 20.0
-    plan = ParticleSwarm(iterations=30).plan(grid, (4, 0), (4, 8), np.random.default_rng(0), cost)
-    assert path_length(plan.cells) == pytest.approx(4 * 2**0.5 + 4)
-    assert cost[plan.cells[:, 0], plan.cells[:, 1]].sum() == 0
-
-
-def test_bad_parameters_are_named() -> None:
-    with pytest.raises(ConfigError, match="pso parameter particles=0 must be a whole number from 1"):
-        ParticleSwarm(particles=0)
-    with pytest.raises(ConfigError, match="pso parameter inertia_first=nan"):
-        ParticleSwarm(inertia_first=float("nan"))

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import pickle
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,10 +12,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tests.simulation.physics.test_no_overlap import crowd
-from tests.simulation.test_determinism import MAP, actions_for, bits
+from tests.simulation.test_determinism import MAP, actions_for
 from tests.simulation.worlds import drawn, raw, room, stage
 from warehouse_env.config import EnvConfig, FieldSpec
-from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.physics.deviation import OFF_PLAN, planned_config, tube
 from warehouse_env.simulation.simulator import Simulator
 
@@ -88,27 +85,6 @@ def test_errors_that_nobody_declared_are_beyond_the_bounds() -> None:
     assert simulator._deviation.bodies["strays"].sum() > 0
 
 
-def erring(worlds: int) -> Simulator:
-    config = EnvConfig(num_agents=4, planner="astar", action_repeat=2, message_latency=0.3, **DECLARED)
-    return Simulator(config.replace(field_spec=replace(config.field_spec, latency=0.3)), worlds, grid=drawn(MAP))
-
-
-def test_errors_do_not_depend_on_the_worlds_beside_and_copies_err_alike() -> None:
-    three, alone = erring(3), erring(1)
-    three.reset([7, 8, 9])
-    alone.reset([8])
-    for actions in actions_for("discrete", 40, 3, 4):
-        three.step(actions)
-        alone.step(actions[1:2])
-    assert bits(alone)[0] == bits(three)[1]
-    copy = pickle.loads(pickle.dumps(alone))
-    for actions in actions_for("discrete", 40, 1, 4):
-        copy.step(actions)
-        alone.step(actions)
-    assert bits(copy) == bits(alone)
-    assert off_plan(alone).max() > 0.001
-
-
 def test_what_is_said_comes_into_force_one_latency_later() -> None:
     """0.3 s: three physics steps after it was said, whatever is said in between."""
     changes = {"protective_field": True, "field_spec": FieldSpec(latency=0.3)}
@@ -129,10 +105,3 @@ def test_messages_later_than_declared_are_lost(declared: float, drives: bool) ->
         simulator.step(raw(simulator, (1.0, 0.0)))
     assert (simulator.robots["silent"][0, 0] == 0) == drives
     assert (simulator.state.speed[0, 0] > 0.5) == drives
-
-
-def test_wrong_bounds_are_refused() -> None:
-    with pytest.raises(ConfigError, match=r"FieldSpec.latency=-1.0 must be a number from 0 to 10"):
-        FieldSpec(latency=-1.0)
-    with pytest.raises(ConfigError, match="actuation_error"):
-        EnvConfig(actuation_error=0.9)

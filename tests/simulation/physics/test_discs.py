@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tests.simulation.reference import OFFSET, on_arcs
 from tests.simulation.senses.test_sensing import centre, expected_lidar, lidar
-from tests.simulation.worlds import plain_python, put, raw, stage
+from tests.simulation.worlds import put, raw, stage
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.physics.disc_sweep import touches_disc_between
 from warehouse_env.simulation.physics.floor import floor_of
@@ -184,26 +184,3 @@ def test_lidar_sees_discs_as_the_quadratic_equation_does(point: tuple[float, flo
     for grow, sign in ((5e-5, -1), (-5e-5, 1)):
         expected = np.minimum(expected_lidar(WALLS_ONLY, 0, grow), rays_to_discs(STAGE, grow))
         assert (sign * (expected + sign * 1e-4 - got) >= 0).all()
-
-
-PLAIN = """
-import numpy as np
-from tests.simulation.physics.test_discs import fingerprint
-print(*fingerprint())
-"""
-
-
-def fingerprint() -> list[str]:
-    """Poses and lidar of two robots that drive about among discs, to the bit."""
-    simulator = stage(MAP, (0.5, 0.5, 0.3), (3.0, 3.0, 0.0, 1.0))
-    rng, found = np.random.default_rng(5), []
-    for _ in range(25):
-        simulator.step(rng.uniform(-0.5, 1.0, (1, 2, 2)).astype(np.float32))
-        found += [simulator.state.pose.tobytes().hex(), simulator.observation.tobytes().hex()[:800]]
-    return [*found, str(int(simulator.robots["hits_shelf"].sum()))]
-
-
-def test_plain_python_gives_the_same_bits() -> None:
-    compiled = fingerprint()
-    assert int(compiled[-1]) > 0  # or it would say little
-    assert compiled == plain_python(PLAIN)

@@ -37,11 +37,6 @@ def crowd(rng: np.random.Generator, grid: GridMap, most: int, gap: float) -> lis
     return poses
 
 
-def queue(count: int, gap: float) -> list[tuple[float, float, float]]:
-    """Robots nose to tail along y = 1.5, `gap` [m] apart."""
-    return [(0.76 + k * (0.9 + gap), 1.5, 0.0) for k in range(count)]
-
-
 def assert_apart(simulator: Simulator, walls: NDArray[np.float64]) -> None:
     pose = simulator.state.pose[0].astype(np.float64)
     assert deepest_overlap(*pose.T, walls) < DEEP
@@ -82,13 +77,6 @@ def test_the_crowds_do_collide_in_chains() -> None:
     assert (simulator.robots["distance"] > 0.2).mean() > 0.5  # and most of them get about
     assert simulator.robots["hits_shelf"].sum() > 3
     assert simulator.robots["hits_robot"].sum() > 10
-
-
-@settings(max_examples=8)
-@given(st.integers(0, 10**6), st.floats(0.001, 0.05))
-def test_random_commands_in_a_queue(seed: int, gap: float) -> None:
-    simulator = stage(room(3, 12), *queue(11, gap))
-    shake(simulator, np.random.default_rng(seed), 40, 4)
 
 
 @settings(max_examples=4)

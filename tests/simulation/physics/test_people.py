@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
-import pickle
 from typing import Any
 
 import numpy as np
@@ -12,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.simulation.test_determinism import MAP, actions_for, bits
-from tests.simulation.worlds import coast, drawn, plain_python, raw, room, stage
+from tests.simulation.worlds import coast, drawn, raw, room, stage
 from warehouse_env.config import EnvConfig, FleetPart, RobotSpec
 from warehouse_env.envs.parallel import parallel_env
 from warehouse_env.errors import ConfigError, UnsafeError, WarehouseError
@@ -163,15 +160,6 @@ def test_who_rests_is_not_kept() -> None:
     still(simulator, 5.6, 5.0)
     coast(simulator, 50)
     assert simulator.episode_metrics()["longest_person_kept_s"] == 0.0
-
-
-def test_who_has_turned_away_does_not_rest() -> None:
-    simulator = with_people(room(10, 20), FAR)
-    o = send(simulator, 2.5, 2.5, (7, 9))
-    o["wants"] = GIVEN_UP
-    coast(simulator, 1)
-    assert o["rest"] == 0
-    assert o["wants"] == 0
 
 
 def test_where_a_person_has_turned_away_to_it_does_not_rest() -> None:
@@ -342,61 +330,13 @@ def test_the_checked_mode_finds_a_robot_that_cannot_stop(monkeypatch: pytest.Mon
         simulator.step(raw(simulator, (1.0, 0.0)))
 
 
-def peopled(people: int, worlds: int, **changes: Any) -> Simulator:
-    config = {"num_agents": 5, "planner": "astar", "action_repeat": 2, "people": people} | changes
-    return Simulator(EnvConfig(**config), worlds, grid=drawn(MAP * 2))
-
-
-def driven(simulator: Simulator, steps: int = 80) -> list[bytes]:
-    for actions in actions_for("discrete", steps, simulator.num_worlds, simulator.num_agents):
-        simulator.step(actions)
-    persons = simulator.people.persons
-    fields = [np.ascontiguousarray(persons[name]) for name in persons.dtype.names]
-    return [
-        world + b"".join(field[b].tobytes() for field in fields) for b, world in enumerate(bits(simulator))
-    ]  # fmt: skip
-
-
-def test_worlds_do_not_depend_on_those_beside() -> None:
-    three, alone = peopled(4, 3), peopled(4, 1)
-    three.reset([7, 8, 9])
-    alone.reset([7])
-    assert driven(three)[0] == driven(alone)[0]
-    three.reset([7, 8, 9])
-    alone.reset([7])
-    assert driven(three, 20)[0] == driven(alone, 20)[0]
-
-
-def test_a_copy_goes_on_alike() -> None:
-    simulator = peopled(4, 2)
-    simulator.reset(1)
-    driven(simulator, 10)
-    copy = pickle.loads(pickle.dumps(simulator))
-    assert driven(copy, 200) == driven(simulator, 200)
-    assert not np.shares_memory(copy.people.persons, simulator.people.persons)
-
-
 def test_tasks_are_those_of_the_seed_whoever_walks() -> None:
     starts = []
     for people in (0, 4):
-        simulator = peopled(people, 1)
+        simulator = Simulator(EnvConfig(num_agents=5, planner="astar", people=people), grid=room(16, 10))
         simulator.reset(3)
         starts.append((simulator.state.pose.tolist(), simulator.state.goal.tolist()))
     assert starts[0] == starts[1]
-
-
-def digest() -> str:
-    """A digest of a short history with people under the field."""
-    simulator = peopled(4, 1, protective_field=True, right_of_way=True)
-    simulator.reset(4)
-    content = hashlib.blake2b()
-    for _ in range(6):
-        content.update(driven(simulator, 2)[0])
-    return content.hexdigest()
-
-
-def test_plain_python_gives_the_same_bits() -> None:
-    assert plain_python("from tests.simulation.physics.test_people import digest; print(digest())") == [digest()]
 
 
 def test_people_begin_away_from_robots_and_where_they_can_walk() -> None:
@@ -442,9 +382,3 @@ def test_no_room_for_people() -> None:
     simulator = Simulator(EnvConfig(num_agents=2, people=1, planner="astar"), grid=room(2, 4))
     with pytest.raises(ConfigError, match="people=1"):
         simulator.reset(0)
-
-
-@pytest.mark.parametrize("people", [-1, 1001, 0.5])
-def test_numbers_of_people_that_cannot_be(people: Any) -> None:
-    with pytest.raises(ConfigError, match="people"):
-        EnvConfig(people=people)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from typing import Any
 
@@ -10,12 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from agents import make_policy, policy_config
 from tests.simulation.physics.test_no_overlap import MAZE, crowd
 from tests.simulation.reference import bodies, separation
-from tests.simulation.worlds import drawn, plain_python, put, raw, room, stage
+from tests.simulation.worlds import drawn, put, raw, room, stage
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import ConfigError, UnsafeError
 from warehouse_env.simulation.physics import contact, stops
@@ -212,28 +210,6 @@ def test_an_outline_holds_all_that_a_motion_sweeps(seed: int, front: float) -> N
             assert abs(dy * c - dx * s) <= outlines[stops.WIDE, 1] + ROUNDING
 
 
-def towards_nearest(simulator: Simulator) -> NDArray[np.float64]:
-    """Raw actions at full speed, steering for the nearest robot."""
-    robots = simulator.robots
-    place = robots["x"][0] + 1j * robots["y"][0]
-    away = place[None, :] - place[:, None] + np.diag(np.full(len(place), np.inf))
-    nearest = away[np.arange(len(place)), np.abs(away).argmin(1)]
-    wanted = -2.0 * np.angle(nearest * np.exp(-1j * robots["heading"][0].astype(float)))
-    return np.stack([np.ones(len(place)), np.clip((wanted - robots["steer"][0]) / 0.15, -1, 1)], -1)[None]
-
-
-@settings(max_examples=10)
-@given(st.integers(0, 10**6))
-def test_robots_that_drive_at_the_nearest_one(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    grid = room(9, 9)
-    simulator = guarded(grid, *crowd(rng, grid, 10, 0.05))
-    for _ in range(60):
-        simulator.step(towards_nearest(simulator))
-    assert untouched(simulator)
-    assert simulator.robots["distance"].sum() > 1.0
-
-
 @settings(max_examples=12)
 @given(st.integers(0, 10**6), st.sampled_from(["discrete", "continuous"]), st.booleans(), st.booleans())
 def test_tasks_and_routes_that_change_while_robots_brake(seed: int, kind: Any, one_shot: bool, ends: bool) -> None:
@@ -349,33 +325,6 @@ def test_a_policy_trained_without_a_field_drives_under_one() -> None:
 def test_fields_that_cannot_be(changes: dict[str, Any], named: str) -> None:
     with pytest.raises(ConfigError, match=named):
         Simulator(EnvConfig(protective_field=True, planner="astar", **changes))
-
-
-def digest(worlds: int, action_type: Any) -> list[str]:
-    """A digest of the whole history of each world under the field."""
-    config = EnvConfig(num_agents=9, action_type=action_type, planner="astar", action_repeat=2, protective_field=True)
-    simulator = Simulator(config, worlds, grid=drawn(MAZE))
-    simulator.reset(seed=4)
-    contents = [hashlib.blake2b() for _ in range(worlds)]
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        actions = rng.integers(10, 20, (4, 9)) if action_type == "discrete" else rng.uniform(-0.6, 1.0, (4, 9, 2))
-        simulator.step(actions[:worlds])
-        for world, content in enumerate(contents):
-            content.update(simulator.robots[world].tobytes() + simulator.observation[world].tobytes())
-    assert simulator.robots["held_time"].any()
-    return [content.hexdigest() for content in contents]
-
-
-PROGRAM = (
-    "from tests.simulation.rules.test_field import digest; print(*(digest(1, kind)[0] for kind in ('discrete', 'raw')))"
-)
-
-
-def test_plain_python_and_other_batches_give_the_same_bits() -> None:
-    here = [digest(4, kind)[0] for kind in ("discrete", "raw")]
-    assert [digest(1, kind)[0] for kind in ("discrete", "raw")] == here
-    assert plain_python(PROGRAM) == here
 
 
 def test_a_robot_that_is_held_where_it_stands_may_steer() -> None:

@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +13,6 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, GridMap
 from warehouse_env.planning.cost_to_go import DIAGONAL, UNIT, CostToGo
-from warehouse_env.simulation.record.recording import Recorder
 from warehouse_env.simulation.rules import live
 from warehouse_env.simulation.rules.ants import colonise, make_trails
 from warehouse_env.simulation.rules.live import SLOTS, LiveRoutes, find_due, keep_barred
@@ -28,7 +22,6 @@ from warehouse_env.simulation.rules.ways import make_labels, search
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import PERSON, ROBOT
 
-ROOT = Path(__file__).parents[3]
 EAST, NORTH, WEST, SOUTH = 0, 2, 4, 6
 ROWS, COLUMNS = 5, 9
 NOBODY_WALKS, ON_NOTHING = np.zeros(0, PERSON), np.zeros((2, 0), np.int32)
@@ -153,14 +146,6 @@ def test_nobody_bars_his_own_way_and_what_is_behind_bars_none() -> None:
     assert barred(robots, eastwards(1, 2, range(9))) == [False]
     robots = record({"x": 4.5, "y": 2.5, "points": 9, "position": 4.0}, {"x": 2.5, "y": 2.5, "standing_time": 9.0})
     assert barred(robots, eastwards(2, 2, range(9))) == [False, False]
-
-
-def test_robots_look_one_after_another() -> None:
-    robots = record(*({"x": 0.5, "y": 2.5, "points": 9} for _ in range(4)), {"x": 6.5, "y": 2.5, "standing_time": 90.0})
-    routes = np.repeat(eastwards(1, 2, range(9)), 5, axis=1)
-    looked = [barred(robots, routes, step=step, every=10) for step in range(10)]
-    assert np.sum(looked, axis=0).tolist() == [1, 1, 1, 1, 0]
-    assert max(sum(row) for row in looked) == 1
 
 
 def test_all_robots_look_but_those_who_have_arrived_or_are_parked_and_one_after_another() -> None:
@@ -330,35 +315,6 @@ def drive(simulator: Simulator, steps: int = STEPS) -> None:
         simulator.step(np.broadcast_to(simulator.cruise_action, (simulator.num_worlds, simulator.num_agents)))
 
 
-@pytest.mark.parametrize("planner", ["pf_aco", "astar_turns"])
-def test_worlds_of_a_batch_are_those_of_single_worlds_to_the_bit(planner: str) -> None:
-    config = CONFIG.replace(planner=planner)
-    batch = Simulator(config, 3)
-    batch.reset([5, 6, 7])
-    drive(batch)
-    assert (batch.robots["reroutes"].sum(axis=1) > 0).all()
-    for world, seed in enumerate((5, 6, 7)):
-        single = Simulator(config)
-        single.reset([seed])
-        drive(single)
-        assert single.robots[0].tobytes() == batch.robots[world].tobytes()
-        np.testing.assert_array_equal(single.observation[0], batch.observation[world])
-
-
-def test_an_episode_replays_to_the_bit(tmp_path: Any) -> None:
-    from warehouse_env.simulation.record.recording import Episode
-
-    recorder = Recorder(Simulator(CONFIG), (3,))
-    for _ in range(STEPS):
-        recorder.step(np.broadcast_to(recorder.simulator.cruise_action, (1, CONFIG.num_agents)))
-    assert recorder.simulator.robots["reroutes"].sum() > 0
-    recorder.episode.save(tmp_path / "live.npz")
-    episode = Episode.load(tmp_path / "live.npz")
-    assert episode.config == CONFIG
-    for pose, simulator in zip(episode.pose, episode.replay(), strict=True):
-        np.testing.assert_array_equal(simulator.state.pose, pose)
-
-
 def test_a_new_route_begins_at_the_robot_and_ends_at_the_same_goal_and_the_task_keeps_its_length() -> None:
     simulator = Simulator(CONFIG)
     simulator.reset([5])
@@ -451,22 +407,6 @@ def crowd(layout: str, robots: int, steps: int = 0, seed: int = 3) -> tuple[Simu
 NO_TRAIL = np.empty(0, np.int32), np.empty(0, np.float32)
 
 
-def found_bits() -> list[str]:
-    """Digests of the prices that six robots find, and of what a search and a colony come to."""
-    found = []
-    simulator, looks = crowd("narrow", 6)
-    for look in looks:
-        labels, trails = make_labels(*simulator.grid.shape), make_trails(simulator.grid.occupied.size)
-        look.asked.looks[0] += 1
-        searched, walked = cheapest(look, ANY, labels), by_ants(look, ANY, 5, *NO_TRAIL, trails)
-        bits = (
-            look.asked.enter.tobytes() + look.asked.leave.tobytes() + labels.before.tobytes() + trails.trail.tobytes()
-        )
-        numbers = ":".join(str(int(number)) for number in (*searched, *walked))
-        found.append(f"{numbers}:{hashlib.sha256(bits).hexdigest()}")
-    return found
-
-
 def test_ants_find_ways_that_cost_little_more_than_the_cheapest_and_never_less() -> None:
     """Of 30 robots among 32 on `narrow`, where two of them stand in the way of others."""
     simulator, looks = crowd("narrow", 32, 60)
@@ -530,16 +470,6 @@ def test_what_a_colony_finds_depends_on_its_seed_and_the_trail_of_the_look_befor
     assert not np.array_equal(first, trails_after(2, *NO_TRAIL))
     marked = np.flatnonzero(first[9].ravel() > 1.05).astype(np.int32)
     assert not np.array_equal(first[9], trails_after(1, marked, first[9].ravel()[marked])[9])
-
-
-def test_plain_python_finds_the_same_at_the_same_prices_to_the_bit() -> None:
-    program = "from tests.simulation.rules.test_live import found_bits; print(*found_bits())"
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", program],
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, cwd=ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == found_bits()
 
 
 def sharpest_turn(route: Any) -> float:

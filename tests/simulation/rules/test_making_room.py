@@ -186,7 +186,7 @@ IN_THE_PASSAGE = {  # robots as (row, column, heading in quarter turns, goal)
 }
 
 
-def meet(meeting: str, worlds: int = 1) -> Simulator:
+def meet(meeting: str) -> Simulator:
     """Drive at full speed along the routes for three minutes, under right of way."""
     starts, goals = [], []
     for row, column, quarters, goal in IN_THE_PASSAGE[meeting]:
@@ -196,10 +196,10 @@ def meet(meeting: str, worlds: int = 1) -> Simulator:
         goals.append(goal)
     rights = {"protective_field": True, "right_of_way": True, "reroute": True}
     config = EnvConfig(num_agents=len(starts), action_repeat=2, planner="astar", max_steps=10**6, **rights)
-    sim = Simulator(config, worlds, grid=WINDING)
-    sim.reset_to([Assignment(np.array(starts), np.array(goals))] * worlds, 0)
+    sim = Simulator(config, grid=WINDING)
+    sim.reset_to([Assignment(np.array(starts), np.array(goals))], 0)
     for _ in range(900):
-        sim.step(np.full((worlds, len(starts)), int(sim.cruise_action)))
+        sim.step(np.full((1, len(starts)), int(sim.cruise_action)))
     return sim
 
 
@@ -211,8 +211,3 @@ def test_who_meet_in_a_winding_passage_of_one_cell_get_on(meeting: str) -> None:
     assert robots["goals"].sum() > 0
     assert not robots["hits_robot"].any()
     assert not robots["hits_shelf"].any()
-
-
-def test_they_do_so_to_the_bit_in_a_batch() -> None:
-    alone, among = (meet("two, and one that waits behind a bend", worlds) for worlds in (1, 3))
-    assert alone.state.pose[0].tobytes() == among.state.pose[0].tobytes()

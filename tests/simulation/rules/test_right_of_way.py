@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,17 +12,13 @@ from hypothesis import strategies as st
 
 from tests.simulation.reference import separation
 from tests.simulation.rights import World, rectangles, simulator_with_right
-from tests.simulation.worlds import drawn, plain_python
+from tests.simulation.worlds import drawn
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
-from warehouse_env.simulation import simulator as simulator_module
-from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.rules.meetings import TIGHT, WIDE
 from warehouse_env.simulation.rules.right_of_way import AHEAD, NOBODY, limit, rank
 from warehouse_env.simulation.rules.waits import is_urged
 from warehouse_env.simulation.senses.preferences import GOING, SIDE, SPEED, speed_of
-from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.threads import MOST_THREADS, get_num_threads, set_num_threads
 
 ROUNDING = 1e-4  # [m]
 
@@ -225,83 +219,6 @@ def test_right_of_way_needs_the_field_and_a_route_to_follow() -> None:
         EnvConfig(right_of_way=True)
     with pytest.raises(ConfigError, match="raw"):
         EnvConfig(right_of_way=True, protective_field=True, action_type="raw")
-
-
-MAP = ["..........", "..........", ".##..###..", "..........", ".###..##..", "..........", ".##.##.#..", ".........."]
-
-
-def history(worlds: int, robots: int, steps: int, kind: str = "liked") -> list[str]:
-    """A digest of each world under random preferences, actions, or real-valued actions.
-
-    "after": right of way steps in around rings, since all robots are said to have stood, and around the first.
-    """
-    action_type: Any = "continuous" if kind == "continuous" else "discrete"
-    config = EnvConfig(
-        num_agents=robots, action_type=action_type, planner="astar", action_repeat=2, protective_field=True,
-        right_of_way=True, right_of_way_after=2.0 if kind == "after" else 0.0, reroute=True,
-    )  # fmt: skip
-    sim = Simulator(config, worlds, grid=drawn(MAP))
-    sim.reset(seed=4)
-    digests = [hashlib.blake2b() for _ in range(worlds)]
-    rng = np.random.default_rng(7)
-    for _ in range(steps):
-        liked = rng.normal(size=(8, robots, 20)).astype(np.float32)
-        liked[..., 15:] += 2.0
-        real = np.clip(liked[..., :2], -0.5, 1.0)
-        given = {"liked": liked, "after": liked, "told": liked.argmax(axis=-1), "continuous": real}[kind]
-        if kind == "after":
-            sim.robots["standing_time"] = sim.robots["waiting_time"] = 3.0
-            sim.robots["standing_time"][:, 0] = 11.0
-        sim.step(given[:worlds])
-        for world, digest in enumerate(digests):
-            digest.update(sim.robots[world].tobytes() + sim.observation[world].tobytes())
-    assert sim.robots["claim"].any()
-    assert not sim.robots["hits_robot"].any()
-    return [digest.hexdigest() for digest in digests]
-
-
-@pytest.mark.parametrize("kind", ["liked", "told", "continuous", "after"])
-def test_worlds_do_not_depend_on_the_batch_width(kind: str) -> None:
-    many = history(8, 6, 100, kind)
-    assert len(set(many)) == 8
-    assert history(1, 6, 100, kind) == many[:1]
-    assert history(3, 6, 100, kind) == many[:3]
-
-
-def test_one_thread_equals_two(monkeypatch: pytest.MonkeyPatch) -> None:
-    if MOST_THREADS < 2:
-        pytest.skip("one thread only")
-    before, results = get_num_threads(), []
-    monkeypatch.setattr(simulator_module, "PARALLEL_FROM", 1)
-    try:
-        for threads in (1, 2):
-            set_num_threads(threads)
-            results.append(history(8, 6, 60))
-    finally:
-        set_num_threads(before)
-    assert results[0] == results[1]
-
-
-def test_plain_python_gives_the_same_bits() -> None:
-    called = "print(*history(1, 2, 6), *history(1, 3, 3, 'after'))"
-    program = f"from tests.simulation.rules.test_right_of_way import history; {called}"
-    assert plain_python(program) == history(1, 2, 6) + history(1, 3, 3, "after")
-
-
-def test_a_recorded_episode_of_preferences_replays_to_the_bit(tmp_path: Path) -> None:
-    config = EnvConfig(
-        num_agents=6, planner="astar", action_repeat=2, protective_field=True, right_of_way=True, reroute=True
-    )
-    sim = Simulator(config, 2, grid=drawn(MAP))
-    recorder, rng = Recorder(sim, (3, 8)), np.random.default_rng(1)
-    bits = [sim.robots.tobytes()]
-    for _ in range(150):
-        recorder.step(rng.normal(size=(2, 6, 20)).astype(np.float32) + np.repeat([0, 0, 1, 3], 5).astype(np.float32))
-        bits.append(sim.robots.tobytes())
-    recorder.episode.save(tmp_path / "episode.npz")
-    loaded = Episode.load(tmp_path / "episode.npz")
-    assert loaded.actions.shape == (150, 2, 6, 20)
-    assert [replayed.robots.tobytes() for replayed in loaded.replay()] == bits
 
 
 def test_of_two_whose_paths_end_on_each_others_the_first_goes_to_its_goal() -> None:

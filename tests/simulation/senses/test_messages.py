@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
-import pickle
 from typing import Any
 
 import numpy as np
@@ -16,9 +14,8 @@ from numpy.typing import NDArray
 from tests.simulation.physics.test_no_overlap import crowd
 from tests.simulation.rights import World
 from tests.simulation.test_determinism import MAP, actions_for, bits
-from tests.simulation.worlds import drawn, plain_python, raw, room, stage
+from tests.simulation.worlds import drawn, raw, room, stage
 from warehouse_env.config import EnvConfig, SensorSpec
-from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.rules.audit import SWITCH
 from warehouse_env.simulation.simulator import Simulator
 
@@ -105,17 +102,6 @@ def small(loss: float, worlds: int, **changes: Any) -> Simulator:
     return Simulator(EnvConfig(num_agents=5, message_loss=loss, **settings), worlds, grid=drawn(MAP))
 
 
-def test_what_is_lost_does_not_depend_on_the_worlds_beside() -> None:
-    three, alone = small(0.4, 3), small(0.4, 1)
-    three.reset([7, 8, 9])
-    alone.reset([8])
-    together = driven(three)
-    for actions in actions_for("discrete", 80, 3, 5)[:, 1:2]:
-        alone.step(actions)
-    assert bits(alone)[0] == together[1]
-    assert alone.robots["silent"].any()
-
-
 def test_tasks_are_those_of_the_seed_whatever_is_lost() -> None:
     goals = []
     for loss in (0.0, 0.4):
@@ -125,29 +111,6 @@ def test_tasks_are_those_of_the_seed_whatever_is_lost() -> None:
         goals.append((simulator.robots["goals"].sum(), simulator.state.goal.tolist(), simulator.state.pose.tolist()))
     assert goals[0] == goals[1]
     assert goals[0][0] > 0
-
-
-def test_a_copy_loses_the_same_messages() -> None:
-    simulator = small(0.5, 2, protective_field=True)
-    simulator.reset(1)
-    driven(simulator, 10)
-    copy = pickle.loads(pickle.dumps(simulator))
-    assert driven(copy, 30) == driven(simulator, 30)
-
-
-def digest() -> str:
-    """A digest of a short history by right of way, under which silence has a part in all that is decided."""
-    simulator = small(0.4, 1, protective_field=True, right_of_way=True)
-    simulator.reset(4)
-    content = hashlib.blake2b()
-    for actions in actions_for("discrete", 12, 1, 5):
-        simulator.step(actions)
-        content.update(bits(simulator)[0])
-    return content.hexdigest()
-
-
-def test_plain_python_gives_the_same_bits() -> None:
-    assert plain_python("from tests.simulation.senses.test_messages import digest; print(digest())") == [digest()]
 
 
 def test_as_many_are_lost_as_asked_for() -> None:
@@ -171,9 +134,3 @@ def test_bursts_last_as_long_as_asked_for_and_lose_as_much() -> None:
     assert min(lasted) == 10
     assert all(run % 10 == 0 for run in lasted)  # one may begin when another ends
     assert np.mean(lost) == pytest.approx(0.25, abs=0.05)
-
-
-@pytest.mark.parametrize("loss", [-0.1, 1.5, math.nan])
-def test_losses_that_cannot_be(loss: float) -> None:
-    with pytest.raises(ConfigError, match="message_loss"):
-        EnvConfig(message_loss=loss)

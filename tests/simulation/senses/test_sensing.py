@@ -93,21 +93,6 @@ def test_a_robot_ahead_and_one_abeam_by_formula() -> None:
     assert got[7] == pytest.approx(6.0, abs=1e-4)
 
 
-def test_a_ray_meets_the_flank_of_a_turned_robot() -> None:
-    # A robot at 45 degrees, its centre 3 m ahead: half width 0.3 along the ray is 0.3 * sqrt(2).
-    simulator = stage(
-        room(20, 20), (10.3, 10.5, 0.0), (13.0 + 0.3 * math.sqrt(0.5), 10.5 + 0.3 * math.sqrt(0.5), math.pi / 4)
-    )
-    assert lidar(simulator)[0] == pytest.approx(3.0 - 0.3 * math.sqrt(2), abs=1e-5)
-
-
-def test_no_robot_is_seen_behind_a_shelf() -> None:
-    alone = stage(drawn(["........", "........", "...##...", "........", "........"]), (2.0, 2.5, 0.0))
-    behind = stage(alone.grid, (2.0, 2.5, 0.0), (6.5, 2.5, 0.0))
-    np.testing.assert_array_equal(lidar(alone), lidar(behind))
-    assert lidar(behind)[0] == pytest.approx(1.3, abs=1e-5)
-
-
 @pytest.mark.parametrize(
     "pose", [(3.3, 2.0, 0.0), (3.0, 2.0 + 0.3, math.pi / 2), (3.3, 2.0, 1e-9), (2.7, 2.0, math.pi)]
 )

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import copy
 import math
-import pickle
 from pathlib import Path
 from typing import Any
 
@@ -190,20 +188,6 @@ def test_nobody_strands_and_orders_are_carried_out() -> None:
     assert row["stranded"] == 0 < row["lowest_charge"]
     assert charged == {0, 1}
     assert 0 < row["empty_driving"] < 1
-
-
-def test_the_same_seed_has_the_same_bits_in_any_batch_and_any_copy() -> None:
-    both, one = Simulator(BUSY, 2), Simulator(BUSY)
-    both.reset([5, 6])
-    one.reset([6])
-    cruise(both, 300)
-    cruise(one, 300)
-    assert both.robots[1].tobytes() == one.robots[0].tobytes()
-    np.testing.assert_array_equal(both.observation[1], one.observation[0])
-    copies = [copy.deepcopy(one), pickle.loads(pickle.dumps(one))]
-    for simulator in (one, *copies):
-        cruise(simulator, 200)
-    assert all(same(one, other) for other in copies)
 
 
 def test_an_episode_of_a_file_of_orders_replays_without_the_file(tmp_path: Path) -> None:

@@ -33,11 +33,10 @@ from train.advice.changes import Effect
 from train.advice.course import Advice
 from train.advice.curve import Load
 from train.advice.study import Crew
-from train.advice.trials import Plan, Trial
+from train.advice.trials import Plan
 from train.cli import main
-from train.evaluation.jobs import Result, Runner, Tick
 from train.evaluation.places import Floor
-from train.reporting.rows import Interval, RowFile, read_rows
+from train.reporting.rows import Interval, read_rows
 from warehouse_env.maps.movingai import EXAMPLE_MAP
 
 # Two racks of 2 x 4 cells, an aisle of one cell between them, ways of one cell around.
@@ -190,50 +189,6 @@ def told(**changes: Any) -> str:
     return "\n".join(answer(advice(capacity=CAPACITY._replace(**changes))))
 
 
-def test_the_answer_in_words() -> None:
-    most, knee, jam, policy, places, aisle, rule, _ = answer(advice())
-    assert most.startswith("**hall makes the most with 16 robots: 990 [940, 1,040] goals an hour**, in 8 episodes that")
-    assert "24 robots made most; the smaller number is named" in most
-    assert knee.startswith("**From about 12 [10, 14] robots on a further one brings less than half of what the first")
-    assert jam == (
-        "**With 32 robots it jams**: 50.0 [40.0, 60.0]% of the robots are stuck after 5 minutes (8 episodes). "
-        "24 robots still drive."
-    )
-    assert policy == (
-        "They drive under `threaded_ppo`, the best of 2 that were raced. Its difference from `greedy` with as many "
-        "robots is +100 [50, 150] goals an hour in 8 pairs of episodes."
-    )
-    assert places == "16 robots wait most at **1** (x 3.5 m, y 3.5 m; 75% of all waiting, 25% of all trips pass)."
-    assert "it brings +50.0 [40.0, 60.0] goals an hour (+5.0%) in 8 pairs of episodes." in aisle
-    assert aisle.endswith("It costs 12% of the storage (2 shelf cells); 1 of 2 pick faces have no shelf left.")
-    assert "it may bring something, or nothing: +5.0 [-30.0, 40.0] goals an hour (+0.5%)" in rule
-
-
-def test_more_goals_that_end_stuck_are_told() -> None:
-    """Who looks at the chart asks why the highest point is not the answer."""
-    most = told(loads=[SIXTEEN, load(24, interval(1200.0, 50.0), 0.02), JAM])
-    assert "24 made 1,200 [1,150, 1,250] in those, but some of them were stuck at the end" in most
-    assert "stuck at the end" not in told()
-
-
-def test_few_pairs_are_called_few() -> None:
-    (first, *_) = advice().effects
-    assert first.goals is not None
-    few = first._replace(goals=first.goals._replace(samples=7))
-    text = "\n".join(answer(advice(effects=[few])))
-    assert "it brings" not in text
-    assert "it may bring something, but these are too few pairs to say so: +50.0" in text
-
-
-def test_a_fall_that_may_be_chance_is_called_so() -> None:
-    fewer = load(32, interval(800.0, 50.0))._replace(jammed=True)
-    text = told(jam=fewer, loads=[SIXTEEN, fewer])
-    assert "less than 90% of what 16 did (difference -200 [-312, -88])." in text  # half widths 50 and 100
-    fewer = load(32, interval(800.0, 300.0))._replace(jammed=True)
-    text = told(jam=fewer, loads=[SIXTEEN, fewer])
-    assert "(difference -200 [-516, 116]; so few episodes do *not tell* this *apart* from chance)" in text
-
-
 def test_the_answer_where_less_was_found_out() -> None:
     text = told(jam=None, knee=None, loads=[SIXTEEN], best=16, stopped=["32 robots were tried", "others", "all"])
     assert "No jam was seen with up to 16 robots." in text
@@ -249,21 +204,6 @@ def test_the_answer_where_less_was_found_out() -> None:
     assert "hall makes at least this with 16 robots" in text
     assert "**One more aisle**: there was no time to try any." in answer(advice(effects=[], sought=False))
     assert "No robot waited, so there is no bottleneck." in answer(advice(bottlenecks=[], effects=[]))
-
-
-def test_goals_that_were_asked_for_come_first() -> None:
-    few = load(11, interval(700.0, 50.0))
-    first, *_ = answer(advice(Asked(800.0, 12, interval(850.0, 40.0, 12), few)))
-    assert first == (
-        "**800 goals an hour take 12 robots**: they make 850 [810, 890], in 12 episodes that had no part in finding "
-        "them [98% interval]. 11 robots are too few: 700 [650, 750]."
-    )
-    first, *_ = answer(advice(Asked(740.0, 12, interval(850.0, 40.0, 12), few)))
-    assert "11 robots may be too few" in first
-    first, *_ = answer(advice(Asked(2000.0, None, interval(990.0, 50.0), None)))
-    assert first == "**This floor does not make 2,000 goals an hour**: the most is 990 [940, 1,040], with 16 robots."
-    first, *_ = answer(advice(Asked(1000.0, None, interval(990.0, 50.0), None)))
-    assert first.startswith("**Whether this floor makes 1,000 goals an hour is not told**")
 
 
 COMMON = ["advise", "--episodes", "2", "--seconds", "5", "--most", "9", "--processes", "1", "--seed", "700"]
@@ -296,30 +236,6 @@ def test_the_command_drives_answers_and_writes_a_page(
     assert read_rows(tmp_path / "rows.jsonl") == rows
     again = (tmp_path / "index.html").read_text()
     assert again.split("<h2>What was run")[0] == page.split("<h2>What was run")[0]
-
-
-def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def stops(trial: Trial, tick: Tick) -> Result:
-        if trial.robots > 1:
-            raise KeyboardInterrupt
-        return drives(trial, tick)
-
-    drives = Trial.run
-    monkeypatch.setattr(Trial, "run", stops)
-    assert main([*COMMON, "--layout", "open", "--out", str(tmp_path)]) == 130
-    rows = tmp_path / "rows.jsonl"
-    error = capsys.readouterr().err
-    assert error == f"warehouse: stopped; 4 rows are kept in {rows}; the same command with --resume goes on\n"
-    assert len(read_rows(rows)) == 4
-
-
-def test_known_trials_are_not_driven_again() -> None:
-    asked = [Trial("as it is", RACKS, "greedy", 1, seed, 5.0, "astar") for seed in (1, 2)]
-    done = [{**trial.identity, "goals": seed} for trial, seed in zip(asked, (1, 2), strict=True)]
-    with Runner(RowFile(None), done) as drive:
-        assert [row["goals"] for row in drive(asked[::-1])] == [2, 1]
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,6 @@ import pytest
 from tests.train.advice.floors import floor_of, plan_of
 from tests.train.advice.test_advice import RACKS, advice
 from train.advice import room
-from train.advice.advice_page import _facts
-from train.advice.answer import answer
 from train.advice.room import for_kinds, most_with_a_start
 from train.advice.take_away import FOLDER, write_floor
 from train.advice.trials import Plan, Use
@@ -83,19 +81,6 @@ def test_large_bodies_find_fewer_starts(monkeypatch: pytest.MonkeyPatch) -> None
     usual = plan_of(hall, policies=("greedy",), most=len(hall.endpoints[2]) - 1)
     large = dataclasses.replace(usual, kinds=Kinds((Part(RobotSpec(length=2.4, width=1.4, wheelbase=1.6), share=1.0),)))
     assert 1 <= most_with_a_start(large) < most_with_a_start(usual) == usual.most
-
-
-def test_the_answer_and_the_page_name_the_robots_and_what_is_not_for_them() -> None:
-    usual = advice()
-    assert "robots of 0.9 x 0.6 m, up to 1.5 m/s, braking at 1 m/s²" in answer(usual)[-1]
-    plan = dataclasses.replace(usual.plan, kinds=ALL_WIDE, narrow=("aisles are too narrow",))
-    *_, narrow, basis = answer(usual._replace(plan=plan))
-    assert narrow == "**Not all of the floor is for these robots**: aisles are too narrow."
-    assert ", robots of 1.2 x 1.2 m, up to 1.5 m/s, braking at 1 m/s², episodes of" in basis
-    mixed = dataclasses.replace(plan, kinds=Kinds((Part(LONG, share=0.25),)))
-    text = "robots of 2 kinds: 75% of 0.9 x 0.6 m, up to 1.5 m/s, braking at 1 m/s²; 25% of 1.4 x 0.6 m, up to 0.8 m/s"
-    assert text in answer(usual._replace(plan=mixed))[-1]
-    assert _facts(usual._replace(plan=mixed))["Robots"].startswith(text)
 
 
 def test_the_floor_to_take_away_has_lanes_where_the_bodies_pass(tmp_path: Path) -> None:

@@ -27,17 +27,3 @@ def test_noise_breaks_what_rests_on_exact_knowledge() -> None:
     exact, noisy = (field.drive("hunter", config, 60, 1, noise) for noise in ("none", "20%"))
     assert exact["contacts_per_km"] == 0
     assert noisy["contacts_per_km"] > 0
-
-
-def test_the_tables_add_up() -> None:
-    row = {
-        "layout": "open", "robots": 8, "driver": "ppo", "margin_m": 0.02, "noise": "5%", "robot_km": 2.0,
-        "collisions_robot": 1.0, "collisions_shelf": 2.0, "slips": 1, "goals_per_robot_hour": 100.0,
-    }  # fmt: skip
-    rows = [{**row, "part": part} for part in ("promise", "margin", "noise", "promise")]
-    promise, margin, noise = field.field_tables(rows)
-    assert promise.cells == (("open", "8", "8 in 4.0", "", "", "", "", ""),)
-    assert promise.note == "8 contacts in 4.0 robot-km."
-    assert margin.cells == (("0.020", "100", "4 in 2.0"),)
-    assert noise.cells == (("ppo", "5%", "1 + 1"),)
-    assert field.field_tables([]) == []

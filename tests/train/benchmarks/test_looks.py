@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from train.benchmarks import looks
-from train.benchmarks.looks import looks_table
 
 
 def test_ants_are_held_against_the_search_at_the_same_looks(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -19,14 +18,3 @@ def test_ants_are_held_against_the_search_at_the_same_looks(monkeypatch: pytest.
     assert 0 < row["ants_found"] <= row["search_found"] <= row["looks"]
     assert 0.0 <= row["gap_share"] < 0.1
     assert row["cheapest"] > 0.3
-
-
-def test_the_table_by_hand() -> None:
-    row = {
-        "layout": "narrow", "robots": 24, "on_its_way": True, "looks": 200, "search_us": 50.0, "ants_us": 70.0,
-        "ants_99": 300.0, "search_found": 100, "ants_found": 90, "gap": 0.25, "gap_share": 0.01, "cheapest": 0.75,
-    }  # fmt: skip
-    table = looks_table([row])
-    assert table.cells == (
-        ("narrow", "24", "on the way", "200", "50", "70", "1.4", "300", "90", "100", "0.25", "1", "75"),
-    )

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from train.benchmarks import poses
-from train.benchmarks.poses import curve_seconds, poses_table
+from train.benchmarks.poses import curve_seconds
 from warehouse_env.config import RobotSpec
 from warehouse_env.maps.layouts import make_layout
 
@@ -35,15 +35,3 @@ def test_pairs_of_poses_are_driven() -> None:
     assert row["most_off_m"] <= 0.05
     assert row["most_turned_deg"] <= 5.0
     assert 0.5 < row["over_curve"] < row["over_free_steering"]
-
-
-def test_the_table_by_hand() -> None:
-    row = {
-        "floor": "open", "near": False, "pairs": 4, "arrived": 3, "median_s": 10.0, "longest_s": 20.0,
-        "median_off_m": 0.01, "most_off_m": 0.04, "median_turned_deg": 1.0, "most_turned_deg": 2.0, "over_curve": 1.1,
-        "over_free_steering": 1.3, "shelf_contacts": 0,
-    }  # fmt: skip
-    table = poses_table([row, {**row, "near": True}])
-    assert table.cells[0] == ("open", "4", "3", "10", "20", "1.0 / 4.0", "1.0 / 2.0", "1.10", "1.30")
-    assert table.cells[1][0] == "open, near"
-    assert "3 of 4 arrive (75.00%)" in table.note

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import subprocess
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from train.benchmarks import fixed_work, reference, release
+from train.benchmarks import reference, release
 from train.benchmarks.fixed_work import InC, InNumba, floor
 from train.benchmarks.native import compiler
 from train.benchmarks.reference import Size, Timed, in_turns, reference_table
-from train.benchmarks.release import ROOT, commit
+from train.benchmarks.release import ROOT
 from train.cli import main
 from train.commands.bench import tables
 from train.reporting.rows import Row, read_rows, write_rows
@@ -51,27 +50,6 @@ def test_what_a_robot_sees_by_hand(tmp_path: Path) -> None:
 
 
 @needs_compiler
-def test_rays_as_by_small_steps(tmp_path: Path) -> None:
-    work = InC(1, 12, tmp_path)
-    for k in range(30):
-        work(k)
-    robots, shelf = work.robots[0], floor().astype(bool)
-    along = np.arange(0.0, 6.0, 1e-3)
-    for i, robot in enumerate(robots):
-        angles = robot["heading"] + 2 * math.pi * np.arange(fixed_work.RAYS) / fixed_work.RAYS
-        x = robot["middle_x"] + np.cos(angles)[:, None] * along
-        y = robot["middle_y"] + np.sin(angles)[:, None] * along
-        met = shelf[np.floor(y).clip(0, 45).astype(int), np.floor(x).clip(0, 45).astype(int)]
-        for other in np.delete(robots, i):
-            dx, dy = x - other["middle_x"], y - other["middle_y"]
-            ahead, left = dx * other["cosine"] + dy * other["sine"], dy * other["cosine"] - dx * other["sine"]
-            met |= (np.abs(ahead) <= 0.45) & (np.abs(left) <= 0.3)
-        first = np.where(met.any(axis=1), along[met.argmax(axis=1)], 6.0)
-        off = np.abs(work.seen[0, i, : fixed_work.RAYS] - first)
-        assert (off < 3e-3).mean() > 0.96  # small steps pass through corners now and then
-
-
-@needs_compiler
 def test_contact_puts_both_back(tmp_path: Path) -> None:
     work = placed(tmp_path, (6.3, 2.5, 0.0), (6.9, 2.5, 0.0), (20.0, 2.5, 0.0))
     assert work.robots["hit"].tolist() == [[1, 1, 0]]
@@ -97,16 +75,6 @@ def test_the_work_is_the_same_each_time(kind: str, tmp_path: Path) -> None:
     assert ends[0].std() > 0.3
 
 
-def test_the_kernel_sees_by_hand() -> None:
-    work = InNumba(1, 2)
-    work.commands[:] = 0
-    work._call.args[0][0] = [(6.0, 2.5, 0.0), (9.0, 2.5, math.pi / 2)]
-    work(0)
-    assert work.seen[0, 0, 0] == pytest.approx(3.0 - 0.3)
-    assert work.seen[0, 1, 8] == pytest.approx(3.0 - 0.45)  # to its left it sees the first one's front
-    assert (np.delete(work.seen[0, 0], [31, 0, 1]) == 6).all()
-
-
 def test_ratios_by_a_clock_in_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     now = 0.0
 
@@ -123,13 +91,6 @@ def test_ratios_by_a_clock_in_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     (row,) = reference._rows({"run": "x", "envs": 1, "agents": 2}, ours, {"C": theirs}, 4)
     assert (row["ratio"], row["low"], row["high"]) == pytest.approx((1 / 6,) * 3)
     assert (row["us_a_robot"], row["reference_us"]) == pytest.approx((1.5e6, 0.25e6))
-
-
-def test_every_step_is_done_once_and_in_order() -> None:
-    done: list[int] = []
-    timed = Timed(done.append, rows=1, steps=3).warmed(2)
-    in_turns([timed], 4)
-    assert done == list(range(14))
 
 
 def test_every_row_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -212,24 +173,6 @@ def test_the_command_checks(
     assert main(["bench", "--only", "plan", "--check"]) == 2
     assert main(["bench", "--rows", str(json)]) == 0
     assert "| same work | 1 x 2 | " in capsys.readouterr().out
-
-
-def test_the_commit_of_a_working_copy(tmp_path: Path) -> None:
-    assert commit(tmp_path) is None
-    git = ("git", "-C", str(tmp_path), "-c", "user.name=a", "-c", "user.email=a@b")
-    try:
-        subprocess.run([*git, "init", "--quiet"], check=True)
-    except OSError:
-        pytest.skip("there is no git")
-    assert commit(tmp_path) is None  # nothing is committed yet
-    (tmp_path / "file").write_text("1")
-    subprocess.run([*git, "add", "file"], check=True)
-    subprocess.run([*git, "commit", "--quiet", "-m", "one"], check=True)
-    clean = commit(tmp_path)
-    assert clean is not None
-    assert len(clean) >= 7
-    (tmp_path / "file").write_text("2")
-    assert commit(tmp_path) == f"{clean}-dirty"
 
 
 def test_the_page_has_the_releases_table() -> None:

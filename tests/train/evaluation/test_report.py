@@ -48,20 +48,6 @@ def test_words_say_what_is_told_apart() -> None:
     assert "Half of its trips are at most 1 times as long as planned, one in ten is over 1.35 times." in text
 
 
-def test_words_of_orders() -> None:
-    orders = {
-        "orders_per_hour": 200.0, "order_median_s": 90.0, "order_p95_s": 300.0, "orders_late": 2.0,
-        "station_utilisation": 0.25, "empty_driving": 0.4,
-    }  # fmt: skip
-    _, text, _ = paragraph([{**one, **orders} for one in ROWS[:3]], {})
-    assert (
-        "Under `greedy` 200 orders an hour are dropped. Half of its orders take at most 90 s, one in twenty over "
-        "300 s; 2 of an episode are late. Stations are used 25% of the time, and 40% of the metres are driven without "
-        "a load."
-    ) in text
-    assert "orders" not in paragraph(ROWS[:3], {})[1]
-
-
 def test_words_do_not_tell_apart_what_is_not() -> None:
     other = [row("ppo", seed, goals) for seed, goals in enumerate((100.0, 110.0, 117.0))]
     _, text, caveat = paragraph([*ROWS[:3], *other], {})
@@ -70,14 +56,6 @@ def test_words_do_not_tell_apart_what_is_not() -> None:
     alone = paragraph(ROWS[:3], {})
     assert "`greedy` reaches 110 [108, 112] goals per robot-hour." in alone[1]
     assert "compared in pairs" not in alone[0]
-
-
-def test_words_say_what_more_robots_cost() -> None:
-    few = [row("greedy", seed, 120.0 + seed, robots=8) for seed in range(3)]
-    _, text, _ = paragraph([*ROWS[:3], *few], {})
-    # 110 - 121, each +- 2.48 on its own: -11 +- 3.51
-    assert "From 8 to 16 robots its goals per robot-hour change by -11.0 [-14.5, -7.5];" in text
-    assert "all robots together reach 1760 an hour instead of 968." in text
 
 
 def test_half_of_the_heat() -> None:

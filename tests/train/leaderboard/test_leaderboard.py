@@ -98,15 +98,6 @@ def test_a_changed_entry_is_told(entry: Entry, tmp_path: Path, values: dict[str,
         read_entry(changed(tmp_path / "a.json", **values))
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{", '{"benchmark": 1}', '{"benchmark": 1, "columns": 3, "rows": 4}'])
-def test_what_is_no_entry_is_told(tmp_path: Path, text: str) -> None:
-    """Never by a traceback."""
-    path = tmp_path / "a.json"
-    path.write_text(text)
-    with pytest.raises(WarehouseError):
-        read_entry(path)
-
-
 @pytest.mark.usefixtures("short")
 def test_an_entry_that_lacks_episodes_does_not_stand(entry: Entry) -> None:
     """Nor does one of another set."""

@@ -9,15 +9,9 @@ import numpy as np
 
 from tests.train.tables.toy import STUDY, row
 from train.tables.measures import Figures
-from train.tables.page import study_pictures, study_table, write_pages
-from train.tables.study import FAILS, HOLDS, IN_PART, OPEN, Claim, Verdict
+from train.tables.page import study_pictures, write_pages
+from train.tables.study import FAILS, HOLDS, Claim, Verdict
 from train.tables.verdicts import judge, verdict_counts
-
-
-def test_count_of_verdicts() -> None:
-    words = (HOLDS, HOLDS, IN_PART, FAILS, OPEN)
-    text = verdict_counts([Verdict(word, "") for word in words])
-    assert text == "Of 5 claims 2 hold, 1 hold in part and 1 do not hold; 1 cannot be told."
 
 
 def test_claims_on_milliseconds_are_counted_apart() -> None:
@@ -45,16 +39,6 @@ def test_a_verdict_by_the_clock_is_marked_on_the_pages(tmp_path: Path) -> None:
     assert "| quicker | **holds**, by this machine's clock |" in index
     assert "| ants are as good | **does not hold** |" in index
     assert "Of 1 claims 0 hold, 0 hold in part and 1 do not hold. Judged apart" in index
-
-
-def test_table_puts_print_beside_ours() -> None:
-    table = study_table(STUDY, Figures(STUDY.name, [row("open", "ants", 10.0), row("open", "dijkstra", 10.0)]))
-    assert [line[1] for line in table.cells] == [
-        "ants", "*in print: theirs*", "dijkstra", "*in print: another*",
-    ]  # fmt: skip
-    mean = table.header.index("mean length")
-    assert [line[mean] for line in table.cells] == ["10", "*6*", "10", ""]
-    assert table.cells[0][0] == "**open** (optimum 10, 2 turns)"
 
 
 def test_convergence_of_runs_that_fell_at_their_own_times() -> None:

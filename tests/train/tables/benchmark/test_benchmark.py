@@ -20,7 +20,7 @@ from train.evaluation.planning_runs import Task
 from train.reporting.rows import Row, read_rows
 from train.tables import code
 from train.tables.benchmark import command as benchmark
-from train.tables.benchmark.figures import anytime_table, csv, overview, summarise, table_of
+from train.tables.benchmark.figures import anytime_table, csv, summarise, table_of
 from train.tables.benchmark.maps import clearance_of, make_map, make_tasks
 from train.tables.benchmark.runs import (
     MOMENTS,
@@ -225,30 +225,6 @@ def test_a_summary_by_hand() -> None:
     assert len(header.split(",")) == len(line.split(","))
 
 
-def test_the_overview_shows_the_worst_map() -> None:
-    good, bad, lost = row(0, 0.0, ms=1.0), row(0, 0.02, map="n", turns=8, ms=3.0), row(0, None, planner="q")
-    table = overview(summarise([lost, good, bad]))
-    assert table.cells == (("p", "0%", "2", "0%", "2", "1", "3"), ("q", "100%", "-", "0%", "-", "2", "2"))
-
-
-def test_names_with_parameters_stay_one_field_of_the_figures() -> None:
-    line = csv(summarise([row(0, 0.0, planner="aco:ants=5,iterations=6")])).splitlines()[1]
-    assert line.startswith('m,"aco:ants=5,iterations=6",1,1,0,0,')
-
-
-def test_a_planner_that_never_arrives() -> None:
-    (one,) = summarise([row(0, None), row(1, None)])
-    assert (one.failed, one.optimal) == (1.0, 0.0)
-    assert math.isnan(one.gap.mean)
-    assert "| p | 2 | 2 | 100% | - | - | - | - | 0% | - |" in table_of("m", [one]).markdown()
-
-
-def test_every_planner_has_a_family() -> None:
-    assert all(benchmark.family(name) != "other" for name in PLANNERS)
-    assert benchmark.family("aco:ants=5") == "ant colony"
-    assert benchmark.family("networkx") == "another library"
-
-
 def test_report_with_pictures(tmp_path: Path, small_map: str) -> None:
     pytest.importorskip("matplotlib")
     command(tmp_path, small_map, "--pairs", "2")
@@ -257,12 +233,6 @@ def test_report_with_pictures(tmp_path: Path, small_map: str) -> None:
         "README.md", "figures.csv", "rows.jsonl", "pareto.png", "gaps.png", "anytime.png",
     }  # fmt: skip
     assert "| astar | 2 | 4 | 0% | 0 |" in (folder / "README.md").read_text()
-
-
-def test_two_processes_give_the_same_rows(tmp_path: Path, small_map: str) -> None:
-    alone = command(tmp_path / "a", small_map, "--no-pictures", "--planner", "astar", "dijkstra")
-    both = command(tmp_path / "b", small_map, "--no-pictures", "--planner", "astar", "dijkstra", "--processes", "2")
-    assert {json.dumps(without_times(row)) for row in alone} == {json.dumps(without_times(row)) for row in both}
 
 
 @pytest.mark.parametrize(

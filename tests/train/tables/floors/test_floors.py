@@ -47,22 +47,6 @@ def test_the_table_by_hand() -> None:
     assert (ours["stuck %"], ours["contacts"]) == ("12", "2")
 
 
-def test_a_difference_that_is_sure_is_shown_as_such() -> None:
-    sure = [*ROWS, row("greedy", "aisles:seed=3", 2, 70.0), row("ppo", "aisles:seed=3", 2, 77.0)]
-    (table,) = floors_tables(sure, ["ppo"], ["pf_aco"])
-    ours = dict(zip(table.header, table.cells[1], strict=True))
-    assert ours["above the rule"] == "+7.00 [4.52, 9.48]"  # 6, 8, 7: 4.303 / sqrt(3) = 2.48 either way
-
-
-def test_another_planner_is_held_against_the_first_in_a_table_of_its_own() -> None:
-    other = [{**one, "planner": "astar_turns", "late_goals_per_robot_hour": 63.0} for one in ROWS if one["robots"] > 1]
-    first, second = floors_tables([*ROWS, *other], ["ppo"], ["pf_aco", "astar_turns"])
-    assert first.cells == floors_tables(ROWS, ["ppo"], ["pf_aco"])[0].cells
-    # -3 and 17 under the rule: 7 +- 12.706 * 14.14 / 1.414
-    assert second.cells[0][:5] == ("drawn at random", "4", "greedy", "70", "63")
-    assert second.cells[0][5] == "+7 [-120, 134], not told apart"
-
-
 def test_every_floor_has_the_same_seeds_for_the_rule_and_the_policies(tmp_path: Path) -> None:
     made = list(Floors(out=tmp_path, policy=("ppo", "brake")).experiments(tmp_path))
     seeds: dict[tuple[str, int], set[tuple[int, ...]]] = {}

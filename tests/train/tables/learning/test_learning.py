@@ -60,12 +60,6 @@ def test_the_table_by_hand() -> None:
     assert lines["none", START]["above the start"] == ""
 
 
-def test_what_cannot_be_told_is_said() -> None:
-    start = [row("runs/start", late) for late in (70.0, 72.0)]
-    (table,) = learning_tables([*start, *(one for one in ROWS if one["policy"] != "runs/start")], POLICIES)
-    assert next(line for line in table.cells if line[1] == "reinforce")[5] == "not told apart"
-
-
 def test_every_setting_has_its_name_back() -> None:
     assert [setting_of({"config": dict(setting.options)}) for setting in SETTINGS] == [one.name for one in SETTINGS]
     with pytest.raises(KeyError):

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from functools import cache
 
 import numpy as np
 import pytest
 
-from train.evaluation.jobs import Known
 from train.reporting.rows import Row
 from train.tables.code import DRIVING, _closure
-from train.tables.command import MODULES, Block
 from train.tables.papers.avoidance import FORESIGHT, GAIN, MODES, REACH, Robot, avoid, cells_of, obstacle_path
 from train.tables.papers.coordinator import duration
 from train.tables.papers.moving_obstacle import CROSSING, MAPS, ONCOMING, STANDING, met_at
@@ -120,17 +117,6 @@ def test_the_obstacle_is_never_stepped_upon() -> None:
     for obstacle in ((3, 4), (5, 5), (4, 5)):
         for mode in ("new route", "classical field", "improved field", "improved field, point", "wait"):
             assert MODES[mode](robot, obstacle) != obstacle
-
-
-def test_rows_of_experiments_are_known_again() -> None:
-    block = Block(MODULES["002"], "002_moving_obstacle", STANDING, 0, "waits", 1, 0)
-    rows = json.loads(json.dumps(block.run(lambda done: None).rows))
-    assert (rows[0]["mode"], rows[0]["others"]) == (
-        "wait",
-        [[list(cell) for cell in settings()[STANDING].tasks[0].others[0]]],
-    )
-    assert block.left(Known(rows).of(block)) == (rows, None)
-    assert block.left(Known([{**rows[0], "mode": "heedless"}]).of(block)) == ([], block)
 
 
 def test_rows_of_bodies_depend_on_the_code_that_drives_them() -> None:

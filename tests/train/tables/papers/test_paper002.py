@@ -9,7 +9,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from train.tables.papers import paper002
 from train.tables.papers.paper002 import MAPS, SHARES, STUDIES
 from train.tables.study import Setting, Study
 
@@ -45,22 +44,6 @@ def test_colonies_have_the_printed_constants() -> None:
             assert (planner.ants, planner.exponent, planner.evaporation, planner.strength) == (100, 3, 0.5, 1.0)
         if system.planner == "fusion_aco":
             assert planner.trail_exponent == 1.5
-
-
-def test_what_the_paper_compares_is_measured_and_claimed() -> None:
-    compared = {"worst", "best", "ms", "converged_at"}
-    assert compared <= set(COMPARISON.measures)
-    baselines = {claim.other for claim in COMPARISON.claims if claim.measure in compared}
-    assert baselines == {paper002.TRADITIONAL, paper002.BACKTRACKING, paper002.TO_GOAL}
-    assert COMPARISON.published == ()  # its figures are lost
-
-
-@pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.name)
-def test_claims_name_settings_that_exist(study: Study) -> None:
-    names = {setting.name for setting in settings(study)}
-    for claim in study.claims:
-        assert set(claim.settings) <= names
-    assert set(study.pictured) <= names
 
 
 def test_only_the_intermediate_point_leads_round_a_shelf() -> None:

@@ -15,7 +15,6 @@ from train.tables.papers.paper003 import (
     SHIPPED,
     SIMPLE,
     STUDIES,
-    scattered_task,
     settings,
 )
 
@@ -46,22 +45,9 @@ def test_the_single_obstacles_trap(index: int) -> None:
     assert grid.distance_to(goal)[row, column] > 2 * far[row, column]
 
 
-def test_the_same_seed_gives_the_same_map_and_others_differ() -> None:
-    assert scattered_task(20, 0.2, 3, 1).grid.key == scattered_task(20, 0.2, 3, 1).grid.key
-    assert scattered_task(20, 0.2, 3, 1).grid.key != scattered_task(20, 0.2, 3, 2).grid.key
-
-
 def test_more_maps_are_other_maps() -> None:
     keys = {task.grid.key for setting in (*settings(), *MORE.settings()) for task in setting.tasks}
     assert len(keys) == 4 + 24
-
-
-def test_printed_shares() -> None:
-    printed = {(one.system, one.setting): one.value for one in TABLE.published}
-    assert printed["this paper", E_SHAPED] == 1.0
-    assert printed["this paper", COMPLEX] == 0.5
-    assert printed["improved AFSA", CONCAVE] == 0.6
-    assert printed["classical ACS", COMPLEX] == printed["PSO", SIMPLE] == 0.2
 
 
 def test_the_shipped_system_is_optimal_and_the_papers_is_at_the_traps() -> None:

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from train.reporting.rows import Row, paired, read_rows, write_rows
-from train.tables.traffic import command as traffic
+from train.reporting.rows import Row, paired
 from train.tables.traffic.command import Measurement, Traffic, report
 from train.tables.traffic.figures import SAMPLE, answers, conflicts_of
 from train.tables.traffic.jobs import Piece
@@ -88,44 +87,6 @@ def test_wrong_options_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="runs=0"):
         Traffic(out=tmp_path, runs=0).run()
     assert not list(tmp_path.iterdir())
-
-
-def test_it_goes_on_where_it_was_cut(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    ran: list[Piece] = []
-
-    def quick(piece: Piece) -> list[Row]:
-        ran.append(piece)
-        return [{**row, "number": piece.number, "map": piece.map} for row in ROWS] if piece.part == "routes" else [{}]
-
-    monkeypatch.setattr(traffic, "measured", quick)
-    monkeypatch.setattr(traffic, "report", lambda *given: [])
-
-    def command(name: str, **more: Any) -> list[Row]:
-        ran.clear()
-        Traffic(out=tmp_path, runs=1, maps=(name,), processes=1, pictures=False, driving=False, **more).run()
-        return read_rows(tmp_path / "traffic" / "rows.jsonl")
-
-    narrow = command("narrow")
-    assert sorted(piece.part for piece in ran) == ["replanning", "replanning", "routes"]
-    both = command("paper46")
-    assert both[: len(narrow)] == narrow  # what was not asked for stays
-    path = tmp_path / "traffic" / "rows.jsonl"
-    old = [{**row, "job": {**row["job"], "code": "old"}} if row["part"] == "routes" else row for row in narrow]
-    write_rows(path, old)
-    capsys.readouterr()
-    again = command("narrow")
-    assert [piece.part for piece in ran] == ["routes"]  # whose code is another
-    assert "2 of 3 jobs are kept" in capsys.readouterr().out
-    assert sorted(map(str, again)) == sorted(map(str, narrow))
-    command("narrow", fresh=True)
-    assert len(ran) == 3
-    whole = read_rows(path)
-    torn = [row for row in whole if row["part"] == "routes" and row["map"] == "narrow"][:-1]
-    write_rows(path, [row for row in whole if row["job"] != torn[0]["job"]] + torn)
-    command("narrow")
-    assert [piece.part for piece in ran] == ["routes"]  # of which a stop left a part only
 
 
 def test_pieces_of_work() -> None:

@@ -1,0 +1,101 @@
+"""Every rule and error, switched on: the same bits alone and among others, in a copy, and without the compiler."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.simulation.test_determinism import MAP, bits
+from tests.simulation.worlds import drawn, plain_python
+from warehouse_env.config import EnvConfig, FieldSpec, FleetPart, RerouteSpec, RobotSpec, SensorSpec
+from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
+
+FIELD: dict[str, Any] = {"protective_field": True}
+RIGHT: dict[str, Any] = {**FIELD, "right_of_way": True, "reroute": True}
+OFTEN = RerouteSpec(every=0.4, stood_for=0.2)
+ERRORS: dict[str, Any] = {"pose_error": 0.02, "heading_error": 0.02, "actuation_error": 0.05}
+STACKS: dict[str, dict[str, Any]] = {
+    "field": FIELD,
+    "field, continuous": {**FIELD, "action_type": "continuous"},
+    "field, raw": {**FIELD, "action_type": "raw"},
+    "right of way": RIGHT,
+    "right of way, continuous": {**RIGHT, "action_type": "continuous"},
+    "right of way around rings": {**RIGHT, "right_of_way_after": 2.0},
+    "ants' routes": {**RIGHT, "planner": "pf_aco:ants=6,iterations=3", "reroute_spec": OFTEN},
+    "searched routes": {**RIGHT, "planner": "astar_turns", "reroute_spec": OFTEN},
+    "people": {**RIGHT, "people": 3},
+    "silence": {**RIGHT, "message_loss": 0.4, "sensor": SensorSpec(predictions=True)},
+    "errors": {**FIELD, **ERRORS, "message_latency": 0.3, "field_spec": FieldSpec(latency=0.3, **ERRORS)},
+    "poses": {**RIGHT, "arrival": "pose"},
+    "kinds": {**RIGHT, "fleet": (FleetPart(1, RobotSpec(length=0.7, wheelbase=0.4, max_speed=1.0)),)},
+    "orders": {
+        "arrival": "stop", "service": ServiceSpec(0.3, 0.2, variation=0.5), "battery": BatterySpec(chargers=1),
+        "orders": OrderSpec(per_hour=600.0),
+    },
+    "one shot": {**RIGHT, "tasks": "one_shot"},
+}  # fmt: skip
+PLAIN = ("field, raw", "right of way around rings", "ants' routes", "people", "silence", "errors")  # others take long
+DISCS = [(3.5, 4.5, 0.3), (6.5, 6.5, 0.25)]
+
+
+def make(name: str, worlds: int, robots: int) -> Simulator:
+    """A simulator of a floor with shelves and discs."""
+    settings = {"planner": "astar", "action_repeat": 2, "num_agents": robots} | STACKS[name]
+    grid = GridMap(drawn(MAP * 2).occupied, discs=DISCS, name="drawn")
+    return Simulator(EnvConfig(**settings), worlds, grid=grid)
+
+
+def drive(simulator: Simulator, first: int, steps: int) -> list[str]:
+    """A digest of each world's history, given what worlds of a batch from `first` on are.
+
+    Where right of way steps in around rings, all are said to have stood.
+    """
+    rng = np.random.default_rng(7)
+    worlds, robots = simulator.num_worlds, simulator.num_agents
+    digests = [hashlib.blake2b() for _ in range(worlds)]
+    for _ in range(steps):
+        given: NDArray[Any] = rng.normal(size=(4, robots, 20)).astype(np.float32)
+        given[..., 15:] += 2.0
+        if simulator.config.action_type != "discrete":
+            given = np.clip(given[..., 14:16], -0.5, 1.0)
+        if simulator.config.right_of_way_after:
+            simulator.robots["standing_time"] = simulator.robots["waiting_time"] = 3.0
+        simulator.step(given[first : first + worlds])
+        for world, (digest, now) in enumerate(zip(digests, bits(simulator), strict=True)):
+            digest.update(now + simulator.people.persons[world].tobytes())
+    return [digest.hexdigest() for digest in digests]
+
+
+@pytest.mark.parametrize("name", STACKS)
+def test_a_world_is_the_same_alone_and_a_copy_goes_on_alike(name: str) -> None:
+    three, alone = make(name, 3, 6), make(name, 1, 6)
+    three.reset([7, 8, 9])
+    alone.reset([8])
+    together = drive(three, 0, 100)
+    assert drive(alone, 1, 100) == together[1:2]
+    assert len(set(together)) == 3
+    assert three.robots["distance"].any(axis=1).all()
+    copy = pickle.loads(pickle.dumps(alone))
+    assert drive(copy, 0, 30) == drive(alone, 0, 30)
+    assert not np.shares_memory(copy.people.persons, alone.people.persons)
+
+
+def digests() -> list[str]:
+    """Digests of short histories with the options of PLAIN."""
+    found = []
+    for name in PLAIN:
+        simulator = make(name, 1, 3)
+        simulator.reset([4])
+        found += drive(simulator, 0, 8)
+    return found
+
+
+def test_plain_python_gives_the_same_bits() -> None:
+    assert plain_python("from tests.simulation.test_all_on import digests; print(*digests())") == digests()
