@@ -178,7 +178,7 @@ def test_the_field_samples_the_poses_that_bodies_take(seed: int, substeps: int, 
     p, body = simulator._params[0], simulator.robots[0]
     paths, outlines, marks, _ = field.scratch(1, p)
     motion = np.zeros((contact.MOTION, 1), np.float32)
-    contact.load(body, 0, *np.float32(command), p, simulator._floor.clearance, motion)
+    contact.load(body, 0, *np.float32(command), p, simulator._floor, motion)
     rates = motion[contact.ACCELERATION, 0], motion[contact.STEER_RATE, 0]
     stops.sample(1, 0, *rates, substeps, motion, paths, outlines, marks, p)
     for n in range(substeps, marks[stops.SAMPLES, 1], substeps):
@@ -198,7 +198,7 @@ def test_an_outline_holds_all_that_a_motion_sweeps(seed: int, front: float) -> N
     simulator = guarded(room(30, 30), (15.0, 15.0, rng.uniform(-3.0, 3.0), rng.uniform(-0.5, 1.5), steer), robot=robot)
     p, motion = simulator._params[0], np.zeros((contact.MOTION, 1), np.float32)
     paths, outlines, marks, _ = field.scratch(1, p)
-    contact.load(simulator.robots[0], 0, *command, p, simulator._floor.clearance, motion)
+    contact.load(simulator.robots[0], 0, *command, p, simulator._floor, motion)
     stops.outline_trial(0, *command, motion, outlines, p)
     stops.sample(1, 0, *command, p["substeps"], motion, paths, outlines, marks, p)
     c, s = outlines[stops.AXIS_COS, 1], outlines[stops.AXIS_SIN, 1]
