@@ -120,7 +120,7 @@ def test_failed_writing_leaves_nothing(tmp_path: Path) -> None:
     (tmp_path / "folder.map").mkdir()
     (tmp_path / "file").write_text("kept")
     for path in (tmp_path / "folder.map", tmp_path / "file" / "x.map"):
-        with pytest.raises(WarehouseError, match="is (a|no) folder"):
+        with pytest.raises(WarehouseError, match=r"is (a|no) folder"):
             write_map(grid, path)
     assert sorted(os.listdir(tmp_path)) == ["file", "folder.map"]
 
