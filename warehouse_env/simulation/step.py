@@ -4,28 +4,50 @@ With right of way, `agree` (agreement.py) goes before, and `make_room` (making_r
 `seek` (rejoin.py) follows where robots seek a manoeuvre. They are five, not one, since a kernel is compiled again in
 whatever calls it. Each does one world after another; for all threads, the Simulator hands out parts of the worlds.
 
-What a config has not is not compiled: see worlds.py.
+What a config has not is not compiled: `Features` are True or None, and Numba leaves out what is done `if walking is not
+None`, say, where that is None.
 """
 
 from __future__ import annotations
 
+from typing import Literal, NamedTuple
+
 import numpy as np
 
+from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.observation import EGO, FIELD, GOAL, NEIGHBOUR
 from warehouse_env.simulation.driver import arrival, line, tracking
-from warehouse_env.simulation.physics import buckets, contact, contact_episodes, deviation, people
+from warehouse_env.simulation.physics import buckets, contact, contact_episodes, deviation, people, zones
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import approach, braking
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
-from warehouse_env.simulation.physics.zones import keep_under, most_speed
 from warehouse_env.simulation.rules import audit, by_sight, field, right_of_way, waits
 from warehouse_env.simulation.senses import prediction, sensing
 from warehouse_env.simulation.senses.rewards import write_terms
 from warehouse_env.simulation.state import GAP_HORIZON, NOBODY
-from warehouse_env.simulation.worlds import Scratch
 
 _HORIZON = np.float32(GAP_HORIZON)
+
+
+class Features(NamedTuple):
+    """What a config has: True, or None where it has not."""
+
+    followed: Literal[True] | None  # actions are commands to the path follower, not raw
+    stopping: Literal[True] | None  # robots arrive at their goals when they stand there (driver/arrival.py)
+    walking: Literal[True] | None  # people
+    guarded: Literal[True] | None  # the protective field
+    checked: Literal[True] | None  # and looked for faults (audit.py)
+    erring: Literal[True] | None  # bodies that are not quite where their robots have planned to be (deviation.py)
+
+    @classmethod
+    def of(cls, config: EnvConfig) -> Features:
+        """Return the features of a config."""
+        field = config.protective_field
+        checked = field and audit.is_wanted()
+        stopping = config.arrival != "pass"
+        has = (config.action_type != "raw", stopping, config.people > 0, field, checked, deviation.errs(config))
+        return cls(*(True if one else None for one in has))
 
 
 @inline
@@ -133,22 +155,10 @@ def _sights(p):
     return turned, legs, np.empty(prediction.PATH, np.float32)
 
 
-@kernel
-def _looks(count, scanners):
-    """Return the scratch of by_sight.py, None without scanners."""
-    return None if scanners is None else by_sight.scratch(count, scanners)
-
-
-@kernel
-def _own(motion, erring):
-    """Return an array for the motions of bodies that err, else that of the motions planned."""
-    return motion if erring is None else np.empty_like(motion)
-
-
 @inline
-def _move(robots, persons, near, motions, walking, guarded, vehicles, floor):
+def _move(robots, persons, near, motions, walking, guarded, p, kinds, floor):
     """Carry out the motions of one physics step, but for those that would end in a shelf, a person or another robot."""
-    (p, kinds), (pairs, motion, flags, lanes) = vehicles, motions
+    pairs, motion, flags, lanes = motions
     for _ in range(p["substeps"]):
         contact.try_motion(motion, flags, lanes, p, kinds)
         contact.keep_off_shelves(robots, motion, flags, guarded, p, kinds, floor)
@@ -159,134 +169,68 @@ def _move(robots, persons, near, motions, walking, guarded, vehicles, floor):
 
 
 @inline
-def _choose(worlds, b, commands, scratch, features, equipment, vehicles, floor):
-    """Choose the motion of each robot of world b for one physics step; commands: those in force, float32[N, 2].
+def _choose(
+    robots, persons, routes, arcs, commands, limits, places, motions, guards, followed, stopping, walking, guarded,
+    scanners, sights, looks, slow, p, kinds, floor,
+):  # fmt: skip
+    """Choose each robot's motion of one physics step.
 
-    Robots under loads have limits of their own, but contact and field count on those without.
+    limits PARAMETERS[N]: of each robot under its load, None where nobody carries any; kinds: without it (kinds.py);
+    scanners, sights float32[N, N], looks: None without them; see scanners.py and by_sight.py; slow: zones.Zones, None
+    without them.
     """
-    (p, kinds), zones, limits = vehicles, equipment.zones, worlds.limits
-    robots, motion = worlds.robots[b], scratch.motions[1]
+    _, motion, _, _ = motions
     for i in range(robots.shape[0]):
-        first, second, unladen, most = commands[i, 0], commands[i, 1], kind_of(i, p, kinds), ZERO
-        if hasattr(zones, "squares"):
-            most = most_speed(robots[i], zones, unladen)
-            if isinstance(features.followed, bool):
+        first, second, unladen = commands[i, 0], commands[i, 1], kind_of(i, p, kinds)
+        if slow is not None:
+            most = zones.most_speed(robots[i], slow, unladen)
+            if followed is not None:
                 first = min(max(first, -most), most)
-        if isinstance(features.followed, bool):
-            own = limits[b, i] if hasattr(limits, "shape") else unladen
-            route, arcs = worlds.routes[b, i], worlds.arcs[b, i]
-            first, second = _follow(robots[i], route, arcs, first, second, features.stopping, own, floor)
+        if followed is not None:
+            own = unladen if limits is None else limits[i]
+            first, second = _follow(robots[i], routes[i], arcs[i], first, second, stopping, own, floor)
         else:
             first, second = _take_raw(robots[i], first, second, unladen)
-            if hasattr(limits, "shape"):
-                first = _slowed(robots[i], first, limits[b, i])
-        if hasattr(zones, "squares"):
-            first = keep_under(robots[i], first, most, unladen)
+            if limits is not None:
+                first = _slowed(robots[i], first, limits[i])
+        if slow is not None:
+            first = zones.keep_under(robots[i], first, most, unladen)
         contact.load(robots, i, first, second, unladen, floor, motion)
-    if hasattr(equipment.scanners, "rays"):
-        sights, walking = worlds.sights[b], features.walking
-        by_sight.guard(robots, worlds.persons[b], sights, scratch, walking, p, floor, equipment.scanners)
-    elif isinstance(features.guarded, bool):
-        field.guard(robots, worlds.persons[b], scratch, features.walking, p, kinds, floor)
+    if scanners is not None:
+        by_sight.guard(robots, persons, motion, guards, places, sights, looks, walking, p, floor, scanners)
+    elif guarded is not None:
+        field.guard(robots, persons, motion, guards, places, walking, p, kinds, floor)
 
 
 @inline
-def _carry_out(worlds, at, near, scratch, features, vehicles, true, floor):
-    """Carry out the motions chosen in world b, with bodies that err as well as they can.
+def _carry_out(
+    robots, persons, actual, errors, near, motions, own, walking, guarded, erring, p, kinds, true, true_kinds, floor,
+):  # fmt: skip
+    """Carry out the motions chosen, with bodies that err as well as they can.
 
-    at: (b, which physics step of the env step it is); near: the number of pairs that may meet; vehicles, true: as
-    planned, and as the bodies are (deviation.py).
+    near: the number of pairs that may meet; actual BODY[N], errors, own, true, true_kinds: see deviation.py.
     """
-    b, repeat = at
-    (p, kinds), (true_p, true_kinds), own = vehicles, true, scratch.own
-    pairs, motion, flags, lanes = scratch.motions
-    robots, persons, walking, guarded = worlds.robots[b], worlds.persons[b], features.walking, features.guarded
-    if isinstance(features.erring, bool):
-        actual, errors = worlds.actual[b], worlds.errors[b, repeat]
-        deviation.plan(motion, flags, lanes, p, kinds)
-        deviation.load(robots, actual, motion, errors, own, true_p, true_kinds, floor)
-        _move(robots, persons, near, (pairs, own, flags, lanes), walking, None, true, floor)
-        deviation.store(robots, actual, motion, errors, own, guarded, true_p, true_kinds)
-    else:
-        _move(robots, persons, near, scratch.motions, walking, guarded, vehicles, floor)
+    pairs, motion, flags, lanes = motions
+    if erring is None:
+        _move(robots, persons, near, motions, walking, guarded, p, kinds, floor)
         contact.store(robots, motion)
-    if isinstance(guarded, bool):
+    else:
+        deviation.plan(motion, flags, lanes, p, kinds)
+        deviation.load(robots, actual, motion, errors, own, true, true_kinds, floor)
+        _move(robots, persons, near, (pairs, own, flags, lanes), walking, None, true, true_kinds, floor)
+        deviation.store(robots, actual, motion, errors, own, guarded, true, true_kinds)
+    if guarded is not None:
         field.settle(robots)
 
 
 @inline
-def _judge(worlds, b, clock, near, scratch, true, floor):
-    """Judge contacts after a physics step, begin and end their episodes; true: the parameters of the bodies."""
-    (p, kinds), robots = true, worlds.robots[b]
-    contact_episodes.judge_pairs(robots, scratch.own, scratch.motions[0], near, worlds.stamps[b], clock, p, kinds)
-    contact_episodes.end_shelf_contacts(robots, p, kinds, floor)
-
-
-@inline
-def _count_step(worlds, b, p):
-    """Count the env step of world b, and say which of its robots it ended."""
-    worlds.steps[b] += 1
-    worlds.truncated[b] = worlds.steps[b] >= p["max_steps"]
-    if p["one_shot"] != 0 or p["collision_ends"] != 0:
-        for i in range(worlds.robots.shape[1]):
-            worlds.terminated[b, i] = worlds.robots[b, i]["alive"] == 0
-
-
-@inline
-def _step(worlds, at, scratch, features, equipment, vehicles, true, floor):
-    """Advance world b by a physics step; at: (b, which one of the env step it is)."""
-    (b, repeat), (p, kinds), (order, starts, bodies) = at, vehicles, scratch.places
-    robots, persons = worlds.robots[b], worlds.persons[b]
-    clock = worlds.steps[b] * p["repeat"] + 1 + repeat
-    buckets.sort(robots, p, kinds, starts, order, bodies)
-    near = contact.list_pairs(bodies, order, starts, p, scratch.motions[0])
-    said = max(p["latency"] - repeat + p["repeat"] - 1, 0) // p["repeat"]  # env steps ago
-    _choose(worlds, b, worlds.commands[said, b], scratch, features, equipment, vehicles, floor)
-    _carry_out(worlds, at, near, scratch, features, vehicles, true, floor)
-    if isinstance(features.walking, bool):
-        people.walk(persons, worlds.ways[b], robots, p, kinds, floor)
-    if isinstance(features.checked, bool):
-        audit.find_fault(robots, persons, clock, p, kinds, floor, worlds.faults[b])
-    _judge(worlds, b, clock, near, scratch, true, floor)
-    if isinstance(features.walking, bool):
-        people.end_contacts(robots, persons, p, kinds)
-    for i in range(robots.shape[0]):
-        worlds.waiting[b] += _end(robots[i], worlds.routes[b, i], features.stopping, p)
-
-
-@kernel
-def advance(begin, end, worlds, features, equipment, fleet, bodies, floor):
-    """Move the worlds from `begin` to before `end` on by one env step; return (arrivals, robots that seek a manoeuvre).
-
-    worlds to floor: see worlds.py and physics/floor.py; fleet, bodies: the Vehicles as planned, and as they are.
-    """
-    p, true = fleet.shared[0], bodies.shared[0]
-    vehicles, true_vehicles = (p, fleet.kinds), (true, bodies.kinds)
-    arrivals, seeking, count = 0, 0, worlds.robots.shape[1]
-    motions, guards = contact.scratch(count, p), field.scratch(count, p)
-    looks, own = _looks(count, equipment.scanners), _own(motions[1], features.erring)
-    scratch = Scratch(buckets.scratch(count, p), motions, guards, looks, own)
-    for b in range(begin, end):
-        worlds.waiting[b] = 0
-        if isinstance(features.guarded, bool):
-            right_of_way.rank(worlds.robots[b], guards[3])
-        for i in range(count):
-            _begin(worlds.robots[b, i])
-        for repeat in range(p["repeat"]):
-            _step(worlds, (b, repeat), scratch, features, equipment, vehicles, true_vehicles, floor)
-        for i in range(count):
-            _total(worlds.robots[b, i], p)
-            seeking += worlds.robots[b, i]["seeks"] != 0
-        _count_step(worlds, b, p)
-        arrivals += worlds.waiting[b]
-    return arrivals, seeking
-
-
-@inline
-def _observe_world(worlds, b, places, sights, features, vehicles, floor, senses):
-    """Write observations, reward terms and rewards of world b."""
-    (p, kinds), (order, starts, bodies), (turned, legs, path) = vehicles, places, sights
-    robots, rays, (edges, seen, first) = worlds.robots[b], senses.rays, floor.edges
+def _observe_world(
+    robots, persons, routes, places, sights, stopping, walking, p, kinds, rays, table, weights, edges, seen, first, out,
+    terms, reward,
+):  # fmt: skip
+    """Write observations, reward terms and rewards of one world."""
+    order, starts, bodies = places
+    turned, legs, path = sights
     ego = p["rays"]
     route = ego + EGO
     near = route + 2 * p["route_points"]
@@ -294,36 +238,118 @@ def _observe_world(worlds, b, places, sights, features, vehicles, floor, senses)
     for n in range(robots.shape[0]):
         i = order[n]
         r, own = robots[i], kind_of(i, p, kinds)
-        row = worlds.observation[b, i]
+        row = out[i]
         cx, cy = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n]
         sensing.scan_shelves(cx, cy, r["cos"], r["sin"], own, edges, seen, first, rays, turned, row)
         sensing.look_around(n, bodies, order, starts, own, kinds, rays, row, near)
-        if isinstance(features.walking, bool):
-            people.scan_people(worlds.persons[b], cx, cy, r["cos"], r["sin"], rays, row)
+        if walking is not None:
+            people.scan_people(persons, cx, cy, r["cos"], r["sin"], rays, row)
         sensing.write_neighbours(n, bodies, own, row, near)
         for k in range(p["rays"]):
             row[k] = ONE / (ONE + row[k])
-        sensing.write_ego_and_route(r, worlds.routes[b, i], own, row, ego)
-        if hasattr(senses.table, "shape"):
+        sensing.write_ego_and_route(r, routes[i], own, row, ego)
+        if table is not None:
             slices = ego, route, near, near + NEIGHBOUR * p["neighbours"]
-            prediction.write_predictions(row, slices, senses.table[own["kind"]], legs, path, own)
+            prediction.write_predictions(row, slices, table[own["kind"]], legs, path, own)
         end = row.shape[0] - p["needs"]
-        if isinstance(features.stopping, bool):
+        if stopping is not None:
             end -= GOAL
             arrival.observe(r, own, row, end)
         if p["field"] != 0:
             field.observe(r, own, row, end - FIELD)
-        worlds.reward[b, i] = write_terms(r, own, senses.weights, worlds.terms[b, i])
+        reward[i] = write_terms(r, own, weights, terms[i])
+
+
+@inline
+def _count_step(robots, steps, b, truncated, terminated, p):
+    """Count the env step of world b, and say which of its robots it ended."""
+    steps[b] += 1
+    truncated[b] = steps[b] >= p["max_steps"]
+    if p["one_shot"] != 0 or p["collision_ends"] != 0:
+        for i in range(robots.shape[0]):
+            terminated[b, i] = robots[i]["alive"] == 0
 
 
 @kernel
-def observe(begin, end, late, worlds, features, bodies, floor, senses):
-    """Write observations, rewards and their terms of the worlds from `begin` to before `end`: those that are `waiting`
-    if `late`, which then are no more, else all others. Arguments: see `advance` and worlds.py.
+def advance(
+    begin, end, robots, routes, persons, ways, arcs, commands, stamps, steps, truncated, terminated, waiting, faults,
+    actual, errors, limits, followed, stopping, walking, guarded, checked, erring, scanners, sights, slow, params,
+    kinds, true_params, true_kinds, floor,
+):  # fmt: skip
+    """Move the worlds from `begin` to before `end` on by one env step; return (arrivals, robots that seek a manoeuvre).
+
+    robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; persons, ways: see people.People; arcs float32[B, N,
+    ARCS, 2]: their manoeuvres (manoeuvre.py); commands float32[S, B, N, 2], the latest first: speed [m/s] and offset
+    [m], or raw acceleration and steering rate; stamps int32[B, N, K, 2]; steps int64[B] since the reset, truncated
+    bool[B], terminated bool[B, N];
+    waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator has given out new tasks;
+    faults int32[B, 3]: see audit.find_fault; actual BODY[B, N], errors, true_params, true_kinds: see deviation.py;
+    limits PARAMETERS[B, N]: of robots under loads (loads.py), None where nobody carries any; kinds PARAMETERS[N]: of
+    robots of several kinds, else None (kinds.py); followed to erring: see Features; scanners, sights float32[B, N, N]:
+    see scanners.py and by_sight.py, slow: zones.Zones, None without them.
     """
-    p = bodies.shared[0]
-    places, sights, vehicles = buckets.scratch(worlds.robots.shape[1], p), _sights(p), (p, bodies.kinds)
+    p, true = params[0], true_params[0]
+    arrivals, seeking, count = 0, 0, robots.shape[1]
+    places, motions, guards = buckets.scratch(count, p), contact.scratch(count, p), field.scratch(count, p)
+    looks = None if scanners is None else by_sight.scratch(count, scanners)
+    order, starts, bodies = places
+    pairs, moved, _, _ = motions
+    own = moved if erring is None else np.empty_like(moved)
     for b in range(begin, end):
-        if (worlds.waiting[b] != 0) == late:
-            worlds.waiting[b] = 0
-            _observe_world(worlds, b, places, sights, features, vehicles, floor, senses)
+        waiting[b] = 0
+        if guarded is not None:
+            right_of_way.rank(robots[b], guards[3])
+        for i in range(count):
+            _begin(robots[b, i])
+        for repeat in range(p["repeat"]):
+            clock = steps[b] * p["repeat"] + 1 + repeat
+            buckets.sort(robots[b], p, kinds, starts, order, bodies)
+            near = contact.list_pairs(bodies, order, starts, p, pairs)
+            said = max(p["latency"] - repeat + p["repeat"] - 1, 0) // p["repeat"]  # env steps ago
+            _choose(
+                robots[b], persons[b], routes[b], arcs[b], commands[said, b], None if limits is None else limits[b],
+                places, motions, guards, followed, stopping, walking, guarded, scanners,
+                None if scanners is None else sights[b], looks, slow, p, kinds, floor,
+            )  # fmt: skip
+            _carry_out(
+                robots[b], persons[b], actual[b], errors[b, repeat], near, motions, own, walking, guarded, erring, p,
+                kinds, true, true_kinds, floor,
+            )  # fmt: skip
+            if walking is not None:
+                people.walk(persons[b], ways[b], robots[b], p, kinds, floor)
+            if checked is not None:
+                audit.find_fault(robots[b], persons[b], clock, p, kinds, floor, faults[b])
+            contact_episodes.judge_pairs(robots[b], own, pairs, near, stamps[b], clock, true, true_kinds)
+            contact_episodes.end_shelf_contacts(robots[b], true, true_kinds, floor)
+            if walking is not None:
+                people.end_contacts(robots[b], persons[b], p, kinds)
+            for i in range(count):
+                waiting[b] += _end(robots[b, i], routes[b, i], stopping, p)
+        for i in range(count):
+            _total(robots[b, i], p)
+            seeking += robots[b, i]["seeks"] != 0
+        _count_step(robots[b], steps, b, truncated, terminated, p)
+        arrivals += waiting[b]
+    return arrivals, seeking
+
+
+@kernel
+def observe(
+    begin, end, late, robots, routes, persons, waiting, stopping, walking, params, kinds, rays, table, weights, edges,
+    seen, first, out, terms, reward,
+):  # fmt: skip
+    """Write observations, rewards and their terms of the worlds from `begin` to before `end`: those that are `waiting`
+    if `late`, which then are no more, else all others.
+
+    table: of the discrete actions of each kind of robots, for predictions, or None; rays, weights, edges, seen, first:
+    see the Simulator; out: observations float32[B, N, D]; terms float32[B, N, T]; reward float32[B, N].
+    """
+    p = params[0]
+    places, sights = buckets.scratch(robots.shape[1], p), _sights(p)
+    for b in range(begin, end):
+        if (waiting[b] != 0) == late:
+            waiting[b] = 0
+            _observe_world(
+                robots[b], persons[b], routes[b], places, sights, stopping, walking, p, kinds, rays, table, weights,
+                edges, seen, first, out[b], terms[b], reward[b],
+            )  # fmt: skip
