@@ -15,6 +15,7 @@ from warehouse_env.files import check_writable, guarded, is_special
 
 OUTPUTS = {"json", "out", "html", "png", "video", "onnx", "report", "convert", "resume"}
 """Names of the options that say where a command writes; any other path is one to read."""
+_NAMED = {"draw", "layout", "layouts", "map", "planner", "policy"}  # options whose text may name files to read
 
 
 @contextmanager
@@ -22,7 +23,7 @@ def checked(options: Any) -> Iterator[None]:
     """Run a command within: ConfigError for an output named twice; WarehouseError where one must not be written."""
     given = _given(options)
     rewrites = getattr(options, "rewrites", ())  # ends of names of files that the command is there to replace
-    read = [path for name, value, _ in given if name not in OUTPUTS for path in _files(value)]
+    read = [path for name, value, _ in given if name not in OUTPUTS for path in _files(name, value)]
     with guarded(path for path in read if not path.name.endswith(rewrites or "/")):
         taken: dict[str, str] = {}
         for name, path, is_folder in given:
@@ -49,11 +50,11 @@ def _given(options: Any) -> list[tuple[str, Any, bool]]:
     return found
 
 
-def _files(value: Any) -> Iterator[Path]:
+def _files(name: str, value: Any) -> Iterator[Path]:
     """Yield the files that the value of an option names."""
     for one in value if isinstance(value, tuple) else (value,):
         if isinstance(one, Path) and one.is_dir():
             yield from one.iterdir()
-        elif isinstance(one, (str, Path)):
+        elif isinstance(one, Path) or (isinstance(one, str) and name in _NAMED):
             with suppress(WarehouseError):
                 yield from files_behind(str(one))

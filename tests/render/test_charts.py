@@ -107,8 +107,9 @@ def test_nothing_is_left_of_a_failed_picture(tmp_path: Path, grid: GridMap) -> N
     with pytest.raises(RuntimeError, match="meanwhile"):
         fail()
     assert list(tmp_path.iterdir()) == []
-    with pytest.raises(WarehouseError, match="it is a folder"):
-        charts.trajectories(grid, [], np.zeros((0, 2)), "", tmp_path)
+    (tmp_path / "x.png").mkdir()
+    with pytest.raises(WarehouseError, match="is a folder"):
+        charts.trajectories(grid, [], np.zeros((0, 2)), "", tmp_path / "x.png")
 
 
 def test_a_full_disk_gives_one_sentence(tmp_path: Path) -> None:
