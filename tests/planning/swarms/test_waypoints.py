@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -33,6 +34,14 @@ def decoded(grid: GridMap, start: Cell, goal: Cell, *points: tuple[float, float]
 
 OPEN = drawn(".....", ".....", ".....", ".....")
 WALL = drawn(".....", ".###.", "...#.", ".....")
+
+
+def test_from_tight_floor_the_walk_goes_by_the_nearest_points_that_are_not() -> None:
+    """No way leads back there: the walker ran out of cells to go back to, and read the one before its first."""
+    tight = np.zeros((4, 5), np.bool_)
+    tight[1:3, 0] = True
+    grid = dataclasses.replace(OPEN, tight=tight)
+    assert decoded(grid, (1, 0), (1, 4), (1.0, 2.0), (2.0, 0.0)) == [(1, k) for k in range(5)]
 
 
 def test_the_walk_goes_by_its_points_and_diagonally_while_it_can() -> None:

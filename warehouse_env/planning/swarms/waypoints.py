@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
-from warehouse_env.maps.distance import distance_field, label_regions
+from warehouse_env.maps.distance import label_regions
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.ants.colony import cells_of
 from warehouse_env.planning.ants.floor import Floor, make_floor
@@ -45,7 +45,7 @@ class Paths:
         self.begin = time.perf_counter()
         at = (start // floor.columns, start % floor.columns)
         self.reachable = bool(np.isfinite(grid.distance_to(divmod(floor.goal, floor.columns))[at]))
-        nearest = _nearest(_between(grid, at).ravel(), floor.columns)
+        nearest = _nearest(_between(grid, at, divmod(floor.goal, floor.columns)).ravel(), floor.columns)
         self._ground = _Ground(floor, nearest, start)
         self._improve = partial(shorten, floor, straight_runs(floor), start) if local_search else None
         self.best = empty_walks(np.array([start]), len(nearest))
@@ -125,12 +125,12 @@ class WaypointSwarm(BasePlanner):
         return Plan(cells_of(floor, paths.best, 0), np.array(paths.history), elapsed=elapsed)
 
 
-def _between(grid: GridMap, start: Cell) -> NDArray[np.bool_]:
+def _between(grid: GridMap, start: Cell, goal: Cell) -> NDArray[np.bool_]:
     """Return bool[H, W]: the cells through which a walker may go from the start, and go on from to wherever it may."""
+    if grid.tight is not None and grid.tight[start]:
+        start = goal  # no way leads back on tight floor
     if grid.one_way.any():
         return grid.return_region(start)
-    if grid.tight is not None and grid.tight[start]:
-        return np.asarray(np.isfinite(distance_field(grid.legal_moves, MOVES, *start)))
     region = label_regions(~grid.closed)
     same: NDArray[np.bool_] = region == region[start]
     return same
