@@ -15,7 +15,7 @@ from warehouse_env.files import check_writable, guarded, is_special
 
 OUTPUTS = {"json", "out", "html", "png", "video", "onnx", "report", "convert", "resume"}
 """Names of the options that say where a command writes; any other path is one to read."""
-_NAMED = {"draw", "layout", "layouts", "listen", "map", "planner", "policy"}  # options whose text may name files to read
+_NAMED = {"draw", "layout", "layouts", "listen", "map", "planner", "policy"}  # text that may name files
 
 
 @contextmanager
