@@ -125,7 +125,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _open_streams() -> None:
-    """Have somewhere to print to where a stream was closed, and print "?" for what its encoding cannot say."""
+    """Replace closed output streams by the null device, and characters that an encoding lacks by "?"."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:

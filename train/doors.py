@@ -20,11 +20,14 @@ _NAMED = {"draw", "layout", "layouts", "listen", "map", "planner", "policy"}  # 
 
 @contextmanager
 def checked(options: Any) -> Iterator[None]:
-    """Run a command within: ConfigError for an output named twice; WarehouseError where one must not be written."""
+    """Guard the files of a command that runs within this context.
+
+    ConfigError if two outputs name one file; WarehouseError if an output cannot or must not be written.
+    """
     given = _given(options)
-    rewrites = getattr(options, "rewrites", ())  # ends of names of files that the command is there to replace
+    rewrites = getattr(options, "rewrites", ())  # suffixes of inputs that the command may replace
     read = [path for name, value, _ in given if name not in OUTPUTS for path in _files(name, value)]
-    with guarded(path for path in read if not path.name.endswith(rewrites or "/")):
+    with guarded(path for path in read if not path.name.endswith(rewrites)):
         taken: dict[str, str] = {}
         for name, path, is_folder in given:
             if name in OUTPUTS and isinstance(path, Path) and not is_folder:
@@ -37,16 +40,15 @@ def checked(options: Any) -> Iterator[None]:
 
 
 def _given(options: Any) -> list[tuple[str, Any, bool]]:
-    """Return name, value and whether it is a folder, of all options, those of an inner `config` as well."""
+    """Return (name, value, whether it names a folder) of all options, with those of an inner `config`."""
     found = []
     for field in dataclasses.fields(options):
         value = getattr(options, field.name)
         if dataclasses.is_dataclass(value):
             found += _given(value)
             continue
-        usual = field.default
-        is_file = field.name not in ("out", "report", "resume") or (isinstance(usual, Path) and usual.suffix != "")
-        found.append((field.name, value, not is_file))
+        names_file = isinstance(field.default, Path) and field.default.suffix != ""
+        found.append((field.name, value, field.name in ("out", "report", "resume") and not names_file))
     return found
 
 

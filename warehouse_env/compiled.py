@@ -121,7 +121,7 @@ def _remove_unused(folder: str) -> None:
 
 
 class _Own(NamedTuple):
-    """What a kernel itself says, without the kernels that it calls."""
+    """What a kernel consists of, apart from the kernels that it calls."""
 
     digest: bytes
     calls: tuple[Any, ...]  # kernels
@@ -148,7 +148,7 @@ def _own(kernel: Any) -> _Own:
     values = {name: value for name, value in function.__globals__.items() if name in names}
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     values |= {name: cell.cell_contents for name, cell in cells}
-    ours = function.__module__.partition(".")[0]  # Numba and NumPy say their versions elsewhere
+    ours = function.__module__.partition(".")[0]  # versions of Numba and NumPy count apart
     for module in [one for one in values.values() if isinstance(one, ModuleType) and one.__name__.startswith(ours)]:
         values |= {f"{module.__name__}.{name}": vars(module)[name] for name in names & vars(module).keys()}
     calls = {name: value for name, value in values.items() if isinstance(value, Dispatcher)}
@@ -170,7 +170,7 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 
 
 def is_kept(kernel: Any) -> bool:
-    """Return whether compiled code of this version of a kernel is kept, for whatever signature."""
+    """Return whether compiled code of this version of a kernel is on disk, for any signature."""
     return any(kernels_folder().glob(f"*-{digest(kernel)[:16]}.*.nbi"))
 
 

@@ -1,4 +1,4 @@
-"""The doors for files: what is read is regular, small enough and decoded; what is written is complete or absent."""
+"""The doors for files: inputs must be regular files of limited size; outputs are complete or absent."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def read_bytes(given: object, kind: str, most: int, error: type[WarehouseError] 
     with open_regular(given, kind, most, error) as file:
         chunks = iter(functools.partial(file.read, _CHUNK), b"")  # to read `most` at once would reserve it
         content = b"".join(itertools.islice(chunks, most // _CHUNK + 1))
-    if len(content) > most:  # it grew, or is one of the kernel's files, which have no size
+    if len(content) > most:  # it grew, or reports no size, as files in /proc do
         raise error(f"{kind} {given} has more than the {most:,} bytes that are read")
     return content
 
@@ -264,7 +264,7 @@ def check_writable(given: object, rows: bool = False) -> Path:
         _guard.rows.add(target)
     there = next(place for place in (target, *target.parents) if place.exists())
     writable = os.access(there, os.W_OK)
-    if there == target and not (writable and there.stat().st_mode & 0o222):  # root may write any
+    if there == target and not (writable and there.stat().st_mode & 0o222):  # root may write to any
         raise WarehouseError(f"cannot write {path}: it is read-only; name another file or allow writing")
     if there != target and not (there.is_dir() and writable):
         raise WarehouseError(f"cannot write {path}: {there} is no folder that can be written to")

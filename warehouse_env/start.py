@@ -1,4 +1,4 @@
-"""The door of the command `warehouse`: looks for other people's packages under the names of ours, then opens."""
+"""The entry point of the command `warehouse`, which first checks that no other package hides ours."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _OURS, _ROOT = "warehouse-env", Path(__file__).parent.parent
 
 
 def stranger(name: str) -> str | None:
-    """Return one sentence if Python finds another package than ours under its name, `agents` or `train`; else None."""
+    """Return a sentence if Python finds a package other than ours as `agents` or `train`; else None."""
     spec = importlib.util.find_spec(name)
     found = Path(spec.origin) if spec and spec.origin else _ROOT / name
     if found == _ROOT / name / "__init__.py" and "warehouse_env" in found.read_text(encoding="utf-8"):

@@ -31,7 +31,7 @@ _SECONDS = 60.0  # that the crowd drives, in a second of ours
 
 
 def is_compiled() -> bool:
-    """Return whether the step of this version is kept; what else a stopped set-up left is compiled later."""
+    """Return whether the step of this version is kept; other kernels are compiled when called."""
     return is_kept(advance)
 
 

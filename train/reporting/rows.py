@@ -51,7 +51,7 @@ class RowFile:
         self.count = 0
         self._keep, self._instead = keep, "" if keep else instead
         self._lock = ExitStack()
-        self._stream: TextIO | None = None  # of a device or pipe, where what was written is gone
+        self._stream: TextIO | None = None  # stays open for a device or pipe
         if path is not None:
             check_writable(path, rows=True)
 
