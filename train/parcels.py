@@ -20,7 +20,7 @@ Parcel = dict[str, dict[str, bytes]]
 """Name as it was typed -> its files, by their names within a folder; the first is what the name stands for, or all lie
 in a folder of that name."""
 
-Kept = dict[str, dict[str, str]]
+KeptFiles = dict[str, dict[str, str]]
 """Name as it was typed -> its files, as of a Parcel, with a digest of each."""
 
 _BESIDE = {".map": (one_way.SUFFIX, discs.SUFFIX)}  # suffix of a file -> those of files that go with it
@@ -40,14 +40,14 @@ def floor_digest(name: str) -> str:
     return _digest(whole) if content else ""
 
 
-def kept(names: Iterable[str], folder: Path) -> Kept:
+def kept(names: Iterable[str], folder: Path) -> KeptFiles:
     """Write the files of those names that are files of data into a folder; return what `staged` needs to trust them."""
     parcel = {name: content for name in dict.fromkeys(names) if not split(name) and (content := _content(name))}
     _write(parcel, folder)
     return {name: {file: _digest(data) for file, data in content.items()} for name, content in parcel.items()}
 
 
-def check_kept(files: Kept, folder: Path) -> None:
+def check_kept(files: KeptFiles, folder: Path) -> None:
     """Raise WeightsError for the first file that is no longer in the folder as `kept` wrote it."""
     if not (isinstance(files, dict) and all(isinstance(inner, dict) and inner for inner in files.values())):
         raise WeightsError(f"the list of files in {folder} is damaged: begin anew")

@@ -24,7 +24,7 @@ from train.learning.evaluations import Drive, Evaluations
 from train.learning.progress import ProgressLog
 from train.learning.stop import stop_signal
 from train.learning.timing import Split
-from train.parcels import Kept, check_kept, kept, staged
+from train.parcels import KeptFiles, check_kept, kept, staged
 from train.reporting.lock import held
 from train.reporting.report import tell
 from warehouse_env.config import EnvConfig
@@ -97,7 +97,7 @@ class Position:
     update: int = 0
     steps: int = 0  # agent-steps
     seconds: float = 0.0
-    files: Kept = dataclasses.field(default_factory=dict)  # of floors, in FILES
+    files: KeptFiles = dataclasses.field(default_factory=dict)  # of floors, in FILES
     code: dict[str, str] = dataclasses.field(default_factory=dict)  # parts of one's own, each with its digest
 
     @classmethod
@@ -188,7 +188,7 @@ def _code(config: TrainingConfig) -> dict[str, str]:
     return digests(*config.layouts, config.router)
 
 
-def _unchanged(config: TrainingConfig, position: Position) -> Kept:
+def _unchanged(config: TrainingConfig, position: Position) -> KeptFiles:
     """Return the files of a run's floors; WeightsError where they, or code of one's own, are other than they were."""
     check_kept(position.files, config.directory / FILES)
     now = _code(config)
