@@ -39,7 +39,7 @@ PHYSICS = (*BASE, "warehouse_env.maps", "warehouse_env.simulation.state", "wareh
 # A driver shoots along curves, which know of no map; of routes it sees nothing else.
 DRIVER = (*PHYSICS, "warehouse_env.routes.reeds_shepp", "warehouse_env.simulation.driver")
 SENSES = (*DRIVER, "warehouse_env.observation", "warehouse_env.simulation.senses")
-RULES = (*TRAFFIC, *SENSES, "warehouse_env.simulation.rules")
+RULES = (*TRAFFIC, *SENSES, "warehouse_env.simulation.traffic")
 TASKS = (*RULES, "warehouse_env.simulation.tasks")
 BELOW_TRAIN = ("warehouse_env", "agents")
 
@@ -65,7 +65,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.simulation.physics": PHYSICS,
     "warehouse_env.simulation.driver": DRIVER,
     "warehouse_env.simulation.senses": SENSES,
-    "warehouse_env.simulation.rules": RULES,
+    "warehouse_env.simulation.traffic": RULES,
     "warehouse_env.simulation.tasks": TASKS,
     "warehouse_env.simulation": SIMULATION,
     "warehouse_env.render": (*BASE, "warehouse_env.maps", "warehouse_env.simulation.state", "warehouse_env.render"),
@@ -242,8 +242,8 @@ def test_every_import_is_allowed() -> None:
         ("warehouse_env.traffic.together", "from warehouse_env.simulation.simulator import Simulator"),
         ("warehouse_env.planning.ants.aco", "from warehouse_env import Simulator"),
         ("warehouse_env.simulation.physics.contact", "from warehouse_env.simulation.driver.tracking import follow"),
-        ("warehouse_env.simulation.driver.tracking", "from warehouse_env.simulation.rules import field"),
-        ("warehouse_env.simulation.rules.field", "from warehouse_env.simulation.tasks.dispatch import Dispatcher"),
+        ("warehouse_env.simulation.driver.tracking", "from warehouse_env.simulation.traffic import field"),
+        ("warehouse_env.simulation.traffic.field", "from warehouse_env.simulation.tasks.dispatch import Dispatcher"),
         ("warehouse_env.simulation.tasks.dispatch", "from warehouse_env.simulation.simulator import Simulator"),
         ("warehouse_env.simulation.step", "from warehouse_env.envs.parallel import parallel_env"),
         ("warehouse_env.simulation.step", "def f():\n    import torch"),

@@ -139,7 +139,7 @@ class RewardWeights(CheckedPart):
 @documented
 @dataclass(frozen=True)
 class RerouteSpec(CheckedPart):
-    """When a robot is routed anew on its way (simulation/rules/live.py); at what prices: simulation/rules/prices.py."""
+    """When a robot is routed anew on its way (simulation/traffic/live.py), at the prices of prices.py beside it."""
 
     # Names that stored configurations may still hold, with the only values that they may have (checked.from_plain).
     retired: ClassVar[dict[str, float]] = {

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from tests.simulation.reference import FRONT, LENGTH, OFFSET, REAR, WIDTH, Points
 from tests.simulation.worlds import room, stage
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.simulation.rules import meetings, right_of_way, stepping_in, waits
-from warehouse_env.simulation.rules.field import NOBODY
-from warehouse_env.simulation.rules.path_ahead import CENTRE_X, COLUMNS, COS, POSES, SIN
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.traffic import meetings, right_of_way, stepping_in, waits
+from warehouse_env.simulation.traffic.field import NOBODY
+from warehouse_env.simulation.traffic.path_ahead import CENTRE_X, COLUMNS, COS, POSES, SIN
 
 Pose = Sequence[float]
 SPACING = 0.25  # [m] between a route's points

@@ -10,8 +10,8 @@ import pytest
 from agents import policy_config
 from tests.simulation.worlds import raw, room, stage
 from warehouse_env.config import EnvConfig
-from warehouse_env.simulation.rules.audit import SWITCH
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.traffic.audit import SWITCH
 
 
 def test_it_brakes_and_stands() -> None:

@@ -22,11 +22,11 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import Cell
 from warehouse_env.planning.cost_to_go import UNIT
-from warehouse_env.simulation.rules.ants import Ants
-from warehouse_env.simulation.rules.passing import eighth
-from warehouse_env.simulation.rules.prices import Look, is_beyond, price_of, rest_from
-from warehouse_env.simulation.rules.ways import START, Search, is_hairpin
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.traffic.ants import Ants
+from warehouse_env.simulation.traffic.passing import eighth
+from warehouse_env.simulation.traffic.prices import Look, is_beyond, price_of, rest_from
+from warehouse_env.simulation.traffic.ways import START, Search, is_hairpin
 
 POLICY = "threaded_ppo"
 FLOORS = ("paper46", "narrow", "aisles:seed=601", "aisles:seed=602")

@@ -22,8 +22,8 @@ from warehouse_env import EnvConfig, Simulator, parallel_env
 from warehouse_env.compiled import is_kept
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner
-from warehouse_env.simulation.rules.live import FINDERS
 from warehouse_env.simulation.step import advance
+from warehouse_env.simulation.traffic.live import FINDERS
 
 _BARE = EnvConfig(num_agents=4, layout="open", planner="astar", max_steps=20)
 _CROWD = EnvConfig(num_agents=24, layout="narrow")  # where robots stand, search and make room

@@ -23,8 +23,8 @@ from warehouse_env.files import complete_file, zip_member
 from warehouse_env.render.replay import REWARD_TERMS
 from warehouse_env.simulation.record.metrics import episode_row
 from warehouse_env.simulation.record.recording import Episode, opened
-from warehouse_env.simulation.rules.jams import Jams
 from warehouse_env.simulation.state import NOBODY, PERSON, events_of, state_of
+from warehouse_env.simulation.traffic.jams import Jams
 
 _ABOUT, _MOMENTS, _COUNTS, _POINTS = "fleet.json", "fleet.moments", "fleet.counts", "fleet.points"
 _LONGEST_TEXT = 2**24  # [bytes]

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from train.evaluation.audit.bodies import Fleet, body_of, gap
 from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import kernel
-from warehouse_env.simulation.rules.waits import SLOW
 from warehouse_env.simulation.state import GAP_HORIZON, ROBOT
+from warehouse_env.simulation.traffic.waits import SLOW
 
 PRESENT, LOADED, AT_ROBOT, AT_SHELF, AT_PERSON, UNDER_WAY = 1, 2, 4, 8, 16, 32
 """Bits of what a vehicle says of itself at a moment: that it is there, carries something, touches one, has to drive."""

@@ -30,11 +30,6 @@ from warehouse_env.simulation.physics.people import People
 from warehouse_env.simulation.physics.poses import poses, speeds
 from warehouse_env.simulation.physics.zones import zones_of
 from warehouse_env.simulation.record import metrics
-from warehouse_env.simulation.rules import agreement, making_room
-from warehouse_env.simulation.rules.audit import raise_fault
-from warehouse_env.simulation.rules.by_sight import NOT_SEEN
-from warehouse_env.simulation.rules.jams import Jams, jams_of
-from warehouse_env.simulation.rules.path_ahead import COLUMNS, POSES
 from warehouse_env.simulation.senses.messages import Messages
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS, weight_vector
 from warehouse_env.simulation.senses.scanners import scanners_of
@@ -43,6 +38,11 @@ from warehouse_env.simulation.tasks.dispatch import ROUTE_BLOCK, Dispatcher
 from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.simulation.tasks.placement import Limits, put_all
 from warehouse_env.simulation.tasks.tasks import Arrival
+from warehouse_env.simulation.traffic import agreement, making_room
+from warehouse_env.simulation.traffic.audit import raise_fault
+from warehouse_env.simulation.traffic.by_sight import NOT_SEEN
+from warehouse_env.simulation.traffic.jams import Jams, jams_of
+from warehouse_env.simulation.traffic.path_ahead import COLUMNS, POSES
 from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
 
 PARALLEL_FROM = 256  # robots in all from which waking other threads pays

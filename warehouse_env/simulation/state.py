@@ -53,14 +53,14 @@ ROBOT = np.dtype(
         ("age", I), ("longest_age", I),  # physics steps on the way to its goal; to any that it has reached
         ("held", I), ("held_by", I), ("held_time", F),  # refused in the last env step; by whom; [s] without a break
         ("silent", B),  # its messages of this env step are lost (messages.py)
-        ("wary", F),  # [m/s] at least so fast comes who is hidden (rules/by_sight.py)
+        ("wary", F),  # [m/s] at least so fast comes who is hidden (traffic/by_sight.py)
         ("off_plan", B),  # it is not where it has planned to be (physics/deviation.py)
         # manoeuvre (simulation/driver/driving.py): in one of `arcs` arcs if that is not 0, on number `arc`
         ("arcs", B), ("arc", B), ("arc_x", F), ("arc_y", F), ("arc_heading", F),  # the reference pose on that arc,
         ("arc_left", F),  # [m] of it to go, negative backwards
         ("arc_margin", F), ("arc_planned", F),  # [m] kept from shelves; where there is room for it
         ("search_wait", F), ("seeks", B),  # [s] until the next search; it waits for one (ALONE, AROUND_OTHERS), or 0
-        # right of way (rules/right_of_way.py): granted up to this odometer, how far that is, and with which offset
+        # right of way (traffic/right_of_way.py): granted up to this odometer, how far that is, and with which offset
         ("claim", np.float64), ("authority", F), ("side", F), ("at_end", B),  # [m], [m], [m]; the goal is granted, too
         ("poses", I), ("path_from", np.float64), ("path_at", np.float64),  # of its path; odometer [m] when made, kept
         ("yields_to", I), ("right", I), ("aside", B), ("pause", F),  # waits for whom; steps; makes room; [s] no search

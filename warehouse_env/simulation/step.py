@@ -22,10 +22,10 @@ from warehouse_env.simulation.physics import buckets, contact, contact_episodes,
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import approach, braking
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
-from warehouse_env.simulation.rules import audit, by_sight, field, right_of_way, waits
 from warehouse_env.simulation.senses import prediction, sensing
 from warehouse_env.simulation.senses.rewards import write_terms
 from warehouse_env.simulation.state import GAP_HORIZON, NOBODY
+from warehouse_env.simulation.traffic import audit, by_sight, field, right_of_way, waits
 
 _HORIZON = np.float32(GAP_HORIZON)
 

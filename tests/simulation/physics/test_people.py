@@ -26,10 +26,10 @@ from warehouse_env.simulation.physics.people import (
     START,
     People,
 )  # fmt: skip
-from warehouse_env.simulation.rules import audit
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import ROBOT
 from warehouse_env.simulation.tasks.assignment import Assignment
+from warehouse_env.simulation.traffic import audit
 
 STEP = 0.1 * float(PACE)  # [m]
 FAR = (18.0, 5.0, 0.0)

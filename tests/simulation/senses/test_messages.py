@@ -16,8 +16,8 @@ from tests.simulation.rights import World
 from tests.simulation.test_determinism import MAP, actions_for, bits
 from tests.simulation.worlds import drawn, raw, room, stage
 from warehouse_env.config import EnvConfig, SensorSpec
-from warehouse_env.simulation.rules.audit import SWITCH
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.traffic.audit import SWITCH
 
 STANDING = ((5.0, 5.0, 0.0), (7.0, 5.0, math.pi))
 

@@ -1,7 +1,7 @@
 """A robot's line: where on its route it is, the points ahead of it, and pure pursuit towards one of them.
 
 The follower (tracking.py) drives by it, and right of way predicts by the same functions where a robot will drive
-(rules/path_ahead.py): what it grants would be wrong if the two drifted apart.
+(traffic/path_ahead.py): what it grants would be wrong if the two drifted apart.
 """
 
 from __future__ import annotations

@@ -20,14 +20,14 @@ from warehouse_env.routes.goals import Goal, Pose, face, facing
 from warehouse_env.simulation.driver.line import forget_grants
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.kinds import kind_of
-from warehouse_env.simulation.rules.astray import far_off, find_astray
-from warehouse_env.simulation.rules.live import LiveRoutes
 from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.one_shot import OneShotTasks
 from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.simulation.tasks.placement import Limits, place, stand
 from warehouse_env.simulation.tasks.shifts import Shifts, check_given
 from warehouse_env.simulation.tasks.tasks import Arrival, Tasks, book_arrival, pass_by, set_out
+from warehouse_env.simulation.traffic.astray import far_off, find_astray
+from warehouse_env.simulation.traffic.live import LiveRoutes
 
 # [m], of the default body, before the end of a route at which a robot seeks the manoeuvre to its goal's pose
 JOIN = 3.0

@@ -18,9 +18,9 @@ from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import ConfigError, UnsafeError
 from warehouse_env.simulation.physics import contact, stops
 from warehouse_env.simulation.physics.kinematics import braking
-from warehouse_env.simulation.rules import field
-from warehouse_env.simulation.rules.audit import SWITCH
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.traffic import field
+from warehouse_env.simulation.traffic.audit import SWITCH
 
 FULL = (1.0, 0.0)  # raw: accelerate, steering held
 ROUNDING = 1e-5  # [m] that float32 at ten metres is allowed

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from tests.simulation.worlds import Pose, put, raw, room, stage
 from warehouse_env.simulation.record.jam_log import JamLog
-from warehouse_env.simulation.rules.jams import cycles
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import NOBODY
+from warehouse_env.simulation.traffic.jams import cycles
 
 EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
 

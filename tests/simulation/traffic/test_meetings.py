@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tests.simulation.reference import separation
 from tests.simulation.rights import World, rectangles
-from warehouse_env.simulation.rules.meetings import (
+from warehouse_env.simulation.traffic.meetings import (
     COUNT,
     CROSS,
     NEARBY,
@@ -21,7 +21,7 @@ from warehouse_env.simulation.rules.meetings import (
     meet,
     scratch,
 )
-from warehouse_env.simulation.rules.path_ahead import COS, POSES, SIN
+from warehouse_env.simulation.traffic.path_ahead import COS, POSES, SIN
 
 PARAMETERS = World((5.0, 5.0, 0.0)).simulator._params[0]
 CLOSE = 1e-4  # [m] within which rounding may decide

@@ -10,7 +10,7 @@ import numpy as np
 from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.simulation.physics.geometry import body_at, grown, rectangles_touch, squared_distance
 from warehouse_env.simulation.physics.kinds import kind_of
-from warehouse_env.simulation.rules.path_ahead import CENTRE_X, CENTRE_Y, COS, POSES, SIN
+from warehouse_env.simulation.traffic.path_ahead import CENTRE_X, CENTRE_Y, COS, POSES, SIN
 
 WIDE = np.float32(0.04)  # [m] of room around bodies in what is granted anew: paths are predictions
 TIGHT = np.float32(0.008)  # [m] around bodies that are near, and in what has been granted before: less than the field

@@ -28,8 +28,10 @@ from warehouse_env.kernel import inline, part, whole
 from warehouse_env.simulation.driver.line import forget_path
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO
-from warehouse_env.simulation.rules.letting_out import is_kept, who_frees
-from warehouse_env.simulation.rules.meetings import (
+from warehouse_env.simulation.senses.preferences import SIDE, speed_of
+from warehouse_env.simulation.state import NOBODY
+from warehouse_env.simulation.traffic.letting_out import is_kept, who_frees
+from warehouse_env.simulation.traffic.meetings import (
     ASKED,
     BIT,
     COUNT,
@@ -42,7 +44,7 @@ from warehouse_env.simulation.rules.meetings import (
     enlist,
     meet,
 )  # fmt: skip
-from warehouse_env.simulation.rules.path_ahead import (
+from warehouse_env.simulation.traffic.path_ahead import (
     COS,
     DRIVEN,
     POSES,
@@ -52,9 +54,7 @@ from warehouse_env.simulation.rules.path_ahead import (
     keep_path,
     write_path,
 )  # fmt: skip
-from warehouse_env.simulation.rules.waits import SLOW, is_urged, refuser
-from warehouse_env.simulation.senses.preferences import SIDE, speed_of
-from warehouse_env.simulation.state import NOBODY
+from warehouse_env.simulation.traffic.waits import SLOW, is_urged, refuser
 
 AHEAD = 2  # poses asked for beyond those in which it can stop: 1 m; more bars the way of others for longer
 BESIDE = 6  # poses that must be free beyond these at another offset

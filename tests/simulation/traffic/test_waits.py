@@ -10,9 +10,9 @@ from tests.pages import PAGES
 from tests.simulation.rights import World
 from warehouse_env.config import EnvConfig, RerouteSpec
 from warehouse_env.simulation.driver import tracking
-from warehouse_env.simulation.rules import letting_out, waits
-from warehouse_env.simulation.rules.waits import MOVES, SEEKS, STUCK, WAITS
 from warehouse_env.simulation.state import NOBODY
+from warehouse_env.simulation.traffic import letting_out, waits
+from warehouse_env.simulation.traffic.waits import MOVES, SEEKS, STUCK, WAITS
 
 
 def standing(yields_to: list[int], waited: list[float]) -> World:

@@ -20,7 +20,7 @@ from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.maps.grid_map import MOVES, Cell
 from warehouse_env.planning.cost_to_go import UNREACHABLE
 from warehouse_env.portable import Portable
-from warehouse_env.simulation.rules.prices import Look, is_beyond, most_for, next_cell, price_of, rest_from
+from warehouse_env.simulation.traffic.prices import Look, is_beyond, most_for, next_cell, price_of, rest_from
 
 TURNS = 1 << 20  # turns that a way has less than
 _TWICE = 1024  # cells that a way may lead through again, as a long way round instead of a hairpin; ants walk fewer

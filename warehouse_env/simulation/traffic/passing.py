@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, kernel, whole
 from warehouse_env.simulation.physics.people import bars_ways
-from warehouse_env.simulation.rules.waits import bars_routes, gets_nowhere
+from warehouse_env.simulation.traffic.waits import bars_routes, gets_nowhere
 
 HORIZON = 40.0  # [m] of a route that counts for others
 NOTHING = -1

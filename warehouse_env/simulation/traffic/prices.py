@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, part, whole
 from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE, octile, to_go
-from warehouse_env.simulation.rules.passing import NOTHING, ONCE, Passing, eighth, waited_at
-from warehouse_env.simulation.rules.waits import DEARER
+from warehouse_env.simulation.traffic.passing import NOTHING, ONCE, Passing, eighth, waited_at
+from warehouse_env.simulation.traffic.waits import DEARER
 
 ANY = whole(np.iinfo(np.int32).max // 2)  # a cost that no way comes to
 DEAREST = 1_000_000  # thousandths of a cell that a robot's time of standing can make a cell cost

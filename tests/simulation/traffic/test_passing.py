@@ -9,8 +9,8 @@ import hypothesis.strategies as st
 import numpy as np
 from hypothesis import given, settings
 
-from warehouse_env.simulation.rules.passing import NOTHING, Passing, forget_route, keep_all_up, make_passing
 from warehouse_env.simulation.state import PERSON, ROBOT
+from warehouse_env.simulation.traffic.passing import NOTHING, Passing, forget_route, keep_all_up, make_passing
 
 ROWS, COLUMNS, SLOTS, ROBOTS = 9, 11, 16, 5
 NOBODY_WALKS, ON_NOTHING = np.zeros(0, PERSON), np.zeros((2, 0), np.int32)

@@ -23,10 +23,10 @@ from warehouse_env.simulation.driver.room_field import room_around, write_way
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.people import RADIUS
 from warehouse_env.simulation.physics.trigonometry import ZERO
-from warehouse_env.simulation.rules import waits
-from warehouse_env.simulation.rules.path_ahead import CENTRE_X, CENTRE_Y, COS, POSES, ROOM_FOR_PEOPLE, SIN
-from warehouse_env.simulation.rules.waits import SEEKS, STAGE, STUCK
 from warehouse_env.simulation.state import NOBODY
+from warehouse_env.simulation.traffic import waits
+from warehouse_env.simulation.traffic.path_ahead import CENTRE_X, CENTRE_Y, COS, POSES, ROOM_FOR_PEOPLE, SIN
+from warehouse_env.simulation.traffic.waits import SEEKS, STAGE, STUCK
 
 NEAR, NEAR_PEOPLE = np.float32(6.0), np.float32(2.0)  # [m] within which bodies are gone round, and who walks
 ASIDE = 700  # nodes of a search for room near by: within a metre or two

@@ -24,8 +24,8 @@ from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.maps.grid_map import MOVES, Cell
 from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE
 from warehouse_env.portable import Portable
-from warehouse_env.simulation.rules.prices import ANY, Look, is_beyond, most_for, price_of, rest_from
-from warehouse_env.simulation.rules.ways import START, is_hairpin, make_path, write_rest, write_tail
+from warehouse_env.simulation.traffic.prices import ANY, Look, is_beyond, most_for, price_of, rest_from
+from warehouse_env.simulation.traffic.ways import START, is_hairpin, make_path, write_rest, write_tail
 
 ANTS, ITERATIONS = 8, 20
 PATIENCE = 3  # iterations without a better way, once there is one, after which ants are not sent again

@@ -13,14 +13,14 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, GridMap
 from warehouse_env.planning.cost_to_go import DIAGONAL, UNIT, CostToGo
-from warehouse_env.simulation.rules import live
-from warehouse_env.simulation.rules.ants import colonise, make_trails
-from warehouse_env.simulation.rules.live import SLOTS, LiveRoutes, find_due, keep_barred
-from warehouse_env.simulation.rules.passing import Passing, keep_all_up, make_passing, note_waiting
-from warehouse_env.simulation.rules.prices import ANY, PRICES, Look, Prices, cost_ahead, make_asked, price_of
-from warehouse_env.simulation.rules.ways import make_labels, search
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import PERSON, ROBOT
+from warehouse_env.simulation.traffic import live
+from warehouse_env.simulation.traffic.ants import colonise, make_trails
+from warehouse_env.simulation.traffic.live import SLOTS, LiveRoutes, find_due, keep_barred
+from warehouse_env.simulation.traffic.passing import Passing, keep_all_up, make_passing, note_waiting
+from warehouse_env.simulation.traffic.prices import ANY, PRICES, Look, Prices, cost_ahead, make_asked, price_of
+from warehouse_env.simulation.traffic.ways import make_labels, search
 
 EAST, NORTH, WEST, SOUTH = 0, 2, 4, 6
 ROWS, COLUMNS = 5, 9

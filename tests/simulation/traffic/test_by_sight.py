@@ -17,9 +17,9 @@ from tests.simulation.reference import shelves
 from tests.simulation.worlds import drawn, raw, room, stage
 from warehouse_env.config import EnvConfig, FieldSpec
 from warehouse_env.errors import ConfigError
-from warehouse_env.simulation.rules.audit import SWITCH
-from warehouse_env.simulation.rules.by_sight import NOT_SEEN
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.traffic.audit import SWITCH
+from warehouse_env.simulation.traffic.by_sight import NOT_SEEN
 
 FULL = (1.0, 0.0)  # raw: accelerate, steering held
 # Two aisles of one cell that meet at a blind corner, and a way on for both.

@@ -18,9 +18,9 @@ import numpy as np
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.driver.line import forget_path
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
-from warehouse_env.simulation.rules.letting_out import is_kept
-from warehouse_env.simulation.rules.waits import CALM, LONGER, RING, find_rings_of
 from warehouse_env.simulation.state import NOBODY
+from warehouse_env.simulation.traffic.letting_out import is_kept
+from warehouse_env.simulation.traffic.waits import CALM, LONGER, RING, find_rings_of
 
 SPREAD = np.float32(1.0)  # [m/s] of standing around one that calls for the rules, within which robots are settled ...
 AROUND = np.float32(8.0)  # [m] ... and this far at most

@@ -9,10 +9,10 @@ import pytest
 
 from tests.simulation.rights import World, simulator_with_right
 from tests.simulation.worlds import room, stage
-from warehouse_env.simulation.rules.stepping_in import AROUND
-from warehouse_env.simulation.rules.waits import CALM, LONGER
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import NOBODY
+from warehouse_env.simulation.traffic.stepping_in import AROUND
+from warehouse_env.simulation.traffic.waits import CALM, LONGER
 
 DECISION = 0.2  # [s]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.kernel import kernel
-from warehouse_env.simulation.rules import waits
+from warehouse_env.simulation.traffic import waits
 
 
 @kernel

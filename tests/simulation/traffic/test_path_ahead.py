@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tests.simulation.reference import OFFSET
 from tests.simulation.rights import World, empty_path
 from warehouse_env.simulation.driver.driving import begin
-from warehouse_env.simulation.rules.path_ahead import CENTRE_X, CENTRE_Y, COS, DRIVEN, POSES, SIN, write_path
+from warehouse_env.simulation.traffic.path_ahead import CENTRE_X, CENTRE_Y, COS, DRIVEN, POSES, SIN, write_path
 
 
 def ahead(world: World, side: float = 0.0) -> tuple[NDArray[np.float32], bool]:

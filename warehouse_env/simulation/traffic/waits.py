@@ -21,8 +21,8 @@ import numpy as np
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
-from warehouse_env.simulation.rules.in_the_way import first_in_the_way
 from warehouse_env.simulation.state import NOBODY
+from warehouse_env.simulation.traffic.in_the_way import first_in_the_way
 
 SLOW = np.float32(0.1)  # [m/s] under which a robot counts as not driving
 

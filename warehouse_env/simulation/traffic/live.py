@@ -40,8 +40,8 @@ from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE, Box, CostToGo, 
 from warehouse_env.portable import Portable
 from warehouse_env.routes.book import Route, RouteBook
 from warehouse_env.routes.goals import Pose
-from warehouse_env.simulation.rules.ants import Ants
-from warehouse_env.simulation.rules.passing import (
+from warehouse_env.simulation.traffic.ants import Ants
+from warehouse_env.simulation.traffic.passing import (
     NOTHING,
     ahead_of,
     cell_of,
@@ -51,8 +51,8 @@ from warehouse_env.simulation.rules.passing import (
     make_passing,
     note_waiting,
 )
-from warehouse_env.simulation.rules.prices import Look, make_asked, prices_for
-from warehouse_env.simulation.rules.ways import Finder, Search
+from warehouse_env.simulation.traffic.prices import Look, make_asked, prices_for
+from warehouse_env.simulation.traffic.ways import Finder, Search
 
 FINDERS: dict[str, type[Search | Ants]] = {
     "pf_aco": Ants,

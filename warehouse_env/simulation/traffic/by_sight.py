@@ -41,11 +41,11 @@ from warehouse_env.simulation.physics.stops import (
     sampled,
 )
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
-from warehouse_env.simulation.rules import unseen
-from warehouse_env.simulation.rules.field import FREE, PERSON, SHELF, begin
 from warehouse_env.simulation.senses.scanners import centre_of, scan, see_each_other
 from warehouse_env.simulation.senses.sensing import TURNED
 from warehouse_env.simulation.state import NOBODY
+from warehouse_env.simulation.traffic import unseen
+from warehouse_env.simulation.traffic.field import FREE, PERSON, SHELF, begin
 
 UNSEEN, TOO_FAST = -4, -5  # what refuses a motion, beside those of field.py
 NOT_SEEN = -ONE

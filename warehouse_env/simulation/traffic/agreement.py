@@ -10,7 +10,7 @@ import numpy as np
 
 from warehouse_env.kernel import kernel
 from warehouse_env.simulation.physics.trigonometry import ZERO
-from warehouse_env.simulation.rules import meetings, right_of_way, stepping_in, waits
+from warehouse_env.simulation.traffic import meetings, right_of_way, stepping_in, waits
 
 
 @kernel

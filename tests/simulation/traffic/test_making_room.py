@@ -12,10 +12,10 @@ from tests.simulation.reference import separation
 from tests.simulation.rights import World, rectangles
 from tests.simulation.worlds import drawn
 from warehouse_env.config import EnvConfig
-from warehouse_env.simulation.rules import making_room, waits
-from warehouse_env.simulation.rules.right_of_way import NOBODY
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
+from warehouse_env.simulation.traffic import making_room, waits
+from warehouse_env.simulation.traffic.right_of_way import NOBODY
 
 AISLE = drawn(["#" * 16, "." * 16, "#" * 16])
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from tests.simulation.rules.test_live import crowd, price_on
+from tests.simulation.traffic.test_live import crowd, price_on
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.planning.cost_to_go import UNREACHABLE, octile
-from warehouse_env.simulation.rules.prices import ANY, Look
-from warehouse_env.simulation.rules.ways import TURNS, Labels, make_labels, search
+from warehouse_env.simulation.traffic.prices import ANY, Look
+from warehouse_env.simulation.traffic.ways import TURNS, Labels, make_labels, search
 
 START = 8
 

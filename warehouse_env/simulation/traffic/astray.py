@@ -9,7 +9,7 @@ import numpy as np
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import kernel
-from warehouse_env.simulation.rules.waits import has_halted
+from warehouse_env.simulation.traffic.waits import has_halted
 
 BESIDE = 0.3  # [m] past the widest lateral offset that count as off the route
 
