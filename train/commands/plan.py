@@ -21,8 +21,8 @@ from warehouse_env.checked import Checked
 from warehouse_env.errors import ConfigError, MapError, MapWarning, shown
 from warehouse_env.files import check_writable, write_text
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.maps.layouts import NAMED_TASKS, make_layout, read_file
-from warehouse_env.maps.movingai import Scenario, read_map, read_scen
+from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
+from warehouse_env.maps.movingai import Scenario, read_scen
 from warehouse_env.planning import Planner, make_planner
 
 _LAYOUT = "paper46"
@@ -93,14 +93,12 @@ class PlanCommand(Checked):
     def _grid(self) -> GridMap:
         if self.map is not None and self.layout is not None:
             raise ConfigError("name one floor: --map FILE or --layout NAME")
-        if self.map is not None:
-            return read_file(str(self.map))
-        if self.scen is not None and self.layout is None:
+        if self.scen is not None and self.map is None and self.layout is None:
             names = {scenario.map_name for scenario in _scenarios(self.scen)}
             if len(names) != 1:
                 raise MapError(f"{self.scen} names {len(names)} maps; choose one with --map")
-            return read_map(self.scen.parent / Path(names.pop()).name)
-        return make_layout(self.layout or _LAYOUT)
+            return make_layout(str(self.scen.parent / Path(names.pop()).name))
+        return make_layout(str(self.map or self.layout or _LAYOUT))
 
     def _tasks(self, grid: GridMap) -> list[Task]:
         """Return the tasks that the options ask for."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.maps.layouts import LAYOUTS, make_layout, read_file
+from warehouse_env.maps.layouts import LAYOUTS, make_layout
 
 
 class Floors:
@@ -21,7 +21,7 @@ class Floors:
     def __init__(self, layout: str, map_file: Path | None = None) -> None:
         """Read the floor to begin with; ConfigError or MapError where there is none."""
         self.first = layout if map_file is None else map_file.name
-        self._given = make_layout(layout) if map_file is None else read_file(str(map_file))
+        self._given = make_layout(layout if map_file is None else str(map_file))
         self.names = list(dict.fromkeys([self.first, *LAYOUTS]))
 
     def load(self, name: str) -> GridMap:
