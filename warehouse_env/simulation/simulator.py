@@ -44,6 +44,7 @@ from warehouse_env.simulation.traffic.audit import raise_fault
 from warehouse_env.simulation.traffic.by_sight import NOT_SEEN
 from warehouse_env.simulation.traffic.jams import Jams, jams_of
 from warehouse_env.simulation.traffic.path_ahead import COLUMNS, POSES
+from warehouse_env.simulation.worlds import Equipment, Features, Senses, Vehicles, Worlds
 from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
 
 PARALLEL_FROM = 256  # robots in all from which waking other threads pays
@@ -69,7 +70,7 @@ class Simulator(Portable):
 
     bound = (
         "state", "events", "_floor", "_scanners", "_zones", "_compiled",
-        "_advance_arguments", "_agree_arguments", "_room_arguments", "_observe_arguments",
+        "_worlds", "_advance_arguments", "_agree_arguments", "_room_arguments", "_observe_arguments",
     )  # fmt: skip
 
     def __init__(
@@ -165,7 +166,7 @@ class Simulator(Portable):
                     records[name] = value
         self._waiting = np.zeros(b, dtype=np.int32)
         self._faults = np.zeros((b, 3), dtype=np.int32)
-        self._features = step.Features.of(self.config)
+        self._features = Features.of(self.config)
         self._sights = np.full((b, n, n), NOT_SEEN) if by_sight else None
         most, least = max(_MOST // n, 1), math.ceil(_LEAST / n)
         self._blocks = _parts(b, most)
@@ -185,27 +186,28 @@ class Simulator(Portable):
 
     def _collect(self) -> None:
         """Keep the kernels' arguments ready: collecting them takes longer than a small world's step."""
-        config = self.config
-        table = self._table() if config.sensor.predictions else None
-        seen = (
-            self._rays, table, self._weights, *self._floor.edges,
-            self.observation, self.reward_terms, self.reward,
+        table = self._table() if self.config.sensor.predictions else None
+        shifts, deviation, people = self.dispatcher.shifts, self._deviation, self.people
+        self._worlds = Worlds(
+            self._planned, self.routes, self.arcs, self._commands, people.persons, people.ways,
+            None if shifts is None else shifts.limits, self._sights, deviation.bodies, deviation.errors, self._stamps,
+            self.steps, self.truncated, self.terminated, self._waiting, self._faults, self.observation,
+            self.reward_terms, self.reward,
         )  # fmt: skip
-        persons, features = self.people.persons, self._features
-        shifts = self.dispatcher.shifts
-        self._advance_arguments = (
-            persons, self.people.ways, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
-            self.terminated, self._waiting, self._faults, self._deviation.bodies, self._deviation.errors,
-            None if shifts is None else shifts.limits, *features, self._scanners, self._sights, self._zones,
-            *self._limits, self._true_params, self._true_kinds, self._floor,
-        )  # fmt: skip
+        fleet, bodies = Vehicles(*self._limits), Vehicles(self._true_params, self._true_kinds)
+        equipment, senses = Equipment(self._scanners, self._zones), Senses(self._rays, table, self._weights)
+        self._advance_arguments = (self._features, equipment, fleet, bodies, self._floor)
+        self._observe_arguments = (self._features, bodies, self._floor, senses)
         self._agree_arguments = (
-            persons, self.arcs, self._commands[0], self._paths, *self._limits, self._choices, self._floor,
+            people.persons, self.arcs, self._commands[0], self._paths, *self._limits, self._choices, self._floor,
         )  # fmt: skip
-        self._room_arguments = (persons, self.arcs, self._paths, *self._limits, self._floor)
-        walking, stopping = features.walking, features.stopping
-        of_robots = self._true_params, self._true_kinds
-        self._observe_arguments = (persons, self._waiting, stopping, walking, *of_robots, *seen)
+        self._room_arguments = (people.persons, self.arcs, self._paths, *self._limits, self._floor)
+
+    def _at_hand(self) -> Worlds:
+        """Return the worlds' arrays; that of the routes is another one once a longer route has come."""
+        if self._worlds.routes is not self.dispatcher.routes:
+            self._worlds = self._worlds._replace(routes=self.dispatcher.routes)
+        return self._worlds
 
     def _table(self) -> NDArray[np.float32]:
         """Return what discrete actions mean to each kind of robots, float32[K, A, 2]."""
@@ -371,10 +373,9 @@ class Simulator(Portable):
     def _code(self) -> _Code:
         """Return the code of `advance` and of `observe` for the arguments at hand, whose types never change."""
         if self._compiled is None:
-            arrays = (self._planned, self.routes)
             self._compiled = (
-                compiled_for(step.advance, 0, 0, *arrays, *self._advance_arguments),
-                compiled_for(step.observe, 0, 0, False, *arrays, *self._observe_arguments),
+                compiled_for(step.advance, 0, 0, self._worlds, *self._advance_arguments),
+                compiled_for(step.observe, 0, 0, False, self._worlds, *self._observe_arguments),
             )
         return self._compiled
 
@@ -387,12 +388,12 @@ class Simulator(Portable):
         where = (begin, end, self._planned, self.dispatcher.routes)
         if self.config.right_of_way and agreement.agree(*where, *self._agree_arguments):
             making_room.make_room(*where, *self._room_arguments, self._metrics)
-        arrivals, seeking = advance(*where, *self._advance_arguments)
+        arrivals, seeking = advance(begin, end, self._at_hand(), *self._advance_arguments)
         if seeking:
             seek: Callable[..., None] = rejoin.seek if self._features.stopping is None else docking.seek
             seek(*where, self.arcs, *self._limits, self._floor, self._metrics)
         if not self.dispatcher.all_look:
-            observe(begin, end, False, self._planned, self.dispatcher.routes, *self._observe_arguments)
+            observe(begin, end, False, self._at_hand(), *self._observe_arguments)
         return arrivals
 
     @property
@@ -414,7 +415,7 @@ class Simulator(Portable):
 
     def _observe_waiting(self, begin: int, end: int) -> int:
         _, observe = self._code()
-        observe(begin, end, True, self._planned, self.routes, *self._observe_arguments)
+        observe(begin, end, True, self._at_hand(), *self._observe_arguments)
         return 0
 
     def episode_metrics(self, world: int = 0) -> dict[str, float]:

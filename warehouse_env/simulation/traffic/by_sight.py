@@ -117,13 +117,13 @@ def _who_refuses(i, motion, field, sights, p):
 
 
 @part
-def commit(
-    i, persons, acceleration, steer_rate, wary, motion, field, sights, view, walking, p, floor
-):  # fmt: skip
+def commit(i, command, persons, wary, around, walking, p, floor):
     """Return what refuses robot i a command [m/s^2], [rad/s] for this physics step and the safe stop after it, or FREE.
 
-    wary [m/s]: at least so fast comes who is hidden. The motion's pace is left in the last of the outlines.
+    wary [m/s]: at least so fast comes who is hidden; around: (motion, field, sights, view). The motion's pace is
+    left in the last of the outlines.
     """
+    (acceleration, steer_rate), (motion, field, sights, view) = command, around
     paths, outlines, marks, _ = field
     trial, speed = motion.shape[1], motion[SPEED, i]
     marks[SAMPLES, trial], outlines[PACE, trial] = 0, ZERO
@@ -189,9 +189,10 @@ def _open_eyes(i, persons, motion, places, sights, turned, view, walking, p, sca
 
 
 @inline
-def guard(robots, persons, motion, field, places, sights, looks, walking, p, floor, scanners):
+def guard(robots, persons, sights, scratch, walking, p, floor, scanners):
     """Let the robots drive as `motion` commands, or as much of it as they may; who may not at all, brakes."""
-    turned, view = looks
+    motion, field, places, (turned, view) = scratch.motions[1], scratch.guards, scratch.places, scratch.looks
+    around = motion, field, sights, view
     begin(motion, field, p, None)
     _look(robots, persons, motion, places, sights, walking, p, floor)
     for i in range(robots.shape[0]):
@@ -204,7 +205,7 @@ def guard(robots, persons, motion, field, places, sights, looks, walking, p, flo
         _open_eyes(i, persons, motion, places, sights, turned, view, walking, p, scanners)
         for _ in range(_TRIES):
             weaker = brake + share * (acceleration - brake)
-            refuser = commit(i, persons, weaker, steer_rate, r["wary"], motion, field, sights, view, walking, p, floor)
+            refuser = commit(i, (weaker, steer_rate), persons, r["wary"], around, walking, p, floor)
             if refuser == FREE or acceleration == brake:
                 break
             share *= HALF

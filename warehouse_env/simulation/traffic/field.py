@@ -92,11 +92,12 @@ def _know(i, motion, paths, outlines, marks, p):
 
 
 @inline
-def _who_refuses(i, acceleration, steer_rate, motion, field, places, p, kinds):
+def _who_refuses(i, command, around, p, kinds):
     """Return a robot whose committed motion the one on trial would come too near, FREE if there is none.
 
     Of several, one that has committed in this step already: those cannot be asked to make room. p: of robot i.
     """
+    (acceleration, steer_rate), (motion, field, places) = command, around
     paths, outlines, marks, _ = field
     order, starts, _ = places
     trial, columns, found, gap = motion.shape[1], p["bucket_columns"], FREE, p["field_margin"] + SLACK
@@ -135,13 +136,14 @@ def _publish(i, trial, paths, outlines, marks):
 
 
 @part
-def commit(i, persons, acceleration, steer_rate, motion, field, places, walking, p, kinds, floor):
+def commit(i, command, persons, around, walking, p, kinds, floor):
     """Have robot i commit to a command [m/s^2], [rad/s] for this physics step and the safe stop after it, if it may.
 
     Returns FREE where it has; else SHELF, PERSON, or the index of a robot that is in the way, and what i had committed
-    stands. p: its own; kinds: of all robots (kinds.py).
+    stands. around: (motion, field, places), the scratch arrays; p: its own; kinds: of all robots (kinds.py).
     May be called for any robot at any time between `begin` and the motion, also again with another command.
     """
+    (acceleration, steer_rate), (motion, field, _) = command, around
     paths, outlines, marks, _ = field
     trial, speed = motion.shape[1], motion[SPEED, i]
     if speed != ZERO or min(max(acceleration * p["dt"], p["min_speed"]), p["max_speed"]) != ZERO:
@@ -157,7 +159,7 @@ def commit(i, persons, acceleration, steer_rate, motion, field, places, walking,
                 sample(trial, i, (acceleration, steer_rate, p["substeps"]), motion, paths, outlines, marks, p)
             if people.could_meet(persons, paths[trial], marks[SAMPLES, trial], outlines[PACE, trial], p):
                 return PERSON
-        refuser = _who_refuses(i, acceleration, steer_rate, motion, field, places, p, kinds)
+        refuser = _who_refuses(i, command, around, p, kinds)
         if refuser != FREE:
             return refuser
         _publish(i, trial, paths, outlines, marks)
@@ -177,15 +179,17 @@ def hold(i, motion, field, p):
 
 
 @inline
-def guard(robots, persons, motion, field, places, walking, p, kinds, floor):
+def guard(robots, persons, scratch, walking, p, kinds, floor):
     """Let the robots commit, in the order of priority, to the commands that `motion` holds; who may not, brakes."""
+    motion, field = scratch.motions[1], scratch.guards
+    around = motion, field, scratch.places
     begin(motion, field, p, kinds)
     for i in field[3]:
         r, own = robots[i], kind_of(i, p, kinds)
         refuser = FREE
         if r["silent"] == 0 and r["off_plan"] == 0:
-            acceleration, steer_rate = motion[ACCELERATION, i], motion[STEER_RATE, i]
-            refuser = commit(i, persons, acceleration, steer_rate, motion, field, places, walking, own, kinds, floor)
+            command = motion[ACCELERATION, i], motion[STEER_RATE, i]
+            refuser = commit(i, command, persons, around, walking, own, kinds, floor)
             if refuser == FREE:
                 r["held_time"] = ZERO
                 continue
