@@ -143,8 +143,8 @@ def test_a_free_sweep_touches_no_disc_on_its_way(
 ) -> None:
     p = stage(MAP, (0.5, 0.5, 0.0))._params[0]
     bend = -math.tan(steering) / 0.6
-    values = (F(v) for v in (*axle, math.cos(heading), math.sin(heading), bend, distance, 0.03))
-    if not sweep_is_free(*values, p, FLOOR):
+    start = Pose(*(F(v) for v in (*axle, heading, math.cos(heading), math.sin(heading))))
+    if not sweep_is_free(start, F(bend), F(distance), F(0.03), p, FLOOR):
         return
     poses = on_arcs(np.array([*axle, heading]), np.full(2, distance), np.full(2, steering), 1.0, 60)[1:]
     along = np.abs(distance) * np.arange(1, 61) / 60

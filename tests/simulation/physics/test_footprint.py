@@ -74,8 +74,8 @@ def is_free(axle: tuple[float, float], heading: float, steering: float, distance
     """Whether the body keeps 3 cm from shelves as it drives `distance` with that steering."""
     p = stage(MAP, (4.5, 3.5, 0.0))._params[0]
     bend = -math.tan(steering) / WHEELBASE
-    values = (F(v) for v in (*axle, math.cos(heading), math.sin(heading), bend, distance, 0.03))
-    return bool(sweep_is_free(*values, p, floor))
+    start = Pose(*(F(v) for v in (*axle, heading, math.cos(heading), math.sin(heading))))
+    return bool(sweep_is_free(start, F(bend), F(distance), F(0.03), p, floor))
 
 
 @given(inside, st.floats(-math.pi, math.pi), st.floats(-1.04, 1.04), st.floats(-1.5, 1.5))
