@@ -17,7 +17,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.physics.disc_sweep import touches_disc_between
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, sweep_is_free
-from warehouse_env.simulation.physics.geometry import Rectangle
+from warehouse_env.simulation.physics.geometry import Pose, Rectangle
 from warehouse_env.simulation.physics.sweep import Sweep
 from warehouse_env.simulation.simulator import Simulator
 

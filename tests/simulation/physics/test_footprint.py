@@ -13,7 +13,7 @@ from tests.simulation.reference import OFFSET, WHEELBASE, rectangle, separation,
 from tests.simulation.worlds import drawn, stage
 from warehouse_env.simulation.physics.floor import Floor, floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, sweep_is_free
-from warehouse_env.simulation.physics.geometry import Rectangle
+from warehouse_env.simulation.physics.geometry import Pose, Rectangle
 
 F = np.float32
 MAP = drawn(["........", ".##...#.", "......#.", ".#......", ".....##.", "..#....."])

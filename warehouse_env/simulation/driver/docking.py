@@ -1,7 +1,7 @@
 """Docking: the manoeuvre to a goal's exact pose, of robots that stop at their goals.
 
-A single shot from where the robot will be once it has slowed down (shots.py), else a search that ends with one.
-What is begun so, driving.py drives.
+A single shot from where the robot will be once it has slowed down (shots.py), else, if it is slow, a search that ends
+with one. What is begun so, driving.py drives.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.driver.arrival import BRAKING
 from warehouse_env.simulation.driver.bodies import write_rooms
 from warehouse_env.simulation.driver.driving import begin as begin_manoeuvre
-from warehouse_env.simulation.driver.manoeuvre import MARGINS, NONE, put_goal, search
+from warehouse_env.simulation.driver.manoeuvre import MARGINS, NONE, put_goal
 from warehouse_env.simulation.driver.shots import shoot
 from warehouse_env.simulation.physics.footprint import sweep_is_free
 from warehouse_env.simulation.physics.geometry import pose_at
@@ -20,7 +20,7 @@ from warehouse_env.simulation.physics.kinematics import curvature, roll
 from warehouse_env.simulation.physics.trigonometry import HALF, HALF_PI, PI, ZERO, sin_cos, wrap
 
 HEADINGS = 4  # tried where any heading will do
-_TURNING = np.float32(0.2)  # [m/s] from which a robot may take any turn
+TURNING = np.float32(0.2)  # [m/s] from which a robot may take any turn
 
 
 @inline
@@ -46,7 +46,7 @@ def _other_way_round(r, p):
 
 
 @inline
-def _dock(r, count, arcs, margin, p):
+def begin_docking(r, count, arcs, margin, p):
     """Begin the manoeuvre of `count` arcs to the robot's goal: which way round it stands there is settled with it."""
     begin_manoeuvre(r, count, arcs, margin)
     r["docks"] = 1
@@ -62,14 +62,14 @@ def _dock(r, count, arcs, margin, p):
 @inline
 def _slowed_down(r, p):
     """Return (pose x, y, heading, metres to it) at which a robot that brakes now has slowed down enough to turn."""
-    way = max(r["speed"] * r["speed"] - _TURNING * _TURNING, ZERO) * HALF / (BRAKING * p["max_acceleration"])
+    way = max(r["speed"] * r["speed"] - TURNING * TURNING, ZERO) * HALF / (BRAKING * p["max_acceleration"])
     way = way if r["speed"] > ZERO else -way
     x, y, heading = roll(r["x"], r["y"], r["heading"], way, curvature(r["steer"], p["wheelbase"]))
     return x, y, heading, way
 
 
 @part
-def _shoot_ahead(r, query, arcs):
+def shoot_ahead(r, query, arcs):
     """Write the manoeuvre of a single shot; return the number of its arcs, NONE if none is free, and its margin."""
     around, steer, shot = query.around, query.steer, query.scratch.shot
     x, y, heading, way = _slowed_down(r, around.p)
@@ -90,14 +90,3 @@ def _shoot_ahead(r, query, arcs):
             arcs[first + k, 0], arcs[first + k, 1] = shot[k, 0], shot[k, 1]
         return first + count, margin
     return NONE, ZERO
-
-
-@part
-def search_docking(r, query, arcs, shots):
-    """Begin the soonest manoeuvre found to the robot's goal; return the number of its arcs, NONE if there is none."""
-    count, margin = _shoot_ahead(r, query, arcs)
-    if count < 0 and abs(r["speed"]) <= _TURNING:  # it is driven from where the robot stands
-        count, margin = search(query, arcs, shots)
-    if count >= 0:
-        _dock(r, count, arcs, margin, query.around.p)
-    return count

@@ -11,7 +11,8 @@ query: see Query. The robot may stand too near to something: what touches at the
 after it does. Each of its tries comes nearer to shelves and bodies than the one before, with shorter arcs; a node takes
 some 1.5 us. After a try that was cut off there is no other, unless `most` is MOST.
 arcs float32[ARCS, 2]: is filled with (signed length [m], steering [rad]) of one arc after the other.
-shots: None, or else goals may be EXACTLY: a shot (shots.py) ends the search, from a pose near enough: analytic expansion.
+shots: None unless goals may be of the kind EXACTLY: a shot (shots.py) from a pose near enough ends the search then
+(analytic expansion).
 Returns the number of arcs, 0 if the start is a goal already, NONE if there is none, and the margin [m] that is kept. A
 manoeuvre of more than ARCS arcs is cut off there; it is all free, and the next search begins at its end.
 `search_once` is a single try; it returns CUT_OFF if there may be a way, but not within `most` nodes.
@@ -28,16 +29,16 @@ from warehouse_env.simulation.driver import turning
 from warehouse_env.simulation.driver.bodies import arc_is_free, bars, write_rooms
 from warehouse_env.simulation.driver.heap import pop, push
 from warehouse_env.simulation.driver.room_field import UNKNOWN, apart_of, room_at, write_room
-from warehouse_env.simulation.driver.scratch import (
-    COSINE, COST, HEADING, MARGIN, MOST, SHOT, SINE, WAITING, X, Y,
-)  # fmt: skip
+from warehouse_env.simulation.driver.scratch import COSINE, COST, HEADING, MARGIN, MOST, SINE, WAITING, X, Y
 from warehouse_env.simulation.driver.shots import shoot
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import Pose, body_of, grown
 from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos, wrap
 
 NONE, CUT_OFF = -1, -2  # found: see above
-OFF, FAR_OFF, ROUGHLY, EXACTLY = range(4)  # kinds of goals: off `avoid`, near by or however far; about at a pose, or exactly
+OFF, FAR_OFF, ROUGHLY, EXACTLY = range(
+    4
+)  # kinds of goals: off `avoid`, near by or however far; about at a pose, or exactly
 ARCS = 16  # of a manoeuvre at most
 TRIES = 6  # the first is coarse: it finds a way round another body, or to turn round, within a tenth of the nodes
 # [m] to shelves and bodies, of each try. A robot drives with a third of that (driving.py): where deviation stops it,
@@ -277,11 +278,10 @@ def search_once(query, goals, trial, arcs, shots):
             return entry
         node = used
         used += 1
-        if shots is not None:
-            if query.kind == EXACTLY:
-                count = _finish(node, query, goals, arcs)
-                if count >= 0:
-                    return count
+        if shots is not None and query.kind == EXACTLY:
+            count = _finish(node, query, goals, arcs)
+            if count >= 0:
+                return count
         if query.scratch.queue.ends[entry] and query.kind != EXACTLY:
             return _write_arcs(node, query.scratch, arcs)
 

@@ -17,7 +17,9 @@ from warehouse_env.simulation.driver.turning import MOVES
 
 BODY = 7  # columns of a body (bodies.py)
 NODE, GOAL = 7, 6  # columns of a node, and of a goal: X to MARGIN, and X to COST
-X, Y, HEADING, COSINE, SINE, COST, MARGIN = range(7)  # [m], [rad]; [s] so far, or from a goal on; of arcs from there [m]
+X, Y, HEADING, COSINE, SINE, COST, MARGIN = range(
+    7
+)  # [m], [rad]; [s] so far, or from a goal on; of arcs from there [m]
 MOST = 6000  # nodes of a search
 WAITING = 8  # times as many moves that may wait in its queue
 SLOTS = 1 << 14  # of the table of cells, more than twice MOST

@@ -24,7 +24,14 @@ from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.traffic import waits
 from warehouse_env.simulation.traffic.path_ahead import CENTRE_X, CENTRE_Y, COS, POSES, SIN
 from warehouse_env.simulation.traffic.recovery import (
-    ASKED, BEHIND, BEHIND_PARKED, LETS_OUT, RING, SearchWorlds, own_of, recover,
+    ASKED,
+    BEHIND,
+    BEHIND_PARKED,
+    LETS_OUT,
+    RING,
+    SearchWorlds,
+    own_of,
+    recover,
 )  # fmt: skip
 from warehouse_env.simulation.traffic.waits import SEEKS, STAGE, STUCK
 
@@ -121,36 +128,31 @@ def _clear_way(i, count, world, setup, scratch):
         asks = blocked
 
 
-@part
-def _resolve(world, paths, setup, scratch):
-    """Let those of a world search that seek or are stuck, one after another; each search changes who still is."""
-    robots, found = world.robots, scratch.found
-    waits.look(robots, found)
-    for i in range(robots.shape[0]):
-        low, count = i, 0
-        if found[STAGE, i] == SEEKS:
-            low = _least(i, robots)
-            count = _write_ring(low, robots, paths, setup, scratch)
-            case = LETS_OUT if robots[low]["yields_to"] == low else RING
-            case <<= whole(waits.is_shut_in(robots[low]))
-            robots[low]["aside"] = 0
-        elif found[STAGE, i] == STUCK:
-            case = BEHIND if robots[robots[i]["yields_to"]]["alive"] != 0 else BEHIND_PARKED
-        else:
-            continue
-        robots[low]["pause"] = waits.PAUSE
-        if recover(low, case, world, setup, scratch.avoid[:count], scratch, None) < 0:
-            _clear_way(low, count, world, setup, scratch)
-        waits.look(robots, found)
-
-
 @kernel
 def make_room(begin, end, worlds, paths, setup, scratch):
     """Let those search that seek or are stuck in the worlds from `begin` to before `end`; right after agreement.agree
-    has said that somebody is. paths: see there.
+    has said that somebody is. paths: see there. One searches after the other: each search changes who still is.
     """
+    found = scratch.found
     for b in range(begin, end):
         world = SearchWorlds(worlds.robots[b], worlds.routes[b], worlds.persons[b], worlds.arcs[b])
-        for i in range(world.robots.shape[0]):  # of paths, which a manoeuvre that begins makes void
-            scratch.poses[i] = world.robots[i]["poses"]
-        _resolve(world, paths[b], setup, scratch)
+        robots = world.robots
+        for i in range(robots.shape[0]):  # of paths, which a manoeuvre that begins makes void
+            scratch.poses[i] = robots[i]["poses"]
+        waits.look(robots, found)
+        for i in range(robots.shape[0]):
+            low, count = i, 0
+            if found[STAGE, i] == SEEKS:
+                low = _least(i, robots)
+                count = _write_ring(low, robots, paths[b], setup, scratch)
+                case = LETS_OUT if robots[low]["yields_to"] == low else RING
+                case <<= whole(waits.is_shut_in(robots[low]))
+                robots[low]["aside"] = 0
+            elif found[STAGE, i] == STUCK:
+                case = BEHIND if robots[robots[i]["yields_to"]]["alive"] != 0 else BEHIND_PARKED
+            else:
+                continue
+            robots[low]["pause"] = waits.PAUSE
+            if recover(low, case, world, setup, scratch.avoid[:count], scratch, None) < 0:
+                _clear_way(low, count, world, setup, scratch)
+            waits.look(robots, found)

@@ -101,8 +101,9 @@ def own_of(i, setup):
 
 @part
 def write_near(i, world, others, people, setup, bodies):
-    """Write the bodies of robots within `others` [m] of robot i, and people within `people` [m], into bodies float32[N +
-    M, BODY]; return how many. A person is one that stands before it, broadside on, up to where grants end.
+    """Write the bodies of robots within `others` [m] of robot i, and of people within `people` [m]; return how many.
+
+    bodies float32[N + M, BODY]: a person is a body that stands before it, broadside on, up to where grants end.
     """
     r, p, count = world.robots[i], own_of(i, setup), 0
     cx, cy, within = r["x"] - p["offset"] * r["cos"], r["y"] - p["offset"] * r["sin"], others * p["long"]
@@ -124,35 +125,26 @@ def write_near(i, world, others, people, setup, bodies):
     return count
 
 
-@part
-def _search_stage(i, stage, world, setup, avoid, scratch, stopping):
-    """Search what a stage says for robot i, and begin what is found; return what `recover` does."""
-    r, arcs, own, near, far = world.robots[i], world.arcs[i], own_of(i, setup), 0, 0
-    others = write_near(i, world, stage.others, stage.people, setup, scratch.bodies)
-    if stage.goals == ROUGHLY:
-        if r["points"] < 2:
-            return NONE
-        near, far = rejoin.write_goals(r, world.routes[i], scratch, own)
-    elif stage.goals == EXACTLY:
-        near = docking.write_goals(r, scratch.near, own)
-    around = Surroundings(
-        scratch.bodies[:others], scratch.rooms[:others], avoid, setup.floor, setup.metrics[own["kind"]], own
-    )
-    query = Query(
-        pose_at(r["x"], r["y"], r["heading"]), r["steer"], stage.goals, scratch.near[:near], scratch.far[:far], around,
-        stage.tries, stage.nodes, scratch,
-    )  # fmt: skip
-    if stopping is not None:
-        if stage.goals == EXACTLY:
-            return docking.search_docking(r, query, arcs, stopping)
-    found, margin = search(query, arcs, stopping)
-    if found > 0:
+@inline
+def _write_goals(r, stage, route, scratch, p):
+    """Write the goals of a stage into scratch.near and scratch.far; return how many of each, none if there are none."""
+    if stage.goals == ROUGHLY and r["points"] >= 2:
+        return rejoin.write_goals(r, route, scratch, p)
+    return docking.write_goals(r, scratch.near, p) if stage.goals == EXACTLY else 0, 0
+
+
+@inline
+def _begin(r, stage, found, arcs, margin, p):
+    """Begin what a stage has found; return what `recover` does."""
+    if stage.goals == EXACTLY and found >= 0:
+        docking.begin_docking(r, found, arcs, margin, p)
+    elif found > 0:
         begin_manoeuvre(r, found, arcs, margin)
-    if stage.goals <= FAR_OFF and found >= 0:
-        if found == 0:
-            return STAYS
+    if stage.goals > FAR_OFF:
+        return found
+    if found > 0:
         r["aside"], r["pause"] = 1, waits.LEAVES
-    return found
+    return STAYS if found == 0 else found
 
 
 @part
@@ -161,32 +153,31 @@ def recover(i, case, world, setup, avoid, scratch, stopping):
 
     avoid float32[K, BODY]: what it is to be off in the end; stopping: see step.Features.
     """
-    found = NONE
+    r, arcs, own, result = world.robots[i], world.arcs[i], own_of(i, setup), NONE
     for stage in STAGES:
-        if stage.cases & case:
-            found = _search_stage(i, stage, world, setup, avoid, scratch, stopping)
-            if found >= 0:
-                break
-    return found
-
-
-@part
-def _take_up(i, world, setup, scratch, stopping):
-    """Search what robot i seeks, if it seeks anything."""
-    r = world.robots[i]
-    seeks, r["seeks"] = r["seeks"], 0
-    if seeks == 0 or r["alive"] == 0 or r["arrived"] != 0:  # who has arrived gets another route
-        return
-    case = LINE
-    if stopping is not None:
-        if docks_from(r):
-            r["docks"], case = 0, DOCKS
-    if seeks == AROUND_OTHERS and write_near(i, world, CLOSE, ZERO, setup, scratch.bodies) > 0:
-        case <<= 1
-    found = recover(i, case, world, setup, scratch.avoid[:0], scratch, stopping)
-    if stopping is not None:
-        if found == 0 and r["docks"] == 0 and r["speed"] == ZERO:  # as near its route's end as that search gets it
-            r["docks"], r["search_wait"] = 1, ZERO
+        if stage.cases & case == 0:
+            continue
+        others = write_near(i, world, stage.others, stage.people, setup, scratch.bodies)
+        near, far = _write_goals(r, stage, world.routes[i], scratch, own)
+        if near == 0 and stage.goals > FAR_OFF:
+            continue
+        around = Surroundings(
+            scratch.bodies[:others], scratch.rooms[:others], avoid, setup.floor, setup.metrics[own["kind"]], own
+        )
+        query = Query(
+            pose_at(r["x"], r["y"], r["heading"]), r["steer"], stage.goals, scratch.near[:near], scratch.far[:far],
+            around, stage.tries, stage.nodes, scratch,
+        )  # fmt: skip
+        found, margin, searches = NONE, ZERO, True
+        if stopping is not None and stage.goals == EXACTLY:
+            found, margin = docking.shoot_ahead(r, query, arcs)
+            searches = found < 0 and abs(r["speed"]) <= docking.TURNING  # a search begins where the robot stands
+        if searches:
+            found, margin = search(query, arcs, stopping)
+        result = _begin(r, stage, found, arcs, margin, own)
+        if result >= 0:
+            break
+    return result
 
 
 @kernel
@@ -194,5 +185,15 @@ def seek(begin, end, worlds, setup, scratch, stopping):
     """Search for all who seek their goal or their route in the worlds from `begin` to before `end`."""
     for b in range(begin, end):
         world = SearchWorlds(worlds.robots[b], worlds.routes[b], worlds.persons[b], worlds.arcs[b])
-        for i in range(worlds.robots.shape[1]):
-            _take_up(i, world, setup, scratch, stopping)
+        for i in range(world.robots.shape[0]):
+            r, case = world.robots[i], LINE
+            seeks, r["seeks"] = r["seeks"], 0
+            if seeks == 0 or r["alive"] == 0 or r["arrived"] != 0:  # who has arrived gets another route
+                continue
+            if stopping is not None and docks_from(r):
+                r["docks"], case = 0, DOCKS
+            if seeks == AROUND_OTHERS and write_near(i, world, CLOSE, ZERO, setup, scratch.bodies) > 0:
+                case <<= 1
+            found = recover(i, case, world, setup, scratch.avoid[:0], scratch, stopping)
+            if stopping is not None and found == 0 and r["docks"] == 0 and r["speed"] == ZERO:
+                r["docks"], r["search_wait"] = 1, ZERO  # as near its route's end as that search gets it
