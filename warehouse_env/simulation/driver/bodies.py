@@ -1,4 +1,4 @@
-"""Standing bodies that a manoeuvre (manoeuvre.py) goes round, or gets out of the way of."""
+"""Standing bodies that a manoeuvre (manoeuvre.py) drives around, or moves away from."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ _STEP, _STEP_NEAR = np.float32(0.12), np.float32(0.003)  # [m] off a body from w
 
 
 class Surroundings(NamedTuple):
-    """What a robot that searches keeps off, and its own body."""
+    """Obstacles of a search, and the searching robot's own body."""
 
-    bodies: Any  # float32[K, BODY], which stand still: kept off all the way
-    rooms: Any  # float32[K] [m] that are kept off each of them (write_rooms)
-    avoid: Any  # float32[L, BODY]: to be off in the end, where it makes room
+    bodies: Any  # float32[K, BODY], standing obstacles
+    rooms: Any  # float32[K] [m], distance kept from each of them (write_rooms)
+    avoid: Any  # float32[L, BODY], bodies that the end pose must be off, if the goals are OFF or FAR_OFF
     floor: Any
     metric: Any  # float32[HEADINGS, SIDE, SIDE] [s], the turning metric of its kind (turning.py)
     p: Any  # PARAMETERS of its kind
@@ -58,7 +58,7 @@ def _rectangle(body):
 
 @inline
 def bars(pose, around):
-    """Whether the body at a Pose, with OFF around it, touches one of the bodies to be off."""
+    """Whether the body at a Pose, grown by OFF, touches one of the bodies `avoid`."""
     avoid, p = around.avoid, around.p
     own = grown(body_of(pose.x, pose.y, pose.c, pose.s, p), OFF)
     for k in range(avoid.shape[0]):
@@ -70,7 +70,7 @@ def bars(pose, around):
 
 @inline
 def write_rooms(start, margin, around):
-    """Write how far [m] to keep off each body: as the field will ask for and `margin`, or what it is at the start."""
+    """Write the distance [m] to keep from each body: the field's and `margin`, or less if the start is nearer."""
     bodies, rooms, p = around.bodies, around.rooms, around.p
     own = body_of(start.x, start.y, start.c, start.s, p)
     field = p["field_margin"] if p["field"] != 0 else ZERO
@@ -96,9 +96,9 @@ def _spare(x, y, c, s, around):
 
 @inline
 def _clear_of_bodies(start, bend, length, around):
-    """Whether the body keeps the rooms of standing bodies along an arc; the pose at its start is not checked.
+    """Whether the body keeps its `rooms` from standing bodies along an arc; the start pose is not checked.
 
-    It goes on by what no point of the body can come nearer in; where that is too little, by _STEP_NEAR.
+    Each step is as long as no point of the body can use up the spare distance, and at least _STEP_NEAR.
     """
     if around.bodies.shape[0] == 0:
         return True
@@ -121,9 +121,9 @@ def _clear_of_bodies(start, bend, length, around):
 
 @inline
 def arc_is_free(start, bend, length, margin, around):
-    """Whether the body keeps `margin` [m] off shelves, and off bodies their rooms, along an arc from a Pose.
+    """Whether the body keeps `margin` [m] from shelves and its `rooms` from bodies along an arc from a Pose.
 
-    bend [1/m]: its curvature; length [m]: negative backwards. The pose at its start is not checked.
+    bend [1/m]: curvature; length [m]: negative backwards. The start pose is not checked.
     """
     free = sweep_is_free(start, bend, length, margin, around.p, around.floor)
     return free and _clear_of_bodies(start, bend, length, around)

@@ -1,7 +1,7 @@
 """Docking: the manoeuvre to a goal's exact pose, of robots that stop at their goals.
 
-A single shot from where the robot will be once it has slowed down (shots.py), else, if it is slow, a search that ends
-with one. What is begun so, driving.py drives.
+A single shot from where the robot will have slowed down (shots.py); if none is free, a slow robot runs a search that
+ends with a shot. driving.py drives the result. Who searches when: traffic/recovery.py.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from warehouse_env.simulation.physics.kinematics import curvature, roll
 from warehouse_env.simulation.physics.trigonometry import HALF, HALF_PI, PI, ZERO, sin_cos, wrap
 
 HEADINGS = 4  # tried where any heading will do
-TURNING = np.float32(0.2)  # [m/s] from which a robot may take any turn
+TURNING = np.float32(0.2)  # [m/s] up to which a robot can take any turn
 
 
 @inline
@@ -70,7 +70,7 @@ def _slowed_down(r, p):
 
 @part
 def shoot_ahead(r, query, arcs):
-    """Write the manoeuvre of a single shot; return the number of its arcs, NONE if none is free, and its margin."""
+    """Write a single shot to the goal of robot r; return (number of arcs, margin [m]), NONE arcs if none is free."""
     around, steer, shot = query.around, query.steer, query.scratch.shot
     x, y, heading, way = _slowed_down(r, around.p)
     ahead, bend = pose_at(x, y, heading), curvature(steer, around.p["wheelbase"])

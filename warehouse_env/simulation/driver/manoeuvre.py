@@ -1,21 +1,18 @@
-"""Manoeuvres: a search over (x, y, heading) for arcs, forwards and backwards, that the exact body can drive.
+"""Manoeuvres: a search over (x, y, heading) for forward and backward arcs that the exact body can drive.
 
-Hybrid-state A* (Dolgov et al. 2010): a node is a real pose, and of the nodes in a cell of (x, y, heading) the soonest
-counts. The cost is the time that driving, steering and stopping take. The heuristic to goals is the turning metric,
-which knows how the body turns (turning.py). Room near by is searched for without one; room however far with the field
-of how far it is, which knows what stands around (room_field.py).
+Hybrid-state A* (Dolgov et al. 2010): a node is a real pose. A cell of (x, y, heading) keeps only its soonest node. The
+cost is the time for driving, steering and stopping. The heuristic to goal poses is the turning metric (turning.py). The
+search for distant room uses the field of distances to room (room_field.py); the search for room near by uses none.
 
     count, margin = search(query, arcs, shots)
 
-query: see Query. The robot may stand too near to something: what touches at the start does not count, what touches
-after it does. Each of its tries comes nearer to shelves and bodies than the one before, with shorter arcs; a node takes
-some 1.5 us. After a try that was cut off there is no other, unless `most` is MOST.
-arcs float32[ARCS, 2]: is filled with (signed length [m], steering [rad]) of one arc after the other.
-shots: None unless goals may be of the kind EXACTLY: a shot (shots.py) from a pose near enough ends the search then
-(analytic expansion).
-Returns the number of arcs, 0 if the start is a goal already, NONE if there is none, and the margin [m] that is kept. A
-manoeuvre of more than ARCS arcs is cut off there; it is all free, and the next search begins at its end.
-`search_once` is a single try; it returns CUT_OFF if there may be a way, but not within `most` nodes.
+query: see Query. Contact at the start pose is ignored; contact after it is not. Each try keeps a smaller margin and has
+shorter arcs than the last; a node takes about 1.5 us. A try that is cut off is the last one, unless `most` is MOST.
+arcs float32[ARCS, 2]: filled with (signed length [m], steering [rad]) of each arc in turn.
+shots: None unless the kind of goals may be EXACTLY. Such a search ends with a shot from a near pose (shots.py).
+Returns the number of arcs, 0 if the start is a goal, NONE if nothing is found; and the margin [m]. A manoeuvre of more
+than ARCS arcs ends there; all of it is free, and the next search starts at its end. `search_once` is a single try: it
+returns CUT_OFF if `most` nodes do not decide.
 """
 
 from __future__ import annotations
@@ -38,7 +35,7 @@ from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos, wrap
 NONE, CUT_OFF = -1, -2  # found: see above
 OFF, FAR_OFF, ROUGHLY, EXACTLY = range(
     4
-)  # kinds of goals: off `avoid`, near by or however far; about at a pose, or exactly
+)  # kinds of goals: off `avoid`, near by or at any distance; close to a pose, or exactly at one
 ARCS = 16  # of a manoeuvre at most
 TRIES = 6  # the first is coarse: it finds a way round another body, or to turn round, within a tenth of the nodes
 # [m] to shelves and bodies, of each try. A robot drives with a third of that (driving.py): where deviation stops it,
@@ -58,22 +55,22 @@ _LARGE = np.float32(2.0)  # times that for longer bodies at most: the end of a r
 
 
 class Query(NamedTuple):
-    """What a robot searches."""
+    """What to search for, from where, and how long."""
 
-    pose: Any  # Pose: where it stands
-    steer: Any  # [rad], its present steering angle
+    pose: Any  # Pose of the robot
+    steer: Any  # [rad], the present steering angle
     kind: Any  # of goals: OFF, FAR_OFF, ROUGHLY or EXACTLY
-    near: Any  # float32[G, GOAL]: poses, and the seconds from there on (put_goal); whatever is soonest in all counts
-    far: Any  # float32[H, GOAL]: goals that each try looks for after those, if there are any
+    near: Any  # float32[G, GOAL]: poses, and the seconds from there on (put_goal); the least total time wins
+    far: Any  # float32[H, GOAL]: other goals, if any; each try searches for them after `near`
     around: Any  # Surroundings
     tries: Any  # TRIES at most
     most: Any  # nodes of each try, MOST at most
-    scratch: Any  # Scratch
+    scratch: Any
 
 
 @inline
 def put_goal(goals, k, x, y, heading, seconds):
-    """Write a goal pose into goals[k], and the seconds [s] that it takes from there on."""
+    """Write a goal pose into goals[k], and the seconds [s] of the rest of the way."""
     goals[k, X], goals[k, Y], goals[k, HEADING], goals[k, COST] = x, y, heading, seconds
     goals[k, SINE], goals[k, COSINE] = sin_cos(heading)
 
@@ -104,7 +101,7 @@ def _to_go(pose, goals, around):
 
 @inline
 def _off(pose, query):
-    """Return (whether the body is off `avoid`; seconds until then at least, inf if never)."""
+    """Return (whether the body is off `avoid`, lower bound of the seconds until it is); inf if it never is."""
     around, way = query.around, ZERO
     if query.kind == FAR_OFF:
         back, start = around.p["offset"], query.pose
@@ -117,7 +114,7 @@ def _off(pose, query):
 
 @inline
 def _slot_of(pose, cell, cells):
-    """Return (slot, key) of the pose's cell [m] in the table of cells: where its key stands, or may stand."""
+    """Return (slot, key) of the pose's cell [m] in the hash table: the slot holds this key or is free."""
     taken = cells.keys
     column, row = int(np.floor(pose.x / cell)) & 0x3FF, int(np.floor(pose.y / cell)) & 0x3FF
     key = ((column << 10) | row) * 64 + turning.heading_cell(pose.heading, _HEADINGS) + 1
@@ -176,7 +173,7 @@ def _after(node, k, query):
 
 @inline
 def _keep(node, pose, seconds, margin, nodes):
-    """Write a node, but for what leads to it."""
+    """Write the pose, cost and margin of a node."""
     at = nodes.poses[node]
     at[X], at[Y], at[HEADING], at[COSINE], at[SINE] = pose.x, pose.y, pose.heading, pose.c, pose.s
     at[COST], at[MARGIN] = seconds, margin
@@ -184,7 +181,7 @@ def _keep(node, pose, seconds, margin, nodes):
 
 @inline
 def _begin(query, goals, trial):
-    """Begin a try at the robot's pose; return whether that is a goal already."""
+    """Start a try at the robot's pose; return whether that pose is a goal."""
     scratch, around, pose, margin = query.scratch, query.around, query.pose, MARGINS[trial]
     turning.write_moves(STRIDES[trial] * around.p["long"], around.p, scratch.moves)
     write_rooms(pose, margin, around)
@@ -198,8 +195,9 @@ def _begin(query, goals, trial):
 
 @inline
 def _branch(node, size, waiting, cell, query, goals):
-    """Put the moves from a node into the queue, unseen: most never are the soonest; return the heap's size and how many
-    moves there are, CUT_OFF if there is no room for one.
+    """Queue the moves from a node; return (size of the heap, moves so far, or CUT_OFF if the queue is full).
+
+    Moves are checked against obstacles only when they are taken: most never are.
     """
     queue, cells = query.scratch.queue, query.scratch.cells
     for k in range(turning.MOVES):
@@ -220,8 +218,9 @@ def _branch(node, size, waiting, cell, query, goals):
 
 @inline
 def _take(size, used, cell, margin, query):
-    """Take the soonest move that is free out of the queue, and make its end node number `used`; return (the move, the
-    heap's size): NONE if none is free, CUT_OFF if there is no room for a node.
+    """Take the soonest free move from the queue and store its end as node `used`; return (move, size of the heap).
+
+    Instead of the move: NONE if no move is free, CUT_OFF if there is no space for a node.
     """
     nodes, queue, cells = query.scratch.nodes, query.scratch.queue, query.scratch.cells
     while size > 0:
@@ -245,7 +244,7 @@ def _take(size, used, cell, margin, query):
 
 @part
 def _finish(node, query, goals, arcs):
-    """Return the number of arcs to a goal over a node, -1 if no shot is tried from there or none is free."""
+    """Write the arcs to a goal by a shot from a node; return their number, -1 if no shot is tried or free."""
     nodes, moves, shot = query.scratch.nodes, query.scratch.moves, query.scratch.shot
     pose = _pose_of(node, nodes)
     rest = _to_go(pose, goals, query.around)[1]
@@ -256,48 +255,48 @@ def _finish(node, query, goals, arcs):
     if more < 0:
         return -1
     count = _write_arcs(node, query.scratch, arcs)
-    for k in range(min(more, arcs.shape[0] - count)):
-        arcs[count, 0], arcs[count, 1] = shot[k, 0], shot[k, 1]
-        count += 1
-    return count
+    more = min(more, arcs.shape[0] - count)
+    for k in range(more):
+        arcs[count + k, 0], arcs[count + k, 1] = shot[k, 0], shot[k, 1]
+    return count + more
 
 
 @part
 def search_once(query, goals, trial, arcs, shots):
-    """Search as in try `trial` of TRIES, for these goals of the query; return as `search` does, or CUT_OFF."""
+    """Run try `trial` of TRIES for these goals of the query; return the number of arcs, NONE or CUT_OFF."""
     if _begin(query, goals, trial):
         return 0
     cell = CELLS[trial] * query.around.p["long"]
-    size, waiting, used, node = 0, 0, 1, whole(0)
+    size, waiting, used = 0, 0, whole(1)
     while True:
-        size, waiting = _branch(node, size, waiting, cell, query, goals)
+        size, waiting = _branch(used - 1, size, waiting, cell, query, goals)
         if waiting == CUT_OFF:
             return CUT_OFF
         entry, size = _take(size, used, cell, MARGINS[trial], query)
         if entry < 0:
             return entry
-        node = used
-        used += 1
-        if shots is not None and query.kind == EXACTLY:
-            count = _finish(node, query, goals, arcs)
+        if query.kind != EXACTLY:
+            if query.scratch.queue.ends[entry]:
+                return _write_arcs(used, query.scratch, arcs)
+        elif shots is not None:
+            count = _finish(used, query, goals, arcs)
             if count >= 0:
                 return count
-        if query.scratch.queue.ends[entry] and query.kind != EXACTLY:
-            return _write_arcs(node, query.scratch, arcs)
+        used += 1
 
 
 @part
 def search(query, arcs, shots):
-    """Find a manoeuvre and write it into `arcs`; return the number of its arcs and its margin (see above)."""
+    """Find a manoeuvre and write it into `arcs`; return (number of arcs, margin [m]): see above."""
     if query.kind == FAR_OFF:
         write_room(query.pose, query.around, query.scratch)
     alone = query.around.bodies.shape[0] == 0
     for k in range(query.tries):
-        trial = 1 - k if k < 2 and alone else k  # alone, where short ways are the rule, the coarse one is the second
+        trial = 1 - k if k < 2 and alone else k  # without bodies, ways are short: the coarse try comes second
         for far in range(2 if query.far.shape[0] > 0 else 1):
             count = search_once(query, query.far if far else query.near, trial, arcs, shots)
             if count >= 0:
                 return count, MARGINS[trial]
-            if count == CUT_OFF and query.most < MOST:  # among narrower ways there are more
+            if count == CUT_OFF and query.most < MOST:  # narrower margins mean more nodes
                 return NONE, ZERO
     return NONE, ZERO

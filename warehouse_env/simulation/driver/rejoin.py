@@ -1,4 +1,4 @@
-"""Back to the robot's own route: the goals of a manoeuvre that leads there."""
+"""Rejoining the route: the goal poses of a manoeuvre that leads a robot back to its own route."""
 
 from __future__ import annotations
 
@@ -10,10 +10,13 @@ from warehouse_env.simulation.driver.manoeuvre import put_goal
 from warehouse_env.simulation.physics.trigonometry import HALF_PI, ZERO, arc_tan2, wrap
 
 FIRST = np.float32(0.75)  # [m] ahead
-APART, FAR_APART = np.float32(0.4), np.float32(1.2)  # [m] between poses; where none of the near ones can be reached, as
-# in a lane that must be left backwards
-TURNED = 3  # more goals at the route's end, where the heading is free
-CRUISE = np.float32(1.3)  # [m/s] at which the rest of the way is priced
+APART, FAR_APART = (
+    np.float32(0.4),
+    np.float32(1.2),
+)  # [m] between poses: those that are tried first, and those for lanes
+# that a robot can only leave backwards
+TURNED = 3  # more headings at the end of the route, where any will do
+CRUISE = np.float32(1.3)  # [m/s] that the rest of the route is priced at
 
 
 @inline

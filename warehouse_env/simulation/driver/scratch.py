@@ -1,7 +1,7 @@
-"""The arrays that a search for manoeuvres works in: made once, and lent to one search after another.
+"""Scratch arrays of the search for manoeuvres: allocated once, lent to one kernel call after another.
 
-A search reads nothing that the one before it has left behind. One set takes 1.2 MB, and 900 bytes more for each robot
-of a world: as many sets are made as searches run at once.
+A search reads nothing that an earlier one left. A set takes 1.0 MB plus 1 kB per robot of a world; there are as many
+sets as kernel calls run at once.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SHOT = 5  # arcs of a shot at most (shots.py)
 
 
 class Nodes(NamedTuple):
-    """The poses that a search has reached."""
+    """Poses that the search has reached."""
 
     poses: NDArray[np.float32]  # [MOST, NODE]
     parents: NDArray[np.int32]  # [MOST], -1: the start
@@ -37,14 +37,14 @@ class Nodes(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """A hash table of the cells of (x, y, heading) that a search has been in."""
+    """Hash table of visited cells of (x, y, heading)."""
 
-    keys: NDArray[np.int32]  # [SLOTS], 0: nothing
-    seconds: NDArray[np.float32]  # [SLOTS], the soonest
+    keys: NDArray[np.int32]  # [SLOTS], 0: free
+    seconds: NDArray[np.float32]  # [SLOTS], least cost of the cell
 
 
 class Queue(NamedTuple):
-    """Moves that wait to be looked at, and the heap that says which is the soonest."""
+    """Queued moves, and the heap that orders them."""
 
     keys: NDArray[np.float32]  # [WAITING * MOST] of the heap
     items: NDArray[np.int32]  # [WAITING * MOST] of the heap: numbers of moves
@@ -54,7 +54,7 @@ class Queue(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """All arrays of one search, and those of who is to search (traffic/making_room.py)."""
+    """All arrays of the searches of one kernel call."""
 
     nodes: Nodes
     cells: Cells
@@ -64,42 +64,32 @@ class Scratch(NamedTuple):
     near: NDArray[np.float32]  # [NEAR_GOALS, GOAL]
     far: NDArray[np.float32]  # [FAR_GOALS, GOAL]
     shot: NDArray[np.float32]  # [SHOT, 2]
-    bodies: NDArray[np.float32]  # [robots + people, BODY], gone round
-    rooms: NDArray[np.float32]  # [robots + people] [m], kept off these
-    avoid: NDArray[np.float32]  # [robots * poses, BODY], to be off in the end
+    bodies: NDArray[np.float32]  # [robots + people, BODY], obstacles
+    rooms: NDArray[np.float32]  # [robots + people] [m], distances kept from them
+    avoid: NDArray[np.float32]  # [robots * poses, BODY], bodies that the end pose must be off
     found: NDArray[np.int64]  # [4, robots] (traffic/waits.py)
-    poses: NDArray[np.int32]  # [robots], of their paths
+    poses: NDArray[np.int32]  # [robots], poses of each path (traffic/making_room.py)
 
 
 def make_scratch(robots: int, people: int = 0, poses: int = 1) -> Scratch:
-    """Return the arrays for searches in worlds of so many robots and people; poses: of a path at most."""
-    many, bodies = WAITING * MOST, robots + people
-
-    def floats(*shape: int) -> NDArray[np.float32]:
-        return np.empty(shape, np.float32)
-
-    def whole(*shape: int) -> NDArray[np.int32]:
-        return np.empty(shape, np.int32)
-
+    """Return scratch for worlds of so many robots and people; poses: the most that a path has."""
+    many, bodies, floats, ints, bytes_ = WAITING * MOST, robots + people, np.float32, np.int32, np.int8
     return Scratch(
-        Nodes(floats(MOST, NODE), whole(MOST), np.empty(MOST, np.int8)),
-        Cells(whole(SLOTS), floats(SLOTS)),
-        Queue(floats(many), whole(many), whole(many), np.empty(many, np.int8), np.empty(many, np.bool_)),
-        floats(MOVES, 9),
-        floats(POINTS, POINTS),
-        floats(NEAR_GOALS, GOAL),
-        floats(FAR_GOALS, GOAL),
-        floats(SHOT, 2),
-        floats(bodies, BODY),
-        floats(bodies),
-        floats(robots * poses, BODY),
-        np.empty((4, robots), np.int64),
-        whole(robots),
-    )
+        Nodes(np.empty((MOST, NODE), floats), np.empty(MOST, ints), np.empty(MOST, bytes_)),
+        Cells(np.empty(SLOTS, ints), np.empty(SLOTS, floats)),
+        Queue(
+            np.empty(many, floats), np.empty(many, ints), np.empty(many, ints), np.empty(many, bytes_),
+            np.empty(many, np.bool_),
+        ),
+        np.empty((MOVES, 9), floats), np.empty((POINTS, POINTS), floats), np.empty((NEAR_GOALS, GOAL), floats),
+        np.empty((FAR_GOALS, GOAL), floats), np.empty((SHOT, 2), floats), np.empty((bodies, BODY), floats),
+        np.empty(bodies, floats), np.empty((robots * poses, BODY), floats), np.empty((4, robots), np.int64),
+        np.empty(robots, ints),
+    )  # fmt: skip
 
 
 class ScratchPool:
-    """Lends sets of arrays for worlds of one size: makes another only while all others are lent."""
+    """Lends scratch for worlds of one size; allocates a set only while all others are lent."""
 
     def __init__(self, robots: int, people: int, poses: int) -> None:
         self._sizes = robots, people, poses
@@ -107,7 +97,7 @@ class ScratchPool:
 
     @contextmanager
     def lent(self) -> Iterator[Scratch]:
-        """Lend a set of arrays to the caller alone; threads may ask at once."""
+        """Lend one set to the caller; safe to call from several threads."""
         try:
             scratch = self._free.pop()
         except IndexError:

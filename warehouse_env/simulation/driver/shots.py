@@ -45,7 +45,7 @@ def _seconds(n, lengths, radius, steer, p):
 
 @part
 def _is_free(n, lengths, radius, pose, margin, around):
-    """Whether the body keeps off shelves and bodies along word n from a Pose."""
+    """Whether the body keeps clear of shelves and bodies along word n from a Pose."""
     p = around.p
     for k in range(SHOT):
         length = np.float32(lengths[k])
@@ -63,8 +63,8 @@ def _is_free(n, lengths, radius, pose, margin, around):
 def shoot(pose, steer, goals, margin, most, around, arcs):
     """Write the soonest free curve from a Pose to one of goals float32[G, GOAL] into arcs float32[SHOT, 2].
 
-    steer [rad]: the steering angle there; margin [m]: kept off shelves; most [s]: of curves that take as long or longer
-    none is looked at; around: Surroundings. Returns (arcs, seconds), -1 arcs where there is none.
+    steer [rad]: steering angle at the start; margin [m]: kept from shelves; around: Surroundings; most [s]: only faster
+    curves are considered. Returns (number of arcs, seconds), -1 arcs if no curve is free.
     """
     count, least, p = -1, most, around.p
     sharpest = abs(curvature(LOCK_SHARE * p["max_steer"], p["wheelbase"]))

@@ -1,14 +1,13 @@
-"""Making room: where robots wait for each other in a ring, one of them leaves the others' paths by a manoeuvre.
+"""Making room: resolve wait cycles, and free robots that are stuck behind a standing robot.
 
-The one with the least right does it; if it finds no way, one along its own route between the others, else the next one.
-Who waits for a robot that stands for good, and not in a ring, looks for a way round it. All searches go round all
-bodies near, as they stand, and people (recovery.py). Who waits for itself lets a person out, and leaves its place
-(letting_out.py). Whoever finds no way may be shut in from behind: then those that wait for it leave the floor behind
-it, the last of them first if they must. Who is in a ring, and who searches when: waits.py.
+In a wait cycle, the robot with the least right leaves the paths of the others by a manoeuvre. If it finds none, it
+searches a way along its own route between the others. A robot that waits for one that stands for good searches a way
+around it. A robot that waits for itself leaves its place to let a person pass (letting_out.py). If a search fails, the
+robots that wait behind clear the floor there, the last one first if need be. All searches: recovery.py. Which robots
+search, and when: waits.py.
 
-At first all look for room near by only, since another may have less far. Who has waited for waits.SHUT_IN_AFTER none
-the less, as in a winding passage, searches however far room is, and those behind it leave the way that it would take
-without them, round all bends (room_field.py).
+The first searches reach only near room. After waits.SHUT_IN_AFTER of waiting, as in a winding passage, the search has
+no range limit, and the robots behind clear the way that this robot would take without them (room_field.py).
 """
 
 from __future__ import annotations
@@ -35,16 +34,16 @@ from warehouse_env.simulation.traffic.recovery import (
 )  # fmt: skip
 from warehouse_env.simulation.traffic.waits import SEEKS, STAGE, STUCK
 
-BEHIND_IT, BEHIND_STEP = 5, np.float32(0.3)  # poses, and [m] between them, to which who finds no way out wants to back
-WAY = POSES  # bodies along its way off others' paths at most, some 13 m: as many as `avoid` holds of one robot
-CHAIN = 4  # robots one behind the other that are asked to leave the floor behind it; 0: none
+BEHIND_IT, BEHIND_STEP = 5, np.float32(0.3)  # poses, and [m] between them, that are cleared to back off
+WAY = POSES  # bodies at most along the way out, about 13 m: `avoid` holds as many for each robot
+CHAIN = 4  # robots in a row that are asked to clear the way; 0 drops this remedy
 
 
 @inline
 def _least(i, robots):
-    """Return who of the ring through robot i has been shortest on its way, of those that may search.
+    """Return the robot of the wait cycle through robot i with the youngest task among those that may search.
 
-    Of equals always the last: two that took turns would undo each other's way.
+    The last of equals: two robots that took turns would undo each other's manoeuvre.
     """
     low, j = i, robots[i]["yields_to"]
     while j != i:
@@ -57,8 +56,9 @@ def _least(i, robots):
 
 @inline
 def _write_ring(low, robots, paths, setup, scratch):
-    """Write the bodies along the paths of all others in the ring of robot `low` into scratch.avoid, or if it is alone
-    its own where it stands; return how many.
+    """Write the bodies along the paths of all others in the wait cycle of robot `low` into scratch.avoid.
+
+    Returns how many. A robot that is alone there is to leave its own body's place.
     """
     count, j, whole_ring = 0, robots[low]["yields_to"], False
     while not whole_ring:
@@ -73,7 +73,7 @@ def _write_ring(low, robots, paths, setup, scratch):
 
 @inline
 def _write_way_back(r, p, avoid):
-    """Write the robot's body as it would be on its way straight back into avoid[:BEHIND_IT]; return how many."""
+    """Write the bodies of a robot that backs straight off into avoid[:BEHIND_IT]; return how many."""
     for k in range(BEHIND_IT):
         behind = p["offset"] + np.float32(k + 1) * BEHIND_STEP * p["long"]
         write_body(r["x"] - behind * r["cos"], r["y"] - behind * r["sin"], r["cos"], r["sin"], p, avoid[k])
@@ -82,8 +82,9 @@ def _write_way_back(r, p, avoid):
 
 @part
 def _write_way_out(i, count, robots, setup, scratch):
-    """Write into scratch.avoid the bodies along the way of robot i off its first `count`, past nobody but the one that
-    it waits for; straight back, if there is nothing to be off or no such way. Return how many.
+    """Write the bodies along the way of robot i off scratch.avoid[:count] into scratch.avoid; return how many.
+
+    The only obstacle is the robot it waits for. Without a way, or with nothing to be off, it backs straight off.
     """
     r, own, many = robots[i], own_of(i, setup), 0
     if count > 0:
@@ -91,7 +92,7 @@ def _write_way_out(i, count, robots, setup, scratch):
         o, other = robots[j], own_of(j, setup)
         x, y = o["x"] - other["offset"] * o["cos"], o["y"] - other["offset"] * o["sin"]
         write_body(x, y, o["cos"], o["sin"], other, scratch.bodies[0])
-        others = 1 if j != i else 0  # nobody, if it waits for itself
+        others = 1 if j != i else 0  # none if it waits for itself
         around = Surroundings(
             scratch.bodies[:others], scratch.rooms[:others], scratch.avoid[:count], setup.floor,
             setup.metrics[own["kind"]], own,
@@ -104,9 +105,9 @@ def _write_way_out(i, count, robots, setup, scratch):
 
 @part
 def _clear_way(i, count, world, setup, scratch):
-    """Have who waits for robot i, which finds no way out, leave the floor it needs; who cannot asks its own waiter.
+    """Let a robot that waits for robot i, which found no way out, clear the way; if none can, ask those behind it.
 
-    scratch.avoid[:count]: what robot i is to be off, if it is in a ring.
+    scratch.avoid[:count]: bodies that robot i must be off, if it is in a wait cycle.
     """
     robots, asks = world.robots, i
     shut_in = waits.is_shut_in(robots[i])
@@ -130,14 +131,16 @@ def _clear_way(i, count, world, setup, scratch):
 
 @kernel
 def make_room(begin, end, worlds, paths, setup, scratch):
-    """Let those search that seek or are stuck in the worlds from `begin` to before `end`; right after agreement.agree
-    has said that somebody is. paths: see there. One searches after the other: each search changes who still is.
+    """Search for the robots that seek or are stuck in the worlds from `begin` to before `end`.
+
+    Call it right after agreement.agree has returned that there are some; paths: see there. Robots search in turn, since
+    each manoeuvre can resolve the wait of others.
     """
     found = scratch.found
     for b in range(begin, end):
         world = SearchWorlds(worlds.robots[b], worlds.routes[b], worlds.persons[b], worlds.arcs[b])
         robots = world.robots
-        for i in range(robots.shape[0]):  # of paths, which a manoeuvre that begins makes void
+        for i in range(robots.shape[0]):  # kept, since a new manoeuvre voids its robot's path
             scratch.poses[i] = robots[i]["poses"]
         waits.look(robots, found)
         for i in range(robots.shape[0]):

@@ -1,11 +1,11 @@
-"""Recovery: a robot that cannot drive on searches a manoeuvre. STAGES says which, round whom, and for how long.
+"""Recovery: search a manoeuvre for a robot that cannot drive on. The table STAGES holds all goals and budgets.
 
-    found = recover(i, case, worlds, setup, avoid, scratch, stopping)
+    found = recover(i, case, world, setup, avoid, scratch, stopping)
 
-searches as each stage of the case says, one after the other, and begins the first manoeuvre that is found. Returns the
-number of its arcs; 0 if the robot needs none to its goals; STAYS if it is to be off `avoid`, and is; else NONE.
+runs the stages of a case in order and starts the first manoeuvre found. It returns the number of arcs: 0 if the robot
+is at its goal pose already, STAYS if it is already off the bodies `avoid`, NONE if no stage finds a manoeuvre.
 
-Who is in a ring, or stuck: making_room.py. Who seeks a way to its own goal or route: `seek`, for the path follower.
+making_room.py calls it for robots that wait for each other. `seek` calls it for the path follower.
 """
 
 from __future__ import annotations
@@ -31,35 +31,35 @@ from warehouse_env.simulation.traffic.path_ahead import ROOM_FOR_PEOPLE
 
 STAYS = -3
 
-# Cases: why a robot searches. LATE: it has waited for waits.SHUT_IN_AFTER; HELD: others are in its way.
+# Cases: why a robot searches. LATE: after waits.SHUT_IN_AFTER of waiting. HELD: other robots are in the way.
 (
-    RING, RING_LATE,  # it is to leave a ring of robots that wait for each other
-    LETS_OUT, LETS_OUT_LATE,  # it waits for itself: it is to let a person out
-    BEHIND, BEHIND_PARKED,  # it waits for one that stands for good: which may yet go, or is parked
-    ASKED, ASKED_LATE,  # it waits behind one that is shut in
-    LINE, LINE_HELD,  # it cannot follow its line
-    DOCKS, DOCKS_HELD,  # it is near its goal, and stops there
+    RING, RING_LATE,  # must leave a wait cycle
+    LETS_OUT, LETS_OUT_LATE,  # must let a person pass: it waits for itself
+    BEHIND, BEHIND_PARKED,  # waits for a robot that stands for good: one that may still go, or a parked one
+    ASKED, ASKED_LATE,  # waits behind a robot that found no way, and must clear its path
+    LINE, LINE_HELD,  # cannot follow its route
+    DOCKS, DOCKS_HELD,  # is near the goal at which it stops
 ) = (1 << k for k in range(12))  # fmt: skip
 
 
 class Stage(NamedTuple):
-    """A row of the table: what is searched."""
+    """A row of the table: a search and its budget."""
 
-    cases: int  # in which
-    goals: int  # a kind of goals (manoeuvre.py): OFF the bodies `avoid`, ROUGHLY on its own route, or its goal EXACTly
-    others: np.float32  # [m] within which bodies are gone round, of the default body
-    people: np.float32  # [m] within which people are
+    cases: int  # that it is for, as bits
+    goals: int  # OFF or FAR_OFF the bodies `avoid`, ROUGHLY on the route, or EXACTLY at the goal (manoeuvre.py)
+    others: np.float32  # [m], range of robots that are obstacles, for the default body
+    people: np.float32  # [m], range of people that are obstacles
     tries: int
-    nodes: int  # of each try at most; with fewer than MOST, the first that is cut off is the last
+    nodes: int  # of each try; below MOST, a try that is cut off ends the search
 
 
 NEAR, CLOSE, NOBODY_NEAR = np.float32(6.0), np.float32(3.0), ZERO
 WALKING = np.float32(2.0)
-FEW = 2  # tries of a follower round others who may go
-ASIDE = 700  # nodes of a search for room near by: within a metre or two
-AMONG_OTHERS = 300  # nodes of a search round others who may go
+FEW = 2  # tries among robots that may still drive on
+ASIDE = 700  # nodes that reach a metre or two
+AMONG_OTHERS = 300  # nodes among robots that may still drive on
 
-# Every stage may be deleted: its cases then have one remedy less.
+# To drop a remedy, delete its line.
 STAGES = (
     Stage(RING | LETS_OUT, OFF, NEAR, WALKING, TRIES, ASIDE),
     Stage(RING_LATE | LETS_OUT_LATE, FAR_OFF, NEAR, WALKING, TRIES, MOST),
@@ -76,19 +76,19 @@ STAGES = (
 
 
 class SearchWorlds(NamedTuple):
-    """What searches read and write, of all worlds, or of one."""
+    """State that searches read and write: of all worlds, or without the first axis of one world."""
 
     robots: Any  # ROBOT[B, N]
     routes: Any  # float32[B, N, R, 2]
     persons: Any  # PERSON[B, M]
-    arcs: Any  # float32[B, N, ARCS, 2], their manoeuvres
+    arcs: Any  # float32[B, N, ARCS, 2], manoeuvres
 
 
 class SearchSetup(NamedTuple):
-    """What stays the same."""
+    """Constants of the searches."""
 
     params: Any  # PARAMETERS[1]
-    kinds: Any  # PARAMETERS[N], or None where all robots are alike (kinds.py)
+    kinds: Any  # PARAMETERS[N], None if all robots are alike (kinds.py)
     metrics: Any  # float32[K, HEADINGS, SIDE, SIDE] [s], the turning metric of each kind (turning.py)
     floor: Any
 
@@ -101,9 +101,9 @@ def own_of(i, setup):
 
 @part
 def write_near(i, world, others, people, setup, bodies):
-    """Write the bodies of robots within `others` [m] of robot i, and of people within `people` [m]; return how many.
+    """Write robots within `others` [m] of robot i and people within `people` [m] into bodies float32[N + M, BODY].
 
-    bodies float32[N + M, BODY]: a person is a body that stands before it, broadside on, up to where grants end.
+    Returns how many. A person becomes a body between itself and the robot, broadside on, as far out as grants end.
     """
     r, p, count = world.robots[i], own_of(i, setup), 0
     cx, cy, within = r["x"] - p["offset"] * r["cos"], r["y"] - p["offset"] * r["sin"], others * p["long"]
@@ -111,7 +111,7 @@ def write_near(i, world, others, people, setup, bodies):
         o, other = world.robots[j], own_of(j, setup)
         x, y = o["x"] - other["offset"] * o["cos"], o["y"] - other["offset"] * o["sin"]
         square = (x - cx) * (x - cx) + (y - cy) * (y - cy)
-        if ZERO < square < within * within:  # its own centre is no way off
+        if ZERO < square < within * within:  # not the robot itself
             write_body(x, y, o["cos"], o["sin"], other, bodies[count])
             count += 1
     before = RADIUS + ROOM_FOR_PEOPLE - p["half_width"]
@@ -127,7 +127,7 @@ def write_near(i, world, others, people, setup, bodies):
 
 @inline
 def _write_goals(r, stage, route, scratch, p):
-    """Write the goals of a stage into scratch.near and scratch.far; return how many of each, none if there are none."""
+    """Write the goal poses of a stage into scratch.near and scratch.far; return how many of each."""
     if stage.goals == ROUGHLY and r["points"] >= 2:
         return rejoin.write_goals(r, route, scratch, p)
     return docking.write_goals(r, scratch.near, p) if stage.goals == EXACTLY else 0, 0
@@ -135,7 +135,7 @@ def _write_goals(r, stage, route, scratch, p):
 
 @inline
 def _begin(r, stage, found, arcs, margin, p):
-    """Begin what a stage has found; return what `recover` does."""
+    """Start the manoeuvre that a stage found; return what `recover` returns."""
     if stage.goals == EXACTLY and found >= 0:
         docking.begin_docking(r, found, arcs, margin, p)
     elif found > 0:
@@ -149,9 +149,9 @@ def _begin(r, stage, found, arcs, margin, p):
 
 @part
 def recover(i, case, world, setup, avoid, scratch, stopping):
-    """Search a manoeuvre for robot i as the stages of its case say, and begin it (see above).
+    """Run the stages of a case for robot i, and start the first manoeuvre found (see above).
 
-    avoid float32[K, BODY]: what it is to be off in the end; stopping: see step.Features.
+    avoid float32[K, BODY]: bodies that the end pose must be off; stopping: see step.Features.
     """
     r, arcs, own, result = world.robots[i], world.arcs[i], own_of(i, setup), NONE
     for stage in STAGES:
@@ -182,13 +182,13 @@ def recover(i, case, world, setup, avoid, scratch, stopping):
 
 @kernel
 def seek(begin, end, worlds, setup, scratch, stopping):
-    """Search for all who seek their goal or their route in the worlds from `begin` to before `end`."""
+    """Search for all robots whose follower seeks a manoeuvre, in the worlds from `begin` to before `end`."""
     for b in range(begin, end):
         world = SearchWorlds(worlds.robots[b], worlds.routes[b], worlds.persons[b], worlds.arcs[b])
         for i in range(world.robots.shape[0]):
             r, case = world.robots[i], LINE
             seeks, r["seeks"] = r["seeks"], 0
-            if seeks == 0 or r["alive"] == 0 or r["arrived"] != 0:  # who has arrived gets another route
+            if seeks == 0 or r["alive"] == 0 or r["arrived"] != 0:  # an arrived robot gets another route
                 continue
             if stopping is not None and docks_from(r):
                 r["docks"], case = 0, DOCKS
@@ -196,4 +196,4 @@ def seek(begin, end, worlds, setup, scratch, stopping):
                 case <<= 1
             found = recover(i, case, world, setup, scratch.avoid[:0], scratch, stopping)
             if stopping is not None and found == 0 and r["docks"] == 0 and r["speed"] == ZERO:
-                r["docks"], r["search_wait"] = 1, ZERO  # as near its route's end as that search gets it
+                r["docks"], r["search_wait"] = 1, ZERO  # a search gets it no nearer to the end of its route
