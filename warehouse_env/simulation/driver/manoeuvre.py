@@ -85,8 +85,7 @@ def _margin_at(pose, margin, around):
 @inline
 def _to_go(pose, goals, around):
     """Return (whether a goal is reached, seconds from there on; or estimated seconds to the best goal)."""
-    p, metric = around.p, around.metric
-    least, arrived, large = np.float32(np.inf), False, min(p["long"], _LARGE)
+    least, arrived, long, large = np.float32(np.inf), False, around.p["long"], min(around.p["long"], _LARGE)
     for k in range(goals.shape[0]):
         c, s, after = goals[k, COSINE], goals[k, SINE], goals[k, COST]
         dx, dy, turn = pose.x - goals[k, X], pose.y - goals[k, Y], wrap(pose.heading - goals[k, HEADING])
@@ -94,7 +93,7 @@ def _to_go(pose, goals, around):
         if abs(ahead) <= _ALONG * large and abs(left) <= _REACHED * large and abs(turn) <= _ALIGNED:
             least, arrived = (min(least, after) if arrived else after), True
         elif not arrived:
-            way = turning.seconds_between(ahead, left, turn, metric, turning.CELL * p["long"])
+            way = turning.seconds_between(ahead, left, turn, around.metric, turning.CELL * long)
             least = min(least, after + GREED * way)
     return arrived, least
 
@@ -188,9 +187,9 @@ def _begin(query, goals, trial):
     scratch.cells.keys[:] = 0
     _keep(0, pose, ZERO, _margin_at(pose, margin, around), scratch.nodes)
     scratch.nodes.parents[0], scratch.nodes.by[0] = -1, -1
-    if query.kind == EXACTLY:
-        return False
-    return not bars(pose, around) if query.kind <= FAR_OFF else _to_go(pose, goals, around)[0]
+    if query.kind <= FAR_OFF:
+        return not bars(pose, around)
+    return query.kind == ROUGHLY and _to_go(pose, goals, around)[0]
 
 
 @inline
@@ -290,9 +289,8 @@ def search(query, arcs, shots):
     """Find a manoeuvre and write it into `arcs`; return (number of arcs, margin [m]): see above."""
     if query.kind == FAR_OFF:
         write_room(query.pose, query.around, query.scratch)
-    alone = query.around.bodies.shape[0] == 0
-    for k in range(query.tries):
-        trial = 1 - k if k < 2 and alone else k  # without bodies, ways are short: the coarse try comes second
+    for k in range(query.tries):  # without bodies, ways are short: the coarse try comes second
+        trial = 1 - k if k < 2 and query.around.bodies.shape[0] == 0 else k
         for far in range(2 if query.far.shape[0] > 0 else 1):
             count = search_once(query, query.far if far else query.near, trial, arcs, shots)
             if count >= 0:
