@@ -21,8 +21,8 @@ from warehouse_env.portable import Portable
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation import given, state, step
 from warehouse_env.simulation.actions import ActionDecoder
-from warehouse_env.simulation.driver import docking, rejoin
 from warehouse_env.simulation.driver.manoeuvre import ARCS
+from warehouse_env.simulation.driver.scratch import ScratchPool
 from warehouse_env.simulation.driver.turning import turning_metrics
 from warehouse_env.simulation.physics.buckets import bucket_grid
 from warehouse_env.simulation.physics.deviation import Deviation, errs, planned_config
@@ -39,7 +39,7 @@ from warehouse_env.simulation.tasks.dispatch import ROUTE_BLOCK, Dispatcher
 from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.simulation.tasks.placement import Limits, put_all
 from warehouse_env.simulation.tasks.tasks import Arrival
-from warehouse_env.simulation.traffic import agreement, making_room
+from warehouse_env.simulation.traffic import agreement, making_room, recovery
 from warehouse_env.simulation.traffic.audit import raise_fault
 from warehouse_env.simulation.traffic.by_sight import NOT_SEEN
 from warehouse_env.simulation.traffic.jams import Jams, jams_of
@@ -70,7 +70,7 @@ class Simulator(Portable):
 
     bound = (
         "state", "events", "_floor", "_scanners", "_zones", "_compiled",
-        "_worlds", "_advance_arguments", "_agree_arguments", "_room_arguments", "_observe_arguments",
+        "_worlds", "_advance_arguments", "_agree_arguments", "_observe_arguments", "_scratch",
     )  # fmt: skip
 
     def __init__(
@@ -182,6 +182,7 @@ class Simulator(Portable):
         if self._sights is not None:
             self._scanners = scanners_of(self.config.field_spec.scanner_rays, self._floor.edges)
         self._compiled: _Code | None = None  # once the first step asks for it
+        self._scratch = ScratchPool(self.num_agents, self.config.people, POSES)
         self._collect()
 
     def _collect(self) -> None:
@@ -201,7 +202,6 @@ class Simulator(Portable):
         self._agree_arguments = (
             people.persons, self.arcs, self._commands[0], self._paths, *self._limits, self._choices, self._floor,
         )  # fmt: skip
-        self._room_arguments = (people.persons, self.arcs, self._paths, *self._limits, self._floor)
 
     def _at_hand(self) -> Worlds:
         """Return the worlds' arrays; that of the routes is another one once a longer route has come."""
@@ -387,18 +387,23 @@ class Simulator(Portable):
         advance, observe = self._code()
         where = (begin, end, self._planned, self.dispatcher.routes)
         if self.config.right_of_way and agreement.agree(*where, *self._agree_arguments):
-            making_room.make_room(*where, *self._room_arguments, self._metrics)
+            with self._scratch.lent() as scratch:
+                making_room.make_room(begin, end, self._search_worlds, self._paths, self._search_setup, scratch)
         arrivals, seeking = advance(begin, end, self._at_hand(), *self._advance_arguments)
         if seeking:
-            seek: Callable[..., None] = rejoin.seek if self._features.stopping is None else docking.seek
-            seek(*where, self.arcs, *self._limits, self._floor, self._metrics)
+            with self._scratch.lent() as scratch:
+                recovery.seek(begin, end, self._search_worlds, self._search_setup, scratch, self._features.stopping)
         if not self.dispatcher.all_look:
             observe(begin, end, False, self._at_hand(), *self._observe_arguments)
         return arrivals
 
     @property
-    def _metrics(self) -> NDArray[np.float32]:
-        return turning_metrics(self._every_kind)
+    def _search_worlds(self) -> recovery.SearchWorlds:
+        return recovery.SearchWorlds(self._planned, self.dispatcher.routes, self.people.persons, self.arcs)
+
+    @property
+    def _search_setup(self) -> recovery.SearchSetup:
+        return recovery.SearchSetup(*self._limits, turning_metrics(self._every_kind), self._floor)
 
     def _many(self) -> bool:
         return self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and get_num_threads() > 1

@@ -32,7 +32,8 @@ def resolve(world: World) -> list[int]:
     """Let them make room; return who has a manoeuvre."""
     sim = world.simulator
     if waits.look(world.robots, waits.scratch(len(world.robots))):
-        making_room.make_room(0, 1, sim.robots, sim.routes, *sim._room_arguments, sim._metrics)
+        with sim._scratch.lent() as scratch:
+            making_room.make_room(0, 1, sim._search_worlds, sim._paths, sim._search_setup, scratch)
     return [int(k) for k in np.flatnonzero(world.robots["arcs"])]
 
 
