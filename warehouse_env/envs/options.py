@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from warehouse_env.config import EnvConfig, EnvOptions
+from warehouse_env.config import EnvConfig
+from warehouse_env.env_options import EnvOptions
 from warehouse_env.errors import ConfigError, shown
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
@@ -16,7 +17,7 @@ class WorldOptions(EnvOptions, total=False):
     """What every env of one world takes by name."""
 
     render_mode: str | None  # "rgb_array", "human" or None
-    grid: GridMap | None  # instead of the layout or map file that the config names
+    grid: GridMap | None  # instead of the layout that the config names
     planner: Planner | str | None  # an object, or a name of PLANNERS
 
 

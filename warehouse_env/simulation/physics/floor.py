@@ -16,7 +16,7 @@ from warehouse_env.errors import MapWarning
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.fitting import fitted
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.layouts import make_layout, read_file
+from warehouse_env.maps.layouts import make_layout
 from warehouse_env.simulation.physics.discs import CellDiscs, by_cell, lower_clearance
 from warehouse_env.simulation.physics.edges import Edges, edges_of
 
@@ -25,8 +25,8 @@ UNIT = 0.01  # [m] per count of the clearance field, which saturates at 2.55 m
 
 
 def load_grid(config: EnvConfig) -> GridMap:
-    """Return the map that a config names, its map_file or else its layout, for its robots."""
-    return fit(make_layout(config.layout) if config.map_file is None else read_file(config.map_file), config)
+    """Return the map that a config names, for its robots."""
+    return fit(make_layout(config.layout), config)
 
 
 def fit(grid: GridMap, config: EnvConfig) -> GridMap:
