@@ -312,5 +312,5 @@ class EnvConfig(Checked):
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> EnvConfig:
-        """Build from `to_dict`'s result, of older versions too; raises ConfigError on unknown names and wrong values."""
+        """Build from `to_dict`'s result, an older version's too; ConfigError on unknown names and wrong values."""
         return from_plain(cls, data)

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from typing import TypedDict
 
-from warehouse_env.config import ActionType, ArrivalMode, FleetPart, RewardWeights, RobotSpec, SensorSpec, TaskMode, TrafficMode
+from warehouse_env.config import (
+    ActionType,
+    ArrivalMode,
+    FleetPart,
+    RewardWeights,
+    RobotSpec,
+    SensorSpec,
+    TaskMode,
+    TrafficMode,
+)
 from warehouse_env.traffic_spec import TrafficSpec, UncertaintySpec
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 

@@ -129,11 +129,6 @@ def add_layout(text: str) -> None:
         LAYOUTS[name] = made
 
 
-def read_file(name: str) -> GridMap:
-    """Return the floor of a map's file: map_server's or a picture's, with parameters, or else MovingAI's; MapError."""
-    return read_floor(name) if is_hall(name) else read_map(name)
-
-
 def make_layout(name: str, **parameters: Any) -> GridMap:
     """Return the named layout, or the floor of a file: MovingAI's NAME.map, map_server's NAME.yaml, or a picture.
 

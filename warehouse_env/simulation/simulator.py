@@ -127,7 +127,9 @@ class Simulator(Portable):
     def _make_arrays(self, planned: EnvConfig) -> None:
         b, n, p = self.num_worlds, self.num_agents, self._params
         self.arcs = np.zeros((b, n, ARCS, 2), dtype=np.float32)  # [m], [rad]; the robots' manoeuvres
-        self._paths = np.zeros((b, n + 1 if self.config.traffic_spec.right_of_way else 0, POSES, COLUMNS), dtype=np.float32)
+        self._paths = np.zeros(
+            (b, n + 1 if self.config.traffic_spec.right_of_way else 0, POSES, COLUMNS), dtype=np.float32
+        )
         self.observation = np.zeros((b, n, self.layout.size), dtype=np.float32)
         self.reward = np.zeros((b, n), dtype=np.float32)
         self.reward_terms = np.zeros((b, n, len(REWARD_TERMS)), dtype=np.float32)
