@@ -42,7 +42,7 @@ def config_for(directory: Path | str, base: EnvConfig) -> EnvConfig:
     """Return `base` with the action, the sensor and the options that the policy in `directory` is made for."""
     record = read_policy(directory)[0] if Path(directory).suffix.lower() == ".zip" else read_record(directory)
     traffic = driven_with(base.traffic_spec, record.env.traffic_spec)
-    return base.replace(traffic=traffic, **{name: getattr(record.env, name) for name in needed_fields(record)})  # type: ignore[arg-type]
+    return base.replace(traffic=traffic, **{name: getattr(record.env, name) for name in needed_fields(record)})
 
 
 class LearnedPolicy:

@@ -10,7 +10,7 @@ from warehouse_env import config
 from warehouse_env.config import EnvConfig
 
 PATH = Path(__file__).parents[1] / "warehouse_env" / "env_options.py"
-_HEAD = '''"""Option types for editors and mypy. Generated: `python -m tests.env_options` writes this file from EnvConfig."""
+_HEAD = '''"""Option types for editors and mypy: `python -m tests.env_options` writes them from EnvConfig."""
 
 from __future__ import annotations
 
@@ -40,9 +40,15 @@ def text() -> str:
     for name in sorted(names):
         home = getattr(config, name).__module__
         homes.setdefault(config.__name__ if home == "typing" else home, []).append(name)  # aliases are config's own
-    imports = (f"from {home} import {', '.join(sorted(names))}" for home, names in sorted(homes.items()))
+    imports = (_import(home, sorted(names)) for home, names in sorted(homes.items()))
     lines = (f"    {name}: {kind}" for name, kind in fields.items())
     return _HEAD.format(imports="\n".join(imports), fields="\n".join(lines))
+
+
+def _import(home: str, names: list[str]) -> str:
+    """Return an import as ruff has it."""
+    line = f"from {home} import {', '.join(names)}"
+    return line if len(line) <= 120 else f"from {home} import (\n" + "".join(f"    {name},\n" for name in names) + ")"
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Option types for editors and mypy. Generated: `python -m tests.env_options` writes this file from EnvConfig."""
+"""Option types for editors and mypy: `python -m tests.env_options` writes them from EnvConfig."""
 
 from __future__ import annotations
 

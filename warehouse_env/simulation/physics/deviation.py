@@ -3,8 +3,8 @@
 All rules, the path follower and the protective field work on what robots *plan*, as if it came true: ROBOT holds that.
 Here each body drives after what its robot has planned, steered back to it by where it believes to be; its true pose is
 what touches, and what outsiders see. A planned robot is as much larger than its body, and its limits are as much
-narrower, as the declared errors of UncertaintySpec call for (`planned_config`): as long as they are within these bounds no
-point of a body is ever farther than `tube` from where it is planned, so what holds of planned robots holds of bodies
+narrower, as the declared errors of UncertaintySpec call for (`planned_config`): within these bounds no point of a body
+is ever farther than `tube` from where it is planned, so what holds of planned robots holds of bodies
 (as in tube-based control: Langson, Chryssochoos, Rakovic and Mayne 2004).
 
 A robot counts its own way exactly and corrects where it believes to be by what its localisation says, a part with each
