@@ -150,7 +150,7 @@ def test_wrong_traffic_is_one_sentence(
 
 
 def test_several_robot_counts_and_floors_make_one_table(tmp_path: Path) -> None:
-    options = ["--policy", "brake", "--robots", "1", "3", "--map", str(EXAMPLE_MAP), "--episodes", "1"]
+    options = ["--policy", "brake", "--robots", "1", "3", "--layout", "open", str(EXAMPLE_MAP), "--episodes", "1"]
     assert main(command(tmp_path, *options)) == 0
     rows = read_rows(tmp_path / "rows.jsonl")
     assert [(row["layout"], row["robots"]) for row in rows] == [
@@ -306,7 +306,8 @@ def test_a_floor_has_one_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert [one.place for one in Evaluate(policy=("brake",)).experiments()] == ["paper46"]
     named = [one.place for one in Robust(policy=("brake",), robots=(2,)).experiments()]
     assert named == ["paper46", "narrow"]
-    assert main(command(tmp_path, "--policy", "brake", "--episodes", "1", "--map", floor, "--no-pictures")) == 0
+    words = "--policy brake --episodes 1 --robots 2 --seconds 10 --planner astar --no-pictures --out"
+    assert main(["evaluate", *words.split(), str(tmp_path), "--map", floor]) == 0
     assert [row["layout"] for row in read_rows(tmp_path / "rows.jsonl")] == [floor]
     assert main(["evaluate", "--layout", "open", f"--map={floor}"]) == 2
     assert "--map is another name of --layout" in capsys.readouterr().err

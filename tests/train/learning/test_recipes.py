@@ -69,8 +69,8 @@ def test_every_recipe_can_be_named_on_the_command_line(
 
 
 def test_help_shows_what_holds_by_the_recipe(capsys: pytest.CaptureFixture[str]) -> None:
-    for recipe, default in (("shipped", "True"), ("bare", "False")):
+    for recipe, default in (("shipped", "assist"), ("bare", "none")):
         assert main(["train", "threaded_ppo", "--recipe", recipe, "--help"]) == 0
         shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
-        (after,) = shown.split("--protective-field, --no-protective-field")[1:]
+        (after,) = shown.split("--traffic ")[1:]
         assert after.split("(default: ")[1].startswith(default)
