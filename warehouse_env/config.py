@@ -5,16 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Unpack
+from typing import Any, ClassVar, Literal, TypedDict, Unpack
 
 from warehouse_env.checked import Checked, CheckedPart, check_names, from_plain
 from warehouse_env.field_notes import documented
 from warehouse_env.old_names import by_todays_names
 from warehouse_env.traffic_spec import TRAFFIC, TrafficSpec, UncertaintySpec, preset_or_spec
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
-
-if TYPE_CHECKING:
-    from warehouse_env.env_options import ConfigChanges
 
 ActionType = Literal["discrete", "continuous", "raw"]
 TaskMode = Literal["lifelong", "one_shot"]
@@ -314,3 +311,46 @@ class EnvConfig(Checked):
     def from_dict(cls, data: dict[str, Any]) -> EnvConfig:
         """Build from `to_dict`'s result, an older version's too; ConfigError on unknown names and wrong values."""
         return from_plain(cls, data)
+
+
+# For type checkers and editors, which cannot read keyword arguments off a dataclass: `python -m tests.test_config`
+# writes the fields of EnvOptions from EnvConfig's.
+
+
+class EnvOptions(TypedDict, total=False):
+    """Fields of EnvConfig as the env functions take them by name; `planner` may be an object there."""
+
+    layout: str
+    num_agents: int
+    tasks: TaskMode
+    action_type: ActionType
+    max_steps: int
+    time_step: float
+    substeps: int
+    action_repeat: int
+    arrival: ArrivalMode
+    arrival_radius: float
+    pose_radius: float
+    pose_angle: float
+    near_miss_gap: float
+    stuck_after: float
+    terminate_on_collision: bool
+    speed_levels: tuple[float, ...]
+    lateral_offsets: tuple[float, ...]
+    keep_right: float
+    people: int
+    traffic: TrafficMode | TrafficSpec
+    uncertainty: UncertaintySpec | None
+    service: ServiceSpec | None
+    orders: OrderSpec | None
+    battery: BatterySpec | None
+    robot: RobotSpec
+    fleet: tuple[FleetPart, ...]
+    sensor: SensorSpec
+    reward: RewardWeights
+
+
+class ConfigChanges(EnvOptions, total=False):
+    """Every field of EnvConfig."""
+
+    planner: str

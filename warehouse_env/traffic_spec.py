@@ -63,24 +63,16 @@ def read_traffic(text: str, own: TrafficSpec | None = None) -> TrafficSpec:
     known = TRAFFIC if own is None else {OWN: own, **TRAFFIC}
     if name not in known:
         raise unknown_name("traffic", name, known)
-    return from_plain(TrafficSpec, {**_fields(known[name]), **switches})
+    return from_plain(TrafficSpec, {**vars(known[name]), **switches})
 
 
 def written_traffic(spec: TrafficSpec) -> str:
     """Return the text from which `read_traffic` makes a spec."""
-    named, usual = preset_or_spec(spec), _fields(TRAFFIC["none"])
+    named = preset_or_spec(spec)
     if isinstance(named, str):
         return named
-    switches = {name: value for name, value in _fields(spec).items() if value != usual[name]}
-    return "none:" + ",".join(f"{name}={_json(value)}" for name, value in switches.items())
-
-
-def _json(value: Any) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-def _fields(spec: TrafficSpec) -> dict[str, Any]:
-    return dict(vars(spec))
+    switches = (f"{name}={value}" for name, value in vars(spec).items() if value != getattr(TRAFFIC["none"], name))
+    return f"none:{','.join(switches)}".replace("=True", "=true").replace("=False", "=false")
 
 
 def driven_with(base: TrafficSpec, needed: TrafficSpec) -> TrafficSpec:

@@ -14,8 +14,7 @@ from agents import make_policy
 from train.books import simulator_of
 from train.evaluation.rollout import config_of
 from train.evaluation.scenes import SCENES
-from warehouse_env.config import EnvConfig, RobotSpec
-from warehouse_env.env_options import ConfigChanges
+from warehouse_env.config import ConfigChanges, EnvConfig, RobotSpec
 from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.planning import make_planner

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from warehouse_env.config import EnvConfig
-from warehouse_env.env_options import EnvOptions
+from warehouse_env.config import EnvConfig, EnvOptions
 from warehouse_env.errors import ConfigError, shown
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils import parallel_to_aec
 
-from warehouse_env.config import EnvConfig
-from warehouse_env.env_options import EnvOptions
+from warehouse_env.config import EnvConfig, EnvOptions
 from warehouse_env.envs.actions import ActionPacker
 from warehouse_env.envs.camera import RENDER_MODES, Camera, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, RobotInfos, final_metrics

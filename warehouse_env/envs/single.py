@@ -9,8 +9,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.config import EnvConfig
-from warehouse_env.env_options import EnvOptions
+from warehouse_env.config import EnvConfig, EnvOptions
 from warehouse_env.envs.actions import ActionPacker
 from warehouse_env.envs.camera import RENDER_MODES, Camera, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, RobotInfos, final_metrics

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
-from warehouse_env.config import EnvConfig
-from warehouse_env.env_options import EnvOptions
+from warehouse_env.config import EnvConfig, EnvOptions
 from warehouse_env.envs.camera import Camera, render_fps
 from warehouse_env.envs.infos import EPISODE_METRICS, final_metrics, finished_task, known
 from warehouse_env.envs.options import build_simulator, share_routes
