@@ -496,13 +496,13 @@ def folded(planner: str) -> int:
     config = EnvConfig(layout="narrow", num_agents=64, planner=planner, traffic="routes")
     simulator, rng, count = Simulator(config), np.random.default_rng(0), 0
     simulator.reset([0])
-    live, robots = live_of(simulator), simulator.robots[0]
-    robots["standing_time"] = live.STOOD_FOR
+    routes, robots = live_of(simulator), simulator.robots[0]
+    robots["standing_time"] = STOOD_FOR
     cells = simulator.grid.free_cells
     for _ in range(1500):
         me, goal = rng.integers(64), tuple(cells[rng.integers(len(cells))].tolist())
         robots[me]["heading"] = rng.uniform(-np.pi, np.pi)
-        route = live.route(robots, simulator.routes[0], 0, me, 1, goal)
+        route = routes.route(robots, simulator.routes[0], 0, me, 1, goal)
         count += route is not None and sharpest_turn(route.line[:15]) > 2.0
     return count
 

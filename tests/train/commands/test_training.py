@@ -49,7 +49,7 @@ def test_without_a_bar_it_says_what_it_begins_and_what_it_wrote(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, err = train(capsys, "--layout", "open", "--steps", "48", "--out", str(tmp_path), "--name", "one")
-    assert err[0].startswith("trains for 48 agent-steps on open with 2 robots, without a protective field and ")
+    assert err[0].startswith("trains for 48 agent-steps on open with 2 robots, without the shield and ")
     assert err[0].endswith(f"with live routes, into {tmp_path / 'one'}; Ctrl-C stops and keeps what is learned")
     assert len(out) == 1
     assert out[0].startswith("48 agent-steps in ")
