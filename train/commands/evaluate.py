@@ -27,7 +27,7 @@ from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.files import check_writable, write_text
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner
-from warehouse_env.traffic_spec import TRAFFIC, read_traffic
+from warehouse_env.traffic_spec import OWN, TRAFFIC, read_traffic
 
 
 @dataclass(frozen=True)
@@ -36,10 +36,10 @@ class Drive(Checked):
 
     planner: str = EnvConfig.planner
     """Planner of the routes: a name of `warehouse planners`, or one of your own, FILE.py:CLASS or MODULE:CLASS."""
-    traffic: str | None = None
-    """How robots meet: none; routes (they replan around others); shield (they also brake before they could touch);
-    rules (also settle who goes first); assist (rules only near robots that have stood for 12 s); own (if left out: as
-    the policy needs it). Switches of TrafficSpec may follow, as in own:routes=false or rules:shield=lidar."""
+    traffic: str = OWN
+    """How robots meet. own: as the policy needs it; none; routes: they replan around others; shield: they also brake
+    before they could touch; assist: rules also settle who goes first, near robots that have stood for 12 s; rules:
+    everywhere. Switches of TrafficSpec may follow, as in own:routes=false or rules:shield=lidar."""
     people: int | None = None
     """People who walk among the robots; none if left out."""
     arrival: ArrivalMode | None = None
@@ -50,10 +50,9 @@ class Drive(Checked):
 
     def chosen(self) -> dict[str, Any]:
         """Return what options set of EnvConfig; `traffic` as a text of `read_traffic`, which is checked here."""
-        if self.traffic is not None:
-            read_traffic(self.traffic, TRAFFIC["rules"])
+        read_traffic(self.traffic, TRAFFIC["rules"])
         given = {name: getattr(self, name) for name in ("traffic", "people", "arrival")}
-        return {name: value for name, value in given.items() if value is not None}
+        return {name: value for name, value in given.items() if value not in (None, OWN)}
 
 
 GOES_ON = "the same command with --resume goes on"

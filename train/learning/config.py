@@ -100,8 +100,8 @@ class TrainingConfig(Checked):
     """Let the robot predict, for every action, the time to a conflict; the untrained policy then avoids conflicts."""
     traffic: str = "routes"
     """How robots meet where the policy is driven: none, routes, shield, rules or assist, with switches of TrafficSpec
-    behind it, as in assist:right_of_way_after=6. The training itself goes without right of way, and replans only barred
-    routes: that is quicker, and the results could not be told apart."""
+    behind it, as in assist:right_of_way_after=6. The training itself goes without right of way: that is quicker, and
+    what is learned could not be told apart. It replans only barred routes, which takes half the time."""
     cruise_bias: float = 1.5
     """Without predictions: how strongly the untrained policy prefers to cruise on its route (logits)."""
     rollout: int = 24
@@ -309,8 +309,8 @@ class ThreadedPPOConfig(ThreadedConfig, ClippedConfig):
     """Widths of the hidden tanh layers, of the actor and of the critic."""
     traffic: str = "assist"
     """How robots meet where the policy is driven: none, routes, shield, rules or assist, with switches of TrafficSpec
-    behind it, as in assist:right_of_way_after=6. The training itself goes without right of way, and replans only barred
-    routes: that is quicker, and the results could not be told apart."""
+    behind it, as in assist:right_of_way_after=6. The training itself goes without right of way: that is quicker, and
+    what is learned could not be told apart. It replans only barred routes, which takes half the time."""
     learning_rate: float = 5e-4
     """Adam's first step size, decayed linearly to a twentieth of it."""
     epochs: int = 3
