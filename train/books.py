@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.loading import load_floor
 from warehouse_env.planning import make_planner
 from warehouse_env.planning.plan import Planner
 from warehouse_env.routes.book import RouteBook
-from warehouse_env.simulation.physics.floor import fit, load_grid
 from warehouse_env.simulation.simulator import Simulator
 
 _MOST = 64  # books kept, the last ones asked for
@@ -16,7 +16,7 @@ _books: dict[tuple[object, ...], RouteBook] = {}
 
 def book_of(config: EnvConfig, grid: GridMap | None = None, planner: Planner | None = None) -> RouteBook:
     """Return this process's book of a floor, planner and lanes; grid, planner: instead of those the config names."""
-    grid = load_grid(config) if grid is None else fit(grid, config)
+    grid = load_floor(config, grid)
     planner = make_planner(config.planner) if planner is None else planner
     floor = (grid.name, grid.key, grid.picks.tobytes(), grid.stations.tobytes())
     key = (*floor, planner.key, config.keep_right, config.widest_body.wider)

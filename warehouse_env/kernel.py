@@ -1,7 +1,7 @@
 """How every kernel is compiled: no fastmath, so that results are the same bits on every path.
 
-`kernel` is called from Python, or makes arrays. `part` and `inline` are called by kernels and work on what they are
-given: they neither make nor return arrays, so they need not count references to them (`_nrt`), which takes an atomic
+`kernel` is called from Python, or makes arrays. `part` and `inline` are called by kernels, are compiled into these alone
+(linked.py) and work on what they are given: they neither make nor return arrays, so they need not count references to them (`_nrt`), which takes an atomic
 operation for each array passed, several times what a short function costs otherwise. `inline` also has no call.
 
 Numba compiles a function again, with all that it calls, for a whole number of another width and for a constant. So
@@ -17,6 +17,8 @@ import numba
 import numpy as np
 
 from warehouse_env.compiled import KernelCache
+from warehouse_env.linked import OPTIONS as LINKED
+from warehouse_env.linked import LinkedCompiler
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -29,21 +31,34 @@ class _Decorator(Protocol):
 _njit: Any = numba.njit  # whose stubs leave `_nrt` out
 
 
-def _compiled(**options: bool) -> _Decorator:
-    """Return a decorator that compiles, and keeps what is compiled (`compiled.KernelCache`)."""
+_OPTIONS = {"error_model": "numpy", "nogil": True}
+
+
+def kernel(function: Function, /) -> Function:
+    """Compile a function, and keep what is compiled (compiled.py)."""
+    made = _njit(**_OPTIONS, _nrt=True)(function)  # said, or it would take over its caller's
+    if hasattr(made, "py_func"):  # not under NUMBA_DISABLE_JIT
+        made._cache = KernelCache(made)
+    return made  # type: ignore[no-any-return]
+
+
+def _linked(**options: bool) -> _Decorator:
+    """Return a decorator that compiles a function into the kernels that call it (linked.py)."""
 
     def decorate(function: Function) -> Function:
-        made = _njit(**options, error_model="numpy", nogil=True)(function)
-        if hasattr(made, "py_func"):  # not under NUMBA_DISABLE_JIT
-            made._cache = KernelCache(made)
+        made = _njit(**_OPTIONS, **options, _nrt=False, pipeline_class=LinkedCompiler, **LINKED)(function)
+        if not hasattr(made, "py_func"):
+            return made  # type: ignore[no-any-return]
+        alone: Any = kernel(function)
+        made._insert = lambda *_: None  # so every call from Python comes to the next line
+        made._compile_for_args = lambda *arguments: compiled_for(alone, *arguments)
         return made  # type: ignore[no-any-return]
 
     return decorate
 
 
-kernel: _Decorator = _compiled(_nrt=True)  # said, or it would take over its caller's
-part: _Decorator = _compiled(_nrt=False)
-inline: _Decorator = _compiled(forceinline=True, _nrt=False)
+part: _Decorator = _linked()
+inline: _Decorator = _linked(forceinline=True)
 
 whole: Any = np.int64  # see above
 

@@ -18,10 +18,10 @@ from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.fitting import ROOM, _near, fitted, headings_on, stands
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
+from warehouse_env.maps.loading import load_floor
 from warehouse_env.planning import PLANNERS, make_planner
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.routes.goals import face
-from warehouse_env.simulation.physics.floor import fit
 from warehouse_env.simulation.simulator import Simulator
 
 LARGE = RobotSpec(length=3.0, width=2.0, wheelbase=2.0, front_overhang=0.5)
@@ -57,7 +57,7 @@ def test_a_wide_body_keeps_to_the_middle_by_hand() -> None:
 def test_what_does_not_fit_is_one_sentence() -> None:
     grid = drawn("............", "p..........s", "............", "##.#########", "p...........", "..........s.")
     with pytest.warns(MapWarning) as found:
-        floor = fit(grid, EnvConfig(robot=LARGE, num_agents=1))
+        floor = load_floor(EnvConfig(robot=LARGE, num_agents=1), grid)
     said = [str(one.message) for one in found]
     assert "aisles are too narrow for bodies of 3 x 2 m: " in said[0]
     assert "cannot reach 1 of 2 picks and 1 of 2 stations" in said[1]
@@ -66,10 +66,11 @@ def test_what_does_not_fit_is_one_sentence() -> None:
     assert fitted(tiny, LARGE)[0] is tiny
     assert "bodies of 3 x 2 m can reach no pick, so the floor stays as it is" in fitted(tiny, LARGE)[1][0]
     with pytest.warns(MapWarning, match="too narrow"):
-        assert fit(grid, EnvConfig(robot=LARGE, num_agents=2)) is grid  # two endpoints would be left for two robots
+        # Two endpoints would be left for two robots.
+        assert load_floor(EnvConfig(robot=LARGE, num_agents=2), grid) is grid
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        fit(grid, EnvConfig())
+        load_floor(EnvConfig(), grid)
 
 
 def test_where_aisles_meet_in_which_a_body_hardly_turns_is_said() -> None:

@@ -23,7 +23,9 @@ BODIES = {
 
 def floor_for(name: str) -> GridMap:
     """Shelves with aisles of two lengths of the body, in cells of a third of a metre or a metre."""
-    wide = blocks(36, 36, 2, 8, aisle=6, cross=7, zone_rows=2, zone_columns=2, rim_rows=7, rim_columns=7)
+    wide = blocks(
+        36, 36, block_rows=2, block_columns=8, aisle=6, cross=7, zone_rows=2, zone_columns=2, rim_rows=7, rim_columns=7
+    )
     return wide if name.startswith("large") else dataclasses.replace(wide, cell_size=0.2)
 
 

@@ -13,7 +13,6 @@ from train.reporting.rows import Interval, Row, mean_interval
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
-from warehouse_env.maps.movingai import read_map
 from warehouse_env.simulation.simulator import Simulator
 
 WORLDS = 32  # each a sample
@@ -24,7 +23,7 @@ STANDING = 20.0  # [s] in one place that count as not arriving
 
 def alone(seconds: float, seed: int, maps: Sequence[Path]) -> Iterator[Row]:
     """Yield a row for every layout, every map and every generated floor; `seconds` simulated in each world."""
-    floors = [make_layout(name) for name in LAYOUTS] + [read_map(path) for path in maps]
+    floors = [make_layout(name) for name in (*LAYOUTS, *map(str, maps))]
     for grid in floors:
         yield {"floor": grid.name, "generated": False, **drive(grid, seconds, seed)}
     for floor in range(GENERATED):

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import importlib
-import itertools
 import math
 import statistics
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -197,33 +195,6 @@ def plan(budget: Budget) -> Iterator[Row]:
         yield {"planner": name, "ms": 1000 * statistics.median(seconds), "on": layout, "plans": len(seconds)}
 
 
-def ant_walk(budget: Budget) -> Iterator[Row]:
-    """The colony's walk against plain C, on paper46: milliseconds of the walks of one plan, the least of many."""
-    from train.benchmarks.ant_walk import Compared, c_walk, compare
-    from train.benchmarks.native import compiler
-    from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
-    from warehouse_env.planning.ants.aco import Aco
-    from warehouse_env.planning.ants.pf_aco import PfAco
-
-    if compiler() is None:
-        yield {"note": "The walk was not held against C: there is no C compiler (cc) here."}
-        return
-    grid = make_layout("paper46")
-    with tempfile.TemporaryDirectory() as folder:
-        in_c = c_walk(Path(folder))
-        for system, name in itertools.product((PfAco(patience=None), Aco()), ("in_zone_1", "cross_zone_1")):
-            task = NAMED_TASKS["paper46"][name]
-            compare(system, grid, task.start, task.goal, in_c, budget.seed)
-            begin, found = time.perf_counter(), list[Compared]()
-            while len(found) < 3 or time.perf_counter() - begin < budget.seconds:
-                found.append(compare(system, grid, task.start, task.goal, in_c, budget.seed))
-            ours, c = min(one.ours for one in found), min(one.c for one in found)
-            yield {
-                "planner": system.name, "on": name, "ants": system.ants, "iterations": system.iterations,
-                "ms": 1000 * ours, "c_ms": 1000 * c, "over_c": ours / c, "same_moves": all(one.same for one in found),
-            }  # fmt: skip
-
-
 def _elsewhere(name: str, per_second: float = 1.0) -> Callable[[Budget], Iterator[Row]]:
     """Return the part that the function of a name measures, in the module of that name, with one thread.
 
@@ -280,7 +251,7 @@ def start(budget: Budget) -> Iterator[Row]:
 
 
 PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
-    **{part.__name__: part for part in (simulator, reference, pettingzoo, vec_env, policy, training, plan, ant_walk)},
+    **{part.__name__: part for part in (simulator, reference, pettingzoo, vec_env, policy, training, plan)},
     "traffic": _elsewhere("traffic"),
     "looks": _elsewhere("looks"),
     "field": _elsewhere("field", _SIMULATED),

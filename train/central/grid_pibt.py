@@ -10,6 +10,8 @@ finding". Adapted: places have headings, so that what is cheap is what a car-lik
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +21,20 @@ AHEAD, ASIDE, BEHIND = 2, 3, 8  # costs of moves, half-cells of driving ahead: a
 FAR = np.int32(2**30)
 BACKWARDS = 4  # added to the heading of a move in reverse
 _STEPS = np.array([(0, 1), (-1, 0), (0, -1), (1, 0)], dtype=np.int64)  # (d_row, d_col) of headings 0..3
+
+
+class Choosing(NamedTuple):
+    """What one step of PIBT reads of N robots, and what it has chosen."""
+
+    cell: Any  # int64[N]
+    heading: Any  # int64[N]
+    costs: Any  # int32[N, 4, H * W], see cost_to_go
+    noise: Any  # float64[N, 5]
+    blocked: Any  # bool[H, W]
+    occupant: Any  # int64[H * W], the robot on a cell, or -1
+    taken: Any  # int64[H * W], the robot that a cell is kept for, or -1
+    chosen: Any  # int64[N], the next cell, -1 while undecided
+    moves: Any  # int64[N]
 
 
 @kernel
@@ -110,8 +126,9 @@ def _closes_a_ring(i, target, cell, chosen, occupant):
 
 
 @kernel
-def _decide(i, cell, heading, costs, noise, blocked, occupant, taken, chosen, moves):
+def _decide(i, step):
     """Choose robot i's next cell; whoever stands there undecided chooses first. False: it must stay where it is."""
+    cell, heading, costs, noise, blocked, occupant, taken, chosen, moves = step
     own_targets, own_moves = np.empty(5, np.int64), np.empty(5, np.int64)
     count = _choices(i, cell, heading, costs[i], noise, blocked, own_targets, own_moves)
     for k in range(count):
@@ -124,7 +141,7 @@ def _decide(i, cell, heading, costs, noise, blocked, occupant, taken, chosen, mo
         chosen[i], moves[i] = target, own_moves[k]  # also what tells j's chain where a ring would close
         taken[target] = i
         asked = j >= 0 and j != i and chosen[j] < 0
-        if not asked or _decide(j, cell, heading, costs, noise, blocked, occupant, taken, chosen, moves):
+        if not asked or _decide(j, step):
             return True
     chosen[i], moves[i] = cell[i], heading[i]
     taken[cell[i]] = i
@@ -149,7 +166,8 @@ def pibt_step(cell, heading, costs, order, held, tail, noise, blocked):
         if held[i]:
             chosen[i] = cell[i]
             taken[cell[i]] = i
+    step = Choosing(cell, heading, costs, noise, blocked, occupant, taken, chosen, moves)
     for i in order:
         if chosen[i] < 0:
-            _decide(i, cell, heading, costs, noise, blocked, occupant, taken, chosen, moves)
+            _decide(i, step)
     return chosen, moves

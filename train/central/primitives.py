@@ -70,7 +70,7 @@ def drive(pose, speed, steer, goal_speed, goal_steer, decision, limits, motion):
     for k in range(POSES):
         if k >= decision and (k - decision) % HOLD == 0:
             change, turn = approach(0.0, -speed / HOLD, limits[0] * DT), 0.0
-        x, y, heading = _roll_on(x, y, heading, speed, speed + change, steer, steer + turn, limits[2], DT)
+        x, y, heading = _roll_on((x, y, heading), speed, speed + change, steer, steer + turn, limits[2], DT)
         speed += change
         steer += turn
         s, c = sin_cos(heading)

@@ -10,7 +10,7 @@ import math
 from typing import NamedTuple
 
 from train.clmapf.motions import BEGIN, BEND, END, HEADING, LENGTH, X, Y
-from train.evaluation.audit.bodies import gap, point_gap
+from train.evaluation.audit.bodies import gap, outline_of, point_gap
 from warehouse_env.kernel import inline, kernel, part
 
 NEVER = -1.0
@@ -72,10 +72,8 @@ def two_bodies(arcs, first, last, other, other_last, end, least, shape):
     t, since, deepest = 0.0, NEVER, 0.0
     while True:
         first, other = _arc_at(arcs, first, last, t), _arc_at(arcs, other, other_last, t)
-        x, y, c, s = _place(arcs, first, t, shape)
-        to_x, to_y, to_c, to_s = _place(arcs, other, t, shape)
-        dx, dy = to_x - x, to_y - y
-        found = gap(dx, dy, c, s, shape.half_length, shape.half_width, to_c, to_s, shape.half_length, shape.half_width)
+        own = outline_of(_place(arcs, first, t, shape), shape)
+        found = gap(own, outline_of(_place(arcs, other, t, shape), shape))
         least = min(least, found)
         if found < -shape.slack:
             since = t if since == NEVER else since

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from train.central.car_like.floor import Body
-from train.evaluation.audit.bodies import gap, point_gap
+from train.evaluation.audit.bodies import Outline, gap, point_gap
 from warehouse_env.errors import MapError, shown
 from warehouse_env.files import as_number, path_of, write_text
 from warehouse_env.maps.plain_yaml import read_yaml
@@ -64,9 +64,8 @@ def disc_gap(pose: NDArray[np.float64], disc: NDArray[np.float64]) -> float:
 
 def body_gap(pose: NDArray[np.float64], other: NDArray[np.float64]) -> float:
     """Return how far two bodies are apart, negative where they overlap."""
-    (x, y, c, s), (to_x, to_y, to_c, to_s) = middle_of(pose), middle_of(other)
     half = BODY.half_length, BODY.half_width
-    return float(gap(to_x - x, to_y - y, c, s, *half, to_c, to_s, *half))
+    return float(gap(Outline(*middle_of(pose), *half), Outline(*middle_of(other), *half)))
 
 
 def why_impossible(instance: Instance) -> Iterator[str]:

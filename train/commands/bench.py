@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from train.benchmarks.parts import Budget
 
 What = Literal[
-    "simulator", "reference", "pettingzoo", "vec_env", "policy", "training", "plan", "ant_walk", "traffic",
+    "simulator", "reference", "pettingzoo", "vec_env", "policy", "training", "plan", "traffic",
     "looks", "field", "alone", "poses", "jobs", "start",
 ]  # fmt: skip
 
@@ -150,23 +150,9 @@ def _starts(rows: Sequence[Row]) -> list[Table]:
     return [Table("A fresh process, compile cache warm", ("until", "seconds"), cells)]
 
 
-def _walks(rows: Sequence[Row]) -> list[Table]:
-    header = ("planner", "task", "ants x iterations", "ms", "ms in C", "over C", "the same moves")
-    cells = tuple(
-        (
-            row["planner"], row["on"], f"{row['ants']} x {row['iterations']}",
-            *(number(row[name], 3) for name in ("ms", "c_ms", "over_c")), "yes" if row["same_moves"] else "NO",
-        )
-        for row in rows
-        if "note" not in row
-    )  # fmt: skip
-    return [Table("The ants' walk against plain C", header, cells, "".join(row.get("note", "") for row in rows))]
-
-
 TABLES: dict[str, Callable[[list[Row]], list[Table]]] = {
     "reference": _elsewhere("reference", "reference_table"),
     "plan": _plans,
-    "ant_walk": _walks,
     "traffic": _elsewhere("traffic", "traffic_table"),
     "looks": _elsewhere("looks", "looks_table"),
     "field": _elsewhere("field", "field_tables"),

@@ -31,7 +31,7 @@ from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, LostError, shown
 from warehouse_env.files import check_writable, whereabouts
-from warehouse_env.simulation.physics.floor import load_grid
+from warehouse_env.maps.loading import load_floor
 
 _SHOWN = 20  # faults in words
 _DAY = "2026-01-01T00:00:00+00:00"  # on which episodes in files begin, so that the same episode gives the same file
@@ -193,7 +193,7 @@ class FleetCommand(Checked):
     def _listen(self, source: str) -> None:
         """Make an episode of what vehicles say, write it, and print its figures."""
         folder, config = self.out or Path("results/fleet"), self._floor()
-        grid, rows = load_grid(config), RowFile(self.json)
+        grid, rows = load_floor(config), RowFile(self.json)
         check_writable(folder / EPISODE)
         beside = None if self.beside is None else load_simulated(self.beside)
         heard = self._hear(source, folder)

@@ -65,8 +65,6 @@ class Layouts(Checked):
             self._list()
 
     def _floor(self, name: str) -> GridMap:
-        if Path(name).suffix.lower() == ".map":
-            return read_map(Path(name))
         seeded = name in LAYOUTS and "seed" in inspect.signature(LAYOUTS[name]).parameters
         return make_layout(name, **({"seed": self.seed} if seeded and self.seed is not None else {}))
 

@@ -24,7 +24,7 @@ from warehouse_env.errors import ConfigError, MapError, MapWarning, shown
 from warehouse_env.files import check_writable, write_text
 from warehouse_env.maps.grid_map import Cell, GridMap
 from warehouse_env.maps.layouts import NAMED_TASKS, make_layout
-from warehouse_env.maps.movingai import Scenario, read_map, read_scen
+from warehouse_env.maps.movingai import Scenario, read_scen
 from warehouse_env.planning import Planner, make_planner
 
 _LAYOUT = "paper46"
@@ -95,7 +95,7 @@ class PlanCommand(Checked):
             names = {scenario.map_name for scenario in _scenarios(self.scen)}
             if len(names) != 1:
                 raise MapError(f"{self.scen} names {len(names)} maps; choose one with --layout")
-            return read_map(self.scen.parent / Path(names.pop()).name)
+            return make_layout(str(self.scen.parent / Path(names.pop()).name))
         return make_layout(self.layout or _LAYOUT)
 
     def _tasks(self, grid: GridMap) -> list[Task]:

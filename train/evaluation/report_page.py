@@ -13,10 +13,10 @@ from train.evaluation.words import paragraph
 from train.reporting.page import Page, Part, Shown, made_by
 from train.reporting.report import counted, evaluation_table, grouped, make_progress, number, short_names
 from train.reporting.rows import Row, select, values_of, write_rows
+from warehouse_env.maps.loading import load_floor
 from warehouse_env.render.charts import Bar
 from warehouse_env.render.heat_maps import Panel, heat_maps
 from warehouse_env.render.report_charts import COLLISIONS, detours, over_robots
-from warehouse_env.simulation.physics.floor import load_grid
 
 ROWS = "rows.jsonl"
 WORST = 5  # episodes shown as replays
@@ -111,7 +111,7 @@ def _where(
     experiments: Sequence[Experiment], rows: Sequence[Row], floors: Mapping[str, Floor], short: Mapping[str, str]
 ) -> Part:
     """Return the heat maps of each floor, a panel a policy."""
-    grids = {one.place: load_grid(one.config) for one in experiments}
+    grids = {one.place: load_floor(one.config) for one in experiments}
     pictures = []
     for layout, there, own in _on_floors(rows, floors, short):
         panels = [Panel(name, grids[layout], floor.waiting, floor.contacts) for name, floor in own.items()]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from train.evaluation.audit.bodies import Fleet, body_of, gap
+from train.evaluation.audit.bodies import Fleet, body_of, gap, outline_of
 from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import kernel
 from warehouse_env.simulation.state import GAP_HORIZON, ROBOT
@@ -97,14 +97,13 @@ def _look_at_pairs(robots, active, count, bits, near, fleet):
             if robots[j]["x"] - robots[i]["x"] > apart + 2.0 * back:
                 break
             one, other = body_of(min(i, j), fleet), body_of(max(i, j), fleet)
-            dx = (b["x"] - other.back * b["cos"]) - (a["x"] - one.back * a["cos"])
-            dy = (b["y"] - other.back * b["sin"]) - (a["y"] - one.back * a["sin"])
+            x, y = a["x"] - one.back * a["cos"], a["y"] - one.back * a["sin"]
+            to_x, to_y = b["x"] - other.back * b["cos"], b["y"] - other.back * b["sin"]
+            dx, dy = to_x - x, to_y - y
             if (bits[i] & bits[j] & PRESENT) == 0 or dx * dx + dy * dy > apart * apart:
                 continue
-            found = gap(
-                dx, dy, a["cos"], a["sin"], one.half_length, one.half_width,
-                b["cos"], b["sin"], other.half_length, other.half_width,
-            )  # fmt: skip
+            own = outline_of((x, y, a["cos"], a["sin"]), one)
+            found = gap(own, outline_of((to_x, to_y, b["cos"], b["sin"]), other))
             touch = found < 0.0 or (found < near and (bits[i] & bits[j] & AT_ROBOT) != 0)
             found = 0.0 if touch else found
             a["gap"], b["gap"] = min(a["gap"], found), min(b["gap"], found)

@@ -20,6 +20,7 @@ LARGEST = 4096  # [cells] of a floor's side; a robot would be an hour under way
 def blocks(
     rows: int = 92,
     columns: int = 92,
+    *,
     block_rows: int = 2,
     block_columns: int = 3,
     aisle: int = 3,

@@ -14,6 +14,8 @@ is least and every a(i) is more than sqrt(2)/2 from obstacles. What is doubtful 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,9 +28,18 @@ HALVINGS = 4  # of a move that would come too near to a shelf
 SLACK = 1e-9  # [cells] of rounding in comparisons of clearances
 
 
+class Weights(NamedTuple):
+    """The weights of eq. 13."""
+
+    deviation: float  # lambda
+    length: float  # mu
+    power: int  # of the norms, 1 or 2
+
+
 @kernel
-def _wanted(line, k, x, y, deviation, length, power):
+def _wanted(line, k, x, y, weights):
     """Return where node k makes eq. 13 least while its neighbours stand still; for power 1, a step on the way there."""
+    deviation, length, power = weights
     if power == 2:
         scale = deviation + 2.0 * length
         return (
@@ -53,8 +64,9 @@ def _wanted(line, k, x, y, deviation, length, power):
 
 
 @kernel
-def _cost(line, k, px, py, x, y, deviation, length, power):
+def _cost(line, k, px, py, x, y, weights):
     """Return what node k at p adds to eq. 13."""
+    deviation, length, power = weights
     away = distance(px, py, x, y)
     before = distance(px, py, line[k - 1, 0], line[k - 1, 1])
     after = distance(px, py, line[k + 1, 0], line[k + 1, 1])
@@ -73,11 +85,11 @@ def _fits(line, k, x, y, need, solid):
 
 
 @kernel
-def _move(line, k, x, y, need, solid, deviation, length, power):
+def _move(line, k, x, y, need, solid, weights):
     """Move node k of x(k) = (x, y) as far towards its best place as the shelves let it; return the distance."""
     fromx, fromy = line[k, 0], line[k, 1]
-    wantx, wanty = _wanted(line, k, x, y, deviation, length, power)
-    before = _cost(line, k, fromx, fromy, x, y, deviation, length, power)
+    wantx, wanty = _wanted(line, k, x, y, weights)
+    before = _cost(line, k, fromx, fromy, x, y, weights)
     share = 1.0
     for _ in range(HALVINGS):
         tox, toy = fromx + share * (wantx - fromx), fromy + share * (wanty - fromy)
@@ -86,7 +98,7 @@ def _move(line, k, x, y, need, solid, deviation, length, power):
         short = max(wanted - gap, 0.0)
         for slide in (0.0, short):  # straight there, or else along the shelf
             px, py = tox + slide * awayx, toy + slide * awayy
-            lower = _cost(line, k, px, py, x, y, deviation, length, power) < before
+            lower = _cost(line, k, px, py, x, y, weights) < before
             if lower and _fits(line, k, px, py, need, solid):
                 line[k, 0], line[k, 1] = px, py
                 return distance(px, py, fromx, fromy)
@@ -95,13 +107,12 @@ def _move(line, k, x, y, need, solid, deviation, length, power):
 
 
 @kernel
-def _descend(line, nodes, need, solid, deviation, length, power):
+def _descend(line, nodes, need, solid, weights):
     """Lower eq. 13 node by node, in place; the clearances `need` hold before and after each move."""
     for _ in range(SWEEPS):
         most = 0.0
         for k in range(1, line.shape[0] - 1):
-            moved = _move(line, k, nodes[k, 0], nodes[k, 1], need, solid, deviation, length, power)
-            most = max(most, moved)
+            most = max(most, _move(line, k, nodes[k, 0], nodes[k, 1], need, solid, weights))
         if most < STILL:
             return
 
@@ -128,5 +139,5 @@ def smooth(
     if len(line) > 2:
         ends = np.hstack([line[:-1], line[1:]]).tolist()
         need = np.array([segment_gap(solid, ax, ay, bx, by, 1.0, clearance) for ax, ay, bx, by in ends])
-        _descend(line, nodes, need, solid, deviation, length, power)
+        _descend(line, nodes, need, solid, Weights(deviation, length, power))
     return line[:, ::-1] - 0.5

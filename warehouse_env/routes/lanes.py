@@ -8,6 +8,7 @@ lane, to its neighbours' middle, and away from shelves that are nearer than CLEA
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,12 +29,21 @@ ITERATIONS = 60
 PULL, SMOOTH, PUSH = 0.12, 0.45, 0.5  # shares of the way to lane, neighbours and clearance in one iteration
 
 
+class LaneFloor(NamedTuple):
+    """What lanes keep to."""
+
+    solid: Any  # uint8[H + 2, W + 2], padded shelves, y up
+    one_way: Any  # uint8[H + 2, W + 2], likewise the directions of one-way cells
+    cell: float  # [m]
+
+
 @inline
-def _free_to(solid, one_way, mine, x, y, ux, uy, cell, sight):
+def _free_to(floor, mine, x, y, ux, uy, sight):
     """Distance [m] along (ux, uy) to the first shelf, at most `sight`, in steps of 5 cm.
 
     mine > 0: to the first cell of another direction.
     """
+    solid, one_way, cell = floor
     steps = round(sight / 0.05)
     for k in range(1, steps + 1):
         t = 0.05 * k - 0.025
@@ -108,14 +118,14 @@ def _along_one_way(one_way, x, y, ux, uy, cell):
 
 
 @kernel
-def _lane_targets(points, solid, one_way, cell, keep_right, wider, shift, room, out):
+def _lane_targets(points, floor, keep_right, wider, shift, room, out):
     """Write where each point should be (right of the middle where there are two lanes), and its possible clearance."""
     n = points.shape[0]
     for k in range(n):
         ux, uy = _direction(points, k)
-        mine = _along_one_way(one_way, points[k, 0], points[k, 1], ux, uy, cell)
-        right = _free_to(solid, one_way, mine, points[k, 0], points[k, 1], uy, -ux, cell, SIGHT * wider)
-        left = _free_to(solid, one_way, mine, points[k, 0], points[k, 1], -uy, ux, cell, SIGHT * wider)
+        mine = _along_one_way(floor.one_way, points[k, 0], points[k, 1], ux, uy, floor.cell)
+        right = _free_to(floor, mine, points[k, 0], points[k, 1], uy, -ux, SIGHT * wider)
+        left = _free_to(floor, mine, points[k, 0], points[k, 1], -uy, ux, SIGHT * wider)
         shift[k] = 0.5 * (right - left) if mine > 0 else _lane_shift(left, right, keep_right, wider)
         room[k] = min(CLEARANCE * wider, 0.5 * (left + right) - NARROWER * wider)
     _fill_gaps(shift, keep_right)
@@ -194,7 +204,7 @@ def drivable_line(points, solid, one_way, cell, keep_right, reach=np.inf, wider=
     near = line[: int(min(reach / spacing, np.float64(len(line)))) + 1]
     if len(near) > 2:
         targets, shift, room = np.empty_like(near), np.empty(len(near)), np.empty(len(near))
-        _lane_targets(near, solid, one_way, cell, keep_right, wider, shift, room, targets)
+        _lane_targets(near, LaneFloor(solid, one_way, cell), keep_right, wider, shift, room, targets)
         _relax(near, targets, room, solid, cell)
         line = resample(line, spacing)
     return line.astype(np.float32)

@@ -14,6 +14,7 @@ from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.errors import ConfigError, shown
 from warehouse_env.kernel import compiled_for
 from warehouse_env.maps.grid_map import GridMap
+from warehouse_env.maps.loading import load_floor
 from warehouse_env.observation import observation_layout
 from warehouse_env.planning.plan import Planner
 from warehouse_env.portable import Portable
@@ -25,7 +26,7 @@ from warehouse_env.simulation.driver.manoeuvre import ARCS
 from warehouse_env.simulation.driver.turning import turning_metrics
 from warehouse_env.simulation.physics.buckets import bucket_grid
 from warehouse_env.simulation.physics.deviation import Deviation, errs, planned_config
-from warehouse_env.simulation.physics.floor import fit, floor_of, load_grid
+from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.people import People
 from warehouse_env.simulation.physics.poses import poses, speeds
 from warehouse_env.simulation.physics.zones import zones_of
@@ -88,7 +89,7 @@ class Simulator(Portable):
         given.check_parts(config, grid, planner, routes)
         num_worlds = given.check_count("num_worlds", num_worlds)
         self.config, self.num_worlds, self.num_agents = config, num_worlds, config.num_agents
-        self.grid = routes.grid if routes is not None else load_grid(config) if grid is None else fit(grid, config)
+        self.grid = routes.grid if routes is not None else load_floor(config, grid)
         if routes is None:
             from warehouse_env.planning import make_planner
 

@@ -19,6 +19,7 @@ from warehouse_env.kernel import inline, kernel
 from warehouse_env.observation import EGO, FIELD, GOAL, NEIGHBOUR
 from warehouse_env.simulation.driver import arrival, line, tracking
 from warehouse_env.simulation.physics import buckets, contact, contact_episodes, deviation, people, zones
+from warehouse_env.simulation.physics.edges import Edges
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import approach, braking
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
@@ -240,8 +241,8 @@ def _observe_world(
         r, own = robots[i], kind_of(i, p, kinds)
         row = out[i]
         cx, cy = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n]
-        sensing.scan_shelves(cx, cy, r["cos"], r["sin"], own, edges, seen, first, rays, turned, row)
-        sensing.look_around(n, bodies, order, starts, own, kinds, rays, row, near)
+        sensing.scan_shelves((cx, cy, r["cos"], r["sin"]), own, Edges(edges, seen, first), rays, turned, row)
+        sensing.look_around(n, places, own, kinds, rays, row, near)
         if walking is not None:
             people.scan_people(persons, cx, cy, r["cos"], r["sin"], rays, row)
         sensing.write_neighbours(n, bodies, own, row, near)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.maps.grid_map import Cell, GridMap
-from warehouse_env.planning.ants.colony import Search, cells_of, walk
+from warehouse_env.planning.ants.colony import EdgeWeights, Search, WalkRule, cells_of, walk
 from warehouse_env.planning.ants.floor import Floor, Table
 from warehouse_env.planning.ants.system import AntSystem
 from warehouse_env.planning.ants.walks import Walks, empty_walks, measure
@@ -75,6 +75,7 @@ def _sample(
     walks = empty_walks(start, len(floor.height))
     seeds = rng.integers(1, 2**63, samples, dtype=np.uint64)
     visited = np.zeros(len(floor.height), np.int64)
-    walk(floor, trail, turning, straight, seeds, 0.0, system.dead_end == "backtrack", (0.0, 0.0), visited, 1, walks)
+    edges, rule = EdgeWeights(trail, turning, straight), WalkRule(backtrack=system.dead_end == "backtrack")
+    walk(floor, edges, rule, seeds, visited, 1, walks)
     measure(floor, walks, 0, samples)
     return walks

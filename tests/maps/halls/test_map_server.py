@@ -21,7 +21,7 @@ from warehouse_env.maps.halls.map_server import UNKNOWN, Occupancy, read_occupan
 from warehouse_env.maps.halls.picture import read_picture, write_pgm
 from warehouse_env.maps.halls.saved import write_hall
 from warehouse_env.maps.layouts import make_layout
-from warehouse_env.simulation.physics.floor import load_grid
+from warehouse_env.maps.loading import load_floor
 
 REAL = Path(__file__).parents[4] / "shared" / "buildings"
 YAML = (
@@ -68,7 +68,7 @@ def test_cells_by_hand(tmp_path: Path) -> None:
     assert grid.world(grid.centre((2, 0))).tolist() == [-2.5, 3.0]
     name = str(tmp_path / "hall.yaml:share=0.25")
     assert not make_layout(name).occupied.any()
-    assert load_grid(EnvConfig(layout=name)).key == load_grid(EnvConfig(layout=name)).key == make_layout(name).key
+    assert load_floor(EnvConfig(layout=name)).key == make_layout(name).key
 
 
 def test_what_is_lost_is_told(tmp_path: Path) -> None:

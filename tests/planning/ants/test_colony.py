@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.planning.ants.colony import Colony, cells_of, run, walk
+from warehouse_env.planning.ants.colony import Colony, EdgeWeights, WalkRule, cells_of, run, walk
 from warehouse_env.planning.ants.floor import Floor, Table, make_floor
 from warehouse_env.planning.ants.walks import Walks, deposit, empty_walks, measure
 
@@ -24,9 +24,9 @@ def send(floor: Floor, turning: Table, straight: Table, ants: int, q0: float = 0
     walks = empty_walks(np.full(ants, options.get("start", 0)), len(floor.height))
     seeds = np.random.default_rng(0).integers(1, 2**63, ants, dtype=np.uint64)
     trail = options.get("trail", np.ones_like(turning))
-    local, backtrack = options.get("local", (0.0, 0.0)), options.get("backtrack", True)
+    rule = WalkRule(q0, options.get("backtrack", True), *options.get("local", (0.0, 0.0)))
     visited = np.zeros(len(floor.height), np.int64)
-    walk(floor, trail, turning, straight, seeds, q0, backtrack, local, visited, 1, walks)
+    walk(floor, EdgeWeights(trail, turning, straight), rule, seeds, visited, 1, walks)
     return walks
 
 

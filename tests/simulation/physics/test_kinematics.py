@@ -22,8 +22,8 @@ ANGLES = [math.radians(a) for a in (-60, -30, -10, 10, 30, 60)]
 
 def moved(x, y, heading, speed, next_speed, steering, next_steering, dt=0.05):  # type: ignore[no-untyped-def]
     """`drive` with float32 arguments, as the step calls it."""
-    values = (x, y, heading, speed, next_speed, steering, next_steering, WHEELBASE, dt)
-    return tuple(float(v) for v in drive(*(F(v) for v in values)))
+    values = (speed, next_speed, steering, next_steering, WHEELBASE, dt)
+    return tuple(float(v) for v in drive((F(x), F(y), F(heading)), *(F(v) for v in values)))
 
 
 def pose(simulator: Simulator, robot: int = 0) -> tuple[float, float, float]:

@@ -16,7 +16,7 @@ from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import MapError
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.simulation.physics.floor import fit
+from warehouse_env.maps.loading import load_floor
 from warehouse_env.simulation.physics.kinematics import curvature, roll
 from warehouse_env.simulation.physics.zones import keep_under, most_speed, zones_of
 from warehouse_env.simulation.state import ROBOT, parameters_of
@@ -83,8 +83,8 @@ def test_a_robot_brakes_in_time_and_speeds_up_behind() -> None:
 
 def test_limits_cost_robots_that_are_no_faster_nothing_whoever_gives_the_floor() -> None:
     grid, slow = strip(0.5), EnvConfig(robot=RobotSpec(max_speed=0.5))
-    assert fit(grid, CONFIG).surplus[0, 10].max() > 1.0
-    assert not fit(grid, slow).surplus.any()
+    assert load_floor(CONFIG, grid).surplus[0, 10].max() > 1.0
+    assert not load_floor(slow, grid).surplus.any()
 
 
 def test_no_limit_that_binds_is_no_zone() -> None:

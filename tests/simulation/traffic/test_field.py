@@ -183,7 +183,7 @@ def test_the_field_samples_the_poses_that_bodies_take(seed: int, substeps: int, 
     motion = np.zeros((contact.MOTION, 1), np.float32)
     contact.load(body, 0, *np.float32(command), p, simulator._floor, motion)
     rates = motion[contact.ACCELERATION, 0], motion[contact.STEER_RATE, 0]
-    stops.sample(1, 0, *rates, substeps, motion, paths, outlines, marks, p)
+    stops.sample(1, 0, (*rates, substeps), motion, paths, outlines, marks, p)
     for n in range(substeps, marks[stops.SAMPLES, 1], substeps):
         simulator.step(raw(simulator, command if n == substeps else (float(braking(body["speed"][0], p)), 0.0)))
         centre = [body["x"] - p["offset"] * body["cos"], body["y"] - p["offset"] * body["sin"]]
@@ -203,7 +203,7 @@ def test_an_outline_holds_all_that_a_motion_sweeps(seed: int, front: float) -> N
     paths, outlines, marks, _ = field.scratch(1, p)
     contact.load(simulator.robots[0], 0, *command, p, simulator._floor, motion)
     stops.outline_trial(0, *command, motion, outlines, p)
-    stops.sample(1, 0, *command, p["substeps"], motion, paths, outlines, marks, p)
+    stops.sample(1, 0, (*command, p["substeps"]), motion, paths, outlines, marks, p)
     c, s = outlines[stops.AXIS_COS, 1], outlines[stops.AXIS_SIN, 1]
     for x, y, cos, sin in paths[1, : marks[stops.SAMPLES, 1], : stops.WAY].astype(float):
         for along, aside in ((0.6, 0.3), (0.6, -0.3), (-0.6, 0.3), (-0.6, -0.3)):

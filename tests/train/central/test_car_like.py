@@ -11,7 +11,20 @@ from hypothesis import strategies as st
 
 from train.central.car_like.floor import Body, Floor, floor_of, off_discs, stays_inside
 from train.central.car_like.together import Effort, plan_together, reversed_route
-from train.central.car_like.traffic import BEGIN, BEND, END, HEADING, PIECE, RATE, X, Y, empty_traffic, insert, meetings
+from train.central.car_like.traffic import (
+    BEGIN,
+    BEND,
+    END,
+    HEADING,
+    PIECE,
+    RATE,
+    RoutePiece,
+    X,
+    Y,
+    empty_traffic,
+    insert,
+    meetings,
+)
 from train.clmapf.instance import body_gap, disc_gap
 from warehouse_env.routes.reeds_shepp import rolled
 
@@ -70,15 +83,13 @@ def test_meetings_are_those_that_sampling_sees(own: list, other: list, dx: float
     traffic, plain = empty_traffic(2, 8, 40), floor([])
     insert(traffic, 1, ways[1], len(ways[1]), plain)
     for piece in ways[0]:
-        seconds = piece[END] - piece[BEGIN]
-        pose = piece[X], piece[Y], piece[HEADING]
-        count = meetings(0, *pose, piece[RATE], piece[BEND], piece[BEGIN], seconds, 100, traffic, plain)
+        count = meetings(0, RoutePiece(*piece), 100, traffic, plain)
         overlaps, near = set(), set()
         for t in np.linspace(piece[BEGIN], piece[END], 120):
             theirs = next((one for one in ways[1] if t < one[END]), ways[1][-1])
             driven = theirs[RATE] * (min(t, theirs[END]) - theirs[BEGIN])
             gap = body_gap(
-                np.array(rolled(*pose, piece[RATE] * (t - piece[BEGIN]), piece[BEND])),
+                np.array(rolled(*piece[[X, Y, HEADING]], piece[RATE] * (t - piece[BEGIN]), piece[BEND])),
                 np.array(rolled(theirs[X], theirs[Y], theirs[HEADING], driven, theirs[BEND])),
             )
             if gap < -1e-9:

@@ -7,10 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from train.central.car_like.floor import is_free
-from train.central.car_like.traffic import BEGIN, BEND, END, HEADING, RATE, X, Y, meetings
-from warehouse_env.kernel import part
+from train.central.car_like.traffic import BEGIN, BEND, END, HEADING, RATE, X, Y, meetings, piece_at
+from train.central.car_like.tree import TURN
+from warehouse_env.kernel import inline, part
 from warehouse_env.routes.reeds_shepp import SEGMENTS, TURNS, WORDS, rolled, seen_from, word
 
+_TRIES, _FIRST_TRIES, _FIRST_WAITS = 2, 8, 6  # curves from a node and from the start, there after up to so many waits
 _MANY = 1e6  # meetings, as good as no limit
 
 
@@ -25,6 +27,18 @@ class Task(NamedTuple):
     later: Any  # int32[S + 1], see traffic.passers
     price: float  # [s] of a meeting
     fine: int  # 1, 2, 4 or 8: steps to one of tree.TURN
+    stamp: int  # another whole number for each search in the same tree
+
+
+class WordCurve(NamedTuple):
+    """A Reeds-Shepp curve from a pose to the gate."""
+
+    x: float
+    y: float
+    heading: float
+    word: int
+    length: float
+    parts: tuple[float, ...]  # signed lengths of its segments
 
 
 class Best(NamedTuple):
@@ -36,9 +50,16 @@ class Best(NamedTuple):
     wait: float
 
 
+@inline
+def step_time(task, floor):
+    """Return the seconds of a step of a search."""
+    return TURN * floor.radius / task.fine
+
+
 @part
-def _is_free_curve(x, y, heading, n, parts, floor):
-    """Whether the segments of word n keep on the floor and off the discs."""
+def _is_free_curve(curve, floor):
+    """Whether the segments of a curve keep on the floor and off the discs."""
+    x, y, heading, n, _, parts = curve
     for k in range(SEGMENTS):
         if parts[k] != 0.0:
             bend = TURNS[n, k] / floor.radius
@@ -49,34 +70,36 @@ def _is_free_curve(x, y, heading, n, parts, floor):
 
 
 @part
-def _curve_meetings(task, x, y, heading, t, n, parts, most, traffic, floor):
+def _curve_meetings(task, curve, t, most, traffic, floor):
     """Return how often a robot meets others on a curve begun at t [s] and on the tail, up to `most`."""
+    x, y, heading, n, _, parts = curve
     count = 0
     for k in range(SEGMENTS):
         if parts[k] != 0.0 and count < most:
             bend, rate, seconds = TURNS[n, k] / floor.radius, 1.0 if parts[k] > 0.0 else -1.0, abs(parts[k])
-            count += meetings(task.robot, x, y, heading, rate, bend, t, seconds, most - count, traffic, floor)
+            piece = piece_at(t, x, y, heading, rate, bend, seconds)
+            count += meetings(task.robot, piece, most - count, traffic, floor)
             x, y, heading = rolled(x, y, heading, parts[k], bend)
             t += seconds
     for k in range(task.tail.shape[0]):
         p = task.tail[k]
         if count < most:
-            count += meetings(
-                task.robot, p[X], p[Y], p[HEADING], p[RATE], p[BEND], t + p[BEGIN], p[END] - p[BEGIN], most - count,
-                traffic, floor,
-            )  # fmt: skip
+            piece = piece_at(t + p[BEGIN], p[X], p[Y], p[HEADING], p[RATE], p[BEND], p[END] - p[BEGIN])
+            count += meetings(task.robot, piece, most - count, traffic, floor)
     return count
 
 
 @part
-def _hold(task, pose, t, met, n, length, parts, wait, best, node, traffic, floor):
+def _hold(task, reached, curve, wait, best, traffic, floor):
     """Hold a wait and a curve, known to be free, against the best so far; return the better.
+
+    reached: the node, when [s] and after how many meetings.
 
     Where others still pass over the goal when it arrives, it waits for as much longer.
     """
-    x, y, heading = pose
+    node, t, met = reached
     for _ in range(2):
-        arrival = t + wait + length + task.tail_seconds
+        arrival = t + wait + curve.length + task.tail_seconds
         if arrival >= task.later.size - 2:
             break
         passing = task.later[int(arrival)]
@@ -84,11 +107,12 @@ def _hold(task, pose, t, met, n, length, parts, wait, best, node, traffic, floor
         if total < best.cost:
             most, count = int(min((best.cost - total) / task.price, _MANY)) + 1, 0
             if wait > 0.0:
-                count = meetings(task.robot, x, y, heading, 0.0, 0.0, t, wait, most, traffic, floor)
-            count += _curve_meetings(task, x, y, heading, t + wait, n, parts, most - count, traffic, floor)
+                waiting = piece_at(t, curve.x, curve.y, curve.heading, 0.0, 0.0, wait)
+                count = meetings(task.robot, waiting, most, traffic, floor)
+            count += _curve_meetings(task, curve, t + wait, most - count, traffic, floor)
             total += task.price * count
             if total < best.cost:
-                best = Best(total, node, n, wait)
+                best = Best(total, node, curve.word, wait)
         if passing == 0:
             break
         clear = int(arrival) + 1
@@ -99,8 +123,11 @@ def _hold(task, pose, t, met, n, length, parts, wait, best, node, traffic, floor
 
 
 @part
-def try_curves(task, node, t, best, tries, waits, step_time, traffic, floor, tree):
-    """Try the shortest curves from a node, reached at t [s], at once and after waits; return the best so far."""
+def try_curves(task, node, best, traffic, floor, tree):
+    """Try the shortest curves from a node, at the start also after waits; return the best so far."""
+    tries, waits = (_FIRST_TRIES, _FIRST_WAITS) if node == 0 else (_TRIES, 0)
+    step = step_time(task, floor)
+    t = tree.steps[node] * step
     x, y, heading, met = tree.nodes[node, 0], tree.nodes[node, 1], tree.nodes[node, 2], tree.met[node]
     so_far = t + task.price * met + task.tail_seconds
     gate = task.gate
@@ -114,11 +141,11 @@ def try_curves(task, node, t, best, tries, waits, step_time, traffic, floor, tre
             break
         tree.lengths[n] = np.inf
         parts = word(n, ahead, left, turn, floor.radius)[1:]
-        if not _is_free_curve(x, y, heading, n, parts, floor):
+        curve = WordCurve(x, y, heading, n, length, parts)
+        if not _is_free_curve(curve, floor):
             continue
         for k in range(waits + 1):
-            if so_far + length + k * step_time >= best.cost:
+            if so_far + length + k * step >= best.cost:
                 break
-            pose = (x, y, heading)
-            best = _hold(task, pose, t, met, n, length, parts, k * step_time, best, node, traffic, floor)
+            best = _hold(task, (node, t, met), curve, k * step, best, traffic, floor)
     return best

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from train.central.car_like.curves import Task
 from train.central.car_like.floor import Floor
-from train.central.car_like.search import search
+from train.central.car_like.search import Limits, search
 from train.central.car_like.traffic import (
     BEGIN,
     END,
@@ -85,18 +85,16 @@ class _Fleet:
         tail = self.tails[i]
         seconds = float(tail[-1, END]) if len(tail) else 0.0
         passers(i, self.goals[i], self.traffic, self.floor, self.later)
-        task = Task(i, self.starts[i], self.gates[i], tail, seconds, self.later, price, self.fine[i])
-        count, cost, _ = self._search(task, most, enough or most, bound)
+        self.stamp += 1
+        task = Task(i, self.starts[i], self.gates[i], tail, seconds, self.later, price, self.fine[i], self.stamp)
+        count, cost, _ = self._search(task, Limits(most, enough or most, bound))
         if count < 0:
             return math.inf
         insert(self.traffic, i, self.route, count, self.floor)
         return cost
 
-    def _search(self, task: Task, most: int, enough: int, bound: float = math.inf) -> tuple[int, float, float]:
-        self.stamp += 1
-        count, cost, begins, looked = search(
-            task, most, enough, bound, self.stamp, self.traffic, self.floor, self.tree, self.route
-        )
+    def _search(self, task: Task, limits: Limits) -> tuple[int, float, float]:
+        count, cost, begins, looked = search(task, limits, self.traffic, self.floor, self.tree, self.route)
         self.nodes += looked
         return count, cost, begins
 
@@ -123,8 +121,9 @@ class _Fleet:
     def _find_gate(self, i: int, target: Pose, fine: int) -> bool:
         """Look for a way out of a tight goal; driven the other way it is the tail, and where it ends is the gate."""
         self.later[:] = 0
-        task = Task(i, self.goals[i], target, np.empty((0, PIECE)), 0.0, self.later, _PRICE, fine)
-        count, _, begins = self._search(task, _ALONE, _SOON)
+        self.stamp += 1
+        task = Task(i, self.goals[i], target, np.empty((0, PIECE)), 0.0, self.later, _PRICE, fine, self.stamp)
+        count, _, begins = self._search(task, Limits(_ALONE, _SOON, math.inf))
         if count < 0 or begins == 0.0:
             return False
         way = self.route[:count][self.route[:count, BEGIN] < begins - 1e-9].copy()

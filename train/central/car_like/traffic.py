@@ -22,6 +22,18 @@ PIECE = 7
 _DRIFT = 0.51  # that a body's middle moves in half a slot, at the most
 
 
+class RoutePiece(NamedTuple):
+    """A piece of a route, its fields in the order of the columns."""
+
+    begin: float  # [s]
+    x: float  # where it begins
+    y: float
+    heading: float
+    rate: float
+    bend: float  # curvature
+    end: float  # [s]
+
+
 class Traffic(NamedTuple):
     """The routes of N robots; who has come to the end of a route stays there."""
 
@@ -42,6 +54,12 @@ def empty_traffic(robots: int, pieces: int, slots: int) -> Traffic:
         np.zeros((robots, pieces, PIECE)), np.zeros(robots, np.int32), np.zeros((slots, robots), np.int32),
         np.zeros((slots, robots, 2)),
     )  # fmt: skip
+
+
+@inline
+def piece_at(begin, x, y, heading, rate, bend, seconds):
+    """Return the piece that begins at a pose and takes some seconds."""
+    return RoutePiece(begin, x, y, heading, rate, bend, begin + seconds)
 
 
 @inline
@@ -71,16 +89,16 @@ def insert(traffic, i, route, count, floor):
 
 
 @part
-def _meets(x, y, heading, rate, curvature, begin, start, end, traffic, j, slot, floor):
-    """Whether a piece that begins at `begin` meets robot j between two times within a slot."""
+def _meets(piece, start, end, traffic, j, slot, floor):
+    """Whether a piece meets robot j between two times within a slot."""
     pieces, last = traffic.pieces, traffic.counts[j] - 1
     n, t, margin = traffic.first[slot, j], start, floor.margin
-    speed = point_speed(rate, curvature, floor)
+    speed = point_speed(piece.rate, piece.bend, floor)
     half_length, half_width = floor.half_length, floor.half_width
     while True:
         while n < last and pieces[j, n, END] <= t:
             n += 1
-        own_x, own_y, own = rolled(x, y, heading, rate * (t - begin), curvature)
+        own_x, own_y, own = rolled(piece.x, piece.y, piece.heading, piece.rate * (t - piece.begin), piece.bend)
         to_x, to_y, to = pose_at(pieces, j, n, t)
         c, s, to_c, to_s = math.cos(own), math.sin(own), math.cos(to), math.sin(to)
         dx = to_x - own_x + floor.middle * (to_c - c)
@@ -100,21 +118,22 @@ def _meets(x, y, heading, rate, curvature, begin, start, end, traffic, j, slot, 
 
 
 @part
-def meetings(i, x, y, heading, rate, curvature, begin, seconds, most, traffic, floor):
+def meetings(i, piece, most, traffic, floor):
     """Return how often robot i meets others on a piece: pairs of slot and robot, counted up to `most`."""
-    end, count = begin + seconds, 0
+    begin, x, y, heading, rate, bend, end = piece
+    count = 0
     near = 2.0 * (floor.circle + _DRIFT) + floor.margin
     slot = int(begin)
     horizon, robots = traffic.first.shape
     while slot < end and slot < horizon and count < most:
         start, stop = max(begin, float(slot)), min(end, slot + 1.0)
-        mid_x, mid_y, mid = rolled(x, y, heading, rate * (0.5 * (start + stop) - begin), curvature)
+        mid_x, mid_y, mid = rolled(x, y, heading, rate * (0.5 * (start + stop) - begin), bend)
         mid_x, mid_y = mid_x + floor.middle * math.cos(mid), mid_y + floor.middle * math.sin(mid)
         for j in range(robots):
             dx, dy = traffic.middles[slot, j, 0] - mid_x, traffic.middles[slot, j, 1] - mid_y
             if dx * dx + dy * dy > near * near or j == i or traffic.counts[j] == 0:
                 continue
-            count += _meets(x, y, heading, rate, curvature, begin, start, stop, traffic, j, slot, floor)
+            count += _meets(piece, start, stop, traffic, j, slot, floor)
         slot += 1
     return count
 
@@ -129,8 +148,8 @@ def passers(i, pose, traffic, floor, later):
     x, y, heading = pose
     later[:] = 0
     for slot in range(min(until, traffic.first.shape[0] - 1), -1, -1):
-        met = meetings(i, x, y, heading, 0.0, 0.0, float(slot), 1.0, 1 << 20, traffic, floor)
-        later[slot] = later[slot + 1] + met
+        parked = piece_at(float(slot), x, y, heading, 0.0, 0.0, 1.0)
+        later[slot] = later[slot + 1] + meetings(i, parked, 1 << 20, traffic, floor)
 
 
 @part
@@ -144,9 +163,11 @@ def _meets_in(i, j, slot, traffic, floor):
         p = pieces[i, n]
         if t >= p[END]:
             x, y, heading = pose_at(pieces, i, n, t)
-            return _meets(x, y, heading, 0.0, 0.0, t, t, slot + 1.0, traffic, j, slot, floor)
+            parked = RoutePiece(t, x, y, heading, 0.0, 0.0, slot + 1.0)
+            return _meets(parked, t, slot + 1.0, traffic, j, slot, floor)
         until = min(p[END], slot + 1.0)
-        if _meets(p[X], p[Y], p[HEADING], p[RATE], p[BEND], p[BEGIN], t, until, traffic, j, slot, floor):
+        piece = RoutePiece(p[BEGIN], p[X], p[Y], p[HEADING], p[RATE], p[BEND], p[END])
+        if _meets(piece, t, until, traffic, j, slot, floor):
             return True
         t = until
     return False

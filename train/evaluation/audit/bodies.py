@@ -7,7 +7,7 @@ lies in the other or, where they lie in one line or pass right through each othe
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,17 @@ class Body(NamedTuple):
         )  # fmt: skip
 
 
+class Outline(NamedTuple):
+    """A rectangle on the floor."""
+
+    x: Any  # of its centre [m]
+    y: Any
+    c: Any  # cosine of its heading
+    s: Any
+    half_length: Any  # [m]
+    half_width: Any
+
+
 class Fleet(NamedTuple):
     """The bodies of all kinds of robots, and of which each robot is."""
 
@@ -64,6 +75,13 @@ class Fleet(NamedTuple):
 def body_of(i, fleet):
     """Return the body of robot i."""
     return fleet.bodies[fleet.kinds[i]]
+
+
+@inline
+def outline_of(centre, body):
+    """Return the outline of a body at its centre's (x, y, cosine, sine); body: anything with half sides."""
+    x, y, c, s = centre
+    return Outline(x, y, c, s, body.half_length, body.half_width)
 
 
 @inline
@@ -113,12 +131,14 @@ def _edge_gap(u, v, a, b, half_length, half_width):
 
 
 @part
-def gap(dx, dy, c, s, half_length, half_width, other_c, other_s, other_length, other_width):
-    """Return the gap [m] between two rectangles, negative where they overlap: how deep one reaches into the other.
+def gap(one, other):
+    """Return the gap [m] between two outlines, negative where they overlap: how deep one reaches into the other.
 
-    dx, dy: from the first one's centre to the other's [m]; (c, s) and (other_c, other_s): their headings; half sides
-    [m]. It changes no faster than any point of the one moves as seen from the other.
+    It changes no faster than any point of the one moves as seen from the other.
     """
+    x, y, c, s, half_length, half_width = one
+    to_x, to_y, other_c, other_s, other_length, other_width = other
+    dx, dy = to_x - x, to_y - y
     turned_c, turned_s = c * other_c + s * other_s, c * other_s - s * other_c
     u, v = dx * c + dy * s, dy * c - dx * s
     back_u, back_v = -dx * other_c - dy * other_s, dx * other_s - dy * other_c

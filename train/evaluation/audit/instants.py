@@ -13,7 +13,7 @@ import numpy as np
 
 from train.evaluation.audit import arcs as drives
 from train.evaluation.audit.arcs import STAND_SPEED, STAND_STEER, body_at
-from train.evaluation.audit.bodies import body_of, gap, point_gap
+from train.evaluation.audit.bodies import Outline, body_of, gap, outline_of, point_gap
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.state import PERSON_RADIUS
 
@@ -32,15 +32,40 @@ _ALLOWED = 1e-5  # [m/s], [rad] over a limit that rounding may make
 _LOOKS = 64  # of an overlap, for where it is deepest
 
 
+class Obstacles(NamedTuple):
+    """What does not move."""
+
+    solid: Any  # bool[W, H]: shelves, by columns and rows of cells counted from x = y = 0
+    discs: Any  # float64[K, 3]: x, y, radius [m] of round obstacles
+    cell: float  # [m]
+
+
+class EnvStep(NamedTuple):
+    """One env step of all B worlds."""
+
+    before: Any  # float64[B, N, STATE]
+    after: Any  # float64[B, N, STATE]
+    put_back: Any  # bool[B, N]: robots whose motion within the step is not known
+    people: Any  # float64[B, M, 2] [m] as the step begins
+    walked: Any  # float64[B, M, 2] [m/s], straight on
+
+
+class Findings(NamedTuple):
+    """What an audit writes."""
+
+    closest: Any  # float64[B] [m], of each world so far
+    ways: Any  # float64[B] [m], of each world so far
+    faults: Any  # float64[K, FAULT]
+
+
 class Scene(NamedTuple):
     """One world in one env step."""
 
     arcs: Any  # float64[N, pieces, ARC], see arcs.py
     people: Any  # float64[M, 2] [m] as the step begins
     walked: Any  # float64[M, 2] [m/s], straight on
-    solid: Any  # bool[H, W]: shelves, by columns and rows of cells counted from x = y = 0
-    discs: Any  # float64[K, 3]: x, y, radius [m] of round obstacles
-    cell: float  # [m]
+    obstacles: Any  # see Obstacles
+    world: int
     slack: float  # [m] that rounding may make of one body's place
     fleet: Any  # whose bodies, see bodies.Fleet
 
@@ -55,17 +80,18 @@ def _is_solid(solid, column, row):
 @part
 def _shelf_gap(x, y, c, s, scene, body):
     """Return the gap [m] between a body and the shelf or disc nearest to it, at most a cell."""
-    size, half = scene.cell, 0.5 * scene.cell
+    size, half = scene.obstacles.cell, 0.5 * scene.obstacles.cell
+    solid, discs = scene.obstacles.solid, scene.obstacles.discs
+    own = outline_of((x, y, c, s), body)
     least, reach = size, body.radius + size
     for column in range(math.floor((x - reach) / size), math.floor((x + reach) / size) + 1):
         for row in range(math.floor((y - reach) / size), math.floor((y + reach) / size) + 1):
-            if _is_solid(scene.solid, column, row):
-                dx, dy = (column + 0.5) * size - x, (row + 0.5) * size - y
-                if point_gap(dx, dy, half, half) - body.radius < least:
-                    found = gap(dx, dy, c, s, body.half_length, body.half_width, 1.0, 0.0, half, half)
-                    least = min(least, found)
-    for k in range(scene.discs.shape[0]):
-        dx, dy, wide = scene.discs[k, 0] - x, scene.discs[k, 1] - y, scene.discs[k, 2]
+            if _is_solid(solid, column, row):
+                at_x, at_y = (column + 0.5) * size, (row + 0.5) * size
+                if point_gap(at_x - x, at_y - y, half, half) - body.radius < least:
+                    least = min(least, gap(own, Outline(at_x, at_y, 1.0, 0.0, half, half)))
+    for k in range(discs.shape[0]):
+        dx, dy, wide = discs[k, 0] - x, discs[k, 1] - y, discs[k, 2]
         near = least + wide + body.radius
         if dx * dx + dy * dy < near * near:
             found = point_gap(dx * c + dy * s, dy * c - dx * s, body.half_length, body.half_width) - wide
@@ -90,7 +116,7 @@ def gap_at(kind, i, j, t, scene):
     circles = math.sqrt(dx * dx + dy * dy) - (body.radius + other.radius)
     if circles > HORIZON:
         return circles
-    return gap(dx, dy, c, s, body.half_length, body.half_width, to_c, to_s, other.half_length, other.half_width)
+    return gap(outline_of((x, y, c, s), body), outline_of((to_x, to_y, to_c, to_s), other))
 
 
 @part
@@ -126,23 +152,26 @@ def _deepest(kind, i, j, t, end, scene):
 
 
 @inline
-def _note(faults, count, world, kind, first, second, time, size, x, y):
-    """Write a fault down, as long as there is room; return how many there are."""
+def _note(faults, count, fault):
+    """Write a fault down, its columns in their order, as long as there is room; return how many there are."""
     if count < faults.shape[0]:
         f = faults[count]
-        f[WORLD], f[KIND], f[FIRST], f[SECOND] = world, kind, first, second
-        f[TIME], f[SIZE], f[AT_X], f[AT_Y] = time, size, x, y
+        f[WORLD], f[KIND], f[FIRST], f[SECOND], f[TIME], f[SIZE], f[AT_X], f[AT_Y] = fault
     return min(count + 1, faults.shape[0])
 
 
 @part
-def _look(faults, count, world, kind, i, j, speed, end, least, scene):
-    """Look for an overlap of two bodies in a step, and write it down; return (faults, least gap [m])."""
+def _look(faults, count, pair, speed, end, least, scene):
+    """Look for an overlap of two bodies in a step, and write it down; return (faults, least gap [m]).
+
+    pair: (kind, i, j) as for `gap_at`; speed, end, least: as for `first_overlap`.
+    """
+    kind, i, j = pair
     t, least = first_overlap(kind, i, j, speed, end, least, scene)
     if t != NONE:
         depth, x, y = _deepest(kind, i, j, t, end, scene)
         least = min(least, -depth)
-        count = _note(faults, count, world, kind, i, j, t, depth, x, y)
+        count = _note(faults, count, (scene.world, kind, i, j, t, depth, x, y))
     return count, least
 
 
@@ -186,26 +215,26 @@ def _check_limits(faults, count, world, i, before, after, put_back, body):
     speed, steer = after[STAND_SPEED], after[STAND_STEER]
     over = max(speed - body.fastest, body.slowest - speed)
     if over > _ALLOWED:
-        count = _note(faults, count, world, SPEED, i, NONE, end, over, x, y)
+        count = _note(faults, count, (world, SPEED, i, NONE, end, over, x, y))
     if abs(steer) - body.steering > _ALLOWED:
-        count = _note(faults, count, world, STEERING, i, NONE, end, abs(steer) - body.steering, x, y)
+        count = _note(faults, count, (world, STEERING, i, NONE, end, abs(steer) - body.steering, x, y))
     over = abs(speed - before[STAND_SPEED]) - body.acceleration * end
     if over > _ALLOWED and not put_back:
-        count = _note(faults, count, world, ACCELERATION, i, NONE, end, over / end, x, y)
+        count = _note(faults, count, (world, ACCELERATION, i, NONE, end, over / end, x, y))
     over = abs(steer - before[STAND_STEER]) - body.steering_rate * end
     if over > _ALLOWED and not put_back:
-        count = _note(faults, count, world, STEERING_RATE, i, NONE, end, over / end, x, y)
+        count = _note(faults, count, (world, STEERING_RATE, i, NONE, end, over / end, x, y))
     return count
 
 
 @kernel
-def _drive_all(faults, count, world, before, after, put_back, seen, end, scene):
+def _drive_all(faults, count, before, after, put_back, seen, end, scene):
     """Write all robots' arcs, and what is wrong with them; return the number of faults and the way [m] of all.
 
     seen float64[4, N]: where the centre is as the step begins [m], the greatest speed of a point [m/s], and how long
     the motion is known [s]; end [s]: of the step.
     """
-    way = 0.0
+    way, world = 0.0, scene.world
     for i in range(before.shape[0]):
         arc, body = scene.arcs[i], body_of(i, scene.fleet)
         seen[3, i] = end
@@ -215,7 +244,7 @@ def _drive_all(faults, count, world, before, after, put_back, seen, end, scene):
         else:
             kind, over = trace(arc, before[i], after[i], scene.slack, body)
             if kind != NONE:
-                count = _note(faults, count, world, kind, i, NONE, end, over, after[i, 0], after[i, 1])
+                count = _note(faults, count, (world, kind, i, NONE, end, over, after[i, 0], after[i, 1]))
             if kind == JUMP:
                 seen[3, i] = 0.0
         count = _check_limits(faults, count, world, i, before[i], after[i], put_back[i], body)
@@ -226,7 +255,7 @@ def _drive_all(faults, count, world, before, after, put_back, seen, end, scene):
 
 
 @kernel
-def _look_at_pairs(faults, count, world, seen, least, end, scene):
+def _look_at_pairs(faults, count, seen, least, end, scene):
     """Write down which robots overlap; return (faults, the least gap of two [m], at most `least`).
 
     Robots are gone through from west to east, each with those of whom its circle and their own motion may touch.
@@ -243,44 +272,39 @@ def _look_at_pairs(faults, count, world, seen, least, end, scene):
                 break
             if abs(seen[1, j] - seen[1, i]) <= apart + speed * end:
                 known = min(seen[3, i], seen[3, j])
-                first, second = min(i, j), max(i, j)
-                count, least = _look(faults, count, world, ROBOT, first, second, speed, known, least, scene)
+                pair = (ROBOT, min(i, j), max(i, j))
+                count, least = _look(faults, count, pair, speed, known, least, scene)
     return count, least
 
 
 @kernel
-def _look_around(faults, count, world, seen, end, scene):
+def _look_around(faults, count, seen, end, scene):
     """Write down which robots overlap shelves or people; return the number of faults."""
     for i in range(seen.shape[1]):
         speed, body = seen[2, i], body_of(i, scene.fleet)
-        count, _ = _look(faults, count, world, SHELF, i, NONE, speed, seen[3, i], -np.inf, scene)
+        count, _ = _look(faults, count, (SHELF, i, NONE), speed, seen[3, i], -np.inf, scene)
         for j in range(scene.people.shape[0]):
             pace = math.sqrt(scene.walked[j, 0] ** 2 + scene.walked[j, 1] ** 2)
             dx, dy = scene.people[j, 0] - seen[0, i], scene.people[j, 1] - seen[1, i]
             near = body.radius + PERSON_RADIUS + (speed + pace) * end
             if dx * dx + dy * dy <= near * near:
-                known = seen[3, i]
-                count, _ = _look(faults, count, world, PERSON, i, j, speed + pace, known, -np.inf, scene)
+                count, _ = _look(faults, count, (PERSON, i, j), speed + pace, seen[3, i], -np.inf, scene)
     return count
 
 
 @kernel
-def audit_step(before, after, put_back, people, walked, solid, discs, cell, fleet, closest, ways, faults):
-    """Check one env step of all worlds; return how many faults were written.
-
-    before, after float64[B, N, STATE]; put_back bool[B, N]: whose motion within the step is not known; people, walked
-    float64[B, M, 2]; solid bool[W, H], discs: see Scene; fleet: see bodies.py; closest float64[B] [m] and ways
-    float64[B] [m], of each world so far, are brought up to date; faults float64[K, FAULT].
-    """
-    worlds, robots = before.shape[:2]
+def audit_step(step, obstacles, fleet, findings):
+    """Check one env step of all worlds and bring the findings up to date; return how many faults were written."""
+    worlds, robots = step.before.shape[:2]
+    faults, closest = findings.faults, findings.closest
     count, seen, body = 0, np.empty((4, robots)), fleet.bodies[0]  # which all divide an env step alike
     end = body.pieces * body.piece
     arcs = np.empty((robots, body.pieces, drives.ARC))
-    slack = drives.rounding(max(solid.shape) * cell, body)
+    slack = drives.rounding(max(obstacles.solid.shape) * obstacles.cell, body)
     for b in range(worlds):
-        scene = Scene(arcs, people[b], walked[b], solid, discs, cell, slack, fleet)
-        count, way = _drive_all(faults, count, b, before[b], after[b], put_back[b], seen, end, scene)
-        ways[b] += way
-        count, closest[b] = _look_at_pairs(faults, count, b, seen, closest[b], end, scene)
-        count = _look_around(faults, count, b, seen, end, scene)
+        scene = Scene(arcs, step.people[b], step.walked[b], obstacles, b, slack, fleet)
+        count, way = _drive_all(faults, count, step.before[b], step.after[b], step.put_back[b], seen, end, scene)
+        findings.ways[b] += way
+        count, closest[b] = _look_at_pairs(faults, count, seen, closest[b], end, scene)
+        count = _look_around(faults, count, seen, end, scene)
     return count

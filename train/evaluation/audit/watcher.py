@@ -62,7 +62,6 @@ class Audit:
         self._config, self._fleet = config, Fleet.of(config)
         self._step_time = config.time_step * config.action_repeat
         self._last: _Looks | None = None
-        self._faults = np.empty((_ROOM, instants.FAULT))
         self._steps = 0
         self.found: list[list[Row]] = []  # faults of each world
 
@@ -77,9 +76,9 @@ class Audit:
 
     def _begin(self, simulator: Simulator, now: _Looks) -> None:
         worlds = len(now.states)
-        self._solid, self._cell = solid_of(simulator.grid), float(simulator.grid.cell_size)
-        self._discs = simulator.grid.discs.astype(np.float64)
-        self._closest, self._ways = np.full(worlds, HORIZON), np.zeros(worlds)
+        grid, faults = simulator.grid, np.empty((_ROOM, instants.FAULT))
+        self._obstacles = instants.Obstacles(solid_of(grid), grid.discs.astype(np.float64), float(grid.cell_size))
+        self._findings = instants.Findings(np.full(worlds, HORIZON), np.zeros(worlds), faults)
         self.found = [[] for _ in range(worlds)]
 
     def _check(self, before: _Looks, after: _Looks, touching: NDArray[np.bool_]) -> None:
@@ -89,11 +88,9 @@ class Audit:
         self._look(before, after, touching | parked, walked)
 
     def _look(self, before: _Looks, after: _Looks, put_back: NDArray[np.bool_], walked: NDArray[np.float64]) -> None:
-        count = instants.audit_step(
-            before.states, after.states, put_back, before.people, walked, self._solid, self._discs, self._cell,
-            self._fleet, self._closest, self._ways, self._faults,
-        )  # fmt: skip
-        for fault in self._faults[:count].tolist():
+        step = instants.EnvStep(before.states, after.states, put_back, before.people, walked)
+        count = instants.audit_step(step, self._obstacles, self._fleet, self._findings)
+        for fault in self._findings.faults[:count].tolist():
             self._keep(fault)
 
     def _keep(self, fault: Sequence[float]) -> None:
@@ -119,10 +116,10 @@ class Audit:
         return [self._row(world) for world in range(len(self.found))]
 
     def _row(self, world: int) -> Row:
-        found, closest = self.found[world], float(self._closest[world])
+        found, closest = self.found[world], float(self._findings.closest[world])
         kinds = Counter(fault["kind"] for fault in found)
         return {
-            "steps": self._steps, "robot_km": float(self._ways[world]) / 1000,
+            "steps": self._steps, "robot_km": float(self._findings.ways[world]) / 1000,
             **{f"overlaps_{kind}": kinds[kind] for kind in OVERLAPS},
             "limits": sum(kinds[kind] for kind in LIMITS), "jumps": kinds["jump"],
             "deepest_m": max((fault["size"] for fault in found if fault["kind"] in OVERLAPS), default=0.0),

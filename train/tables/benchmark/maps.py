@@ -16,7 +16,6 @@ from warehouse_env.errors import MapError, unknown_name
 from warehouse_env.maps.generators import blocks, random_floor
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import make_layout
-from warehouse_env.maps.movingai import read_map
 
 _CLUTTER_SEED = 0
 
@@ -54,7 +53,7 @@ def make_map(name: str) -> GridMap:
     if name in MAPS:
         return MAPS[name]()
     if name.lower().endswith(".map"):
-        return read_map(Path(name))
+        return make_layout(name)
     raise unknown_name("map of the benchmark", name, MAPS)
 
 

@@ -41,6 +41,23 @@ class Colony:
     local_level: float = 0.0  # ... towards this level (needs trail_power 1)
 
 
+class EdgeWeights(NamedTuple):
+    """The tables that ants choose their moves by."""
+
+    trail: Table  # pheromone^alpha; the local update writes it
+    turning: Table  # eta^beta of an edge at a turn
+    straight: Table  # eta^beta of an edge straight on
+
+
+class WalkRule(NamedTuple):
+    """How ants choose a move and mark it."""
+
+    q0: float = 0.0  # share of moves that take the best edge
+    backtrack: bool = True  # step back at a dead end; False: the ant dies
+    local_decay: float = 0.0  # as in Colony
+    local_level: float = 0.0
+
+
 class Search(NamedTuple):
     """What `run` found, S starts."""
 
@@ -91,8 +108,9 @@ def run(
         trail = _raised(pheromone, colony.trail_power)
         turning, straight = colony.attraction(iteration)
         q0 = colony.greedy(iteration) if colony.greedy else 0.0
-        local = (colony.local_decay, colony.local_level)
-        walk(floor, trail, turning, straight, seeds[iteration], q0, backtrack, local, visited, 1 + iteration * m, walks)
+        rule = WalkRule(q0, backtrack, colony.local_decay, colony.local_level)
+        edges = EdgeWeights(trail, turning, straight)
+        walk(floor, edges, rule, seeds[iteration], visited, 1 + iteration * m, walks)
         for row in range(len(first)):
             winner = appraise(walks, first[row], last[row])
             if winner >= 0 and (walks.cost[winner], walks.turns[winner]) < (best.cost[row], best.turns[row]):
@@ -146,13 +164,9 @@ def _next_random(state: np.uint64) -> np.uint64:
 @kernel
 def walk(
     floor: Floor,
-    trail: Table,
-    turning: Table,
-    straight: Table,
+    edges: EdgeWeights,
+    rule: WalkRule,
     seeds: NDArray[np.uint64],
-    q0: float,
-    backtrack: bool,
-    local: tuple[float, float],
     visited: NDArray[np.int64],
     stamp: int,
     walks: Walks,
@@ -165,7 +179,8 @@ def walk(
     numbers below `stamp`.
     """
     neighbour, goal = floor.neighbour, floor.goal
-    decay, level = local
+    trail = edges.trail
+    q0, backtrack, decay, level = rule
     chance = np.zeros(8)
     for ant in range(len(seeds)):
         moves, random, tabu = walks.moves[ant], seeds[ant], stamp + ant
@@ -175,7 +190,7 @@ def walk(
             continue
         visited[cell] = tabu
         while cell != goal:
-            total = _weigh(neighbour, trail, turning, straight, visited, tabu, cell, heading, chance)
+            total = _weigh(neighbour, edges, visited, tabu, cell, heading, chance)
             if total == 0.0:
                 if not backtrack or steps == 0:
                     steps = -1
@@ -211,9 +226,7 @@ def walk(
 @inline
 def _weigh(
     neighbour: NDArray[np.int32],
-    trail: Table,
-    turning: Table,
-    straight: Table,
+    edges: EdgeWeights,
     visited: NDArray[np.int64],
     tabu: int,
     cell: int,
@@ -225,8 +238,8 @@ def _weigh(
     for move in range(8):
         chance[move] = 0.0
         if visited[neighbour[cell, move]] != tabu:
-            along = straight[cell, move] if move == heading else turning[cell, move]
-            chance[move] = trail[cell, move] * along
+            along = edges.straight[cell, move] if move == heading else edges.turning[cell, move]
+            chance[move] = edges.trail[cell, move] * along
             total += chance[move]
     if not total > 0.0:  # a dead end, or all weights underflow
         total = 0.0

@@ -31,6 +31,29 @@ class Runs(NamedTuple):
     toll: NDArray[np.int64]  # [C, 8], the tolls of all of them
 
 
+class PathNodes(NamedTuple):
+    """The n nodes of a path."""
+
+    cell: NDArray[np.int64]  # [n]
+    row: NDArray[np.int64]  # [n]
+    column: NDArray[np.int64]  # [n]
+
+
+class PathStates(NamedTuple):
+    """The best link to each state: a node and the move that arrives at it."""
+
+    cost: NDArray[np.float64]  # [n, 8], inf before any link
+    sums: NDArray[np.int64]  # [n, 8, 4]: straight steps, diagonal steps, tolls, turns
+    origin: NDArray[np.int64]  # [n, 8, 3]: node before, its arriving move (-1 at the start), the link's first move
+
+
+class Departures(NamedTuple):
+    """What a node is left with, by the leaving move."""
+
+    before: NDArray[np.int64]  # [8], the arriving move to go on from; -1 at the start
+    base: NDArray[np.int64]  # [8, 4], its sums, with the turn
+
+
 @kernel
 def straight_runs(floor: Floor) -> Runs:
     """Measure the legal runs of a floor."""
@@ -90,39 +113,30 @@ def _next_best(walks: Walks, first: int, last: int, cost: float, turns: int) -> 
 def shorten(floor: Floor, runs: Runs, start: int, moves: NDArray[np.int8]) -> NDArray[np.int8]:
     """Return the best choice of nodes and links along the path int8[n - 1] of moves from start, as moves again."""
     n = len(moves) + 1
-    node, rows, columns = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
+    nodes = PathNodes(np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64))
     cell = start
     for step in range(n):
-        node[step], rows[step], columns[step] = cell, cell // floor.columns, cell % floor.columns
+        nodes.cell[step], nodes.row[step], nodes.column[step] = cell, cell // floor.columns, cell % floor.columns
         if step < n - 1:
             cell = floor.neighbour[cell, moves[step]]
-    # A state is a node and the move that arrives at it; sums are whole numbers, so equal costs are equal floats.
-    cost = np.full((n, 8), np.inf)
-    sums = np.zeros((n, 8, 4), np.int64)  # straight steps, diagonal steps, tolls, turns
-    origin = np.full((n, 8, 3), -1, np.int64)  # node before, its arriving move (-1 at the start), the link's first move
-    before, base = np.full(8, -1, np.int64), np.zeros((8, 4), np.int64)  # the arrival and the sums to leave with
+    # Sums are whole numbers, so equal costs are equal floats.
+    states = PathStates(np.full((n, 8), np.inf), np.zeros((n, 8, 4), np.int64), np.full((n, 8, 3), -1, np.int64))
+    departures = Departures(np.full(8, -1, np.int64), np.zeros((8, 4), np.int64))
     for i in range(n - 1):
         if i > 0:
-            _choose_arrivals(cost[i], sums[i], before, base)
-        _link_onwards(floor, runs, node, rows, columns, i, before, base, cost, sums, origin)
-    return _unroll(floor, node, cost, sums, origin)
+            _choose_arrivals(states.cost[i], states.sums[i], departures)
+        _link_onwards(floor, runs, nodes, i, departures, states)
+    return _unroll(floor, nodes.cell, states)
 
 
 @kernel
 def _link_onwards(
-    floor: Floor,
-    runs: Runs,
-    node: NDArray[np.int64],
-    rows: NDArray[np.int64],
-    columns: NDArray[np.int64],
-    i: int,
-    before: NDArray[np.int64],
-    base: NDArray[np.int64],
-    cost: NDArray[np.float64],
-    sums: NDArray[np.int64],
-    origin: NDArray[np.int64],
+    floor: Floor, runs: Runs, nodes: PathNodes, i: int, departures: Departures, states: PathStates
 ) -> None:
     """Try every link from node i to a later one: the diagonal first, and the straight first."""
+    before, base = departures
+    cost, sums, origin = states
+    node, rows, columns = nodes
     start, row, column = node[i], rows[i], columns[i]
     for j in range(i + 1, len(node)):
         d_row, d_column = rows[j] - row, columns[j] - column
@@ -168,10 +182,9 @@ def _diagonal_move(d_row: int, d_column: int) -> int:
 
 
 @kernel
-def _choose_arrivals(
-    cost: NDArray[np.float64], sums: NDArray[np.int64], before: NDArray[np.int64], base: NDArray[np.int64]
-) -> None:
+def _choose_arrivals(cost: NDArray[np.float64], sums: NDArray[np.int64], departures: Departures) -> None:
     """Write for each leaving move the arriving move of a node that is best to go on from, and its sums with a turn."""
+    before, base = departures
     least = 0
     for move in range(1, 8):
         if cost[move] < cost[least] or (cost[move] == cost[least] and sums[move, 3] < sums[least, 3]):
@@ -184,14 +197,9 @@ def _choose_arrivals(
 
 
 @kernel
-def _unroll(
-    floor: Floor,
-    node: NDArray[np.int64],
-    cost: NDArray[np.float64],
-    sums: NDArray[np.int64],
-    origin: NDArray[np.int64],
-) -> NDArray[np.int8]:
+def _unroll(floor: Floor, node: NDArray[np.int64], states: PathStates) -> NDArray[np.int8]:
     """Follow the links back from the best state of the last node and write them out as moves."""
+    cost, sums, origin = states
     j = len(node) - 1
     arrived = 0
     for move in range(1, 8):

@@ -50,7 +50,7 @@ def _stops_clear(r, next_speed, next_steer, p, floor):
             to_speed = min(max(speed + acceleration * dt, p["min_speed"]), p["max_speed"])
             to_steer = min(max(steer + rate * dt, -lock), lock)
             if speed != ZERO or to_speed != ZERO:
-                x, y, heading = drive(x, y, heading, speed, to_speed, steer, to_steer, wheelbase, dt)
+                x, y, heading = drive((x, y, heading), speed, to_speed, steer, to_steer, wheelbase, dt)
                 s, c = sin_cos(heading)
                 if body_touches_shelf(grown(body_of(x, y, c, s, p), GRAZE), floor):
                     return False

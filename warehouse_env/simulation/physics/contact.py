@@ -99,7 +99,7 @@ def _drive_lanes(lanes, p):
         next_steer = min(max(steer + lanes[STEER_RATE * LANES + k] * dt, -lock), lock)
         x, y, heading = lanes[X * LANES + k], lanes[Y * LANES + k], lanes[HEADING * LANES + k]
         c, s = lanes[COS * LANES + k], lanes[SIN * LANES + k]
-        to_x, to_y, to_heading = drive(x, y, heading, speed, next_speed, steer, next_steer, wheelbase, dt)
+        to_x, to_y, to_heading = drive((x, y, heading), speed, next_speed, steer, next_steer, wheelbase, dt)
         to_s, to_c = sin_cos(to_heading)
         bend = curvature(HALF * (steer + next_steer), wheelbase)
         stands = (speed == ZERO) & (next_speed == ZERO)

@@ -27,6 +27,21 @@ class Edges(NamedTuple):
     first: NDArray[np.int32]  # [H + 2, W + 2, 3]: where a cell's list begins, where those along y begin, its end
 
 
+class Edge(NamedTuple):
+    """An edge, in cells of the padded floor."""
+
+    face: int
+    line: float
+    low: float
+    high: float
+
+
+@inline
+def _edge(edges, k):
+    """Return edge k of float64[K, 4]."""
+    return Edge(int(edges[k, 0]), edges[k, 1], edges[k, 2], edges[k, 3])
+
+
 @kernel
 def _merged(solid, cell_edges):
     """Number the longest straight edges; cell_edges int32[4, H + 2, W + 2]: that of each free cell's side, or -1.
@@ -63,24 +78,23 @@ def _merged(solid, cell_edges):
 
 
 @inline
-def _all_cross(row, column, across_x, line, low, high, wall_across_x, sign, wall, wall_low, wall_high):
-    """Whether every line of sight from the cell to an edge crosses another one, the wall: it is hidden.
-
-    across_x: does it run along x = line? sign: on which side of the wall's line its shelf is.
-    """
+def _all_cross(row, column, edge, wall):
+    """Whether every line of sight from the cell to an edge crosses another one, the wall: it is hidden."""
+    across_x, wall_across_x = edge.face < SOUTH, wall.face < SOUTH  # does it run along x = line?
+    sign = 1.0 if wall.face in (WEST, SOUTH) else -1.0  # on which side of the wall's line its shelf is
     for end in range(2):
-        far = low if end == 0 else high
-        far_x, far_y = (line, far) if across_x else (far, line)
+        far = edge.low if end == 0 else edge.high
+        far_x, far_y = (edge.line, far) if across_x else (far, edge.line)
         across, beside = (far_x, far_y) if wall_across_x else (far_y, far_x)
-        if sign * (across - wall) < 0.0:
+        if sign * (across - wall.line) < 0.0:
             return False
         for corner in range(4):
             near_x, near_y = float(column + corner % 2), float(row + corner // 2)
             from_across, from_beside = (near_x, near_y) if wall_across_x else (near_y, near_x)
             if across == from_across:
                 return False
-            at = from_beside + (wall - from_across) / (across - from_across) * (beside - from_beside)
-            if at < wall_low - _EXACT or at > wall_high + _EXACT:
+            at = from_beside + (wall.line - from_across) / (across - from_across) * (beside - from_beside)
+            if at < wall.low - _EXACT or at > wall.high + _EXACT:
                 return False
     return True
 
@@ -88,7 +102,7 @@ def _all_cross(row, column, across_x, line, low, high, wall_across_x, sign, wall
 @kernel
 def _squared_way(row, column, edge):
     """Return the squared distance from the cell to an edge [cells^2], infinite if it does not face the cell."""
-    face, line, low, high = int(edge[0]), edge[1], edge[2], edge[3]
+    face, line, low, high = edge
     across, beside = (column, row) if face in (WEST, EAST) else (row, column)
     away = line - (across + 1) if face in (WEST, SOUTH) else across - line
     aside = max(max(low - (beside + 1), beside - high), 0.0)
@@ -96,12 +110,12 @@ def _squared_way(row, column, edge):
 
 
 @kernel
-def _candidates(row, column, solid, cell_edges, edges, reach, marks, out, ways):
+def _candidates(row, column, cell_edges, edges, reach, marks, out, ways):
     """Write the edges that face a cell within `reach` [cells], each once, and their squared ways; return their number.
 
     marks int32[K]: the last cell that has looked at an edge.
     """
-    rows, columns = solid.shape
+    _, rows, columns = cell_edges.shape
     mark = row * columns + column + 1
     span = int(math.ceil(min(reach, rows + columns))) + 1
     count = 0
@@ -111,7 +125,7 @@ def _candidates(row, column, solid, cell_edges, edges, reach, marks, out, ways):
                 k = cell_edges[face, r, c]
                 if k >= 0 and marks[k] != mark:
                     marks[k] = mark
-                    ways[count] = _squared_way(row, column, edges[k])
+                    ways[count] = _squared_way(row, column, _edge(edges, k))
                     if ways[count] <= reach * reach:
                         out[count] = k
                         count += 1
@@ -142,18 +156,13 @@ def _hide(row, column, edges, near, ways, hidden):
     seen = 0
     for n in range(len(near)):
         e = near[order[n]]
-        across_x, line, low, high = int(edges[e, 0]) < SOUTH, edges[e, 1], edges[e, 2], edges[e, 3]
         as_far = n + 1
         while as_far < len(near) and ways[order[as_far]] == ways[order[n]]:
             as_far += 1
         hidden[order[n]] = False
         for k in range(seen + as_far - n - 1):
             w = front[k] if k < seen else near[order[n + 1 + k - seen]]
-            face = int(edges[w, 0])
-            sign = 1.0 if face in (WEST, SOUTH) else -1.0
-            if _all_cross(
-                row, column, across_x, line, low, high, face < SOUTH, sign, edges[w, 1], edges[w, 2], edges[w, 3]
-            ):
+            if _all_cross(row, column, _edge(edges, e), _edge(edges, w)):
                 hidden[order[n]] = True
                 break
         if not hidden[order[n]]:
@@ -182,7 +191,7 @@ def _lists(solid, cell_edges, edges, reach):
         for column in range(columns):
             count = 0
             if solid[row, column] == 0:
-                count = _candidates(row, column, solid, cell_edges, edges, reach, marks, near, ways)
+                count = _candidates(row, column, cell_edges, edges, reach, marks, near, ways)
                 _hide(row, column, edges, near[:count], ways[:count], hidden)
             if length + count > len(seen):
                 seen = _longer(seen, length, count)

@@ -3,44 +3,20 @@
 from __future__ import annotations
 
 import math
-import multiprocessing
-import warnings
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.config import EnvConfig, SensorSpec
-from warehouse_env.errors import MapWarning
+from warehouse_env.config import SensorSpec
 from warehouse_env.kernel import kernel
-from warehouse_env.maps.fitting import fitted
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.maps.layouts import make_layout
 from warehouse_env.simulation.physics.discs import CellDiscs, by_cell, lower_clearance
 from warehouse_env.simulation.physics.edges import Edges, edges_of
 
 FINE = 8  # samples of the clearance field per cell side
 UNIT = 0.01  # [m] per count of the clearance field, which saturates at 2.55 m
-
-
-def load_grid(config: EnvConfig) -> GridMap:
-    """Return the map that a config names, for its robots."""
-    return fit(make_layout(config.layout), config)
-
-
-def fit(grid: GridMap, config: EnvConfig) -> GridMap:
-    """Return a map for the bodies and speeds of a config; what they cannot reach is warned of (MapWarning).
-
-    Where fewer endpoints would be left than there are robots, it stays as it is: its user may stand them elsewhere.
-    """
-    grid = grid.at_pace(max(robot.max_speed for robot in config.bodies))
-    floor, notes = fitted(grid, config.widest_body)
-    if len(floor.endpoints[2]) <= config.num_agents < len(grid.endpoints[2]):
-        floor, notes = grid, (*notes, "fewer places are left than there are robots, so the floor stays as it is")
-    for note in notes if multiprocessing.parent_process() is None else ():  # workers' parents have said it
-        warnings.warn(f"{grid.name}: {note}", MapWarning, stacklevel=3)
-    return floor
 
 
 class Floor(NamedTuple):

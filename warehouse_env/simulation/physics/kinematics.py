@@ -72,10 +72,11 @@ def arc_end(x, y, heading, distance, bend):
 
 
 @inline
-def drive(x, y, heading, speed, next_speed, steering, next_steering, wheelbase, dt):
+def drive(pose, speed, next_speed, steering, next_steering, wheelbase, dt):
     """Return the pose (x, y, heading) after `dt` [s] in which speed and steering change linearly.
 
     The mean speed makes distances exact under constant acceleration.
     """
     distance = HALF * (speed + next_speed) * dt
+    x, y, heading = pose
     return roll(x, y, heading, distance, curvature(HALF * (steering + next_steering), wheelbase))

@@ -67,12 +67,15 @@ def _along(x, y, heading, distance, bend):
 
 
 @inline
-def draw_outline(row, x, y, heading, c, s, way, bend, driven, turned, outlines, p):
+def draw_outline(row, pose, way, bend, before, outlines, p):
     """Write the rectangle that holds all of a stop of `way` [m] from a pose, and of how the body came there.
 
     Its axis is the heading half-way. From there the front axle drives way / 2 at most along it and bend way^2 / 8 to
-    its side, and the body turns by bend way / 2. Before, it had driven and turned by so much at most [m], [rad].
+    its side, and the body turns by bend way / 2. pose: x, y, heading, its cosine and sine; before: how far it had
+    driven and turned until then at most [m], [rad].
     """
+    x, y, heading, c, s = pose
+    driven, turned = before
     if way != ZERO:
         x, y, heading = _along(x, y, heading, HALF * way, bend)
         s, c = sin_cos(heading)
@@ -88,8 +91,12 @@ def draw_outline(row, x, y, heading, c, s, way, bend, driven, turned, outlines, 
 
 
 @part
-def sample(row, i, acceleration, steer_rate, commanded, motion, paths, outlines, marks, p):
-    """Sample robot i's motion into a row of `paths`: `commanded` substeps at a command, then full braking."""
+def sample(row, i, command, motion, paths, outlines, marks, p):
+    """Sample robot i's motion into a row of `paths`: a command for some substeps, then full braking.
+
+    command: acceleration, steering rate, and the number of substeps.
+    """
+    acceleration, steer_rate, commanded = command
     x, y, heading, c, s = motion[X, i], motion[Y, i], motion[HEADING, i], motion[COS, i], motion[SIN, i]
     speed, steer, lock, dt = motion[SPEED, i], motion[STEER, i], p["max_steer"], p["dt"]
     slowest, fastest, offset, far = p["min_speed"], p["max_speed"], p["offset"], p["far"]
@@ -229,7 +236,7 @@ def outline_trial(i, acceleration, steer_rate, motion, outlines, p):
         speed, steer = next_speed, next_steer
     s, c = sin_cos(heading)
     way, bend = stopping_distance(speed, p), curvature(steer, p["wheelbase"])
-    draw_outline(motion.shape[1], x, y, heading, c, s, way, bend, driven, turned, outlines, p)
+    draw_outline(motion.shape[1], (x, y, heading, c, s), way, bend, (driven, turned), outlines, p)
 
 
 @inline

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.physics.buckets import SEARCH, bucket_at
 from warehouse_env.simulation.physics.contact import COS, SIN, X, Y
-from warehouse_env.simulation.physics.discs import Outlines
 from warehouse_env.simulation.physics.edges import Edges
 from warehouse_env.simulation.physics.footprint import meets_obstacle
 from warehouse_env.simulation.physics.geometry import Rectangle, body_at, grown, rectangles_touch
@@ -29,18 +28,16 @@ LEFT = np.array([1, -1, -1, 1], dtype=np.float32)
 
 
 class Scanners(NamedTuple):
-    """Static arrays of the scanners of one config on one map; edges, seen, first: see Edges."""
+    """Static arrays of the scanners of one config on one map."""
 
     rays: NDArray[np.float32]  # [2, R], unit vectors in the robot's frame
-    edges: NDArray[np.float32] | Outlines
-    seen: NDArray[np.int32]
-    first: NDArray[np.int32]
+    edges: Edges
 
 
 def scanners_of(rays: int, edges: Edges) -> Scanners:
     """Return scanners of so many rays, evenly all round."""
     angles = 2 * np.pi * np.arange(rays) / rays
-    return Scanners(np.stack([np.cos(angles), np.sin(angles)]).astype(np.float32), *edges)
+    return Scanners(np.stack([np.cos(angles), np.sin(angles)]).astype(np.float32), edges)
 
 
 _RAYS, _APART = 5, np.float32(0.45)  # rays by which a disc is looked for, this part of its radius from each other
@@ -64,13 +61,14 @@ def scanner_at(i, k, motion, p):
 
 
 @part
-def scan(i, persons, motion, places, walking, p, scanners, turned, ranges):
-    """Write how far robot i's scanners see along each of their rays [m] into ranges float32[SCANNERS, R].
+def scan(i, persons, motion, places, walking, p, scanners, scratch):
+    """Write how far robot i's scanners see along each of their rays [m] into the second of `scratch`.
 
-    turned float32[TURNED, R]: scratch. Rays into its own body see nothing.
+    scratch: turned float32[TURNED, R], ranges float32[SCANNERS, R]. Rays into its own body see nothing.
     """
     order, starts, _ = places
-    rays, edges, seen, first = scanners
+    rays, edges = scanners
+    turned, ranges = scratch
     c, s, columns = motion[COS, i], motion[SIN, i], p["bucket_columns"]
     x, y = centre_of(i, motion, p)
     row, column = bucket_at(x, y, p)
@@ -78,7 +76,7 @@ def scan(i, persons, motion, places, walking, p, scanners, turned, ranges):
     for k in range(SCANNERS):
         ox, oy = scanner_at(i, k, motion, p)
         out = ranges[k]
-        scan_shelves(ox, oy, c, s, p, edges, seen, first, rays, turned, out)
+        scan_shelves((ox, oy, c, s), p, edges, rays, turned, out)
         for by in range(max(row - SEARCH, 0), min(row + SEARCH + 1, p["bucket_rows"])):
             for n in range(starts[by * columns + left], starts[by * columns + right]):
                 j = order[n]
@@ -95,8 +93,9 @@ def scan(i, persons, motion, places, walking, p, scanners, turned, ranges):
 
 
 @part
-def _is_clear(ax, ay, bx, by, i, j, persons, motion, places, walking, p, floor):
-    """Whether nothing is in the line of sight from a scanner of robot i to one of robot j."""
+def _is_clear(sight, pair, persons, motion, places, walking, p, floor):
+    """Whether nothing is in the line of sight (x, y, x, y) [m] from a scanner of one robot of a pair to the other's."""
+    ax, ay, bx, by = sight
     order, starts, _ = places
     dx, dy = bx - ax, by - ay
     length = np.sqrt(dx * dx + dy * dy)
@@ -113,7 +112,7 @@ def _is_clear(ax, ay, bx, by, i, j, persons, motion, places, walking, p, floor):
         for n in range(starts[at * columns + left], starts[at * columns + right]):
             k = order[n]
             x, y = centre_of(k, motion, p)
-            skin = _SKIN if k in (i, j) else ZERO
+            skin = _SKIN if k in pair else ZERO
             if rectangles_touch(line, grown(body_at(x, y, motion[COS, k], motion[SIN, k], p), -skin)):
                 return False
     if walking is not None:
@@ -133,9 +132,8 @@ def see_each_other(i, j, persons, motion, places, walking, p, floor):
         for m in range(SCANNERS):
             bx, by = scanner_at(j, m, motion, p)
             dx, dy = bx - ax, by - ay
-            if dx * dx + dy * dy <= p["lidar_range"] * p["lidar_range"] and _is_clear(
-                ax, ay, bx, by, i, j, persons, motion, places, walking, p, floor
-            ):
+            near = dx * dx + dy * dy <= p["lidar_range"] * p["lidar_range"]
+            if near and _is_clear((ax, ay, bx, by), (i, j), persons, motion, places, walking, p, floor):
                 return True
     return False
 

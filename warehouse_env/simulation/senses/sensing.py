@@ -32,27 +32,29 @@ def _padded_cell(x, y, cell, first):
 
 
 @inline
-def scan_shelves(cx, cy, c, s, p, edges, seen, first, rays, turned, out):
-    """Write the distance [m] of each ray from (cx, cy) to the nearest shelf or disc, at most lidar_range.
+def scan_shelves(eye, p, edges, rays, turned, out):
+    """Write the distance [m] of each ray from an eye to the nearest shelf or disc, at most lidar_range.
 
-    Arguments as those of `_scan_lines`; `edges` may be Outlines.
+    eye: x, y [m], cosine and sine of its heading; rays: float32[2, R], unit vectors in the robot's frame; turned:
+    float32[TURNED, R], scratch.
     """
-    if hasattr(edges, "lines"):
-        _scan_lines(cx, cy, c, s, p, edges.lines, seen, first, rays, turned, out)
-        row, column = _padded_cell(cx, cy, p["cell"], first)
-        scan_discs(cx, cy, row, column, edges, turned, out)
+    lines = edges.edges
+    if hasattr(lines, "lines"):
+        _scan_lines(eye, p, lines.lines, edges.seen, edges.first, rays, turned, out)
+        row, column = _padded_cell(eye[0], eye[1], p["cell"], edges.first)
+        scan_discs(eye[0], eye[1], row, column, lines, turned, out)
     else:
-        _scan_lines(cx, cy, c, s, p, edges, seen, first, rays, turned, out)
+        _scan_lines(eye, p, lines, edges.seen, edges.first, rays, turned, out)
 
 
 @inline
-def _scan_lines(cx, cy, c, s, p, edges, seen, first, rays, turned, out):
-    """Write the distance [m] of each ray from (cx, cy) to the nearest shelf, at most lidar_range.
+def _scan_lines(eye, p, edges, seen, first, rays, turned, out):
+    """Write the distance [m] of each ray from an eye to the nearest shelf, at most lidar_range.
 
-    rays: float32[2, R], unit vectors in the robot's frame; (c, s) its heading; edges, seen, first: see Edges;
-    turned: float32[TURNED, R], scratch. A ray of direction (ux, uy) meets the line x = a at a distance (a - cx) / ux,
-    at y = cy + distance x uy; rounding moves that by less than half of a seam.
+    edges, seen, first: see Edges. A ray of direction (ux, uy) from (cx, cy) meets the line x = a at a distance
+    (a - cx) / ux, at y = cy + distance x uy; rounding moves that by less than half of a seam.
     """
+    cx, cy, c, s = eye
     cell = p["cell"]
     for k in range(rays.shape[1]):
         ux = c * rays[0, k] - s * rays[1, k]
@@ -119,11 +121,12 @@ def _remember(squared, dx, dy, j, out, start, count):
 
 
 @inline
-def look_around(n, bodies, order, starts, p, kinds, rays, out, start):
+def look_around(n, places, p, kinds, rays, out, start):
     """Scan all robots in range of the n-th of `bodies` into the lidar, and remember the nearest from out[start] on.
 
-    Of those that are silent the lidar alone tells. bodies, order, starts: see buckets.sort; p: its own.
+    Of those that are silent the lidar alone tells. places: order, starts and bodies, see buckets.sort; p: its own.
     """
+    order, starts, bodies = places
     c, s = bodies[COS, n], bodies[SIN, n]
     cx, cy = bodies[CENTRE_X, n], bodies[CENTRE_Y, n]
     count = p["neighbours"]

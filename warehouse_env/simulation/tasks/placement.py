@@ -25,8 +25,9 @@ TURNS = (0, 1, -1, 2, -2, 3, -3, 4)  # eighths of a circle tried off the route's
 
 
 @part
-def _fits(robots, index, x, y, heading, p, kinds, floor, gap):
-    """Whether robot `index` at (x, y, heading) keeps `gap` from those before it and half of it from shelves."""
+def _fits(robots, index, pose, p, kinds, floor, gap):
+    """Whether robot `index` at a pose (x, y, heading) keeps `gap` from those before it and half of it from shelves."""
+    x, y, heading = pose
     s, c = sin_cos(heading)
     own = kind_of(index, p, kinds)
     body = body_of(x, y, c, s, own)
@@ -41,11 +42,11 @@ def _fits(robots, index, x, y, heading, p, kinds, floor, gap):
 
 
 @part
-def _put(robots, index, x, y, heading):
+def _put(robots, index, pose):
     """Put robot `index` at a pose."""
     r = robots[index]
-    r["x"], r["y"], r["heading"] = x, y, heading
-    r["sin"], r["cos"] = sin_cos(heading)
+    r["x"], r["y"], r["heading"] = pose
+    r["sin"], r["cos"] = sin_cos(pose[2])
 
 
 @part
@@ -68,9 +69,10 @@ def _put_all(robots, routes, pose, speed, params, kinds, floor):
     free = np.ones(robots.shape[0], np.bool_)
     for b in range(robots.shape[0]):
         for i in range(robots.shape[1]):
-            r, x, y, heading = robots[b, i], pose[b, i, 0], pose[b, i, 1], pose[b, i, 2]
-            free[b] = free[b] and _fits(robots[b], i, x, y, heading, p, kinds, floor, TOUCH)
-            _put(robots[b], i, x, y, heading)
+            r, x, y = robots[b, i], pose[b, i, 0], pose[b, i, 1]
+            at = x, y, pose[b, i, 2]
+            free[b] = free[b] and _fits(robots[b], i, at, p, kinds, floor, TOUCH)
+            _put(robots[b], i, at)
             r["anchor_x"], r["anchor_y"], r["speed"], r["steer"] = x, y, speed[b, i], ZERO
             r["position"] = np.float32(_nearest(routes[b, i], r["points"], x, y)) * r["spacing"]
             line.locate(r, routes[b, i])
@@ -106,8 +108,8 @@ def place(
     first = round(along / eighth) * eighth
     for turn in TURNS:
         heading = np.float32(math.remainder(first + turn * eighth, 2 * math.pi))
-        if _fits(robots, index, x, y, heading, limits[0][0], limits[1], floor, GAP):
-            _put(robots, index, x, y, heading)
+        if _fits(robots, index, (x, y, heading), limits[0][0], limits[1], floor, GAP):
+            _put(robots, index, (x, y, heading))
             return True
     return False
 
@@ -115,8 +117,8 @@ def place(
 def stand(robots: NDArray[Any], index: int, pose: NDArray[np.float64], limits: Limits, floor: Floor) -> None:
     """Stand robot `index` of ROBOT[N] at a pose (x [m], y [m], heading [rad]); ConfigError if it touches something."""
     x, y, heading = pose.astype(np.float32)
-    if not _fits(robots, index, x, y, heading, limits[0][0], limits[1], floor, TOUCH):
+    if not _fits(robots, index, (x, y, heading), limits[0][0], limits[1], floor, TOUCH):
         raise ConfigError(
             f"robot {index} touches a shelf or another robot at ({x:.3f}, {y:.3f}), heading {heading:.3f}"
         )
-    _put(robots, index, x, y, heading)
+    _put(robots, index, (x, y, heading))

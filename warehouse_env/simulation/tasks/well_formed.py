@@ -15,7 +15,7 @@ body by what it may be off, and by the room to drive in: faces on both sides of 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,25 +88,41 @@ def parking_of(grid: GridMap, config: EnvConfig) -> Parking:
     return Parking((disc, *(rectangle_of(config, grid.cell_size, upright) for upright in (False, True))), kinds)
 
 
+class Barred(NamedTuple):
+    """A floor with bodies parked at all goals."""
+
+    free: Any  # bool[H, W]
+    bars: Any  # int32[H, W], by how many bodies a cell is barred
+    own: Any  # int32[H, W], the last robot, from 1, whose body bars a cell
+
+
+class Reached(NamedTuple):
+    """What robots get to."""
+
+    label: Any  # int32[H, W], the regions, from 1, that all bodies leave, 0 elsewhere
+    cells: Any  # int32[H, W], the last robot that reached a cell
+    regions: Any  # int32[regions + 1], the last robot that reached a region
+
+
 @inline
-def _is_free(free, bars, own, mark, row, column):
+def _is_free(floor, mark, row, column):
     """Whether a cell is on the floor, free, and barred by nobody but robot `mark` itself, where own[cell] == mark."""
+    free, bars, own = floor
     if row < 0 or column < 0 or row >= free.shape[0] or column >= free.shape[1] or not free[row, column]:
         return False
     return bars[row, column] == (1 if own[row, column] == mark else 0)
 
 
 @kernel
-def _joined(free, bars, own, label, mark, moves, start, goal, disc, seen, met):
+def _joined(floor, reached, mark, start, goal, disc):
     """Whether robot `mark` gets from start to goal (row, column).
 
-    label int32[H, W]: the regions, from 1, that all discs leave, 0 elsewhere. Within its own disc the robot's way is
-    grown cell by cell from the goal, and outside it region by region. seen int32[H, W], met int32[regions + 1]: the
-    cells and regions that were reached for robot `mark`.
+    Within its own disc the robot's way is grown cell by cell from the goal, and outside it region by region.
     """
-    if not _is_free(free, bars, own, mark, start[0], start[1]):
+    label, seen, met = reached
+    if not _is_free(floor, mark, start[0], start[1]):
         return False
-    if not _is_free(free, bars, own, mark, goal[0], goal[1]):
+    if not _is_free(floor, mark, goal[0], goal[1]):
         return False
     seen[goal[0], goal[1]] = mark
     grown = True
@@ -114,15 +130,15 @@ def _joined(free, bars, own, label, mark, moves, start, goal, disc, seen, met):
         grown = False
         for d in range(len(disc)):
             row, column = goal[0] + disc[d, 0], goal[1] + disc[d, 1]
-            if not _is_free(free, bars, own, mark, row, column):
+            if not _is_free(floor, mark, row, column):
                 continue
             for m in range(8):
-                r, c = row + moves[m, 0], column + moves[m, 1]
-                if not _is_free(free, bars, own, mark, r, c):
+                r, c = row + MOVES[m, 0], column + MOVES[m, 1]
+                if not _is_free(floor, mark, r, c):
                     continue
-                if m % 2 == 1 and not _is_free(free, bars, own, mark, row, c):
+                if m % 2 == 1 and not _is_free(floor, mark, row, c):
                     continue
-                if m % 2 == 1 and not _is_free(free, bars, own, mark, r, column):
+                if m % 2 == 1 and not _is_free(floor, mark, r, column):
                     continue
                 region = label[r, c]
                 there = met[region] == mark if region > 0 else seen[r, c] == mark
@@ -151,17 +167,17 @@ def _cover(bars, own, goal, disc, mark):
 
 
 @kernel
-def _cut_off(free, starts, goals, shapes, kinds, moves, out):
+def _cut_off(free, starts, goals, shapes, kinds, out):
     """Write into out bool[N]; see cut_off. shapes int64[S, K, 2], kinds int64[N]: which of them each goal has."""
     bars, own, seen = np.zeros(free.shape, np.int32), np.zeros(free.shape, np.int32), np.zeros(free.shape, np.int32)
     for k in range(len(goals)):
         _cover(bars, own, goals[k], shapes[kinds[k]], 0)
     label = label_regions(free & (bars == 0))
-    met = np.zeros(label.max() + 1, np.int32)
+    floor, reached = Barred(free, bars, own), Reached(label, seen, np.zeros(label.max() + 1, np.int32))
     for k in range(len(goals)):
         disc = shapes[kinds[k]]
         _cover(bars, own, goals[k], disc, k + 1)
-        out[k] = not _joined(free, bars, own, label, k + 1, moves, starts[k], goals[k], disc, seen, met)
+        out[k] = not _joined(floor, reached, k + 1, starts[k], goals[k], disc)
 
 
 def cut_off(grid: GridMap, starts: NDArray[np.int64], goals: NDArray[np.int64], parking: Parking) -> NDArray[np.bool_]:
@@ -171,5 +187,5 @@ def cut_off(grid: GridMap, starts: NDArray[np.int64], goals: NDArray[np.int64], 
     shapes = np.full((len(parking.shapes), most, 2), sum(grid.shape), dtype=np.int64)  # what is left lies off the floor
     for row, shape in zip(shapes, parking.shapes, strict=True):
         row[: len(shape)] = shape
-    _cut_off(~grid.closed, starts, goals, shapes, parking.kinds[tuple(goals.T)], MOVES, out)
+    _cut_off(~grid.closed, starts, goals, shapes, parking.kinds[tuple(goals.T)], out)
     return out

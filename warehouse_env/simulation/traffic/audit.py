@@ -56,7 +56,7 @@ def _stop(r, p, stop):
             rate = (approach(speed, ZERO, p["max_acceleration"] * p["time_step"]) - speed) / p["time_step"]
         slower = speed + rate * p["dt"]
         if speed != ZERO:
-            x, y, heading = drive(x, y, heading, speed, slower, r["steer"], r["steer"], p["wheelbase"], p["dt"])
+            x, y, heading = drive((x, y, heading), speed, slower, r["steer"], r["steer"], p["wheelbase"], p["dt"])
             s, c = sin_cos(heading)
         speed = slower
         stop[n, 0], stop[n, 1], stop[n, 2], stop[n, 3] = x - p["offset"] * c, y - p["offset"] * s, c, s

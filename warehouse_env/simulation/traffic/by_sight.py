@@ -110,7 +110,7 @@ def _who_refuses(i, motion, field, sights, p):
             continue
         for k in (i, j):
             if marks[SAMPLES, k] == 0:
-                sample(whole(k), k, ZERO, ZERO, np.int32(0), motion, paths, outlines, marks, p)
+                sample(whole(k), k, (ZERO, ZERO, np.int32(0)), motion, paths, outlines, marks, p)
         if not _shares(i, j, paths, outlines, marks, p):
             return j
     return FREE
@@ -130,7 +130,7 @@ def commit(
     if speed == ZERO and min(max(acceleration * p["dt"], p["min_speed"]), p["max_speed"]) == ZERO:
         return FREE
     outline_trial(i, acceleration, steer_rate, motion, outlines, p)
-    sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)
+    sample(trial, i, (acceleration, steer_rate, p["substeps"]), motion, paths, outlines, marks, p)
     pace, samples = outlines[PACE, trial], marks[SAMPLES, trial]
     fastest = max(p["max_speed"], -p["min_speed"])
     if pace - p["blur"] > (fastest + _SPEED) * p["dt"]:
@@ -178,7 +178,7 @@ def _look(robots, persons, motion, places, sights, walking, p, floor):
 def _open_eyes(i, persons, motion, places, sights, turned, view, walking, p, scanners):
     """Scan for robot i, and note whom it knows: itself, and who sees it."""
     ranges, known, kinds, _, _, _ = view
-    scan(i, persons, motion, places, walking, p, scanners, turned, ranges)
+    scan(i, persons, motion, places, walking, p, scanners, (turned, ranges))
     kinds[:] = unseen.UNKNOWN
     count, n = motion.shape[1], 0
     for j in range(count):

@@ -76,7 +76,8 @@ def begin(motion, field, p, kinds):
         speed, bend, own = motion[SPEED, i], ZERO, kind_of(i, p, kinds)
         if speed != ZERO:
             bend = curvature(motion[STEER, i], own["wheelbase"])
-        draw_outline(i, x, y, heading, c, s, stopping_distance(speed, own), bend, ZERO, ZERO, outlines, own)
+        way = stopping_distance(speed, own)
+        draw_outline(i, (x, y, heading, c, s), way, bend, (ZERO, ZERO), outlines, own)
         marks[SAMPLES, i] = 0
         marks[COMMITTED, i] = 0
 
@@ -87,7 +88,7 @@ def _know(i, motion, paths, outlines, marks, p):
     if marks[SAMPLES, i] == 0:
         commanded = p["substeps"] if marks[COMMITTED, i] != 0 else np.int32(0)
         acceleration, steer_rate = motion[ACCELERATION, i], motion[STEER_RATE, i]
-        sample(whole(i), i, acceleration, steer_rate, commanded, motion, paths, outlines, marks, p)
+        sample(whole(i), i, (acceleration, steer_rate, commanded), motion, paths, outlines, marks, p)
 
 
 @inline
@@ -108,7 +109,7 @@ def _who_refuses(i, acceleration, steer_rate, motion, field, places, p, kinds):
             if j == i or not outlines_meet(outline, trial, j, gap, outlines):
                 continue
             if marks[SAMPLES, trial] == 0:
-                sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)
+                sample(trial, i, (acceleration, steer_rate, p["substeps"]), motion, paths, outlines, marks, p)
             other = kind_of(j, p, kinds)
             _know(j, motion, paths, outlines, marks, other)
             least = least_separation(trial, j, paths, outlines, marks, p, other)
@@ -147,13 +148,13 @@ def commit(i, persons, acceleration, steer_rate, motion, field, places, walking,
         marks[SAMPLES, trial] = 0
         outline_trial(i, acceleration, steer_rate, motion, outlines, p)
         if not is_far_from_shelves(trial, outlines, p, floor):
-            sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)
+            sample(trial, i, (acceleration, steer_rate, p["substeps"]), motion, paths, outlines, marks, p)
             if meets_shelf(trial, paths, outlines, marks, p, floor):
                 return SHELF
         x, y, reach = outlines[MIDDLE_X, trial], outlines[MIDDLE_Y, trial], outlines[REACH, trial]
         if walking is not None and people.anybody_near(persons, x, y, reach, p):
             if marks[SAMPLES, trial] == 0:
-                sample(trial, i, acceleration, steer_rate, p["substeps"], motion, paths, outlines, marks, p)
+                sample(trial, i, (acceleration, steer_rate, p["substeps"]), motion, paths, outlines, marks, p)
             if people.could_meet(persons, paths[trial], marks[SAMPLES, trial], outlines[PACE, trial], p):
                 return PERSON
         refuser = _who_refuses(i, acceleration, steer_rate, motion, field, places, p, kinds)

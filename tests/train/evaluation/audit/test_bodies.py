@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.simulation.reference import polygon_distance, rectangle, separation
-from train.evaluation.audit.bodies import gap, point_gap
+from train.evaluation.audit.bodies import Outline, gap, point_gap
 
 SIDES = st.floats(0.05, 1.0)
 ANGLES = st.floats(-math.pi, math.pi)
@@ -18,7 +18,8 @@ NEAR = st.floats(-1.5, 1.5)
 
 def gap_of(dx: float, dy: float, one: float, other: float, sides: tuple[float, float, float, float]) -> float:
     """The gap of two rectangles at headings `one` and `other` [rad]."""
-    return gap(dx, dy, math.cos(one), math.sin(one), *sides[:2], math.cos(other), math.sin(other), *sides[2:])
+    first = Outline(0.0, 0.0, math.cos(one), math.sin(one), *sides[:2])
+    return gap(first, Outline(dx, dy, math.cos(other), math.sin(other), *sides[2:]))
 
 
 @given(NEAR, NEAR, ANGLES, ANGLES, st.tuples(SIDES, SIDES, SIDES, SIDES))

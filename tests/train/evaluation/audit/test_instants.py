@@ -16,7 +16,7 @@ from tests.simulation.reference import WHEELBASE, bodies, polygon_distance, sepa
 from train.evaluation.audit import instants
 from train.evaluation.audit.arcs import STATE
 from train.evaluation.audit.bodies import Fleet
-from train.evaluation.audit.instants import HORIZON, audit_step
+from train.evaluation.audit.instants import HORIZON, EnvStep, Findings, Obstacles, audit_step
 from warehouse_env.config import EnvConfig
 
 Floats = NDArray[np.float64]
@@ -49,14 +49,15 @@ def audited(
     walked: Floats | None = None, solid: NDArray[np.bool_] = FREE, discs: Floats = NO_DISCS, repeat: int = 1,
 ) -> tuple[list[list[float]], float, float]:  # fmt: skip
     """Audit a step; return its faults, the closest approach and the way of all [m]."""
-    faults, closest, way = np.empty((20, instants.FAULT)), np.full(1, HORIZON), np.zeros(1)
+    findings = Findings(np.full(1, HORIZON), np.zeros(1), np.empty((20, instants.FAULT)))
     fleet, nobody = Fleet.of(EnvConfig(num_agents=len(before), action_repeat=repeat)), np.empty((1, 0, 2))
-    count = audit_step(
+    step = EnvStep(
         np.array(before).reshape(1, -1, STATE), np.array(after).reshape(1, -1, STATE),
         np.array([list(put_back) or [False] * len(before)]), nobody if people is None else people,
-        nobody if walked is None else walked, solid, discs, 1.0, fleet, closest, way, faults,
+        nobody if walked is None else walked,
     )  # fmt: skip
-    return faults[:count].tolist(), float(closest[0]), float(way[0])
+    count = audit_step(step, Obstacles(solid, discs, 1.0), fleet, findings)
+    return findings.faults[:count].tolist(), float(findings.closest[0]), float(findings.ways[0])
 
 
 def kinds(faults: list[list[float]]) -> list[int]:
