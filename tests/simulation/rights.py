@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.traffic import meetings, right_of_way, stepping_in, waits
 from warehouse_env.simulation.traffic.field import NOBODY
 from warehouse_env.simulation.traffic.path_ahead import CENTRE_X, COLUMNS, COS, POSES, SIN
+from warehouse_env.traffic_spec import TRAFFIC, TrafficSpec
 
 Pose = Sequence[float]
 SPACING = 0.25  # [m] between a route's points
@@ -33,8 +35,7 @@ class World:
             *poses,
             action_type="discrete",
             action_repeat=2,
-            protective_field=True,
-            right_of_way=True,
+            traffic=TrafficSpec(shield=True, right_of_way=True),
             people=people,
         )
         self.robots = self.simulator.robots[0]
@@ -105,9 +106,10 @@ def empty_path() -> NDArray[np.float32]:
     return np.zeros((POSES, COLUMNS), np.float32)
 
 
-def simulator_with_right(robots: int, layout: str, **changes: Any) -> Simulator:
-    """A simulator with all that traffic has, which has not been reset."""
+def simulator_with_right(robots: int, layout: str, max_steps: int = 1000, **switches: Any) -> Simulator:
+    """A simulator under the rules, but for some switches of TrafficSpec, which has not been reset."""
     from warehouse_env.config import EnvConfig
 
-    rights = {"protective_field": True, "right_of_way": True, "reroute": True, "action_repeat": 2}
-    return Simulator(EnvConfig(layout=layout, num_agents=robots, planner="astar_turns", **rights | changes))
+    traffic = replace(TRAFFIC["rules"], **switches)
+    shared = {"planner": "astar_turns", "max_steps": max_steps, "action_repeat": 2, "traffic": traffic}
+    return Simulator(EnvConfig(layout, robots, **shared))  # type: ignore[arg-type]

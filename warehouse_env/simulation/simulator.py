@@ -33,7 +33,7 @@ from warehouse_env.simulation.physics.zones import zones_of
 from warehouse_env.simulation.record import metrics
 from warehouse_env.simulation.senses.messages import Messages
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS, weight_vector
-from warehouse_env.simulation.senses.scanners import scanners_of
+from warehouse_env.simulation.senses.scanners import RAYS, scanners_of
 from warehouse_env.simulation.tasks.assignment import Assignment, check_assignments
 from warehouse_env.simulation.tasks.dispatch import ROUTE_BLOCK, Dispatcher
 from warehouse_env.simulation.tasks.orders import Order
@@ -101,7 +101,7 @@ class Simulator(Portable):
         given.check_stop(config, state.stop_samples(planned))
         self.layout = observation_layout(config)
         each = state.ROBOT.itemsize + 8 * ROUTE_BLOCK
-        each += 4 * config.num_agents if config.protective_field == "lidar" else 0  # whom it sees
+        each += 4 * config.num_agents if config.traffic_spec.shield == "lidar" else 0  # whom it sees
         cells = self.grid.occupied.size
         given.check_memory(num_worlds, config.num_agents, self.layout.size, each, config.people, cells)
         self._every_kind = state.every_kind(planned, self.grid.cell_size, config.kinds)
@@ -129,7 +129,9 @@ class Simulator(Portable):
     def _make_arrays(self, planned: EnvConfig) -> None:
         b, n, p = self.num_worlds, self.num_agents, self._params
         self.arcs = np.zeros((b, n, ARCS, 2), dtype=np.float32)  # [m], [rad]; the robots' manoeuvres
-        self._paths = np.zeros((b, n + 1 if self.config.right_of_way else 0, POSES, COLUMNS), dtype=np.float32)
+        self._paths = np.zeros(
+            (b, n + 1 if self.config.traffic_spec.right_of_way else 0, POSES, COLUMNS), dtype=np.float32
+        )
         self.observation = np.zeros((b, n, self.layout.size), dtype=np.float32)
         self.reward = np.zeros((b, n), dtype=np.float32)
         self.reward_terms = np.zeros((b, n, len(REWARD_TERMS)), dtype=np.float32)
@@ -144,11 +146,11 @@ class Simulator(Portable):
         widest = float(p["widest"][0])
         self._stamps = np.zeros((b, n, state.most_near(n, self.config), 2), dtype=np.int32)
         rows, columns = self.grid.shape
-        size, by_sight = self.grid.cell_size, self.config.protective_field == "lidar"
+        size, by_sight = self.grid.cell_size, self.config.traffic_spec.shield == "lidar"
         seen_from = widest * (2 if by_sight else 1)  # the farthest point of the body, or its centre
         look = max(
             self.config.sensor.lidar_range + seen_from,
-            2 * max(reach, float(p["field_range"][0]) if self.config.protective_field else 0.0),
+            2 * max(reach, float(p["field_range"][0]) if self.config.traffic_spec.shield else 0.0),
         )
         bucket_rows, bucket_columns, side = bucket_grid(n, columns * size, rows * size, look)
         shared = {
@@ -180,7 +182,7 @@ class Simulator(Portable):
         self._zones = zones_of(self.grid, planned_config(self.config))
         self._scanners = None
         if self._sights is not None:
-            self._scanners = scanners_of(self.config.field_spec.scanner_rays, self._floor.edges)
+            self._scanners = scanners_of(RAYS, self._floor.edges)
         self._compiled: _Code | None = None  # once the first step asks for it
         self._scratch = ScratchPool(self.num_agents, self.config.people, POSES)
         self._collect()
@@ -386,7 +388,7 @@ class Simulator(Portable):
         """
         advance, observe = self._code()
         where = (begin, end, self._planned, self.dispatcher.routes)
-        if self.config.right_of_way and agreement.agree(*where, *self._agree_arguments):
+        if self.config.traffic_spec.right_of_way and agreement.agree(*where, *self._agree_arguments):
             with self._scratch.lent() as scratch:
                 making_room.make_room(begin, end, self._search_worlds, self._paths, self._search_setup, scratch)
         arrivals, seeking = advance(begin, end, self._at_hand(), *self._advance_arguments)

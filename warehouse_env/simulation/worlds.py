@@ -33,7 +33,7 @@ class Features(NamedTuple):
     @classmethod
     def of(cls, config: EnvConfig) -> Features:
         """Return the features of a config."""
-        field = config.protective_field
+        field = config.traffic_spec.shield
         checked = field and audit.is_wanted()
         stopping = config.arrival != "pass"
         has = (config.action_type != "raw", stopping, config.people > 0, field, checked, deviation.errs(config))

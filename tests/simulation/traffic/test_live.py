@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.simulation.worlds import room, stage
-from warehouse_env.config import EnvConfig, RerouteSpec
+from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, GridMap
@@ -21,10 +21,21 @@ from warehouse_env.simulation.traffic.live import SLOTS, LiveRoutes, find_due, k
 from warehouse_env.simulation.traffic.passing import Passing, keep_all_up, make_passing, note_waiting
 from warehouse_env.simulation.traffic.prices import ANY, PRICES, Look, Prices, cost_ahead, make_asked, price_of
 from warehouse_env.simulation.traffic.ways import make_labels, search
+from warehouse_env.traffic_spec import TrafficSpec
 
 EAST, NORTH, WEST, SOUTH = 0, 2, 4, 6
 ROWS, COLUMNS = 5, 9
 NOBODY_WALKS, ON_NOTHING = np.zeros(0, PERSON), np.zeros((2, 0), np.int32)
+
+
+EVERY, STOOD_FOR = live.EVERY, live.STOOD_FOR
+
+
+@pytest.fixture(autouse=True)
+def _often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Robots look twice as often, and stand sooner, so that short episodes suffice."""
+    monkeypatch.setattr(live, "EVERY", 2.0)
+    monkeypatch.setattr(live, "STOOD_FOR", 2.0)
 
 
 def record(*robots: dict[str, Any]) -> Any:
@@ -156,11 +167,14 @@ def test_all_robots_look_but_those_who_have_arrived_or_are_parked_and_one_after_
     assert max(sum(row) for row in looked) == 1
 
 
-def test_robots_find_better_routes_where_nobody_stands_unless_only_the_barred_look() -> None:
+def test_robots_find_better_routes_where_nobody_stands_unless_only_the_barred_look(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     found = {}
+    monkeypatch.setattr(live, "EVERY", 1.0)
+    monkeypatch.setattr(live, "STOOD_FOR", 1e4)
     for only_barred in (False, True):
-        spec = RerouteSpec(every=1.0, stood_for=1e4, only_barred=only_barred)
-        simulator = Simulator(CONFIG.replace(reroute_spec=spec))
+        simulator = Simulator(CONFIG.replace(traffic=TrafficSpec(routes="barred" if only_barred else True)))
         simulator.reset([5])
         drive(simulator, 50)
         found[only_barred] = int(simulator.robots["reroutes"].sum())
@@ -281,10 +295,12 @@ def test_on_its_way_a_robot_keeps_its_route_unless_a_new_one_saves_enough() -> N
 
 
 @pytest.mark.parametrize(("up", "better"), [(1, False), (2, True), (3, True)])
-def test_a_route_is_kept_to_the_cell_unless_a_new_one_saves_enough(up: int, better: bool) -> None:
+def test_a_route_is_kept_to_the_cell_unless_a_new_one_saves_enough(
+    up: int, better: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """On an open floor the route goes `up` cells aside and back, so straight on saves twice that; four are asked."""
-    spec = RerouteSpec(saving=4.0)
-    simulator = stage(room(12, 16), (2.5, 2.5, 0.0), planner="astar_turns", reroute=True, reroute_spec=spec)
+    monkeypatch.setattr(live, "SAVING", 4.0)
+    simulator = stage(room(12, 16), (2.5, 2.5, 0.0), planner="astar_turns", traffic="routes")
     bend = [(x, 2.5) for x in (2.5, 3.5, 4.5)] + [(5.5, 2.5 + k) for k in range(up + 1)]
     back = [(6.5, 2.5 + k) for k in range(up, -1, -1)] + [(x, 2.5) for x in (7.5, 8.5, 9.5, 10.5)]
     simulator.dispatcher.give_line(0, 0, np.array(bend + back, np.float32))
@@ -305,7 +321,7 @@ def test_turning_away_from_the_heading_costs_and_more_where_there_is_no_room() -
 
 CONFIG = EnvConfig(
     layout="narrow", num_agents=24, planner="astar_turns", max_steps=10_000, action_repeat=2,
-    reroute=True, reroute_spec=RerouteSpec(every=2.0, stood_for=2.0),
+    traffic="routes",
 )  # fmt: skip
 STEPS = 250
 
@@ -336,21 +352,16 @@ def test_a_new_route_begins_at_the_robot_and_ends_at_the_same_goal_and_the_task_
     assert seen > 0
 
 
-def test_planners_without_a_cost_map_are_refused_and_specs_checked() -> None:
-    with pytest.raises(ConfigError, match="plans no live routes; choose pf_aco or astar_turns"):
-        Simulator(CONFIG.replace(reroute_spec=RerouteSpec(planner="theta_star")))
-    with pytest.raises(ConfigError, match=r"RerouteSpec\.every"):
-        RerouteSpec(every=0.0)
-    assert EnvConfig.from_dict(CONFIG.to_dict()) == CONFIG
-
-
 def test_what_was_stored_with_the_prices_of_today_is_read_and_with_others_refused() -> None:
-    assert RerouteSpec.retired.items() <= PRICES._asdict().items()
-    stored = CONFIG.to_dict()
-    stored["reroute_spec"] |= RerouteSpec.retired
-    assert EnvConfig.from_dict(stored) == CONFIG
-    stored["reroute_spec"]["against"] = 2.0
-    with pytest.raises(ConfigError, match=r"RerouteSpec parameter 'against' is no option any more: it is 1\.0"):
+    prices = {name: value for name, value in TrafficSpec.retired.items() if name in PRICES._fields}
+    assert len(prices) == 8
+    assert prices.items() <= PRICES._asdict().items()
+    numbers = {"every": EVERY, "look_ahead": live.LOOK_AHEAD, "stood_for": STOOD_FOR, "saving": live.SAVING}
+    assert numbers.items() <= TrafficSpec.retired.items()
+    stored = {"reroute": True, "reroute_spec": {**prices, **numbers, "planner": None, "only_barred": True}}
+    assert EnvConfig.from_dict(stored).traffic_spec == TrafficSpec(routes="barred")
+    stored["reroute_spec"] = prices | {"against": 2.0}
+    with pytest.raises(ConfigError, match=r"TrafficSpec parameter 'against' is no option any more: it is 1\.0"):
         EnvConfig.from_dict(stored)
 
 
@@ -482,17 +493,16 @@ def sharpest_turn(route: Any) -> float:
 
 def folded(planner: str) -> int:
     """Count routes that fold back on themselves in their first 7 m, of 1,500 among robots that stand on `narrow`."""
-    spec = RerouteSpec()
-    config = EnvConfig(layout="narrow", num_agents=64, planner=planner, reroute=True, reroute_spec=spec)
+    config = EnvConfig(layout="narrow", num_agents=64, planner=planner, traffic="routes")
     simulator, rng, count = Simulator(config), np.random.default_rng(0), 0
     simulator.reset([0])
-    live, robots = live_of(simulator), simulator.robots[0]
-    robots["standing_time"] = spec.stood_for
+    routes, robots = live_of(simulator), simulator.robots[0]
+    robots["standing_time"] = STOOD_FOR
     cells = simulator.grid.free_cells
     for _ in range(1500):
         me, goal = rng.integers(64), tuple(cells[rng.integers(len(cells))].tolist())
         robots[me]["heading"] = rng.uniform(-np.pi, np.pi)
-        route = live.route(robots, simulator.routes[0], 0, me, 1, goal)
+        route = routes.route(robots, simulator.routes[0], 0, me, 1, goal)
         count += route is not None and sharpest_turn(route.line[:15]) > 2.0
     return count
 
@@ -506,17 +516,14 @@ def test_the_price_of_hairpins_keeps_live_routes_from_folding(monkeypatch: pytes
 
 
 @pytest.mark.parametrize(
-    ("planner", "spec", "finder", "first"),
-    [
-        ("pf_aco", None, "Ants", True), ("pf_aco:ants=9", None, "Ants", True), ("astar_turns", None, "Search", True),
-        ("pf_aco", "astar_turns", "Search", False), ("astar", None, "Search", False),
-        ("astar", "pf_aco", "Ants", False),
-    ],
+    ("planner", "finder", "first"),
+    [("pf_aco", "Ants", True), ("pf_aco:ants=9", "Ants", True), ("astar_turns", "Search", True),
+     ("astar", "Search", False)],
 )  # fmt: skip
-def test_live_routes_are_made_by_the_planner_of_all_routes_unless_another_is_named(
-    planner: str, spec: str | None, finder: str, first: bool
+def test_live_routes_are_made_by_the_planner_of_all_routes_if_it_makes_any(
+    planner: str, finder: str, first: bool
 ) -> None:
-    simulator = Simulator(CONFIG.replace(planner=planner, num_agents=2, reroute_spec=RerouteSpec(planner=spec)))
+    simulator = Simulator(CONFIG.replace(planner=planner, num_agents=2))
     made = simulator.dispatcher.live
     assert made is not None
     assert (type(made.finder).__name__, made.plans_first) == (finder, first)

@@ -195,7 +195,7 @@ def meet(meeting: str) -> Simulator:
         x, y = WINDING.centre((row, column))
         starts.append((x + 0.3 * math.cos(heading), y + 0.3 * math.sin(heading), heading))
         goals.append(goal)
-    rights = {"protective_field": True, "right_of_way": True, "reroute": True}
+    rights = {"traffic": "rules"}
     config = EnvConfig(num_agents=len(starts), action_repeat=2, planner="astar", max_steps=10**6, **rights)
     sim = Simulator(config, grid=WINDING)
     sim.reset_to([Assignment(np.array(starts), np.array(goals))], 0)

@@ -138,7 +138,7 @@ def commit(i, command, persons, wary, around, walking, p, floor):
     if not is_far_from_shelves(trial, outlines, p, floor) and meets_shelf(trial, paths, outlines, marks, p, floor):
         return SHELF
     x, y, reach = outlines[MIDDLE_X, trial], outlines[MIDDLE_Y, trial], outlines[REACH, trial]
-    fit, comes = min(p["half_length"], p["half_width"]), max((pace - p["blur"]) / p["dt"], wary, p["unseen_speed"])
+    fit, comes = min(p["half_length"], p["half_width"]), max((pace - p["blur"]) / p["dt"], wary)
     if walking is not None:
         fit, comes = min(fit, people.RADIUS), max(comes, people.PACE)
         if people.anybody_near(persons, x, y, reach, p) and people.could_meet(persons, paths[trial], samples, pace, p):

@@ -1,6 +1,6 @@
 """Live routes: robots are routed anew on their way, around others that stand and away from where others are going.
 
-Every few seconds of its world's clock a robot looks for a better route from where it is (with `only_barred`, as in
+Every few seconds of its world's clock a robot looks for a better route from where it is (with routes "barred", as in
 trainings, only if its own leads through a cell in or beside which another has not moved a metre for some seconds), at
 prices:
 
@@ -33,7 +33,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.maps.grid_map import MOVES, Cell
 from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE, Box, CostToGo, to_go
@@ -58,6 +57,10 @@ FINDERS: dict[str, type[Search | Ants]] = {
     "pf_aco": Ants,
     "astar_turns": Search,
 }  # of live routes, by the name of their planner
+EVERY = 4.0  # [s] between two looks of a robot for a better route
+LOOK_AHEAD = 10.0  # [m] of the route ahead that may be barred
+STOOD_FOR = 6.0  # [s] without having moved a metre after which a robot counts as standing
+SAVING = 0.5  # [cells] that a new route on the way must save, or the old one is kept
 SLOTS = 128  # way-points of a robot's route that the table has room for
 HORIZON = 40  # [cells] from a robot up to which it looks; from there its way is the shortest
 LAID = 60.0  # [m] of a robot's route that are made drivable at once; the rest when it comes near
@@ -133,19 +136,11 @@ def keep_barred(
 
 
 def live_planner(config: EnvConfig) -> Any:
-    """Return the planner of live routes: that of the spec, else the config's own if it makes any, else astar_turns.
-
-    ConfigError where the spec names one that makes none.
-    """
+    """Return the planner of live routes: the config's own if it makes any, else astar_turns."""
     from warehouse_env.planning import make_planner
 
-    named = config.reroute_spec.planner
-    planner = make_planner(named if named is not None else config.planner)
-    if planner.name in FINDERS:
-        return planner
-    if named is not None:
-        raise ConfigError(f"planner {planner.name} plans no live routes; choose {' or '.join(FINDERS)}")
-    return make_planner("astar_turns")
+    planner = make_planner(config.planner)
+    return planner if planner.name in FINDERS else make_planner("astar_turns")
 
 
 class LiveRoutes(Portable):
@@ -154,34 +149,30 @@ class LiveRoutes(Portable):
     bound = ("_fields", "_asked")
 
     def __init__(self, config: EnvConfig, book: RouteBook, persons: NDArray[Any]) -> None:
-        """Take the configuration's `reroute_spec`; persons: PERSON[B, M]; ConfigError as `live_planner`."""
+        """Make the live routes of a configuration; persons: PERSON[B, M]."""
         self._persons, worlds = persons, len(persons)
         self._person_on = np.full(persons.shape, NOTHING, np.int32)  # see keep_all_up
-        spec, grid = config.reroute_spec, book.grid
+        grid = book.grid
         planner = live_planner(config)
         self.finder: Finder = FINDERS[planner.name](grid.shape)
         self.plans_first = planner.name == config.planner.partition(":")[0]  # not only on the way
         self._gentleness = planner.gentleness
         self._book = book
         seconds = config.action_repeat * config.time_step
-        self._every, self._only_barred, self._look_ahead = (
-            max(1, round(spec.every / seconds)),
-            spec.only_barred,
-            spec.look_ahead,
-        )
+        self._every, self._only_barred = max(1, round(EVERY / seconds)), config.traffic_spec.routes == "barred"
         behind = np.array([robot.rear_reach - 0.5 * robot.length for robot in config.robots], np.float32)
-        self._floor = spec.stood_for, behind, np.float32(grid.cell_size)
+        self._floor = STOOD_FOR, behind, np.float32(grid.cell_size)
         robot, size = config.widest_body, config.widest_body.longer / grid.cell_size  # of bodies, in cells
         spread = int(0.5 * (robot.length + robot.width) / grid.cell_size)
         self._prices = prices_for(size, spread)
         self._costs, self._saving = (
             (round(UNIT * (getattr(planner, "hairpin", 0.0) or HAIRPIN * size)), UNIT * HORIZON),
-            round(UNIT * spec.saving),
+            round(UNIT * SAVING),
         )
         self._passing = make_passing(worlds, config.num_agents, grid.occupied.size, SLOTS, spread)
         self._laid = np.full((worlds, config.num_agents), np.inf, np.float32)  # [m] of routes that are drivable
         fastest = max(max(kind.max_speed, -kind.min_speed) for kind in config.kinds)
-        self._reach = LAID if spec.every * fastest < _NEAR / 2 else np.inf
+        self._reach = LAID if EVERY * fastest < _NEAR / 2 else np.inf
         self._cells: dict[tuple[int, int], NDArray[np.int32]] = {}  # [L, 2], those that a robot's route was made of
         self._boxes: dict[tuple[int, int], tuple[Cell, Box]] = {}  # of the field that each robot goes by, and its goal
         self._bind()
@@ -231,7 +222,7 @@ class LiveRoutes(Portable):
             return []
         stood_for, behind, size = self._floor
         note_waiting(self._passing, robots, looks, steps, self._every, behind, size, *self._book.grid.shape)
-        floor = (stood_for, self._look_ahead, behind, size, *self._book.grid.shape)
+        floor = (stood_for, LOOK_AHEAD, behind, size, *self._book.grid.shape)
         if self._only_barred and not keep_barred(
             self._passing, robots, self._persons, self._person_on, routes, self._laid, steps, *floor, looks
         ):
