@@ -54,13 +54,20 @@ class World:
         told = np.full((1, len(self.robots)), int(sim.cruise_action)) if actions is None else actions
         sim._actions.decode(told, sim._commands[0], sim._choices)
         p, kinds = sim._params[0], sim._kinds
-        self.ways = meetings.scratch(sim._paths[0])
+        self.ways = sim._paths[0], *meetings.scratch(len(self.robots))
         self.step_in()
         right_of_way.rank(self.robots, self.order)
-        right_of_way.decide(
-            self.robots, sim.people.persons[0], sim.routes[0], sim.arcs[0], sim._commands[0, 0], sim._choices[0],
-            self.order, self.ways, p, kinds, sim._floor,
-        )  # fmt: skip
+        who, what = (self.robots, sim.people.persons[0]), (sim.routes[0], sim.arcs[0], sim._commands[0, 0])
+        world = right_of_way.Claims(*who, *what, sim._choices[0], self.ways)
+            self.robots,
+            sim.people.persons[0],
+            sim.routes[0],
+            sim.arcs[0],
+            sim._commands[0, 0],
+            sim._choices[0],
+            self.ways,
+        )
+        right_of_way.decide(world, self.order, p, kinds, sim._floor)
         return self
 
     def step_in(self) -> bool:

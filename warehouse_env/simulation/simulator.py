@@ -22,7 +22,7 @@ from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation import given, state, step
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.driver.manoeuvre import ARCS
-from warehouse_env.simulation.driver.scratch import ScratchPool
+from warehouse_env.simulation.driver.scratch import make_scratch as search_scratch
 from warehouse_env.simulation.driver.turning import turning_metrics
 from warehouse_env.simulation.physics.buckets import bucket_grid
 from warehouse_env.simulation.physics.deviation import Deviation, errs, planned_config
@@ -44,7 +44,7 @@ from warehouse_env.simulation.traffic.audit import raise_fault
 from warehouse_env.simulation.traffic.by_sight import NOT_SEEN
 from warehouse_env.simulation.traffic.jams import Jams, jams_of
 from warehouse_env.simulation.traffic.path_ahead import COLUMNS, POSES
-from warehouse_env.simulation.worlds import Equipment, Features, Senses, Vehicles, Worlds
+from warehouse_env.simulation.worlds import Equipment, Features, Pool, Scratch, Setup, Vehicles, Worlds, make_scratch
 from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
 
 PARALLEL_FROM = 256  # robots in all from which waking other threads pays
@@ -70,7 +70,7 @@ class Simulator(Portable):
 
     bound = (
         "state", "events", "_floor", "_scanners", "_zones", "_compiled",
-        "_worlds", "_advance_arguments", "_agree_arguments", "_observe_arguments", "_scratch",
+        "_worlds", "_setup", "_scratches", "_searches",
     )  # fmt: skip
 
     def __init__(
@@ -184,7 +184,8 @@ class Simulator(Portable):
         if self._sights is not None:
             self._scanners = scanners_of(RAYS, self._floor.edges)
         self._compiled: _Code | None = None  # once the first step asks for it
-        self._scratch = ScratchPool(self.num_agents, self.config.people, POSES)
+        self._scratches = Pool(self._make_scratch)
+        self._searches = Pool(lambda: search_scratch(self.num_agents, self.config.people, POSES))
         self._collect()
 
     def _collect(self) -> None:
@@ -194,16 +195,16 @@ class Simulator(Portable):
         self._worlds = Worlds(
             self._planned, self.routes, self.arcs, self._commands, people.persons, people.ways,
             None if shifts is None else shifts.limits, self._sights, deviation.bodies, deviation.errors, self._stamps,
-            self.steps, self.truncated, self.terminated, self._waiting, self._faults, self.observation,
-            self.reward_terms, self.reward,
+            self.steps, self.truncated, self.terminated, self._waiting, self._faults, self._paths, self._choices,
+            self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
-        fleet, bodies = Vehicles(*self._limits), Vehicles(self._true_params, self._true_kinds)
-        equipment, senses = Equipment(self._scanners, self._zones), Senses(self._rays, table, self._weights)
-        self._advance_arguments = (self._features, equipment, fleet, bodies, self._floor)
-        self._observe_arguments = (self._features, bodies, self._floor, senses)
-        self._agree_arguments = (
-            people.persons, self.arcs, self._commands[0], self._paths, *self._limits, self._choices, self._floor,
+        self._setup = Setup(
+            self._features, Equipment(self._rays, table, self._weights, self._scanners, self._zones),
+            Vehicles(*self._limits), Vehicles(self._true_params, self._true_kinds), self._floor,
         )  # fmt: skip
+
+    def _make_scratch(self) -> Scratch:
+        return make_scratch(self._setup, self.num_agents, self.config.traffic_spec.right_of_way)
 
     def _at_hand(self) -> Worlds:
         """Return the worlds' arrays; that of the routes is another one once a longer route has come."""
@@ -375,9 +376,10 @@ class Simulator(Portable):
     def _code(self) -> _Code:
         """Return the code of `advance` and of `observe` for the arguments at hand, whose types never change."""
         if self._compiled is None:
+            arguments = self._worlds, self._setup, self._make_scratch()
             self._compiled = (
-                compiled_for(step.advance, 0, 0, self._worlds, *self._advance_arguments),
-                compiled_for(step.observe, 0, 0, False, self._worlds, *self._observe_arguments),
+                compiled_for(step.advance, 0, 0, *arguments),
+                compiled_for(step.observe, 0, 0, False, *arguments),
             )
         return self._compiled
 
@@ -386,17 +388,19 @@ class Simulator(Portable):
 
         Where all robots look for better routes, a world waits with its observation until they have done so.
         """
-        advance, observe = self._code()
-        where = (begin, end, self._planned, self.dispatcher.routes)
-        if self.config.traffic_spec.right_of_way and agreement.agree(*where, *self._agree_arguments):
-            with self._scratch.lent() as scratch:
-                making_room.make_room(begin, end, self._search_worlds, self._paths, self._search_setup, scratch)
-        arrivals, seeking = advance(begin, end, self._at_hand(), *self._advance_arguments)
+        (advance, observe), worlds, setup, scratch = self._code(), self._at_hand(), self._setup, self._scratches.take()
+        if self.config.traffic_spec.right_of_way and agreement.agree(begin, end, worlds, setup, scratch):
+            search = self._searches.take()
+            making_room.make_room(begin, end, self._search_worlds, self._paths, self._search_setup, search)
+            self._searches.give_back(search)
+        arrivals, seeking = advance(begin, end, worlds, setup, scratch)
         if seeking:
-            with self._scratch.lent() as scratch:
-                recovery.seek(begin, end, self._search_worlds, self._search_setup, scratch, self._features.stopping)
+            search = self._searches.take()
+            recovery.seek(begin, end, self._search_worlds, self._search_setup, search, self._features.stopping)
+            self._searches.give_back(search)
         if not self.dispatcher.all_look:
-            observe(begin, end, False, self._at_hand(), *self._observe_arguments)
+            observe(begin, end, False, worlds, setup, scratch)
+        self._scratches.give_back(scratch)
         return arrivals
 
     @property
@@ -421,8 +425,9 @@ class Simulator(Portable):
         self._tell_needs()
 
     def _observe_waiting(self, begin: int, end: int) -> int:
-        _, observe = self._code()
-        observe(begin, end, True, self._at_hand(), *self._observe_arguments)
+        (_, observe), scratch = self._code(), self._scratches.take()
+        observe(begin, end, True, self._at_hand(), self._setup, scratch)
+        self._scratches.give_back(scratch)
         return 0
 
     def episode_metrics(self, world: int = 0) -> dict[str, float]:

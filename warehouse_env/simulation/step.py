@@ -22,7 +22,6 @@ from warehouse_env.simulation.senses import prediction, sensing
 from warehouse_env.simulation.senses.rewards import write_terms
 from warehouse_env.simulation.state import GAP_HORIZON, NOBODY
 from warehouse_env.simulation.traffic import audit, by_sight, field, right_of_way, waits
-from warehouse_env.simulation.worlds import Scratch
 
 _HORIZON = np.float32(GAP_HORIZON)
 
@@ -123,26 +122,6 @@ def _total(r, p):
         _park(r, p)
 
 
-@kernel
-def _sights(p):
-    """Return scratch of sensing.py and prediction.py: turned float32[TURNED, R], legs and path."""
-    turned = np.empty((sensing.TURNED, p["rays"]), np.float32)
-    legs = np.empty((prediction.LEGS, p["route_points"]), np.float32)
-    return turned, legs, np.empty(prediction.PATH, np.float32)
-
-
-@kernel
-def _looks(count, scanners):
-    """Return the scratch of by_sight.py, None without scanners."""
-    return None if scanners is None else by_sight.scratch(count, scanners)
-
-
-@kernel
-def _own(motion, erring):
-    """Return an array for the motions of bodies that err, else that of the motions planned."""
-    return motion if erring is None else np.empty_like(motion)
-
-
 @inline
 def _move(robots, persons, near, motions, walking, guarded, vehicles, floor):
     """Carry out the motions of one physics step, but for those that would end in a shelf, a person or another robot."""
@@ -196,12 +175,13 @@ def _guard(worlds, b, scratch, guarded, walking, scanners, vehicles, floor):
 
 
 @inline
-def _choose(worlds, b, commands, scratch, features, equipment, vehicles, floor):
+def _choose(worlds, b, commands, setup, scratch):
     """Choose the motion of each robot of world b for one physics step; commands: those in force, float32[N, 2].
 
     Robots under loads have limits of their own, but contact and field count on those without.
     """
-    (p, kinds), masks, robots = vehicles, equipment.zones, worlds.robots[b]
+    features, (params, kinds), masks, floor = setup.features, setup.planned, setup.equipment.zones, setup.floor
+    p, robots, motion = params[0], worlds.robots[b], scratch.motions[1]
     for i in range(robots.shape[0]):
         r, own, command = robots[i], kind_of(i, p, kinds), (commands[i, 0], commands[i, 1])
         most, loaded = _most_speed(r, masks, own), _loaded(worlds.limits, b, i)
@@ -209,8 +189,9 @@ def _choose(worlds, b, commands, scratch, features, equipment, vehicles, floor):
             (b, i), worlds, command, most, loaded, features.followed, features.stopping, (own, floor)
         )
         first = _keep_under(r, first, most, masks, own)
-        contact.load(robots, i, first, second, own, floor, scratch.motions[1])
-    _guard(worlds, b, scratch, features.guarded, features.walking, equipment.scanners, vehicles, floor)
+        contact.load(robots, i, first, second, own, floor, motion)
+    scanners = setup.equipment.scanners
+    _guard(worlds, b, scratch, features.guarded, features.walking, scanners, (p, kinds), floor)
 
 
 @inline
@@ -277,18 +258,18 @@ def _count_step(worlds, b, p):
 
 
 @inline
-def _step(worlds, at, scratch, features, equipment, vehicles, floor):
-    """Advance world b by a physics step; at: (b, which one of the env step it is); vehicles: see _move_as_can."""
-    (b, repeat), (planned, true) = at, vehicles
-    (p, kinds), (order, starts, bodies), pairs = planned, scratch.places, scratch.motions[0]
-    robots, persons, walking, guarded = worlds.robots[b], worlds.persons[b], features.walking, features.guarded
-    clock = worlds.steps[b] * p["repeat"] + 1 + repeat
+def _step(worlds, at, setup, scratch):
+    """Advance world b by a physics step; at: (b, which one of the env step it is)."""
+    (b, repeat), features, floor, (order, starts, bodies) = at, setup.features, setup.floor, scratch.places
+    planned, true = (setup.planned.shared[0], setup.planned.kinds), (setup.bodies.shared[0], setup.bodies.kinds)
+    (p, kinds), pairs, walking, guarded = planned, scratch.motions[0], features.walking, features.guarded
+    robots, persons, clock = worlds.robots[b], worlds.persons[b], worlds.steps[b] * p["repeat"] + 1 + repeat
     buckets.sort(robots, p, kinds, starts, order, bodies)
     scratch.near[0] = contact.list_pairs(bodies, order, starts, p, pairs)
     said = max(p["latency"] - repeat + p["repeat"] - 1, 0) // p["repeat"]  # env steps ago
-    _choose(worlds, b, worlds.commands[said, b], scratch, features, equipment, planned, floor)
+    _choose(worlds, b, worlds.commands[said, b], setup, scratch)
     _move_as_planned(worlds, b, scratch, guarded, walking, features.erring, planned, floor)
-    _move_as_can(worlds, at, scratch, guarded, walking, features.erring, vehicles, floor)
+    _move_as_can(worlds, at, scratch, guarded, walking, features.erring, (planned, true), floor)
     _settle(robots, guarded)
     _walk(persons, worlds.ways[b], robots, walking, planned, floor)
     _check(worlds, b, clock, features.checked, planned, floor)
@@ -307,24 +288,20 @@ def _rank(robots, guarded, order):
 
 
 @kernel
-def advance(begin, end, worlds, features, equipment, fleet, bodies, floor):
+def advance(begin, end, worlds, setup, scratch):
     """Move the worlds from `begin` to before `end` on by one env step; return (arrivals, robots that seek a manoeuvre).
 
-    worlds to floor: see worlds.py and physics/floor.py; fleet, bodies: the Vehicles as planned, and as they are.
+    worlds, setup, scratch: see worlds.py.
     """
-    p, true = fleet.shared[0], bodies.shared[0]
-    vehicles = (p, fleet.kinds), (true, bodies.kinds)
+    p, guarded = setup.planned.shared[0], setup.features.guarded
     arrivals, seeking, count = 0, 0, worlds.robots.shape[1]
-    motions, guards = contact.scratch(count, p), field.scratch(count, p)
-    looks, own = _looks(count, equipment.scanners), _own(motions[1], features.erring)
-    scratch = Scratch(buckets.scratch(count, p), motions, np.empty(1, np.int64), guards, looks, own)
     for b in range(begin, end):
         worlds.waiting[b] = 0
-        _rank(worlds.robots[b], features.guarded, guards[3])
+        _rank(worlds.robots[b], guarded, scratch.guards[3])
         for i in range(count):
             _begin(worlds.robots[b, i])
         for repeat in range(p["repeat"]):
-            _step(worlds, (b, repeat), scratch, features, equipment, vehicles, floor)
+            _step(worlds, (b, repeat), setup, scratch)
         for i in range(count):
             _total(worlds.robots[b, i], p)
             seeking += worlds.robots[b, i]["seeks"] != 0
@@ -358,9 +335,10 @@ def _observe_goal(r, stopping, p, row, end):
 
 
 @inline
-def _observe_world(worlds, b, places, sights, features, vehicles, floor, senses):
+def _observe_world(worlds, b, setup, scratch):
     """Write observations, reward terms and rewards of world b."""
-    (p, kinds), (order, starts, bodies), robots, rays = vehicles, places, worlds.robots[b], senses.rays
+    (params, kinds), equipment, (order, starts, bodies) = setup.bodies, setup.equipment, scratch.places
+    p, robots, rays, features = params[0], worlds.robots[b], equipment.rays, setup.features
     ego = p["rays"]
     route = ego + EGO
     near = route + 2 * p["route_points"]
@@ -369,28 +347,27 @@ def _observe_world(worlds, b, places, sights, features, vehicles, floor, senses)
         i = order[n]
         r, own, row = robots[i], kind_of(i, p, kinds), worlds.observation[b, i]
         cx, cy = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n]
-        sensing.scan_shelves((cx, cy, r["cos"], r["sin"]), own, floor.edges, rays, sights[0], row)
-        sensing.look_around(n, places, own, kinds, rays, row, near)
+        sensing.scan_shelves((cx, cy, r["cos"], r["sin"]), own, setup.floor.edges, rays, scratch.sights[0], row)
+        sensing.look_around(n, scratch.places, own, kinds, rays, row, near)
         _see_people(r, (cx, cy), worlds.persons[b], features.walking, rays, row)
         sensing.write_neighbours(n, bodies, own, row, near)
         for k in range(p["rays"]):
             row[k] = ONE / (ONE + row[k])
         sensing.write_ego_and_route(r, worlds.routes[b, i], own, row, ego)
-        _predict(row, (ego, route, near, near + NEIGHBOUR * p["neighbours"]), senses.table, sights, own)
+        slices = ego, route, near, near + NEIGHBOUR * p["neighbours"]
+        _predict(row, slices, equipment.table, scratch.sights, own)
         end = _observe_goal(r, features.stopping, own, row, row.shape[0] - p["needs"])
         if p["field"] != 0:
             field.observe(r, own, row, end - FIELD)
-        worlds.reward[b, i] = write_terms(r, own, senses.weights, worlds.terms[b, i])
+        worlds.reward[b, i] = write_terms(r, own, equipment.weights, worlds.terms[b, i])
 
 
 @kernel
-def observe(begin, end, late, worlds, features, bodies, floor, senses):
+def observe(begin, end, late, worlds, setup, scratch):
     """Write observations, rewards and their terms of the worlds from `begin` to before `end`: those that are `waiting`
-    if `late`, which then are no more, else all others. Arguments: see `advance` and worlds.py.
+    if `late`, which then are no more, else all others. Arguments: see `advance`.
     """
-    p = bodies.shared[0]
-    places, sights, vehicles = buckets.scratch(worlds.robots.shape[1], p), _sights(p), (p, bodies.kinds)
     for b in range(begin, end):
         if (worlds.waiting[b] != 0) == late:
             worlds.waiting[b] = 0
-            _observe_world(worlds, b, places, sights, features, vehicles, floor, senses)
+            _observe_world(worlds, b, setup, scratch)

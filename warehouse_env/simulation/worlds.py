@@ -6,16 +6,19 @@ be None is therefore handed to a small function, which asks.
 
 from __future__ import annotations
 
-from typing import Any, Literal, NamedTuple
+from collections.abc import Callable
+from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.simulation.physics import deviation
+from warehouse_env.simulation.physics import buckets, contact, deviation
+from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.zones import Zones
+from warehouse_env.simulation.senses import prediction, sensing
 from warehouse_env.simulation.senses.scanners import Scanners
-from warehouse_env.simulation.traffic import audit
+from warehouse_env.simulation.traffic import audit, by_sight, field, meetings, waits
 
 Floats = NDArray[np.float32]
 
@@ -59,6 +62,8 @@ class Worlds(NamedTuple):
     terminated: NDArray[np.bool_]  # [B, N]
     waiting: NDArray[np.int32]  # [B], arrivals, whose worlds are observed once the Simulator has given out new tasks
     faults: NDArray[np.int32]  # [B, 3], see audit.find_fault
+    paths: Floats  # [B, N + 1, POSES, COLUMNS], kept from one decision to the next (traffic/path_ahead.py)
+    choices: Floats  # [B, N, K, 3], see senses/preferences.py
     observation: Floats  # [B, N, D]
     terms: Floats  # [B, N, T], of the reward
     reward: Floats  # [B, N]
@@ -72,18 +77,23 @@ class Vehicles(NamedTuple):
 
 
 class Equipment(NamedTuple):
-    """Static arrays of what robots have and floors demand, if they do."""
-
-    scanners: Scanners | None
-    zones: Zones | None
-
-
-class Senses(NamedTuple):
-    """How robots observe."""
+    """How robots sense, and what their floor demands of them."""
 
     rays: Floats  # [2, R], unit vectors in the robot's frame
     table: Floats | None  # [K, A, 2], the commands of each kind of robots, for predictions
     weights: Floats  # [T], of the reward's terms
+    scanners: Scanners | None
+    zones: Zones | None
+
+
+class Setup(NamedTuple):
+    """What stays the same from step to step."""
+
+    features: Features
+    equipment: Equipment
+    planned: Vehicles  # as robots plan with
+    bodies: Vehicles  # as they are (deviation.py)
+    floor: Floor
 
 
 class Scratch(NamedTuple):
@@ -95,3 +105,44 @@ class Scratch(NamedTuple):
     guards: Any  # field.scratch
     looks: Any  # by_sight.scratch, or None
     own: Floats  # the motions of the bodies, where these err (deviation.py); else those of `motions`
+    sights: tuple[Floats, Floats, Floats]  # sensing.scan_shelves' and prediction.write_predictions': turned, legs, path
+    order: NDArray[np.int32]  # [N], robots by their right
+    found: NDArray[np.int64]  # waits.scratch
+    meetings: Any  # meetings.scratch
+
+
+def make_scratch(setup: Setup, count: int, decides: bool) -> Scratch:
+    """Return scratch for worlds of `count` robots; decides: whether there is right of way."""
+    p, motions = setup.bodies.shared[0], contact.scratch(count, setup.planned.shared[0])
+    sights = (
+        np.empty((sensing.TURNED, p["rays"]), np.float32),
+        np.empty((prediction.LEGS, p["route_points"]), np.float32),
+        np.empty(prediction.PATH, np.float32),
+    )
+    return Scratch(
+        buckets.scratch(count, p), motions, np.empty(1, np.int64), field.scratch(count, setup.planned.shared[0]),
+        by_sight.scratch(count, setup.equipment.scanners),
+        np.empty_like(motions[1]) if setup.features.erring else motions[1], sights, np.empty(count, np.int32),
+        waits.scratch(count), meetings.scratch(count if decides else 0),
+    )  # fmt: skip
+
+
+Made = TypeVar("Made")
+
+
+class Pool(Generic[Made]):
+    """Sets of scratch: one is made only where all others are in use. For several threads."""
+
+    def __init__(self, make: Callable[[], Made]) -> None:
+        self._make, self._free = make, list[Made]()
+
+    def take(self) -> Made:
+        """Return a set that nobody else has until it is given back."""
+        try:
+            return self._free.pop()
+        except IndexError:
+            return self._make()
+
+    def give_back(self, made: Made) -> None:
+        """Let others have a set."""
+        self._free.append(made)

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from warehouse_env.simulation.driver.scratch import ScratchPool, make_scratch
+from warehouse_env.simulation.driver.scratch import make_scratch
+from warehouse_env.simulation.worlds import Pool
 
 
 def memory(arrays: Any) -> int:
@@ -14,22 +15,11 @@ def memory(arrays: Any) -> int:
 
 
 def test_two_callers_at_once_get_two_sets_and_the_next_one_gets_one_of_them() -> None:
-    pool = ScratchPool(robots=3, people=1, poses=32)
-    with pool.lent() as one, pool.lent() as other:
-        assert one.nodes.poses is not other.nodes.poses
-    with pool.lent() as again:
-        assert again is one or again is other
-
-
-def test_a_failed_call_gives_its_scratch_back() -> None:
-    pool = ScratchPool(robots=3, people=1, poses=32)
-    try:
-        with pool.lent() as lent:
-            raise ValueError
-    except ValueError:
-        pass
-    with pool.lent() as again:
-        assert again is lent
+    pool = Pool(lambda: make_scratch(3, 1, 32))
+    one, other = pool.take(), pool.take()
+    assert one.nodes.poses is not other.nodes.poses
+    pool.give_back(one)
+    assert pool.take() is one
 
 
 def test_a_set_takes_about_a_megabyte_and_little_more_for_each_robot() -> None:

@@ -6,9 +6,7 @@ sets as kernel calls run at once.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,23 +84,3 @@ def make_scratch(robots: int, people: int = 0, poses: int = 1) -> Scratch:
         np.empty(bodies, floats), np.empty((robots * poses, BODY), floats), np.empty((4, robots), np.int64),
         np.empty(robots, ints),
     )  # fmt: skip
-
-
-class ScratchPool:
-    """Lends scratch for worlds of one size; allocates a set only while all others are lent."""
-
-    def __init__(self, robots: int, people: int, poses: int) -> None:
-        self._sizes = robots, people, poses
-        self._free: list[Any] = []
-
-    @contextmanager
-    def lent(self) -> Iterator[Scratch]:
-        """Lend one set to the caller; safe to call from several threads."""
-        try:
-            scratch = self._free.pop()
-        except IndexError:
-            scratch = make_scratch(*self._sizes)
-        try:
-            yield scratch
-        finally:
-            self._free.append(scratch)

@@ -8,9 +8,12 @@ What is counted of it: contact_episodes.py.
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from warehouse_env.kernel import inline, kernel, part
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, bucket_at
 from warehouse_env.simulation.physics.disc_sweep import touches_obstacle
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, disc_room, meets_obstacle
@@ -34,8 +37,7 @@ MOVING, BLOCKED = 0, 1
 FLAGS = 2
 
 
-@kernel
-def scratch(count, p):
+def scratch(count: int, p: Any) -> tuple[NDArray[Any], ...]:
     """Return a world's arrays: pairs int32[P, 3], motion float32[MOTION, N], flags int32[FLAGS, N] and lanes."""
     pairs, lanes = np.empty((p["most_pairs"], 3), np.int32), np.zeros(MOTION * LANES, np.float32)
     return pairs, np.empty((MOTION, count), np.float32), np.empty((FLAGS, count), np.int32), lanes

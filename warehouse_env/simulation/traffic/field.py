@@ -16,9 +16,12 @@ Whose messages are lost keeps what it has published: it brakes along the stop th
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from warehouse_env.kernel import inline, kernel, part, whole
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.kernel import inline, part, whole
 from warehouse_env.simulation.physics import people
 from warehouse_env.simulation.physics.buckets import bucket_at
 from warehouse_env.simulation.physics.contact import ACCELERATION, COS, HEADING, SIN, SPEED, STEER, STEER_RATE, X, Y
@@ -53,8 +56,7 @@ LONG_HELD = np.float32(5.0)  # [s] from which on the observation says the same
 PERSON, FREE, SHELF = -3, -2, -1  # what refuses a motion: somebody, nothing, a shelf; else the index of a robot
 
 
-@kernel
-def scratch(count, p):
+def scratch(count: int, p: Any) -> tuple[NDArray[Any], ...]:
     """Return the arrays of a world's field: paths, outlines, marks, and the order int32[N] in which robots commit."""
     if p["field"] == 0:
         count = 0
