@@ -59,14 +59,6 @@ class World:
         right_of_way.rank(self.robots, self.order)
         who, what = (self.robots, sim.people.persons[0]), (sim.routes[0], sim.arcs[0], sim._commands[0, 0])
         world = right_of_way.Claims(*who, *what, sim._choices[0], self.ways)
-            self.robots,
-            sim.people.persons[0],
-            sim.routes[0],
-            sim.arcs[0],
-            sim._commands[0, 0],
-            sim._choices[0],
-            self.ways,
-        )
         right_of_way.decide(world, self.order, p, kinds, sim._floor)
         return self
 

@@ -211,33 +211,37 @@ def _move_as_can(worlds, at, scratch, guarded, walking, erring, vehicles, floor)
     """
     if erring is not None:
         (b, repeat), ((p, kinds), true) = at, vehicles
+        true_p, true_kinds = true
         pairs, motion, flags, lanes = scratch.motions
         robots, actual, errors, own = worlds.robots[b], worlds.actual[b], worlds.errors[b, repeat], scratch.own
         deviation.plan(motion, flags, lanes, p, kinds)
-        deviation.load(robots, actual, motion, errors, own, *true, floor)
+        deviation.load(robots, actual, motion, errors, own, true_p, true_kinds, floor)
         _move(robots, worlds.persons[b], scratch.near[0], (pairs, own, flags, lanes), walking, None, true, floor)
-        deviation.store(robots, actual, motion, errors, own, guarded, *true)
+        deviation.store(robots, actual, motion, errors, own, guarded, true_p, true_kinds)
 
 
 @inline
 def _walk(persons, ways, robots, walking, vehicles, floor):
     """Let the people of a world walk for a physics step."""
     if walking is not None:
-        people.walk(persons, ways, robots, *vehicles, floor)
+        p, kinds = vehicles
+        people.walk(persons, ways, robots, p, kinds, floor)
 
 
 @inline
 def _end_person_contacts(robots, persons, walking, vehicles):
     """End the contacts of robots with people who are clear again."""
     if walking is not None:
-        people.end_contacts(robots, persons, *vehicles)
+        p, kinds = vehicles
+        people.end_contacts(robots, persons, p, kinds)
 
 
 @inline
 def _check(worlds, b, clock, checked, vehicles, floor):
     """Look for robots of world b that cannot stop clear any more (audit.py)."""
     if checked is not None:
-        audit.find_fault(worlds.robots[b], worlds.persons[b], clock, *vehicles, floor, worlds.faults[b])
+        p, kinds = vehicles
+        audit.find_fault(worlds.robots[b], worlds.persons[b], clock, p, kinds, floor, worlds.faults[b])
 
 
 @inline
@@ -314,7 +318,8 @@ def advance(begin, end, worlds, setup, scratch):
 def _see_people(r, centre, persons, walking, rays, row):
     """Shorten rays that end at people."""
     if walking is not None:
-        people.scan_people(persons, *centre, r["cos"], r["sin"], rays, row)
+        x, y = centre
+        people.scan_people(persons, x, y, r["cos"], r["sin"], rays, row)
 
 
 @inline
