@@ -14,9 +14,9 @@ from train.central.car_like.curves import Best, try_curves
 from train.central.car_like.floor import is_free
 from train.central.car_like.traffic import BEGIN, BEND, END, HEADING, RATE, X, Y, meetings
 from train.central.car_like.tree import MOVES, NONE, RATES, SIDES, TO_GO, TURN, is_known, place_of
+from warehouse_env.heap import pop, push
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.routes.reeds_shepp import SEGMENTS, TURNS, distance, rolled, seen_from, word
-from warehouse_env.simulation.driver.heap import pop, push
 
 _GREED = 1.5  # weight of the way to go: soon found before best
 _TRIES, _FIRST_TRIES, _FIRST_WAITS = 2, 8, 6  # curves from a node and from the start, there after up to so many waits

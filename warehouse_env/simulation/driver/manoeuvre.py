@@ -32,10 +32,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from warehouse_env.heap import pop, push
 from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.simulation.driver import turning
 from warehouse_env.simulation.driver.bodies import BODY, bars, clear_of_bodies, write_rooms
-from warehouse_env.simulation.driver.heap import pop, push
 from warehouse_env.simulation.driver.room_field import UNKNOWN, apart_of, room_around, room_at
 from warehouse_env.simulation.driver.shots import MOST_ARCS, shoot
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, sweep_is_free

@@ -16,6 +16,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.heap import pop, push
 from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.maps.grid_map import MOVES, Cell
 from warehouse_env.planning.cost_to_go import UNREACHABLE
@@ -24,6 +25,7 @@ from warehouse_env.simulation.traffic.prices import Look, is_beyond, most_for, n
 
 TURNS = 1 << 20  # turns that a way has less than
 _TWICE = 1024  # cells that a way may lead through again, as a long way round instead of a hairpin; ants walk fewer
+_QUEUED = 1 << 16  # states that the heap has room for
 START = whole(8)  # in place of a move: of the start
 _ALL = np.uint8(255)
 # [9], as bits: the moves that are no hairpin after each, and after none
@@ -40,7 +42,8 @@ class Labels(NamedTuple):
     left_at: NDArray[np.int64]  # [C], the search that closed a state of a cell
     left: NDArray[np.uint8]  # [C], as bits: the moves from there that none of its closed states makes without a hairpin
     last: NDArray[np.int64]  # [C], the key of the one of them that was closed last
-    heap: NDArray[np.int64]  # [Q, 2], bound and state
+    keys: NDArray[np.int64]  # [Q] of a heap: bounds ...
+    states: NDArray[np.int64]  # [Q] ... and states
     path: NDArray[np.int64]  # see make_path
 
 
@@ -55,40 +58,8 @@ def make_labels(rows: int, columns: int) -> Labels:
     return Labels(
         np.zeros(1, np.int64), np.zeros(9 * cells, np.int64), np.zeros(9 * cells, np.int64),
         np.zeros(9 * cells, np.int32), np.zeros(cells, np.int64), np.zeros(cells, np.uint8), np.zeros(cells, np.int64),
-        np.zeros((1 << 16, 2), np.int64), make_path(cells),
+        np.zeros(_QUEUED, np.int64), np.zeros(_QUEUED, np.int64), make_path(cells),
     )  # fmt: skip
-
-
-@part
-def _push(heap, size, bound, state):
-    """Put a state on the heap of so many entries."""
-    i = size
-    while i > 0:
-        parent = (i - 1) >> 1
-        if heap[parent, 0] <= bound:
-            break
-        heap[i, 0], heap[i, 1] = heap[parent, 0], heap[parent, 1]
-        i = parent
-    heap[i, 0], heap[i, 1] = bound, state
-
-
-@part
-def _pop(heap, size):
-    """Return the first state of a heap, which then has an entry less."""
-    first = heap[0, 1]
-    last = size - 1
-    bound, state = heap[last, 0], heap[last, 1]
-    i = 0
-    while 2 * i + 1 < last:
-        child = 2 * i + 1
-        if child + 1 < last and heap[child + 1, 0] < heap[child, 0]:
-            child += 1
-        if bound <= heap[child, 0]:
-            break
-        heap[i, 0], heap[i, 1] = heap[child, 0], heap[child, 1]
-        i = child
-    heap[i, 0], heap[i, 1] = bound, state
-    return first
 
 
 @inline
@@ -121,15 +92,13 @@ def _close(labels, run, cell, arrived, key):
 @part
 def search(look, most, labels):
     """Return (state, its cost) where the cheapest way leaves what is looked at, (-1, 0) if that is above `most`."""
-    columns, heap = look.steps.shape[1], labels.heap
+    columns, keys, states = look.steps.shape[1], labels.keys, labels.states
     labels.run[0] += 1
     run, start = labels.run[0], 9 * (look.row * columns + look.column) + START
     labels.at[start], labels.key[start], labels.before[start] = run, 0, -1
-    _push(heap, 0, 0, start)
-    size = 1
+    size = push(keys, states, 0, 0, start)
     while size > 0:
-        state = int(_pop(heap, size))
-        size -= 1
+        _, state, size = pop(keys, states, size)
         if labels.at[state] == -run:
             continue
         cell, arrived = state // 9, state % 9
@@ -157,11 +126,10 @@ def search(look, most, labels):
                 continue
             reached = 9 * to + move
             new = abs(labels.at[reached]) != run
-            if key // TURNS + rest > most or size == len(heap) or not (new or key < labels.key[reached]):
+            if key // TURNS + rest > most or size == len(keys) or not (new or key < labels.key[reached]):
                 continue
             labels.at[reached], labels.key[reached], labels.before[reached] = run, key, state
-            _push(heap, size, key + TURNS * rest, reached)
-            size += 1
+            size = push(keys, states, size, key + TURNS * rest, reached)
     return -1, 0
 
 
