@@ -348,4 +348,4 @@ class Dispatcher(Portable):
         if self.live is None:
             return None
         ends = self._ends(world, robot, goal)
-        return self.live.route(self.robots[world], self.routes[world], world, robot, step, goal, on_its_way, ends)
+        return self.live.route(self.robots, self.routes, world, robot, step, goal, on_its_way, ends)
