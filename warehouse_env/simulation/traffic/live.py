@@ -1,28 +1,22 @@
-"""Live routes: robots are routed anew on their way, around others that stand and away from where others are going.
+"""Live routes: robots look for better routes on their way.
 
-Every few seconds of its world's clock a robot looks for a better route from where it is (with `only_barred`, as in
-trainings, only if its own leads through a cell in or beside which another has not moved a metre for some seconds), at
-prices:
+Every few seconds of its world's clock a robot looks for a better route from where it is. With `only_barred`, as in
+trainings, it looks only if another robot stands in or beside a cell of its route ahead. Others make moves dearer
+(prices.py):
 
-- entering the cell of a robot or a person that stands, or one beside it, costs, the more the longer one stands
-  oneself;
-- a move against one of another's route ahead costs, so that streams part, and the more in an aisle of one cell, where
-  the two could not pass (traffic/conflicts.py prices expected conflicts of whole routes; here the routes are on their
-  way, and only the opposing moves of the next metres count);
-- entering a cell of another's route ahead costs if both will be there at about the same time, so that robots spread
-  over the floor before they crowd: it costs the most where both are as far from that cell;
-- entering a cell on which others have waited of late costs, for one may have to wait there too: so robots find their
-  ways round where the floor is crowded, while there is room elsewhere;
-- beginning with a turn costs, the more in an aisle of one cell, where a robot must back out to turn round; turning
-  back sharply later on costs as well, or one would go a cell ahead to turn for nothing.
+- standing, beside: entering the cell of a robot or person that stands, or a cell beside it. The price grows with the
+  robot's own standing time.
+- against: a move against another's route ahead. It costs more in an aisle of one cell, where two cannot pass.
+- crowd: entering a cell of another's route ahead that both reach at about the same time.
+- waited: entering a cell on which others waited of late.
+- turn: beginning with a turn, above all in an aisle of one cell, where the robot must back out to turn round. A hairpin
+  later on costs as well; otherwise the robot would go one cell ahead to turn for nothing.
 
-A new route on the way must save some cells at these prices, or the old one is kept: a change of route often begins with
-a manoeuvre, in everybody's way. What was tried, of these prices and of others: docs/measured/trials.md.
+A new route must save some cells at these prices. Otherwise the robot keeps its own, since a change often begins with a
+manoeuvre in the way of others. docs/measured/trials.md lists what was tried.
 
-Who stands and passes where is kept in a table (passing.py), made into prices where a search asks for them (prices.py);
-ways.py searches. Robots look one after another, spread over the period by their index, so two that meet do not both
-turn away at once, and no step does the work of all. Nothing is drawn by chance: a world's routes depend on its own
-robots alone.
+A table (passing.py) says who stands and passes where. Robots look one after another, spread over the period by their
+index, so that two that meet do not both turn away at once. A world's routes depend on its own robots alone.
 """
 
 from __future__ import annotations
@@ -37,7 +31,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.maps.grid_map import MOVES, Cell
-from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE, Box, CostToGo, to_go
+from warehouse_env.planning.cost_to_go import UNIT, CostToGo, to_go
 from warehouse_env.portable import Portable
 from warehouse_env.routes.book import Route, RouteBook
 from warehouse_env.routes.goals import Pose
@@ -65,7 +59,6 @@ LAID = 60.0  # [m] of a robot's route that are made drivable at once; the rest w
 _NEAR = 25.0  # [m] from the end of that at which it is
 HAIRPIN = 10.0  # [cells] that a turn of more than 90 degrees costs, or routes would fold back on themselves
 _NO_CELLS = np.empty((0, 2), np.int32)
-_EDGE = 24  # [cells] from the edge of a field at which a robot that was led astray gets another
 
 
 @kernel
@@ -187,7 +180,6 @@ class LiveRoutes(Portable):
         fastest = max(max(kind.max_speed, -kind.min_speed) for kind in config.kinds)
         self._reach = LAID if spec.every * fastest < _NEAR / 2 else np.inf
         self._cells: dict[tuple[int, int], NDArray[np.int32]] = {}  # [L, 2], those that a robot's route was made of
-        self._boxes: dict[tuple[int, int], tuple[Cell, Box]] = {}  # of the field that each robot goes by, and its goal
         self._bind()
 
     def _bind(self) -> None:
@@ -251,7 +243,7 @@ class LiveRoutes(Portable):
         if self._passing.known_at[world] != step:
             fleet = Fleet(robots, routes, self._persons, self._person_on)
             keep_all_up(self._passing, world, step, fleet, self._site)
-        field, box = self._field(world, me, (row, column), goal)
+        field, box = self._fields.around((row, column), goal)
         look = Look(
             self._passing, self._asked, robots[world], self._fields.steps, self._prices, self._site.size, world, me,
             row, column, field, box.top, box.left, self._hairpin, UNIT * HORIZON,
@@ -263,9 +255,9 @@ class LiveRoutes(Portable):
         cells = self.finder.find(look, self._cells[world, me], saving, runs_out, seed)
         return self._book.along(cells, pose, self._reach, ends) if len(cells) else None
 
-    def towards(self, world: int, robot: int, cell: Cell, goal: Cell) -> NDArray[np.float32] | None:
+    def towards(self, cell: Cell, goal: Cell) -> NDArray[np.float32] | None:
         """Return the direction (x, y) of a cheapest way from a cell to a goal; None where there is none."""
-        field, box = self._field(world, robot, cell, goal)
+        field, box = self._fields.around(cell, goal)
         row, column = cell
         for move in np.flatnonzero(self._fields.steps[row, column]).tolist():
             d_row, d_column = MOVES[move].tolist()
@@ -273,22 +265,3 @@ class LiveRoutes(Portable):
             if there + int(self._fields.steps[row, column, move]) == to_go(field, box.top, box.left, row, column):
                 return np.array([d_column, -d_row], np.float32)
         return None
-
-    def _field(self, world: int, me: int, cell: Cell, goal: Cell) -> tuple[NDArray[np.int32], Box]:
-        """Return the cost-to-go of a robot's goal around it, and where that is."""
-        known, box = self._boxes.get((world, me), (None, None))
-        if box is None or known != goal or self._is_at_edge(cell, box):
-            box = self._fields.box(cell, goal)
-            field = self._fields.field(goal, box)
-            if field[cell[0] - box.top, cell[1] - box.left] == UNREACHABLE:
-                box = self._fields.whole()
-            self._boxes[world, me] = goal, box
-        return self._fields.field(goal, box), box
-
-    def _is_at_edge(self, cell: Cell, box: Box) -> bool:
-        """Whether a cell is so near the edge of a box, and that not the floor's, that ways may lead out of it."""
-        (row, column), (rows, columns) = cell, self._book.grid.shape
-        return (
-            (box.top > 0 and row - box.top < _EDGE) or (box.bottom < rows and box.bottom - row <= _EDGE)
-            or (box.left > 0 and column - box.left < _EDGE) or (box.right < columns and box.right - column <= _EDGE)
-        )  # fmt: skip
