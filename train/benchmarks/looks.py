@@ -21,11 +21,11 @@ from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import kernel
 from warehouse_env.planning.cost_to_go import UNIT
+from warehouse_env.planning.graph_search import START, is_hairpin
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.traffic.live import Finder
 from warehouse_env.simulation.traffic.passing import eighth
 from warehouse_env.simulation.traffic.prices import Look, is_beyond, price_of, rest_from
-from warehouse_env.simulation.traffic.ways import START, is_hairpin
 
 POLICY = "threaded_ppo"
 FLOORS = ("paper46", "narrow", "aisles:seed=601", "aisles:seed=602")

@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 from warehouse_env.errors import PlanError
 from warehouse_env.heap import pop, push
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.kernel import inline, kernel, whole
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.base import BasePlanner
 from warehouse_env.planning.plan import MICRO, Plan, check_endpoints, tolls, turns
 
 _SQRT2 = math.sqrt(2.0)
 _STEP = int(MICRO)  # millionths of a cell: a straight step
+START = whole(8)  # in place of a move, of a state: it is the start
 
 
 @kernel
@@ -45,6 +46,12 @@ def _ahead(d_row: int, d_col: int) -> Any:
     """Straight and diagonal steps over so many rows and columns where no shelf is in the way."""
     diagonal = min(abs(d_row), abs(d_col))
     return max(abs(d_row), abs(d_col)) - diagonal, diagonal
+
+
+@inline
+def is_hairpin(arrived, move):
+    """Whether a move after another is a turn of more than 90 degrees."""
+    return arrived != START and 3 <= (move - arrived) % 8 <= 5
 
 
 @kernel
@@ -88,13 +95,15 @@ def _search(legal: Any, toll: Any, start: int, goal: int, informed: bool) -> Any
 def _search_turns(legal: Any, toll: Any, start: int, goal: int, hairpin: int) -> Any:
     """A* on cell x arriving move with the cost (length + tolls, turns); return the state before each and the goal's.
 
-    State = 9 * cell + move, move 8 at the start. legal, toll: as in `_search`; hairpin: millionths of a cell that a
+    State = 9 * cell + move, START at the start. legal, toll: as in `_search`; hairpin: millionths of a cell that a
     turn of more than 90 degrees costs.
     """
     rows, cols = legal.shape[0], legal.shape[1]
-    straight, diagonal, length, turned, before, closed, (keys, ties, items) = _labels(9 * rows * cols, 9 * start + 8)
+    straight, diagonal, length, turned, before, closed, (keys, ties, items) = _labels(
+        9 * rows * cols, 9 * start + START
+    )
     goal_row, goal_col = goal // cols, goal % cols
-    size = push(keys, items, 0, 0.0, 9 * start + 8, ties, 0.0)
+    size = push(keys, items, 0, 0.0, 9 * start + START, ties, 0.0)
     while size > 0:
         _, state, size = pop(keys, items, size, ties)
         cell, arrived = state // 9, state % 9
@@ -112,10 +121,10 @@ def _search_turns(legal: Any, toll: Any, start: int, goal: int, hairpin: int) ->
             a = straight[state] + (1 - move % 2) * _STEP
             if toll is not None:
                 a += toll[row, col, move]
-            if arrived != 8 and 3 <= (move - arrived) % 8 <= 5:
+            if is_hairpin(arrived, move):
                 a += hairpin
             b = diagonal[state] + move % 2
-            new_turns = turned[state] + (1 if arrived != 8 and arrived != move else 0)
+            new_turns = turned[state] + (1 if arrived != START and arrived != move else 0)
             new_length = a / MICRO + b * _SQRT2
             if new_length < length[to] or (new_length == length[to] and new_turns < turned[to]):
                 length[to], straight[to], diagonal[to] = new_length, a, b

@@ -248,8 +248,9 @@ class Ground(NamedTuple):
     """What ants walk on: `send` needs `columns` and `trail`; the rest is for `_weigh`."""
 
     columns: int
-    trail: Table  # of EdgeWeights
-    edges: EdgeWeights
+    trail: Table  # this and the next two: of EdgeWeights
+    turning: Table
+    straight: Table
     neighbour: NDArray[np.int32]  # of Floor
     goal: int
     visited: NDArray[np.int64]  # [C], the last ant that was on a cell
@@ -268,7 +269,7 @@ def _weigh(ground, ant, cell, heading, chance):
     for move in range(8):
         chance[move] = 0.0
         if ground.visited[ground.neighbour[cell, move]] != ant:
-            along = ground.edges.straight[cell, move] if move == heading else ground.edges.turning[cell, move]
+            along = ground.straight[cell, move] if move == heading else ground.turning[cell, move]
             chance[move] = ground.trail[cell, move] * along
             total += chance[move]
     if not total > 0.0:  # a dead end, or all weights underflow
@@ -296,8 +297,8 @@ def walk(
 
     seeds: uint64[m], one generator an ant. visited: int64[C], holds numbers below `stamp`.
     """
-    chance = np.zeros(8)
-    ground = Ground(floor.columns, edges.trail, edges, floor.neighbour, floor.goal, visited)
+    chance, (trail, turning, straight) = np.zeros(8), edges
+    ground = Ground(floor.columns, trail, turning, straight, floor.neighbour, floor.goal, visited)
     for ant in range(len(seeds)):
         walks.steps[ant] = -1
         if walks.start[ant] >= 0:

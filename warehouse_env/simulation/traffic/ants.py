@@ -22,12 +22,13 @@ from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.planning.ants.colony import ARRIVED, Trip, WalkRule, sender
 from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE
+from warehouse_env.planning.graph_search import START, is_hairpin
 from warehouse_env.simulation.traffic.prices import ANY, Look, is_beyond, price_of, rest_from
-from warehouse_env.simulation.traffic.ways import START, finish, is_hairpin, make_path
+from warehouse_env.simulation.traffic.ways import finish, make_path
 
 ANTS, ITERATIONS = 8, 20
-PATIENCE = 5  # iterations without a better way, once there is one, after which ants are not sent again
-PULL, EVEN, AHEAD = 1.0, 0.02, 0.1  # a, of the fall of the cost-to-go; b*N, so that every move is possible; c*T
+PATIENCE = 8  # iterations without a better way, once there is one, after which ants are not sent again
+PULL, EVEN, AHEAD = 1.0, 0.02, 0.2  # a, of the fall of the cost-to-go; b*N, so that every move is possible; c*T
 BOLD = 0.8  # how often an ant takes the most attractive move (as in Ant Colony System, Dorigo & Gambardella 1997)
 EVAPORATION = 0.3  # an iteration
 STRENGTH = 0.5  # of the trail of an ant that lost nothing to others

@@ -17,15 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.heap import pop, push
-from warehouse_env.kernel import inline, kernel, part, whole
+from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.planning.cost_to_go import UNREACHABLE
+from warehouse_env.planning.graph_search import START, is_hairpin
 from warehouse_env.simulation.traffic.prices import is_beyond, most_for, next_cell, price_of, rest_from
 
 TURNS = 1 << 20  # turns that a way has less than
 _TWICE = 1024  # cells that a way may lead through again, as a long way round instead of a hairpin; ants walk fewer
 _QUEUED = 1 << 16  # states that the heap has room for
-START = whole(8)  # in place of a move: of the start
 _ALL = np.uint8(255)
 # [9], as bits: the moves that are no hairpin after each, and after none
 _ONWARD = np.array([*(sum(1 << (move + turn) % 8 for turn in (-2, -1, 0, 1, 2)) for move in range(8)), 255], np.uint8)
@@ -59,12 +59,6 @@ def make_labels(rows: int, columns: int) -> Labels:
         np.zeros(9 * cells, np.int32), np.zeros(cells, np.int64), np.zeros(cells, np.uint8), np.zeros(cells, np.int64),
         np.zeros(_QUEUED, np.int64), np.zeros(_QUEUED, np.int64), make_path(cells),
     )  # fmt: skip
-
-
-@inline
-def is_hairpin(arrived, move):
-    """Whether a move after another is a turn of more than 90 degrees."""
-    return arrived != START and 3 <= (move - arrived) % 8 <= 5
 
 
 @inline
