@@ -26,19 +26,11 @@ def _is_less(key, tie, other_key, other_tie):
 
 
 @inline
-def _move(keys, items, ties, i, to):
-    """Copy an entry to another place."""
-    keys[to], items[to] = keys[i], items[i]
+def _put(keys, items, ties, at, key, item, tie):
+    """Write an entry."""
+    keys[at], items[at] = key, item
     if ties is not None:
-        ties[to] = ties[i]
-
-
-@inline
-def _put(keys, items, ties, at, entry):
-    """Write an entry (key, item, tie)."""
-    keys[at], items[at] = entry[0], entry[1]
-    if ties is not None:
-        ties[at] = entry[2]
+        ties[at] = tie
 
 
 @inline
@@ -49,9 +41,9 @@ def push(keys, items, size, key, item, ties=None, tie=None):
         above = (at - 1) >> 1
         if not _is_less(key, tie, keys[above], _tie(ties, above)):
             break
-        _move(keys, items, ties, above, at)
+        _put(keys, items, ties, at, keys[above], items[above], _tie(ties, above))
         at = above
-    _put(keys, items, ties, at, (key, item, tie))
+    _put(keys, items, ties, at, key, item, tie)
     return size + 1
 
 
@@ -68,7 +60,7 @@ def pop(keys, items, size, ties=None):
             below += 1
         if not _is_less(keys[below], _tie(ties, below), key, tie):
             break
-        _move(keys, items, ties, below, at)
+        _put(keys, items, ties, at, keys[below], items[below], _tie(ties, below))
         at = below
-    _put(keys, items, ties, at, (key, item, tie))
+    _put(keys, items, ties, at, key, item, tie)
     return first_key, first, size

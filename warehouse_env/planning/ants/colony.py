@@ -162,9 +162,9 @@ def _next_random(state):
 
 
 @inline
-def _offset(ground, move):
+def _offset(trip, move):
     """Return by how much a move changes the number of a cell."""
-    return MOVES[move, 0] * ground.columns + MOVES[move, 1]
+    return MOVES[move, 0] * trip.columns + MOVES[move, 1]
 
 
 @inline
@@ -195,6 +195,8 @@ class Trip(NamedTuple):
 
     start: int  # cell
     ant: int  # its number, which no other ant of the search has
+    columns: int  # of the floor
+    trail: Table  # pheromone, of which the walk changes what WalkRule.local_decay says
     moves: NDArray[np.int8]  # where its moves are written; as long as a path may be
     chance: NDArray[np.float64]  # [8], room for the weights of the moves of a cell
 
@@ -202,6 +204,7 @@ class Trip(NamedTuple):
 def sender(weigh: Any) -> Any:
     """Return the compiled function (ground, rule, trip, generator) by which an ant walks.
 
+    ground: whatever `weigh` needs.
     weigh: inlined function (ground, ant, cell, move by which it came or -1, chance) -> total. It writes the weight of
     each move to chance float64[8], 0 for those not allowed, and returns their sum, 0 at a dead end, or ARRIVED.
     """
@@ -224,7 +227,7 @@ def sender(weigh: Any) -> Any:
                 if not backtrack or steps == 0:
                     return steps, False, random
                 steps -= 1
-                cell -= _offset(ground, whole(trip.moves[steps]))
+                cell -= _offset(trip, whole(trip.moves[steps]))
                 heading = whole(trip.moves[steps - 1]) if steps > 0 else whole(-1)
                 continue
             random = _next_random(random)
@@ -236,24 +239,12 @@ def sender(weigh: Any) -> Any:
                     draw = (draw - q0) / (1.0 - q0)
                 heading = _drawn(chance, draw * total)
             if decay > 0.0:
-                ground.trail[cell, heading] += decay * (level - ground.trail[cell, heading])
+                trip.trail[cell, heading] += decay * (level - trip.trail[cell, heading])
             trip.moves[steps] = heading
             steps += 1
-            cell += _offset(ground, heading)
+            cell += _offset(trip, heading)
 
     return send
-
-
-class Ground(NamedTuple):
-    """What ants walk on: `send` needs `columns` and `trail`; the rest is for `_weigh`."""
-
-    columns: int
-    trail: Table  # this and the next two: of EdgeWeights
-    turning: Table
-    straight: Table
-    neighbour: NDArray[np.int32]  # of Floor
-    goal: int
-    visited: NDArray[np.int64]  # [C], the last ant that was on a cell
 
 
 @inline
@@ -262,20 +253,21 @@ def _weigh(ground, ant, cell, heading, chance):
 
     Underflow to an all-zero roulette falls back to equal chances.
     """
-    ground.visited[cell] = ant
-    if cell == ground.goal:
+    floor, edges, visited = ground
+    visited[cell] = ant
+    if cell == floor.goal:
         return ARRIVED
     total = 0.0
     for move in range(8):
         chance[move] = 0.0
-        if ground.visited[ground.neighbour[cell, move]] != ant:
-            along = ground.straight[cell, move] if move == heading else ground.turning[cell, move]
-            chance[move] = ground.trail[cell, move] * along
+        if visited[floor.neighbour[cell, move]] != ant:
+            along = edges.straight[cell, move] if move == heading else edges.turning[cell, move]
+            chance[move] = edges.trail[cell, move] * along
             total += chance[move]
     if not total > 0.0:  # a dead end, or all weights underflow
         total = 0.0
         for move in range(8):
-            chance[move] = 1.0 if ground.visited[ground.neighbour[cell, move]] != ant else 0.0
+            chance[move] = 1.0 if visited[floor.neighbour[cell, move]] != ant else 0.0
             total += chance[move]
     return total
 
@@ -297,12 +289,11 @@ def walk(
 
     seeds: uint64[m], one generator an ant. visited: int64[C], holds numbers below `stamp`.
     """
-    chance, (trail, turning, straight) = np.zeros(8), edges
-    ground = Ground(floor.columns, trail, turning, straight, floor.neighbour, floor.goal, visited)
+    chance, ground = np.zeros(8), (floor, edges, visited)
     for ant in range(len(seeds)):
         walks.steps[ant] = -1
         if walks.start[ant] >= 0:
-            trip = Trip(walks.start[ant], stamp + ant, walks.moves[ant], chance)
+            trip = Trip(walks.start[ant], stamp + ant, floor.columns, edges.trail, walks.moves[ant], chance)
             steps, arrived, _ = _send(ground, rule, trip, seeds[ant])
             if arrived:
                 walks.steps[ant] = steps

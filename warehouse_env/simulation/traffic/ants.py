@@ -23,7 +23,7 @@ from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.planning.ants.colony import ARRIVED, Trip, WalkRule, sender
 from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE
 from warehouse_env.planning.graph_search import START, is_hairpin
-from warehouse_env.simulation.traffic.prices import ANY, Look, is_beyond, price_of, rest_from
+from warehouse_env.simulation.traffic.prices import ANY, is_beyond, price_of, rest_from
 from warehouse_env.simulation.traffic.ways import finish, make_path
 
 ANTS, ITERATIONS = 8, 20
@@ -64,16 +64,6 @@ def make_trails(rows: int, columns: int) -> Trails:
         np.zeros((cells, 8), np.float32), np.zeros(cells, np.int64), np.zeros(8, np.int64), np.zeros(8),
         np.zeros(1, np.int64), np.zeros(MOST_STEPS, np.int8), np.zeros(MOST_STEPS, np.int8), make_path(cells),
     )  # fmt: skip
-
-
-class Ground(NamedTuple):
-    """What the ants of a look walk on."""
-
-    columns: int
-    trail: NDArray[np.float32]  # of Trails
-    look: Look
-    trails: Trails
-    most: int  # that a way may cost
 
 
 @inline
@@ -122,18 +112,18 @@ def _raise(look, trails, cell):
 @inline
 def _weigh(ground, ant, cell, arrived, chance):
     """Weigh the moves of a cell (eq. 8) for the walk of an ant, which arrives where its robot looks no farther."""
-    look, trails = ground.look, ground.trails
+    look, trails, most = ground
     columns, arrived = look.steps.shape[1], arrived if arrived >= 0 else START
     trails.tabu[cell] = ant
     trails.spent[0] = trails.spent[0] + trails.price[arrived] if arrived != START else 0
     rest = _see(look, trails, cell)
     if rest == 0 or is_beyond(look, cell // columns, cell % columns):
         trails.spent[0] += rest
-        return ARRIVED if trails.spent[0] <= ground.most else 0.0
+        return ARRIVED if trails.spent[0] <= most else 0.0
     _touch(look, trails, cell)
     _raise(look, trails, cell)
     rest, total = int(trails.rest[cell]), 0.0
-    if trails.spent[0] + rest > ground.most:
+    if trails.spent[0] + rest > most:
         return total
     for move in range(8):
         chance[move] = 0.0
@@ -145,7 +135,7 @@ def _weigh(ground, ant, cell, arrived, chance):
         eta = PULL * max((rest - int(trails.rest[to])) / cost, 0.0) + EVEN + (AHEAD if move == arrived else 0.0)
         eta *= eta
         eta *= eta
-        trails.price[move], chance[move] = cost, eta * eta * np.float64(ground.trail[cell, move])
+        trails.price[move], chance[move] = cost, eta * eta * np.float64(trails.trail[cell, move])
         total += chance[move]
     return total
 
@@ -178,10 +168,9 @@ def _send_one(look, most, trails, ant, random):
     It gives up where it could only come to more than `most`. Its moves: trails.moves; their cost: trails.spent.
     """
     columns = look.steps.shape[1]
-    trip = Trip(look.row * columns + look.column, ant, trails.moves, trails.chance)
-    count, arrived, random = _send(
-        Ground(columns, trails.trail, look, trails, most), WalkRule(BOLD, False, 0.0, 0.0), trip, random
-    )
+    rule = WalkRule(BOLD, False, 0.0, 0.0)  # an ant at a dead end gives up
+    trip = Trip(look.row * columns + look.column, ant, columns, trails.trail, trails.moves, trails.chance)
+    count, arrived, random = _send((look, trails, most), rule, trip, random)
     cell = trip.start
     for k in range(count):
         cell = _to(look, cell, whole(trails.moves[k]))
