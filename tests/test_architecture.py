@@ -24,6 +24,7 @@ BASE = (
     "warehouse_env.config",
     "warehouse_env.files",
     "warehouse_env.format_version",
+    "warehouse_env.heap",
     "warehouse_env.kernel",
     "warehouse_env.own_parts",
     "warehouse_env.portable",
@@ -50,6 +51,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.portable": (),
     "warehouse_env.start": ("train.cli",),  # the door of the command
     "warehouse_env.compiled": (),
+    "warehouse_env.heap": ("warehouse_env.kernel",),
     "warehouse_env.kernel": ("warehouse_env.compiled",),
     "warehouse_env.files": ("warehouse_env.errors",),
     "warehouse_env.threads": ("warehouse_env.errors",),

@@ -21,10 +21,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from warehouse_env.heap import pop, push
 from warehouse_env.kernel import inline, part, whole
 from warehouse_env.simulation.driver import turning
 from warehouse_env.simulation.driver.bodies import arc_is_free, bars, write_rooms
-from warehouse_env.simulation.driver.heap import pop, push
 from warehouse_env.simulation.driver.room_field import UNKNOWN, apart_of, room_at, write_room
 from warehouse_env.simulation.driver.scratch import COSINE, COST, HEADING, MARGIN, MOST, SINE, WAITING, X, Y
 from warehouse_env.simulation.driver.shots import shoot

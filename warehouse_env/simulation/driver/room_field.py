@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from warehouse_env.heap import pop, push
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.driver.bodies import (
     CENTRE_X,
@@ -31,7 +32,6 @@ from warehouse_env.simulation.driver.bodies import (
     SIN,
     write_body,
 )
-from warehouse_env.simulation.driver.heap import pop, push
 from warehouse_env.simulation.driver.scratch import POINTS
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import square_at

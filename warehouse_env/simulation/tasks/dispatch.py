@@ -209,7 +209,7 @@ class Dispatcher(Portable):
         """Put a robot on a cell, facing along its route; False if it touches something there."""
         direction = None
         if self.live is not None and self.live.plans_first:
-            direction = self.live.towards(world, robot, cell, goal)
+            direction = self.live.towards(cell, goal)
         if direction is None:
             line = self.book.route(cell, goal, None, self._ends(world, robot, goal)).line
             direction = line[min(2, len(line) - 1)] - line[0]
@@ -348,4 +348,4 @@ class Dispatcher(Portable):
         if self.live is None:
             return None
         ends = self._ends(world, robot, goal)
-        return self.live.route(self.robots[world], self.routes[world], world, robot, step, goal, on_its_way, ends)
+        return self.live.route(self.robots, self.routes, world, robot, step, goal, on_its_way, ends)
