@@ -270,7 +270,7 @@ def test_views_in_a_copy_look_at_the_copy(name: str, way: str) -> None:
 def test_a_copy_compiles_nothing_anew(way: str) -> None:
     """Its arrays are of the same kinds to the compiler."""
     original = brought_to("driving", DRIVES["simulator"])
-    kernels = [kernel for kernel in (step.advance, step.observe) if hasattr(kernel, "signatures")]
+    kernels = [kernel for kernel in (step.run,) if hasattr(kernel, "signatures")]
     before = [len(kernel.signatures) for kernel in kernels]
     twin = WAYS[way](original)
     went_on("driving", DRIVES["simulator"], twin)

@@ -51,8 +51,6 @@ PARALLEL_FROM = 256  # robots in all from which waking other threads pays
 _PARTS = 2  # of the worlds for each thread: who is done early, or has a core for itself, does more of them
 _LEAST, _MOST = 32, 1024  # robots in a part: of more, what a step leaves in a core's cache is gone when it observes
 
-_Code = tuple[Callable[..., tuple[int, int]], Callable[..., None]]  # of advance and observe
-
 
 def _parts(worlds: int, share: int) -> list[tuple[int, int]]:
     """Return the parts of `share` worlds into which so many fall: the first of each, and the first that is none."""
@@ -127,11 +125,9 @@ class Simulator(Portable):
         self._rays = np.stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
 
     def _make_arrays(self, planned: EnvConfig) -> None:
-        b, n, p = self.num_worlds, self.num_agents, self._params
+        b, n, p, self._decides = self.num_worlds, self.num_agents, self._params, self.config.traffic_spec.right_of_way
         self.arcs = np.zeros((b, n, ARCS, 2), dtype=np.float32)  # [m], [rad]; the robots' manoeuvres
-        self._paths = np.zeros(
-            (b, n + 1 if self.config.traffic_spec.right_of_way else 0, POSES, COLUMNS), dtype=np.float32
-        )
+        self._paths = np.zeros((b, n + 1 if self._decides else 0, POSES, COLUMNS), dtype=np.float32)
         self.observation = np.zeros((b, n, self.layout.size), dtype=np.float32)
         self.reward = np.zeros((b, n), dtype=np.float32)
         self.reward_terms = np.zeros((b, n, len(REWARD_TERMS)), dtype=np.float32)
@@ -183,7 +179,7 @@ class Simulator(Portable):
         self._scanners = None
         if self._sights is not None:
             self._scanners = scanners_of(RAYS, self._floor.edges)
-        self._compiled: _Code | None = None  # once the first step asks for it
+        self._compiled: Callable[..., tuple[int, int]] | None = None  # once the first step asks for it
         self._scratches = Pool(self._make_scratch)
         self._searches = Pool(lambda: search_scratch(self.num_agents, self.config.people, POSES))
         self._collect()
@@ -204,7 +200,7 @@ class Simulator(Portable):
         )  # fmt: skip
 
     def _make_scratch(self) -> Scratch:
-        return make_scratch(self._setup, self.num_agents, self.config.traffic_spec.right_of_way)
+        return make_scratch(self._setup, self.num_agents, self._decides)
 
     def _at_hand(self) -> Worlds:
         """Return the worlds' arrays; that of the routes is another one once a longer route has come."""
@@ -373,33 +369,30 @@ class Simulator(Portable):
         if self.dispatcher.shifts is not None:
             self.dispatcher.shifts.write_needs(self.observation, self.layout.slices["needs"])
 
-    def _code(self) -> _Code:
-        """Return the code of `advance` and of `observe` for the arguments at hand, whose types never change."""
+    def _run(self, begin: int, end: int, what: int, scratch: Scratch) -> tuple[int, int]:
+        """Call the kernel of the step, whose arguments never change their types."""
         if self._compiled is None:
-            arguments = self._worlds, self._setup, self._make_scratch()
-            self._compiled = (
-                compiled_for(step.advance, 0, 0, *arguments),
-                compiled_for(step.observe, 0, 0, False, *arguments),
-            )
-        return self._compiled
+            self._compiled = compiled_for(step.run, 0, 0, 0, self._worlds, self._setup, scratch)
+        return self._compiled(begin, end, what, self._at_hand(), self._setup, scratch)
 
     def _advance(self, begin: int, end: int) -> int:
         """Advance the worlds from `begin` to before `end`, and observe those without arrivals; return how many.
 
         Where all robots look for better routes, a world waits with its observation until they have done so.
         """
-        (advance, observe), worlds, setup, scratch = self._code(), self._at_hand(), self._setup, self._scratches.take()
-        if self.config.traffic_spec.right_of_way and agreement.agree(begin, end, worlds, setup, scratch):
+        worlds, setup, scratch = self._at_hand(), self._setup, self._scratches.take()
+        if self._decides and agreement.agree(begin, end, worlds, setup, scratch):
             search = self._searches.take()
             making_room.make_room(begin, end, self._search_worlds, self._paths, self._search_setup, search)
             self._searches.give_back(search)
-        arrivals, seeking = advance(begin, end, worlds, setup, scratch)
+        observe = 0 if self.dispatcher.all_look else step.OBSERVE
+        arrivals, seeking = self._run(begin, end, step.ADVANCE | observe, scratch)
         if seeking:
             search = self._searches.take()
             recovery.seek(begin, end, self._search_worlds, self._search_setup, search, self._features.stopping)
             self._searches.give_back(search)
-        if not self.dispatcher.all_look:
-            observe(begin, end, False, worlds, setup, scratch)
+            if observe:
+                self._run(begin, end, observe, scratch)
         self._scratches.give_back(scratch)
         return arrivals
 
@@ -425,8 +418,8 @@ class Simulator(Portable):
         self._tell_needs()
 
     def _observe_waiting(self, begin: int, end: int) -> int:
-        (_, observe), scratch = self._code(), self._scratches.take()
-        observe(begin, end, True, self._at_hand(), self._setup, scratch)
+        scratch = self._scratches.take()
+        self._run(begin, end, step.OBSERVE_WAITING, scratch)
         self._scratches.give_back(scratch)
         return 0
 

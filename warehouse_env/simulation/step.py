@@ -1,8 +1,9 @@
-"""The batched step: `advance` commands, moves, judges contacts and goes on along the routes; `observe` looks.
+"""The batched step: `run` advances worlds, which commands, moves, judges contacts and goes on along the routes, and
+observes them.
 
-With right of way, `agree` (agreement.py) goes before, and `make_room` (making_room.py) where rings are to be dissolved;
-`seek` (rejoin.py) follows where robots seek a manoeuvre. They are five, not one, since a kernel is compiled again in
-whatever calls it. Each does one world after another; for all threads, the Simulator hands out parts of the worlds.
+With right of way, `agree` (traffic/agreement.py) goes before, and `make_room` (traffic/making_room.py) where wait
+cycles are to be resolved; `seek` (traffic/recovery.py) follows where robots seek a manoeuvre. They are kernels of their
+own since few runs need them. Each does one world after another; the Simulator hands parts of the worlds to threads.
 
 What a config has not is not compiled: see worlds.py.
 """
@@ -23,6 +24,7 @@ from warehouse_env.simulation.senses.rewards import write_terms
 from warehouse_env.simulation.state import GAP_HORIZON, NOBODY
 from warehouse_env.simulation.traffic import audit, by_sight, field, right_of_way, waits
 
+ADVANCE, OBSERVE, OBSERVE_WAITING = 1, 2, 4
 _HORIZON = np.float32(GAP_HORIZON)
 
 
@@ -291,12 +293,9 @@ def _rank(robots, guarded, order):
         right_of_way.rank(robots, order)
 
 
-@kernel
-def advance(begin, end, worlds, setup, scratch):
-    """Move the worlds from `begin` to before `end` on by one env step; return (arrivals, robots that seek a manoeuvre).
-
-    worlds, setup, scratch: see worlds.py.
-    """
+@inline
+def _advance(begin, end, worlds, setup, scratch):
+    """Move worlds on by one env step; return (arrivals, robots that seek a manoeuvre)."""
     p, guarded = setup.planned.shared[0], setup.features.guarded
     arrivals, seeking, count = 0, 0, worlds.robots.shape[1]
     for b in range(begin, end):
@@ -368,11 +367,19 @@ def _observe_world(worlds, b, setup, scratch):
 
 
 @kernel
-def observe(begin, end, late, worlds, setup, scratch):
-    """Write observations, rewards and their terms of the worlds from `begin` to before `end`: those that are `waiting`
-    if `late`, which then are no more, else all others. Arguments: see `advance`.
+def run(begin, end, what, worlds, setup, scratch):
+    """Do `what` with the worlds from `begin` to before `end`; return (arrivals, robots that seek a manoeuvre).
+
+    what: ADVANCE by one env step; then OBSERVE, that is write observations, rewards and their terms of the worlds that
+    are not `waiting`, unless a robot seeks a manoeuvre; or OBSERVE_WAITING, which then are no more. worlds, setup,
+    scratch: see worlds.py. One kernel does all, since to unpack these takes as long as to step a robot.
     """
-    for b in range(begin, end):
-        if (worlds.waiting[b] != 0) == late:
-            worlds.waiting[b] = 0
-            _observe_world(worlds, b, setup, scratch)
+    arrivals, seeking = 0, 0
+    if what & ADVANCE:
+        arrivals, seeking = _advance(begin, end, worlds, setup, scratch)
+    if what & (OBSERVE | OBSERVE_WAITING) and seeking == 0:
+        for b in range(begin, end):
+            if (worlds.waiting[b] != 0) == (what == OBSERVE_WAITING):
+                worlds.waiting[b] = 0
+                _observe_world(worlds, b, setup, scratch)
+    return arrivals, seeking

@@ -17,7 +17,7 @@ from warehouse_env.simulation.traffic import right_of_way, stepping_in, waits
 def agree(begin, end, worlds, setup, scratch):
     """Decide on the right of way in the worlds from `begin` to before `end`; return how many robots search a way then.
 
-    Arguments: see step.advance.
+    Arguments: see step.run.
     """
     (params, kinds), order, found, searching = setup.planned, scratch.order, scratch.found, 0
     p, commands = params[0], worlds.commands[0]
