@@ -100,6 +100,7 @@ class Dispatcher(Portable):
         self._config, self._limits, self._kind_of = config, limits, config.kind_of
         self._astray, self._far = np.empty(robots.shape, dtype=np.bool_), far_off(config, book.grid.cell_size)
         self.live = LiveRoutes(config, book, persons) if config.traffic_spec.routes else None
+        self.all_look = config.traffic_spec.routes is True  # so that some robot gets another route in almost every step
         tasks = OneShotTasks if config.tasks == "one_shot" else Tasks
         self.tasks = [tasks(book.grid, config) for _ in range(len(robots))]
         check_given(orders, config)
@@ -114,11 +115,6 @@ class Dispatcher(Portable):
 
     def _bind(self) -> None:
         self._find_astray: Callable[..., int] | None = None  # its code, once the first step asks for it
-
-    @property
-    def all_look(self) -> bool:
-        """Whether all robots look for better routes, so that some get one in almost every step."""
-        return self._config.traffic_spec.routes is True
 
     def begin(self, world: int, entropy: list[int] | None, assignment: Assignment | None, floor: Floor) -> None:
         """Stand the robots of a world on the floor with their first tasks, by chance or as the assignment says.
