@@ -77,28 +77,16 @@ def test_who_waits_for_nobody_makes_no_room() -> None:
     assert resolve(world) == []
 
 
-def test_who_waits_for_one_that_stands_for_good_looks_for_a_way_round_it() -> None:
+def test_who_waits_for_a_parked_robot_looks_for_a_way_round_it() -> None:
     world = World((10.0, 10.0, 0.0), (11.5, 10.0, 0.0), ages=[5, 0]).decide()
     world.robots["yields_to"] = [1, NOBODY]
-    world.robots["waiting_time"] = 3.9
+    world.robots["waiting_time"] = [4.1, 9.0]
     resolve(world)
-    assert world.robots["pause"].tolist() == [0.0, 0.0]
-    world.robots["waiting_time"] = 4.1
+    assert world.robots["pause"].tolist() == [0.0, 0.0]  # that one may yet go
+    world.robots["alive"][1] = 0
     resolve(world)  # it searches, and whether or not it finds a way, not again for a while
     assert world.robots["pause"].tolist() == [waits.PAUSE, 0.0]
     assert world.robots["aside"].tolist() == [0, 0]
-
-
-def test_a_parked_robot_stands_for_good() -> None:
-    """It counts no time any more."""
-    world = World((10.0, 10.0, 0.0), (11.5, 10.0, 0.0), ages=[5, 0]).decide()
-    world.robots["yields_to"] = [1, NOBODY]
-    world.robots["waiting_time"] = [4.1, 0.0]
-    resolve(world)
-    assert world.robots["pause"][0] == 0.0  # it has only just come to a halt
-    world.robots["alive"][1] = 0
-    resolve(world)
-    assert world.robots["pause"][0] == waits.PAUSE
 
 
 def test_who_waits_for_itself_leaves_its_place() -> None:
@@ -126,25 +114,6 @@ def test_who_makes_room_goes_round_people() -> None:
         world.decide()
         gaps = np.abs(rectangles(world.path(0))[..., 0] - person["x"]).min()
         assert gaps > 0.25 + 0.35
-
-
-BAY = drawn(["#" * 16, "#####....#######", "." * 16, "#" * 16])
-
-
-def test_who_can_leave_no_path_goes_its_own_way_between_the_others() -> None:
-    """As it happened: the ways of both lead east, one stands crosswise in the bay and cannot turn beside the other."""
-    poses = [(5.7783, 1.6361, 0.094), (5.7913, 2.1665, -1.7879), (4.6337, 1.5128, 0.0599)]
-    world = World(*poses, ages=[5, 9, 2], grid=BAY)
-    for robot in range(3):
-        ahead = np.array([world.robots["x"][robot], 1.7]) + np.arange(0.0, 6.0, 0.25)[:, None] * [1.0, 0.0]
-        world.simulator.dispatcher.give_line(0, robot, ahead.astype(np.float32))
-    world.decide()
-    world.robots["yields_to"] = [1, 0, 0]
-    world.robots["waiting_time"] = 5.0
-    assert resolve(world) == [0]
-    assert world.robots["aside"].tolist() == [0, 0, 0]
-    world.decide()
-    assert rectangles(world.path(0))[-1, :, 0].max() > poses[0][0] + 0.5
 
 
 def shut_in() -> World:
