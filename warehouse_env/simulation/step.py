@@ -48,10 +48,10 @@ def _begin(r):
 
 
 @inline
-def _take_raw(r, acceleration, steer_rate, limits, p):
+def _take_raw(at, r, acceleration, steer_rate, limits, p):
     """Return a raw command [m/s^2], [rad/s] of a robot that is not parked: as it is, or as its load lets it speed up.
 
-    limits: its parameters under its load, None where nobody carries any.
+    at: (world, robot); limits: see _command.
     """
     if r["alive"] == 0:
         acceleration, steer_rate = braking(r["speed"], p), ZERO
@@ -59,9 +59,10 @@ def _take_raw(r, acceleration, steer_rate, limits, p):
         r["target_speed"] = r["speed"] + acceleration * p["time_step"]
         r["target_steer"] = r["steer"] + steer_rate * p["time_step"]
     if limits is not None:
-        speed, most = r["speed"], limits["max_acceleration"]
+        own, speed = limits[at], r["speed"]
+        most = own["max_acceleration"]
         if speed * acceleration >= ZERO:
-            fastest = max((limits["max_speed"] - speed) / limits["time_step"], ZERO)
+            fastest = max((own["max_speed"] - speed) / own["time_step"], ZERO)
             acceleration = min(max(acceleration, -most), min(most, fastest))
     return acceleration, steer_rate
 
@@ -138,12 +139,6 @@ def _move(robots, persons, near, motions, walking, guarded, vehicles, floor):
 
 
 @inline
-def _loaded(limits, b, i):
-    """Return the parameters of robot i of world b under its load, None where nobody carries any."""
-    return None if limits is None else limits[b, i]
-
-
-@inline
 def _most_speed(r, masks, p):
     """Return the speed [m/s] that the zones of the floor let a robot drive."""
     return np.float32(np.inf) if masks is None else zones.most_speed(r, masks, p)
@@ -151,12 +146,18 @@ def _most_speed(r, masks, p):
 
 @inline
 def _command(at, worlds, command, most, limits, followed, stopping, p_and_floor):
-    """Return (acceleration [m/s^2], steering rate [rad/s]) of robot i of world b, at = (b, i), for a physics step."""
+    """Return (acceleration [m/s^2], steering rate [rad/s]) of robot i of world b, at = (b, i), for a physics step.
+
+    limits PARAMETERS[B, N]: of robots under loads, None where nobody carries any.
+    """
     (b, i), (first, second), (p, floor) = at, command, p_and_floor
     r = worlds.robots[b, i]
     if followed is None:
-        return _take_raw(r, first, second, limits, p)
-    first, own = min(max(first, -most), most), p if limits is None else limits
+        return _take_raw(at, r, first, second, limits, p)
+    own = p
+    if limits is not None:
+        own = limits[b, i]
+    first = min(max(first, -most), most)
     return _follow(r, worlds.routes[b, i], worlds.arcs[b, i], first, second, stopping, own, floor)
 
 
@@ -186,9 +187,9 @@ def _choose(worlds, b, commands, setup, scratch):
     p, robots, motion = params[0], worlds.robots[b], scratch.motions[1]
     for i in range(robots.shape[0]):
         r, own, command = robots[i], kind_of(i, p, kinds), (commands[i, 0], commands[i, 1])
-        most, loaded = _most_speed(r, masks, own), _loaded(worlds.limits, b, i)
+        most = _most_speed(r, masks, own)
         first, second = _command(
-            (b, i), worlds, command, most, loaded, features.followed, features.stopping, (own, floor)
+            (b, i), worlds, command, most, worlds.limits, features.followed, features.stopping, (own, floor)
         )
         first = _keep_under(r, first, most, masks, own)
         contact.load(robots, i, first, second, own, floor, motion)

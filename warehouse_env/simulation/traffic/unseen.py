@@ -37,7 +37,7 @@ class Looker(NamedTuple):
 
     i: Any  # its number
     motion: Any  # float32[MOTION, N], where all robots are (contact.py)
-    view: Any  # see scratch; kinds are filled in as they are asked for
+    seen: Any  # see scratch; kinds are filled in as they are asked for
     p: Any  # PARAMETERS
     floor: Any
 
@@ -221,7 +221,7 @@ def _comes_out(tail, count, contact, window, passage, looker):
     """Whether a hidden place near one of `count` points is no farther from a place in the queue, up to `tail`, than
     what is left over there [m]; a place is looked at again where more is left over than before.
     """
-    (step, top, left, _), view, p = window, looker.view, looker.p
+    (step, top, left, _), view, p = window, looker.seen, looker.p
     left_over, queue, points = view[3], view[4], view[5]
     straight, head, size = step * _STRAIGHT, 0, queue.shape[0]
     across = straight * _ROOT_2
