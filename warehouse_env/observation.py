@@ -13,11 +13,27 @@ NEEDS = 3  # load, being served, seconds of it left; with a battery its charge
 NEIGHBOUR = 7  # x, y, cos, sin, vx, vy, present
 
 
+class Starts(NamedTuple):
+    """Where in the flat vector the slices start that kernels write behind the lidar; None: there is no such slice."""
+
+    ego: int
+    route: int
+    neighbours: int
+    predictions: int | None
+    field: int | None
+    goal: int | None
+
+
 class ObservationLayout(NamedTuple):
     """Names -> slices of the flat vector; `size` is its length."""
 
     slices: dict[str, slice]
     size: int
+
+    @property
+    def starts(self) -> Starts:
+        """Where the slices start that kernels write."""
+        return Starts._make(self.slices[name].start if name in self.slices else None for name in Starts._fields)
 
 
 def observation_layout(config: EnvConfig) -> ObservationLayout:

@@ -152,7 +152,6 @@ class Simulator(Portable):
         shared = {
             "most_pairs": state.most_pairs(n, reach, widest, planned),
             "bucket_rows": bucket_rows, "bucket_columns": bucket_columns, "bucket": side,
-            "needs": len(range(self.layout.size)[self.layout.slices.get("needs", slice(0))]),
         }  # fmt: skip
         self._true_params, self._true_kinds = self._limits  # of the bodies, where these are not what is planned
         if self.robots is not self._planned:
@@ -195,7 +194,8 @@ class Simulator(Portable):
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
         self._setup = Setup(
-            self._features, Equipment(self._rays, table, self._weights, self._scanners, self._zones),
+            self._features,
+            Equipment(self.layout.starts, self._rays, table, self._weights, self._scanners, self._zones),
             Vehicles(*self._limits), Vehicles(self._true_params, self._true_kinds), self._floor,
         )  # fmt: skip
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline, kernel
-from warehouse_env.observation import EGO, FIELD, GOAL, NEIGHBOUR
 from warehouse_env.simulation.driver import arrival, line, tracking
 from warehouse_env.simulation.physics import buckets, contact, contact_episodes, deviation, people, zones
 from warehouse_env.simulation.physics.kinds import kind_of
@@ -323,47 +322,48 @@ def _see_people(r, centre, persons, walking, rays, row):
 
 
 @inline
-def _predict(row, slices, table, sights, p):
+def _predict(row, starts, table, sights, p):
     """Write the predictions, where a config has them."""
     if table is not None:
         _, legs, path = sights
-        prediction.write_predictions(row, slices, table[p["kind"]], legs, path, p)
+        prediction.write_predictions(row, starts, table[p["kind"]], legs, path, p)
 
 
 @inline
-def _observe_goal(r, stopping, p, row, end):
-    """Write what is left to the goal's pose before row[end], where robots stop at goals; return where it begins."""
-    if stopping is None:
-        return end
-    arrival.observe(r, p, row, end - GOAL)
-    return end - GOAL
+def _observe_field(r, p, row, start):
+    """Write how the protective field has held a robot, where there is one."""
+    if start is not None:
+        field.observe(r, p, row, start)
+
+
+@inline
+def _observe_goal(r, p, row, start):
+    """Write what is left to the goal's pose, where robots stop at goals."""
+    if start is not None:
+        arrival.observe(r, p, row, start)
 
 
 @inline
 def _observe_world(worlds, b, setup, scratch):
     """Write observations, reward terms and rewards of world b."""
-    (params, kinds), equipment, (order, starts, bodies) = setup.bodies, setup.equipment, scratch.places
-    p, robots, rays, features = params[0], worlds.robots[b], equipment.rays, setup.features
-    ego = p["rays"]
-    route = ego + EGO
-    near = route + 2 * p["route_points"]
-    buckets.sort(robots, p, kinds, starts, order, bodies)
+    (params, kinds), equipment, (order, begins, bodies) = setup.bodies, setup.equipment, scratch.places
+    p, robots, rays, starts = params[0], worlds.robots[b], equipment.rays, equipment.starts
+    near = starts.neighbours
+    buckets.sort(robots, p, kinds, begins, order, bodies)
     for n in range(robots.shape[0]):
         i = order[n]
         r, own, row = robots[i], kind_of(i, p, kinds), worlds.observation[b, i]
         cx, cy = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n]
         sensing.scan_shelves((cx, cy, r["cos"], r["sin"]), own, setup.floor.edges, rays, scratch.sights[0], row)
         sensing.look_around(n, scratch.places, own, kinds, rays, row, near)
-        _see_people(r, (cx, cy), worlds.persons[b], features.walking, rays, row)
+        _see_people(r, (cx, cy), worlds.persons[b], setup.features.walking, rays, row)
         sensing.write_neighbours(n, bodies, own, row, near)
         for k in range(p["rays"]):
             row[k] = ONE / (ONE + row[k])
-        sensing.write_ego_and_route(r, worlds.routes[b, i], own, row, ego)
-        slices = ego, route, near, near + NEIGHBOUR * p["neighbours"]
-        _predict(row, slices, equipment.table, scratch.sights, own)
-        end = _observe_goal(r, features.stopping, own, row, row.shape[0] - p["needs"])
-        if p["field"] != 0:
-            field.observe(r, own, row, end - FIELD)
+        sensing.write_ego_and_route(r, worlds.routes[b, i], own, row, starts.ego, starts.route)
+        _predict(row, starts, equipment.table, scratch.sights, own)
+        _observe_field(r, own, row, starts.field)
+        _observe_goal(r, own, row, starts.goal)
         worlds.reward[b, i] = write_terms(r, own, equipment.weights, worlds.terms[b, i])
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
+from warehouse_env.observation import Starts
 from warehouse_env.simulation.physics import buckets, contact, deviation
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.zones import Zones
@@ -79,6 +80,7 @@ class Vehicles(NamedTuple):
 class Equipment(NamedTuple):
     """How robots sense, and what their floor demands of them."""
 
+    starts: Starts  # of the slices of an observation
     rays: Floats  # [2, R], unit vectors in the robot's frame
     table: Floats | None  # [K, A, 2], the commands of each kind of robots, for predictions
     weights: Floats  # [T], of the reward's terms

@@ -8,7 +8,7 @@ from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.driver.driving import NARROW
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, sweep_is_free
 from warehouse_env.simulation.physics.geometry import Pose, body_of, grown
-from warehouse_env.simulation.physics.kinematics import approach, braking, curvature, drive
+from warehouse_env.simulation.physics.kinematics import approach, braking, chassis_of, curvature, drive, next_motion
 from warehouse_env.simulation.physics.stops import REST
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO, sin_cos
 
@@ -47,15 +47,14 @@ def _stops_clear(r, next_speed, next_steer, p, floor):
 
     Substep by substep, by the arithmetic with which contact.py moves it: nothing is left to a prediction.
     """
-    dt, wheelbase, lock = p["dt"], p["wheelbase"], p["max_steer"]
+    dt, chassis = p["dt"], chassis_of(p)
     x, y, heading, speed, steer = r["x"], r["y"], r["heading"], r["speed"], r["steer"]
     acceleration, rate = (next_speed - speed) / p["time_step"], (next_steer - steer) / p["time_step"]
     while True:
         for _ in range(p["substeps"]):
-            to_speed = min(max(speed + acceleration * dt, p["min_speed"]), p["max_speed"])
-            to_steer = min(max(steer + rate * dt, -lock), lock)
+            to_speed, to_steer = next_motion(speed, steer, acceleration, rate, chassis, dt)
             if speed != ZERO or to_speed != ZERO:
-                x, y, heading = drive((x, y, heading), speed, to_speed, steer, to_steer, wheelbase, dt)
+                x, y, heading = drive((x, y, heading), speed, to_speed, steer, to_steer, chassis, dt)
                 s, c = sin_cos(heading)
                 if body_touches_shelf(grown(body_of(x, y, c, s, p), GRAZE), floor):
                     return False
