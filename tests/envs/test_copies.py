@@ -23,6 +23,7 @@ from warehouse_env import EnvConfig, GridMap, Simulator, aec_env, make_planner, 
 from warehouse_env.planning import PLANNERS
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation import step
+from warehouse_env.simulation.worlds import Pool
 from warehouse_env.traffic.expected import WithCost
 
 GRID = drawn([*["............"] * 5, "....####....", *["............"] * 6])
@@ -225,11 +226,13 @@ def test_what_is_compared_holds_arrivals_and_a_new_episode() -> None:
 
 
 def array_paths(thing: Any, path: str = "", seen: set[int] | None = None) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield every array within a thing, with its path; but for those of maps and books, which are theirs to share."""
+    """Yield every array within a thing, with its path; but for those of maps and books, which are theirs to share,
+    and for scratch, of which one who has searched has more.
+    """
     seen = set() if seen is None else seen
     if isinstance(thing, np.ndarray):
         yield path, thing
-    elif id(thing) in seen or isinstance(thing, (GridMap, RouteBook)) or callable(thing):
+    elif id(thing) in seen or isinstance(thing, (GridMap, RouteBook, Pool)) or callable(thing):
         return
     else:
         seen.add(id(thing))

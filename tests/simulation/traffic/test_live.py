@@ -493,7 +493,7 @@ def folded(planner: str) -> int:
     for _ in range(1500):
         me, goal = rng.integers(64), tuple(cells[rng.integers(len(cells))].tolist())
         robots[me]["heading"] = rng.uniform(-np.pi, np.pi)
-        route = routes.route(robots, simulator.routes, 0, me, 1, goal)
+        route = routes.route(simulator.robots, simulator.routes, 0, me, 1, goal)
         count += route is not None and sharpest_turn(route.line[:15]) > 2.0
     return count
 
