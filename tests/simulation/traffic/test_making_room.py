@@ -77,16 +77,28 @@ def test_who_waits_for_nobody_makes_no_room() -> None:
     assert resolve(world) == []
 
 
-def test_who_waits_for_a_parked_robot_looks_for_a_way_round_it() -> None:
+def test_who_waits_for_one_that_stands_for_good_looks_for_a_way_round_it() -> None:
     world = World((10.0, 10.0, 0.0), (11.5, 10.0, 0.0), ages=[5, 0]).decide()
     world.robots["yields_to"] = [1, NOBODY]
-    world.robots["waiting_time"] = [4.1, 9.0]
+    world.robots["waiting_time"] = 3.9
     resolve(world)
-    assert world.robots["pause"].tolist() == [0.0, 0.0]  # that one may yet go
-    world.robots["alive"][1] = 0
+    assert world.robots["pause"].tolist() == [0.0, 0.0]
+    world.robots["waiting_time"] = 4.1
     resolve(world)  # it searches, and whether or not it finds a way, not again for a while
     assert world.robots["pause"].tolist() == [waits.PAUSE, 0.0]
     assert world.robots["aside"].tolist() == [0, 0]
+
+
+def test_a_parked_robot_stands_for_good() -> None:
+    """It counts no time any more."""
+    world = World((10.0, 10.0, 0.0), (11.5, 10.0, 0.0), ages=[5, 0]).decide()
+    world.robots["yields_to"] = [1, NOBODY]
+    world.robots["waiting_time"] = [4.1, 0.0]
+    resolve(world)
+    assert world.robots["pause"][0] == 0.0  # it has only just come to a halt
+    world.robots["alive"][1] = 0
+    resolve(world)
+    assert world.robots["pause"][0] == waits.PAUSE
 
 
 def test_who_waits_for_itself_leaves_its_place() -> None:

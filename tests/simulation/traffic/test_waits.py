@@ -50,9 +50,9 @@ def test_who_queues_for_a_ring_or_for_one_that_moves_waits() -> None:
 
 @pytest.mark.parametrize(
     ("waited", "other", "parked", "found"),
-    [(4.1, 9.0, False, WAITS), (3.9, 0.0, True, WAITS), (4.1, 0.0, True, STUCK)],
+    [(4.1, 2.1, False, STUCK), (3.9, 9.0, False, WAITS), (4.1, 1.9, False, WAITS), (4.1, 0.0, True, STUCK)],
 )
-def test_who_waits_for_a_parked_robot_is_stuck(waited: float, other: float, parked: bool, found: int) -> None:
+def test_who_waits_for_one_that_stands_for_good_is_stuck(waited: float, other: float, parked: bool, found: int) -> None:
     world = standing([1, NOBODY], [waited, other])
     world.robots["alive"][1] = not parked
     assert stages(world)[0] == found
@@ -93,7 +93,7 @@ def test_the_page_tells_in_order_when_what_happens() -> None:
     seconds = [float(found[0]) for row in rows() if (found := re.match(r"[\d.]+", row[0])) is not None]
     assert seconds == sorted(seconds)
     told = (
-        waits.REFUSED, waits.STANDS, letting_out.KEPT, waits.URGED, waits.SEEKS_AFTER, tracking.HELD,
+        waits.REFUSED, waits.STANDS, letting_out.KEPT, waits.URGED, waits.SEEKS_AFTER, waits.FOR_GOOD, tracking.HELD,
         waits.STUCK_AFTER, tracking.PATIENCE, waits.ROCKS, live.STOOD_FOR, waits.SHUT_IN_AFTER, waits.DEARER,
         EnvConfig.stuck_after,
     )  # fmt: skip

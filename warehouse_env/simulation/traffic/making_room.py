@@ -1,7 +1,7 @@
-"""Making room: resolve wait cycles, and free robots that are stuck behind a parked one.
+"""Making room: resolve wait cycles, and free robots that are stuck behind a standing robot.
 
-In a wait cycle, the robot with the least right leaves the paths of the others by a manoeuvre. A robot that waits for a
-parked one searches a way around it. A robot that waits for itself leaves its place to let a person pass
+In a wait cycle, the robot with the least right leaves the paths of the others by a manoeuvre. A robot that waits for
+one that stands for good searches a way around it. A robot that waits for itself leaves its place to let a person pass
 (letting_out.py). If a search fails, the robots that wait behind clear the floor there, the last one first if need be.
 All searches: recovery.py. Which robots search, and when: waits.py.
 
@@ -24,6 +24,7 @@ from warehouse_env.simulation.traffic.path_ahead import CENTRE_X, CENTRE_Y, COS,
 from warehouse_env.simulation.traffic.recovery import (
     ASKED,
     BEHIND,
+    BEHIND_PARKED,
     LETS_OUT,
     RING,
     SearchWorlds,
@@ -150,7 +151,7 @@ def make_room(begin, end, worlds, paths, setup, scratch):
                 case <<= whole(waits.is_shut_in(robots[low]))
                 robots[low]["aside"] = 0
             elif found[STAGE, i] == STUCK:
-                case = BEHIND
+                case = BEHIND if robots[robots[i]["yields_to"]]["alive"] != 0 else BEHIND_PARKED
             else:
                 continue
             robots[low]["pause"] = waits.PAUSE

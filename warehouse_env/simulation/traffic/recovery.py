@@ -35,11 +35,11 @@ STAYS = -3
 (
     RING, RING_LATE,  # must leave a wait cycle
     LETS_OUT, LETS_OUT_LATE,  # must let a person pass: it waits for itself
-    BEHIND,  # waits for a parked robot
+    BEHIND, BEHIND_PARKED,  # waits for a robot that stands for good: one that may still go, or a parked one
     ASKED, ASKED_LATE,  # waits behind a robot that found no way, and must clear its path
     LINE, LINE_HELD,  # cannot follow its route
     DOCKS, DOCKS_HELD,  # is near the goal at which it stops
-) = (1 << k for k in range(11))  # fmt: skip
+) = (1 << k for k in range(12))  # fmt: skip
 
 
 class Stage(NamedTuple):
@@ -63,7 +63,8 @@ AMONG_OTHERS = 300  # nodes among robots that may still drive on
 STAGES = (
     Stage(RING | LETS_OUT, OFF, NEAR, WALKING, TRIES, ASIDE),
     Stage(RING_LATE | LETS_OUT_LATE, FAR_OFF, NEAR, WALKING, TRIES, MOST),
-    Stage(BEHIND, ROUGHLY, NEAR, WALKING, TRIES, MOST),
+    Stage(BEHIND, ROUGHLY, NEAR, WALKING, TRIES, AMONG_OTHERS),
+    Stage(BEHIND_PARKED, ROUGHLY, NEAR, WALKING, TRIES, MOST),
     Stage(ASKED, OFF, NEAR, WALKING, TRIES, ASIDE),
     Stage(ASKED_LATE, FAR_OFF, NEAR, WALKING, TRIES, MOST),
     Stage(DOCKS, EXACTLY, NOBODY_NEAR, ZERO, TRIES, MOST),

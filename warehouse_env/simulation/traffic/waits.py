@@ -6,7 +6,7 @@ Why does a robot stand? `waits_for` names the one it waits for, `find_rings` say
 - MOVES: it has driven within the last second, makes room, or is parked;
 - WAITS: it stands, and nothing is done about it yet;
 - SEEKS: it is in a ring of robots all of which stand, and has waited so long that one of them is to leave the ring;
-- STUCK: it waits for one that is parked, and has waited so long that it is to go round that one.
+- STUCK: it waits for one that stands for good, and has waited so long that it is to go round that one.
 
 The table below holds all times from which on something is done; docs/traffic.md tells them in the order in which they
 come. Robots count four clocks, all in seconds of the world: `waiting_time` without driving, `standing_time` within a
@@ -32,7 +32,8 @@ REFUSED = np.float32(0.8)  # held: who held it is who it yields to
 STANDS = np.float32(0.95)  # waiting: it stands (1 s, less its rounding); standing: it has come to a halt
 URGED = np.float32(2.0)  # standing: it goes if it has right of way, though its policy would stand
 SEEKS_AFTER = np.float32(2.0)  # waiting, in a ring: one of the ring leaves it
-STUCK_AFTER = np.float32(4.0)  # waiting, for one that is parked: it goes round that one
+FOR_GOOD = np.float32(2.0)  # waiting: as far as can be told, it stands for good
+STUCK_AFTER = np.float32(4.0)  # waiting, for one that stands for good: it goes round that one
 SHUT_IN_AFTER = np.float32(20.0)  # waiting: it goes for room however far, and those behind it leave its way
 ROCKS = np.float32(4.95)  # standing: it stands, though it moves (5 s, less its rounding)
 LONGER = np.float32(5.0)  # standing, times `right_of_way_after`: rules step in around it, in a ring or not
@@ -86,6 +87,12 @@ def gets_nowhere(r):
 def has_halted(r):
     """Whether a robot that is not parked stands still, and has not come a metre for a while."""
     return r["alive"] != 0 and r["speed"] == ZERO and r["standing_time"] >= STANDS
+
+
+@inline
+def stands_for_good(r):
+    """Whether a robot stands for good, as far as can be told: for a while, or parked, which counts no time any more."""
+    return r["alive"] == 0 or r["waiting_time"] > FOR_GOOD
 
 
 @inline
@@ -209,7 +216,7 @@ def look(robots, found):
         waited = robots[i]["waiting_time"]
         if ring[i] != NOBODY and broken[ring[i]] == 0 and waited >= SEEKS_AFTER:
             stage[i] = SEEKS
-        elif waited > STUCK_AFTER and robots[who[i]]["alive"] == 0:
+        elif waited > STUCK_AFTER and stands_for_good(robots[who[i]]):
             stage[i] = STUCK
         count += stage[i] > WAITS
     return count
