@@ -45,12 +45,10 @@ class PolicyEntry:
     needs: dict[str, Any] = field(default_factory=dict)
 
 
-_RIGHT_OF_WAY = {"protective_field": True, "right_of_way": True, "reroute": True}
-
 POLICIES: dict[str, PolicyEntry] = {
     "follow": PolicyEntry("follows its route and nothing else", rule=Follow),
     "brake": PolicyEntry("follows its route, stops for a robot ahead", rule=Brake),
-    "greedy": PolicyEntry("follows its route by right of way alone", rule=Greedy, needs=_RIGHT_OF_WAY),
+    "greedy": PolicyEntry("follows its route by right of way alone", rule=Greedy, needs={"traffic": "rules"}),
     "apf": PolicyEntry("potential field: drawn along its route, pushed off by lidar and robots", rule=PotentialField),
     "orca": PolicyEntry("reciprocal velocity obstacles of discs, by the library pyrvo", rule=Reciprocal),
     "rules": PolicyEntry("paper 001's coordinator: waits by priority, steps aside, backs", rule=Rules),
@@ -58,7 +56,7 @@ POLICIES: dict[str, PolicyEntry] = {
         name: PolicyEntry(summary, weights=WEIGHTS_FOLDER / name)
         for name, summary in (
             ("reinforce", "our policy gradient, trained on this environment"),
-            ("threaded_ppo", "our PPO, under the field, with live routes, and right of way where robots stand"),
+            ("threaded_ppo", "our PPO, under the shield, with live routes, and right of way where robots stand"),
             ("unshielded", "our PPO with live routes alone: no field, no right of way"),
             ("ppo", "stable-baselines3 PPO, trained on this environment"),
         )

@@ -16,11 +16,10 @@ from agents.weights_folder import PolicyRecord, checked_tensors, read_record, re
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WeightsError
 from warehouse_env.observation import observation_layout
+from warehouse_env.traffic_spec import driven_with
 
 _ALWAYS_NEEDED = ("action_type", "time_step", "action_repeat", "sensor")
 _NEEDED_IF_DISCRETE = ("speed_levels", "lateral_offsets")
-# options that a policy is given if it was trained with them, or is meant to be driven with them
-_TRAINED_UNDER = ("protective_field", "right_of_way", "right_of_way_after", "reroute")
 
 
 def read_policy(path: Path | str) -> tuple[PolicyRecord, dict[str, NDArray[np.float32]]]:
@@ -42,8 +41,8 @@ def needed_fields(record: PolicyRecord) -> tuple[str, ...]:
 def config_for(directory: Path | str, base: EnvConfig) -> EnvConfig:
     """Return `base` with the action, the sensor and the options that the policy in `directory` is made for."""
     record = read_policy(directory)[0] if Path(directory).suffix.lower() == ".zip" else read_record(directory)
-    options = [name for name in _TRAINED_UNDER if getattr(record.env, name)]
-    return base.replace(**{name: getattr(record.env, name) for name in (*needed_fields(record), *options)})
+    traffic = driven_with(base.traffic_spec, record.env.traffic_spec)
+    return base.replace(traffic=traffic, **{name: getattr(record.env, name) for name in needed_fields(record)})
 
 
 class LearnedPolicy:
@@ -64,15 +63,16 @@ class LearnedPolicy:
             if trained != given:
                 fits = "agents.policy_config puts in what it needs"
                 raise WeightsError(f"{directory} is made for {field}={trained}, not {given}; {fits}")
-        if self.record.env.protective_field and not config.protective_field:
-            raise WeightsError(f"{directory} was trained under the protective field, and needs protective_field=True")
+        shielded = bool(self.record.env.traffic_spec.shield)
+        if shielded and not config.traffic_spec.shield:
+            raise WeightsError(f'{directory} was trained under the shield, and needs it: traffic="shield"')
         # slices of field, goal and needs come last, so a policy that was trained without them reads what it knows
-        fielded, passing = self.record.env.protective_field, self.record.env.arrival == "pass"
+        passing = self.record.env.arrival == "pass"
         works = self.record.env.works
         seen = config if works else config.replace(service=None, orders=None, battery=None)
         seen = seen.replace(arrival="pass") if passing else seen
-        if passing and not fielded:
-            seen = seen.replace(protective_field=False, right_of_way=False)  # which needs it
+        if passing and not shielded:
+            seen = seen.replace(traffic="none")
         size, network = observation_layout(seen).size, self.record.network
         if network.observation_size != size:
             given = f"observations of {network.observation_size} values"

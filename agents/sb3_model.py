@@ -22,6 +22,7 @@ from warehouse_env.config import ActionType, EnvConfig, SensorSpec
 from warehouse_env.errors import ConfigError, WarehouseError, WeightsError, shown
 from warehouse_env.files import MOST, open_regular, zip_member
 from warehouse_env.observation import observation_layout
+from warehouse_env.traffic_spec import TrafficSpec
 
 if TYPE_CHECKING:
     from stable_baselines3.common.base_class import BaseAlgorithm
@@ -174,9 +175,9 @@ def _trained_in(path: str, about: Mapping[str, Any], network: Network) -> EnvCon
     if len(kinds) > 1:
         raise WeightsError(f"{path} does not tell what its real-valued actions mean; {_HOW}")
     choices = [
-        EnvConfig(sensor=SensorSpec(predictions=told), protective_field=field)
+        EnvConfig(sensor=SensorSpec(predictions=told), traffic=TrafficSpec(shield=shield))
         for told in (False, True)
-        for field in (False, True)
+        for shield in (False, True)
     ]
     sizes = {observation_layout(config).size: config for config in choices}
     if network.observation_size not in sizes:

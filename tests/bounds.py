@@ -28,9 +28,7 @@ from tests.hostile.__main__ import attempt, guarded
 from train.reporting.report import tell
 from warehouse_env.config import (
     EnvConfig,
-    FieldSpec,
     FleetPart,
-    RerouteSpec,
     RewardWeights,
     RobotSpec,
     SensorSpec,
@@ -43,6 +41,7 @@ from warehouse_env.planning import PLANNERS
 from warehouse_env.simulation.physics.deviation import errs
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
+from warehouse_env.traffic_spec import ErrorBounds, TrafficSpec, UncertaintySpec
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 GROUP, ATTEMPTS = 5, 20
@@ -60,8 +59,7 @@ def _one(*values: Any) -> Callable[[Random], Any]:
 
 
 CHOICES: dict[str, Callable[[Random], Any]] = {  # each field of EnvConfig -> how a value is drawn
-    "layout": lambda rng: rng.choice(sorted(LAYOUTS)),
-    "map_file": lambda rng: rng.choice([None] * 9 + [str(EXAMPLE_MAP)]),
+    "layout": lambda rng: rng.choice([*sorted(LAYOUTS), str(EXAMPLE_MAP)]),
     "num_agents": lambda rng: rng.choice([1, 2, 3, 8, 40]),
     "planner": lambda rng: rng.choice(["astar", "astar_turns", "pf_aco", rng.choice(sorted(PLANNERS))]),
     "tasks": _one("lifelong", "lifelong", "one_shot"),
@@ -80,24 +78,16 @@ CHOICES: dict[str, Callable[[Random], Any]] = {  # each field of EnvConfig -> ho
     "speed_levels": _one((-0.4, 0.0, 0.5, 1.5), (0.0, 1e4), (-1e4,)),
     "lateral_offsets": _one((0.0, 0.6, -0.6, 1.2, -1.2), (0.0,), (-1e4, 1e4)),
     "keep_right": _one(0.0, 0.5, 100.0),
-    "protective_field": _one(False, True, True, "lidar"),
-    "field_margin": _one(0.0, 0.02, 1.0),
-    "field_spec": lambda rng: FieldSpec(
-        latency=rng.choice([0.0, 0.3]), scanner_rays=rng.choice([36, 360]), unseen_speed=rng.choice([0.0, 1.5])
-    ),
-    "message_latency": _one(0.0, 0.3),
-    "pose_error": _one(0.0, 0.0, 0.02, 1.0),
-    "heading_error": _one(0.0, 0.5),
-    "actuation_error": _one(0.0, 0.5),
-    "right_of_way": _one(False, True),
-    "right_of_way_after": _one(0.0, 5.0),
     "people": _one(0, 0, 1, 4),
-    "message_loss": _one(0.0, 0.3, 1.0),
-    "message_burst": _one(0.0, 2.0),
-    "reroute": _one(False, True),
-    "reroute_spec": lambda rng: RerouteSpec(
-        planner=rng.choice([None, "pf_aco", "astar_turns"]), every=rng.choice([0.2, 4.0]), stood_for=0.5,
-        only_barred=rng.random() < 0.5, look_ahead=rng.choice([0.0, 10.0, 1e4]),
+    "traffic": lambda rng: TrafficSpec(
+        shield=rng.choice([False, True, True, "lidar"]), margin=rng.choice([0.0, 0.02, 1.0]),
+        right_of_way=rng.random() < 0.5, right_of_way_after=rng.choice([0.0, 5.0]),
+        routes=rng.choice([False, True, "barred"]),
+    ),
+    "uncertainty": lambda rng: UncertaintySpec(
+        latency=rng.choice([0.0, 0.3]), pose_error=rng.choice([0.0, 0.0, 0.02, 1.0]),
+        heading_error=rng.choice([0.0, 0.5]), actuation_error=rng.choice([0.0, 0.5]), loss=rng.choice([0.0, 0.3, 1.0]),
+        burst=rng.choice([0.0, 2.0]), declared=rng.choice([None, ErrorBounds(), ErrorBounds(latency=0.3)]),
     ),
     "service": _one(None, ServiceSpec(1.0, 1.0, 0.5, load=200.0)),
     "orders": _one(None, OrderSpec(per_hour=2000.0, picks=3)),
@@ -111,8 +101,8 @@ CHOICES: dict[str, Callable[[Random], Any]] = {  # each field of EnvConfig -> ho
     "reward": _one(RewardWeights(), RewardWeights(path_length=-1.0)),
 }  # fmt: skip
 SHAPES = (
-    "tasks", "action_type", "arrival", "terminate_on_collision", "protective_field", "pose_error", "right_of_way",
-    "people", "reroute", "service", "orders", "battery", "fleet",
+    "tasks", "action_type", "arrival", "terminate_on_collision", "traffic", "uncertainty", "people",
+    "service", "orders", "battery", "fleet",
 )  # fmt: skip
 
 
@@ -136,8 +126,8 @@ def options_of(number: int, seed: int = 0, attempt: int = 0) -> tuple[EnvConfig,
     """Return the config and floor of an attempt at an episode; the floor None: that which the config names."""
     shape, own = Random(f"{seed} shape {number // GROUP}"), Random(f"{seed} {number} {attempt}")
     while True:
-        given = {name: CHOICES[name](shape) for name in SHAPES}
         with contextlib.suppress(WarehouseError):
+            given = {name: CHOICES[name](shape) for name in SHAPES}
             EnvConfig(**{"num_agents": 8, **given})
             break
     grid = list(FLOORS.values())[number // GROUP % len(FLOORS)](own)

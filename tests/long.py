@@ -41,6 +41,7 @@ from warehouse_env.maps.grid_map import GridMap  # noqa: E402
 from warehouse_env.render.replay import replay_of  # noqa: E402
 from warehouse_env.render.replay_page import write_replay_page  # noqa: E402
 from warehouse_env.simulation.simulator import Simulator  # noqa: E402
+from warehouse_env.traffic_spec import UncertaintySpec  # noqa: E402
 
 POLICY, TIMES, PARTS = "threaded_ppo", 2, 10
 PATIENCE, ENDLESS = 600.0, 1800.0  # [s] of standing, of one goal
@@ -64,9 +65,13 @@ class Part(NamedTuple):
 def config(robots: int, people: int, decisions: int) -> EnvConfig:
     """Return a world with everything on."""
     base = EnvConfig(
-        num_agents=robots, people=people, message_loss=0.05, message_burst=1.0, max_steps=decisions, layout="paper46"
+        num_agents=robots,
+        people=people,
+        uncertainty=UncertaintySpec(loss=0.05, burst=1.0),
+        max_steps=decisions,
+        layout="paper46",
     )
-    return config_of(POLICY, base, {"protective_field": True, "right_of_way": True, "reroute": True})
+    return config_of(POLICY, base, {"traffic": "assist"})
 
 
 class Drive:

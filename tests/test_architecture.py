@@ -24,10 +24,13 @@ BASE = (
     "warehouse_env.config",
     "warehouse_env.files",
     "warehouse_env.format_version",
+    "warehouse_env.heap",
     "warehouse_env.kernel",
+    "warehouse_env.old_names",
     "warehouse_env.own_parts",
     "warehouse_env.portable",
     "warehouse_env.threads",
+    "warehouse_env.traffic_spec",
     "warehouse_env.work",
 )
 PLANNING = (*BASE, "warehouse_env.maps", "warehouse_env.planning")
@@ -50,7 +53,9 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "warehouse_env.portable": (),
     "warehouse_env.start": ("train.cli",),  # the door of the command
     "warehouse_env.compiled": (),
-    "warehouse_env.kernel": ("warehouse_env.compiled",),
+    "warehouse_env.heap": ("warehouse_env.kernel",),
+    "warehouse_env.linked": (),
+    "warehouse_env.kernel": ("warehouse_env.compiled", "warehouse_env.linked"),
     "warehouse_env.files": ("warehouse_env.errors",),
     "warehouse_env.threads": ("warehouse_env.errors",),
     "warehouse_env.work": ("warehouse_env.errors", "warehouse_env.checked", "warehouse_env.field_notes"),

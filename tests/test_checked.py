@@ -34,8 +34,9 @@ from warehouse_env.planning import make_planner
         ({"tasks": ["lifelong"]}, r"tasks=\['lifelong'\] must be one of lifelong, one_shot"),
         ({"layout": 3}, "layout=3 must be a text"),
         ({"layout": None}, "layout=None must be a text"),
-        ({"map_file": 3}, "map_file=3 must be a text or None"),
-        ({"reroute": 1}, "reroute=1 must be True or False"),
+        ({"service": 3}, "service=3 must be a ServiceSpec or None"),
+        ({"traffic": "rulez"}, "traffic='rulez' must be one of none, routes, shield, rules, assist or a TrafficSpec"),
+        ({"traffic": 3}, "traffic=3 must be one of none,"),
         ({"robot": None}, "robot=None must be a RobotSpec"),
         ({"sensor": RobotSpec()}, "sensor=.* must be a SensorSpec"),
         ({"time_step": 1e-30}, "time_step=1e-30 must be a number from 0.001 to 10"),
@@ -52,11 +53,11 @@ def test_wrong_values_are_named(changes: dict[str, Any], sentence: str) -> None:
 def test_numbers_become_plain_python() -> None:
     config = EnvConfig(
         num_agents=np.int8(3), keep_right=np.float32(1), time_step=1, terminate_on_collision=np.bool_(True),
-        speed_levels=np.array([1, 2]), lateral_offsets=[0, np.int64(1)], map_file=Path("a/b.map"),  # type: ignore[arg-type]
+        speed_levels=np.array([1, 2]), lateral_offsets=[0, np.int64(1)], layout=Path("a/b.map"),  # type: ignore[arg-type]
     )  # fmt: skip
     plain = EnvConfig(
         num_agents=3, keep_right=1.0, time_step=1.0, terminate_on_collision=True, speed_levels=(1.0, 2.0),
-        lateral_offsets=(0.0, 1.0), map_file="a/b.map",
+        lateral_offsets=(0.0, 1.0), layout="a/b.map",
     )  # fmt: skip
     assert repr(config) == repr(plain)
     assert hash(config) == hash(plain)

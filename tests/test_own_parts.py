@@ -30,7 +30,7 @@ from helper_of_mine import SLOW
 
 class Slow:
     """Follows its route, slowly."""
-    needs = {"protective_field": True}
+    needs = {"traffic": "shield"}
 
     def __init__(self, config):
         self._command = RouteCommand(config)
@@ -81,6 +81,7 @@ class Aimless:
 '''
 LAYOUT = """
 import numpy as np
+from warehouse_env.traffic_spec import TrafficSpec
 from warehouse_env import GridMap
 
 def hall(columns=24):
@@ -118,7 +119,7 @@ def test_policy_planner_and_layout_are_driven_and_named_as_typed(name: str) -> N
     assert (slow["policy"], slow["layout"]) == (name, "my_layout.py:hall:columns=25")
     assert slow["planner"] == "my_planner.py:Backwards:inner=astar_turns"
     assert set(slow["versions"]) == {name, "my_planner.py:Backwards", "my_layout.py:hall"}
-    assert (slow["config"]["protective_field"], follow["config"]["protective_field"]) == (True, False)
+    assert (slow["config"]["traffic"], follow["config"]["traffic"]) == ("shield", "none")
     assert 0 < slow["robot_km"] < 0.7 * follow["robot_km"]
 
 
@@ -297,7 +298,7 @@ def test_a_filter_of_rows_runs_nothing(here: Path) -> None:
 def test_a_policy_of_ones_own_is_made_from_the_config() -> None:
     add_policy("my_policy.py:Slow")
     config = policy_config("my_policy.py:Slow", EnvConfig(num_agents=3))
-    assert config.protective_field
+    assert config.traffic == "shield"
     action = make_policy("my_policy.py:Slow", config).act(np.zeros((1, 3, 94), np.float32), np.random.default_rng(0))
     assert action.shape == (1, 3)
 

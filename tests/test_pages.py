@@ -16,7 +16,7 @@ import pytest
 import tyro
 
 from tests.pages import PAGES, ROOT, SHORTER, Block, command_lines, fenced, python_blocks
-from train.cli import COMMANDS, main, with_values
+from train.cli import COMMANDS, main
 from train.commands.layouts import check_connected
 from train.learning.config import TrainingConfig
 from train.reporting.rows import read_rows
@@ -134,7 +134,7 @@ def test_every_command_is_understood(line: str, capsys: pytest.CaptureFixture[st
     else:
         name = next(name for name in COMMANDS if name.split() == words[: len(name.split())])
         options = getattr(import_module(COMMANDS[name].module), COMMANDS[name].options)
-        parsed = tyro.cli(options, prog=f"warehouse {name}", args=with_values(options, words[len(name.split()) :]))
+        parsed = tyro.cli(options, prog=f"warehouse {name}", args=words[len(name.split()) :])
         assert isinstance(parsed, options)
 
 
@@ -208,9 +208,7 @@ def test_every_page_is_linked_from_the_first() -> None:
 
 def test_the_observation_table_is_the_layout() -> None:
     table = dict(re.findall(r"^\| `(\w+)` \| (\d+) \|", section("Observation"), re.MULTILINE))
-    slices = observation_layout(
-        EnvConfig(sensor=SensorSpec(predictions=True), protective_field=True, arrival="stop")
-    ).slices
+    slices = observation_layout(EnvConfig(sensor=SensorSpec(predictions=True), traffic="shield", arrival="stop")).slices
     assert {name: int(size) for name, size in table.items()} == {n: s.stop - s.start for n, s in slices.items()}
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import errno
 import importlib
 import io
-import itertools
 import os
 import signal
 import sys
@@ -17,9 +16,9 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import SimpleNamespace
-from typing import Annotated, Any, NamedTuple, Union, get_type_hints
+from typing import Annotated, Any, NamedTuple, Union
 
-from warehouse_env.errors import LostError, MapWarning, WarehouseError, unknown_name
+from warehouse_env.errors import ConfigError, LostError, MapWarning, WarehouseError, unknown_name
 
 PROGRAM = "warehouse"
 LOST = 3  # exit code where jobs were lost, or a broker
@@ -225,28 +224,16 @@ def _options(options: Any, program: str, arguments: list[str]) -> Any:
     """
     import tyro
 
+    if {"--layout", "--map"} <= {word.partition("=")[0] for word in arguments}:  # of two, tyro would take the last
+        raise ConfigError("--map is another name of --layout: give all floors behind one of them")
+
     def made(chosen: Any) -> Any:
         return chosen
 
     made.__annotations__["chosen"] = Annotated[options, tyro.conf.arg(name="")]
     if hasattr(options, "defaults_for"):  # one of the options says what the others are where they are left out
         made.__defaults__ = (options.defaults_for(arguments),)
-    return tyro.cli(made, prog=program, description=options.__doc__, args=with_values(options, arguments))
-
-
-def with_values(options: Any, arguments: list[str]) -> list[str]:
-    """Return a command line in which --name and --no-name have a value, where leaving an option out is a third one.
-
-    Where a value stands behind it, as --help shows them, it is kept.
-    """
-    names = [name.replace("_", "-") for name, kind in get_type_hints(options).items() if kind == bool | None]
-    values = {f"--{name}": [f"--{name}", "True"] for name in names}
-    values |= {f"--no-{name}": [f"--{name}", "False"] for name in names}
-    return [
-        word
-        for given, after in itertools.pairwise([*arguments, ""])
-        for word in ([given] if after in ("True", "False", "None") else values.get(given, [given]))
-    ]
+    return tyro.cli(made, prog=program, description=options.__doc__, args=arguments)
 
 
 def _print_completion(shells: list[str]) -> None:

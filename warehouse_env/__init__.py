@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import gymnasium
 
 if TYPE_CHECKING:
-    from warehouse_env.config import EnvConfig, FieldSpec, FleetPart, RerouteSpec, RewardWeights, RobotSpec, SensorSpec
+    from warehouse_env.config import EnvConfig, FleetPart, RewardWeights, RobotSpec, SensorSpec
     from warehouse_env.envs.callback import MetricsCallback
     from warehouse_env.envs.parallel import WarehouseParallelEnv, aec_env, parallel_env
     from warehouse_env.envs.single import WarehouseSingleEnv, single_env
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from warehouse_env.render.video import VideoWriter
     from warehouse_env.simulation.simulator import Simulator
     from warehouse_env.threads import set_num_threads
+    from warehouse_env.traffic_spec import ErrorBounds, TrafficSpec, UncertaintySpec
     from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 __version__ = "0.1.0"
@@ -35,14 +36,15 @@ __version__ = "0.1.0"
 _HOME = {
     "BatterySpec": "work",
     "EnvConfig": "config",
-    "FieldSpec": "config",
+    "ErrorBounds": "traffic_spec",
     "FleetPart": "config",
     "OrderSpec": "work",
-    "RerouteSpec": "config",
     "RewardWeights": "config",
     "RobotSpec": "config",
     "SensorSpec": "config",
     "ServiceSpec": "work",
+    "TrafficSpec": "traffic_spec",
+    "UncertaintySpec": "traffic_spec",
     "MetricsCallback": "envs.callback",
     "WarehouseParallelEnv": "envs.parallel",
     "aec_env": "envs.parallel",
@@ -86,7 +88,7 @@ __all__ = [
     "BatterySpec",
     "ConfigError",
     "EnvConfig",
-    "FieldSpec",
+    "ErrorBounds",
     "FleetPart",
     "GridMap",
     "MapError",
@@ -95,13 +97,14 @@ __all__ = [
     "Plan",
     "PlanError",
     "Planner",
-    "RerouteSpec",
     "RewardWeights",
     "RobotSpec",
     "Scene",
     "SensorSpec",
     "ServiceSpec",
     "Simulator",
+    "TrafficSpec",
+    "UncertaintySpec",
     "VideoWriter",
     "WarehouseError",
     "WarehouseParallelEnv",

@@ -38,6 +38,11 @@ class Checked:
 
     retired: ClassVar[dict[str, Any]] = {}  # fields that are gone, which files still name -> what alone they may say
 
+    @classmethod
+    def upgraded(cls, data: dict[str, Any]) -> dict[str, Any]:
+        """Return stored fields by today's names; a subclass says which were renamed."""
+        return data
+
     def __post_init__(self) -> None:
         """Check all fields; a subclass calls this first, and then checks ranges."""
         for name, kind in _kinds_of(type(self)).items():
@@ -68,7 +73,7 @@ class CheckedPart(Checked):
     """Options that are a part of others, whose fields may have the same names."""
 
     def _called(self, name: str) -> str:
-        """Return what errors call a field, as in FieldSpec.latency."""
+        """Return what errors call a field, as in TrafficSpec.margin."""
         return f"{type(self).__name__}.{name}"
 
 
@@ -84,6 +89,8 @@ def from_plain(cls: type[T], data: Any) -> T:
 
     ConfigError for what is no object, for an unknown or a missing name, and for a wrong value.
     """
+    if isinstance(data, dict) and issubclass(cls, Checked):
+        data = cls.upgraded(data)
     data = _without_retired(cls, data)
     check_names(f"{cls.__name__} parameter", data, cls)
     kinds = _kinds_of(cls)
@@ -102,7 +109,7 @@ def from_plain(cls: type[T], data: Any) -> T:
 def _built(part: Any, kind: Any, value: Any) -> Any:
     """Build a dataclass from JSON types, or a tuple of them from a list where the annotation is that of a tuple."""
     if get_origin(kind) is not tuple:
-        return from_plain(part, value)
+        return from_plain(part, value) if kind is part or isinstance(value, dict) else value
     return tuple(from_plain(part, one) for one in value) if isinstance(value, (list, tuple)) else value
 
 

@@ -54,15 +54,19 @@ class KernelCache(NullCache):
         return str(kernels_folder())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the compiled code for a signature; None if none is kept."""
-        with contextlib.suppress(OSError):
+        """Return the compiled code for a signature; None if none is kept, or what is kept names what is no more."""
+        with contextlib.suppress(OSError, AttributeError, ImportError):
             return self._kept.load_overload(sig, target_context)
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the compiled code for a signature, where the folder can be written."""
         try:
             _remove_unused(self.cache_path)
-            self._kept.save_overload(sig, data)
+            try:
+                self._kept.save_overload(sig, data)
+            except (AttributeError, ImportError):  # another version has kept code for tuples of types that are no more
+                self._kept.flush()
+                self._kept.save_overload(sig, data)
         except OSError:
             _warn_once(self.cache_path)
 

@@ -9,11 +9,14 @@ from typing import Any, ClassVar, Literal, TypedDict, Unpack
 
 from warehouse_env.checked import Checked, CheckedPart, check_names, from_plain
 from warehouse_env.field_notes import documented
+from warehouse_env.old_names import by_todays_names
+from warehouse_env.traffic_spec import TRAFFIC, TrafficSpec, UncertaintySpec, preset_or_spec
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 ActionType = Literal["discrete", "continuous", "raw"]
 TaskMode = Literal["lifelong", "one_shot"]
 ArrivalMode = Literal["pass", "stop", "pose"]
+TrafficMode = Literal["none", "routes", "shield", "rules", "assist"]
 
 # What single precision and an afternoon can bear; a warehouse needs a thousandth of it.
 _LEAST, _MOST = 1e-3, 1e4  # [m], [s], [m/s] ...
@@ -138,57 +141,11 @@ class RewardWeights(CheckedPart):
 
 @documented
 @dataclass(frozen=True)
-class RerouteSpec(CheckedPart):
-    """When a robot is routed anew on its way (simulation/traffic/live.py), at the prices of prices.py beside it."""
-
-    # Names that stored configurations may still hold, with the only values that they may have (checked.from_plain).
-    retired: ClassVar[dict[str, float]] = {
-        "standing": 10.0, "beside": 3.0, "against": 1.0, "boxed_against": 8.0, "crowd": 0.6, "crowd_within": 10.0,
-        "turn": 1.0, "boxed_turn": 30.0,
-    }  # fmt: skip
-
-    planner: str | None = None  # of routes while robots drive: pf_aco or astar_turns; None: as EnvConfig.planner
-    every: float = 4.0  # [s] between two looks of a robot for a better way
-    only_barred: bool = False  # only of robots whose way is barred, which takes half as long (trainings do so)
-    look_ahead: float = 10.0  # [m] of the way ahead that may be barred
-    stood_for: float = 6.0  # [s] without having moved a metre from which a robot counts as standing
-    saving: float = 0.5  # [cells] that a new route on the way must save, or the old one is kept
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(_LEAST, _MOST, "every")
-        self._between(0.0, _MOST, "look_ahead", "stood_for", "saving")
-
-
-@documented
-@dataclass(frozen=True)
-class FieldSpec(CheckedPart):
-    """Bounds within which the protective field keeps its promise: what robots are declared to be (docs/traffic.md)."""
-
-    latency: float = 0.0  # [s] after which what a robot says has been heard, and comes into force; later, it is lost
-    pose_error: float = 0.0  # [m] that a robot is at most from where it believes to be
-    heading_error: float = 0.0  # [rad], so of its heading
-    actuation_error: float = 0.0  # share by which it accelerates and steers more or less than it is told to
-    # of the field by lidar alone, whose scanners see as far as SensorSpec.lidar_range
-    scanner_rays: int = 360  # of each of the two, evenly all round
-    unseen_speed: float = 0.0  # [m/s] of what may be hidden and keeps no such rule; robots do, people have their own
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._between(0.0, 10.0, "latency", "unseen_speed")
-        self._between(36, 7200, "scanner_rays")
-        self._between(0.0, 1.0, "pose_error")
-        self._between(0.0, 0.5, "heading_error", "actuation_error")
-
-
-@documented
-@dataclass(frozen=True)
 class EnvConfig(Checked):
     """One warehouse with its robots: all that defines an episode but the seed."""
 
     retired: ClassVar[dict[str, Any]] = {"smooth_routes": False}
     layout: str = "paper46"  # a name of LAYOUTS, as "aisles:seed=7", or a file, as "hall.map" or "hall.yaml:cell=0.75"
-    map_file: str | None = None  # a map's file instead of the layout
     num_agents: int = 8  # robots
     planner: str = "pf_aco"  # a name of PLANNERS
     tasks: TaskMode = "lifelong"  # a new goal after every arrival; or one goal each, then parked
@@ -209,22 +166,11 @@ class EnvConfig(Checked):
     lateral_offsets: tuple[float, ...] = (0.0, 0.6, -0.6, 1.2, -1.2)  # [m], left of the route is positive
     # [m] that routes move to the right of the planned path where there is room; of the default body, else by its width
     keep_right: float = 0.5
-    # robots brake, whatever they are told, where they could not stop clear of others: of whom they know by what robots
-    # tell each other, or by their own scanners alone ("lidar")
-    protective_field: bool | Literal["lidar"] = False
-    field_margin: float = 0.02  # [m] that the field keeps between robots
-    field_spec: FieldSpec = field(default_factory=FieldSpec)  # bounds of what the next four may be
-    message_latency: float = 0.0  # [s] after which messages are heard at the latest, evenly drawn from 0 on
-    pose_error: float = 0.0  # [m] that robots are at most from where they believe to be (physics/deviation.py)
-    heading_error: float = 0.0  # [rad], so of their heading
-    actuation_error: float = 0.0  # share by which they accelerate and steer more or less than they mean to
-    right_of_way: bool = False  # who goes first is settled early, and who is in the way makes room
-    right_of_way_after: float = 0.0  # [s] of standing, now in a ring, from which it steps in near it; 0: always
     people: int = 0  # on foot, among the robots (simulation/physics/people.py)
-    message_loss: float = 0.0  # share of env steps in which nobody hears of a robot (simulation/senses/messages.py)
-    message_burst: float = 0.0  # [s] for which nobody does each time; an env step at the least
-    reroute: bool = False  # route robots anew around others that stand, and against the stream of all others
-    reroute_spec: RerouteSpec = field(default_factory=RerouteSpec)  # when, and by which planner
+    # how robots meet. none: they ignore each other; routes: they replan around others; shield: also brake before they
+    # could touch; rules: also settle who goes first; assist: rules only near robots that have stood for 12 s
+    traffic: TrafficMode | TrafficSpec = "none"
+    uncertainty: UncertaintySpec | None = None  # what is lost, late or off; None: nothing
     service: ServiceSpec | None = None  # robots stand to be loaded and unloaded; None: an arrival takes no time
     orders: OrderSpec | None = None  # goals are what somebody orders; None: they are drawn, and never end
     battery: BatterySpec | None = None  # robots use up energy and charge; None: they need none
@@ -243,14 +189,7 @@ class EnvConfig(Checked):
         self._between(_LEAST, math.pi, "pose_angle")
         self._between(_LEAST, 1e12, "stuck_after")
         self._between(0.0, 100.0, "keep_right")
-        self._between(0.0, _MOST, "right_of_way_after")
-        self._between(0.0, 10.0, "field_margin")
         self._between(0, 1000, "people")
-        self._between(0.0, 1.0, "message_loss")
-        self._between(0.0, 3600.0, "message_burst")
-        self._between(0.0, 60.0, "message_latency")
-        self._between(0.0, 1.0, "pose_error")
-        self._between(0.0, 0.5, "heading_error", "actuation_error")
         for name in ("speed_levels", "lateral_offsets"):
             self._between(-_MOST, _MOST, name)
             self._require(1 <= len(getattr(self, name)) <= _COMMANDS, name, f"1 to {_COMMANDS} numbers")
@@ -262,26 +201,23 @@ class EnvConfig(Checked):
         self._check_work()
 
     def _check_fleet(self) -> None:
-        """Refuse parts of a fleet that has not so many robots, and rules that take all robots to be alike."""
+        """Refuse parts of a fleet that has not so many robots."""
         least = sum(part.count for part in self.fleet)
         rule = f"of at most {self.num_agents} robots in all, the num_agents, and not of {least}"
         self._require(least <= self.num_agents, "fleet", rule)
-        alike = not self.fleet or self.protective_field != "lidar"
-        rule = 'False or True in a fleet of several kinds: by "lidar" alone no robot knows how hard another brakes'
-        self._require(alike, "protective_field", rule)
 
     def _check_traffic(self) -> None:
-        """Refuse options of traffic that make no sense together (docs/traffic.md).
-
-        All others do: `reroute` with any of them, and `right_of_way_after` says nothing without `right_of_way`.
-        """
-        rule = "False without a protective_field, and with raw actions, which follow no route"
-        sound = self.protective_field and self.action_type != "raw"
-        self._require(sound or not self.right_of_way, "right_of_way", rule)
-        errors = ("pose_error", "heading_error", "actuation_error")
-        exact = not any(getattr(spec, name) for spec in (self, self.field_spec) for name in errors)
-        rule = "False or True with any pose_error, heading_error or actuation_error, of EnvConfig or FieldSpec"
-        self._require(exact or self.protective_field != "lidar", "protective_field", rule)
+        """Keep a preset by its name, and refuse traffic that other options rule out (docs/traffic.md)."""
+        object.__setattr__(self, "traffic", preset_or_spec(self.traffic_spec))
+        object.__setattr__(self, "uncertainty", None if self.uncertainty == UncertaintySpec() else self.uncertainty)
+        spec, uncertain = self.traffic_spec, self.uncertainty_spec
+        rule = "without right of way for raw actions, which follow no route"
+        self._require(self.action_type != "raw" or not spec.right_of_way, "traffic", rule)
+        by_lidar = spec.shield == "lidar"
+        rule = "without the shield by lidar in a fleet of several kinds: no robot sees how hard another brakes"
+        self._require(not (by_lidar and self.fleet), "traffic", rule)
+        rule = "without the shield by lidar where a pose_error, heading_error or actuation_error is set or declared"
+        self._require(not (by_lidar and (uncertain.errs or uncertain.bounds.errs)), "traffic", rule)
 
     def _check_work(self) -> None:
         """Refuse work where robots do not work on: who is served stands as if parked, for a while."""
@@ -294,6 +230,16 @@ class EnvConfig(Checked):
         if self.service is not None:
             fits = self.service.load <= self.payload
             self._require(fits, "service", f"of a load up to the robot's payload of {self.payload:g} kg")
+
+    @property
+    def traffic_spec(self) -> TrafficSpec:
+        """The single switches of `traffic`."""
+        return TRAFFIC[self.traffic] if isinstance(self.traffic, str) else self.traffic
+
+    @property
+    def uncertainty_spec(self) -> UncertaintySpec:
+        """What is lost, late or off; zeros where nothing is."""
+        return self.uncertainty or UncertaintySpec()
 
     @property
     def kinds(self) -> tuple[RobotSpec, ...]:
@@ -357,19 +303,24 @@ class EnvConfig(Checked):
         return dataclasses.asdict(self)
 
     @classmethod
+    def upgraded(cls, data: dict[str, Any]) -> dict[str, Any]:
+        """Return stored fields by today's names."""
+        return by_todays_names(data)
+
+    @classmethod
     def from_dict(cls, data: dict[str, Any]) -> EnvConfig:
-        """Build from `to_dict`'s result; raises ConfigError on unknown names and wrong values."""
+        """Build from `to_dict`'s result, an older version's too; ConfigError on unknown names and wrong values."""
         return from_plain(cls, data)
 
 
-# For type checkers and editors, which cannot read keyword arguments off a dataclass; tests hold them to its fields.
+# For type checkers and editors, which cannot read keyword arguments off a dataclass: `python -m tests.test_config`
+# writes the fields of EnvOptions from EnvConfig's.
 
 
 class EnvOptions(TypedDict, total=False):
     """Fields of EnvConfig as the env functions take them by name; `planner` may be an object there."""
 
     layout: str
-    map_file: str | None
     num_agents: int
     tasks: TaskMode
     action_type: ActionType
@@ -387,20 +338,9 @@ class EnvOptions(TypedDict, total=False):
     speed_levels: tuple[float, ...]
     lateral_offsets: tuple[float, ...]
     keep_right: float
-    protective_field: bool | Literal["lidar"]
-    field_margin: float
-    field_spec: FieldSpec
-    message_latency: float
-    pose_error: float
-    heading_error: float
-    actuation_error: float
-    right_of_way: bool
-    right_of_way_after: float
     people: int
-    message_loss: float
-    message_burst: float
-    reroute: bool
-    reroute_spec: RerouteSpec
+    traffic: TrafficMode | TrafficSpec
+    uncertainty: UncertaintySpec | None
     service: ServiceSpec | None
     orders: OrderSpec | None
     battery: BatterySpec | None

@@ -1,8 +1,9 @@
 """How every kernel is compiled: no fastmath, so that results are the same bits on every path.
 
-`kernel` is called from Python, or makes arrays. `part` and `inline` are called by kernels, are compiled into these alone
-(linked.py) and work on what they are given: they neither make nor return arrays, so they need not count references to them (`_nrt`), which takes an atomic
-operation for each array passed, several times what a short function costs otherwise. `inline` also has no call.
+`kernel` is called from Python, or makes arrays. `part` and `inline` are called by kernels, and compiled into these
+alone (linked.py). They work on what they are given: they neither make nor return arrays, so they need not count
+references to them (`_nrt`), which takes an atomic operation for each array passed, several times what a short function
+costs otherwise. `inline` also has no call.
 
 Numba compiles a function again, with all that it calls, for a whole number of another width and for a constant. So
 callers say `whole(...)` where one would give the number 0 and another an int32 out of an array: a quarter of compiling.

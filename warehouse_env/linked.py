@@ -31,7 +31,7 @@ class _NoEngine:
         """Note nothing."""
 
 
-class _Linked(JITCodeLibrary):  # type: ignore[misc]
+class _Linked(JITCodeLibrary):
     """A function's code as it is to be linked into kernels."""
 
     @property
@@ -44,7 +44,7 @@ class _Linked(JITCodeLibrary):  # type: ignore[misc]
 
         With nothing done, some kernels would take minutes: callees are taken in before anything else.
         """
-        passes, builder = self._codegen._module_pass_manager(
+        passes, builder = self._codegen._module_pass_manager(  # type: ignore[no-untyped-call]
             loop_vectorize=False, slp_vectorize=False, opt=self._codegen._opt_level, cost="cheap"
         )
         passes.run(self._final_module, builder)
@@ -58,14 +58,14 @@ class _Linked(JITCodeLibrary):  # type: ignore[misc]
         return 0
 
 
-@register_pass(mutates_CFG=False, analysis_only=True)
-class _TakeLinked(LoweringPass):  # type: ignore[misc]
+@register_pass(mutates_CFG=False, analysis_only=True)  # type: ignore[no-untyped-call]
+class _TakeLinked(LoweringPass):
     """Have Numba write into our library."""
 
     _name = "take_linked"
 
     def __init__(self) -> None:
-        LoweringPass.__init__(self)
+        LoweringPass.__init__(self)  # type: ignore[no-untyped-call]
 
     def run_pass(self, state: Any) -> bool:
         """Make the library; return whether the function has changed."""
@@ -73,12 +73,12 @@ class _TakeLinked(LoweringPass):  # type: ignore[misc]
         return False
 
 
-class LinkedCompiler(CompilerBase):  # type: ignore[misc]
+class LinkedCompiler(CompilerBase):
     """Numba's compiler up to the point at which machine code would be made."""
 
     def define_pipelines(self) -> list[Any]:
         """Return the one pipeline."""
-        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)  # type: ignore[no-untyped-call]
         lowering = [one for one, _ in passes.passes].index(NativeLowering)
         passes.passes.insert(lowering, (_TakeLinked, "take our library"))
         passes.finalize()

@@ -13,11 +13,27 @@ NEEDS = 3  # load, being served, seconds of it left; with a battery its charge
 NEIGHBOUR = 7  # x, y, cos, sin, vx, vy, present
 
 
+class Starts(NamedTuple):
+    """Where in the flat vector the slices start that kernels write behind the lidar; None: there is no such slice."""
+
+    ego: int
+    route: int
+    neighbours: int
+    predictions: int | None
+    field: int | None
+    goal: int | None
+
+
 class ObservationLayout(NamedTuple):
     """Names -> slices of the flat vector; `size` is its length."""
 
     slices: dict[str, slice]
     size: int
+
+    @property
+    def starts(self) -> Starts:
+        """Where the slices start that kernels write."""
+        return Starts._make(self.slices[name].start if name in self.slices else None for name in Starts._fields)
 
 
 def observation_layout(config: EnvConfig) -> ObservationLayout:
@@ -31,7 +47,7 @@ def observation_layout(config: EnvConfig) -> ObservationLayout:
     route[2 x route_points]: (x, y) / 5 m of the route at route_spacing, 2 route_spacing, ... ahead.
     neighbours[7 x neighbours], nearest first: (x, y) / lidar_range of the other body's centre from the own,
         cos and sin of the relative heading, relative velocity (x, y) / max_speed, 1; all 0 where nobody is, or is heard
-        of (message_loss).
+        of (UncertaintySpec.loss).
     predictions[speed_levels x lateral_offsets], if the sensor has them: share of the next seconds until the command
         would lead to a conflict, 1 where it would not (simulation/senses/prediction.py).
     field[2], if there is a protective field: share of the last env step in which it held the robot back,
@@ -50,7 +66,7 @@ def observation_layout(config: EnvConfig) -> ObservationLayout:
     }
     if sensor.predictions:
         sizes["predictions"] = len(config.speed_levels) * len(config.lateral_offsets)
-    if config.protective_field:
+    if config.traffic_spec.shield:
         sizes["field"] = FIELD
     if config.arrival != "pass":  # the last, so that policies who know nothing of it read what comes before
         sizes["goal"] = GOAL

@@ -27,6 +27,7 @@ from agents.weights_folder import read_record
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.errors import ConfigError, WeightsError
 from warehouse_env.observation import observation_layout
+from warehouse_env.traffic_spec import TrafficSpec
 from warehouse_env.work import BatterySpec, ServiceSpec
 
 
@@ -97,14 +98,14 @@ def test_policy_config_puts_in_what_the_policy_needs(folder: Path) -> None:
 
 
 def test_a_policy_gets_the_options_that_it_was_trained_under(tmp_path: Path) -> None:
-    under = EnvConfig(protective_field=True, reroute=True)
+    under = EnvConfig(traffic="shield")
     network = Network(observation_layout(under).size, 20, True, (8,))
     tensors = tensors_of(ActorCritic(network, np.zeros(20, np.float32)))
     folder = save_policy(tmp_path / "under", PolicyRecord("threaded_ppo", network, under), tensors)
     assert policy_config(folder, EnvConfig()) == under
-    assert make_policy(folder, under.replace(reroute=False)).name == str(folder)
-    with pytest.raises(WeightsError, match="trained under the protective field, and needs protective_field=True"):
-        make_policy(folder, under.replace(protective_field=False))
+    assert make_policy(folder, under.replace(traffic=TrafficSpec(shield=True))).name == str(folder)
+    with pytest.raises(WeightsError, match="trained under the shield, and needs it"):
+        make_policy(folder, under.replace(traffic="none"))
 
 
 @pytest.mark.parametrize(
@@ -212,7 +213,7 @@ def test_wrong_tensors_are_not_saved(tmp_path: Path) -> None:
     assert not (tmp_path / "half").exists()
 
 
-TRAFFIC = {"protective_field": True, "right_of_way": True, "reroute": True}
+TRAFFIC = {"traffic": "rules"}
 
 
 @pytest.mark.parametrize("chosen", [{}, TRAFFIC], ids=["plain", "traffic"])

@@ -101,5 +101,5 @@ def test_an_untrained_actor_prefers_to_cruise() -> None:
 def test_greedy_cruises_and_asks_for_the_right_of_way(observe: Observe) -> None:
     base = EnvConfig(num_agents=3, max_steps=77)
     config = policy_config("greedy", base)
-    assert config == base.replace(protective_field=True, right_of_way=True, reroute=True)
+    assert config == base.replace(traffic="rules")
     assert make_policy("greedy", config).act(observe(config, other=(0.9, 0.0)), RNG).tolist() == [[15]]

@@ -20,6 +20,7 @@ from agents import LearnedPolicy, make_policy, policy_config, save_model
 from warehouse_env import EnvConfig, MetricsCallback, SensorSpec, vec_env
 from warehouse_env.envs.vector import WarehouseVecEnv
 from warehouse_env.errors import WeightsError
+from warehouse_env.traffic_spec import TrafficSpec
 
 NN = torch.nn
 SEEN = EnvConfig(num_agents=2, layout="open", planner="astar", max_steps=40, sensor=SensorSpec(predictions=True))
@@ -72,12 +73,12 @@ def test_file_and_folder_are_the_model(name: str, worlds: WarehouseVecEnv, tmp_p
 
 
 def test_the_callback_notes_the_environment(tmp_path: Path) -> None:
-    config = SEEN.replace(speed_levels=(0.0, 1.0), action_repeat=2, protective_field=True)
+    config = SEEN.replace(speed_levels=(0.0, 1.0), action_repeat=2, traffic=TrafficSpec(shield=True))
     made = PPO("MlpPolicy", vec_env(2, config), n_steps=8, batch_size=32, n_epochs=1, device="cpu")
     made.learn(32, callback=MetricsCallback())
     made.save(tmp_path / "noted.zip")
     given = policy_config(tmp_path / "noted.zip", EnvConfig())
-    assert (given.speed_levels, given.action_repeat, given.protective_field) == ((0.0, 1.0), 2, True)
+    assert (given.speed_levels, given.action_repeat, bool(given.traffic_spec.shield)) == ((0.0, 1.0), 2, True)
     assert PPO.load(tmp_path / "noted.zip", device="cpu").warehouse_env["action_repeat"] == 2  # type: ignore[attr-defined]
 
 

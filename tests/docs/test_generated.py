@@ -13,10 +13,14 @@ import pytest
 from train.cli import COMMANDS
 from train.learning.config import PPOConfig, ReinforceConfig, ThreadedPPOConfig
 from warehouse_env import PLANNERS
-from warehouse_env.config import EnvConfig, RerouteSpec, RewardWeights, RobotSpec, SensorSpec
+from warehouse_env.config import EnvConfig, RewardWeights, RobotSpec, SensorSpec
+from warehouse_env.traffic_spec import ErrorBounds, TrafficSpec, UncertaintySpec
 
 ROOT = Path(__file__).parents[2]
-SHOWN = (EnvConfig, RobotSpec, SensorSpec, RewardWeights, RerouteSpec, ReinforceConfig, ThreadedPPOConfig, PPOConfig)
+SHOWN = (
+    EnvConfig, RobotSpec, SensorSpec, RewardWeights, TrafficSpec, ErrorBounds, UncertaintySpec, ReinforceConfig,
+    ThreadedPPOConfig, PPOConfig,
+)  # fmt: skip
 
 
 @pytest.fixture
@@ -50,7 +54,7 @@ def test_tables_have_defaults_as_one_would_write_them(generated: Any) -> None:
     assert "| `planner` | `str` | `'pf_aco'` | a name of PLANNERS |" in table
     assert any(line.startswith("| `tasks` | `'lifelong'` or `'one_shot'` | `'lifelong'` |") for line in table)
     assert any(line.startswith("| `robot` | `RobotSpec` | `RobotSpec()` |") for line in table)
-    assert any(line.startswith("| `map_file` | `str \\| None` | `None` |") for line in table)
+    assert any(line.startswith("| `traffic` | `TrafficMode \\| TrafficSpec` | `'none'` |") for line in table)
     assert "on this machine" in generated.options_table(PPOConfig)
 
 

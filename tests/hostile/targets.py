@@ -49,7 +49,7 @@ from train.live.commands import read_command
 from train.reporting.comparison import compare, read_runs
 from train.reporting.rows import RowFile, read_rows, whole_rows
 from warehouse_env.checked import from_plain, parse_named
-from warehouse_env.config import EnvConfig, RerouteSpec, RewardWeights, RobotSpec, SensorSpec
+from warehouse_env.config import EnvConfig, RewardWeights, RobotSpec, SensorSpec
 from warehouse_env.envs.parallel import parallel_env
 from warehouse_env.envs.single import single_env
 from warehouse_env.envs.vector import vec_env
@@ -67,6 +67,7 @@ from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.tasks.orders import check_orders, read_orders, write_orders
+from warehouse_env.traffic_spec import TrafficSpec, UncertaintySpec
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
 
@@ -80,7 +81,7 @@ class Target(NamedTuple):
 
 SMALL: dict[str, Any] = {"num_agents": 2, "planner": "astar", "layout": "open", "max_steps": 6}
 CONFIGS = (
-    EnvConfig, RobotSpec, SensorSpec, RerouteSpec, RewardWeights, BatterySpec, OrderSpec, ServiceSpec,
+    EnvConfig, RobotSpec, SensorSpec, TrafficSpec, UncertaintySpec, RewardWeights, BatterySpec, OrderSpec, ServiceSpec,
     ReinforceConfig, PPOConfig, ThreadedPPOConfig,
 )  # fmt: skip
 LIVE: tuple[dict[str, Any], ...] = (
@@ -589,7 +590,7 @@ def _line(given: tuple[str, list[str]], folder: Path) -> None:
     name, words = given
     aside, options = io.StringIO(), cli._options_of(name)
     with contextlib.redirect_stdout(aside), contextlib.redirect_stderr(aside), contextlib.suppress(SystemExit):
-        cli._options(options, name, cli.with_values(options, words))
+        cli._options(options, name, words)
 
 
 def _make_name(rng: Random) -> Any:

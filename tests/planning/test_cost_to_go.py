@@ -68,8 +68,18 @@ def test_boxes_hold_start_and_goal_and_are_the_same_for_starts_near_each_other()
     assert floor.box((0, 0), (45, 45)) == floor.whole()
     wide = CostToGo(GridMap(np.zeros((300, 400), bool), picks=[(0, 0)], stations=[(0, 1)]))
     box = wide.box((100, 100), (120, 110))
-    assert box == Box(56, 56, 168, 152)
+    assert box == Box(0, 0, 192, 192)
     assert wide.box((101, 102), (120, 110)) == box
+
+
+def test_around_a_cell_is_the_whole_floor_where_its_way_leads_out_of_the_box() -> None:
+    occupied = np.zeros((300, 200), bool)
+    occupied[:250, 105] = True
+    floor = CostToGo(GridMap(occupied, picks=[(0, 0)], stations=[(0, 1)]))
+    assert floor.around((10, 100), (30, 100))[1] == floor.box((10, 100), (30, 100)) == Box(0, 0, 128, 192)
+    field, box = floor.around((10, 100), (10, 110))
+    assert box == floor.whole()
+    assert field[10, 100] < UNREACHABLE
 
 
 def test_the_oldest_fields_are_forgotten_when_there_is_no_room(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,6 +20,7 @@ from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.maps.layouts import LAYOUTS
 from warehouse_env.simulation.record.recording import Recorder
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.traffic_spec import UncertaintySpec
 
 DATA = Path(__file__).parent / "data"
 DIGESTS = DATA / "digests.json"
@@ -53,7 +54,9 @@ STACKS: dict[str, tuple[str, int, dict[str, Any]]] = {
     "threaded_ppo, 32": ("threaded_ppo", 600, {"num_agents": 32}),
     "threaded_ppo, 32, routes searched": ("threaded_ppo", 600, {"num_agents": 32, "planner": "astar_turns"}),
     "threaded_ppo, 128 on narrow": ("threaded_ppo", 700, {"num_agents": 128, "layout": "narrow"}),
-    "threaded_ppo, 64, messages lost": ("threaded_ppo", 500, {"num_agents": 64, "message_loss": 0.2}),
+    "threaded_ppo, 64, messages lost": (
+        "threaded_ppo", 500, {"num_agents": 64, "uncertainty": UncertaintySpec(loss=0.2)}
+    ),
     "threaded_ppo, 32 on single_lane, people": (
         "threaded_ppo", 600, {"num_agents": 32, "layout": "single_lane", "people": 6}
     ),
@@ -99,7 +102,7 @@ def drive_stack(name: str) -> tuple[str, Simulator, dict[str, int]]:
     simulator.reset(seed=5)
     content, seen = hashlib.blake2b(digest_size=16), {"aside": 0, "arcs": 0, "yields_to": 0}
     for _ in range(steps):
-        preferring = config.right_of_way and isinstance(policy, Preferring)
+        preferring = config.traffic_spec.right_of_way and isinstance(policy, Preferring)
         look = simulator.observation
         simulator.step(ranked(policy, look, rng) if preferring else policy.act(look, rng))
         robots = simulator.robots

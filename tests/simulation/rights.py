@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.traffic import meetings, right_of_way, stepping_in, waits
 from warehouse_env.simulation.traffic.field import NOBODY
 from warehouse_env.simulation.traffic.path_ahead import CENTRE_X, COLUMNS, COS, POSES, SIN
+from warehouse_env.traffic_spec import TRAFFIC, TrafficSpec
 
 Pose = Sequence[float]
 SPACING = 0.25  # [m] between a route's points
@@ -33,8 +35,7 @@ class World:
             *poses,
             action_type="discrete",
             action_repeat=2,
-            protective_field=True,
-            right_of_way=True,
+            traffic=TrafficSpec(shield=True, right_of_way=True),
             people=people,
         )
         self.robots = self.simulator.robots[0]
@@ -53,13 +54,12 @@ class World:
         told = np.full((1, len(self.robots)), int(sim.cruise_action)) if actions is None else actions
         sim._actions.decode(told, sim._commands[0], sim._choices)
         p, kinds = sim._params[0], sim._kinds
-        self.ways = meetings.scratch(sim._paths[0])
+        self.ways = sim._paths[0], *meetings.scratch(len(self.robots))
         self.step_in()
         right_of_way.rank(self.robots, self.order)
-        right_of_way.decide(
-            self.robots, sim.people.persons[0], sim.routes[0], sim.arcs[0], sim._commands[0, 0], sim._choices[0],
-            self.order, self.ways, p, kinds, sim._floor,
-        )  # fmt: skip
+        who, what = (self.robots, sim.people.persons[0]), (sim.routes[0], sim.arcs[0], sim._commands[0, 0])
+        world = right_of_way.Claims(*who, *what, sim._choices[0], self.ways)
+        right_of_way.decide(world, self.order, p, kinds, sim._floor)
         return self
 
     def step_in(self) -> bool:
@@ -105,9 +105,10 @@ def empty_path() -> NDArray[np.float32]:
     return np.zeros((POSES, COLUMNS), np.float32)
 
 
-def simulator_with_right(robots: int, layout: str, **changes: Any) -> Simulator:
-    """A simulator with all that traffic has, which has not been reset."""
+def simulator_with_right(robots: int, layout: str, max_steps: int = 1000, **switches: Any) -> Simulator:
+    """A simulator under the rules, but for some switches of TrafficSpec, which has not been reset."""
     from warehouse_env.config import EnvConfig
 
-    rights = {"protective_field": True, "right_of_way": True, "reroute": True, "action_repeat": 2}
-    return Simulator(EnvConfig(layout=layout, num_agents=robots, planner="astar_turns", **rights | changes))
+    traffic = replace(TRAFFIC["rules"], **switches)
+    shared = {"planner": "astar_turns", "max_steps": max_steps, "action_repeat": 2, "traffic": traffic}
+    return Simulator(EnvConfig(layout, robots, **shared))  # type: ignore[arg-type]

@@ -13,6 +13,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ActionError, ConfigError, WarehouseError
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.traffic_spec import TrafficSpec
 
 
 def decoded(config: EnvConfig, actions: Any) -> list[Any]:
@@ -41,7 +42,9 @@ def test_of_preferences_the_first_is_driven() -> None:
 def ranked(liked: dict[tuple[float, float], float]) -> list[Any]:
     """Choices (offset, speed, speed above 0) of one robot that likes these (speed, offset) more than all else."""
     config = EnvConfig(
-        speed_levels=(0.0, 0.5, 1.5), lateral_offsets=(0.0, 0.6, -0.6), protective_field=True, right_of_way=True
+        speed_levels=(0.0, 0.5, 1.5),
+        lateral_offsets=(0.0, 0.6, -0.6),
+        traffic=TrafficSpec(shield=True, right_of_way=True),
     )
     decoder, commands = ActionDecoder(config), np.zeros((1, 1, 2), np.float32)
     pairs = [(v, o) for v in config.speed_levels for o in config.lateral_offsets]
@@ -59,7 +62,7 @@ def test_offsets_come_in_the_order_of_their_best_speeds() -> None:
 
 
 def test_one_action_is_its_offset_first_and_then_the_right_and_the_left() -> None:
-    config = EnvConfig(protective_field=True, right_of_way=True)
+    config = EnvConfig(traffic=TrafficSpec(shield=True, right_of_way=True))
     decoder, commands = ActionDecoder(config), np.zeros((1, 1, 2), np.float32)
     choices = decoder.no_choices(1, 1)
     decoder.decode([[11]], commands, choices)  # 0.5 m/s, 0.6 m to the left

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import pickle
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,14 +13,15 @@ from numpy.typing import NDArray
 
 from tests.simulation.test_determinism import MAP, bits
 from tests.simulation.worlds import drawn, plain_python
-from warehouse_env.config import EnvConfig, FieldSpec, FleetPart, RerouteSpec, RobotSpec, SensorSpec
+from warehouse_env.config import EnvConfig, FleetPart, RobotSpec, SensorSpec
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.traffic import live
+from warehouse_env.traffic_spec import TRAFFIC, TrafficSpec, UncertaintySpec
 from warehouse_env.work import BatterySpec, OrderSpec, ServiceSpec
 
-FIELD: dict[str, Any] = {"protective_field": True}
-RIGHT: dict[str, Any] = {**FIELD, "right_of_way": True, "reroute": True}
-OFTEN = RerouteSpec(every=0.4, stood_for=0.2)
+FIELD: dict[str, Any] = {"traffic": TrafficSpec(shield=True)}
+RIGHT: dict[str, Any] = {"traffic": "rules"}
 ERRORS: dict[str, Any] = {"pose_error": 0.02, "heading_error": 0.02, "actuation_error": 0.05}
 STACKS: dict[str, dict[str, Any]] = {
     "field": FIELD,
@@ -27,12 +29,12 @@ STACKS: dict[str, dict[str, Any]] = {
     "field, raw": {**FIELD, "action_type": "raw"},
     "right of way": RIGHT,
     "right of way, continuous": {**RIGHT, "action_type": "continuous"},
-    "right of way around rings": {**RIGHT, "right_of_way_after": 2.0},
-    "ants' routes": {**RIGHT, "planner": "pf_aco:ants=6,iterations=3", "reroute_spec": OFTEN},
-    "searched routes": {**RIGHT, "planner": "astar_turns", "reroute_spec": OFTEN},
+    "right of way around rings": {"traffic": replace(TRAFFIC["rules"], right_of_way_after=2.0)},
+    "ants' routes": {**RIGHT, "planner": "pf_aco:ants=6,iterations=3"},
+    "searched routes": {**RIGHT, "planner": "astar_turns"},
     "people": {**RIGHT, "people": 3},
-    "silence": {**RIGHT, "message_loss": 0.4, "sensor": SensorSpec(predictions=True)},
-    "errors": {**FIELD, **ERRORS, "message_latency": 0.3, "field_spec": FieldSpec(latency=0.3, **ERRORS)},
+    "silence": {**RIGHT, "uncertainty": UncertaintySpec(loss=0.4), "sensor": SensorSpec(predictions=True)},
+    "errors": {**FIELD, "uncertainty": UncertaintySpec(latency=0.3, **ERRORS)},
     "poses": {**RIGHT, "arrival": "pose"},
     "kinds": {**RIGHT, "fleet": (FleetPart(1, RobotSpec(length=0.7, wheelbase=0.4, max_speed=1.0)),)},
     "orders": {
@@ -49,7 +51,11 @@ def make(name: str, worlds: int, robots: int) -> Simulator:
     """A simulator of a floor with shelves and discs."""
     settings = {"planner": "astar", "action_repeat": 2, "num_agents": robots} | STACKS[name]
     grid = GridMap(drawn(MAP * 2).occupied, discs=DISCS, name="drawn")
-    return Simulator(EnvConfig(**settings), worlds, grid=grid)
+    with pytest.MonkeyPatch.context() as patch:
+        if name.endswith(" routes"):
+            patch.setattr(live, "EVERY", 0.4)
+            patch.setattr(live, "STOOD_FOR", 0.2)
+        return Simulator(EnvConfig(**settings), worlds, grid=grid)
 
 
 def drive(simulator: Simulator, first: int, steps: int) -> list[str]:
@@ -65,7 +71,7 @@ def drive(simulator: Simulator, first: int, steps: int) -> list[str]:
         given[..., 15:] += 2.0
         if simulator.config.action_type != "discrete":
             given = np.clip(given[..., 14:16], -0.5, 1.0)
-        if simulator.config.right_of_way_after:
+        if simulator.config.traffic_spec.right_of_way_after:
             simulator.robots["standing_time"] = simulator.robots["waiting_time"] = 3.0
         simulator.step(given[first : first + worlds])
         for world, (digest, now) in enumerate(zip(digests, bits(simulator), strict=True)):

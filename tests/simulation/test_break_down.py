@@ -31,7 +31,7 @@ def test_it_brakes_and_stands() -> None:
 @pytest.mark.parametrize("rights", [True, False])
 def test_the_others_go_on_around_it(rights: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(SWITCH, "1")
-    base = EnvConfig(num_agents=16, planner="astar_turns", layout="paper46", reroute=True, action_repeat=2)
+    base = EnvConfig(num_agents=16, planner="astar_turns", layout="paper46", traffic="routes", action_repeat=2)
     simulator = Simulator(policy_config("greedy", base) if rights else base, 2)
     simulator.reset(7)
     cruise: Any = np.full((2, 16), simulator.cruise_action)

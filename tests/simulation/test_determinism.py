@@ -74,7 +74,7 @@ def test_worlds_do_not_depend_on_the_batch_width(action_type: str) -> None:
     assert seven == many[:7]
 
 
-@pytest.mark.parametrize("rules", [{}, {"protective_field": True, "right_of_way": True, "reroute": True}])
+@pytest.mark.parametrize("rules", [{}, {"traffic": "rules"}])
 def test_one_thread_equals_two(rules: dict[str, bool], monkeypatch: pytest.MonkeyPatch) -> None:
     before = get_num_threads()
     if MOST_THREADS < 2:

@@ -19,6 +19,7 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.render.frame import draw, scene_of
 from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.traffic_spec import TrafficSpec, UncertaintySpec
 
 LONG = RobotSpec(
     length=1.4, width=0.8, wheelbase=0.9, front_overhang=0.25, max_speed=0.8, min_speed=-0.3, max_acceleration=0.6,
@@ -31,8 +32,8 @@ OWN = (
     "max_steer", "max_steer_rate", "stride", "blur", "swing", "far", "reel",
 )  # fmt: skip
 OPTIONS: dict[str, dict[str, Any]] = {
-    "all rules": {"protective_field": True, "right_of_way": True, "reroute": True, "people": 2, "arrival": "pose"},
-    "errors": {"action_type": "continuous", "pose_error": 0.01, "heading_error": 0.01},
+    "all rules": {"traffic": "rules", "people": 2, "arrival": "pose"},
+    "errors": {"action_type": "continuous", "uncertainty": UncertaintySpec(pose_error=0.01, heading_error=0.01)},
 }
 
 
@@ -98,7 +99,9 @@ def test_bodies_of_several_sizes_never_overlap(guarded: bool) -> None:
     for _ in range(3):
         poses = [(1.6 + 2.1 * (k % 3), 1.2 + 2.1 * (k // 3), rng.uniform(-0.3, 0.3)) for k in range(9)]
         order = rng.permutation(9)
-        simulator = stage(grid, *(poses[k] for k in order), fleet=parts(LONG, SMALL), protective_field=guarded)
+        simulator = stage(
+            grid, *(poses[k] for k in order), fleet=parts(LONG, SMALL), traffic=TrafficSpec(shield=guarded)
+        )
         commands = rng.choice([-1.0, 1.0], (1, 9, 2))
         for _ in range(150):
             fresh = rng.choice([-1.0, 0.0, 1.0], (1, 9, 2), p=[0.3, 0.1, 0.6])
@@ -116,7 +119,7 @@ def test_each_stops_before_another_by_its_own_brakes_and_sizes() -> None:
     """Both drive at a wall of two that stand; the field lets each come as near as its own stop allows."""
     simulator = stage(
         room(9, 14), (1.5, 2.0, 0.0), (1.5, 6.0, 0.0), (9.0, 2.0, 0.0), (9.0, 6.0, 0.0),
-        fleet=(FleetPart(1, LONG), FleetPart(1, SMALL), FleetPart(1, LONG)), protective_field=True,
+        fleet=(FleetPart(1, LONG), FleetPart(1, SMALL), FleetPart(1, LONG)), traffic=TrafficSpec(shield=True),
     )  # fmt: skip
     fastest = np.zeros(2)
     for _ in range(200):
@@ -167,7 +170,7 @@ def test_the_config_goes_through_json_and_refuses_what_cannot_be() -> None:
     )
     assert EnvConfig(num_agents=3, fleet=parts(LONG)).bodies == (LONG,)
     for wrong, why in (
-        ({"num_agents": 5}, "at most 5 robots"), ({"protective_field": "lidar"}, "no robot knows how hard"),
+        ({"num_agents": 5}, "at most 5 robots"), ({"traffic": TrafficSpec(shield="lidar")}, "no robot sees how hard"),
         ({"fleet": [{"count": 1, "robot": {}}]}, "a list with a FleetPart"),
     ):  # fmt: skip
         with pytest.raises(ConfigError, match=why):
@@ -178,7 +181,7 @@ def test_the_config_goes_through_json_and_refuses_what_cannot_be() -> None:
 
 def test_a_recorded_episode_replays_to_the_bit_and_pictures_show_each_size(tmp_path: Path) -> None:
     config = EnvConfig(
-        layout="open", num_agents=4, planner="astar", action_type="raw", protective_field=True,
+        layout="open", num_agents=4, planner="astar", action_type="raw", traffic=TrafficSpec(shield=True),
         fleet=parts(LONG, count=1),
     )  # fmt: skip
     simulator = Simulator(config)

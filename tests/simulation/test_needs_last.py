@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from warehouse_env import BatterySpec, EnvConfig, ServiceSpec, Simulator
+from warehouse_env import BatterySpec, EnvConfig, ServiceSpec, Simulator, TrafficSpec
 
 WITH = {"layout": "open", "num_agents": 3, "planner": "astar", "arrival": "stop", "action_repeat": 2}
 
 
-@pytest.mark.parametrize("protective_field", [False, True])
-def test_goals_and_fields_are_seen_alike_with_and_without_needs(protective_field: bool) -> None:
-    config = EnvConfig(**WITH, protective_field=protective_field)  # type: ignore[arg-type]
+@pytest.mark.parametrize("shield", [False, True])
+def test_goals_and_fields_are_seen_alike_with_and_without_needs(shield: bool) -> None:
+    config = EnvConfig(**WITH, traffic=TrafficSpec(shield=shield))  # type: ignore[arg-type]
     without = Simulator(config)
     served = Simulator(config.replace(service=ServiceSpec(1.0, 1.0), battery=BatterySpec()))
     without.reset(3)

@@ -293,8 +293,8 @@ def test_policies_and_planners_are_listed(
     assert all(row[kind] in shown and row["what it is"] in shown for row in rows)
     by_name = {row[kind]: row for row in rows}
     if name == "policies":
-        assert by_name["greedy"]["driven with"] == "the field, right of way, live routes"
-        assert by_name["ppo"]["driven with"] == "live routes, predictions"
+        assert by_name["greedy"]["driven with"] == "traffic rules"
+        assert by_name["ppo"]["driven with"] == "traffic routes, predictions"
         assert by_name["follow"]["driven with"] == "-"
     else:
         assert (by_name["astar"]["cost map"], by_name["theta_star"]["cost map"]) == ("yes", "no")
@@ -302,13 +302,13 @@ def test_policies_and_planners_are_listed(
 
 
 @pytest.mark.parametrize(
-    "line", ["evaluate --polcy brake", "train ppo --layoot open", "record --reroutte", "plan --planer a"]
+    "line", ["evaluate --polcy brake", "train ppo --layoot open", "record --trafic", "plan --planer a"]
 )
 def test_a_slip_in_an_option_gets_the_nearest(line: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(line.split()) == 2
     said = capsys.readouterr().err
     assert "Perhaps you meant" in said
-    near = {"--polcy": "--policy", "--layoot": "--layout", "--reroutte": "--reroute", "--planer": "--planner"}
+    near = {"--polcy": "--policy", "--layoot": "--layout", "--trafic": "--traffic", "--planer": "--planner"}
     assert near[next(word for word in line.split() if word.startswith("--"))] in said
 
 

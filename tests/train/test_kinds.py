@@ -103,7 +103,7 @@ def test_the_option_is_by_number_of_robots(tmp_path: Path) -> None:
 
 OF_ONE_KIND = [
     (("--policy", "central_pibt"), "plans for robots of one kind"),
-    (("--policy", "greedy", "--field-by-lidar"), 'by "lidar" alone no robot knows'),
+    (("--policy", "greedy", "--traffic", "own:shield=lidar"), "no robot sees how hard another brakes"),
 ]
 
 
@@ -122,5 +122,5 @@ def test_what_asks_for_one_kind_takes_a_whole_fleet_of_another(tmp_path: Path) -
     fleet = tmp_path / "fleet.json"
     fleet.write_text('[{"share": 1, "robot": {"length": 1.4, "max_speed": 0.8}}]', encoding="utf-8")
     found = Evaluate(policy=("central_pibt",), fleet=fleet).experiments()
-    found += Evaluate(policy=("greedy",), fleet=fleet, field_by_lidar=True).experiments()
+    found += Evaluate(policy=("greedy",), fleet=fleet, traffic="own:shield=lidar").experiments()
     assert [one.config.robots for one in found] == [(LONG,) * 16] * 2

@@ -22,6 +22,7 @@ from train.learning.worlds import Tally, TrainingSimulator, TrainingWorlds
 from train.reinforce import Reinforce, policy_loss
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError
+from warehouse_env.traffic_spec import TRAFFIC
 
 
 @pytest.fixture
@@ -245,15 +246,15 @@ def test_of_a_shared_reward_a_part_is_the_mean_of_those_near() -> None:
 
 
 def test_the_policy_asks_for_right_of_way_that_its_training_goes_without(config: ReinforceConfig) -> None:
-    config = replace(config, protective_field=True, right_of_way_after=6.0, steps=8 * 6)
-    assert not config.env("open", 2).right_of_way
+    config = replace(config, traffic="assist:right_of_way_after=6", steps=8 * 6)
+    assert not config.env("open", 2).traffic_spec.right_of_way
     directory = reinforce.train(config)
     driven = policy_config(directory, EnvConfig())
-    assert (driven.protective_field, driven.right_of_way, driven.right_of_way_after) == (True, True, 6.0)
+    assert driven.traffic_spec == replace(TRAFFIC["assist"], right_of_way_after=6.0)
     words = "driven with right of way around robots that wait for each other in a ring and have stood for 6 s"
     assert words in (directory / "CARD.md").read_text()
-    plain = reinforce.train(replace(config, name="plain", right_of_way_after=None))
-    assert not policy_config(plain, EnvConfig()).right_of_way
+    plain = reinforce.train(replace(config, name="plain", traffic="shield"))
+    assert not policy_config(plain, EnvConfig()).traffic_spec.right_of_way
     assert (read_record(directory).mode, read_record(plain).mode) == ("greedy", "sample")
     assert (plain / "weights.safetensors").read_bytes() == (directory / "weights.safetensors").read_bytes()
 
@@ -263,7 +264,7 @@ def test_the_policy_decides_twice_as_often_as_in_its_training(config: ReinforceC
     driven = policy_config(reinforce.train(replace(config, steps=8 * 6)), trained)
     assert (trained.action_repeat, driven.action_repeat) == (2, 1)
     assert config.driven(trained).max_steps == 2 * trained.max_steps
-    assert [env.reroute_spec.only_barred for env in (trained, config.driven(trained))] == [True, False]
+    assert [env.traffic_spec.routes for env in (trained, config.driven(trained))] == ["barred", True]
     card = (config.directory / "CARD.md").read_text()
     assert "(speed x offset from the route) every 0.1 s" in card
     assert "a decision every 0.2 s, episodes of" in card
@@ -273,7 +274,8 @@ def test_the_policy_decides_twice_as_often_as_in_its_training(config: ReinforceC
     ("changes", "sentence"),
     [
         ({"minutes": -1.0}, "minutes=-1.0"),
-        ({"right_of_way_after": 6.0}, "None without --protective-field"),
+        ({"traffic": "routes:right_of_way=true"}, "False without a shield"),
+        ({"traffic": "asist"}, "did you mean assist"),
         ({"shared": 1.5}, "shared=1.5"),
         ({"layouts": ("aisles:sed=3",)}, "did you mean seed"),
         ({"gamma": 1.5}, "gamma=1.5"),

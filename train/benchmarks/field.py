@@ -4,6 +4,7 @@ does not reach, with noise in what robots do.
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Iterator
@@ -19,6 +20,7 @@ from train.reporting.rows import Row, select
 from warehouse_env.config import ActionType, EnvConfig
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.traffic_spec import TrafficSpec
 
 PLANNER = "astar_turns"
 ROBOTS = (8, 32, 128)
@@ -98,17 +100,20 @@ def field(seconds: float, seed: int) -> Iterator[Row]:
             for name in DRIVERS:
                 yield {"part": "promise", **drive(name, _config(name, layout, robots), seconds, seed)}
     for margin in MARGINS:
-        config = _config(POLICY, "paper46", 32).replace(field_margin=margin)
+        config = _with_margin(_config(POLICY, "paper46", 32), margin)
         yield {"part": "margin", **drive(POLICY, config, seconds, seed)}
     for name, noise, margin in itertools.product(NOISY_DRIVERS, NOISES, NOISY_MARGINS):
-        config = _config(name, "paper46", 32).replace(field_margin=margin)
+        config = _with_margin(_config(name, "paper46", 32), margin)
         yield {"part": "noise", **drive(name, config, seconds, seed, noise)}
 
 
+def _with_margin(config: EnvConfig, margin: float) -> EnvConfig:
+    return config.replace(traffic=dataclasses.replace(config.traffic_spec, margin=margin))
+
+
 def _config(driver: str, layout: str, robots: int) -> EnvConfig:
-    base = EnvConfig(layout=layout, num_agents=robots, planner=PLANNER, action_repeat=2, protective_field=True)
-    action_type, _ = DRIVERS[driver]
-    base = base.replace(action_type=action_type)
+    action_type, shielded = DRIVERS[driver][0], TrafficSpec(shield=True)
+    base = EnvConfig(layout, robots, PLANNER, action_type=action_type, action_repeat=2, traffic=shielded)
     return policy_config(driver, base) if action_type == "discrete" else base
 
 
@@ -132,7 +137,7 @@ def drive(name: str, config: EnvConfig, seconds: float, seed: int, noise: str = 
     contacts = totals["collisions_robot"] + totals["collisions_shelf"] + slips
     hours = episodes * EPISODE * config.num_agents / 3600
     return {
-        "driver": name, "layout": config.layout, "robots": config.num_agents, "margin_m": config.field_margin,
+        "driver": name, "layout": config.layout, "robots": config.num_agents, "margin_m": config.traffic_spec.margin,
         "noise": noise, **totals, "slips": slips, "contacts_per_km": contacts / totals["robot_km"],
         "min_clearance_m": least, "goals_per_robot_hour": totals["goals"] / hours,
     }  # fmt: skip

@@ -20,13 +20,12 @@ from train.reporting.report import Table, number
 from train.reporting.rows import Row
 from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import kernel
-from warehouse_env.maps.grid_map import Cell
 from warehouse_env.planning.cost_to_go import UNIT
+from warehouse_env.planning.graph_search import START, is_hairpin
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.traffic.ants import Ants
+from warehouse_env.simulation.traffic.live import Finder
 from warehouse_env.simulation.traffic.passing import eighth
 from warehouse_env.simulation.traffic.prices import Look, is_beyond, price_of, rest_from
-from warehouse_env.simulation.traffic.ways import START, Search, is_hairpin
 
 POLICY = "threaded_ppo"
 FLOORS = ("paper46", "narrow", "aisles:seed=601", "aisles:seed=602")
@@ -51,25 +50,20 @@ def way_cost(look: Look, cells: NDArray[np.int32]) -> int:
     return int(total + rest_from(look, row, column))
 
 
-class Beside:
+class Beside(Finder):
     """Ants that find a robot's routes, with a search beside them that is timed and held against them."""
 
-    def __init__(self, ants: Ants, search: Search) -> None:
-        self.ants, self.search = ants, search
+    def __init__(self, shape: tuple[int, int]) -> None:
+        super().__init__("pf_aco", shape)
+        self.search = Finder("astar_turns", shape)
         self.looks: list[tuple[bool, float, float, int, int]] = []  # on its way; seconds; costs, 0 where none is found
 
-    def begin(self, world: int) -> None:
-        """Forget a world."""
-        self.ants.begin(world)
-
-    def find(
-        self, look: Look, cells: NDArray[np.int32], saving: int, runs_out: bool, goal: Cell, step: int
-    ) -> NDArray[np.int32]:
+    def find(self, look: Look, cells: NDArray[np.int32], saving: int, runs_out: bool, seed: int) -> NDArray[np.int32]:
         """Return what the ants find."""
         times, costs = [], []
-        for finder in (self.search, self.ants):
+        for find in (self.search.find, super().find):
             begin = time.thread_time()
-            found = finder.find(look, cells, saving, runs_out, goal, step)
+            found = find(look, cells, saving, runs_out, seed)
             times.append(time.thread_time() - begin)
             costs.append(0 if runs_out or not len(found) else int(way_cost(look, found)))
         if not runs_out:
@@ -93,9 +87,7 @@ def _drive(layout: str, robots: int, seconds: float, seed: int) -> Beside:
     simulator, policy, rng = Simulator(config), make_policy(POLICY, config), np.random.default_rng(seed)
     live = simulator.dispatcher.live
     assert live is not None
-    assert isinstance(live.finder, Ants)
-    beside = Beside(live.finder, Search(simulator.grid.shape))
-    live.finder = beside
+    live.finder = beside = Beside(simulator.grid.shape)
     observation, begin = simulator.reset(seed), None
     while begin is None or time.perf_counter() - begin < seconds or not beside.looks:
         observation = simulator.step(policy.act(observation, rng))

@@ -22,12 +22,13 @@ from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.routes.reeds_shepp import TURNS, WORDS, seen_from, word
-from warehouse_env.simulation.driver.bodies import BODY
-from warehouse_env.simulation.driver.manoeuvre import ARCS, MOST, search
+from warehouse_env.simulation.driver.bodies import Surroundings
+from warehouse_env.simulation.driver.manoeuvre import ARCS, FAR_OFF, TRIES, Query, search
+from warehouse_env.simulation.driver.scratch import MOST, make_scratch
 from warehouse_env.simulation.driver.turning import turning_metric
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
-from warehouse_env.simulation.physics.geometry import Rectangle
+from warehouse_env.simulation.physics.geometry import body_of, grown, pose_at
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import parameters_of
 from warehouse_env.simulation.tasks.assignment import Assignment
@@ -87,6 +88,7 @@ class _Sampler:
         self._params = parameters_of(config, grid.cell_size)
         self._floor = floor_of(grid, config.sensor.lidar_range)
         self._metric = turning_metric(self._params)
+        self._scratch = make_scratch(1)
         self._cells = np.argwhere(largest_region(~grid.occupied))
 
     def pair(self, farthest: float) -> tuple[Pose, Pose]:
@@ -108,18 +110,17 @@ class _Sampler:
 
     def _fits(self, *pose: float) -> bool:
         """Whether a body can stand at a pose, and get away from there."""
-        p, floor = self._params[0], self._floor
+        p, floor, scratch = self._params[0], self._floor, self._scratch
         x, y, heading = (np.float32(value) for value in pose)
-        c, s, margin = np.cos(heading), np.sin(heading), np.float32(MARGIN)
-        cx, cy = x - p["offset"] * c, y - p["offset"] * s
-        half_length, half_width = p["half_length"] + margin, p["half_width"] + margin
-        standing = Rectangle(cx, cy, c, s, half_length, half_width)
-        if body_touches_shelf(standing, floor):
+        c, s = np.cos(heading), np.sin(heading)
+        body = body_of(x, y, c, s, p)
+        if body_touches_shelf(grown(body, np.float32(MARGIN)), floor):
             return False
-        none, nobody = np.empty((0, 4), np.float32), np.empty((0, BODY), np.float32)
-        body = np.array([[cx, cy, c, s, p["half_length"], p["half_width"], p["radius"]]], np.float32)
-        arcs = np.empty((ARCS, 2), np.float32)
-        count, _ = search(x, y, heading, np.float32(0.0), none, body, nobody, MOST, p, floor, self._metric, arcs)
+        scratch.avoid[0] = (*body, p["radius"])
+        around = Surroundings(scratch.bodies[:0], scratch.rooms[:0], scratch.avoid, floor, self._metric, p)
+        none, start = scratch.near[:0], pose_at(x, y, heading)
+        query = Query(start, np.float32(0.0), FAR_OFF, none, none, around, TRIES, MOST, scratch)
+        count, _ = search(query, np.empty((ARCS, 2), np.float32), None)
         return int(count) > 0
 
 

@@ -6,7 +6,6 @@ import statistics
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -14,16 +13,17 @@ from train.reporting.report import Table, number
 from train.reporting.rows import Row, select
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.traffic_spec import TRAFFIC, TrafficSpec
 
 LAYOUT, PLANNER = "paper46", "astar_turns"
 ROBOTS = (16, 64)
 WARM = 120  # [s] simulated before the clock starts: by then robots are in each other's way
 CHUNKS, LEAST = 9, 25  # the time of a row is the median over so many chunks of so many decisions at least
-OPTIONS: dict[str, dict[str, Any]] = {
-    "none": {},
-    "field": {"protective_field": True},
-    "right of way": {"protective_field": True, "right_of_way": True},
-    "live routes as well": {"protective_field": True, "right_of_way": True, "reroute": True},
+OPTIONS = {
+    "none": TrafficSpec(),
+    "field": TrafficSpec(shield=True),
+    "right of way": TrafficSpec(shield=True, right_of_way=True),
+    "live routes as well": TRAFFIC["rules"],
 }
 
 
@@ -43,8 +43,8 @@ def traffic(seconds: float, seed: int) -> Iterator[Row]:
             }  # fmt: skip
 
 
-def _world(robots: int, options: dict[str, Any], seed: int) -> Simulator:
-    config = EnvConfig(layout=LAYOUT, num_agents=robots, planner=PLANNER, action_repeat=2, **options)
+def _world(robots: int, options: TrafficSpec, seed: int) -> Simulator:
+    config = EnvConfig(layout=LAYOUT, num_agents=robots, planner=PLANNER, action_repeat=2, traffic=options)
     simulator = Simulator(config.replace(max_steps=sys.maxsize))
     simulator.reset(seed)
     _time(simulator, round(WARM / (config.action_repeat * config.time_step)))

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from agents import POLICIES, make_policy, policy_config
 from train.advice.advice_page import advice_page, changes_table, ladder_tables, loads_table, places_table
@@ -22,7 +22,7 @@ from train.advice.room import for_kinds, most_with_a_start
 from train.advice.take_away import FOLDER, write_floor
 from train.advice.trials import Clock, Plan
 from train.commands.evaluate import GOES_ON
-from train.commands.kinds import Fleet
+from train.commands.kinds import BY_MAP, Fleet
 from train.commands.layouts import check_connected
 from train.commands.orders import Work
 from train.evaluation.jobs import Progress, Runner
@@ -55,11 +55,9 @@ class Advise(Fleet, Work, WorkerOptions):
     warehouse advise --map hall.map --minutes 10 --goals 4000
     """
 
-    map: Path | None = None
-    """File of the floor, as --layout takes it, too: NAME.map, or NAME.yaml of map_server, as in hall.yaml:cell=0.75."""
-    layout: str | None = None
-    """The floor: a name of `warehouse layouts`, a file NAME.map or NAME.yaml, with one-way cells beside it in
-    NAME.oneway if there are any, or your own, FILE.py:FUNCTION."""
+    layout: Annotated[str | None, BY_MAP] = None
+    """The floor: a name of `warehouse layouts`, a file NAME.map, or NAME.yaml of map_server, as in hall.yaml:cell=0.75,
+    with one-way cells beside it in NAME.oneway if there are any, or your own, FILE.py:FUNCTION."""
     goals: float | None = None
     """Also say how many robots it takes to make so many goals an hour, all together."""
     in_time: float = 0.95
@@ -174,14 +172,14 @@ class Advise(Fleet, Work, WorkerOptions):
 
     def _floor(self) -> tuple[GridMap, tuple[str, ...]]:
         """Return the floor as it is for the robots, and what their bodies take from it."""
-        if (self.map is None) == (self.layout is None):
-            raise ConfigError("name one floor: --map FILE or --layout NAME")
-        grid, kinds = make_layout(str(self.map or self.layout)), self.kinds()
+        if self.layout is None:
+            raise ConfigError("name the floor with --layout NAME_OR_FILE")
+        grid, kinds = make_layout(self.layout), self.kinds()
         return (grid, ()) if kinds is None else for_kinds(grid, kinds)
 
     def _understood(self, grid: GridMap) -> list[Part]:
         """Return what was understood of a hall's map, and what of it is for the robots; nothing for another floor."""
-        name = str(self.map or self.layout)
+        name = str(self.layout)
         return hall_parts(dataclasses.replace(read_hall(name), grid=grid), name) if is_hall(name) else []
 
     @contextmanager
@@ -198,6 +196,6 @@ class Advise(Fleet, Work, WorkerOptions):
 
 
 def contact_free() -> tuple[str, ...]:
-    """Return the shipped policies that drive under the protective field and by right of way, which rule out contact."""
-    configs = {name: policy_config(name, EnvConfig()) for name in POLICIES}
-    return tuple(name for name, config in configs.items() if config.protective_field and config.right_of_way)
+    """Return the shipped policies that drive under the shield and by right of way, which rule out contact."""
+    specs = {name: policy_config(name, EnvConfig()).traffic_spec for name in POLICIES}
+    return tuple(name for name, spec in specs.items() if spec.shield and spec.right_of_way)

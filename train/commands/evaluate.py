@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
-import tyro
-
-from train.commands.kinds import Fleet
+from train.commands.kinds import BY_MAP, Fleet
 from train.commands.orders import Work
 from train.evaluation.disturbances import DISTURBANCES, UNDISTURBED, known
 from train.evaluation.episodes import Episodes as EpisodesJob
@@ -29,12 +27,7 @@ from warehouse_env.errors import ConfigError, unknown_name
 from warehouse_env.files import check_writable, write_text
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner
-
-
-def _switch(name: str) -> Any:
-    """Return how help shows an option that is on, off, or left out: as --name and --no-name (see cli.with_values)."""
-    hint = "(default: as the policy needs it)"
-    return tyro.conf.arg(name=f"no-{name}", aliases=(f"--{name}",), metavar="", help_behavior_hint=hint)
+from warehouse_env.traffic_spec import OWN, TRAFFIC, read_traffic
 
 
 @dataclass(frozen=True)
@@ -43,17 +36,10 @@ class Drive(Checked):
 
     planner: str = EnvConfig.planner
     """Planner of the routes: a name of `warehouse planners`, or one of your own, FILE.py:CLASS or MODULE:CLASS."""
-    protective_field: Annotated[bool | None, _switch("protective-field")] = None
-    """Refuse commands that could end in a contact."""
-    field_by_lidar: bool = False
-    """Let the protective field go by what each robot's own scanners see, not by what robots tell each other."""
-    right_of_way: Annotated[bool | None, _switch("right-of-way")] = None
-    """Decide who goes first, and let who is in the way make room."""
-    right_of_way_after: float | None = None
-    """Let right of way step in only around robots that have stood for so long [s] and wait in a ring, or for five
-    times as long, 0: always (as the policy needs it)."""
-    reroute: Annotated[bool | None, _switch("reroute")] = None
-    """Plan routes anew around robots that stand."""
+    traffic: str = OWN
+    """How robots meet. own: as the policy needs it; none; routes: they replan around others; shield: they also brake
+    before they could touch; assist: rules also settle who goes first, near robots that have stood for 12 s; rules:
+    everywhere. Switches of TrafficSpec may follow, as in own:routes=false or rules:shield=lidar."""
     people: int | None = None
     """People who walk among the robots; none if left out."""
     arrival: ArrivalMode | None = None
@@ -63,21 +49,10 @@ class Drive(Checked):
     """The first seed, the next ones count on; no training uses seeds from the default on."""
 
     def chosen(self) -> dict[str, Any]:
-        """Return what options set of EnvConfig; ConfigError where right of way shall step in without being there, and
-        where there is to be no field and yet one by lidar.
-        """
-        options = ("protective_field", "right_of_way", "right_of_way_after", "reroute", "people", "arrival")
-        given = {name: getattr(self, name) for name in options}
-        if self.right_of_way_after is not None:
-            if self.right_of_way is False:
-                after = f"{self.right_of_way_after:g}"
-                raise ConfigError(f"--right-of-way-after {after} must be left out with --no-right-of-way")
-            given["right_of_way"] = True
-        if self.field_by_lidar:
-            if self.protective_field is False:
-                raise ConfigError("--field-by-lidar must be left out with --no-protective-field")
-            given["protective_field"] = "lidar"
-        return {name: value for name, value in given.items() if value is not None}
+        """Return what options set of EnvConfig; `traffic` as a text of `read_traffic`, which is checked here."""
+        read_traffic(self.traffic, TRAFFIC["rules"])
+        given = {name: getattr(self, name) for name in ("traffic", "people", "arrival")}
+        return {name: value for name, value in given.items() if value not in (None, OWN)}
 
 
 GOES_ON = "the same command with --resume goes on"
@@ -100,12 +75,9 @@ class Episodes(Working, ShardOptions):
     policy: tuple[str, ...] = ("follow", "brake", "reinforce", "ppo", "threaded_ppo")
     """Policies to compare: names of `warehouse policies`, folders of trained ones, models of stable-baselines3
     (FILE.zip), or your own, FILE.py:CLASS or MODULE:CLASS."""
-    layout: tuple[str, ...] = ()
-    """Floors to drive on: names of `warehouse layouts`, files NAME.map or NAME.yaml, or your own, FILE.py:FUNCTION
-    (paper46 if neither layout nor map is given)."""
-    map: tuple[Path, ...] = ()
-    """Files of maps to drive on, as --layout takes them, too: NAME.map, or NAME.yaml of map_server with how it is read,
-    as in hall.yaml:cell=0.75."""
+    layout: Annotated[tuple[str, ...], BY_MAP] = (EnvConfig.layout,)
+    """Floors to drive on: names of `warehouse layouts`, files NAME.map, or NAME.yaml of map_server with how it is read,
+    as in hall.yaml:cell=0.75, or your own, FILE.py:FUNCTION."""
     robots: tuple[int, ...] = (16,)
     """Numbers of robots."""
     episodes: int = 5
@@ -122,8 +94,6 @@ class Episodes(Working, ShardOptions):
     """Keep the rows that the file holds already, and play only the episodes that it lacks."""
     overwrite: bool = False
     """Replace the rows that the file holds already."""
-    usual: ClassVar[tuple[str, ...]] = (EnvConfig.layout,)
-    """Floors where neither layout nor map is given."""
 
     @property
     def rows_path(self) -> Path:
@@ -168,19 +138,16 @@ class Episodes(Working, ShardOptions):
 
     def experiments(self, disturbance: str | None = None) -> list[Experiment]:
         """Return the product of floors, robot counts and policies; everything that can be checked now is."""
-        for name, values in (("policy", self.policy), ("robots", self.robots)):
+        for name, values in (("policy", self.policy), ("robots", self.robots), ("layout", self.layout)):
             if not values:
                 raise ConfigError(f"--{name} needs at least one value")
         make_planner(self.planner)
-        named = self.layout or (() if self.map else self.usual)
-        for name in (*named, *map(str, self.map)):
+        for name in self.layout:
             self.note_orders(make_layout(name))  # a wrong name is said before anything drives
-        floors: list[dict[str, Any]] = [{"layout": name} for name in named]
-        floors += [{"map_file": str(path)} for path in self.map]
         experiments = []
-        for floor in floors:
+        for layout in self.layout:
             for robots in dict.fromkeys(self.robots):
-                base = EnvConfig(num_agents=robots, planner=self.planner, tasks=self.tasks, **floor)
+                base = EnvConfig(layout, robots, self.planner, self.tasks)
                 chosen = self.chosen_for(robots)
                 experiments += [
                     make_experiment(policy, base, self.episodes, self.seconds, self.seed, chosen, disturbance)
@@ -230,8 +197,8 @@ class Robust(Episodes):
 
     policy: tuple[str, ...] = ("greedy", "reinforce", "ppo", "threaded_ppo")
     """Policies to compare, named as for `warehouse evaluate`."""
-    layout: tuple[str, ...] = ()
-    """Floors to drive on, named as for `warehouse evaluate` (paper46 and narrow if neither layout nor map is given)."""
+    layout: Annotated[tuple[str, ...], BY_MAP] = ("paper46", "narrow")
+    """Floors to drive on, named as for `warehouse evaluate`."""
     robots: tuple[int, ...] = (16, 32)
     """Numbers of robots."""
     disturbance: tuple[str, ...] = tuple(DISTURBANCES)
@@ -242,8 +209,6 @@ class Robust(Episodes):
     """Simulated time of an episode [s]."""
     out: Path = Path("results/robust")
     """Folder for the rows and the table."""
-
-    usual: ClassVar[tuple[str, ...]] = ("paper46", "narrow")
 
     def run(self) -> None:
         """Play everything, print the table, write rows and table."""

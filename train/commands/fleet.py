@@ -8,11 +8,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import tyro
 from rich.progress import Progress
 
+from train.commands.kinds import BY_MAP
 from train.fleet.broker import Broker, broker_of, package
 from train.fleet.build import episode_of
 from train.fleet.check import check_log
@@ -57,10 +58,9 @@ class FleetCommand(Checked):
     anything is wrong."""
     listen: str | None = None
     """Make an episode of what vehicles say: a log, or a broker, HOST or HOST:PORT."""
-    layout: str | None = None
-    """With --listen, the floor: a name of `warehouse layouts`, a file NAME.map or NAME.yaml, or FILE.py:FUNCTION."""
-    map: Path | None = None
-    """With --listen, a map's file instead: NAME.map, or NAME.yaml of map_server, in whose frame the vehicles are."""
+    layout: Annotated[str | None, BY_MAP] = None
+    """With --listen, the floor: a name of `warehouse layouts`, a file NAME.map, NAME.yaml of map_server, in whose frame
+    the vehicles are, or FILE.py:FUNCTION."""
     beside: Path | None = None
     """With --listen, a recorded episode whose figures stand beside those of the fleet."""
     every: float | None = None
@@ -109,8 +109,8 @@ class FleetCommand(Checked):
         asked = [self.episode is not None, self.check is not None, self.listen is not None]
         if sum(asked) != 1:
             raise ConfigError("name an episode to write, --check LOG or --listen LOG_OR_HOST: one of them")
-        if self.listen is None and (self.layout is not None or self.map is not None or self.beside is not None):
-            raise ConfigError("--layout, --map and --beside go with --listen")
+        if self.listen is None and (self.layout is not None or self.beside is not None):
+            raise ConfigError("--layout and --beside go with --listen")
         if self.episode is None and self.mqtt is not None:
             raise ConfigError("--mqtt goes with an episode; a broker to listen to is named by --listen HOST")
         self._check_broker()
@@ -242,10 +242,9 @@ class FleetCommand(Checked):
 
     def _floor(self) -> EnvConfig:
         """Return a config that names the floor."""
-        if (self.layout is None) == (self.map is None):
-            raise ConfigError("name the fleet's floor with --map FILE or --layout NAME")
-        floor = {"layout": self.layout} if self.map is None else {"map_file": str(self.map)}
-        return EnvConfig(planner="astar", **floor)
+        if self.layout is None:
+            raise ConfigError("name the fleet's floor with --layout NAME_OR_FILE")
+        return EnvConfig(self.layout, planner="astar")
 
     def _begin(self, live: bool) -> datetime:
         """Return when the episode begins."""

@@ -7,9 +7,10 @@ import threading
 import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from train.commands.evaluate import Drive
-from train.commands.kinds import Fleet
+from train.commands.kinds import BY_MAP, Fleet
 from train.evaluation.rollout import config_of
 from train.live.commands import MOST_ROBOTS
 from train.live.floors import Floors
@@ -32,10 +33,8 @@ class Live(Fleet, Drive):
 
     policy: str = "threaded_ppo"
     """Policy to begin with: a name, or the folder of a trained one."""
-    layout: str = "paper46"
-    """Layout to begin with."""
-    map: Path | None = None
-    """A map's file to begin with, instead: NAME.map, or NAME.yaml of map_server."""
+    layout: Annotated[str, BY_MAP] = "paper46"
+    """Floor to begin with: a name of `warehouse layouts`, or a file NAME.map or NAME.yaml."""
     robots: int = 32
     """Number of robots to begin with."""
     port: int = 0
@@ -53,7 +52,7 @@ class Live(Fleet, Drive):
 
     def run(self) -> None:
         """Serve until Ctrl-C; say where."""
-        floors = Floors(self.layout, self.map)
+        floors = Floors(self.layout)
         chosen = self.chosen()
         people, kinds = int(chosen.pop("people", 0)), self.kinds()
         setting = Setting(self.policy, floors.first, self.robots, people, self.seed, self.planner, chosen, kinds)

@@ -14,9 +14,9 @@ from train.reporting.rows import Row, RowFile
 from warehouse_env.checked import Checked
 from warehouse_env.config import EnvConfig
 from warehouse_env.planning import PLANNERS
+from warehouse_env.traffic_spec import written_traffic
 
 _NEEDS = {
-    "protective_field": "the field", "right_of_way": "right of way", "reroute": "live routes",
     "sensor": "predictions", "action_type": "real-valued actions", "action_repeat": "a time of its own to decide in",
 }  # fmt: skip
 
@@ -73,8 +73,10 @@ def _policy(name: str, entry: PolicyEntry) -> Row:
 
 def _needs(config: EnvConfig) -> str:
     """Say in which options a config is not the usual one."""
-    usual = EnvConfig()
-    return ", ".join(text for name, text in _NEEDS.items() if getattr(config, name) != getattr(usual, name)) or "-"
+    usual, traffic = EnvConfig(), written_traffic(config.traffic_spec)
+    texts = [] if traffic == usual.traffic else [f"traffic {traffic}"]
+    texts += [text for name, text in _NEEDS.items() if getattr(config, name) != getattr(usual, name)]
+    return ", ".join(texts) or "-"
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,11 @@ import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
+from train.commands.kinds import BY_MAP
 from train.evaluation.jobs import Job, Result, Runner, Tick
 from train.evaluation.pictures import plan_pictures
 from train.evaluation.planning_runs import OPTIMAL, Run, Task, is_optimal, make_task, plan_once
@@ -34,11 +36,9 @@ _ROUNDING = 0.01  # [cells], of recorded lengths
 class PlanCommand(Checked):
     """Compare planners on the tasks of a map: how often they find the shortest path, with how many turns, how fast."""
 
-    layout: str | None = None
+    layout: Annotated[str | None, BY_MAP] = None
     """The floor (paper46): a name of `warehouse layouts`, a file NAME.map or NAME.yaml, or your own, FILE.py:FUNCTION;
     its named tasks are planned unless other tasks are given."""
-    map: Path | None = None
-    """A map's file instead of the layout: NAME.map, or NAME.yaml of map_server."""
     scen: Path | None = None
     """A MovingAI .scen file with tasks for the floor; if none is given, the map of that name beside it is used."""
     planner: tuple[str, ...] = ("pf_aco", "aco", "astar_turns", "astar")
@@ -91,14 +91,12 @@ class PlanCommand(Checked):
         print(f"wrote {rows_too}the table{' and the pictures' if self.pictures else ''} to {self.out}")
 
     def _grid(self) -> GridMap:
-        if self.map is not None and self.layout is not None:
-            raise ConfigError("name one floor: --map FILE or --layout NAME")
-        if self.scen is not None and self.map is None and self.layout is None:
+        if self.scen is not None and self.layout is None:
             names = {scenario.map_name for scenario in _scenarios(self.scen)}
             if len(names) != 1:
-                raise MapError(f"{self.scen} names {len(names)} maps; choose one with --map")
+                raise MapError(f"{self.scen} names {len(names)} maps; choose one with --layout")
             return make_layout(str(self.scen.parent / Path(names.pop()).name))
-        return make_layout(str(self.map or self.layout or _LAYOUT))
+        return make_layout(self.layout or _LAYOUT)
 
     def _tasks(self, grid: GridMap) -> list[Task]:
         """Return the tasks that the options ask for."""
@@ -112,7 +110,7 @@ class PlanCommand(Checked):
             return [make_task(grid, "start_goal", _cell(self.start, "--start"), _cell(self.goal, "--goal"))]
         if self.scen is not None:
             return _scenario_tasks(self.scen, grid, self.tasks, self.seed)
-        named = NAMED_TASKS.get(self.layout or _LAYOUT, {}) if self.map is None and self.tasks is None else {}
+        named = NAMED_TASKS.get(self.layout or _LAYOUT, {}) if self.tasks is None else {}
         if named:
             return [make_task(grid, name, task.start, task.goal) for name, task in named.items()]
         return _random_tasks(grid, self.tasks or _RANDOM_TASKS, self.seed)

@@ -7,13 +7,14 @@ import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import tyro
 from numpy.typing import NDArray
 
 from train.commands.evaluate import Working
+from train.commands.kinds import BY_MAP
 from train.evaluation.recorded import record, shares_of
 from train.evaluation.rollout import Experiment, identity, make_experiment
 from train.fleet.driven import load_episode
@@ -38,10 +39,8 @@ class Record(Working):
 
     policy: str = "ppo"
     """Policy to drive, named as for `warehouse evaluate`."""
-    layout: str = "paper46"
+    layout: Annotated[str, BY_MAP] = "paper46"
     """Floor to drive on: a name of `warehouse layouts`, a file NAME.map or NAME.yaml, or your own, FILE.py:FUNCTION."""
-    map: Path | None = None
-    """A map's file to drive on, instead: NAME.map, NAME.yaml of map_server, or a picture."""
     robots: int = 16
     """Number of robots."""
     seconds: float = 120.0
@@ -55,8 +54,7 @@ class Record(Working):
 
     def run(self) -> None:
         """Drive and write; say what happened, and how to look at it."""
-        floor = {"layout": self.layout} if self.map is None else {"map_file": str(self.map)}
-        base = EnvConfig(num_agents=self.robots, planner=self.planner, tasks=self.tasks, **floor)  # type: ignore[arg-type]
+        base = EnvConfig(self.layout, self.robots, self.planner, self.tasks)
         experiment = make_experiment(self.policy, base, 1, self.seconds, self.seed, self.chosen_for(self.robots))
         file = RowFile(self.json)
         with make_progress() as progress:

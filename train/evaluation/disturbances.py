@@ -19,11 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.policy import Observation
-from warehouse_env.config import EnvConfig, FieldSpec, RobotSpec
+from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.errors import unknown_name
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.observation import observation_layout
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.traffic_spec import ErrorBounds, UncertaintySpec
 
 NARROW = 3  # [cells] between two shelves up to which it is an aisle
 UNDISTURBED = "none"
@@ -63,6 +64,10 @@ def body(length: float, front_steered: bool = False) -> RobotSpec:
     return RobotSpec(length=length, wheelbase=scale * usual.wheelbase, front_overhang=overhang)
 
 
+def _uncertain(summary: str, **uncertainty: Any) -> Disturbance:
+    return Disturbance(summary, {"uncertainty": UncertaintySpec(**uncertainty)})
+
+
 # Errors of poses and actuators as localisation by lidar and worn drives have them.
 ERRORS: dict[str, Any] = {"pose_error": 0.02, "heading_error": math.radians(1.0), "actuation_error": 0.05}
 LATE = 0.3  # [s]
@@ -81,22 +86,13 @@ DISTURBANCES: dict[str, Disturbance] = {
     "much_dropout": Disturbance("rays lost, 20%", dropout=0.2),
     "delay": Disturbance("seen 0.2 s late", delay=0.2),
     "long_delay": Disturbance("seen 0.6 s late", delay=0.6),
-    "message_loss": Disturbance("messages lost, 10%", {"message_loss": 0.1}),
-    "much_message_loss": Disturbance("messages lost, 30%", {"message_loss": 0.3}),
-    "message_bursts": Disturbance("lost for 5 s, 10%", {"message_loss": 0.1, "message_burst": 5.0}),
-    "latency": Disturbance("heard 0.3 s late", {"message_latency": LATE, "field_spec": FieldSpec(latency=LATE)}),
-    "errors": Disturbance("off 2 cm, 1 deg, drives 5%", {**ERRORS, "field_spec": FieldSpec(**ERRORS)}),
-    "undeclared_errors": Disturbance("the same, not declared", ERRORS),
-    "all_at_once": Disturbance(
-        "lost, late and off",
-        {
-            "message_loss": 0.1,
-            "message_burst": 5.0,
-            "message_latency": LATE,
-            **ERRORS,
-            "field_spec": FieldSpec(latency=LATE, **ERRORS),
-        },
-    ),
+    "message_loss": _uncertain("messages lost, 10%", loss=0.1),
+    "much_message_loss": _uncertain("messages lost, 30%", loss=0.3),
+    "message_bursts": _uncertain("lost for 5 s, 10%", loss=0.1, burst=5.0),
+    "latency": _uncertain("heard 0.3 s late", latency=LATE),
+    "errors": _uncertain("off 2 cm, 1 deg, drives 5%", **ERRORS),
+    "undeclared_errors": _uncertain("the same, not declared", **ERRORS, declared=ErrorBounds()),
+    "all_at_once": _uncertain("lost, late and off", loss=0.1, burst=5.0, latency=LATE, **ERRORS),
     "breakdown": Disturbance("one broken down", breakdown=60.0),
     "people": Disturbance("4 people walk", {"people": 4}),
     "many_people": Disturbance("12 people walk", {"people": 12}),

@@ -48,7 +48,7 @@ class Episodes(Job):
         """The policy, the planner, the floor and the orders."""
         config = self.experiment.config
         orders = (config.orders and config.orders.file) or ""
-        return self.experiment.policy, config.planner, config.layout, config.map_file or "", orders
+        return self.experiment.policy, config.planner, config.layout, orders
 
     def left(self, rows: Sequence[Row]) -> tuple[Sequence[Row], Episodes | None]:
         """Return the rows that stand, and the experiment of the missing episodes."""

@@ -22,7 +22,7 @@ from warehouse_env import EnvConfig, Simulator, parallel_env
 from warehouse_env.compiled import is_kept
 from warehouse_env.maps.layouts import make_layout
 from warehouse_env.planning import make_planner
-from warehouse_env.simulation.step import advance
+from warehouse_env.simulation.step import run as step_worlds
 from warehouse_env.simulation.traffic.live import FINDERS
 
 _BARE = EnvConfig(num_agents=4, layout="open", planner="astar", max_steps=20)
@@ -32,7 +32,7 @@ _SECONDS = 60.0  # that the crowd drives, in a second of ours
 
 def is_compiled() -> bool:
     """Return whether the step of this version is kept; other kernels are compiled when called."""
-    return is_kept(advance)
+    return is_kept(step_worlds)
 
 
 @dataclass(frozen=True)

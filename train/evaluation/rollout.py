@@ -28,6 +28,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.planning.plan import Planner
 from warehouse_env.simulation.record.jam_log import JamLog
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.traffic_spec import read_traffic
 
 Watcher = Callable[[Simulator, int], None]
 """Called after the reset (step 0) and after every step with the simulator and the number of steps done."""
@@ -59,8 +60,8 @@ class Experiment:
 
     @property
     def place(self) -> str:
-        """Name of the layout, or the path of the map."""
-        return self.config.map_file or self.config.layout
+        """Name of the layout, or the path of its file."""
+        return self.config.layout
 
     @property
     def title(self) -> str:
@@ -70,8 +71,13 @@ class Experiment:
 
 
 def config_of(policy: str, base: EnvConfig, chosen: Mapping[str, Any]) -> EnvConfig:
-    """Return `base` with what the policy needs put in, and over that the fields that a user has chosen."""
+    """Return `base` with what the policy needs put in, and over that the fields that a user has chosen.
+
+    `traffic` may be a text of `read_traffic` there, in which "own" stands for what the policy needs.
+    """
     config = central_config(policy, base) if policy in CENTRAL else policy_config(policy, base)
+    if isinstance(traffic := chosen.get("traffic"), str):
+        chosen = {**chosen, "traffic": read_traffic(traffic, config.traffic_spec)}
     config = config.replace(**chosen)
     if config.fleet and policy in CENTRAL:
         raise ConfigError(f"policy {policy!r} plans for robots of one kind: leave the fleet out, or take another")
@@ -194,7 +200,7 @@ def make_actor(name: str, config: EnvConfig) -> Actor:
 
 def _actor(policy: Policy, config: EnvConfig) -> Actor:
     """Return what a policy gives Simulator.step: its preferences where right of way can use them, else its actions."""
-    if config.right_of_way and config.action_type == "discrete" and isinstance(policy, Preferring):
+    if config.traffic_spec.right_of_way and config.action_type == "discrete" and isinstance(policy, Preferring):
         return lambda observation, rng, policy=policy: ranked(policy, observation, rng)  # type: ignore[misc]
     return policy.act
 

@@ -47,7 +47,7 @@ def row_of_simulated(episode: Episode, source: str, moved: Callable[[], object])
 def _row(episode: Episode, metrics: dict[str, float], policy: str, source: str) -> Row:
     config = episode.config
     about = {
-        "policy": policy, "layout": config.map_file or config.layout, "robots": config.num_agents,
+        "policy": policy, "layout": config.layout, "robots": config.num_agents,
         "tasks": config.tasks, "planner": config.planner, "source": source, "seed": episode.seeds[0],
     }  # fmt: skip
     return dict(plain({**about, **metrics, "config": config.to_dict(), "version": __version__}))

@@ -13,6 +13,7 @@ from train.evaluation.rollout import Experiment, config_of, make_experiment
 from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WeightsError
 from warehouse_env.maps.layouts import make_layout
+from warehouse_env.traffic_spec import TRAFFIC
 
 VERSION = 1
 SECONDS = 600.0  # of an episode
@@ -30,10 +31,10 @@ class Case(NamedTuple):
 
 
 class Track(NamedTuple):
-    """What an entry cannot choose: fields of EnvConfig."""
+    """How all entries drive, and the switches as the hash of the set has them, by the names of its first day."""
 
     summary: str
-    fixed: dict[str, Any]
+    hashed: dict[str, Any]
 
 
 CASES: tuple[Case, ...] = (
@@ -53,22 +54,21 @@ TRACKS: dict[str, Track] = {
         {"protective_field": False, "right_of_way": False, "reroute": True},
     ),
 }
-_BODIES = ("robot", "time_step", "substeps", "arrival_radius", "near_miss_gap", "keep_right", "field_margin")
-RIGHT_OF_WAY_AFTER = 12.0  # [s], on the track under the field, for policies that do not say themselves
+_BODIES = ("robot", "time_step", "substeps", "arrival_radius", "near_miss_gap", "keep_right")
 
 
 def options(policy: str, track: str) -> dict[str, Any]:
     """Return the fields of EnvConfig that are set against a policy's own on a track.
 
-    Right of way, where the track has it, steps in when the policy asks for it. Raw actions follow no route, so there
-    is no right of way for them.
+    Right of way, where the track has it, steps in when the policy asks for it, or else as "assist" says. Raw actions
+    follow no route, so there is no right of way for them.
     """
-    own, fixed = config_of(policy, EnvConfig(), {}), TRACKS[track].fixed
+    own = config_of(policy, EnvConfig(), {})
+    if track != FIELD:
+        return {"traffic": "routes"}
     if own.action_type == "raw":
-        return {**fixed, "right_of_way": False}
-    if fixed["right_of_way"] and not own.right_of_way:
-        return {**fixed, "right_of_way_after": RIGHT_OF_WAY_AFTER}
-    return fixed
+        return {"traffic": "shield"}
+    return {"traffic": "own:shield=true,routes=true" if own.traffic_spec.right_of_way else "assist"}
 
 
 def tracks(policy: str) -> list[str]:
@@ -101,7 +101,9 @@ def set_hash(cases: Sequence[Case] = CASES) -> str:
     defaults = EnvConfig().to_dict()
     bodies = {name: defaults[name] for name in _BODIES}
     del bodies["robot"]["mass"]  # of no effect here, where nobody carries anything
-    said = [VERSION, SECONDS, SEED, PLANNER, RIGHT_OF_WAY_AFTER, cases, TRACKS, bodies]
+    assist = TRAFFIC["assist"]
+    bodies["field_margin"] = assist.margin
+    said = [VERSION, SECONDS, SEED, PLANNER, assist.right_of_way_after, cases, TRACKS, bodies]
     content.update(json.dumps(said, sort_keys=True).encode())
     for layout in dict.fromkeys(case.layout for case in cases):
         grid = make_layout(layout)

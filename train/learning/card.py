@@ -62,12 +62,13 @@ def _kinds(config: dict[str, Any]) -> str:
 
 
 def _under(record: PolicyRecord) -> str:
-    field = "under the protective field" if record.env.protective_field else "without a protective field"
-    trained = field + (" and with live routes" if record.env.reroute else "")
-    after = record.env.right_of_way_after
+    traffic = record.env.traffic_spec
+    shield = "under the shield" if traffic.shield else "without a shield"
+    trained = shield + (" and with live routes" if traffic.routes else "")
+    after = traffic.right_of_way_after
     ring = f"around robots that wait for each other in a ring and have stood for {after:g} s"
     where = ring if after else "everywhere"
-    return f"{trained}; driven with right of way {where}" if record.env.right_of_way else trained
+    return f"{trained}; driven with right of way {where}" if traffic.right_of_way else trained
 
 
 def _start(record: PolicyRecord) -> str:

@@ -11,17 +11,19 @@ import dataclasses
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import tyro
 
 from agents.weights_folder import Mode
 from train.kinds import Kinds
 from warehouse_env.checked import Checked, from_plain
-from warehouse_env.config import ActionType, EnvConfig, RerouteSpec, RewardWeights, SensorSpec
+from warehouse_env.config import ActionType, EnvConfig, RewardWeights, SensorSpec
+from warehouse_env.traffic_spec import TrafficSpec, read_traffic, written_traffic
 
 HELD_OUT_SEED = 1_000_000
 DRAWN = tuple(f"aisles:seed={seed}" for seed in range(1, 17))  # floors drawn at random, which are trained on
+_OLD = {"protective_field", "reroute", "right_of_way_after"}  # names that checkpoints may hold
 _MOST_SAMPLES = 100_000_000  # decisions of all rows between two updates; with 112 numbers each they fill 45 GB
 
 _Floors = Annotated[tuple[str, ...], tyro.conf.arg(aliases=("--layout", "--map"))]
@@ -96,14 +98,10 @@ class TrainingConfig(Checked):
     """Physics steps between two decisions of the training; driven, the policy decides at every one."""
     predictions: bool = True
     """Let the robot predict, for every action, the time to a conflict; the untrained policy then avoids conflicts."""
-    protective_field: bool = False
-    """Train under the protective field: contacts are refused, what is learned is not to stand in each other's way."""
-    reroute: bool = True
-    """Route robots anew around those that stand while they train; driven, all robots look for better routes."""
-    right_of_way_after: float | None = None
-    """Have the policy driven with right of way that steps in around robots that have stood for so long [s] and wait
-    in a ring, or for five times as long, 0: everywhere; None: without. The training goes without it in any case: that
-    is quicker, and what is learned could not be told apart."""
+    traffic: str = "routes"
+    """How robots meet where the policy is driven: none, routes, shield, rules or assist, with switches of TrafficSpec
+    behind it, as in assist:right_of_way_after=6. The training itself goes without right of way: that is quicker, and
+    what is learned could not be told apart. It replans only barred routes, which takes half the time."""
     cruise_bias: float = 1.5
     """Without predictions: how strongly the untrained policy prefers to cruise on its route (logits)."""
     rollout: int = 24
@@ -129,9 +127,7 @@ class TrainingConfig(Checked):
         self._between(0.0, 1e9, "entropy_first", "entropy_last", "checkpoint_seconds", "evaluation_seconds")
         self._between(1e-9, 1e9, "minutes", "episode_seconds", "jam_seconds")
         self._between(0.0, 1e9, "cruise_bias", "keep_right")
-        self._between(0.0, 1e4, "right_of_way_after")
-        under = self.protective_field or self.right_of_way_after is None
-        self._require(under, "right_of_way_after", "None without --protective-field")
+        object.__setattr__(self, "traffic", written_traffic(self.traffic_spec))
         self._between(1e-30, 1e9, "reward_scale", "learning_rate", "gradient_clip")
         self._between(0.0, 1.0, "gamma", "gae_lambda", "shared")
         self._between(-1e9, 1e9, "collision_first", "collision_last", "contact")
@@ -156,9 +152,14 @@ class TrainingConfig(Checked):
         return 45_000_000 if self.steps is None and self.minutes is None else self.steps
 
     @property
+    def traffic_spec(self) -> TrafficSpec:
+        """The single switches of `traffic`."""
+        return read_traffic(self.traffic)
+
+    @property
     def router(self) -> str:
         """Name of the planner of the routes."""
-        return self.planner or ("pf_aco" if self.reroute else "astar_turns")
+        return self.planner or ("pf_aco" if self.traffic_spec.routes else "astar_turns")
 
     def worlds(self, rows: float) -> list[tuple[EnvConfig, int]]:
         """Return the mix: one (environment, number of worlds) for every layout and robot count, of `rows` robots."""
@@ -175,29 +176,32 @@ class TrainingConfig(Checked):
         env = EnvConfig(
             layout=layout, num_agents=robots, planner=self.router, keep_right=self.keep_right,
             action_repeat=self.action_repeat, sensor=SensorSpec(predictions=self.predictions),
-            protective_field=self.protective_field, reroute=self.reroute,
-            reroute_spec=RerouteSpec(only_barred=True), **self.kinds_of(robots),
+            traffic=self._trained_under(), **self.kinds_of(robots),
         )  # fmt: skip
         decision = env.time_step * env.action_repeat
         steps = max(1, round(self.episode_seconds / decision))
         return env.replace(action_type=self.action_type, max_steps=steps, reward=self.reward(0.0))
+
+    def _trained_under(self) -> TrafficSpec:
+        """Return the traffic of the training itself."""
+        spec = self.traffic_spec
+        barred: Literal[False, "barred"] = "barred" if spec.routes else False
+        return dataclasses.replace(spec, right_of_way=False, right_of_way_after=0.0, routes=barred)
 
     def driven(self, env: EnvConfig) -> EnvConfig:
         """Return an environment of the training as the policy is to be driven in: deciding at every physics step, which
         brought 1 to 6% more goals on trial seeds, or half of the contacts, and brought no more when trained so; and
         with live routes that all robots look for, which would make the training take twice as long.
         """
-        env = env.replace(action_repeat=1, max_steps=env.max_steps * env.action_repeat, reroute_spec=RerouteSpec())
-        if self.right_of_way_after is None:
-            return env
-        return env.replace(right_of_way=True, right_of_way_after=self.right_of_way_after)
+        steps = env.max_steps * env.action_repeat
+        return env.replace(action_repeat=1, max_steps=steps, traffic=self.traffic_spec)
 
     @property
     def mode(self) -> Mode:
         """How the policy's actions are chosen: drawn, so that two alike do not wait for each other, or where right of
         way sees to that the best (1 to 3% more goals on trial seeds).
         """
-        return "sample" if self.right_of_way_after is None else "greedy"
+        return "greedy" if self.traffic_spec.right_of_way else "sample"
 
     def reward(self, spent: float) -> RewardWeights:
         """Return the reward weights when the share `spent` (0 to 1) of the budget is used."""
@@ -217,6 +221,20 @@ class TrainingConfig(Checked):
         return {
             key: str(value) if isinstance(value, Path) else value for key, value in dataclasses.asdict(self).items()
         }
+
+    @classmethod
+    def upgraded(cls, data: dict[str, Any]) -> dict[str, Any]:
+        """Return stored options by today's names."""
+        if "traffic" in data or not _OLD & data.keys():
+            return data
+        usual = cls().traffic_spec
+        old: dict[str, Any] = {"protective_field": bool(usual.shield), "reroute": bool(usual.routes)}
+        old["right_of_way_after"] = usual.right_of_way_after if usual.right_of_way else None
+        old |= {name: data[name] for name in _OLD & data.keys()}
+        old["right_of_way"] = old["right_of_way_after"] is not None
+        old["right_of_way_after"] = old["right_of_way_after"] or 0.0
+        text = written_traffic(EnvConfig.from_dict(old).traffic_spec)
+        return {name: value for name, value in data.items() if name not in _OLD} | {"traffic": text}
 
     @classmethod
     def from_dict(cls: type[_Config], data: dict[str, Any]) -> _Config:
@@ -289,12 +307,10 @@ class ThreadedPPOConfig(ThreadedConfig, ClippedConfig):
     """Reward of a contact at the end; between, it changes linearly with the share of the budget spent."""
     hidden: tuple[int, ...] = (64, 64)
     """Widths of the hidden tanh layers, of the actor and of the critic."""
-    protective_field: bool = True
-    """Train under the protective field: contacts are refused, what is learned is not to stand in each other's way."""
-    right_of_way_after: float | None = 12.0
-    """Have the policy driven with right of way that steps in around robots that have stood for so long [s] and wait
-    in a ring, or for five times as long, 0: everywhere; None: without. The training goes without it in any case: that
-    is quicker, and what is learned could not be told apart."""
+    traffic: str = "assist"
+    """How robots meet where the policy is driven: none, routes, shield, rules or assist, with switches of TrafficSpec
+    behind it, as in assist:right_of_way_after=6. The training itself goes without right of way: that is quicker, and
+    what is learned could not be told apart. It replans only barred routes, which takes half the time."""
     learning_rate: float = 5e-4
     """Adam's first step size, decayed linearly to a twentieth of it."""
     epochs: int = 3

@@ -10,17 +10,17 @@ Config = TypeVar("Config", bound=TrainingConfig)
 Recipe = Literal["shipped", "bare"]
 ThreadedPPORecipe = Literal["shipped", "bare", "unshielded"]
 
-# Avoiding is all the policy's, as in the papers: without field, live routes and shared rewards.
+# Avoiding is all the policy's, as in the papers: without shield, live routes and shared rewards.
 _BARE: dict[str, Any] = {
     "layouts": ("paper46", "narrow"), "planner": None, "collision_last": -30.0, "shared": 0.0,
-    "protective_field": False, "reroute": False, "right_of_way_after": None,
+    "traffic": "none",
 }  # fmt: skip
 _THREADED = {"robots": (16, 24, 32), "rows": 768, "hidden": (64, 64)}
 # Of the shipped policy of this name: live routes alone, and dear contacts.
 _UNSHIELDED = {
     "name": "unshielded", "steps": 100_000_000, "layouts": ("paper46", "narrow", "single_lane", *DRAWN[:4]),
     "robots": (16, 32), "rows": 1056, "planner": "astar_turns", "collision_last": -300.0, "hidden": (128, 128),
-    "protective_field": False, "right_of_way_after": None,
+    "traffic": "routes",
 }  # fmt: skip
 
 RECIPES: dict[type[TrainingConfig], dict[str, dict[str, Any]]] = {

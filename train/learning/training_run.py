@@ -268,12 +268,12 @@ def _beginning(config: TrainingConfig) -> str:
     budget += [f"{config.total_steps:,} agent-steps"] if config.total_steps is not None else []
     more = len(config.layouts) - _NAMED
     floors = ", ".join(config.layouts[:_NAMED]) + (f" and {more} more" if more > 0 else "")
-    field = "under the protective field" if config.protective_field else "without a protective field"
-    routes = f"{'with' if config.reroute else 'without'} live routes"
+    shield = f"{'under' if config.traffic_spec.shield else 'without'} the shield"
+    routes = f"{'with' if config.traffic_spec.routes else 'without'} live routes"
     kinds = "" if config.fleet is None else f" (of {config.fleet.words})"
     robots = f"{', '.join(map(str, config.robots))} robots{kinds}"
     return (
-        f"trains for {' or '.join(budget)} on {floors} with {robots}, {field} and {routes}, into {config.directory}; "
+        f"trains for {' or '.join(budget)} on {floors} with {robots}, {shield} and {routes}, into {config.directory}; "
         "Ctrl-C stops and keeps what is learned"
     )
 

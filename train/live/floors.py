@@ -18,10 +18,10 @@ from warehouse_env.maps.layouts import LAYOUTS, make_layout
 class Floors:
     """The named layouts, and the floor that was asked for at the start, which may be a file's."""
 
-    def __init__(self, layout: str, map_file: Path | None = None) -> None:
-        """Read the floor to begin with; ConfigError or MapError where there is none."""
-        self.first = layout if map_file is None else map_file.name
-        self._given = make_layout(layout if map_file is None else str(map_file))
+    def __init__(self, layout: str) -> None:
+        """Read the floor to begin with, a file's by the file's name; ConfigError or MapError where there is none."""
+        self.first = Path(layout).name
+        self._given = make_layout(layout)
         self.names = list(dict.fromkeys([self.first, *LAYOUTS]))
 
     def load(self, name: str) -> GridMap:

@@ -16,7 +16,7 @@ class WorldOptions(EnvOptions, total=False):
     """What every env of one world takes by name."""
 
     render_mode: str | None  # "rgb_array", "human" or None
-    grid: GridMap | None  # instead of the layout or map file that the config names
+    grid: GridMap | None  # instead of the layout that the config names
     planner: Planner | str | None  # an object, or a name of PLANNERS
 
 

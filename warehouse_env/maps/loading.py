@@ -19,7 +19,7 @@ def load_floor(config: EnvConfig, grid: GridMap | None = None) -> GridMap:
     caller may place the robots elsewhere.
     """
     if grid is None:
-        grid = make_layout(config.layout if config.map_file is None else config.map_file)
+        grid = make_layout(config.layout)
     grid = grid.at_pace(max(robot.max_speed for robot in config.bodies))
     floor, notes = fitted(grid, config.widest_body)
     if len(floor.endpoints[2]) <= config.num_agents < len(grid.endpoints[2]):

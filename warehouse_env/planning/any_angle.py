@@ -9,10 +9,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.heap import pop, push
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.base import BasePlanner
-from warehouse_env.planning.graph_search import fewest_turns, pop, push, unflatten
+from warehouse_env.planning.graph_search import fewest_turns, unflatten
 from warehouse_env.planning.plan import Plan
 
 
@@ -80,13 +81,12 @@ def _search(
     length = np.full(cells, np.inf)
     vertex = np.full(cells, -1, np.int64)
     closed = np.zeros(cells, np.bool_)
-    first, second, node = np.empty(8 * cells + 1), np.empty(8 * cells + 1), np.empty(8 * cells + 1, np.int64)
+    keys, ties, items = np.empty(8 * cells + 1), np.empty(8 * cells + 1), np.empty(8 * cells + 1, np.int64)
     length[start] = 0.0
     vertex[start] = start
-    size = push(first, second, node, 0, 0.0, 0.0, start)
+    size = push(keys, items, 0, 0.0, start, ties, 0.0)
     while size > 0:
-        cell = pop(first, second, node, size)
-        size -= 1
+        _, cell, size = pop(keys, items, size, ties)
         if cell == goal:
             break
         if closed[cell]:
@@ -105,7 +105,7 @@ def _search(
             if new_length < length[to]:
                 length[to], vertex[to] = new_length, via
                 left = _straight(cols, to, goal)
-                size = push(first, second, node, size, new_length + left, left, to)
+                size = push(keys, items, size, new_length + left, to, ties, left)
     return vertex
 
 

@@ -21,7 +21,7 @@ UNIT = 1000  # costs of a cell of way
 DIAGONAL = 1414  # of a diagonal step
 UNREACHABLE = np.iinfo(np.int32).max
 MARGIN = 40  # [cells] that a field reaches beyond the rectangle of start and goal
-_ROUNDED = 8  # [cells] to which its sides are rounded, so that one field serves several starts
+_ROUNDED = 64  # [cells] to which its sides are rounded, so that one field serves many starts
 _KEPT = 1_200_000_000  # bytes of fields
 
 
@@ -145,6 +145,14 @@ class CostToGo:
     def whole(self) -> Box:
         """Return the whole floor."""
         return Box(0, 0, *self.grid.shape)
+
+    def around(self, cell: Cell, goal: Cell) -> tuple[NDArray[np.int32], Box]:
+        """Return the field of a goal in which a cell is far from the edge, and where that field is."""
+        box = self.box(cell, goal)
+        field = self.field(goal, box)
+        if field[cell[0] - box.top, cell[1] - box.left] == UNREACHABLE:
+            box = self.whole()
+        return self.field(goal, box), box
 
     def field(self, goal: Cell, box: Box) -> NDArray[np.int32]:
         """Return int32[h, w], the cost-to-go [thousandths of a cell] to a goal within a box; UNREACHABLE where none."""

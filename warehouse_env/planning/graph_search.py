@@ -15,49 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.errors import PlanError
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.heap import pop, push
+from warehouse_env.kernel import inline, kernel, whole
 from warehouse_env.maps.grid_map import MOVES, Cell, GridMap
 from warehouse_env.planning.base import BasePlanner
 from warehouse_env.planning.plan import MICRO, Plan, check_endpoints, tolls, turns
 
 _SQRT2 = math.sqrt(2.0)
 _STEP = int(MICRO)  # millionths of a cell: a straight step
-
-
-@kernel
-def push(first: Any, second: Any, node: Any, size: int, a: float, b: float, value: int) -> int:
-    """Put (a, b, value) on the binary heap held in the first `size` places of three arrays; return the new size."""
-    i = size
-    while i > 0:
-        parent = (i - 1) >> 1
-        if first[parent] < a or (first[parent] == a and second[parent] <= b):
-            break
-        first[i], second[i], node[i] = first[parent], second[parent], node[parent]
-        i = parent
-    first[i], second[i], node[i] = a, b, value
-    return size + 1
-
-
-@kernel
-def pop(first: Any, second: Any, node: Any, size: int) -> Any:
-    """Return the node with the smallest (first, second); the heap then holds size - 1 entries."""
-    top = node[0]
-    last = size - 1
-    a, b, value = first[last], second[last], node[last]
-    i = 0
-    while 2 * i + 1 < last:
-        child = 2 * i + 1
-        right = child + 1
-        if right < last and (
-            first[right] < first[child] or (first[right] == first[child] and second[right] < second[child])
-        ):
-            child = right
-        if a < first[child] or (a == first[child] and b <= second[child]):
-            break
-        first[i], second[i], node[i] = first[child], second[child], node[child]
-        i = child
-    first[i], second[i], node[i] = a, b, value
-    return top
+START = whole(8)  # in place of a move, of a state: it is the start
 
 
 @kernel
@@ -71,7 +37,7 @@ def _labels(states: int, start: int) -> Any:
     straight, diagonal, length = np.zeros(states, np.int64), np.zeros(states, np.int64), np.full(states, np.inf)
     length[start] = 0.0
     turned, before, closed = np.zeros(states, np.int64), np.full(states, -1, np.int64), np.zeros(states, np.bool_)
-    heap = np.empty(8 * states + 1), np.empty(8 * states + 1), np.empty(8 * states + 1, np.int64)
+    heap = np.empty(8 * states + 1), np.empty(8 * states + 1), np.empty(8 * states + 1, np.int64)  # keys, ties, items
     return straight, diagonal, length, turned, before, closed, heap
 
 
@@ -82,6 +48,12 @@ def _ahead(d_row: int, d_col: int) -> Any:
     return max(abs(d_row), abs(d_col)) - diagonal, diagonal
 
 
+@inline
+def is_hairpin(arrived, move):
+    """Whether a move after another is a turn of more than 90 degrees."""
+    return arrived != START and 3 <= (move - arrived) % 8 <= 5
+
+
 @kernel
 def _search(legal: Any, toll: Any, start: int, goal: int, informed: bool) -> Any:
     """Return the cell (flat index) before each on a cheapest path, -1 where none.
@@ -90,12 +62,11 @@ def _search(legal: Any, toll: Any, start: int, goal: int, informed: bool) -> Any
     informed: A* with the octile distance, ties to the cell nearer the goal; otherwise Dijkstra.
     """
     rows, cols = legal.shape[0], legal.shape[1]
-    straight, diagonal, length, _, before, closed, (first, second, node) = _labels(rows * cols, start)
+    straight, diagonal, length, _, before, closed, (keys, ties, items) = _labels(rows * cols, start)
     goal_row, goal_col = goal // cols, goal % cols
-    size = push(first, second, node, 0, 0.0, 0.0, start)
+    size = push(keys, items, 0, 0.0, start, ties, 0.0)
     while size > 0:
-        cell = pop(first, second, node, size)
-        size -= 1
+        _, cell, size = pop(keys, items, size, ties)
         if cell == goal:
             break
         if closed[cell]:
@@ -116,7 +87,7 @@ def _search(legal: Any, toll: Any, start: int, goal: int, informed: bool) -> Any
                 length[to], straight[to], diagonal[to], before[to] = new_length, a, b, cell
                 ahead_a, ahead_b = _ahead(to_row - goal_row, to_col - goal_col) if informed else (0, 0)
                 estimate = (a + ahead_a * _STEP) / MICRO + (b + ahead_b) * _SQRT2
-                size = push(first, second, node, size, estimate, ahead_a + ahead_b * _SQRT2, to)
+                size = push(keys, items, size, estimate, to, ties, ahead_a + ahead_b * _SQRT2)
     return before
 
 
@@ -124,16 +95,17 @@ def _search(legal: Any, toll: Any, start: int, goal: int, informed: bool) -> Any
 def _search_turns(legal: Any, toll: Any, start: int, goal: int, hairpin: int) -> Any:
     """A* on cell x arriving move with the cost (length + tolls, turns); return the state before each and the goal's.
 
-    State = 9 * cell + move, move 8 at the start. legal, toll: as in `_search`; hairpin: millionths of a cell that a
+    State = 9 * cell + move, START at the start. legal, toll: as in `_search`; hairpin: millionths of a cell that a
     turn of more than 90 degrees costs.
     """
     rows, cols = legal.shape[0], legal.shape[1]
-    straight, diagonal, length, turned, before, closed, (first, second, node) = _labels(9 * rows * cols, 9 * start + 8)
+    straight, diagonal, length, turned, before, closed, (keys, ties, items) = _labels(
+        9 * rows * cols, 9 * start + START
+    )
     goal_row, goal_col = goal // cols, goal % cols
-    size = push(first, second, node, 0, 0.0, 0.0, 9 * start + 8)
+    size = push(keys, items, 0, 0.0, 9 * start + START, ties, 0.0)
     while size > 0:
-        state = pop(first, second, node, size)
-        size -= 1
+        _, state, size = pop(keys, items, size, ties)
         cell, arrived = state // 9, state % 9
         if cell == goal:
             return before, state
@@ -149,17 +121,17 @@ def _search_turns(legal: Any, toll: Any, start: int, goal: int, hairpin: int) ->
             a = straight[state] + (1 - move % 2) * _STEP
             if toll is not None:
                 a += toll[row, col, move]
-            if arrived != 8 and 3 <= (move - arrived) % 8 <= 5:
+            if is_hairpin(arrived, move):
                 a += hairpin
             b = diagonal[state] + move % 2
-            new_turns = turned[state] + (1 if arrived != 8 and arrived != move else 0)
+            new_turns = turned[state] + (1 if arrived != START and arrived != move else 0)
             new_length = a / MICRO + b * _SQRT2
             if new_length < length[to] or (new_length == length[to] and new_turns < turned[to]):
                 length[to], straight[to], diagonal[to] = new_length, a, b
                 turned[to], before[to] = new_turns, state
                 ahead_a, ahead_b = _ahead(to_row - goal_row, to_col - goal_col)
                 estimate = (a + ahead_a * _STEP) / MICRO + (b + ahead_b) * _SQRT2
-                size = push(first, second, node, size, estimate, float(new_turns), to)
+                size = push(keys, items, size, estimate, to, ties, float(new_turns))
     return before, -1
 
 

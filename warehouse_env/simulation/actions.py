@@ -77,7 +77,9 @@ class ActionDecoder:
 
     def no_choices(self, worlds: int, robots: int) -> NDArray[np.float32]:
         """Return choices float32[B, N, K, 3] (preferences.py) to be written: of none, unless there is right of way."""
-        return np.zeros((worlds, robots, 1 + len(self.sides) if self._config.right_of_way else 0, 3), np.float32)
+        return np.zeros(
+            (worlds, robots, 1 + len(self.sides) if self._config.traffic_spec.right_of_way else 0, 3), np.float32
+        )
 
     def decode(self, actions: ArrayLike, commands: NDArray[np.float32], choices: NDArray[np.float32]) -> None:
         """Write commands float32[B, N, 2] of all robots, and their choices if there are any.

@@ -65,11 +65,11 @@ def _check_pace_of(robot: RobotSpec, config: EnvConfig, cell: float) -> None:
 
 def check_stop(config: EnvConfig, samples: int) -> None:
     """Raise ConfigError if a protective field would look at more substeps of each stop than anybody waits for."""
-    if config.protective_field and samples > _MOST_SAMPLES:
+    if config.traffic_spec.shield and samples > _MOST_SAMPLES:
         hardest = min(robot.max_acceleration for robot in config.bodies)
         raise ConfigError(
             f"max_acceleration={hardest:g} makes a full stop last {samples} substeps, and "
-            f"a protective_field looks at {_MOST_SAMPLES} at most; brake harder, or use fewer substeps"
+            f"the shield looks at {_MOST_SAMPLES} at most; brake harder, or use fewer substeps"
         )
 
 

@@ -21,8 +21,8 @@ from warehouse_env.portable import Portable
 from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation import given, state, step
 from warehouse_env.simulation.actions import ActionDecoder
-from warehouse_env.simulation.driver import docking, rejoin
 from warehouse_env.simulation.driver.manoeuvre import ARCS
+from warehouse_env.simulation.driver.scratch import make_scratch as search_scratch
 from warehouse_env.simulation.driver.turning import turning_metrics
 from warehouse_env.simulation.physics.buckets import bucket_grid
 from warehouse_env.simulation.physics.deviation import Deviation, errs, planned_config
@@ -33,24 +33,23 @@ from warehouse_env.simulation.physics.zones import zones_of
 from warehouse_env.simulation.record import metrics
 from warehouse_env.simulation.senses.messages import Messages
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS, weight_vector
-from warehouse_env.simulation.senses.scanners import scanners_of
+from warehouse_env.simulation.senses.scanners import RAYS, scanners_of
 from warehouse_env.simulation.tasks.assignment import Assignment, check_assignments
 from warehouse_env.simulation.tasks.dispatch import ROUTE_BLOCK, Dispatcher
 from warehouse_env.simulation.tasks.orders import Order
 from warehouse_env.simulation.tasks.placement import Limits, put_all
 from warehouse_env.simulation.tasks.tasks import Arrival
-from warehouse_env.simulation.traffic import agreement, making_room
+from warehouse_env.simulation.traffic import agreement, making_room, recovery
 from warehouse_env.simulation.traffic.audit import raise_fault
 from warehouse_env.simulation.traffic.by_sight import NOT_SEEN
 from warehouse_env.simulation.traffic.jams import Jams, jams_of
 from warehouse_env.simulation.traffic.path_ahead import COLUMNS, POSES
+from warehouse_env.simulation.worlds import Equipment, Features, Pool, Scratch, Setup, Vehicles, Worlds, make_scratch
 from warehouse_env.threads import MOST_THREADS, get_num_threads, side_by_side
 
 PARALLEL_FROM = 256  # robots in all from which waking other threads pays
 _PARTS = 2  # of the worlds for each thread: who is done early, or has a core for itself, does more of them
 _LEAST, _MOST = 32, 1024  # robots in a part: of more, what a step leaves in a core's cache is gone when it observes
-
-_Code = tuple[Callable[..., tuple[int, int]], Callable[..., None]]  # of advance and observe
 
 
 def _parts(worlds: int, share: int) -> list[tuple[int, int]]:
@@ -69,7 +68,7 @@ class Simulator(Portable):
 
     bound = (
         "state", "events", "_floor", "_scanners", "_zones", "_compiled",
-        "_advance_arguments", "_agree_arguments", "_room_arguments", "_observe_arguments",
+        "_worlds", "_setup", "_scratches", "_searches",
     )  # fmt: skip
 
     def __init__(
@@ -100,7 +99,7 @@ class Simulator(Portable):
         given.check_stop(config, state.stop_samples(planned))
         self.layout = observation_layout(config)
         each = state.ROBOT.itemsize + 8 * ROUTE_BLOCK
-        each += 4 * config.num_agents if config.protective_field == "lidar" else 0  # whom it sees
+        each += 4 * config.num_agents if config.traffic_spec.shield == "lidar" else 0  # whom it sees
         cells = self.grid.occupied.size
         given.check_memory(num_worlds, config.num_agents, self.layout.size, each, config.people, cells)
         self._every_kind = state.every_kind(planned, self.grid.cell_size, config.kinds)
@@ -126,9 +125,9 @@ class Simulator(Portable):
         self._rays = np.stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
 
     def _make_arrays(self, planned: EnvConfig) -> None:
-        b, n, p = self.num_worlds, self.num_agents, self._params
+        b, n, p, self._decides = self.num_worlds, self.num_agents, self._params, self.config.traffic_spec.right_of_way
         self.arcs = np.zeros((b, n, ARCS, 2), dtype=np.float32)  # [m], [rad]; the robots' manoeuvres
-        self._paths = np.zeros((b, n + 1 if self.config.right_of_way else 0, POSES, COLUMNS), dtype=np.float32)
+        self._paths = np.zeros((b, n + 1 if self._decides else 0, POSES, COLUMNS), dtype=np.float32)
         self.observation = np.zeros((b, n, self.layout.size), dtype=np.float32)
         self.reward = np.zeros((b, n), dtype=np.float32)
         self.reward_terms = np.zeros((b, n, len(REWARD_TERMS)), dtype=np.float32)
@@ -143,17 +142,16 @@ class Simulator(Portable):
         widest = float(p["widest"][0])
         self._stamps = np.zeros((b, n, state.most_near(n, self.config), 2), dtype=np.int32)
         rows, columns = self.grid.shape
-        size, by_sight = self.grid.cell_size, self.config.protective_field == "lidar"
+        size, by_sight = self.grid.cell_size, self.config.traffic_spec.shield == "lidar"
         seen_from = widest * (2 if by_sight else 1)  # the farthest point of the body, or its centre
         look = max(
             self.config.sensor.lidar_range + seen_from,
-            2 * max(reach, float(p["field_range"][0]) if self.config.protective_field else 0.0),
+            2 * max(reach, float(p["field_range"][0]) if self.config.traffic_spec.shield else 0.0),
         )
         bucket_rows, bucket_columns, side = bucket_grid(n, columns * size, rows * size, look)
         shared = {
             "most_pairs": state.most_pairs(n, reach, widest, planned),
             "bucket_rows": bucket_rows, "bucket_columns": bucket_columns, "bucket": side,
-            "needs": len(range(self.layout.size)[self.layout.slices.get("needs", slice(0))]),
         }  # fmt: skip
         self._true_params, self._true_kinds = self._limits  # of the bodies, where these are not what is planned
         if self.robots is not self._planned:
@@ -165,7 +163,7 @@ class Simulator(Portable):
                     records[name] = value
         self._waiting = np.zeros(b, dtype=np.int32)
         self._faults = np.zeros((b, 3), dtype=np.int32)
-        self._features = step.Features.of(self.config)
+        self._features = Features.of(self.config)
         self._sights = np.full((b, n, n), NOT_SEEN) if by_sight else None
         most, least = max(_MOST // n, 1), math.ceil(_LEAST / n)
         self._blocks = _parts(b, most)
@@ -179,33 +177,36 @@ class Simulator(Portable):
         self._zones = zones_of(self.grid, planned_config(self.config))
         self._scanners = None
         if self._sights is not None:
-            self._scanners = scanners_of(self.config.field_spec.scanner_rays, self._floor.edges)
-        self._compiled: _Code | None = None  # once the first step asks for it
+            self._scanners = scanners_of(RAYS, self._floor.edges)
+        self._compiled: Callable[..., tuple[int, int]] | None = None  # once the first step asks for it
+        self._scratches = Pool(self._make_scratch)
+        self._searches = Pool(lambda: search_scratch(self.num_agents, self.config.people, POSES))
         self._collect()
 
     def _collect(self) -> None:
         """Keep the kernels' arguments ready: collecting them takes longer than a small world's step."""
-        config = self.config
-        table = self._table() if config.sensor.predictions else None
-        seen = (
-            self._rays, table, self._weights, *self._floor.edges,
+        table = self._table() if self.config.sensor.predictions else None
+        shifts, deviation, people = self.dispatcher.shifts, self._deviation, self.people
+        self._worlds = Worlds(
+            self._planned, self.routes, self.arcs, self._commands, people.persons, people.ways,
+            None if shifts is None else shifts.limits, self._sights, deviation.bodies, deviation.errors, self._stamps,
+            self.steps, self.truncated, self.terminated, self._waiting, self._faults, self._paths, self._choices,
             self.observation, self.reward_terms, self.reward,
         )  # fmt: skip
-        persons, features = self.people.persons, self._features
-        shifts = self.dispatcher.shifts
-        self._advance_arguments = (
-            persons, self.people.ways, self.arcs, self._commands, self._stamps, self.steps, self.truncated,
-            self.terminated, self._waiting, self._faults, self._deviation.bodies, self._deviation.errors,
-            None if shifts is None else shifts.limits, *features, self._scanners, self._sights, self._zones,
-            *self._limits, self._true_params, self._true_kinds, self._floor,
+        self._setup = Setup(
+            self._features,
+            Equipment(self.layout.starts, self._rays, table, self._weights, self._scanners, self._zones),
+            Vehicles(*self._limits), Vehicles(self._true_params, self._true_kinds), self._floor,
         )  # fmt: skip
-        self._agree_arguments = (
-            persons, self.arcs, self._commands[0], self._paths, *self._limits, self._choices, self._floor,
-        )  # fmt: skip
-        self._room_arguments = (persons, self.arcs, self._paths, *self._limits, self._floor)
-        walking, stopping = features.walking, features.stopping
-        of_robots = self._true_params, self._true_kinds
-        self._observe_arguments = (persons, self._waiting, stopping, walking, *of_robots, *seen)
+
+    def _make_scratch(self) -> Scratch:
+        return make_scratch(self._setup, self.num_agents, self._decides)
+
+    def _at_hand(self) -> Worlds:
+        """Return the worlds' arrays; that of the routes is another one once a longer route has come."""
+        if self._worlds.routes is not self.dispatcher.routes:
+            self._worlds = self._worlds._replace(routes=self.dispatcher.routes)
+        return self._worlds
 
     def _table(self) -> NDArray[np.float32]:
         """Return what discrete actions mean to each kind of robots, float32[K, A, 2]."""
@@ -368,36 +369,40 @@ class Simulator(Portable):
         if self.dispatcher.shifts is not None:
             self.dispatcher.shifts.write_needs(self.observation, self.layout.slices["needs"])
 
-    def _code(self) -> _Code:
-        """Return the code of `advance` and of `observe` for the arguments at hand, whose types never change."""
+    def _run(self, begin: int, end: int, what: int, scratch: Scratch) -> tuple[int, int]:
+        """Call the kernel of the step, whose arguments never change their types."""
         if self._compiled is None:
-            arrays = (self._planned, self.routes)
-            self._compiled = (
-                compiled_for(step.advance, 0, 0, *arrays, *self._advance_arguments),
-                compiled_for(step.observe, 0, 0, False, *arrays, *self._observe_arguments),
-            )
-        return self._compiled
+            self._compiled = compiled_for(step.run, 0, 0, 0, self._worlds, self._setup, scratch)
+        return self._compiled(begin, end, what, self._at_hand(), self._setup, scratch)
 
     def _advance(self, begin: int, end: int) -> int:
         """Advance the worlds from `begin` to before `end`, and observe those without arrivals; return how many.
 
         Where all robots look for better routes, a world waits with its observation until they have done so.
         """
-        advance, observe = self._code()
-        where = (begin, end, self._planned, self.dispatcher.routes)
-        if self.config.right_of_way and agreement.agree(*where, *self._agree_arguments):
-            making_room.make_room(*where, *self._room_arguments, self._metrics)
-        arrivals, seeking = advance(*where, *self._advance_arguments)
+        worlds, setup, scratch = self._at_hand(), self._setup, self._scratches.take()
+        if self._decides and agreement.agree(begin, end, worlds, setup, scratch):
+            search = self._searches.take()
+            making_room.make_room(begin, end, self._search_worlds, self._paths, self._search_setup, search)
+            self._searches.give_back(search)
+        observe = 0 if self.dispatcher.all_look else step.OBSERVE
+        arrivals, seeking = self._run(begin, end, step.ADVANCE | observe, scratch)
         if seeking:
-            seek: Callable[..., None] = rejoin.seek if self._features.stopping is None else docking.seek
-            seek(*where, self.arcs, *self._limits, self._floor, self._metrics)
-        if not self.dispatcher.all_look:
-            observe(begin, end, False, self._planned, self.dispatcher.routes, *self._observe_arguments)
+            search = self._searches.take()
+            recovery.seek(begin, end, self._search_worlds, self._search_setup, search, self._features.stopping)
+            self._searches.give_back(search)
+            if observe:
+                self._run(begin, end, observe, scratch)
+        self._scratches.give_back(scratch)
         return arrivals
 
     @property
-    def _metrics(self) -> NDArray[np.float32]:
-        return turning_metrics(self._every_kind)
+    def _search_worlds(self) -> recovery.SearchWorlds:
+        return recovery.SearchWorlds(self._planned, self.dispatcher.routes, self.people.persons, self.arcs)
+
+    @property
+    def _search_setup(self) -> recovery.SearchSetup:
+        return recovery.SearchSetup(*self._limits, turning_metrics(self._every_kind), self._floor)
 
     def _many(self) -> bool:
         return self.num_worlds > 1 and self.num_worlds * self.num_agents >= PARALLEL_FROM and get_num_threads() > 1
@@ -413,8 +418,9 @@ class Simulator(Portable):
         self._tell_needs()
 
     def _observe_waiting(self, begin: int, end: int) -> int:
-        _, observe = self._code()
-        observe(begin, end, True, self._planned, self.routes, *self._observe_arguments)
+        scratch = self._scratches.take()
+        self._run(begin, end, step.OBSERVE_WAITING, scratch)
+        self._scratches.give_back(scratch)
         return 0
 
     def episode_metrics(self, world: int = 0) -> dict[str, float]:

@@ -98,10 +98,9 @@ PARAMETERS = np.dtype(
         ("cell", F), ("lidar_range", F), ("rays", I), ("neighbours", I), ("route_points", I), ("route_spacing", F),
         ("predictions", B),
         ("most_pairs", I), ("bucket", F), ("bucket_rows", I), ("bucket_columns", I),  # [m]; set by the Simulator
-        ("needs", I),  # length of the last slice of an observation, which shifts write; so set, too
         ("right_of_way", B), ("right_of_way_after", F),  # [s]
         ("field", B), ("field_margin", F), ("stop_samples", I), ("swing", F), ("far", F), ("field_range", F),
-        ("reel", F), ("unseen_speed", F),  # fastest point by speed, at most; [m/s]
+        ("reel", F),  # fastest point by speed, at most
         ("action_type", I), ("one_shot", B), ("collision_ends", B), ("max_steps", np.int64),
     ],
     align=True,
@@ -141,7 +140,7 @@ def every_kind(config: EnvConfig, cell: float, bodies: Sequence[RobotSpec] | Non
 
 def _parameters_of_one(config: EnvConfig, robot: RobotSpec, cell: float) -> NDArray[Any]:
     """Return PARAMETERS[1] of a kind of robots, as if all were of it."""
-    sensor = config.sensor
+    sensor, traffic = config.sensor, config.traffic_spec
     p = np.zeros(1, dtype=PARAMETERS)
     half_length, half_width = robot.length / 2, robot.width / 2
     radius = float(np.hypot(half_length, half_width))
@@ -171,12 +170,12 @@ def _parameters_of_one(config: EnvConfig, robot: RobotSpec, cell: float) -> NDAr
         "cell": cell, "lidar_range": sensor.lidar_range, "rays": sensor.rays, "neighbours": sensor.neighbours,
         "route_points": sensor.route_points, "route_spacing": sensor.route_spacing,
         "predictions": sensor.predictions,
-        "right_of_way": config.right_of_way, "right_of_way_after": config.right_of_way_after,
-        "field": config.protective_field is not False, "field_margin": config.field_margin,
-        "reel": reel, "unseen_speed": config.field_spec.unseen_speed,
+        "right_of_way": traffic.right_of_way, "right_of_way_after": traffic.right_of_way_after,
+        "field": traffic.shield is not False, "field_margin": traffic.margin,
+        "reel": reel,
         "stop_samples": _stop_samples(config, robot), "swing": wide,
         "far": far,
-        "field_range": 2 * (radius + stride + wide * stop) + config.field_margin,
+        "field_range": 2 * (radius + stride + wide * stop) + traffic.margin,
         "action_type": ACTION_TYPES.index(config.action_type), "one_shot": config.tasks == "one_shot",
         "collision_ends": config.terminate_on_collision, "max_steps": config.max_steps,
     }  # fmt: skip
@@ -187,7 +186,9 @@ def _parameters_of_one(config: EnvConfig, robot: RobotSpec, cell: float) -> NDAr
 
 def latency_steps(config: EnvConfig) -> int:
     """Return the physics steps from when a robot says what it will do until it does it."""
-    return math.ceil(config.field_spec.latency / config.time_step - 1e-9) if config.protective_field is True else 0
+    if config.traffic_spec.shield is not True:
+        return 0
+    return math.ceil(config.uncertainty_spec.bounds.latency / config.time_step - 1e-9)
 
 
 def stop_samples(config: EnvConfig) -> int:

@@ -1,25 +1,20 @@
-"""The batched step: `advance` commands, moves, judges contacts and goes on along the routes; `observe` looks.
+"""The batched step: `run` advances worlds, which commands, moves, judges contacts and goes on along the routes, and
+observes them.
 
-With right of way, `agree` (agreement.py) goes before, and `make_room` (making_room.py) where rings are to be dissolved;
-`seek` (rejoin.py) follows where robots seek a manoeuvre. They are five, not one, since a kernel is compiled again in
-whatever calls it. Each does one world after another; for all threads, the Simulator hands out parts of the worlds.
+With right of way, `agree` (traffic/agreement.py) goes before, and `make_room` (traffic/making_room.py) where wait
+cycles are to be resolved; `seek` (traffic/recovery.py) follows where robots seek a manoeuvre. They are kernels of their
+own since few runs need them. Each does one world after another; the Simulator hands parts of the worlds to threads.
 
-What a config has not is not compiled: `Features` are True or None, and Numba leaves out what is done `if walking is not
-None`, say, where that is None.
+What a config has not is not compiled: see worlds.py.
 """
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
-
 import numpy as np
 
-from warehouse_env.config import EnvConfig
 from warehouse_env.kernel import inline, kernel
-from warehouse_env.observation import EGO, FIELD, GOAL, NEIGHBOUR
 from warehouse_env.simulation.driver import arrival, line, tracking
 from warehouse_env.simulation.physics import buckets, contact, contact_episodes, deviation, people, zones
-from warehouse_env.simulation.physics.edges import Edges
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.kinematics import approach, braking
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
@@ -28,27 +23,8 @@ from warehouse_env.simulation.senses.rewards import write_terms
 from warehouse_env.simulation.state import GAP_HORIZON, NOBODY
 from warehouse_env.simulation.traffic import audit, by_sight, field, right_of_way, waits
 
+ADVANCE, OBSERVE, OBSERVE_WAITING = 1, 2, 4
 _HORIZON = np.float32(GAP_HORIZON)
-
-
-class Features(NamedTuple):
-    """What a config has: True, or None where it has not."""
-
-    followed: Literal[True] | None  # actions are commands to the path follower, not raw
-    stopping: Literal[True] | None  # robots arrive at their goals when they stand there (driver/arrival.py)
-    walking: Literal[True] | None  # people
-    guarded: Literal[True] | None  # the protective field
-    checked: Literal[True] | None  # and looked for faults (audit.py)
-    erring: Literal[True] | None  # bodies that are not quite where their robots have planned to be (deviation.py)
-
-    @classmethod
-    def of(cls, config: EnvConfig) -> Features:
-        """Return the features of a config."""
-        field = config.protective_field
-        checked = field and audit.is_wanted()
-        stopping = config.arrival != "pass"
-        has = (config.action_type != "raw", stopping, config.people > 0, field, checked, deviation.errs(config))
-        return cls(*(True if one else None for one in has))
 
 
 @inline
@@ -71,12 +47,22 @@ def _begin(r):
 
 
 @inline
-def _take_raw(r, acceleration, steer_rate, p):
-    """Return a raw command [m/s^2], [rad/s] as it is, of a robot that is not parked."""
+def _take_raw(at, r, acceleration, steer_rate, limits, p):
+    """Return a raw command [m/s^2], [rad/s] of a robot that is not parked: as it is, or as its load lets it speed up.
+
+    at: (world, robot); limits: see _command.
+    """
     if r["alive"] == 0:
-        return braking(r["speed"], p), ZERO
-    r["target_speed"] = r["speed"] + acceleration * p["time_step"]
-    r["target_steer"] = r["steer"] + steer_rate * p["time_step"]
+        acceleration, steer_rate = braking(r["speed"], p), ZERO
+    else:
+        r["target_speed"] = r["speed"] + acceleration * p["time_step"]
+        r["target_steer"] = r["steer"] + steer_rate * p["time_step"]
+    if limits is not None:
+        own, speed = limits[at], r["speed"]
+        most = own["max_acceleration"]
+        if speed * acceleration >= ZERO:
+            fastest = max((own["max_speed"] - speed) / own["time_step"], ZERO)
+            acceleration = min(max(acceleration, -most), min(most, fastest))
     return acceleration, steer_rate
 
 
@@ -92,16 +78,6 @@ def _follow(r, route, arcs, first, second, stopping, p, floor):
     next_speed = approach(r["speed"], r["target_speed"], p["max_acceleration"] * dt)
     next_steer = approach(r["steer"], r["target_steer"], p["max_steer_rate"] * dt)
     return (next_speed - r["speed"]) / dt, (next_steer - r["steer"]) / dt
-
-
-@inline
-def _slowed(r, acceleration, own):
-    """Return a raw acceleration [m/s^2] that speeds a robot up no more than its load lets it."""
-    speed, most = r["speed"], own["max_acceleration"]
-    if speed * acceleration < ZERO:
-        return acceleration
-    fastest = max((own["max_speed"] - speed) / own["time_step"], ZERO)
-    return min(max(acceleration, -most), min(most, fastest))
 
 
 @inline
@@ -148,18 +124,10 @@ def _total(r, p):
         _park(r, p)
 
 
-@kernel
-def _sights(p):
-    """Return scratch of sensing.py and prediction.py: turned float32[TURNED, R], legs and path."""
-    turned = np.empty((sensing.TURNED, p["rays"]), np.float32)
-    legs = np.empty((prediction.LEGS, p["route_points"]), np.float32)
-    return turned, legs, np.empty(prediction.PATH, np.float32)
-
-
 @inline
-def _move(robots, persons, near, motions, walking, guarded, p, kinds, floor):
+def _move(robots, persons, near, motions, walking, guarded, vehicles, floor):
     """Carry out the motions of one physics step, but for those that would end in a shelf, a person or another robot."""
-    pairs, motion, flags, lanes = motions
+    (p, kinds), (pairs, motion, flags, lanes) = vehicles, motions
     for _ in range(p["substeps"]):
         contact.try_motion(motion, flags, lanes, p, kinds)
         contact.keep_off_shelves(robots, motion, flags, guarded, p, kinds, floor)
@@ -170,187 +138,249 @@ def _move(robots, persons, near, motions, walking, guarded, p, kinds, floor):
 
 
 @inline
-def _choose(
-    robots, persons, routes, arcs, commands, limits, places, motions, guards, followed, stopping, walking, guarded,
-    scanners, sights, looks, slow, p, kinds, floor,
-):  # fmt: skip
-    """Choose each robot's motion of one physics step.
-
-    limits PARAMETERS[N]: of each robot under its load, None where nobody carries any; kinds: without it (kinds.py);
-    scanners, sights float32[N, N], looks: None without them; see scanners.py and by_sight.py; slow: zones.Zones, None
-    without them.
-    """
-    _, motion, _, _ = motions
-    for i in range(robots.shape[0]):
-        first, second, unladen = commands[i, 0], commands[i, 1], kind_of(i, p, kinds)
-        if slow is not None:
-            most = zones.most_speed(robots[i], slow, unladen)
-            if followed is not None:
-                first = min(max(first, -most), most)
-        if followed is not None:
-            own = unladen if limits is None else limits[i]
-            first, second = _follow(robots[i], routes[i], arcs[i], first, second, stopping, own, floor)
-        else:
-            first, second = _take_raw(robots[i], first, second, unladen)
-            if limits is not None:
-                first = _slowed(robots[i], first, limits[i])
-        if slow is not None:
-            first = zones.keep_under(robots[i], first, most, unladen)
-        contact.load(robots, i, first, second, unladen, floor, motion)
-    if scanners is not None:
-        by_sight.guard(robots, persons, motion, guards, places, sights, looks, walking, p, floor, scanners)
-    elif guarded is not None:
-        field.guard(robots, persons, motion, guards, places, walking, p, kinds, floor)
+def _most_speed(r, masks, p):
+    """Return the speed [m/s] that the zones of the floor let a robot drive."""
+    return np.float32(np.inf) if masks is None else zones.most_speed(r, masks, p)
 
 
 @inline
-def _carry_out(
-    robots, persons, actual, errors, near, motions, own, walking, guarded, erring, p, kinds, true, true_kinds, floor,
-):  # fmt: skip
-    """Carry out the motions chosen, with bodies that err as well as they can.
+def _command(at, worlds, command, most, limits, followed, stopping, p_and_floor):
+    """Return (acceleration [m/s^2], steering rate [rad/s]) of robot i of world b, at = (b, i), for a physics step.
 
-    near: the number of pairs that may meet; actual BODY[N], errors, own, true, true_kinds: see deviation.py.
+    limits PARAMETERS[B, N]: of robots under loads, None where nobody carries any.
     """
-    pairs, motion, flags, lanes = motions
+    (b, i), (first, second), (p, floor) = at, command, p_and_floor
+    r = worlds.robots[b, i]
+    if followed is None:
+        return _take_raw(at, r, first, second, limits, p)
+    own = p
+    if limits is not None:
+        own = limits[b, i]
+    first = min(max(first, -most), most)
+    return _follow(r, worlds.routes[b, i], worlds.arcs[b, i], first, second, stopping, own, floor)
+
+
+@inline
+def _keep_under(r, acceleration, most, masks, p):
+    """Return an acceleration [m/s^2] with which a robot keeps under the speed that zones allow."""
+    return acceleration if masks is None else zones.keep_under(r, acceleration, most, p)
+
+
+@inline
+def _guard(worlds, b, scratch, guarded, walking, scanners, vehicles, floor):
+    """Let the protective field of world b replace motions from which robots could not stop clear of others."""
+    (p, kinds), robots, persons = vehicles, worlds.robots[b], worlds.persons[b]
+    if scanners is not None:
+        by_sight.guard(robots, persons, worlds.sights[b], scratch, walking, p, floor, scanners)
+    elif guarded is not None:
+        field.guard(robots, persons, scratch, walking, p, kinds, floor)
+
+
+@inline
+def _choose(worlds, b, commands, setup, scratch):
+    """Choose the motion of each robot of world b for one physics step; commands: those in force, float32[N, 2].
+
+    Robots under loads have limits of their own, but contact and field count on those without.
+    """
+    features, (params, kinds), masks, floor = setup.features, setup.planned, setup.equipment.zones, setup.floor
+    p, robots, motion = params[0], worlds.robots[b], scratch.motions[1]
+    for i in range(robots.shape[0]):
+        r, own, command = robots[i], kind_of(i, p, kinds), (commands[i, 0], commands[i, 1])
+        most = _most_speed(r, masks, own)
+        first, second = _command(
+            (b, i), worlds, command, most, worlds.limits, features.followed, features.stopping, (own, floor)
+        )
+        first = _keep_under(r, first, most, masks, own)
+        contact.load(robots, i, first, second, own, floor, motion)
+    scanners = setup.equipment.scanners
+    _guard(worlds, b, scratch, features.guarded, features.walking, scanners, (p, kinds), floor)
+
+
+@inline
+def _move_as_planned(worlds, b, scratch, guarded, walking, erring, vehicles, floor):
+    """Carry out the motions chosen in world b with bodies that are where their robots have planned to be."""
     if erring is None:
-        _move(robots, persons, near, motions, walking, guarded, p, kinds, floor)
-        contact.store(robots, motion)
-    else:
+        robots = worlds.robots[b]
+        _move(robots, worlds.persons[b], scratch.near[0], scratch.motions, walking, guarded, vehicles, floor)
+        contact.store(robots, scratch.motions[1])
+
+
+@inline
+def _move_as_can(worlds, at, scratch, guarded, walking, erring, vehicles, floor):
+    """Carry out the motions chosen in world b, at = (b, physics step of the env step), with bodies that err.
+
+    vehicles: (p, kinds) of the robots planned, and of the bodies (deviation.py).
+    """
+    if erring is not None:
+        (b, repeat), ((p, kinds), true) = at, vehicles
+        true_p, true_kinds = true
+        pairs, motion, flags, lanes = scratch.motions
+        robots, actual, errors, own = worlds.robots[b], worlds.actual[b], worlds.errors[b, repeat], scratch.own
         deviation.plan(motion, flags, lanes, p, kinds)
-        deviation.load(robots, actual, motion, errors, own, true, true_kinds, floor)
-        _move(robots, persons, near, (pairs, own, flags, lanes), walking, None, true, true_kinds, floor)
-        deviation.store(robots, actual, motion, errors, own, guarded, true, true_kinds)
+        deviation.load(robots, actual, motion, errors, own, true_p, true_kinds, floor)
+        _move(robots, worlds.persons[b], scratch.near[0], (pairs, own, flags, lanes), walking, None, true, floor)
+        deviation.store(robots, actual, motion, errors, own, guarded, true_p, true_kinds)
+
+
+@inline
+def _walk(persons, ways, robots, walking, vehicles, floor):
+    """Let the people of a world walk for a physics step."""
+    if walking is not None:
+        p, kinds = vehicles
+        people.walk(persons, ways, robots, p, kinds, floor)
+
+
+@inline
+def _end_person_contacts(robots, persons, walking, vehicles):
+    """End the contacts of robots with people who are clear again."""
+    if walking is not None:
+        p, kinds = vehicles
+        people.end_contacts(robots, persons, p, kinds)
+
+
+@inline
+def _check(worlds, b, clock, checked, vehicles, floor):
+    """Look for robots of world b that cannot stop clear any more (audit.py)."""
+    if checked is not None:
+        p, kinds = vehicles
+        audit.find_fault(worlds.robots[b], worlds.persons[b], clock, p, kinds, floor, worlds.faults[b])
+
+
+@inline
+def _settle(robots, guarded):
+    """Note how each robot stands with the protective field after its motion."""
     if guarded is not None:
         field.settle(robots)
 
 
 @inline
-def _observe_world(
-    robots, persons, routes, places, sights, stopping, walking, p, kinds, rays, table, weights, edges, seen, first, out,
-    terms, reward,
-):  # fmt: skip
-    """Write observations, reward terms and rewards of one world."""
-    order, starts, bodies = places
-    turned, legs, path = sights
-    ego = p["rays"]
-    route = ego + EGO
-    near = route + 2 * p["route_points"]
-    buckets.sort(robots, p, kinds, starts, order, bodies)
-    for n in range(robots.shape[0]):
-        i = order[n]
-        r, own = robots[i], kind_of(i, p, kinds)
-        row = out[i]
-        cx, cy = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n]
-        sensing.scan_shelves((cx, cy, r["cos"], r["sin"]), own, Edges(edges, seen, first), rays, turned, row)
-        sensing.look_around(n, places, own, kinds, rays, row, near)
-        if walking is not None:
-            people.scan_people(persons, cx, cy, r["cos"], r["sin"], rays, row)
-        sensing.write_neighbours(n, bodies, own, row, near)
-        for k in range(p["rays"]):
-            row[k] = ONE / (ONE + row[k])
-        sensing.write_ego_and_route(r, routes[i], own, row, ego)
-        if table is not None:
-            slices = ego, route, near, near + NEIGHBOUR * p["neighbours"]
-            prediction.write_predictions(row, slices, table[own["kind"]], legs, path, own)
-        end = row.shape[0] - p["needs"]
-        if stopping is not None:
-            end -= GOAL
-            arrival.observe(r, own, row, end)
-        if p["field"] != 0:
-            field.observe(r, own, row, end - FIELD)
-        reward[i] = write_terms(r, own, weights, terms[i])
+def _count_step(worlds, b, p):
+    """Count the env step of world b, and say which of its robots it ended."""
+    worlds.steps[b] += 1
+    worlds.truncated[b] = worlds.steps[b] >= p["max_steps"]
+    if p["one_shot"] != 0 or p["collision_ends"] != 0:
+        for i in range(worlds.robots.shape[1]):
+            worlds.terminated[b, i] = worlds.robots[b, i]["alive"] == 0
 
 
 @inline
-def _count_step(robots, steps, b, truncated, terminated, p):
-    """Count the env step of world b, and say which of its robots it ended."""
-    steps[b] += 1
-    truncated[b] = steps[b] >= p["max_steps"]
-    if p["one_shot"] != 0 or p["collision_ends"] != 0:
-        for i in range(robots.shape[0]):
-            terminated[b, i] = robots[i]["alive"] == 0
+def _step(worlds, at, setup, scratch):
+    """Advance world b by a physics step; at: (b, which one of the env step it is)."""
+    (b, repeat), features, floor, (order, starts, bodies) = at, setup.features, setup.floor, scratch.places
+    planned, true = (setup.planned.shared[0], setup.planned.kinds), (setup.bodies.shared[0], setup.bodies.kinds)
+    (p, kinds), pairs, walking, guarded = planned, scratch.motions[0], features.walking, features.guarded
+    robots, persons, clock = worlds.robots[b], worlds.persons[b], worlds.steps[b] * p["repeat"] + 1 + repeat
+    buckets.sort(robots, p, kinds, starts, order, bodies)
+    scratch.near[0] = contact.list_pairs(bodies, order, starts, p, pairs)
+    said = max(p["latency"] - repeat + p["repeat"] - 1, 0) // p["repeat"]  # env steps ago
+    _choose(worlds, b, worlds.commands[said, b], setup, scratch)
+    _move_as_planned(worlds, b, scratch, guarded, walking, features.erring, planned, floor)
+    _move_as_can(worlds, at, scratch, guarded, walking, features.erring, (planned, true), floor)
+    _settle(robots, guarded)
+    _walk(persons, worlds.ways[b], robots, walking, planned, floor)
+    _check(worlds, b, clock, features.checked, planned, floor)
+    contact_episodes.judge_pairs(robots, scratch.own, pairs, scratch.near[0], worlds.stamps[b], clock, *true)
+    contact_episodes.end_shelf_contacts(robots, *true, floor)
+    _end_person_contacts(robots, persons, walking, planned)
+    for i in range(robots.shape[0]):
+        worlds.waiting[b] += _end(robots[i], worlds.routes[b, i], features.stopping, p)
 
 
-@kernel
-def advance(
-    begin, end, robots, routes, persons, ways, arcs, commands, stamps, steps, truncated, terminated, waiting, faults,
-    actual, errors, limits, followed, stopping, walking, guarded, checked, erring, scanners, sights, slow, params,
-    kinds, true_params, true_kinds, floor,
-):  # fmt: skip
-    """Move the worlds from `begin` to before `end` on by one env step; return (arrivals, robots that seek a manoeuvre).
+@inline
+def _rank(robots, guarded, order):
+    """Write the order in which robots commit to motions under the field."""
+    if guarded is not None:
+        right_of_way.rank(robots, order)
 
-    robots ROBOT[B, N]; routes float32[B, N, R, 2] [m]; persons, ways: see people.People; arcs float32[B, N,
-    ARCS, 2]: their manoeuvres (manoeuvre.py); commands float32[S, B, N, 2], the latest first: speed [m/s] and offset
-    [m], or raw acceleration and steering rate; stamps int32[B, N, K, 2]; steps int64[B] since the reset, truncated
-    bool[B], terminated bool[B, N];
-    waiting int32[B]: the arrivals of each world, whose observation waits until the Simulator has given out new tasks;
-    faults int32[B, 3]: see audit.find_fault; actual BODY[B, N], errors, true_params, true_kinds: see deviation.py;
-    limits PARAMETERS[B, N]: of robots under loads (loads.py), None where nobody carries any; kinds PARAMETERS[N]: of
-    robots of several kinds, else None (kinds.py); followed to erring: see Features; scanners, sights float32[B, N, N]:
-    see scanners.py and by_sight.py, slow: zones.Zones, None without them.
-    """
-    p, true = params[0], true_params[0]
-    arrivals, seeking, count = 0, 0, robots.shape[1]
-    places, motions, guards = buckets.scratch(count, p), contact.scratch(count, p), field.scratch(count, p)
-    looks = None if scanners is None else by_sight.scratch(count, scanners)
-    order, starts, bodies = places
-    pairs, moved, _, _ = motions
-    own = moved if erring is None else np.empty_like(moved)
+
+@inline
+def _advance(begin, end, worlds, setup, scratch):
+    """Move worlds on by one env step; return (arrivals, robots that seek a manoeuvre)."""
+    p, guarded = setup.planned.shared[0], setup.features.guarded
+    arrivals, seeking, count = 0, 0, worlds.robots.shape[1]
     for b in range(begin, end):
-        waiting[b] = 0
-        if guarded is not None:
-            right_of_way.rank(robots[b], guards[3])
+        worlds.waiting[b] = 0
+        _rank(worlds.robots[b], guarded, scratch.guards[3])
         for i in range(count):
-            _begin(robots[b, i])
+            _begin(worlds.robots[b, i])
         for repeat in range(p["repeat"]):
-            clock = steps[b] * p["repeat"] + 1 + repeat
-            buckets.sort(robots[b], p, kinds, starts, order, bodies)
-            near = contact.list_pairs(bodies, order, starts, p, pairs)
-            said = max(p["latency"] - repeat + p["repeat"] - 1, 0) // p["repeat"]  # env steps ago
-            _choose(
-                robots[b], persons[b], routes[b], arcs[b], commands[said, b], None if limits is None else limits[b],
-                places, motions, guards, followed, stopping, walking, guarded, scanners,
-                None if scanners is None else sights[b], looks, slow, p, kinds, floor,
-            )  # fmt: skip
-            _carry_out(
-                robots[b], persons[b], actual[b], errors[b, repeat], near, motions, own, walking, guarded, erring, p,
-                kinds, true, true_kinds, floor,
-            )  # fmt: skip
-            if walking is not None:
-                people.walk(persons[b], ways[b], robots[b], p, kinds, floor)
-            if checked is not None:
-                audit.find_fault(robots[b], persons[b], clock, p, kinds, floor, faults[b])
-            contact_episodes.judge_pairs(robots[b], own, pairs, near, stamps[b], clock, true, true_kinds)
-            contact_episodes.end_shelf_contacts(robots[b], true, true_kinds, floor)
-            if walking is not None:
-                people.end_contacts(robots[b], persons[b], p, kinds)
-            for i in range(count):
-                waiting[b] += _end(robots[b, i], routes[b, i], stopping, p)
+            _step(worlds, (b, repeat), setup, scratch)
         for i in range(count):
-            _total(robots[b, i], p)
-            seeking += robots[b, i]["seeks"] != 0
-        _count_step(robots[b], steps, b, truncated, terminated, p)
-        arrivals += waiting[b]
+            _total(worlds.robots[b, i], p)
+            seeking += worlds.robots[b, i]["seeks"] != 0
+        _count_step(worlds, b, p)
+        arrivals += worlds.waiting[b]
     return arrivals, seeking
 
 
-@kernel
-def observe(
-    begin, end, late, robots, routes, persons, waiting, stopping, walking, params, kinds, rays, table, weights, edges,
-    seen, first, out, terms, reward,
-):  # fmt: skip
-    """Write observations, rewards and their terms of the worlds from `begin` to before `end`: those that are `waiting`
-    if `late`, which then are no more, else all others.
+@inline
+def _see_people(r, centre, persons, walking, rays, row):
+    """Shorten rays that end at people."""
+    if walking is not None:
+        x, y = centre
+        people.scan_people(persons, x, y, r["cos"], r["sin"], rays, row)
 
-    table: of the discrete actions of each kind of robots, for predictions, or None; rays, weights, edges, seen, first:
-    see the Simulator; out: observations float32[B, N, D]; terms float32[B, N, T]; reward float32[B, N].
+
+@inline
+def _predict(row, starts, table, sights, p):
+    """Write the predictions, where a config has them."""
+    if table is not None:
+        _, legs, path = sights
+        prediction.write_predictions(row, starts, table[p["kind"]], legs, path, p)
+
+
+@inline
+def _observe_field(r, p, row, start):
+    """Write how the protective field has held a robot, where there is one."""
+    if start is not None:
+        field.observe(r, p, row, start)
+
+
+@inline
+def _observe_goal(r, p, row, start):
+    """Write what is left to the goal's pose, where robots stop at goals."""
+    if start is not None:
+        arrival.observe(r, p, row, start)
+
+
+@inline
+def _observe_world(worlds, b, setup, scratch):
+    """Write observations, reward terms and rewards of world b."""
+    (params, kinds), equipment, (order, begins, bodies) = setup.bodies, setup.equipment, scratch.places
+    p, robots, rays, starts = params[0], worlds.robots[b], equipment.rays, equipment.starts
+    near = starts.neighbours
+    buckets.sort(robots, p, kinds, begins, order, bodies)
+    for n in range(robots.shape[0]):
+        i = order[n]
+        r, own, row = robots[i], kind_of(i, p, kinds), worlds.observation[b, i]
+        cx, cy = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n]
+        sensing.scan_shelves((cx, cy, r["cos"], r["sin"]), own, setup.floor.edges, rays, scratch.sights[0], row)
+        sensing.look_around(n, scratch.places, own, kinds, rays, row, near)
+        _see_people(r, (cx, cy), worlds.persons[b], setup.features.walking, rays, row)
+        sensing.write_neighbours(n, bodies, own, row, near)
+        for k in range(p["rays"]):
+            row[k] = ONE / (ONE + row[k])
+        sensing.write_ego_and_route(r, worlds.routes[b, i], own, row, starts.ego, starts.route)
+        _predict(row, starts, equipment.table, scratch.sights, own)
+        _observe_field(r, own, row, starts.field)
+        _observe_goal(r, own, row, starts.goal)
+        worlds.reward[b, i] = write_terms(r, own, equipment.weights, worlds.terms[b, i])
+
+
+@kernel
+def run(begin, end, what, worlds, setup, scratch):
+    """Do `what` with the worlds from `begin` to before `end`; return (arrivals, robots that seek a manoeuvre).
+
+    what: ADVANCE by one env step; then OBSERVE, that is write observations, rewards and their terms of the worlds that
+    are not `waiting`, unless a robot seeks a manoeuvre; or OBSERVE_WAITING, which then are no more. worlds, setup,
+    scratch: see worlds.py. One kernel does all, since to unpack these takes as long as to step a robot.
     """
-    p = params[0]
-    places, sights = buckets.scratch(robots.shape[1], p), _sights(p)
-    for b in range(begin, end):
-        if (waiting[b] != 0) == late:
-            waiting[b] = 0
-            _observe_world(
-                robots[b], persons[b], routes[b], places, sights, stopping, walking, p, kinds, rays, table, weights,
-                edges, seen, first, out[b], terms[b], reward[b],
-            )  # fmt: skip
+    arrivals, seeking = 0, 0
+    if what & ADVANCE:
+        arrivals, seeking = _advance(begin, end, worlds, setup, scratch)
+    if what & (OBSERVE | OBSERVE_WAITING) and seeking == 0:
+        for b in range(begin, end):
+            if (worlds.waiting[b] != 0) == (what == OBSERVE_WAITING):
+                worlds.waiting[b] = 0
+                _observe_world(worlds, b, setup, scratch)
+    return arrivals, seeking

@@ -15,6 +15,7 @@ from warehouse_env.simulation.physics.kinematics import approach
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import parameters_of
 from warehouse_env.simulation.tasks.assignment import Assignment
+from warehouse_env.traffic_spec import TrafficSpec
 
 START = Assignment([(2.5, 5.5, 0.0)], [(6, 9)])
 
@@ -78,7 +79,10 @@ def test_who_brakes_before_an_end_stands_there_and_never_beyond(way: float, spee
 
 
 def test_the_observation_tells_the_goal_where_robots_stop_and_is_the_same_before_it() -> None:
-    passing, stopping = EnvConfig(protective_field=True), EnvConfig(protective_field=True, arrival="stop")
+    passing, stopping = (
+        EnvConfig(traffic=TrafficSpec(shield=True)),
+        EnvConfig(traffic=TrafficSpec(shield=True), arrival="stop"),
+    )
     one, two = observation_layout(passing), observation_layout(stopping)
     assert two.size == one.size + GOAL
     assert {name: two.slices[name] for name in one.slices} == one.slices

@@ -11,13 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from tests.simulation.driver.test_manoeuvre import SCRATCH, around, query
 from tests.simulation.worlds import drawn, plain_python, room
 from warehouse_env.config import EnvConfig, RobotSpec
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.simulation.driver.bodies import BODY
-from warehouse_env.simulation.driver.manoeuvre import ARCS, MOST, search_exact
-from warehouse_env.simulation.driver.shots import MOST_ARCS, shoot
-from warehouse_env.simulation.driver.turning import turning_metric
+from warehouse_env.simulation.driver.manoeuvre import ARCS, search_once
+from warehouse_env.simulation.driver.shots import shoot
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import body_of
@@ -27,7 +26,6 @@ from warehouse_env.simulation.tasks.assignment import Assignment
 
 ROBOT = EnvConfig().robot
 PARAMETERS = parameters_of(EnvConfig(), 1.0)
-NOBODY = np.zeros((0, BODY), np.float32)
 WALL = drawn(["......", ".####.", "......", "......"])
 Pose = tuple[float, float, float]
 
@@ -49,13 +47,11 @@ def driven(pose: Pose, arcs: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 def shot(grid: GridMap, start: Pose, goal: Pose) -> NDArray[np.float32] | None:
-    floor, arcs = floor_of(grid, 1.0), np.zeros((MOST_ARCS, 2), np.float32)
-    x, y, heading = (np.float32(value) for value in start)
+    asked, arcs = query(start, np.array([(*goal, 0.0)], np.float32), around(grid), exact=True), SCRATCH.shot
     count, _ = shoot(
-        x, y, heading, np.float32(0.0), np.array([(*goal, 0.0)], np.float32), np.float32(0.03), np.float32(np.inf),
-        NOBODY, np.empty(0, np.float32), PARAMETERS[0], floor, arcs,
+        asked.pose, asked.steer, asked.near, np.float32(0.03), np.float32(np.inf), asked.around, arcs
     )  # fmt: skip
-    return arcs[:count] if count >= 0 else None
+    return arcs[:count].copy() if count >= 0 else None
 
 
 def ends_at(poses: NDArray[np.float64], goal: Pose) -> None:
@@ -88,11 +84,8 @@ def test_the_search_leads_round_the_wall_and_ends_exactly() -> None:
     grid = drawn(["......", "......", ".###..", "......", "......"])
     assert shot(grid, (2.5, 1.2, 0.0), (2.5, 3.8, 0.0)) is None
     floor, arcs = floor_of(grid, 1.0), np.zeros((ARCS, 2), np.float32)
-    x, y, heading = (np.float32(value) for value in start)
-    count = search_exact(
-        x, y, heading, np.float32(0.0), np.array([(*goal, 0.0)], np.float32), NOBODY, 1, MOST, PARAMETERS[0],
-        floor, turning_metric(PARAMETERS), arcs,
-    )  # fmt: skip
+    asked = query(start, np.array([(*goal, 0.0)], np.float32), around(grid), exact=True)
+    count = search_once(asked, asked.near, 1, arcs, True)
     assert count > 0
     poses = driven(start, arcs[:count])
     ends_at(poses, goal)

@@ -14,21 +14,62 @@ from numpy.typing import NDArray
 from tests.simulation.worlds import drawn, room
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.simulation.driver import manoeuvre
-from warehouse_env.simulation.driver.bodies import BODY
-from warehouse_env.simulation.driver.manoeuvre import ARCS, MOST, search
+from warehouse_env.simulation.driver.bodies import Surroundings
+from warehouse_env.simulation.driver.manoeuvre import (
+    ARCS,
+    CUT_OFF,
+    EXACTLY,
+    FAR_OFF,
+    OFF,
+    ROUGHLY,
+    TRIES,
+    Query,
+    put_goal,
+    search,
+    search_once,
+)
+from warehouse_env.simulation.driver.scratch import BODY, GOAL, MOST, Scratch, make_scratch
 from warehouse_env.simulation.driver.turning import turning_metric
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
-from warehouse_env.simulation.physics.geometry import Rectangle, rectangles_touch, separation
+from warehouse_env.simulation.physics.geometry import Rectangle, pose_at, rectangles_touch, separation
 from warehouse_env.simulation.state import parameters_of
+from warehouse_env.traffic_spec import TrafficSpec
 
 ROBOT = EnvConfig().robot
 PARAMETERS = parameters_of(EnvConfig(), 1.0)
 NOBODY = np.zeros((0, BODY), dtype=np.float32)
-NOWHERE = NOBODY
+NOWHERE = np.zeros((0, 4), dtype=np.float32)
+SCRATCH = make_scratch(1)
 NEAR = 0.005  # [m]
 AISLE = drawn(["#" * 12, "." * 12, "." * 12, "#" * 12])  # two cells wide, from y = 1 to y = 3
+
+
+def around(
+    grid: GridMap,
+    avoid: NDArray[np.float32] = NOBODY,
+    bodies: NDArray[np.float32] = NOBODY,
+    parameters: NDArray[np.void] = PARAMETERS,
+) -> Surroundings:
+    rooms = np.empty(len(bodies), np.float32)
+    return Surroundings(bodies, rooms, avoid, floor_of(grid), turning_metric(parameters), parameters[0])
+
+
+def query(
+    pose: tuple[float, float, float],
+    goals: NDArray[np.float32],
+    surroundings: Surroundings,
+    most: int = MOST,
+    exact: bool = False,
+    scratch: Scratch = SCRATCH,
+) -> Query:
+    """What is searched from a pose; goals float32[K, 4]: poses, and the seconds from there on; none: to make room."""
+    near = np.empty((len(goals), GOAL), np.float32)
+    for k, goal in enumerate(goals):
+        put_goal(near, k, *goal)
+    kind = EXACTLY if exact else ROUGHLY if len(goals) else FAR_OFF if most == MOST else OFF
+    start = pose_at(*(np.float32(value) for value in pose))
+    return Query(start, np.float32(0.0), kind, near, near[:0], surroundings, TRIES, most, scratch)
 
 
 def plan(
@@ -41,12 +82,8 @@ def plan(
     parameters: NDArray[np.void] = PARAMETERS,
 ) -> NDArray[np.float64] | None:
     """The arcs [K, 2] (signed length [m], steering [rad]), or None."""
-    floor, arcs = floor_of(grid), np.zeros((ARCS, 2), dtype=np.float32)
-    x, y, heading = (np.float32(value) for value in pose)
-    count, _ = search(
-        x, y, heading, np.float32(0.0), goals, avoid, bodies, most, parameters[0],
-        floor, turning_metric(parameters), arcs,
-    )  # fmt: skip
+    arcs = np.zeros((ARCS, 2), dtype=np.float32)
+    count, _ = search(query(pose, goals, around(grid, avoid, bodies, parameters), most), arcs, None)
     return None if count < 0 else arcs[:count].astype(np.float64)
 
 
@@ -201,7 +238,7 @@ def test_it_gets_off_a_shelf_beside_which_it_stands_too_near() -> None:
 
 def test_beside_a_body_no_arc_comes_nearer_than_the_field_allows() -> None:
     """The gap that the widest axis shows shrinks and grows again within centimetres, where corners pass sides."""
-    parameters, grid = parameters_of(EnvConfig(protective_field=True), 1.0), room(12, 12)
+    parameters, grid = parameters_of(EnvConfig(traffic=TrafficSpec(shield=True)), 1.0), room(12, 12)
     rng, planned = np.random.default_rng(5), 0
     margin, pose = float(parameters["field_margin"][0]), (6.0, 6.0, 0.0)
     for _ in range(12000):
@@ -224,7 +261,7 @@ def test_beside_a_body_no_arc_comes_nearer_than_the_field_allows() -> None:
 
 @pytest.mark.parametrize("heading", [0.0, 0.4, 0.9, 2.56, -2.0])
 def test_along_a_parallel_body_that_is_as_near_as_the_field_allows_it_drives_straight(heading: float) -> None:
-    parameters = parameters_of(EnvConfig(protective_field=True), 1.0)
+    parameters = parameters_of(EnvConfig(traffic=TrafficSpec(shield=True)), 1.0)
     pose, beside = (6.0, 6.0, heading), ROBOT.width + float(parameters["field_margin"][0]) + 7e-4
     other = (6.0 - beside * math.sin(heading), 6.0 + beside * math.cos(heading), heading)
     goal = (6.0 + 1.2 * math.cos(heading), 6.0 + 1.2 * math.sin(heading), heading)
@@ -265,28 +302,22 @@ def test_the_turning_metric_by_hand() -> None:
     assert metric[18, middle, middle] > 2.0  # a turn on the spot takes its time
 
 
-def test_a_short_search_finds_what_one_in_large_arrays_finds() -> None:
-    """Poses of both kinds: found within the small arrays, and cut off there and searched for again."""
+def test_a_search_reads_nothing_that_another_one_left_behind() -> None:
+    """Poses of both kinds: found within few nodes, and cut off there."""
     grid, rng = drawn([*["." * 12] * 3, "..####..##..", *["." * 12] * 3]), np.random.default_rng(3)
-    floor, metric, counts = floor_of(grid), turning_metric(PARAMETERS), []
+    used, counts = make_scratch(1), []
     for _ in range(40):
-        pose = (*rng.uniform(1.2, (10.8, 5.8)), rng.uniform(-math.pi, math.pi), 0.0)
-        x, y, heading, steer = (np.float32(value) for value in pose)
-        goal = goals_at((*rng.uniform(1.2, (10.8, 5.8)), rng.uniform(-math.pi, math.pi)))
-        found = []
-        for large in (False, True):
-            arcs = np.zeros((ARCS, 2), dtype=np.float32)
-            given = (x, y, heading, steer, goal, manoeuvre.no_leave(), NOBODY, 1)
-            rest = (PARAMETERS[0], floor, metric, arcs)
-            if large:
-                count = manoeuvre._search_within(*given, MOST, manoeuvre._SLOTS, None, *rest)
-            else:
-                count = manoeuvre.search_once(*given, MOST, *rest)
-            found.append((count, arcs.tolist()))
-        assert found[0] == found[1]
-        short = manoeuvre._search_within(*given, manoeuvre._SHORT, manoeuvre._SHORT_SLOTS, None, *rest)
-        counts.append(short)
-    assert manoeuvre.CUT_OFF in counts
+        pose = tuple(rng.uniform((1.2, 1.2, -math.pi), (10.8, 5.8, math.pi)))
+        goal = goals_at(tuple(rng.uniform((1.2, 1.2, -math.pi), (10.8, 5.8, math.pi))))
+        for most in (300, MOST):
+            found = []
+            for scratch in (used, make_scratch(1)):
+                arcs, asked = np.zeros((ARCS, 2), dtype=np.float32), query(pose, goal, around(grid), most)
+                count = search_once(asked._replace(scratch=scratch), asked.near, 1, arcs, None)
+                found.append((count, arcs.tolist()))
+            assert found[0] == found[1]
+            counts.append(count)
+    assert CUT_OFF in counts
     assert max(counts) > 0
 
 

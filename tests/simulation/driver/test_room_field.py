@@ -10,22 +10,33 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.simulation.driver.test_manoeuvre import NOBODY, PARAMETERS, ROBOT, body, driven, plan, rectangles, sized
+from tests.simulation.driver.test_manoeuvre import (
+    NOBODY,
+    PARAMETERS,
+    ROBOT,
+    SCRATCH,
+    around,
+    body,
+    driven,
+    plan,
+    rectangles,
+    sized,
+)
 from tests.simulation.worlds import drawn, room
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.simulation.driver.bodies import BODY, CENTRE_X, CENTRE_Y, COS, HALF_WIDTH
+from warehouse_env.simulation.driver.bodies import CENTRE_X, CENTRE_Y, COS, HALF_WIDTH
 from warehouse_env.simulation.driver.manoeuvre import ARCS
 from warehouse_env.simulation.driver.room_field import (
     BARRED,
-    POINTS,
     UNKNOWN,
     apart_of,
-    room_around,
     room_at,
+    write_room,
     write_way,
 )
-from warehouse_env.simulation.physics.floor import floor_of
+from warehouse_env.simulation.driver.scratch import BODY, POINTS
+from warehouse_env.simulation.physics.geometry import pose_at
 from warehouse_env.simulation.state import parameters_of
 
 MIDDLE = POINTS // 2
@@ -44,10 +55,9 @@ def field(
     parameters: NDArray[np.void] = PARAMETERS,
 ) -> NDArray[np.float32]:
     """The field around a body that heads east and has its centre there."""
-    p, floor = parameters[0], floor_of(grid)
-    x, y = np.float32(centre[0] + p["offset"]), np.float32(centre[1])
-    found: NDArray[np.float32] = room_around(x, y, np.float32(0.0), avoid, bodies, p, floor)
-    return found
+    x, y = np.float32(centre[0] + parameters[0]["offset"]), np.float32(centre[1])
+    write_room(pose_at(x, y, np.float32(0.0)), around(grid, avoid, bodies, parameters), SCRATCH)
+    return SCRATCH.room.copy()
 
 
 def centred(*poses: tuple[float, float, float]) -> NDArray[np.float32]:
@@ -144,9 +154,9 @@ def test_no_manoeuvre_off_a_path_is_shorter(seed: int) -> None:
         if arcs is None or len(arcs) in (0, ARCS):
             continue
         planned += 1
-        p, floor = PARAMETERS[0], floor_of(grid)
         values = [np.float32(value) for value in pose]
-        found = room_around(*values, avoid, bodies, p, floor)
+        write_room(pose_at(*values), around(grid, avoid, bodies), SCRATCH)
+        found = SCRATCH.room
         centres = np.array([body(each)[:2] for each in driven(pose, arcs)], np.float32)
         says = np.array([room_at(x, y, *centres[0], found, APART) for x, y in centres])
         assert says[-1] == 0.0

@@ -17,9 +17,10 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.maps.movingai import EXAMPLE_MAP, read_map
-from warehouse_env.simulation.driver import rejoin, tracking
+from warehouse_env.simulation.driver import tracking
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import ALONE, AROUND_OTHERS
+from warehouse_env.simulation.traffic import recovery
 
 LEVELS, OFFSETS = 4, 5  # of the default discrete actions
 STOP, BACK = 1 * OFFSETS, 0 * OFFSETS
@@ -306,7 +307,7 @@ def test_it_searches_once_in_a_while_whatever_came_of_it(monkeypatch: pytest.Mon
         steps.append(int(simulator.steps[0]))
         simulator.robots["seeks"] = 0
 
-    monkeypatch.setattr(rejoin, "seek", seek)
+    monkeypatch.setattr(recovery, "seek", seek)
     drive(simulator, int(simulator.cruise_action), 100)
     assert len(steps) == 5  # in 10 s
     assert set(np.diff(steps)) == {round(float(tracking.AGAIN) / simulator.config.time_step)}
@@ -321,7 +322,7 @@ def test_round_others_it_searches_the_more_rarely_the_longer_it_gets_nowhere(mon
         seconds.append(simulator.seconds(0))
         simulator.robots["seeks"] = 0
 
-    monkeypatch.setattr(rejoin, "seek", seek)
+    monkeypatch.setattr(recovery, "seek", seek)
     for _ in range(1000):  # another holds it where it is
         simulator.robots["contact_time"] = tracking.HELD + 1
         simulator.robots["speed"] = 0.0
@@ -336,13 +337,10 @@ def test_round_others_it_searches_the_more_rarely_the_longer_it_gets_nowhere(mon
 def test_nobody_searches_for_who_is_parked_or_gets_another_route(field: str) -> None:
     grid = drawn(["#" * 24, "." * 24, "." * 24, "#" * 24])
     simulator = on_route(grid, (12.0, 2.0, math.pi), (12.0, 2.0), (22.0, 2.0))
-    floor = simulator._floor
     for asks, found in ((False, False), (True, True)):
         simulator.robots["seeks"] = ALONE
         simulator.robots[field] = asks if field == "alive" else not asks
-        rejoin.seek(
-            0, 1, simulator.robots, simulator.routes, simulator.arcs, *simulator._limits, floor,
-            simulator._metrics,
-        )  # fmt: skip
+        scratch = simulator._searches.take()
+        recovery.seek(0, 1, simulator._search_worlds, simulator._search_setup, scratch, None)
         assert bool(simulator.robots["arcs"][0, 0] > 0) == found
         assert simulator.robots["seeks"][0, 0] == 0

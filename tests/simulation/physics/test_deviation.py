@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 from tests.simulation.physics.test_no_overlap import crowd
 from tests.simulation.test_determinism import MAP, actions_for
 from tests.simulation.worlds import drawn, raw, room, stage
-from warehouse_env.config import EnvConfig, FieldSpec
+from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.physics.deviation import OFF_PLAN, planned_config, tube
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.traffic_spec import ErrorBounds, TrafficSpec, UncertaintySpec
 
 ERRORS: dict[str, Any] = {"pose_error": 0.02, "heading_error": math.radians(1.0), "actuation_error": 0.05}
-DECLARED = {**ERRORS, "protective_field": True, "field_spec": FieldSpec(**ERRORS)}
+SHIELD = TrafficSpec(shield=True)
+DECLARED: dict[str, Any] = {"traffic": SHIELD, "uncertainty": UncertaintySpec(**ERRORS)}
 
 
 def off_plan(simulator: Simulator) -> NDArray[np.float64]:
@@ -39,8 +41,7 @@ def off_plan(simulator: Simulator) -> NDArray[np.float64]:
 @given(st.integers(0, 10**6), st.sampled_from([0.0, 0.3]), st.sampled_from([0.0, 0.3]))
 def test_within_the_bounds_bodies_stay_in_their_tubes_and_touch_nothing(seed: int, latency: float, loss: float) -> None:
     rng, grid = np.random.default_rng(seed), room(10, 10)
-    spec = FieldSpec(latency=latency, **ERRORS)
-    changes = DECLARED | {"field_spec": spec, "message_latency": latency, "message_loss": loss}
+    changes = DECLARED | {"uncertainty": UncertaintySpec(latency=latency, loss=loss, **ERRORS)}
     simulator = stage(grid, *crowd(rng, grid, 8, 0.2), **changes)
     simulator._planned[...] = simulator.robots  # `stage` puts the bodies, this what is planned
     simulator._deviation.begin(0, [seed], simulator._planned[0])
@@ -68,7 +69,7 @@ def test_the_tube_by_hand() -> None:
 
 
 def test_who_does_not_err_is_planned_as_it_is() -> None:
-    config = EnvConfig(protective_field=True)
+    config = EnvConfig(traffic=SHIELD)
     assert planned_config(config) is config
     simulator = Simulator(config)
     assert simulator.robots is simulator._planned
@@ -77,7 +78,8 @@ def test_who_does_not_err_is_planned_as_it_is() -> None:
 def test_errors_that_nobody_declared_are_beyond_the_bounds() -> None:
     """Bodies leave their plans by more than what is allowed, and say their places anew."""
     errors = {"pose_error": 0.1, "heading_error": 0.1, "actuation_error": 0.3}
-    config = EnvConfig(num_agents=6, planner="astar", protective_field=True, **errors)
+    uncertainty = UncertaintySpec(**errors, declared=ErrorBounds())
+    config = EnvConfig(num_agents=6, planner="astar", traffic=SHIELD, uncertainty=uncertainty)
     simulator = Simulator(config, 1, grid=drawn(MAP))
     simulator.reset(3)
     for actions in actions_for("discrete", 200, 1, 6):
@@ -87,7 +89,7 @@ def test_errors_that_nobody_declared_are_beyond_the_bounds() -> None:
 
 def test_what_is_said_comes_into_force_one_latency_later() -> None:
     """0.3 s: three physics steps after it was said, whatever is said in between."""
-    changes = {"protective_field": True, "field_spec": FieldSpec(latency=0.3)}
+    changes = {"traffic": SHIELD, "uncertainty": UncertaintySpec(declared=ErrorBounds(latency=0.3))}
     simulator = stage(room(6, 20), (5.0, 3.0, 0.0), **changes)
     speeds = []
     for command in ((1.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)):
@@ -98,8 +100,8 @@ def test_what_is_said_comes_into_force_one_latency_later() -> None:
 
 @pytest.mark.parametrize(("declared", "drives"), [(0.3, True), (0.0, False)])
 def test_messages_later_than_declared_are_lost(declared: float, drives: bool) -> None:
-    spec = FieldSpec(latency=declared)
-    simulator = stage(room(6, 20), (5.0, 3.0, 0.0), protective_field=True, field_spec=spec, message_latency=0.3)
+    uncertainty = UncertaintySpec(latency=0.3, declared=ErrorBounds(latency=declared))
+    simulator = stage(room(6, 20), (5.0, 3.0, 0.0), traffic=SHIELD, uncertainty=uncertainty)
     simulator._messages.begin(0, [1])
     for _ in range(10):
         simulator.step(raw(simulator, (1.0, 0.0)))

@@ -17,7 +17,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.physics.disc_sweep import touches_disc_between
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, sweep_is_free
-from warehouse_env.simulation.physics.geometry import Rectangle
+from warehouse_env.simulation.physics.geometry import Pose, Rectangle
 from warehouse_env.simulation.physics.sweep import Sweep
 from warehouse_env.simulation.simulator import Simulator
 
@@ -143,8 +143,8 @@ def test_a_free_sweep_touches_no_disc_on_its_way(
 ) -> None:
     p = stage(MAP, (0.5, 0.5, 0.0))._params[0]
     bend = -math.tan(steering) / 0.6
-    values = (F(v) for v in (*axle, math.cos(heading), math.sin(heading), bend, distance, 0.03))
-    if not sweep_is_free(*values, p, FLOOR):
+    start = Pose(*(F(v) for v in (*axle, heading, math.cos(heading), math.sin(heading))))
+    if not sweep_is_free(start, F(bend), F(distance), F(0.03), p, FLOOR):
         return
     poses = on_arcs(np.array([*axle, heading]), np.full(2, distance), np.full(2, steering), 1.0, 60)[1:]
     along = np.abs(distance) * np.arange(1, 61) / 60

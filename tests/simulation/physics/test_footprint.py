@@ -13,7 +13,7 @@ from tests.simulation.reference import OFFSET, WHEELBASE, rectangle, separation,
 from tests.simulation.worlds import drawn, stage
 from warehouse_env.simulation.physics.floor import Floor, floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, sweep_is_free
-from warehouse_env.simulation.physics.geometry import Rectangle
+from warehouse_env.simulation.physics.geometry import Pose, Rectangle
 
 F = np.float32
 MAP = drawn(["........", ".##...#.", "......#.", ".#......", ".....##.", "..#....."])
@@ -74,8 +74,8 @@ def is_free(axle: tuple[float, float], heading: float, steering: float, distance
     """Whether the body keeps 3 cm from shelves as it drives `distance` with that steering."""
     p = stage(MAP, (4.5, 3.5, 0.0))._params[0]
     bend = -math.tan(steering) / WHEELBASE
-    values = (F(v) for v in (*axle, math.cos(heading), math.sin(heading), bend, distance, 0.03))
-    return bool(sweep_is_free(*values, p, floor))
+    start = Pose(*(F(v) for v in (*axle, heading, math.cos(heading), math.sin(heading))))
+    return bool(sweep_is_free(start, F(bend), F(distance), F(0.03), p, floor))
 
 
 @given(inside, st.floats(-math.pi, math.pi), st.floats(-1.04, 1.04), st.floats(-1.5, 1.5))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tests.simulation.reference import REAR, WHEELBASE, WIDTH, bodies
 from tests.simulation.worlds import coast, raw, room, stage
 from warehouse_env.config import RobotSpec
-from warehouse_env.simulation.physics.kinematics import approach, curvature, drive
+from warehouse_env.simulation.physics.kinematics import Chassis, approach, curvature, drive
 from warehouse_env.simulation.simulator import Simulator
 
 F = np.float32
@@ -22,8 +22,9 @@ ANGLES = [math.radians(a) for a in (-60, -30, -10, 10, 30, 60)]
 
 def moved(x, y, heading, speed, next_speed, steering, next_steering, dt=0.05):  # type: ignore[no-untyped-def]
     """`drive` with float32 arguments, as the step calls it."""
-    values = (speed, next_speed, steering, next_steering, WHEELBASE, dt)
-    return tuple(float(v) for v in drive((F(x), F(y), F(heading)), *(F(v) for v in values)))
+    *controls, dt = (F(v) for v in (speed, next_speed, steering, next_steering, dt))
+    chassis = Chassis(F(WHEELBASE), F(-0.5), F(1.5), F(math.radians(60)))
+    return tuple(float(v) for v in drive((F(x), F(y), F(heading)), *controls, chassis, dt))
 
 
 def pose(simulator: Simulator, robot: int = 0) -> tuple[float, float, float]:

@@ -30,6 +30,7 @@ from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import ROBOT
 from warehouse_env.simulation.tasks.assignment import Assignment
 from warehouse_env.simulation.traffic import audit
+from warehouse_env.traffic_spec import TrafficSpec
 
 STEP = 0.1 * float(PACE)  # [m]
 FAR = (18.0, 5.0, 0.0)
@@ -127,7 +128,7 @@ def test_where_there_is_no_way_past_a_person_turns_away() -> None:
 @pytest.mark.parametrize("lane", [["##########", "..........", "##########"], [".........."]])
 def test_nobody_comes_so_near_to_a_robot_that_it_may_not_drive_on(lane: list[str]) -> None:
     """However long a robot stands in its way: under the field it could not leave then."""
-    simulator = with_people(drawn(lane), (5.75, len(lane) / 2, 0.0), protective_field=True)
+    simulator = with_people(drawn(lane), (5.75, len(lane) / 2, 0.0), traffic=TrafficSpec(shield=True))
     send(simulator, 2.5, len(lane) / 2, (len(lane) // 2, 9))
     least = math.inf
     for _ in range(40):  # it turns away at last
@@ -247,7 +248,7 @@ def test_lidar_sees_people_from_the_bodys_centre() -> None:
 
 @pytest.mark.parametrize("away", [0.4, 1.0, 2.5])
 def test_under_the_field_a_robot_stops_before_a_person(away: float) -> None:
-    simulator = with_people(room(10, 20), (5.0, 5.0, 0.0), protective_field=True)
+    simulator = with_people(room(10, 20), (5.0, 5.0, 0.0), traffic=TrafficSpec(shield=True))
     still(simulator, 5.15 + float(RADIUS) + away, 5.0)
     for _ in range(60):
         simulator.step(raw(simulator, (1.0, 0.0)))
@@ -260,7 +261,7 @@ def test_under_the_field_a_robot_stops_before_a_person(away: float) -> None:
 @pytest.mark.parametrize("rests", [False, True])
 def test_routes_lead_round_people_who_stand(rests: bool) -> None:
     grid = drawn(["............", ".####.#####.", "............", ".####.#####.", "............"])
-    config = EnvConfig(num_agents=1, people=1, planner="astar_turns", protective_field=True, reroute=True)
+    config = EnvConfig(num_agents=1, people=1, planner="astar_turns", traffic="shield")
     simulator = Simulator(config, grid=grid)
     simulator.reset_to([Assignment(np.array([[1.5, 2.5, 0.0]]), np.array([[2, 11]]))], seed=0)
     still(simulator, 7.5, 2.5)
@@ -306,7 +307,7 @@ def test_whatever_people_and_robots_do_the_field_lets_nobody_be_hit(seed: int) -
     rng = np.random.default_rng(seed)
     poses = [(x, y, float(rng.uniform(-3, 3))) for x in (3.0, 9.0) for y in (3.0, 9.0)]
     simulator = with_people(drawn(["............"] * 5 + ["....####...."] * 2 + ["............"] * 5), *poses, people=3,
-                      protective_field=True)  # fmt: skip
+                      traffic=TrafficSpec(shield=True))  # fmt: skip
     persons = simulator.people.persons[0]
     persons["x"], persons["y"], persons["rest"] = 6.0, [1.0, 6.0, 11.0], 1e6
     toward = rng.integers(0, 4, 3)
@@ -324,7 +325,7 @@ def test_whatever_people_and_robots_do_the_field_lets_nobody_be_hit(seed: int) -
 
 def test_the_checked_mode_finds_a_robot_that_cannot_stop(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(audit.SWITCH, "1")
-    simulator = with_people(room(10, 20), (5.0, 5.0, 0.0, 1.5), protective_field=True)
+    simulator = with_people(room(10, 20), (5.0, 5.0, 0.0, 1.5), traffic=TrafficSpec(shield=True))
     still(simulator, 6.2, 5.0)  # put there, where no robot would have been so fast
     with pytest.raises(UnsafeError, match="a person"):
         simulator.step(raw(simulator, (1.0, 0.0)))

@@ -19,6 +19,7 @@ from warehouse_env.simulation.physics.geometry import Rectangle
 from warehouse_env.simulation.physics.sweep import Sweep, touch_between
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import parameters_of
+from warehouse_env.traffic_spec import TrafficSpec
 
 BETWEEN = 40  # samples of a substep
 FARTHEST = 4.0  # times the blur [m] of each of two bodies, within which ones that pass may be taken to touch
@@ -143,7 +144,7 @@ def test_fast_crossings(guarded: bool, seed: int, pace: tuple[float, float]) -> 
     """Robots that rush about a crowded maze with long substeps and no margin never overlap, at any instant."""
     (dt, fastest), rng, grid = pace, np.random.default_rng(seed), drawn(MAZE)
     fast = RobotSpec(max_speed=fastest, max_acceleration=2.0 * fastest)
-    settings_ = {"time_step": dt, "substeps": 1, "robot": fast, "protective_field": guarded, "field_margin": 0.0}
+    settings_ = {"time_step": dt, "substeps": 1, "robot": fast, "traffic": TrafficSpec(shield=guarded, margin=0.0)}
     simulator = stage(grid, *crowd(rng, grid, 8, 0.05), **settings_)
     walls = shelves(grid.occupied)
     commands = rng.choice([-1.0, 0.0, 1.0], (1, simulator.num_agents, 2))

@@ -120,12 +120,14 @@ def test_nobody_is_faster_than_its_zone(seed: int, cell: float, acceleration: fl
 STEPS = """
 import json
 import numpy as np
+from warehouse_env.traffic_spec import TrafficSpec
 from warehouse_env import EnvConfig, GridMap, Simulator
 speed = np.full((5, 12), np.inf)
 speed[:, 6:8], speed[3, :] = 0.5, 0.8
 grid = GridMap(np.zeros((5, 12)), speed=speed, picks=[[1, 1], [3, 1]], stations=[[1, 10], [3, 10]])
 worst, fastest, goals = [], [], []
-for kind, more in (("raw", {}), ("continuous", {}), ("discrete", {"protective_field": True, "right_of_way": True})):
+GUARDED = TrafficSpec(shield=True, right_of_way=True)
+for kind, more in (("raw", {}), ("continuous", {}), ("discrete", {"traffic": GUARDED})):
     simulator = Simulator(EnvConfig(num_agents=2, planner="astar", action_type=kind, **more), grid=grid)
     simulator.reset(31600001)
     rng, over, most = np.random.default_rng(5), -9.0, 0.0

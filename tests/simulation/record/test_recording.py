@@ -19,6 +19,7 @@ from warehouse_env.errors import WarehouseError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.traffic_spec import TrafficSpec
 
 
 def _recorded(action_type: str, steps: int, grid: GridMap | None = None) -> tuple[Episode, list[bytes]]:
@@ -49,7 +50,7 @@ def test_a_loaded_episode_replays_to_the_bit(action_type: str, tmp_path: Path) -
 
 @pytest.mark.parametrize("right_of_way", [False, True])
 def test_preferences_are_kept_in_short_and_replay_to_the_bit(right_of_way: bool, tmp_path: Path) -> None:
-    config = EnvConfig(num_agents=24, planner="astar", protective_field=True, right_of_way=right_of_way)
+    config = EnvConfig(num_agents=24, planner="astar", traffic=TrafficSpec(shield=True, right_of_way=right_of_way))
     simulator = Simulator(config, 2)
     recorder = Recorder(simulator, (3, 8))
     rng, bits = np.random.default_rng(5), []
@@ -66,7 +67,7 @@ def test_preferences_are_kept_in_short_and_replay_to_the_bit(right_of_way: bool,
 
 def test_whole_preferences_replay_alike(tmp_path: Path) -> None:
     """A file of a version that kept them as floats."""
-    simulator = Simulator(EnvConfig(num_agents=8, planner="astar", right_of_way=True, protective_field=True))
+    simulator = Simulator(EnvConfig(num_agents=8, planner="astar", traffic=TrafficSpec(shield=True, right_of_way=True)))
     recorder, liked = Recorder(simulator, (3,)), np.random.default_rng(2).normal(size=(60, 1, 8, 20))
     for one in liked:
         recorder.step(one)

@@ -18,13 +18,18 @@ from tests.simulation.worlds import drawn, raw, room, stage
 from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.traffic.audit import SWITCH
+from warehouse_env.traffic_spec import TrafficSpec, UncertaintySpec
 
 STANDING = ((5.0, 5.0, 0.0), (7.0, 5.0, math.pi))
 
 
 def seen(loss: float) -> tuple[Simulator, NDArray[np.float32]]:
     """What each of two robots, nose to nose, sees of the other."""
-    changes = {"action_type": "discrete", "sensor": SensorSpec(predictions=True), "message_loss": loss}
+    changes = {
+        "action_type": "discrete",
+        "sensor": SensorSpec(predictions=True),
+        "uncertainty": UncertaintySpec(loss=loss),
+    }
     simulator = stage(room(10, 12), *STANDING, **changes)
     for robot, (x, y, heading) in enumerate(STANDING):
         ahead = np.arange(0.0, 4.0, 0.25)[:, None] * [math.cos(heading), math.sin(heading)]
@@ -48,7 +53,7 @@ def test_a_silent_robot_is_seen_by_lidar_alone() -> None:
 def test_who_is_not_heard_keeps_its_stop_and_others_count_on_it(silent: tuple[int, int], held: list[int]) -> None:
     """Both stop within the same way, so who is 0.1 m ahead is in the way only if it stops now, as unheard it does."""
     poses = (2.0, 1.5, 0.0, 1.5), (3.0, 1.5, 0.0, 1.5)
-    simulator = stage(room(3, 30), *poses, protective_field=True)
+    simulator = stage(room(3, 30), *poses, traffic=TrafficSpec(shield=True))
     simulator.robots["age"][0, 1] = 1
     simulator.robots["silent"][0] = silent
     simulator.step(raw(simulator, (1.0, 0.0), (1.0, 0.0)))
@@ -62,7 +67,7 @@ def test_whatever_is_lost_nobody_touches_anything(seed: int, loss: float, burst:
     """In a crowd told to drive at random, each of whom must be able to stop clear of all others after every step."""
     rng = np.random.default_rng(seed)
     grid = room(9, 9)
-    changes = {"protective_field": True, "message_loss": loss, "message_burst": burst}
+    changes = {"traffic": TrafficSpec(shield=True), "uncertainty": UncertaintySpec(loss=loss, burst=burst)}
     with pytest.MonkeyPatch.context() as environment:
         environment.setenv(SWITCH, "1")
         simulator = stage(grid, *crowd(rng, grid, 12, 0.05), **changes)
@@ -97,9 +102,10 @@ def driven(simulator: Simulator, steps: int = 80) -> list[bytes]:
     return bits(simulator)
 
 
-def small(loss: float, worlds: int, **changes: Any) -> Simulator:
-    settings = {"planner": "astar", "action_repeat": 2, "sensor": SensorSpec(predictions=True)} | changes
-    return Simulator(EnvConfig(num_agents=5, message_loss=loss, **settings), worlds, grid=drawn(MAP))
+def small(loss: float, worlds: int, burst: float = 0.0) -> Simulator:
+    settings: dict[str, Any] = {"planner": "astar", "action_repeat": 2, "sensor": SensorSpec(predictions=True)}
+    settings["uncertainty"] = UncertaintySpec(loss=loss, burst=burst)
+    return Simulator(EnvConfig(num_agents=5, **settings), worlds, grid=drawn(MAP))
 
 
 def test_tasks_are_those_of_the_seed_whatever_is_lost() -> None:
@@ -124,7 +130,7 @@ def test_as_many_are_lost_as_asked_for() -> None:
 
 
 def test_bursts_last_as_long_as_asked_for_and_lose_as_much() -> None:
-    simulator = small(0.25, 8, message_burst=2.0)  # ten decisions of 0.2 s
+    simulator = small(0.25, 8, burst=2.0)  # ten decisions of 0.2 s
     simulator.reset(2)
     lost = []
     for actions in actions_for("discrete", 400, 8, 5):

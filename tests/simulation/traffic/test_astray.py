@@ -21,7 +21,9 @@ STILL = np.array([[EnvConfig().speed_levels.index(0.0) * len(EnvConfig().lateral
 
 def simulator_at(x: float, y: float, heading: float, reroute: bool = False) -> Simulator:
     """One robot that was given a route in the eastern room and is somewhere else now."""
-    config = EnvConfig(num_agents=1, planner="astar", tasks="one_shot", action_repeat=2, reroute=reroute)
+    config = EnvConfig(
+        num_agents=1, planner="astar", tasks="one_shot", action_repeat=2, traffic="routes" if reroute else "none"
+    )
     simulator = Simulator(config, grid=ROOMS)
     simulator.reset_to([Assignment(np.array([[27.5, 4.5, -1.5]]), np.array([GOAL]))], [1])
     put(simulator, 0, (x, y, heading))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,12 @@ from agents import make_policy, policy_config
 from tests.simulation.physics.test_no_overlap import MAZE, assert_apart, crowd
 from tests.simulation.reference import shelves
 from tests.simulation.worlds import drawn, raw, room, stage
-from warehouse_env.config import EnvConfig, FieldSpec
+from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.traffic.audit import SWITCH
 from warehouse_env.simulation.traffic.by_sight import NOT_SEEN
+from warehouse_env.traffic_spec import TRAFFIC, TrafficSpec, UncertaintySpec
 
 FULL = (1.0, 0.0)  # raw: accelerate, steering held
 # Two aisles of one cell that meet at a blind corner, and a way on for both.
@@ -33,7 +35,7 @@ def _checked(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def by_lidar(grid: Any, *poses: Any, **changes: Any) -> Simulator:
-    return stage(grid, *poses, **{"protective_field": "lidar", **changes})
+    return stage(grid, *poses, **{"traffic": TrafficSpec(shield="lidar"), **changes})
 
 
 def untouched(simulator: Simulator) -> bool:
@@ -101,8 +103,7 @@ def test_what_is_not_heard_does_not_matter() -> None:
     start = [(2.0, 1.5, 0.0), (9.0, 1.6, math.pi), (5.0, 3.4, -0.5)]
     poses: list[NDArray[np.float32]] = []
     for loss, latency in ((0.0, 0.0), (0.9, 0.4)):
-        spec = FieldSpec(latency=latency)
-        simulator = by_lidar(room(5, 12), *start, message_loss=loss, message_latency=latency, field_spec=spec)
+        simulator = by_lidar(room(5, 12), *start, uncertainty=UncertaintySpec(loss=loss, latency=latency))
         for _ in range(100):
             simulator.step(raw(simulator, FULL, FULL, (1.0, 0.3)))
         poses.append(simulator.state.pose.copy())
@@ -112,7 +113,7 @@ def test_what_is_not_heard_does_not_matter() -> None:
 def test_it_is_the_same_in_any_world(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(SWITCH)
     config = policy_config("greedy", EnvConfig(layout="narrow", num_agents=4, planner="astar_turns"))
-    config = config.replace(protective_field="lidar")
+    config = config.replace(traffic=replace(TRAFFIC["rules"], shield="lidar"))
     one, three = Simulator(config), Simulator(config, 3)
     policy, rng = make_policy("greedy", config), np.random.default_rng(0)
     single, several = one.reset(7), three.reset([5, 7, 6])
@@ -132,8 +133,9 @@ def test_a_reset_forgets_who_was_seen() -> None:
 
 
 def test_errors_are_refused() -> None:
-    with pytest.raises(ConfigError, match="protective_field='lidar' must be False or True with any pose_error"):
-        EnvConfig(protective_field="lidar", pose_error=0.01)
-    with pytest.raises(ConfigError, match="protective_field"):
-        EnvConfig(protective_field="radar")  # type: ignore[arg-type]
-    assert EnvConfig.from_dict(EnvConfig(protective_field="lidar").to_dict()).protective_field == "lidar"
+    with pytest.raises(ConfigError, match="must be without the shield by lidar where a pose_error"):
+        EnvConfig(traffic=TrafficSpec(shield="lidar"), uncertainty=UncertaintySpec(pose_error=0.01))
+    with pytest.raises(ConfigError, match=r"TrafficSpec\.shield"):
+        TrafficSpec(shield="radar")  # type: ignore[arg-type]
+    config = EnvConfig(traffic=TrafficSpec(shield="lidar"))
+    assert EnvConfig.from_dict(config.to_dict()) == config

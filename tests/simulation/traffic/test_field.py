@@ -21,6 +21,7 @@ from warehouse_env.simulation.physics.kinematics import braking
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.traffic import field
 from warehouse_env.simulation.traffic.audit import SWITCH
+from warehouse_env.traffic_spec import TrafficSpec
 
 FULL = (1.0, 0.0)  # raw: accelerate, steering held
 ROUNDING = 1e-5  # [m] that float32 at ten metres is allowed
@@ -33,7 +34,7 @@ def _checked(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def guarded(grid: Any, *poses: Any, **changes: Any) -> Simulator:
-    return stage(grid, *poses, **{"protective_field": True, **changes})
+    return stage(grid, *poses, **{"traffic": TrafficSpec(shield=True), **changes})
 
 
 def least_gap(simulator: Simulator) -> float:
@@ -48,7 +49,7 @@ def untouched(simulator: Simulator) -> bool:
 
 
 def test_a_robot_stops_before_one_that_stands() -> None:
-    simulator = guarded(room(3, 20), (2.0, 1.5, 0.0), (15.0, 1.5, 0.0), field_margin=0.05)
+    simulator = guarded(room(3, 20), (2.0, 1.5, 0.0), (15.0, 1.5, 0.0), traffic=TrafficSpec(shield=True, margin=0.05))
     for _ in range(200):
         simulator.step(raw(simulator, FULL, (0.0, 0.0)))
     # The tail of the one that stands is 0.75 m behind its axle, the nose of the other 0.15 m ahead.
@@ -70,7 +71,9 @@ def test_a_robot_stops_before_a_shelf() -> None:
 
 
 def test_two_head_on_stop_before_they_meet() -> None:
-    simulator = guarded(room(3, 30), (2.0, 1.5, 0.0), (28.0, 1.5, math.pi), field_margin=0.1)
+    simulator = guarded(
+        room(3, 30), (2.0, 1.5, 0.0), (28.0, 1.5, math.pi), traffic=TrafficSpec(shield=True, margin=0.1)
+    )
     fastest = 0.0
     for _ in range(200):
         simulator.step(raw(simulator, FULL, FULL))
@@ -105,7 +108,7 @@ def test_who_has_been_longest_on_its_way_goes_first(first: int) -> None:
 
 
 def test_robots_nearer_than_the_margin_may_part_but_not_approach() -> None:
-    simulator = guarded(room(3, 20), (5.0, 1.5, 0.0), (5.91, 1.5, 0.0), field_margin=0.2)
+    simulator = guarded(room(3, 20), (5.0, 1.5, 0.0), (5.91, 1.5, 0.0), traffic=TrafficSpec(shield=True, margin=0.2))
     for _ in range(10):
         simulator.step(raw(simulator, FULL, (0.0, 0.0)))
     assert simulator.state.pose[0, 0, 0] == 5.0
@@ -115,7 +118,7 @@ def test_robots_nearer_than_the_margin_may_part_but_not_approach() -> None:
 
 
 def test_standing_robots_may_steer() -> None:
-    simulator = guarded(room(3, 10), (5.0, 1.5, 0.0), (5.95, 1.5, 0.0), field_margin=0.2)
+    simulator = guarded(room(3, 10), (5.0, 1.5, 0.0), (5.95, 1.5, 0.0), traffic=TrafficSpec(shield=True, margin=0.2))
     simulator.step(raw(simulator, (0.0, 1.5), (0.0, -1.5)))
     np.testing.assert_allclose(simulator.state.steer[0], [0.15, -0.15], atol=1e-6)
     assert not simulator.robots["held"].any()
@@ -159,7 +162,7 @@ def test_random_commands_on_random_floors(seed: int, substeps: int, margin: floa
     rng = np.random.default_rng(seed)
     grid = random_floor(rng)
     poses = crowd(rng, grid, 12, 0.11)
-    simulator = guarded(grid, *poses, substeps=substeps, field_margin=margin)
+    simulator = guarded(grid, *poses, substeps=substeps, traffic=TrafficSpec(shield=True, margin=margin))
     for k in range(len(poses)):
         simulator.robots[0, k]["age"] = rng.integers(0, 3)
     shake(simulator, rng, 60)
@@ -215,8 +218,8 @@ def test_an_outline_holds_all_that_a_motion_sweeps(seed: int, front: float) -> N
 def test_tasks_and_routes_that_change_while_robots_brake(seed: int, kind: Any, one_shot: bool, ends: bool) -> None:
     rng = np.random.default_rng(seed)
     config = EnvConfig(
-        num_agents=7, action_type=kind, planner="astar", action_repeat=2, protective_field=True, arrival_radius=1.5,
-        tasks="one_shot" if one_shot else "lifelong", terminate_on_collision=ends,
+        num_agents=7, action_type=kind, planner="astar", action_repeat=2, arrival_radius=1.5,
+        traffic=TrafficSpec(shield=True), tasks="one_shot" if one_shot else "lifelong", terminate_on_collision=ends,
     )  # fmt: skip
     simulator = Simulator(config, grid=drawn(MAZE))
     simulator.reset(seed=seed)
@@ -231,7 +234,7 @@ def test_tasks_and_routes_that_change_while_robots_brake(seed: int, kind: Any, o
 
 
 def test_robots_under_the_field_arrive() -> None:
-    simulator = Simulator(EnvConfig(num_agents=4, planner="astar", protective_field=True), grid=room(9, 9))
+    simulator = Simulator(EnvConfig(num_agents=4, planner="astar", traffic=TrafficSpec(shield=True)), grid=room(9, 9))
     simulator.reset(seed=0)
     for _ in range(300):
         simulator.step(np.full((1, 4), simulator.cruise_action))
@@ -291,7 +294,7 @@ def test_the_check_must_be_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_a_policy_sees_of_the_field() -> None:
     config = policy_config("ppo", EnvConfig(num_agents=3, planner="astar"))
-    plain, under = Simulator(config), Simulator(config.replace(protective_field=True))
+    plain, under = Simulator(config), Simulator(config.replace(traffic=TrafficSpec(shield=True)))
     field = under.layout.slices["field"]
     assert (under.layout.size, field) == (plain.layout.size + 2, slice(plain.layout.size, plain.layout.size + 2))
     assert "field" not in plain.layout.slices
@@ -309,7 +312,7 @@ def test_what_a_policy_sees_of_the_field() -> None:
 
 def test_a_policy_trained_without_a_field_drives_under_one() -> None:
     config = policy_config("ppo", EnvConfig(num_agents=3, planner="astar"))
-    under = config.replace(protective_field=True)
+    under = config.replace(traffic=TrafficSpec(shield=True))
     observation = Simulator(under).reset(seed=1)
     rng = np.random.default_rng
     np.testing.assert_array_equal(
@@ -320,16 +323,20 @@ def test_a_policy_trained_without_a_field_drives_under_one() -> None:
 
 @pytest.mark.parametrize(
     ("changes", "named"),
-    [({"field_margin": -0.1}, "field_margin"), ({"robot": RobotSpec(max_acceleration=0.001)}, "max_acceleration")],
+    [({"robot": RobotSpec(max_acceleration=0.001)}, "max_acceleration")],
 )
 def test_fields_that_cannot_be(changes: dict[str, Any], named: str) -> None:
+    with pytest.raises(ConfigError, match="margin"):
+        TrafficSpec(margin=-0.1)
     with pytest.raises(ConfigError, match=named):
-        Simulator(EnvConfig(protective_field=True, planner="astar", **changes))
+        Simulator(EnvConfig(traffic=TrafficSpec(shield=True), planner="astar", **changes))
 
 
 def test_a_robot_that_is_held_where_it_stands_may_steer() -> None:
     """Its tail would swing into the other; with its wheels straight it can go, so it must be able to turn them."""
-    simulator = stage(room(12, 12), (5.0, 6.0, 0.0), (4.75, 5.379, 0.0), action_type="raw", protective_field=True)
+    simulator = stage(
+        room(12, 12), (5.0, 6.0, 0.0), (4.75, 5.379, 0.0), action_type="raw", traffic=TrafficSpec(shield=True)
+    )
     simulator.robots["steer"][0, 0] = -simulator.config.robot.max_steering
     held = 0
     for _ in range(40):

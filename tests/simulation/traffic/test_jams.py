@@ -15,6 +15,7 @@ from warehouse_env.simulation.record.jam_log import JamLog
 from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.traffic.jams import cycles
+from warehouse_env.traffic_spec import TrafficSpec
 
 EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
 
@@ -63,7 +64,9 @@ def test_who_has_refused_it_or_goes_first_is_waited_for(refused_by: int, yields_
 
 
 def test_under_the_field_it_names_who_stands_in_the_way() -> None:
-    simulator = stage(room(12, 12), (4.5, 5.5, EAST), (5.5, 5.5, NORTH), protective_field=True)  # 0.1 m of gap
+    simulator = stage(
+        room(12, 12), (4.5, 5.5, EAST), (5.5, 5.5, NORTH), traffic=TrafficSpec(shield=True)
+    )  # 0.1 m of gap
     simulator.robots["points"] = 0  # no route to look along
     for _ in range(30):
         simulator.step(raw(simulator, (1.0, 0.0), (0.0, 0.0)))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.simulation.worlds import room, stage
-from warehouse_env.config import EnvConfig, RerouteSpec
+from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, GridMap
@@ -18,13 +18,24 @@ from warehouse_env.simulation.state import PERSON, ROBOT
 from warehouse_env.simulation.traffic import live
 from warehouse_env.simulation.traffic.ants import colonise, make_trails
 from warehouse_env.simulation.traffic.live import SLOTS, LiveRoutes, find_due, keep_barred
-from warehouse_env.simulation.traffic.passing import Passing, keep_all_up, make_passing, note_waiting
+from warehouse_env.simulation.traffic.passing import Fleet, Passing, Site, keep_all_up, make_passing, note_waiting
 from warehouse_env.simulation.traffic.prices import ANY, PRICES, Look, Prices, cost_ahead, make_asked, price_of
 from warehouse_env.simulation.traffic.ways import make_labels, search
+from warehouse_env.traffic_spec import TrafficSpec
 
 EAST, NORTH, WEST, SOUTH = 0, 2, 4, 6
 ROWS, COLUMNS = 5, 9
-NOBODY_WALKS, ON_NOTHING = np.zeros(0, PERSON), np.zeros((2, 0), np.int32)
+NOBODY_WALKS = np.zeros((1, 0), PERSON), np.zeros((1, 0), np.int32)
+
+
+EVERY, STOOD_FOR = live.EVERY, live.STOOD_FOR
+
+
+@pytest.fixture(autouse=True)
+def _often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Robots look twice as often, and stand sooner, so that short episodes suffice."""
+    monkeypatch.setattr(live, "EVERY", 2.0)
+    monkeypatch.setattr(live, "STOOD_FOR", 2.0)
 
 
 def record(*robots: dict[str, Any]) -> Any:
@@ -52,25 +63,21 @@ def looks(robots: Any, step: int = 0, every: int = 1) -> Any:
     return out
 
 
-ONE, ON_AXLE = np.float32(1.0), np.zeros(64, np.float32)  # of each robot
-STANDS = (6.0, ON_AXLE, ONE, ROWS, COLUMNS)  # after 6 s; bodies' centres on the axle; cells of 1 m
+ONE = np.float32(1.0)
+SITE = Site(ONE, ROWS, COLUMNS, 6.0, np.zeros(64, np.float32))  # a robot stands after 6 s; bodies' centres on the axle
 
 
 def table_of(robots: Any, routes: Any) -> Passing:
     table = make_passing(1, robots.shape[1], ROWS * COLUMNS, SLOTS)
-    keep_all_up(table, 0, 0, robots[0], NOBODY_WALKS, ON_NOTHING, routes[0], *STANDS)
+    keep_all_up(table, 0, 0, Fleet(robots, routes, *NOBODY_WALKS), SITE)
     return table
 
 
 def barred(robots: Any, routes: Any, look_ahead: float = 25.0, **when: int) -> list[bool]:
     out = looks(robots, **when)
     table, laid = make_passing(1, robots.shape[1], ROWS * COLUMNS, SLOTS), np.full(robots.shape, np.inf, np.float32)
-    stood_for, *floor = STANDS
-    now = np.array([0])
-    count = keep_barred(
-        table, robots, NOBODY_WALKS[None], ON_NOTHING, routes, laid, now, stood_for, look_ahead, *floor, out
-    )
-    assert count == out.sum()
+    fleet = Fleet(robots, routes, *NOBODY_WALKS)
+    keep_barred(table, fleet, SITE, look_ahead, laid, np.array([0]), out)
     return [bool(found) for found in out[0]]
 
 
@@ -156,11 +163,14 @@ def test_all_robots_look_but_those_who_have_arrived_or_are_parked_and_one_after_
     assert max(sum(row) for row in looked) == 1
 
 
-def test_robots_find_better_routes_where_nobody_stands_unless_only_the_barred_look() -> None:
+def test_robots_find_better_routes_where_nobody_stands_unless_only_the_barred_look(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     found = {}
+    monkeypatch.setattr(live, "EVERY", 1.0)
+    monkeypatch.setattr(live, "STOOD_FOR", 1e4)
     for only_barred in (False, True):
-        spec = RerouteSpec(every=1.0, stood_for=1e4, only_barred=only_barred)
-        simulator = Simulator(CONFIG.replace(reroute_spec=spec))
+        simulator = Simulator(CONFIG.replace(traffic=TrafficSpec(routes="barred" if only_barred else True)))
         simulator.reset([5])
         drive(simulator, 50)
         found[only_barred] = int(simulator.robots["reroutes"].sum())
@@ -182,10 +192,10 @@ def test_a_robot_that_stands_makes_its_cell_dear_and_those_around_it() -> None:
 def test_cells_where_others_have_waited_at_a_look_cost_and_half_as_much_ten_looks_later() -> None:
     robots = record({"x": 0.5, "y": 2.5}, {"x": 6.5, "y": 2.5, "waiting_time": 5.0}, {"x": 8.5, "y": 4.5})
     look = look_of(robots, eastwards(3, 2, range(9)), 0, waited=3.0)
-    every, (_, *floor) = 4, STANDS
+    every = 4
 
     def cost_at(step: int, who_look: list[bool]) -> list[float]:
-        note_waiting(look.passing, robots, np.array([who_look]), np.array([step]), every, *floor)
+        note_waiting(look.passing, robots, np.array([who_look]), np.array([step]), every, SITE)
         look.asked.looks[0] += 1
         cost = np.zeros((ROWS, COLUMNS, 8))
         price_all(look, cost)
@@ -259,7 +269,7 @@ def look_for(live: LiveRoutes, simulator: Simulator, me: int = 0, step: int = 1,
     """What robot `me` of the first world finds to its goal."""
     robots = simulator.robots[0]
     goal = (int(robots[me]["goal_row"]), int(robots[me]["goal_col"]))
-    return live.route(robots, simulator.routes[0], 0, me, step, goal, **how)
+    return live.route(simulator.robots, simulator.routes, 0, me, step, goal, **how)
 
 
 def test_prices_of_who_has_stood_for_ever_are_cut_off() -> None:
@@ -281,16 +291,18 @@ def test_on_its_way_a_robot_keeps_its_route_unless_a_new_one_saves_enough() -> N
 
 
 @pytest.mark.parametrize(("up", "better"), [(1, False), (2, True), (3, True)])
-def test_a_route_is_kept_to_the_cell_unless_a_new_one_saves_enough(up: int, better: bool) -> None:
+def test_a_route_is_kept_to_the_cell_unless_a_new_one_saves_enough(
+    up: int, better: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """On an open floor the route goes `up` cells aside and back, so straight on saves twice that; four are asked."""
-    spec = RerouteSpec(saving=4.0)
-    simulator = stage(room(12, 16), (2.5, 2.5, 0.0), planner="astar_turns", reroute=True, reroute_spec=spec)
+    monkeypatch.setattr(live, "SAVING", 4.0)
+    simulator = stage(room(12, 16), (2.5, 2.5, 0.0), planner="astar_turns", traffic="routes")
     bend = [(x, 2.5) for x in (2.5, 3.5, 4.5)] + [(5.5, 2.5 + k) for k in range(up + 1)]
     back = [(6.5, 2.5 + k) for k in range(up, -1, -1)] + [(x, 2.5) for x in (7.5, 8.5, 9.5, 10.5)]
     simulator.dispatcher.give_line(0, 0, np.array(bend + back, np.float32))
     goal = tuple(simulator.grid.cell([10.5, 2.5]).tolist())
-    robots, routes = simulator.robots[0], simulator.routes[0]
-    assert (live_of(simulator).route(robots, routes, 0, 0, 0, goal, on_its_way=True) is not None) == better
+    route = live_of(simulator).route(simulator.robots, simulator.routes, 0, 0, 0, goal, on_its_way=True)
+    assert (route is not None) == better
 
 
 def test_turning_away_from_the_heading_costs_and_more_where_there_is_no_room() -> None:
@@ -305,7 +317,7 @@ def test_turning_away_from_the_heading_costs_and_more_where_there_is_no_room() -
 
 CONFIG = EnvConfig(
     layout="narrow", num_agents=24, planner="astar_turns", max_steps=10_000, action_repeat=2,
-    reroute=True, reroute_spec=RerouteSpec(every=2.0, stood_for=2.0),
+    traffic="routes",
 )  # fmt: skip
 STEPS = 250
 
@@ -336,21 +348,16 @@ def test_a_new_route_begins_at_the_robot_and_ends_at_the_same_goal_and_the_task_
     assert seen > 0
 
 
-def test_planners_without_a_cost_map_are_refused_and_specs_checked() -> None:
-    with pytest.raises(ConfigError, match="plans no live routes; choose pf_aco or astar_turns"):
-        Simulator(CONFIG.replace(reroute_spec=RerouteSpec(planner="theta_star")))
-    with pytest.raises(ConfigError, match=r"RerouteSpec\.every"):
-        RerouteSpec(every=0.0)
-    assert EnvConfig.from_dict(CONFIG.to_dict()) == CONFIG
-
-
 def test_what_was_stored_with_the_prices_of_today_is_read_and_with_others_refused() -> None:
-    assert RerouteSpec.retired.items() <= PRICES._asdict().items()
-    stored = CONFIG.to_dict()
-    stored["reroute_spec"] |= RerouteSpec.retired
-    assert EnvConfig.from_dict(stored) == CONFIG
-    stored["reroute_spec"]["against"] = 2.0
-    with pytest.raises(ConfigError, match=r"RerouteSpec parameter 'against' is no option any more: it is 1\.0"):
+    prices = {name: value for name, value in TrafficSpec.retired.items() if name in PRICES._fields}
+    assert len(prices) == 8
+    assert prices.items() <= PRICES._asdict().items()
+    numbers = {"every": EVERY, "look_ahead": live.LOOK_AHEAD, "stood_for": STOOD_FOR, "saving": live.SAVING}
+    assert numbers.items() <= TrafficSpec.retired.items()
+    stored = {"reroute": True, "reroute_spec": {**prices, **numbers, "planner": None, "only_barred": True}}
+    assert EnvConfig.from_dict(stored).traffic_spec == TrafficSpec(routes="barred")
+    stored["reroute_spec"] = prices | {"against": 2.0}
+    with pytest.raises(ConfigError, match=r"TrafficSpec parameter 'against' is no option any more: it is 1\.0"):
         EnvConfig.from_dict(stored)
 
 
@@ -381,9 +388,9 @@ def cheapest(look: Look, most: int, labels: Any) -> tuple[int, int]:
 
 
 @kernel
-def by_ants(look: Look, most: int, seed: int, edges: Any, levels: Any, trails: Any) -> tuple[int, int]:
+def by_ants(look: Look, most: int, seed: int, trails: Any) -> tuple[int, int]:
     look.asked.looks[0] += 1
-    return colonise(look, most, seed, edges, levels, trails)
+    return colonise(look, most, seed, trails)
 
 
 def crowd(layout: str, robots: int, steps: int = 0, seed: int = 3) -> tuple[Simulator, list[Look]]:
@@ -391,12 +398,12 @@ def crowd(layout: str, robots: int, steps: int = 0, seed: int = 3) -> tuple[Simu
     simulator = Simulator(CONFIG.replace(layout=layout, num_agents=robots))
     simulator.reset([seed])
     drive(simulator, steps)
-    records, routes, grid = simulator.robots[0], simulator.routes[0], simulator.grid
+    records, grid = simulator.robots[0], simulator.grid
     records["standing_time"][:2] = 7.7
     size, floor, looks = np.float32(grid.cell_size), CostToGo(grid), []
-    behind = np.full(robots, 0.3, np.float32)
+    site = Site(size, *grid.shape, 6.0, np.full(robots, 0.3, np.float32))
     table, asked = make_passing(1, robots, grid.occupied.size, SLOTS), make_asked(grid.occupied.size)
-    keep_all_up(table, 0, 0, records, NOBODY_WALKS, ON_NOTHING, routes, 6.0, behind, size, *grid.shape)
+    keep_all_up(table, 0, 0, Fleet(simulator.robots, simulator.routes, *NOBODY_WALKS), site)
     for me, r in enumerate(records):
         field, cell = floor.field((int(r["goal_row"]), int(r["goal_col"])), floor.whole()), grid.cell([r["x"], r["y"]])
         where = (me, *cell.tolist(), field, 0, 0, 10 * UNIT, 40 * UNIT)
@@ -404,20 +411,17 @@ def crowd(layout: str, robots: int, steps: int = 0, seed: int = 3) -> tuple[Simu
     return simulator, looks
 
 
-NO_TRAIL = np.empty(0, np.int32), np.empty(0, np.float32)
-
-
 def test_ants_find_ways_that_cost_little_more_than_the_cheapest_and_never_less() -> None:
     """Of 30 robots among 32 on `narrow`, where two of them stand in the way of others."""
     simulator, looks = crowd("narrow", 32, 60)
-    labels, trails = make_labels(*simulator.grid.shape), make_trails(simulator.grid.occupied.size)
+    labels, trails = make_labels(*simulator.grid.shape), make_trails(*simulator.grid.shape)
     best, walked = [], []
     for look in looks[2:]:
         look.asked.looks[0] += 1
         best.append(cheapest(look, ANY, labels)[1])
-        steps, cost = by_ants(look, ANY, 7, *NO_TRAIL, trails)
+        steps, cost = by_ants(look, ANY, 7, trails)
         walked.append(cost)
-        assert cost == cost_of(look, trails.walk[1, :steps])
+        assert cost == cost_of(look, trails.best[:steps])
     assert all(cost >= least for cost, least in zip(walked, best, strict=True))
     assert sum(walked) < 1.05 * sum(best)
     assert sum(cost == least for cost, least in zip(walked, best, strict=True)) > 10
@@ -444,32 +448,30 @@ def cost_of(look: Look, moves: Any) -> int:
 
 def test_ants_give_up_where_no_way_is_as_cheap_as_is_asked() -> None:
     simulator, looks = crowd("narrow", 6)
-    labels, trails = make_labels(*simulator.grid.shape), make_trails(simulator.grid.occupied.size)
+    labels, trails = make_labels(*simulator.grid.shape), make_trails(*simulator.grid.shape)
     for look in looks:
         look.asked.looks[0] += 1
         _, least = cheapest(look, ANY, labels)
         assert cheapest(look, least, labels)[1] == least
         assert cheapest(look, least - 1, labels) == (-1, 0)
-        assert by_ants(look, least - 1, 7, *NO_TRAIL, trails)[0] == -1
+        assert by_ants(look, least - 1, 7, trails)[0] == -1
 
 
-def test_what_a_colony_finds_depends_on_its_seed_and_the_trail_of_the_look_before() -> None:
+def test_what_a_colony_finds_depends_on_its_seed_and_on_no_look_before() -> None:
     simulator, looks = crowd("narrow", 32, 60)
-    cells = simulator.grid.occupied.size
+    used = make_trails(*simulator.grid.shape)
 
-    def trails_after(seed: int, edges: Any, levels: Any) -> list[Any]:
-        found = []
-        for look in looks:
-            trails = make_trails(cells)
-            by_ants(look, ANY, seed, edges, levels, trails)
-            found.append(trails.trail)
-        return found
+    def found(seed: int, fresh: bool) -> list[Any]:
+        rooms = [make_trails(*simulator.grid.shape) if fresh else used for _ in looks]
+        return [
+            (steps, cost, room.best[:steps].tolist())
+            for look, room in zip(looks, rooms, strict=True)
+            for steps, cost in [by_ants(look, ANY, seed, room)]
+        ]
 
-    first = trails_after(1, *NO_TRAIL)
-    np.testing.assert_array_equal(first, trails_after(1, *NO_TRAIL))
-    assert not np.array_equal(first, trails_after(2, *NO_TRAIL))
-    marked = np.flatnonzero(first[9].ravel() > 1.05).astype(np.int32)
-    assert not np.array_equal(first[9], trails_after(1, marked, first[9].ravel()[marked])[9])
+    first = found(1, fresh=True)
+    assert first == found(1, fresh=False) == found(1, fresh=False)
+    assert first != found(2, fresh=True)
 
 
 def sharpest_turn(route: Any) -> float:
@@ -482,17 +484,16 @@ def sharpest_turn(route: Any) -> float:
 
 def folded(planner: str) -> int:
     """Count routes that fold back on themselves in their first 7 m, of 1,500 among robots that stand on `narrow`."""
-    spec = RerouteSpec()
-    config = EnvConfig(layout="narrow", num_agents=64, planner=planner, reroute=True, reroute_spec=spec)
+    config = EnvConfig(layout="narrow", num_agents=64, planner=planner, traffic="routes")
     simulator, rng, count = Simulator(config), np.random.default_rng(0), 0
     simulator.reset([0])
-    live, robots = live_of(simulator), simulator.robots[0]
-    robots["standing_time"] = spec.stood_for
+    routes, robots = live_of(simulator), simulator.robots[0]
+    robots["standing_time"] = STOOD_FOR
     cells = simulator.grid.free_cells
     for _ in range(1500):
         me, goal = rng.integers(64), tuple(cells[rng.integers(len(cells))].tolist())
         robots[me]["heading"] = rng.uniform(-np.pi, np.pi)
-        route = live.route(robots, simulator.routes[0], 0, me, 1, goal)
+        route = routes.route(simulator.robots, simulator.routes, 0, me, 1, goal)
         count += route is not None and sharpest_turn(route.line[:15]) > 2.0
     return count
 
@@ -506,17 +507,14 @@ def test_the_price_of_hairpins_keeps_live_routes_from_folding(monkeypatch: pytes
 
 
 @pytest.mark.parametrize(
-    ("planner", "spec", "finder", "first"),
-    [
-        ("pf_aco", None, "Ants", True), ("pf_aco:ants=9", None, "Ants", True), ("astar_turns", None, "Search", True),
-        ("pf_aco", "astar_turns", "Search", False), ("astar", None, "Search", False),
-        ("astar", "pf_aco", "Ants", False),
-    ],
+    ("planner", "finder", "first"),
+    [("pf_aco", "pf_aco", True), ("pf_aco:ants=9", "pf_aco", True), ("astar_turns", "astar_turns", True),
+     ("astar", "astar_turns", False)],
 )  # fmt: skip
-def test_live_routes_are_made_by_the_planner_of_all_routes_unless_another_is_named(
-    planner: str, spec: str | None, finder: str, first: bool
+def test_live_routes_are_made_by_the_planner_of_all_routes_if_it_makes_any(
+    planner: str, finder: str, first: bool
 ) -> None:
-    simulator = Simulator(CONFIG.replace(planner=planner, num_agents=2, reroute_spec=RerouteSpec(planner=spec)))
+    simulator = Simulator(CONFIG.replace(planner=planner, num_agents=2))
     made = simulator.dispatcher.live
     assert made is not None
-    assert (type(made.finder).__name__, made.plans_first) == (finder, first)
+    assert (made.finder.name, made.plans_first) == (finder, first)

@@ -32,7 +32,7 @@ def resolve(world: World) -> list[int]:
     """Let them make room; return who has a manoeuvre."""
     sim = world.simulator
     if waits.look(world.robots, waits.scratch(len(world.robots))):
-        making_room.make_room(0, 1, sim.robots, sim.routes, *sim._room_arguments, sim._metrics)
+        making_room.make_room(0, 1, sim._search_worlds, sim._paths, sim._search_setup, sim._searches.take())
     return [int(k) for k in np.flatnonzero(world.robots["arcs"])]
 
 
@@ -128,25 +128,6 @@ def test_who_makes_room_goes_round_people() -> None:
         assert gaps > 0.25 + 0.35
 
 
-BAY = drawn(["#" * 16, "#####....#######", "." * 16, "#" * 16])
-
-
-def test_who_can_leave_no_path_goes_its_own_way_between_the_others() -> None:
-    """As it happened: the ways of both lead east, one stands crosswise in the bay and cannot turn beside the other."""
-    poses = [(5.7783, 1.6361, 0.094), (5.7913, 2.1665, -1.7879), (4.6337, 1.5128, 0.0599)]
-    world = World(*poses, ages=[5, 9, 2], grid=BAY)
-    for robot in range(3):
-        ahead = np.array([world.robots["x"][robot], 1.7]) + np.arange(0.0, 6.0, 0.25)[:, None] * [1.0, 0.0]
-        world.simulator.dispatcher.give_line(0, robot, ahead.astype(np.float32))
-    world.decide()
-    world.robots["yields_to"] = [1, 0, 0]
-    world.robots["waiting_time"] = 5.0
-    assert resolve(world) == [0]
-    assert world.robots["aside"].tolist() == [0, 0, 0]
-    world.decide()
-    assert rectangles(world.path(0))[-1, :, 0].max() > poses[0][0] + 0.5
-
-
 def shut_in() -> World:
     """In an aisle of one cell one faces a parked robot, and two more wait right behind it, nose to tail."""
     poses = [(10.1, 1.5, math.pi), (9.6, 1.5, 0.0), (8.6, 1.5, 0.0), (7.6, 1.5, 0.0)]
@@ -194,7 +175,7 @@ def meet(meeting: str) -> Simulator:
         x, y = WINDING.centre((row, column))
         starts.append((x + 0.3 * math.cos(heading), y + 0.3 * math.sin(heading), heading))
         goals.append(goal)
-    rights = {"protective_field": True, "right_of_way": True, "reroute": True}
+    rights = {"traffic": "rules"}
     config = EnvConfig(num_agents=len(starts), action_repeat=2, planner="astar", max_steps=10**6, **rights)
     sim = Simulator(config, grid=WINDING)
     sim.reset_to([Assignment(np.array(starts), np.array(goals))], 0)

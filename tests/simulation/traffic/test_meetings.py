@@ -43,7 +43,7 @@ def test_all_poses_that_touch_are_found_and_no_others(
     for path, given_poses in zip(kept, drawn, strict=False):
         for pose, (x, y, heading) in zip(path, given_poses, strict=False):
             pose[:4] = x, y, np.cos(heading), np.sin(heading)
-    ways = scratch(kept)
+    ways = kept, *scratch(len(kept) - 1)
     ways[-1][COUNT, :-1] = [len(path) for path in drawn]
     enlist(ways, PARAMETERS)
     mine = data.draw(st.integers(0, len(drawn) - 1))
@@ -75,7 +75,7 @@ def test_floors_larger_than_the_squares_go_on_from_the_first() -> None:
     kept = np.zeros((3, POSES, 5), np.float32)
     kept[:, :, COS] = 1.0
     kept[0, 0, :2], kept[1, 0, :2] = (200.0, 300.0), (200.5, 300.0)
-    ways = scratch(kept)
+    ways = kept, *scratch(len(kept) - 1)
     ways[-1][COUNT, :-1] = 1
     enlist(ways, PARAMETERS)
     assert meet(0, 0, 0, ways, PARAMETERS, None) == 1

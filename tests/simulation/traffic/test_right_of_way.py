@@ -19,6 +19,7 @@ from warehouse_env.simulation.senses.preferences import GOING, SIDE, SPEED, spee
 from warehouse_env.simulation.traffic.meetings import TIGHT, WIDE
 from warehouse_env.simulation.traffic.right_of_way import AHEAD, NOBODY, limit, rank
 from warehouse_env.simulation.traffic.waits import is_urged
+from warehouse_env.traffic_spec import TrafficSpec
 
 ROUNDING = 1e-4  # [m]
 
@@ -215,10 +216,10 @@ def test_nobody_touches_anything(layout: str) -> None:
 
 
 def test_right_of_way_needs_the_field_and_a_route_to_follow() -> None:
-    with pytest.raises(ConfigError, match="protective_field"):
-        EnvConfig(right_of_way=True)
+    with pytest.raises(ConfigError, match="without a shield"):
+        TrafficSpec(right_of_way=True)
     with pytest.raises(ConfigError, match="raw"):
-        EnvConfig(right_of_way=True, protective_field=True, action_type="raw")
+        EnvConfig(traffic="rules", action_type="raw")
 
 
 def test_of_two_whose_paths_end_on_each_others_the_first_goes_to_its_goal() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from warehouse_env.simulation.simulator import Simulator
 from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.traffic.stepping_in import AROUND
 from warehouse_env.simulation.traffic.waits import CALM, LONGER
+from warehouse_env.traffic_spec import TrafficSpec
 
 DECISION = 0.2  # [s]
 
@@ -104,7 +106,7 @@ def test_who_is_not_settled_keeps_its_command_and_its_offset() -> None:
 
 @pytest.mark.parametrize("command", [0, 5])  # back, stand: the offset is 0
 def test_who_is_settled_carries_out_its_manoeuvre_whatever_the_policy_says(command: int) -> None:
-    settings = {"right_of_way": True, "right_of_way_after": 3.0, "protective_field": True, "action_repeat": 2}
+    settings = {"traffic": TrafficSpec(shield=True, right_of_way=True, right_of_way_after=3.0), "action_repeat": 2}
     simulator = stage(room(10, 20), (10.0, 5.0, 0.0), action_type="discrete", **settings)
     simulator.dispatcher.give_line(0, 0, np.array([[10.0 + k, 5.0] for k in range(6)], dtype=np.float32))
     r = simulator.robots[0, 0]
@@ -142,8 +144,8 @@ def test_a_jam_that_the_field_leaves_is_dissolved() -> None:
     """Robots that only drive on block each other for good; with right of way after 5 s they come through."""
     goals = {False: 0.0, True: 0.0}
     for right in goals:
-        changes = {"right_of_way_after": 5.0} if right else {"right_of_way": False}
-        simulator = simulator_with_right(32, "narrow", reroute=False, max_steps=1500, **changes)
+        switches: dict[str, Any] = {"right_of_way_after": 5.0} if right else {"right_of_way": False}
+        simulator = simulator_with_right(32, "narrow", max_steps=1500, routes=False, **switches)
         cruise = np.full((1, 32), int(simulator.cruise_action))
         for seed in range(3, 7):
             simulator.reset(seed=seed)

@@ -8,10 +8,10 @@ import pytest
 
 from tests.pages import PAGES
 from tests.simulation.rights import World
-from warehouse_env.config import EnvConfig, RerouteSpec
+from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.driver import tracking
 from warehouse_env.simulation.state import NOBODY
-from warehouse_env.simulation.traffic import letting_out, waits
+from warehouse_env.simulation.traffic import letting_out, live, waits
 from warehouse_env.simulation.traffic.waits import MOVES, SEEKS, STUCK, WAITS
 
 
@@ -94,7 +94,7 @@ def test_the_page_tells_in_order_when_what_happens() -> None:
     assert seconds == sorted(seconds)
     told = (
         waits.REFUSED, waits.STANDS, letting_out.KEPT, waits.URGED, waits.SEEKS_AFTER, waits.FOR_GOOD, tracking.HELD,
-        waits.STUCK_AFTER, tracking.PATIENCE, waits.ROCKS, RerouteSpec.stood_for, waits.SHUT_IN_AFTER, waits.DEARER,
+        waits.STUCK_AFTER, tracking.PATIENCE, waits.ROCKS, live.STOOD_FOR, waits.SHUT_IN_AFTER, waits.DEARER,
         EnvConfig.stuck_after,
     )  # fmt: skip
     less_rounding = {0.95: 1.0, 4.95: 5.0}

@@ -241,8 +241,8 @@ def test_the_command_drives_answers_and_writes_a_page(
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        ("", "name one floor: --map FILE or --layout NAME"),
-        ("--layout narrow --map x.map", "name one floor"),
+        ("", "name the floor with --layout NAME_OR_FILE"),
+        ("--layout narrow --map x.map", "--map is another name of --layout"),
         ("--layout nowhere", "unknown layout 'nowhere'"),
         ("--map nowhere.map", "does not exist"),
         ("--layout open --goals 0", "goals=0.0 must be a number from 0.001"),

@@ -68,7 +68,7 @@ def test_what_is_disturbed_is_audited_as_it_is_then(tmp_path: Path) -> None:
     assert audit(tmp_path, *words) == 0
     undisturbed, disturbed = read_rows(tmp_path / "rows.jsonl")
     assert (undisturbed["disturbance"], disturbed["disturbance"]) == ("none", "all_at_once")
-    assert disturbed["config"]["pose_error"] == disturbed["config"]["field_spec"]["pose_error"] == 0.02
+    assert disturbed["config"]["uncertainty"]["pose_error"] == 0.02
     assert disturbed["robot_km"] != undisturbed["robot_km"]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 from train.cli import main
-from train.commands.evaluate import Drive, Evaluate, Robust
+from train.commands.evaluate import Evaluate, Robust
 from train.evaluation import episodes
 from train.evaluation.rollout import Experiment, Trace, make_experiment, pair_centres, run
 from train.reporting.rows import RowFile, read_rows
@@ -20,6 +21,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.movingai import EXAMPLE_MAP, write_map
+from warehouse_env.traffic_spec import TRAFFIC, TrafficSpec
 
 FIELDS = {
     "policy", "layout", "robots", "tasks", "planner", "episode", "seed", "robot_km", "collisions_robot",
@@ -27,6 +29,8 @@ FIELDS = {
     "goals_per_robot_hour", "success_rate", "path_length_m", "path_length_ratio", "makespan_s", "sum_of_costs_s",
     "stuck", "ms_per_step", "config", "version",
 }  # fmt: skip
+AFTER_4 = replace(TRAFFIC["assist"], right_of_way_after=4.0)
+BY_LIDAR = replace(TRAFFIC["rules"], shield="lidar", margin=0.1)
 OPEN = EnvConfig(layout="open", num_agents=4, planner="astar")
 
 
@@ -112,50 +116,41 @@ def test_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture
 @pytest.mark.parametrize(
     ("options", "traffic"),
     [
-        ([], (True, True, True)),
-        (["--no-reroute"], (True, True, False)),
-        (["--no-right-of-way", "--reroute"], (True, False, True)),
-        (["--right-of-way", "False", "--reroute", "True"], (True, False, True)),  # as --help has it
+        ([], ("none", "rules")),
+        (["--traffic", "own"], ("none", "rules")),
+        (["--traffic", "own:routes=false"], ("none", TrafficSpec(shield=True, right_of_way=True))),
+        (["--traffic", "own:routes=true"], ("routes", "rules")),
+        (["--traffic", "shield"], ("shield", "shield")),
+        (["--traffic", "assist:right_of_way_after=4"], (AFTER_4, AFTER_4)),
+        (["--traffic", "rules:shield=lidar,margin=0.1"], (BY_LIDAR, BY_LIDAR)),
     ],
 )
-def test_greedy_gets_what_it_needs_unless_told_otherwise(
-    options: list[str], traffic: tuple[bool, ...], tmp_path: Path
+def test_a_policy_gets_what_it_needs_unless_told_otherwise(
+    options: list[str], traffic: tuple[Any, Any], tmp_path: Path
 ) -> None:
-    assert main(command(tmp_path, "--policy", "follow", "greedy", "--episodes", "1", *options)) == 0
-    follow, greedy = (EnvConfig.from_dict(row["config"]) for row in read_rows(tmp_path / "rows.jsonl"))
-    assert (greedy.protective_field, greedy.right_of_way, greedy.reroute) == traffic
-    assert (greedy.action_repeat, follow.action_repeat) == (1, 1)
-    assert not follow.protective_field
+    assert main(command(tmp_path, "--policy", "follow", "greedy", "--episodes", "1", "--no-pictures", *options)) == 0
+    configs = [EnvConfig.from_dict(row["config"]) for row in read_rows(tmp_path / "rows.jsonl")]
+    assert tuple(config.traffic for config in configs) == traffic
+    assert [config.action_repeat for config in configs] == [1, 1]
 
 
-def test_a_time_after_which_right_of_way_steps_in_asks_for_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("traffic", "sentence"),
+    [
+        ("shiled", "did you mean shield"), ("rules:rutes=false", "did you mean routes"),
+        ("rules:shield=radar", "TrafficSpec.shield='radar' must be"), ("rules:routes", "must be PARAMETER=VALUE"),
+        ("own:shield=false", "TrafficSpec.right_of_way=True must be False without a shield"),
+    ],
+)  # fmt: skip
+def test_wrong_traffic_is_one_sentence(
+    traffic: str, sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    options = ["--policy", "follow", "--episodes", "1", "--protective-field", "--right-of-way-after", "4"]
-    assert main(command(tmp_path, *options)) == 0
-    driven = EnvConfig.from_dict(read_rows(tmp_path / "rows.jsonl")[0]["config"])
-    assert (driven.right_of_way, driven.right_of_way_after) == (True, 4.0)
-    assert main(command(tmp_path, *options, "--no-right-of-way")) == 2
-    assert "--right-of-way-after 4 must be left out with --no-right-of-way" in capsys.readouterr().err
-
-
-def test_the_field_goes_by_lidar_if_asked_to_and_then_there_is_one() -> None:
-    assert Drive(field_by_lidar=True).chosen() == {"protective_field": "lidar"}
-    assert Drive(field_by_lidar=True, protective_field=True, reroute=True).chosen() == {
-        "protective_field": "lidar",
-        "reroute": True,
-    }
-    with pytest.raises(ConfigError, match="--field-by-lidar must be left out with --no-protective-field"):
-        Drive(field_by_lidar=True, protective_field=False).chosen()
-
-
-def test_right_of_way_without_the_field_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(command(tmp_path, "--policy", "greedy", "--no-protective-field")) == 2
-    assert "protective_field" in capsys.readouterr().err
+    assert main(command(tmp_path, "--policy", "greedy", "--traffic", traffic)) == 2
+    assert sentence in capsys.readouterr().err
 
 
 def test_several_robot_counts_and_floors_make_one_table(tmp_path: Path) -> None:
-    options = ["--policy", "brake", "--robots", "1", "3", "--map", str(EXAMPLE_MAP), "--episodes", "1"]
+    options = ["--policy", "brake", "--robots", "1", "3", "--layout", "open", str(EXAMPLE_MAP), "--episodes", "1"]
     assert main(command(tmp_path, *options)) == 0
     rows = read_rows(tmp_path / "rows.jsonl")
     assert [(row["layout"], row["robots"]) for row in rows] == [
@@ -304,20 +299,18 @@ def test_overwrite_replaces_them(tmp_path: Path) -> None:
     assert [row["policy"] for row in read_rows(tmp_path / "rows.jsonl")] == ["brake"]
 
 
-def test_a_floor_has_one_name(tmp_path: Path) -> None:
+def test_a_floor_has_one_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     floor = str(EXAMPLE_MAP)
     layouts = Evaluate(layout=(floor, "open"), policy=("brake",)).experiments()
-    maps = Evaluate(layout=("open",), map=(EXAMPLE_MAP,), policy=("brake",)).experiments()
-    assert {one.place for one in layouts} == {one.place for one in maps} == {floor, "open"}
+    assert [one.place for one in layouts] == [floor, "open"]
     assert [one.place for one in Evaluate(policy=("brake",)).experiments()] == ["paper46"]
-    assert [one.place for one in Robust(policy=("brake",), map=(EXAMPLE_MAP,), robots=(2,)).experiments()] == [floor]
     named = [one.place for one in Robust(policy=("brake",), robots=(2,)).experiments()]
     assert named == ["paper46", "narrow"]
-    here = timeless(run(small(base=OPEN.replace(layout=floor))))
-    there = timeless(run(small(base=OPEN.replace(map_file=floor))))
-    for row in (*here, *there):
-        del row["config"], row["layout"]
-    assert here == there
+    words = "--policy brake --episodes 1 --robots 2 --seconds 10 --planner astar --no-pictures --out"
+    assert main(["evaluate", *words.split(), str(tmp_path), "--map", floor]) == 0
+    assert [row["layout"] for row in read_rows(tmp_path / "rows.jsonl")] == [floor]
+    assert main(["evaluate", "--layout", "open", f"--map={floor}"]) == 2
+    assert "--map is another name of --layout" in capsys.readouterr().err
 
 
 def test_bad_input_leaves_old_rows_alone(tmp_path: Path) -> None:

@@ -50,7 +50,7 @@ def test_a_fault_is_an_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[s
         (["--check", "x", "--mqtt", "h"], "--mqtt goes with an episode"),
         (["--listen", "none.jsonl", "--layout", "open"], "does not exist"),
         (["--listen", "~nosuch/log.jsonl", "--layout", "open"], "does not exist"),
-        (["--listen", "log.jsonl"], "--map FILE or --layout"),
+        (["--listen", "log.jsonl"], "--layout NAME_OR_FILE"),
         (["--listen", "a:b", "--layout", "open"], "name it as HOST"),
         (["none.npz"], "does not exist"),
         (["none.npz", "--begin", "noon"], "ISO 8601"),

@@ -86,7 +86,7 @@ def test_what_is_lost_is_a_note_of_one_line(hall: Path, tmp_path: Path) -> None:
 def test_a_recording_keeps_where_the_floor_is(hall: Path, tmp_path: Path) -> None:
     hall.write_text(hall.read_text().replace("[0.0, 0.0, 0.0]", "[-15.1, 2.0, 0.0]"))
     hall.with_suffix(".places.json").unlink()
-    config = EnvConfig(map_file=str(hall), num_agents=2, planner="astar")
+    config = EnvConfig(layout=str(hall), num_agents=2, planner="astar")
     recorder = Recorder(Simulator(config), (31_000_000,))
     recorder.step(np.zeros((1, 2), np.int64))
     recorder.episode.save(tmp_path / "e.npz")
@@ -94,7 +94,7 @@ def test_a_recording_keeps_where_the_floor_is(hall: Path, tmp_path: Path) -> Non
 
 
 def test_every_environment_drives_on_a_hall(hall: Path) -> None:
-    chosen: dict[str, Any] = {"map_file": str(hall), "num_agents": 2, "planner": "astar"}
+    chosen: dict[str, Any] = {"layout": str(hall), "num_agents": 2, "planner": "astar"}
     parallel, single, worlds = parallel_env(**chosen), single_env(**chosen), vec_env(2, **chosen)
     for env in (parallel, single):
         env.reset(seed=1)

@@ -49,7 +49,7 @@ def test_without_a_bar_it_says_what_it_begins_and_what_it_wrote(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, err = train(capsys, "--layout", "open", "--steps", "48", "--out", str(tmp_path), "--name", "one")
-    assert err[0].startswith("trains for 48 agent-steps on open with 2 robots, without a protective field and ")
+    assert err[0].startswith("trains for 48 agent-steps on open with 2 robots, without the shield and ")
     assert err[0].endswith(f"with live routes, into {tmp_path / 'one'}; Ctrl-C stops and keeps what is learned")
     assert len(out) == 1
     assert out[0].startswith("48 agent-steps in ")
@@ -199,7 +199,7 @@ def test_a_resumed_training_keeps_its_own_settings(tmp_path: Path, capsys: pytes
     checkpoint.write(folder / "checkpoint", saved.arrays, saved.data | {"config": old | {"steps": 48}})
     assert main(["train", "reinforce", "--resume", str(folder)]) == 0
     config = read_record(folder).training["config"]
-    assert (config["shared"], config["reroute"], config["steps"]) == (0.0, False, 48)
+    assert (config["shared"], config["traffic"], config["steps"]) == (0.0, "none", 48)
     assert main(["train", "reinforce", "--resume", str(folder), "--shared", "0.6"]) == 2
     assert "leave out shared=0.6" in capsys.readouterr().err
 
@@ -247,8 +247,8 @@ def test_robots_of_other_kinds_are_trained_with_and_gone_on_with(
         pytest.importorskip("stable_baselines3")
     fleet, folder, slow = tmp_path / "fleet.json", tmp_path / trainer, RobotSpec(length=1.2, max_speed=0.8)
     fleet.write_text('[{"share": 1, "robot": {"length": 1.2, "max_speed": 0.8}}]', encoding="utf-8")
-    words = ["--layout", "open", "--steps", "48", "--out", str(tmp_path), "--no-reroute", "--planner", "astar"]
-    words += ["--protective-field", "--right-of-way-after", "None", "--fleet", str(fleet)]
+    words = ["--layout", "open", "--steps", "48", "--out", str(tmp_path), "--planner", "astar"]
+    words += ["--traffic", "none:shield=true", "--fleet", str(fleet)]
     assert main(["train", trainer, *SMALL.split(), *words]) == 0
     robots = "with 2 robots (of 1.2 x 0.6 m, up to 0.8 m/s, braking at 1 m/s²)"
     assert robots in capsys.readouterr().err

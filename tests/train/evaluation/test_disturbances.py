@@ -120,7 +120,9 @@ def test_an_undisturbed_episode_is_that_of_evaluate() -> None:
 @pytest.mark.parametrize("name", [name for name in DISTURBANCES if name != UNDISTURBED])
 def test_every_disturbance_plays_for_itself_and_makes_a_difference(name: str) -> None:
     base = OPEN.replace(layout="narrow", num_agents=24)
-    policy = "threaded_ppo" if "field_spec" in DISTURBANCES[name].changes else "ppo"  # bounds are the field's
+    uncertainty = DISTURBANCES[name].changes.get("uncertainty")
+    late = uncertainty is not None and uncertainty.latency > 0
+    policy = "threaded_ppo" if late else "ppo"  # only the shield knows of latency
     two, one, none = (
         run(make_experiment(policy, base, many, 90.0, 700, disturbance=disturbance))
         for many, disturbance in ((2, name), (1, name), (1, UNDISTURBED))

@@ -16,7 +16,7 @@ from warehouse_env.render.replay import replay_of
 from warehouse_env.render.replay_page import write_replay_page
 
 BASE = EnvConfig(layout="open", num_agents=5, planner="astar")
-FULL = {"protective_field": True, "right_of_way": True, "reroute": True}
+FULL = {"traffic": "rules"}
 
 
 @pytest.mark.parametrize(("policy", "chosen"), [("brake", {}), ("ppo", FULL)])

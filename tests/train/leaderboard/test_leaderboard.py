@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from train.cli import main
-from train.evaluation.rollout import run
+from train.evaluation.rollout import config_of, run
 from train.leaderboard import cases
 from train.leaderboard.board import board
 from train.leaderboard.cases import CASES, TRACKS, VERSION, Case, experiments, options, set_hash
@@ -22,6 +22,7 @@ from train.leaderboard.entry import (
     read_entry,
     write_entry,
 )
+from warehouse_env.config import EnvConfig
 from warehouse_env.errors import WarehouseError
 
 SMALL = (Case("few", "open", 2, 2), Case("more", "aisles:seed=801", 3, 1))
@@ -67,10 +68,17 @@ def test_the_hash_of_the_set_tells_each_part_of_it(monkeypatch: pytest.MonkeyPat
 def test_tracks_are_the_same_for_all_but_when_right_of_way_steps_in() -> None:
     """No policy has the field on one track and not on the other; only raw actions go without right of way."""
     for policy in ("follow", "greedy", "ppo", "threaded_ppo", "orca", "apf"):
-        assert options(policy, "field")["protective_field"] is True
-        assert options(policy, "bare") == TRACKS["bare"].fixed
-    assert "right_of_way_after" not in options("greedy", "field")  # says itself: at once
-    assert options("ppo", "field")["right_of_way_after"] == cases.RIGHT_OF_WAY_AFTER
+        spec = config_of(policy, EnvConfig(), options(policy, "field")).traffic_spec
+        assert (spec.shield, spec.right_of_way, spec.routes) == (True, True, True)
+        assert config_of(policy, EnvConfig(), options(policy, "bare")).traffic == "routes"
+    named = {policy: config_of(policy, EnvConfig(), options(policy, "field")).traffic for policy in ("greedy", "ppo")}
+    assert named == {"greedy": "rules", "ppo": "assist"}  # greedy says itself: at once
+    assert options("central_pbcr", "field") == {"traffic": "shield"}
+
+
+def test_the_shipped_entries_are_of_this_set() -> None:
+    """Its hash says switches by the names that they had when the set was made."""
+    assert set_hash() == "471d8b31d38447ec"
 
 
 @pytest.mark.usefixtures("short")

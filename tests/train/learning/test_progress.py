@@ -55,7 +55,7 @@ def test_tensorboard_has_figures_evaluations_and_settings(tmp_path: Path) -> Non
     settings, stored = {}, log.summary_metadata["_hparams_/session_start_info"].plugin_data.content
     for name, value in plugin.HParamsPluginData.FromString(stored).session_start_info.hparams.items():
         settings[name] = getattr(value, value.WhichOneof("kind"))
-    assert settings["protective_field"] == "False"
+    assert settings["traffic"] == "routes"
     assert settings["shared"] == 0.3
     assert settings["robots"] == "(2, 4)"
     assert settings.keys() == config.to_dict().keys()

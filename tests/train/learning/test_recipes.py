@@ -33,7 +33,7 @@ def test_every_shipped_policy_has_a_recipe() -> None:
 def test_the_recipe_is_what_the_shipped_weights_were_trained_by(name: str) -> None:
     kind, recipe = SHIPPED[name]
     config = by_recipe(kind, recipe)
-    given, made = read_record(WEIGHTS / name).training["config"], config.to_dict()
+    given, made = kind.upgraded(read_record(WEIGHTS / name).training["config"]), config.to_dict()
     made = {key: list(value) if isinstance(value, tuple) else value for key, value in made.items()}
     made["steps"] = config.total_steps  # left out where a default says them
     assert made.pop("fleet") is None  # newer than the weights
@@ -45,7 +45,7 @@ def test_the_recipe_is_what_the_shipped_weights_were_trained_by(name: str) -> No
 def test_bare_leaves_all_to_the_policy(kind: type[TrainingConfig]) -> None:
     bare = by_recipe(kind, "bare")
     env = bare.driven(bare.env("open", 2))
-    assert (env.protective_field, env.reroute, env.right_of_way, bare.shared) == (False, False, False, 0.0)
+    assert (env.traffic, bare.shared) == ("none", 0.0)
     assert by_recipe(kind, "bare", shared=0.5).shared == 0.5
 
 
@@ -69,8 +69,8 @@ def test_every_recipe_can_be_named_on_the_command_line(
 
 
 def test_help_shows_what_holds_by_the_recipe(capsys: pytest.CaptureFixture[str]) -> None:
-    for recipe, default in (("shipped", "True"), ("bare", "False")):
+    for recipe, default in (("shipped", "assist"), ("bare", "none")):
         assert main(["train", "threaded_ppo", "--recipe", recipe, "--help"]) == 0
         shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
-        (after,) = shown.split("--protective-field, --no-protective-field")[1:]
+        (after,) = shown.split("--traffic ")[1:]
         assert after.split("(default: ")[1].startswith(default)

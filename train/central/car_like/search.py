@@ -16,9 +16,9 @@ from train.central.car_like.curves import Best, step_time, try_curves
 from train.central.car_like.floor import is_free
 from train.central.car_like.traffic import BEGIN, BEND, END, HEADING, RATE, X, Y, meetings, piece_at
 from train.central.car_like.tree import MOVES, NONE, RATES, SIDES, TO_GO, is_known, place_of
+from warehouse_env.heap import pop, push
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.routes.reeds_shepp import SEGMENTS, TURNS, distance, rolled, seen_from, word
-from warehouse_env.simulation.driver.heap import pop, push
 
 _GREED = 1.5  # weight of the way to go: soon found before best
 _EPSILON = 1e-6  # [s] that a route must be better by

@@ -83,7 +83,7 @@ class Audit:
 
     def _check(self, before: _Looks, after: _Looks, touching: NDArray[np.bool_]) -> None:
         """Check a step; who is parked at once, and who is put back by a contact, is known at its ends only."""
-        parked = before.alive & ~after.alive & (not self._config.protective_field)
+        parked = before.alive & ~after.alive & (not self._config.traffic_spec.shield)
         walked = (after.people - before.people) / self._step_time
         self._look(before, after, touching | parked, walked)
 

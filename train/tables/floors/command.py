@@ -87,6 +87,6 @@ class Floors(StudyOptions):
             grid = movingai_warehouse(aisle)
             path = folder / f"{grid.name}.map"
             write_map(grid, path)
-            yield {"map_file": str(path)}, self.robots, self.runs
+            yield {"layout": str(path)}, self.robots, self.runs
         for side, fleets in ({} if self.maps else LARGE).items():
             yield {"layout": f"blocks:rows={side},columns={side}"}, fleets, max(1, self.runs // 2)

@@ -130,7 +130,7 @@ class Learning(StudyOptions):
                     each = episodes // len(group)
                     settings = [SETTINGS[-1]] if name == RULE else SETTINGS
                     made += [
-                        make_experiment(policy, env, each, SECONDS, first + number * each, setting.options)
+                        make_experiment(policy, env, each, SECONDS, first + number * each, {"traffic": setting.traffic})
                         for setting in settings
                         for number, policy in enumerate(group)
                     ]

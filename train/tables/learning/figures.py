@@ -4,31 +4,33 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from train.reporting.report import Table, with_interval
 from train.reporting.rows import Interval, Row, apart, is_told, mean_interval, select
+from warehouse_env.config import EnvConfig
 
 START = "start"  # the policy before its first update
 
 
 class Setting(NamedTuple):
-    """A combination of options under which a policy drives."""
+    """Traffic options under which a policy drives."""
 
     name: str
-    options: dict[str, bool]
+    switches: tuple[bool, bool, bool]  # shield, live routes, right of way
 
-
-def _setting(name: str, field: bool, live: bool, right: bool) -> Setting:
-    return Setting(name, {"protective_field": field, "reroute": live, "right_of_way": right})
+    @property
+    def traffic(self) -> str:
+        """The switches as a text of `read_traffic`: when right of way steps in is the policy's own affair."""
+        return "own:shield={},routes={},right_of_way={}".format(*(str(one).lower() for one in self.switches))
 
 
 SETTINGS = (
-    _setting("none", False, False, False),
-    _setting("live routes", False, True, False),
-    _setting("field", True, False, False),
-    _setting("field, live routes", True, True, False),
-    _setting("all: right of way", True, True, True),
+    Setting("none", (False, False, False)),
+    Setting("live routes", (False, True, False)),
+    Setting("field", (True, False, False)),
+    Setting("field, live routes", (True, True, False)),
+    Setting("all: right of way", (True, True, True)),
 )
 NOTE = (
     "Late: goals/robot-h in the second half, as a share of those of one robot alone under `greedy`. Waiting: share of "
@@ -47,8 +49,9 @@ MEASURES: dict[str, tuple[Callable[[Row], float | None], float]] = {  # heading 
 
 def setting_of(row: Row) -> str:
     """Return the name of the setting of a row; KeyError if it is none of SETTINGS."""
-    named = {tuple(sorted(setting.options.items())): setting.name for setting in SETTINGS}
-    return named[tuple(sorted((name, row["config"][name]) for name in SETTINGS[0].options))]
+    spec = EnvConfig.from_dict(row["config"]).traffic_spec
+    named: dict[Any, str] = {setting.switches: setting.name for setting in SETTINGS}
+    return named[spec.shield, spec.routes, spec.right_of_way]
 
 
 def samples(rows: Sequence[Row], group: Sequence[str], value: Callable[[Row], float | None]) -> list[float | None]:

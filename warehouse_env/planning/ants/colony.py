@@ -1,8 +1,8 @@
 """The one ant loop: every ant system is an assembly of slots around `run`.
 
-What systems differ in are the slots of `Colony`: attraction tables, greed and pheromone update. What they share is
-here, compiled: ants that walk cell by cell over the moves of
-eq. 26 (paper 000), each with its own tabu list, and pheromone on directed edges.
+Systems differ in the slots of `Colony`: attraction tables, greed and pheromone update. They share the ants, which are
+compiled: `send` lets one walk cell by cell over the moves of eq. 26 (paper 000) with its own tabu list. Ants on the way
+(simulation/traffic/ants.py) walk by `send` as well; only what weighs their moves is another function.
 """
 
 from __future__ import annotations
@@ -11,19 +11,19 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.kernel import inline, kernel
+from warehouse_env.kernel import inline, kernel, part, whole
 from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.planning.ants.floor import Floor, Table
 from warehouse_env.planning.ants.walks import Walks, empty_walks, keep, measure
 
 _SHIFT_13, _SHIFT_7, _SHIFT_17, _SHIFT_11 = np.uint64(13), np.uint64(7), np.uint64(17), np.uint64(11)
 _TO_UNIT = 2.0**-53
-
+ARRIVED = -1.0  # in place of a sum of weights
 
 Slot = Callable[[int, Table, Walks, Walks], None]
 
@@ -152,13 +152,127 @@ def cells_of(floor: Floor, walks: Walks, ant: int) -> NDArray[np.int64]:
     return np.concatenate([start, start + np.cumsum(MOVES[walks.moves[ant, : walks.steps[ant]]], axis=0)])
 
 
-@kernel
-def _next_random(state: np.uint64) -> np.uint64:
+@inline
+def _next_random(state):
     """One step of xorshift64 (Marsaglia 2003); the state must not be 0."""
     state ^= state << _SHIFT_13
     state ^= state >> _SHIFT_7
     state ^= state << _SHIFT_17
     return state
+
+
+@inline
+def _offset(trip, move):
+    """Return by how much a move changes the number of a cell."""
+    return MOVES[move, 0] * trip.columns + MOVES[move, 1]
+
+
+@inline
+def _largest(chance):
+    """Return the first place of the largest of float64[8]."""
+    best = whole(0)
+    for move in range(1, 8):
+        if chance[move] > chance[best]:
+            best = move
+    return best
+
+
+@inline
+def _drawn(chance, left):
+    """Return the place of float64[8] at which the sum of the weights up to it exceeds `left`."""
+    found = whole(0)
+    for move in range(8):
+        if chance[move] > 0.0:
+            found = move
+            left -= chance[move]
+            if left < 0.0:
+                break
+    return found
+
+
+class Trip(NamedTuple):
+    """One ant's way."""
+
+    start: int  # cell
+    ant: int  # its number, which no other ant of the search has
+    columns: int  # of the floor
+    trail: Table  # pheromone, of which the walk changes what WalkRule.local_decay says
+    moves: NDArray[np.int8]  # where its moves are written; as long as a path may be
+    chance: NDArray[np.float64]  # [8], room for the weights of the moves of a cell
+
+
+def sender(weigh: Any) -> Any:
+    """Return the compiled function (ground, rule, trip, generator) by which an ant walks.
+
+    ground: whatever `weigh` needs.
+    weigh: inlined function (ground, ant, cell, move by which it came or -1, chance) -> total. It writes the weight of
+    each move to chance float64[8], 0 for those not allowed, and returns their sum, 0 at a dead end, or ARRIVED.
+    """
+
+    @part
+    def send(ground: Any, rule: WalkRule, trip: Trip, random: np.uint64) -> Any:
+        """Let an ant walk; return (its moves, whether it arrived, its generator).
+
+        A move's chance is its share of the weights; with probability q0 the ant takes the largest instead (pseudo-
+        random-proportional rule).
+        """
+        cell, steps, heading = trip.start, whole(0), whole(-1)
+        q0, backtrack, decay, level = rule
+        chance = trip.chance
+        while True:
+            total = weigh(ground, trip.ant, cell, heading, chance)
+            if total == ARRIVED:
+                return steps, True, random
+            if total == 0.0 or steps == len(trip.moves):
+                if not backtrack or steps == 0:
+                    return steps, False, random
+                steps -= 1
+                cell -= _offset(trip, whole(trip.moves[steps]))
+                heading = whole(trip.moves[steps - 1]) if steps > 0 else whole(-1)
+                continue
+            random = _next_random(random)
+            draw = (random >> _SHIFT_11) * _TO_UNIT
+            if draw < q0:
+                heading = _largest(chance)
+            else:
+                if q0 > 0.0:  # known to be at least q0, draw is uniform above it, and so serves again
+                    draw = (draw - q0) / (1.0 - q0)
+                heading = _drawn(chance, draw * total)
+            if decay > 0.0:
+                trip.trail[cell, heading] += decay * (level - trip.trail[cell, heading])
+            trip.moves[steps] = heading
+            steps += 1
+            cell += _offset(trip, heading)
+
+    return send
+
+
+@inline
+def _weigh(ground, ant, cell, heading, chance):
+    """Weigh the moves of a cell for `send`: trail * straight on, else trail * turning, over cells that are not tabu.
+
+    Underflow to an all-zero roulette falls back to equal chances.
+    """
+    floor, edges, visited = ground
+    visited[cell] = ant
+    if cell == floor.goal:
+        return ARRIVED
+    total = 0.0
+    for move in range(8):
+        chance[move] = 0.0
+        if visited[floor.neighbour[cell, move]] != ant:
+            along = edges.straight[cell, move] if move == heading else edges.turning[cell, move]
+            chance[move] = edges.trail[cell, move] * along
+            total += chance[move]
+    if not total > 0.0:  # a dead end, or all weights underflow
+        total = 0.0
+        for move in range(8):
+            chance[move] = 1.0 if visited[floor.neighbour[cell, move]] != ant else 0.0
+            total += chance[move]
+    return total
+
+
+_send = sender(_weigh)
 
 
 @kernel
@@ -173,87 +287,13 @@ def walk(
 ) -> None:
     """Send every ant from its start to the goal; writes walks.moves and walks.steps.
 
-    An edge's chance is trail * straight if it goes straight on, else trail * turning, over the neighbours that are not
-    tabu; with probability q0 the largest is taken instead (pseudo-random-proportional rule). Underflow to an
-    all-zero roulette falls back to equal chances. seeds: uint64[m], one generator an ant. visited: int64[C], holds
-    numbers below `stamp`.
+    seeds: uint64[m], one generator an ant. visited: int64[C], holds numbers below `stamp`.
     """
-    neighbour, goal = floor.neighbour, floor.goal
-    trail = edges.trail
-    q0, backtrack, decay, level = rule
-    chance = np.zeros(8)
+    chance, ground = np.zeros(8), (floor, edges, visited)
     for ant in range(len(seeds)):
-        moves, random, tabu = walks.moves[ant], seeds[ant], stamp + ant
-        cell, steps, heading = walks.start[ant], 0, -1
-        if cell < 0:
-            walks.steps[ant] = -1
-            continue
-        visited[cell] = tabu
-        while cell != goal:
-            total = _weigh(neighbour, edges, visited, tabu, cell, heading, chance)
-            if total == 0.0:
-                if not backtrack or steps == 0:
-                    steps = -1
-                    break
-                steps -= 1
-                cell -= MOVES[moves[steps], 0] * floor.columns + MOVES[moves[steps], 1]  # one-way or not
-                heading = moves[steps - 1] if steps > 0 else -1
-                continue
-            random = _next_random(random)
-            draw = (random >> _SHIFT_11) * _TO_UNIT
-            if draw < q0:
-                heading = _largest(chance)
-            else:  # the roulette stands here in line, since in a function of its own it takes a quarter longer
-                if q0 > 0.0:  # known to be at least q0, draw is uniform above it, and so serves again
-                    draw = (draw - q0) / (1.0 - q0)
-                left = draw * total
-                heading = 0
-                for move in range(8):
-                    if chance[move] > 0.0:
-                        heading = move
-                        left -= chance[move]
-                        if left < 0.0:
-                            break
-            if decay > 0.0:
-                trail[cell, heading] += decay * (level - trail[cell, heading])
-            moves[steps] = heading
-            steps += 1
-            cell = neighbour[cell, heading]
-            visited[cell] = tabu
-        walks.steps[ant] = steps
-
-
-@inline
-def _weigh(
-    neighbour: NDArray[np.int32],
-    edges: EdgeWeights,
-    visited: NDArray[np.int64],
-    tabu: int,
-    cell: int,
-    heading: int,
-    chance: NDArray[np.float64],
-) -> float:
-    """Write the weight of each move to chance float64[8], 0 for those not allowed; return the sum, 0 at a dead end."""
-    total = 0.0
-    for move in range(8):
-        chance[move] = 0.0
-        if visited[neighbour[cell, move]] != tabu:
-            along = edges.straight[cell, move] if move == heading else edges.turning[cell, move]
-            chance[move] = edges.trail[cell, move] * along
-            total += chance[move]
-    if not total > 0.0:  # a dead end, or all weights underflow
-        total = 0.0
-        for move in range(8):
-            chance[move] = 1.0 if visited[neighbour[cell, move]] != tabu else 0.0
-            total += chance[move]
-    return total
-
-
-@kernel
-def _largest(chance: NDArray[np.float64]) -> int:
-    """The first place of the largest of float64[8]."""
-    best = 0
-    for move in range(1, 8):
-        if chance[move] > chance[best]:
-            best = move
-    return best
+        walks.steps[ant] = -1
+        if walks.start[ant] >= 0:
+            trip = Trip(walks.start[ant], stamp + ant, floor.columns, edges.trail, walks.moves[ant], chance)
+            steps, arrived, _ = _send(ground, rule, trip, seeds[ant])
+            if arrived:
+                walks.steps[ant] = steps

@@ -1,10 +1,14 @@
-"""Standing bodies that a manoeuvre (manoeuvre.py) goes round, or gets out of the way of."""
+"""Standing bodies that a manoeuvre (manoeuvre.py) drives around, or moves away from."""
 
 from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from warehouse_env.kernel import inline
+from warehouse_env.simulation.driver.scratch import BODY as BODY  # columns
+from warehouse_env.simulation.physics.footprint import sweep_is_free
 from warehouse_env.simulation.physics.geometry import (
     Rectangle,
     body_of,
@@ -18,7 +22,6 @@ from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_c
 # Columns of bodies float32[K, BODY]: the centre [m], cosine and sine of the heading, half length, half width and half
 # diagonal [m].
 CENTRE_X, CENTRE_Y, COS, SIN, HALF_LENGTH, HALF_WIDTH, RADIUS = range(7)
-BODY = 7
 OFF = np.float32(0.2)  # [m] around a body that makes room: more than right of way asks for (meetings.WIDE, of both)
 _BERTH = np.float32(4.0)  # times as far off bodies as off shelves, which stay where they are
 _GIVEN = np.float32(0.002)  # [m] nearer than at the start that another body may come, as arcs are not driven exactly,
@@ -26,6 +29,17 @@ _SPARE = np.float32(0.001)  # [m] but not so near that the field stops it, where
 _ROUNDING = np.float32(2e-5)  # [m] or as at the start: beside a body it may drive along it
 _STEP, _STEP_NEAR = np.float32(0.12), np.float32(0.003)  # [m] off a body from which on its distance is coarse; between
 # poses near it: the gap that the widest axis shows can shrink and grow again within centimetres
+
+
+class Surroundings(NamedTuple):
+    """Obstacles of a search, and the searching robot's own body."""
+
+    bodies: Any  # float32[K, BODY], standing obstacles
+    rooms: Any  # float32[K] [m], distance kept from each of them (write_rooms)
+    avoid: Any  # float32[L, BODY], bodies that the end pose must be off, if the goals are OFF or FAR_OFF
+    floor: Any
+    metric: Any  # float32[HEADINGS, SIDE, SIDE] [s], the turning metric of its kind (turning.py)
+    p: Any  # PARAMETERS of its kind
 
 
 @inline
@@ -43,9 +57,10 @@ def _rectangle(body):
 
 
 @inline
-def bars(x, y, c, s, avoid, p):
-    """Whether the body at an axle pose, with OFF around it, touches one of the bodies `avoid` float32[K, BODY]."""
-    own = grown(body_of(x, y, c, s, p), OFF)
+def bars(pose, around):
+    """Whether the body at a Pose, grown by OFF, touches one of the bodies `avoid`."""
+    avoid, p = around.avoid, around.p
+    own = grown(body_of(pose.x, pose.y, pose.c, pose.s, p), OFF)
     for k in range(avoid.shape[0]):
         reach, other = p["radius"] + avoid[k, RADIUS] + OFF + OFF, _rectangle(avoid[k])
         if squared_distance(own, other) < reach * reach and rectangles_touch(own, other):
@@ -54,9 +69,10 @@ def bars(x, y, c, s, avoid, p):
 
 
 @inline
-def write_rooms(x, y, c, s, margin, bodies, p, rooms):
-    """Write how far [m] to keep off each body: as the field will ask for and `margin`, or what it is at the start."""
-    own = body_of(x, y, c, s, p)
+def write_rooms(start, margin, around):
+    """Write the distance [m] to keep from each body: the field's and `margin`, or less if the start is nearer."""
+    bodies, rooms, p = around.bodies, around.rooms, around.p
+    own = body_of(start.x, start.y, start.c, start.s, p)
     field = p["field_margin"] if p["field"] != 0 else ZERO
     for k in range(bodies.shape[0]):
         apart = separation(own, _rectangle(bodies[k]))
@@ -64,8 +80,9 @@ def write_rooms(x, y, c, s, margin, bodies, p, rooms):
 
 
 @inline
-def _spare(x, y, c, s, bodies, rooms, p):
+def _spare(x, y, c, s, around):
     """Return how much further [m] the body at an axle pose is off each of the bodies, at least, than its room."""
+    bodies, rooms, p = around.bodies, around.rooms, around.p
     own = body_of(x, y, c, s, p)
     least = np.float32(np.inf)
     for k in range(bodies.shape[0]):
@@ -78,24 +95,35 @@ def _spare(x, y, c, s, bodies, rooms, p):
 
 
 @inline
-def clear_of_bodies(x, y, c, s, bend, length, bodies, rooms, p):
-    """Whether the body keeps `rooms` [m] off standing bodies along an arc; the pose at its start is not checked.
+def _clear_of_bodies(start, bend, length, around):
+    """Whether the body keeps its `rooms` from standing bodies along an arc; the start pose is not checked.
 
-    It goes on by what no point of the body can come nearer in; where that is too little, by _STEP_NEAR.
+    Each step is as long as no point of the body can use up the spare distance, and at least _STEP_NEAR.
     """
-    if bodies.shape[0] == 0:
+    if around.bodies.shape[0] == 0:
         return True
+    x, y, c, s = start.x, start.y, start.c, start.s
     left, sign = abs(length), ONE if length > ZERO else -ONE
-    spare = _spare(x, y, c, s, bodies, rooms, p)
+    spare = _spare(x, y, c, s, around)
     while left > ZERO:
-        step = min(max(spare / (ONE + p["far"] * abs(bend)), _STEP_NEAR), left)
+        step = min(max(spare / (ONE + around.p["far"] * abs(bend)), _STEP_NEAR), left)
         left -= step
         half_s, half_c = sin_cos(HALF * sign * step * bend)
         x += sign * step * (c * half_c - s * half_s)
         y += sign * step * (s * half_c + c * half_s)
         turn_s, turn_c = half_s * half_c + half_s * half_c, half_c * half_c - half_s * half_s
         c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
-        spare = _spare(x, y, c, s, bodies, rooms, p)
+        spare = _spare(x, y, c, s, around)
         if spare < ZERO:
             return False
     return True
+
+
+@inline
+def arc_is_free(start, bend, length, margin, around):
+    """Whether the body keeps `margin` [m] from shelves and its `rooms` from bodies along an arc from a Pose.
+
+    bend [1/m]: curvature; length [m]: negative backwards. The start pose is not checked.
+    """
+    free = sweep_is_free(start, bend, length, margin, around.p, around.floor)
+    return free and _clear_of_bodies(start, bend, length, around)

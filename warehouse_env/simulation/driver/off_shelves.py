@@ -7,12 +7,21 @@ import numpy as np
 from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.driver.driving import NARROW
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, sweep_is_free
-from warehouse_env.simulation.physics.geometry import body_of, grown
-from warehouse_env.simulation.physics.kinematics import approach, braking, curvature, drive
+from warehouse_env.simulation.physics.geometry import Pose, body_of, grown
+from warehouse_env.simulation.physics.kinematics import approach, braking, chassis_of, curvature, drive, next_motion
 from warehouse_env.simulation.physics.stops import REST
 from warehouse_env.simulation.physics.trigonometry import HALF, ZERO, sin_cos
 
 GRAZE = np.float32(3e-5)  # [m] that the body then keeps off shelves
+
+
+@inline
+def _driven(pose, way, bend):
+    """Return the pose after `way` [m] on an arc of curvature `bend` [1/m]."""
+    half_s, half_c = sin_cos(HALF * way * bend)
+    turn_s, turn_c = sin_cos(way * bend)
+    x, y = pose.x + way * (pose.c * half_c - pose.s * half_s), pose.y + way * (pose.s * half_c + pose.c * half_s)
+    return Pose(x, y, pose.heading + way * bend, pose.c * turn_c - pose.s * turn_s, pose.s * turn_c + pose.c * turn_s)
 
 
 @inline
@@ -21,19 +30,15 @@ def _keeps_margin(r, next_speed, next_steer, margin, p, floor):
 
     The step's arc is that of the mean steering (kinematics.drive), the braking path's that of the steering at its end.
     """
-    x, y, c, s = r["x"], r["y"], r["cos"], r["sin"]
+    pose = Pose(r["x"], r["y"], r["heading"], r["cos"], r["sin"])
     way = HALF * (r["speed"] + next_speed) * p["time_step"]
     if next_steer != r["steer"]:
         bend = curvature(HALF * (r["steer"] + next_steer), p["wheelbase"])
-        if not sweep_is_free(x, y, c, s, bend, way, margin, p, floor):
+        if not sweep_is_free(pose, bend, way, margin, p, floor):
             return False
-        half_s, half_c = sin_cos(HALF * way * bend)
-        turn_s, turn_c = sin_cos(way * bend)
-        x, y = x + way * (c * half_c - s * half_s), y + way * (s * half_c + c * half_s)
-        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
-        way = ZERO
+        pose, way = _driven(pose, way, bend), ZERO
     way += HALF * next_speed * abs(next_speed) / p["max_acceleration"]
-    return sweep_is_free(x, y, c, s, curvature(next_steer, p["wheelbase"]), way, margin, p, floor)
+    return sweep_is_free(pose, curvature(next_steer, p["wheelbase"]), way, margin, p, floor)
 
 
 @inline
@@ -42,15 +47,14 @@ def _stops_clear(r, next_speed, next_steer, p, floor):
 
     Substep by substep, by the arithmetic with which contact.py moves it: nothing is left to a prediction.
     """
-    dt, wheelbase, lock = p["dt"], p["wheelbase"], p["max_steer"]
+    dt, chassis = p["dt"], chassis_of(p)
     x, y, heading, speed, steer = r["x"], r["y"], r["heading"], r["speed"], r["steer"]
     acceleration, rate = (next_speed - speed) / p["time_step"], (next_steer - steer) / p["time_step"]
     while True:
         for _ in range(p["substeps"]):
-            to_speed = min(max(speed + acceleration * dt, p["min_speed"]), p["max_speed"])
-            to_steer = min(max(steer + rate * dt, -lock), lock)
+            to_speed, to_steer = next_motion(speed, steer, acceleration, rate, chassis, dt)
             if speed != ZERO or to_speed != ZERO:
-                x, y, heading = drive((x, y, heading), speed, to_speed, steer, to_steer, wheelbase, dt)
+                x, y, heading = drive((x, y, heading), speed, to_speed, steer, to_steer, chassis, dt)
                 s, c = sin_cos(heading)
                 if body_touches_shelf(grown(body_of(x, y, c, s, p), GRAZE), floor):
                     return False

@@ -7,19 +7,20 @@ robot: the holonomic-with-obstacles heuristic of hybrid-state A* (Dolgov et al. 
 point, so the discs on points are smaller by that: what a body can do, the lattice allows. Its ways turn by eighths, so
 they are up to 8% longer than the disc's: no more than the search weighs them anyway (manoeuvre.GREED).
 
-    room = room_around(x, y, heading, avoid, bodies, p, floor)   float32[POINTS, POINTS] [m], rows northward
+    write_room(pose, around, scratch)    around a Pose, into scratch.room float32[POINTS, POINTS] [m], rows northward
     room_at(x, y, x0, y0, room, apart_of(p))    what it says of a body's centre (x, y) [m]; (x0, y0): of the robot's
     write_way(x0, y0, room, p, way)             the way of descent, as bodies along it
 
 0: off the paths, or at the rim, beyond which there may be room; BARRED: in a shelf or a body; UNKNOWN: no way.
-It takes 0.15 ms, as much as a hundred nodes of a search, and 130 kB for as long as it is computed.
+It takes 0.15 ms, as much as a hundred nodes of a search.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.heap import pop, push
+from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.driver.bodies import (
     CENTRE_X,
     CENTRE_Y,
@@ -31,12 +32,12 @@ from warehouse_env.simulation.driver.bodies import (
     SIN,
     write_body,
 )
-from warehouse_env.simulation.driver.heap import pop, push
+from warehouse_env.simulation.driver.scratch import POINTS
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import square_at
-from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos
+from warehouse_env.simulation.physics.trigonometry import ZERO
 
-POINTS = 81  # each way: 8 m around the default body, farther than it knows of others (making_room.NEAR)
+# 81 POINTS each way are 8 m around the default body, farther than it knows of others (recovery.NEAR)
 _APART = np.float32(2.0 / 3.0)  # of the disc's radius between two points: 0.2 m, so that an aisle has five abreast
 _MIDDLE = POINTS // 2
 BARRED, UNKNOWN = np.float32(np.inf), np.float32(1e9)
@@ -70,14 +71,15 @@ def _raise_near(body, wide, left, low, apart, value, room):
 
 
 @inline
-def _write_places(left, low, apart, avoid, bodies, p, floor, room):
+def _write_places(left, low, around, room):
     """Write what a disc on each point is in: BARRED in a shelf or a body, UNKNOWN on the paths, else 0."""
+    avoid, bodies, p, apart = around.avoid, around.bodies, around.p, apart_of(around.p)
     slim = _radius(p) - _SLACK * apart
     square = slim * _SLACK  # half the side of the square in the disc: rectangles are what is held against shelves
     for row in range(POINTS):
         for column in range(POINTS):
             x, y = left + np.float32(column) * apart, low + np.float32(row) * apart
-            shut = body_touches_shelf(square_at(x, y, square), floor)
+            shut = body_touches_shelf(square_at(x, y, square), around.floor)
             room[row, column] = BARRED if shut else ZERO
     for k in range(avoid.shape[0]):
         _raise_near(avoid[k], slim + OFF, left, low, apart, UNKNOWN, room)
@@ -128,22 +130,13 @@ def _spread(size, apart, room, keys, items):
 
 
 @part
-def _write_room(x0, y0, avoid, bodies, p, floor, room, keys, items):
-    """Write the field around (x0, y0) [m]; keys float32[2 * POINTS**2] and items int32[2 * POINTS**2] are scratch."""
-    apart = apart_of(p)
+def write_room(pose, around, scratch):
+    """Write how far [m] it is off `avoid`, past `bodies`, for points around the body at a Pose (see above)."""
+    p, apart, room, heap = around.p, apart_of(around.p), scratch.room, scratch.queue
+    x0, y0 = pose.x - p["offset"] * pose.c, pose.y - p["offset"] * pose.s
     left, low = x0 - np.float32(_MIDDLE) * apart, y0 - np.float32(_MIDDLE) * apart
-    _write_places(left, low, apart, avoid, bodies, p, floor, room)
-    _spread(_begin(apart, room, keys, items), apart, room, keys, items)
-
-
-@kernel
-def room_around(x, y, heading, avoid, bodies, p, floor):
-    """Return how far [m] it is off `avoid`, past `bodies`, for points around the body at an axle pose (see above)."""
-    s, c = sin_cos(heading)
-    room = np.empty((POINTS, POINTS), np.float32)
-    keys, items = np.empty(2 * POINTS * POINTS, np.float32), np.empty(2 * POINTS * POINTS, np.int32)
-    _write_room(x - p["offset"] * c, y - p["offset"] * s, avoid, bodies, p, floor, room, keys, items)
-    return room
+    _write_places(left, low, around, room)
+    _spread(_begin(apart, room, heap.keys, heap.items), apart, room, heap.keys, heap.items)
 
 
 @inline

@@ -11,14 +11,14 @@ import numpy as np
 
 from warehouse_env.kernel import part
 from warehouse_env.routes.reeds_shepp import TURNS, WORDS, seen_from, word
-from warehouse_env.simulation.driver.bodies import clear_of_bodies
+from warehouse_env.simulation.driver.bodies import arc_is_free
 from warehouse_env.simulation.driver.line import to_steering
+from warehouse_env.simulation.driver.scratch import HEADING, SHOT, X, Y
 from warehouse_env.simulation.driver.turning import BACKWARD_SPEED, FORWARD_SPEED, LOCK_SHARE, change_time
-from warehouse_env.simulation.physics.footprint import sweep_is_free
+from warehouse_env.simulation.physics.geometry import pose_at
 from warehouse_env.simulation.physics.kinematics import arc_end, curvature
-from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos
+from warehouse_env.simulation.physics.trigonometry import ZERO
 
-MOST_ARCS = 5  # of a shot
 RADII = (1.3, 2.0, 3.5)  # times the least radius: what is left of the steering keeps a robot on its arcs
 _STRAIGHT_SPEED = np.float32(1.2)  # [m/s] that straight pieces are priced by
 _GRAIN = 1e-4  # [m] to which arcs are rounded: the same on machines whose sines differ in the last bit
@@ -29,7 +29,7 @@ _LEAST = np.float32(1e-3)  # [m] of an arc
 def _seconds(n, lengths, radius, steer, p):
     """Return the seconds [s] that the segments of word n take; steer [rad]: the steering angle before."""
     seconds, last = ZERO, ZERO
-    for k in range(MOST_ARCS):
+    for k in range(SHOT):
         length = np.float32(lengths[k])
         if abs(length) < _LEAST:
             continue
@@ -44,40 +44,35 @@ def _seconds(n, lengths, radius, steer, p):
 
 
 @part
-def _is_free(n, lengths, radius, x, y, heading, margin, bodies, rooms, p, floor):
-    """Whether the body keeps off shelves and bodies along word n from a pose."""
-    for k in range(MOST_ARCS):
+def _is_free(n, lengths, radius, pose, margin, around):
+    """Whether the body keeps clear of shelves and bodies along word n from a Pose."""
+    p = around.p
+    for k in range(SHOT):
         length = np.float32(lengths[k])
         if abs(length) < _LEAST:
             continue
         bend = curvature(to_steering(np.float32(TURNS[n, k] / radius), p["wheelbase"], p["max_steer"]), p["wheelbase"])
-        s, c = sin_cos(heading)
-        if not sweep_is_free(x, y, c, s, bend, length, margin, p, floor):
+        if not arc_is_free(pose, bend, length, margin, around):
             return False
-        if not clear_of_bodies(x, y, c, s, bend, length, bodies, rooms, p):
-            return False
-        x, y, heading = arc_end(x, y, heading, length, bend)
+        x, y, heading = arc_end(pose.x, pose.y, pose.heading, length, bend)
+        pose = pose_at(x, y, heading)
     return True
 
 
 @part
-def shoot(x, y, heading, steer, goals, margin, most, bodies, rooms, p, floor, arcs):
-    """Write the soonest free curve from a pose to one of goals float32[G, 4] into arcs float32[MOST_ARCS, 2].
+def shoot(pose, steer, goals, margin, most, around, arcs):
+    """Write the soonest free curve from a Pose to one of goals float32[G, GOAL] into arcs float32[SHOT, 2].
 
-    most [s]: of curves that take as long or longer none is looked at. Returns (arcs, seconds), -1 arcs where there is
-    none; arguments as of manoeuvre.search.
+    steer [rad]: steering angle at the start; margin [m]: kept from shelves; around: Surroundings; most [s]: only faster
+    curves are considered. Returns (number of arcs, seconds), -1 arcs if no curve is free.
     """
-    count, least = -1, most
+    count, least, p = -1, most, around.p
     sharpest = abs(curvature(LOCK_SHARE * p["max_steer"], p["wheelbase"]))
     for g in range(goals.shape[0]):
         ahead, left, turn = seen_from(
-            np.float64(x),
-            np.float64(y),
-            np.float64(heading),
-            np.float64(goals[g, 0]),
-            np.float64(goals[g, 1]),
-            np.float64(goals[g, 2]),
-        )
+            np.float64(pose.x), np.float64(pose.y), np.float64(pose.heading),
+            np.float64(goals[g, X]), np.float64(goals[g, Y]), np.float64(goals[g, HEADING]),
+        )  # fmt: skip
         for share in RADII:
             radius = share / np.float64(sharpest)
             for n in range(WORDS):
@@ -86,10 +81,10 @@ def shoot(x, y, heading, steer, goals, margin, most, bodies, rooms, p, floor, ar
                     continue
                 lengths = (a, b, c, d, e)
                 seconds = _seconds(n, lengths, radius, steer, p)
-                if seconds >= least or not _is_free(n, lengths, radius, x, y, heading, margin, bodies, rooms, p, floor):
+                if seconds >= least or not _is_free(n, lengths, radius, pose, margin, around):
                     continue
                 count, least = 0, seconds
-                for k in range(MOST_ARCS):
+                for k in range(SHOT):
                     way = lengths[k]
                     if abs(way) >= _LEAST:
                         arcs[count, 0] = np.float32(np.round(way / _GRAIN) * _GRAIN)

@@ -4,8 +4,9 @@ An action asks for a speed and a lateral offset from the route. The follower ste
 (pure pursuit about the fixed front axle), slows down where it must steer, and takes a command only if the
 body, driven on and then braked, stays off the shelves: the map is known, so this needs no learning. Where the line
 cannot be followed so (it begins behind the robot, a corner is too sharp, a lane ends) it asks for a manoeuvre that
-leads to the route (`seeks`), which is searched for after the env step (rejoin.py), and drives that. Other robots are
-not its business, but that it asks for a way round their bodies once one has barred its way for a while (HELD).
+leads to the route (`seeks`), which is searched for after the env step (traffic/recovery.py), and drives that. Other
+robots are not its business, but that it asks for a way round their bodies once one has barred its way for a while
+(HELD).
 """
 
 from __future__ import annotations

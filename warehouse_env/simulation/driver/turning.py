@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warehouse_env.heap import pop, push
 from warehouse_env.kernel import inline, kernel
-from warehouse_env.simulation.driver.heap import pop, push
 from warehouse_env.simulation.physics.kinematics import curvature
 from warehouse_env.simulation.physics.trigonometry import HALF, PI, TWO_PI, ZERO, sin_cos
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warehouse_env.kernel import inline, kernel
 from warehouse_env.simulation.physics.kinds import kind_of
@@ -23,8 +25,7 @@ def bucket_grid(num_robots: int, width: float, height: float, reach: float) -> t
     return math.ceil(height / side) + 1, math.ceil(width / side) + 1, side
 
 
-@kernel
-def scratch(count, p):
+def scratch(count: int, p: Any) -> tuple[NDArray[Any], ...]:
     """Return the arrays that `sort` fills: order int32[N], starts int32[buckets + 2] and bodies float32[BODY, N]."""
     starts = np.empty(p["bucket_rows"] * p["bucket_columns"] + 2, np.int32)
     return np.empty(count, np.int32), starts, np.empty((BODY, count), np.float32)

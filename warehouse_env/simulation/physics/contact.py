@@ -8,15 +8,25 @@ What is counted of it: contact_episodes.py.
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from warehouse_env.kernel import inline, kernel, part
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, bucket_at
 from warehouse_env.simulation.physics.disc_sweep import touches_obstacle
 from warehouse_env.simulation.physics.footprint import body_touches_shelf, clearance_at, disc_room, meets_obstacle
 from warehouse_env.simulation.physics.geometry import body_of, grown, rectangles_touch, separation, squared_distance
 from warehouse_env.simulation.physics.kinds import kind_of
-from warehouse_env.simulation.physics.kinematics import curvature, drive, way_driven
+from warehouse_env.simulation.physics.kinematics import (
+    arc_driven,
+    chassis_of,
+    curvature,
+    drive,
+    next_motion,
+    way_driven,
+)
 from warehouse_env.simulation.physics.sweep import AT_END, BETWEEN, Sweep, touch_between, turns_back
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 
@@ -34,8 +44,7 @@ MOVING, BLOCKED = 0, 1
 FLAGS = 2
 
 
-@kernel
-def scratch(count, p):
+def scratch(count: int, p: Any) -> tuple[NDArray[Any], ...]:
     """Return a world's arrays: pairs int32[P, 3], motion float32[MOTION, N], flags int32[FLAGS, N] and lanes."""
     pairs, lanes = np.empty((p["most_pairs"], 3), np.int32), np.zeros(MOTION * LANES, np.float32)
     return pairs, np.empty((MOTION, count), np.float32), np.empty((FLAGS, count), np.int32), lanes
@@ -91,17 +100,16 @@ def store(robots, motion):
 @inline
 def _drive_lanes(lanes, p):
     """Move the robots in `lanes` for a substep, on trial; without branches and calls, so in vector instructions."""
-    dt, wheelbase, far = p["dt"], p["wheelbase"], p["far"]
-    slowest, fastest, lock = p["min_speed"], p["max_speed"], p["max_steer"]
+    dt, far, chassis = p["dt"], p["far"], chassis_of(p)
     for k in range(LANES):
         speed, steer = lanes[SPEED * LANES + k], lanes[STEER * LANES + k]
-        next_speed = min(max(speed + lanes[ACCELERATION * LANES + k] * dt, slowest), fastest)
-        next_steer = min(max(steer + lanes[STEER_RATE * LANES + k] * dt, -lock), lock)
+        acceleration, steer_rate = lanes[ACCELERATION * LANES + k], lanes[STEER_RATE * LANES + k]
+        next_speed, next_steer = next_motion(speed, steer, acceleration, steer_rate, chassis, dt)
         x, y, heading = lanes[X * LANES + k], lanes[Y * LANES + k], lanes[HEADING * LANES + k]
         c, s = lanes[COS * LANES + k], lanes[SIN * LANES + k]
-        to_x, to_y, to_heading = drive((x, y, heading), speed, next_speed, steer, next_steer, wheelbase, dt)
+        to_x, to_y, to_heading = drive((x, y, heading), speed, next_speed, steer, next_steer, chassis, dt)
         to_s, to_c = sin_cos(to_heading)
-        bend = curvature(HALF * (steer + next_steer), wheelbase)
+        _, bend = arc_driven(speed, next_speed, steer, next_steer, chassis, dt)
         stands = (speed == ZERO) & (next_speed == ZERO)
         lanes[SPEED * LANES + k] = next_speed
         lanes[STEER * LANES + k] = next_steer

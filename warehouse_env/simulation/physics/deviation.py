@@ -3,8 +3,8 @@
 All rules, the path follower and the protective field work on what robots *plan*, as if it came true: ROBOT holds that.
 Here each body drives after what its robot has planned, steered back to it by where it believes to be; its true pose is
 what touches, and what outsiders see. A planned robot is as much larger than its body, and its limits are as much
-narrower, as the errors that FieldSpec declares call for (`planned_config`): as long as they are within these bounds no
-point of a body is ever farther than `tube` from where it is planned, so what holds of planned robots holds of bodies
+narrower, as the declared errors of UncertaintySpec call for (`planned_config`): within these bounds no point of a body
+is ever farther than `tube` from where it is planned, so what holds of planned robots holds of bodies
 (as in tube-based control: Langson, Chryssochoos, Rakovic and Mayne 2004).
 
 A robot counts its own way exactly and corrects where it believes to be by what its localisation says, a part with each
@@ -58,20 +58,19 @@ _HOLDS = np.float32(0.02)  # [m/s] from which brakes bring a body to rest, whate
 
 def errs(config: EnvConfig) -> bool:
     """Return whether poses or actuators err, or are declared to."""
-    spec = config.field_spec
-    declared = config.protective_field and (spec.pose_error, spec.heading_error, spec.actuation_error) != (0, 0, 0)
-    return declared or (config.pose_error, config.heading_error, config.actuation_error) != (0, 0, 0)
+    spec = config.uncertainty_spec
+    return spec.errs or (bool(config.traffic_spec.shield) and spec.bounds.errs)
 
 
 def tube(config: EnvConfig, robot: RobotSpec) -> float:
     """Return how far [m] any point of a robot's body is at most from where it is planned, by the declared bounds."""
-    spec = config.field_spec
+    spec = config.uncertainty_spec.bounds
     return spec.pose_error + (robot.farthest + _TRUSTS) * spec.heading_error + OFF_PLAN
 
 
 def planned_config(config: EnvConfig) -> EnvConfig:
     """Return the config of robots as planned: larger by the tube, within limits that leave room to steer back."""
-    if not (errs(config) and config.protective_field):
+    if not (errs(config) and config.traffic_spec.shield):
         return config
     parts = tuple(replace(part, robot=_planned(config, part.robot)) for part in config.fleet)
     return config.replace(robot=_planned(config, config.robot), fleet=parts)
@@ -80,7 +79,7 @@ def planned_config(config: EnvConfig) -> EnvConfig:
 def _planned(config: EnvConfig, robot: RobotSpec) -> RobotSpec:
     """Return a robot as planned."""
     wide = tube(config, robot)
-    most = 1.0 - config.field_spec.actuation_error - _RESERVE
+    most = 1.0 - config.uncertainty_spec.bounds.actuation_error - _RESERVE
     return replace(
         robot, length=robot.length + 2 * wide, width=robot.width + 2 * wide,
         front_overhang=robot.front_overhang + wide, max_speed=robot.max_speed * (1 - _RESERVE),
@@ -97,8 +96,9 @@ class Deviation:
     """
 
     def __init__(self, config: EnvConfig, worlds: int) -> None:
-        aside = config.pose_error / math.sqrt(2.0)
-        bounds = (aside, aside, config.heading_error, config.actuation_error, config.actuation_error)
+        spec = config.uncertainty_spec
+        aside = spec.pose_error / math.sqrt(2.0)
+        bounds = (aside, aside, spec.heading_error, spec.actuation_error, spec.actuation_error)
         self._bounds = np.array(bounds, dtype=F)
         self._pace = math.sqrt(3.0 * config.time_step / _PERIOD)  # of a walk by even steps
         shape = (worlds, config.num_agents if errs(config) else 0)

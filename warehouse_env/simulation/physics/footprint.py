@@ -104,13 +104,14 @@ def disc_room(body, floor):
 
 
 @inline
-def sweep_is_free(x, y, c, s, bend, distance, margin, p, floor):
-    """Return whether the body keeps `margin` [m] from shelves along an arc of curvature `bend` [1/m].
+def sweep_is_free(start, bend, distance, margin, p, floor):
+    """Return whether the body keeps `margin` [m] from shelves along an arc of curvature `bend` [1/m] from a Pose.
 
-    (x, y) is the front axle, (c, s) its heading, `distance` [m] signed (negative: backwards).
+    `distance` [m] is signed (negative: backwards).
     The pose at the start is not checked: a robot that stands too close must be able to leave.
     Poses that are nearer to a checked one than its room allows are free as well, and passed over.
     """
+    x, y, c, s = start.x, start.y, start.c, start.s
     half_length = p["half_length"] + margin
     half_width = p["half_width"] + margin
     step = _SWEEP_STEP

@@ -7,7 +7,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warehouse_env.kernel import inline
-from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
+from warehouse_env.simulation.physics.trigonometry import ONE, ZERO, sin_cos
+
+
+class Pose(NamedTuple):
+    """Where a robot's front axle is [m], and its heading [rad] with its cosine and sine."""
+
+    x: Any
+    y: Any
+    heading: Any
+    c: Any
+    s: Any
 
 
 class Rectangle(NamedTuple):
@@ -19,6 +29,13 @@ class Rectangle(NamedTuple):
     s: Any
     length: Any
     width: Any
+
+
+@inline
+def pose_at(x, y, heading):
+    """Return the pose with a heading [rad]."""
+    s, c = sin_cos(heading)
+    return Pose(x, y, heading, c, s)
 
 
 @inline

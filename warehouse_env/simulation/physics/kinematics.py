@@ -6,6 +6,8 @@ w = -v tan(d) / L: the rear wheels turned left swing the tail right and the nose
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from warehouse_env.kernel import inline
@@ -14,6 +16,21 @@ from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_c
 _SIXTH = np.float32(1.0 / 6.0)
 _SMALL = np.float32(1e-3)  # [rad] under which sine and angle are the same in single precision
 _OVER_120 = np.float32(1.0 / 120.0)
+
+
+class Chassis(NamedTuple):
+    """What a robot's motion depends on, as scalars, which loops over robots keep at hand."""
+
+    wheelbase: Any  # [m]
+    min_speed: Any  # [m/s]
+    max_speed: Any  # [m/s]
+    max_steer: Any  # [rad]
+
+
+@inline
+def chassis_of(p):
+    """Return the Chassis of a record of PARAMETERS."""
+    return Chassis(p["wheelbase"], p["min_speed"], p["max_speed"], p["max_steer"])
 
 
 @inline
@@ -72,11 +89,26 @@ def arc_end(x, y, heading, distance, bend):
 
 
 @inline
-def drive(pose, speed, next_speed, steering, next_steering, wheelbase, dt):
-    """Return the pose (x, y, heading) after `dt` [s] in which speed and steering change linearly.
+def next_motion(speed, steering, acceleration, steer_rate, chassis, dt):
+    """Return the speed [m/s] and steering [rad] after `dt` [s] of a command [m/s^2], [rad/s], within the limits."""
+    return (
+        min(max(speed + acceleration * dt, chassis.min_speed), chassis.max_speed),
+        min(max(steering + steer_rate * dt, -chassis.max_steer), chassis.max_steer),
+    )
+
+
+@inline
+def arc_driven(speed, next_speed, steering, next_steering, chassis, dt):
+    """Return the length [m] and curvature [1/m] of the arc of `dt` [s] in which speed and steering change linearly.
 
     The mean speed makes distances exact under constant acceleration.
     """
-    distance = HALF * (speed + next_speed) * dt
+    return HALF * (speed + next_speed) * dt, curvature(HALF * (steering + next_steering), chassis.wheelbase)
+
+
+@inline
+def drive(pose, speed, next_speed, steering, next_steering, chassis, dt):
+    """Return the pose (x, y, heading) at the end of `arc_driven`."""
+    distance, bend = arc_driven(speed, next_speed, steering, next_steering, chassis, dt)
     x, y, heading = pose
-    return roll(x, y, heading, distance, curvature(HALF * (steering + next_steering), wheelbase))
+    return roll(x, y, heading, distance, bend)

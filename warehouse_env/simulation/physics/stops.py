@@ -21,7 +21,15 @@ from warehouse_env.simulation.physics.geometry import (
     separation,
     squared_distance,
 )
-from warehouse_env.simulation.physics.kinematics import braking, curvature, roll, way_driven
+from warehouse_env.simulation.physics.kinematics import (
+    arc_driven,
+    braking,
+    chassis_of,
+    curvature,
+    next_motion,
+    roll,
+    way_driven,
+)
 from warehouse_env.simulation.physics.sweep import NOWHERE, Sweep, touch_between, turns_back
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO, sin_cos
 
@@ -98,10 +106,9 @@ def sample(row, i, command, motion, paths, outlines, marks, p):
     """
     acceleration, steer_rate, commanded = command
     x, y, heading, c, s = motion[X, i], motion[Y, i], motion[HEADING, i], motion[COS, i], motion[SIN, i]
-    speed, steer, lock, dt = motion[SPEED, i], motion[STEER, i], p["max_steer"], p["dt"]
-    slowest, fastest, offset, far = p["min_speed"], p["max_speed"], p["offset"], p["far"]
-    substeps, wheelbase = p["substeps"], p["wheelbase"]
-    mean, bend = steer, curvature(steer, wheelbase)
+    speed, steer, dt = motion[SPEED, i], motion[STEER, i], p["dt"]
+    offset, far, substeps, chassis = p["offset"], p["far"], p["substeps"], chassis_of(p)
+    mean, bend = steer, curvature(steer, chassis.wheelbase)
     pace, back, n = ZERO, ZERO, 0
     paths[row, 0, CENTRE_X], paths[row, 0, CENTRE_Y] = x - offset * c, y - offset * s
     paths[row, 0, BODY_COS], paths[row, 0, BODY_SIN] = c, s
@@ -112,11 +119,10 @@ def sample(row, i, command, motion, paths, outlines, marks, p):
                 break
             acceleration, steer_rate = braking(speed, p), ZERO
         for _ in range(substeps):
-            next_speed = min(max(speed + acceleration * dt, slowest), fastest)
-            next_steer = min(max(steer + steer_rate * dt, -lock), lock)
+            next_speed, next_steer = next_motion(speed, steer, acceleration, steer_rate, chassis, dt)
             if HALF * (steer + next_steer) != mean:  # also in the substep after the one that reached the lock
                 mean = HALF * (steer + next_steer)
-                bend = curvature(mean, wheelbase)
+                bend = curvature(mean, chassis.wheelbase)
             way = way_driven(speed, next_speed, bend, far, dt)
             if speed != ZERO or next_speed != ZERO:
                 distance = HALF * (speed + next_speed) * dt
@@ -223,19 +229,17 @@ def meets_shelf(row, paths, outlines, marks, p, floor):
 def outline_trial(i, acceleration, steer_rate, motion, outlines, p):
     """Outline robot i's motion at a command, in the last row."""
     x, y, heading, c, s = motion[X, i], motion[Y, i], motion[HEADING, i], motion[COS, i], motion[SIN, i]
-    speed, steer, lock, dt = motion[SPEED, i], motion[STEER, i], p["max_steer"], p["dt"]
+    speed, steer, dt, chassis = motion[SPEED, i], motion[STEER, i], p["dt"], chassis_of(p)
     driven, turned = ZERO, ZERO
     for _ in range(p["substeps"]):
-        next_speed = min(max(speed + acceleration * dt, p["min_speed"]), p["max_speed"])
-        next_steer = min(max(steer + steer_rate * dt, -lock), lock)
-        distance = HALF * (speed + next_speed) * dt
-        bend = curvature(HALF * (steer + next_steer), p["wheelbase"])
+        next_speed, next_steer = next_motion(speed, steer, acceleration, steer_rate, chassis, dt)
+        distance, bend = arc_driven(speed, next_speed, steer, next_steer, chassis, dt)
         x, y, heading = roll(x, y, heading, distance, bend)
         driven += abs(distance)
         turned += abs(distance * bend)
         speed, steer = next_speed, next_steer
     s, c = sin_cos(heading)
-    way, bend = stopping_distance(speed, p), curvature(steer, p["wheelbase"])
+    way, bend = stopping_distance(speed, p), curvature(steer, chassis.wheelbase)
     draw_outline(motion.shape[1], (x, y, heading, c, s), way, bend, (driven, turned), outlines, p)
 
 

@@ -30,13 +30,13 @@ _STREAM = 1  # behind the world's own entropy
 
 
 class Messages:
-    """Draws who is silent: a share `message_loss` of the robots in the mean, each for `message_burst` [s] at a time."""
+    """Draws who is silent: a share `loss` of the robots in the mean, each for `burst` [s] at a time."""
 
     def __init__(self, config: EnvConfig, worlds: int) -> None:
-        loss = config.message_loss
-        self._lasts = max(1, round(config.message_burst / (config.time_step * config.action_repeat)))  # env steps
-        late = config.message_latency - config.field_spec.latency
-        self._late = max(late, 0.0) / config.message_latency if config.message_latency else 0.0
+        spec = config.uncertainty_spec
+        loss = spec.loss
+        self._lasts = max(1, round(spec.burst / (config.time_step * config.action_repeat)))  # env steps
+        self._late = max(spec.latency - spec.bounds.latency, 0.0) / spec.latency if spec.latency else 0.0
         self._begins = loss / (loss + self._lasts * (1.0 - loss))  # the chance in an env step of who is heard
         self._left = np.zeros((worlds, config.num_agents), np.int64)  # env steps for which each is silent yet
         # made when first used, as the Dispatcher's

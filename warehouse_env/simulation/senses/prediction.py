@@ -188,15 +188,15 @@ def _look(out, seen, commands, path, v0, lateral, turning, p):
 
 
 @inline
-def write_predictions(row, slices, table, legs, path, p):
+def write_predictions(row, starts, table, legs, path, p):
     """Write the slice `predictions`: of each command the share of HORIZON until the body would touch a neighbour, 1 if
     it would not.
 
-    row: the observation float32[D], written but for this; slices: where `ego`, `route`, `neighbours` and this one
-    start; table float32[K, 2]: the commands (speed, offset), those of one speed together; legs, path: scratch. Braking,
-    backing and turning on the spot do not depend on the offset, so they are looked at once.
+    row: the observation float32[D], written but for this; starts: observation.Starts; table float32[K, 2]: the commands
+    (speed, offset), those of one speed together; legs, path: scratch. Braking, backing and turning on the spot do not
+    depend on the offset, so they are looked at once.
     """
-    ego, route, near, start = slices
+    ego, route, near, start = starts.ego, starts.route, starts.neighbours, starts.predictions
     others, out = 0, row[start : start + table.shape[0]]
     while others < p["neighbours"] and row[near + others * NEIGHBOUR + 6] != ZERO:
         others += 1

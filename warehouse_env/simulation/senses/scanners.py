@@ -22,6 +22,7 @@ from warehouse_env.simulation.physics.trigonometry import HALF, ONE, TWO_PI, ZER
 from warehouse_env.simulation.senses.sensing import scan_robot, scan_shelves
 
 SCANNERS = 4
+RAYS = 360  # of each, evenly all round
 AHEAD = np.array([1, -1, 1, -1], dtype=np.float32)  # of the centre, or behind: opposite corners first
 LEFT = np.array([1, -1, -1, 1], dtype=np.float32)
 

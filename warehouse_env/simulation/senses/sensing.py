@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline
-from warehouse_env.observation import EGO, NEIGHBOUR
+from warehouse_env.observation import NEIGHBOUR
 from warehouse_env.simulation.driver.line import way_point
 from warehouse_env.simulation.physics.buckets import CENTRE_X, CENTRE_Y, COS, SEARCH, SILENT, SIN, SPEED, bucket_at
 from warehouse_env.simulation.physics.discs import scan_discs
@@ -174,8 +174,8 @@ def write_neighbours(n, bodies, p, out, start):
 
 
 @inline
-def write_ego_and_route(r, route, p, out, start):
-    """Write the slices `ego` and `route` (see observation_layout) from out[start] on."""
+def write_ego_and_route(r, route, p, out, start, at):
+    """Write the slices `ego` and `route` (see observation_layout) from out[start] and from out[at] on."""
     to_go = np.float32(r["points"] - 1) * r["spacing"] - r["position"]
     out[start] = r["speed"] / p["max_speed"]
     out[start + 1] = r["steer"] / p["max_steer"]
@@ -185,7 +185,6 @@ def write_ego_and_route(r, route, p, out, start):
     out[start + 5] = min(to_go, _TWENTY) / _TWENTY
     out[start + 6] = min(r["contact_time"], _FIVE) / _FIVE
     out[start + 7] = min(r["waiting_time"], _TWENTY) / _TWENTY
-    at = start + EGO
     for k in range(p["route_points"]):
         x, y, _, _ = way_point(r, route, np.float32(k + 1) * p["route_spacing"], ZERO)
         dx, dy = x - r["x"], y - r["y"]

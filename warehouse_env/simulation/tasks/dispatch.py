@@ -99,7 +99,8 @@ class Dispatcher(Portable):
         self.routes = np.zeros((*robots.shape, ROUTE_BLOCK, 2), dtype=np.float32)
         self._config, self._limits, self._kind_of = config, limits, config.kind_of
         self._astray, self._far = np.empty(robots.shape, dtype=np.bool_), far_off(config, book.grid.cell_size)
-        self.live = LiveRoutes(config, book, persons) if config.reroute else None
+        self.live = LiveRoutes(config, book, persons) if config.traffic_spec.routes else None
+        self.all_look = config.traffic_spec.routes is True  # so that some robot gets another route in almost every step
         tasks = OneShotTasks if config.tasks == "one_shot" else Tasks
         self.tasks = [tasks(book.grid, config) for _ in range(len(robots))]
         check_given(orders, config)
@@ -114,11 +115,6 @@ class Dispatcher(Portable):
 
     def _bind(self) -> None:
         self._find_astray: Callable[..., int] | None = None  # its code, once the first step asks for it
-
-    @property
-    def all_look(self) -> bool:
-        """Whether all robots look for better routes, so that some get one in almost every step."""
-        return self._config.reroute and not self._config.reroute_spec.only_barred
 
     def begin(self, world: int, entropy: list[int] | None, assignment: Assignment | None, floor: Floor) -> None:
         """Stand the robots of a world on the floor with their first tasks, by chance or as the assignment says.
@@ -209,7 +205,7 @@ class Dispatcher(Portable):
         """Put a robot on a cell, facing along its route; False if it touches something there."""
         direction = None
         if self.live is not None and self.live.plans_first:
-            direction = self.live.towards(world, robot, cell, goal)
+            direction = self.live.towards(cell, goal)
         if direction is None:
             line = self.book.route(cell, goal, None, self._ends(world, robot, goal)).line
             direction = line[min(2, len(line) - 1)] - line[0]
@@ -348,4 +344,4 @@ class Dispatcher(Portable):
         if self.live is None:
             return None
         ends = self._ends(world, robot, goal)
-        return self.live.route(self.robots[world], self.routes[world], world, robot, step, goal, on_its_way, ends)
+        return self.live.route(self.robots, self.routes, world, robot, step, goal, on_its_way, ends)

@@ -10,29 +10,29 @@ import numpy as np
 
 from warehouse_env.kernel import kernel
 from warehouse_env.simulation.physics.trigonometry import ZERO
-from warehouse_env.simulation.traffic import meetings, right_of_way, stepping_in, waits
+from warehouse_env.simulation.traffic import right_of_way, stepping_in, waits
 
 
 @kernel
-def agree(begin, end, robots, routes, persons, arcs, commands, paths, params, kinds, choices, floor):
+def agree(begin, end, worlds, setup, scratch):
     """Decide on the right of way in the worlds from `begin` to before `end`; return how many robots search a way then.
 
-    Arguments: see step.advance; choices float32[B, N, K, 3]: see preferences.py; paths float32[B, N + 1, POSES,
-    COLUMNS]: see path_ahead.py, kept from one decision to the next.
+    Arguments: see step.run.
     """
-    p, searching = params[0], 0
+    (params, kinds), order, found, searching = setup.planned, scratch.order, scratch.found, 0
+    p, commands = params[0], worlds.commands[0]
     seconds = p["time_step"] * np.float32(p["repeat"])
-    order, found = np.empty(robots.shape[1], np.int32), waits.scratch(robots.shape[1])
     for b in range(begin, end):
-        if not stepping_in.step_in(robots[b], persons[b], routes[b], commands[b], found, p, kinds):
+        robots, persons, routes = worlds.robots[b], worlds.persons[b], worlds.routes[b]
+        if not stepping_in.step_in(robots, persons, routes, commands[b], found, p, kinds):
             continue
-        ways = meetings.scratch(paths[b])
-        right_of_way.rank(robots[b], order)
-        right_of_way.decide(
-            robots[b], persons[b], routes[b], arcs[b], commands[b], choices[b], order, ways, p, kinds,
-            floor,
-        )  # fmt: skip
-        for r in robots[b]:
+        first, following, masks, numbers = scratch.meetings
+        numbers[:] = 0
+        ways = worlds.paths[b], first, following, masks, numbers
+        right_of_way.rank(robots, order)
+        world = right_of_way.Claims(robots, persons, routes, worlds.arcs[b], commands[b], worlds.choices[b], ways)
+        right_of_way.decide(world, order, p, kinds, setup.floor)
+        for r in robots:
             r["pause"] = max(r["pause"] - seconds, ZERO)
-        searching += waits.look(robots[b], found)
+        searching += waits.look(robots, found)
     return searching

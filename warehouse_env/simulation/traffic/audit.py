@@ -17,7 +17,7 @@ from warehouse_env.kernel import kernel, part
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import body_at, rectangles_touch
 from warehouse_env.simulation.physics.kinds import kind_of
-from warehouse_env.simulation.physics.kinematics import approach, drive
+from warehouse_env.simulation.physics.kinematics import approach, chassis_of, drive
 from warehouse_env.simulation.physics.people import PACE, RADIUS, distance_to_body
 from warehouse_env.simulation.physics.trigonometry import ZERO, sin_cos
 
@@ -56,7 +56,7 @@ def _stop(r, p, stop):
             rate = (approach(speed, ZERO, p["max_acceleration"] * p["time_step"]) - speed) / p["time_step"]
         slower = speed + rate * p["dt"]
         if speed != ZERO:
-            x, y, heading = drive((x, y, heading), speed, slower, r["steer"], r["steer"], p["wheelbase"], p["dt"])
+            x, y, heading = drive((x, y, heading), speed, slower, r["steer"], r["steer"], chassis_of(p), p["dt"])
             s, c = sin_cos(heading)
         speed = slower
         stop[n, 0], stop[n, 1], stop[n, 2], stop[n, 3] = x - p["offset"] * c, y - p["offset"] * s, c, s

@@ -14,9 +14,11 @@ Why nobody then runs into anybody: docs/traffic.md.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from warehouse_env.kernel import inline, kernel, part, whole
+from warehouse_env.kernel import inline, part, whole
 from warehouse_env.simulation.physics import people
 from warehouse_env.simulation.physics.contact import ACCELERATION, SPEED, STEER_RATE
 from warehouse_env.simulation.physics.geometry import separation
@@ -41,7 +43,7 @@ from warehouse_env.simulation.physics.stops import (
     sampled,
 )
 from warehouse_env.simulation.physics.trigonometry import HALF, ONE, ZERO
-from warehouse_env.simulation.senses.scanners import centre_of, scan, see_each_other
+from warehouse_env.simulation.senses.scanners import Scanners, centre_of, scan, see_each_other
 from warehouse_env.simulation.senses.sensing import TURNED
 from warehouse_env.simulation.state import NOBODY
 from warehouse_env.simulation.traffic import unseen
@@ -55,9 +57,12 @@ _ARC = np.float32(1.05)  # of an arc to its chord, at most
 _SPEED = np.float32(0.01)  # [m/s] of rounding
 
 
-@kernel
-def scratch(count, scanners):
-    """Return the scratch arrays of a world: of a scan (see sensing.scan_shelves), and of what is seen."""
+def scratch(count: int, scanners: Scanners | None) -> Any:
+    """Return the scratch arrays of a world: of a scan (see sensing.scan_shelves), and of what is seen; None without
+    scanners.
+    """
+    if scanners is None:
+        return None
     rays = scanners.rays.shape[1]
     return np.empty((TURNED, rays), np.float32), unseen.scratch(count, rays)
 
@@ -117,13 +122,13 @@ def _who_refuses(i, motion, field, sights, p):
 
 
 @part
-def commit(
-    i, persons, acceleration, steer_rate, wary, motion, field, sights, view, walking, p, floor
-):  # fmt: skip
+def commit(i, command, persons, wary, around, walking, p, floor):
     """Return what refuses robot i a command [m/s^2], [rad/s] for this physics step and the safe stop after it, or FREE.
 
-    wary [m/s]: at least so fast comes who is hidden. The motion's pace is left in the last of the outlines.
+    wary [m/s]: at least so fast comes who is hidden; around: (motion, field, sights, view). The motion's pace is
+    left in the last of the outlines.
     """
+    (acceleration, steer_rate), (motion, field, sights, view) = command, around
     paths, outlines, marks, _ = field
     trial, speed = motion.shape[1], motion[SPEED, i]
     marks[SAMPLES, trial], outlines[PACE, trial] = 0, ZERO
@@ -138,14 +143,15 @@ def commit(
     if not is_far_from_shelves(trial, outlines, p, floor) and meets_shelf(trial, paths, outlines, marks, p, floor):
         return SHELF
     x, y, reach = outlines[MIDDLE_X, trial], outlines[MIDDLE_Y, trial], outlines[REACH, trial]
-    fit, comes = min(p["half_length"], p["half_width"]), max((pace - p["blur"]) / p["dt"], wary, p["unseen_speed"])
+    fit, comes = min(p["half_length"], p["half_width"]), max((pace - p["blur"]) / p["dt"], wary)
     if walking is not None:
         fit, comes = min(fit, people.RADIUS), max(comes, people.PACE)
         if people.anybody_near(persons, x, y, reach, p) and people.could_meet(persons, paths[trial], samples, pace, p):
             return PERSON
     refuser = _who_refuses(i, motion, field, sights, p)
     grain = whole(unseen.GRAINS[1] if abs(speed) <= unseen.SLOW else unseen.GRAINS[0])
-    if refuser == FREE and unseen.could_come(i, paths[trial], samples, pace, comes, fit, grain, motion, view, p, floor):
+    passage, looker = unseen.Passage(paths[trial], samples, pace, comes), unseen.Looker(i, motion, view, p, floor)
+    if refuser == FREE and unseen.could_come(passage, fit, grain, looker):
         return UNSEEN
     return refuser
 
@@ -175,10 +181,11 @@ def _look(robots, persons, motion, places, sights, walking, p, floor):
 
 
 @inline
-def _open_eyes(i, persons, motion, places, sights, turned, view, walking, p, scanners):
+def _open_eyes(i, persons, sights, scratch, walking, p, scanners):
     """Scan for robot i, and note whom it knows: itself, and who sees it."""
+    motion, (turned, view) = scratch.motions[1], scratch.looks
     ranges, known, kinds, _, _, _ = view
-    scan(i, persons, motion, places, walking, p, scanners, (turned, ranges))
+    scan(i, persons, motion, scratch.places, walking, p, scanners, (turned, ranges))
     kinds[:] = unseen.UNKNOWN
     count, n = motion.shape[1], 0
     for j in range(count):
@@ -189,9 +196,10 @@ def _open_eyes(i, persons, motion, places, sights, turned, view, walking, p, sca
 
 
 @inline
-def guard(robots, persons, motion, field, places, sights, looks, walking, p, floor, scanners):
+def guard(robots, persons, sights, scratch, walking, p, floor, scanners):
     """Let the robots drive as `motion` commands, or as much of it as they may; who may not at all, brakes."""
-    turned, view = looks
+    motion, field, places, view = scratch.motions[1], scratch.guards, scratch.places, scratch.looks[1]
+    around = motion, field, sights, view
     begin(motion, field, p, None)
     _look(robots, persons, motion, places, sights, walking, p, floor)
     for i in range(robots.shape[0]):
@@ -201,10 +209,10 @@ def guard(robots, persons, motion, field, places, sights, looks, walking, p, flo
         if motion[SPEED, i] == ZERO and acceleration == ZERO:
             r["held_time"] = ZERO
             continue
-        _open_eyes(i, persons, motion, places, sights, turned, view, walking, p, scanners)
+        _open_eyes(i, persons, sights, scratch, walking, p, scanners)
         for _ in range(_TRIES):
             weaker = brake + share * (acceleration - brake)
-            refuser = commit(i, persons, weaker, steer_rate, r["wary"], motion, field, sights, view, walking, p, floor)
+            refuser = commit(i, (weaker, steer_rate), persons, r["wary"], around, walking, p, floor)
             if refuser == FREE or acceleration == brake:
                 break
             share *= HALF

@@ -16,9 +16,12 @@ Whose messages are lost keeps what it has published: it brakes along the stop th
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from warehouse_env.kernel import inline, kernel, part, whole
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.kernel import inline, part, whole
 from warehouse_env.simulation.physics import people
 from warehouse_env.simulation.physics.buckets import bucket_at
 from warehouse_env.simulation.physics.contact import ACCELERATION, COS, HEADING, SIN, SPEED, STEER, STEER_RATE, X, Y
@@ -53,8 +56,7 @@ LONG_HELD = np.float32(5.0)  # [s] from which on the observation says the same
 PERSON, FREE, SHELF = -3, -2, -1  # what refuses a motion: somebody, nothing, a shelf; else the index of a robot
 
 
-@kernel
-def scratch(count, p):
+def scratch(count: int, p: Any) -> tuple[NDArray[Any], ...]:
     """Return the arrays of a world's field: paths, outlines, marks, and the order int32[N] in which robots commit."""
     if p["field"] == 0:
         count = 0
@@ -92,11 +94,12 @@ def _know(i, motion, paths, outlines, marks, p):
 
 
 @inline
-def _who_refuses(i, acceleration, steer_rate, motion, field, places, p, kinds):
+def _who_refuses(i, command, around, p, kinds):
     """Return a robot whose committed motion the one on trial would come too near, FREE if there is none.
 
     Of several, one that has committed in this step already: those cannot be asked to make room. p: of robot i.
     """
+    (acceleration, steer_rate), (motion, field, places) = command, around
     paths, outlines, marks, _ = field
     order, starts, _ = places
     trial, columns, found, gap = motion.shape[1], p["bucket_columns"], FREE, p["field_margin"] + SLACK
@@ -135,13 +138,14 @@ def _publish(i, trial, paths, outlines, marks):
 
 
 @part
-def commit(i, persons, acceleration, steer_rate, motion, field, places, walking, p, kinds, floor):
+def commit(i, command, persons, around, walking, p, kinds, floor):
     """Have robot i commit to a command [m/s^2], [rad/s] for this physics step and the safe stop after it, if it may.
 
     Returns FREE where it has; else SHELF, PERSON, or the index of a robot that is in the way, and what i had committed
-    stands. p: its own; kinds: of all robots (kinds.py).
+    stands. around: (motion, field, places), the scratch arrays; p: its own; kinds: of all robots (kinds.py).
     May be called for any robot at any time between `begin` and the motion, also again with another command.
     """
+    (acceleration, steer_rate), (motion, field, _) = command, around
     paths, outlines, marks, _ = field
     trial, speed = motion.shape[1], motion[SPEED, i]
     if speed != ZERO or min(max(acceleration * p["dt"], p["min_speed"]), p["max_speed"]) != ZERO:
@@ -157,7 +161,7 @@ def commit(i, persons, acceleration, steer_rate, motion, field, places, walking,
                 sample(trial, i, (acceleration, steer_rate, p["substeps"]), motion, paths, outlines, marks, p)
             if people.could_meet(persons, paths[trial], marks[SAMPLES, trial], outlines[PACE, trial], p):
                 return PERSON
-        refuser = _who_refuses(i, acceleration, steer_rate, motion, field, places, p, kinds)
+        refuser = _who_refuses(i, command, around, p, kinds)
         if refuser != FREE:
             return refuser
         _publish(i, trial, paths, outlines, marks)
@@ -177,15 +181,17 @@ def hold(i, motion, field, p):
 
 
 @inline
-def guard(robots, persons, motion, field, places, walking, p, kinds, floor):
+def guard(robots, persons, scratch, walking, p, kinds, floor):
     """Let the robots commit, in the order of priority, to the commands that `motion` holds; who may not, brakes."""
+    motion, field = scratch.motions[1], scratch.guards
+    around = motion, field, scratch.places
     begin(motion, field, p, kinds)
     for i in field[3]:
         r, own = robots[i], kind_of(i, p, kinds)
         refuser = FREE
         if r["silent"] == 0 and r["off_plan"] == 0:
-            acceleration, steer_rate = motion[ACCELERATION, i], motion[STEER_RATE, i]
-            refuser = commit(i, persons, acceleration, steer_rate, motion, field, places, walking, own, kinds, floor)
+            command = motion[ACCELERATION, i], motion[STEER_RATE, i]
+            refuser = commit(i, command, persons, around, walking, own, kinds, floor)
             if refuser == FREE:
                 r["held_time"] = ZERO
                 continue

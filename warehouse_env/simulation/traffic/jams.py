@@ -16,9 +16,9 @@ from warehouse_env.simulation.traffic import waits
 
 
 @kernel
-def _look(robots, routes, params, kinds, who, ring, stage):
+def _look(robots, routes, params, kinds, jams, found):
     """Write into int32[B, N] each; see jams_of."""
-    found = waits.scratch(robots.shape[1])
+    who, ring, stage = jams
     for b in range(robots.shape[0]):
         waits.look(robots[b], found)
         stage[b] = found[waits.STAGE]
@@ -45,7 +45,7 @@ def jams_of(
     routes float32[B, N, R, 2] [m]; params PARAMETERS[1]; kinds: see kinds.py.
     """
     jams = Jams(*(np.empty(robots.shape, dtype=np.int32) for _ in range(3)))
-    _look(robots, routes, params, kinds, *jams)
+    _look(robots, routes, params, kinds, jams, waits.scratch(robots.shape[1]))
     return jams
 
 

@@ -1,48 +1,44 @@
-"""Live routes: robots are routed anew on their way, around others that stand and away from where others are going.
+"""Live routes: robots look for better routes on their way.
 
-Every few seconds of its world's clock a robot looks for a better route from where it is (with `only_barred`, as in
-trainings, only if its own leads through a cell in or beside which another has not moved a metre for some seconds), at
-prices:
+Every few seconds of its world's clock a robot looks for a better route from where it is. With routes "barred", as in
+trainings, it looks only if another robot stands in or beside a cell of its route ahead. Others make moves dearer
+(prices.py):
 
-- entering the cell of a robot or a person that stands, or one beside it, costs, the more the longer one stands
-  oneself;
-- a move against one of another's route ahead costs, so that streams part, and the more in an aisle of one cell, where
-  the two could not pass (traffic/conflicts.py prices expected conflicts of whole routes; here the routes are on their
-  way, and only the opposing moves of the next metres count);
-- entering a cell of another's route ahead costs if both will be there at about the same time, so that robots spread
-  over the floor before they crowd: it costs the most where both are as far from that cell;
-- entering a cell on which others have waited of late costs, for one may have to wait there too: so robots find their
-  ways round where the floor is crowded, while there is room elsewhere;
-- beginning with a turn costs, the more in an aisle of one cell, where a robot must back out to turn round; turning
-  back sharply later on costs as well, or one would go a cell ahead to turn for nothing.
+- standing, beside: entering the cell of a robot or person that stands, or a cell beside it. The price grows with the
+  robot's own standing time.
+- against: a move against another's route ahead. It costs more in an aisle of one cell, where two cannot pass.
+- crowd: entering a cell of another's route ahead that both reach at about the same time.
+- waited: entering a cell on which others waited of late.
+- turn: beginning with a turn, above all in an aisle of one cell, where the robot must back out to turn round. A hairpin
+  later on costs as well; otherwise the robot would go one cell ahead to turn for nothing.
 
-A new route on the way must save some cells at these prices, or the old one is kept: a change of route often begins with
-a manoeuvre, in everybody's way. What was tried, of these prices and of others: docs/measured/trials.md.
+A new route must save some cells at these prices. Otherwise the robot keeps its own, since a change often begins with a
+manoeuvre in the way of others. docs/measured/trials.md lists what was tried.
 
-Who stands and passes where is kept in a table (passing.py), made into prices where a search asks for them (prices.py);
-ways.py searches. Robots look one after another, spread over the period by their index, so two that meet do not both
-turn away at once, and no step does the work of all. Nothing is drawn by chance: a world's routes depend on its own
-robots alone.
+A table (passing.py) says who stands and passes where. Robots look one after another, spread over the period by their
+index, so that two that meet do not both turn away at once. A world's routes depend on its own robots alone.
 """
 
 from __future__ import annotations
 
+import hashlib
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.errors import ConfigError
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.maps.grid_map import MOVES, Cell
-from warehouse_env.planning.cost_to_go import UNIT, UNREACHABLE, Box, CostToGo, to_go
+from warehouse_env.planning.cost_to_go import UNIT, CostToGo, to_go
 from warehouse_env.portable import Portable
 from warehouse_env.routes.book import Route, RouteBook
 from warehouse_env.routes.goals import Pose
-from warehouse_env.simulation.traffic.ants import Ants
+from warehouse_env.simulation.traffic.ants import make_trails, send_ants
 from warehouse_env.simulation.traffic.passing import (
     NOTHING,
+    Fleet,
+    Site,
     ahead_of,
     cell_of,
     forget_route,
@@ -52,19 +48,20 @@ from warehouse_env.simulation.traffic.passing import (
     note_waiting,
 )
 from warehouse_env.simulation.traffic.prices import Look, make_asked, prices_for
-from warehouse_env.simulation.traffic.ways import Finder, Search
+from warehouse_env.simulation.traffic.ways import find_way, make_labels
 
-FINDERS: dict[str, type[Search | Ants]] = {
-    "pf_aco": Ants,
-    "astar_turns": Search,
-}  # of live routes, by the name of their planner
+# Of live routes, by the name of their planner: the kernel, and what makes room for it on a floor.
+FINDERS: dict[str, tuple[Any, Any]] = {"pf_aco": (send_ants, make_trails), "astar_turns": (find_way, make_labels)}
+EVERY = 4.0  # [s] between two looks of a robot for a better route
+LOOK_AHEAD = 10.0  # [m] of the route ahead that may be barred
+STOOD_FOR = 6.0  # [s] without having moved a metre after which a robot counts as standing
+SAVING = 0.5  # [cells] that a new route on the way must save, or the old one is kept
 SLOTS = 128  # way-points of a robot's route that the table has room for
 HORIZON = 40  # [cells] from a robot up to which it looks; from there its way is the shortest
 LAID = 60.0  # [m] of a robot's route that are made drivable at once; the rest when it comes near
 _NEAR = 25.0  # [m] from the end of that at which it is
 HAIRPIN = 10.0  # [cells] that a turn of more than 90 degrees costs, or routes would fold back on themselves
 _NO_CELLS = np.empty((0, 2), np.int32)
-_EDGE = 24  # [cells] from the edge of a field at which a robot that was led astray gets another
 
 
 @kernel
@@ -90,18 +87,18 @@ def runs_out_of(r, laid):
 
 
 @inline
-def _is_barred(passing, b, me, r, route, look_ahead, size, rows, columns):
+def _is_barred(passing, b, me, r, route, site, look_ahead):
     """Whether a robot's route leads within look_ahead [m] through a cell in or beside which another stands."""
     if r["points"] < 2:
         return False
-    first = ahead_of(r)
+    first, columns = ahead_of(r), site.columns
     last = min(r["points"] - 1, first + int(look_ahead / np.float64(r["spacing"])))
     own = passing.stands_on[b, me]  # nobody bars his own way
     for k in range(first, last + 1):
-        row, column = cell_of(route[k, 0], route[k, 1], size, rows, columns)
-        cell = row * columns + column
+        cell = cell_of(route[k, 0], route[k, 1], site)
         others = passing.standing[b, cell, 0] + passing.standing[b, cell, 1]
-        if own != NOTHING and max(abs(own // columns - row), abs(own % columns - column)) <= 1 + passing.spread:
+        apart = max(abs(own // columns - cell // columns), abs(own % columns - cell % columns))
+        if own != NOTHING and apart <= 1 + passing.spread:
             others -= 1
         if others > 0:
             return True
@@ -109,43 +106,44 @@ def _is_barred(passing, b, me, r, route, look_ahead, size, rows, columns):
 
 
 @kernel
-def keep_barred(
-    passing, robots, persons, person_on, routes, laid, steps, stood_for, look_ahead, behind, size, rows, columns, looks,
-):  # fmt: skip
-    """Let only those look whose way is barred, or runs out; return how many.
+def keep_barred(passing, fleet, site, look_ahead, laid, steps, looks):
+    """Let only those robots look whose way is barred, or runs out.
 
-    robots: ROBOT[B, N]; persons: PERSON[B, M]; routes: float32[B, N, R, 2] [m]; laid: float32[B, N] [m]; steps:
-    int64[B]; looks: bool[B, N]; all else: keep_all_up.
+    laid: float32[B, N] [m]; steps: int64[B]; looks: bool[B, N].
     """
-    found = 0
-    for b in range(robots.shape[0]):
-        for i in range(robots.shape[1]):
-            if looks[b, i]:
-                keep_all_up(
-                    passing, b, steps[b], robots[b], persons[b], person_on, routes[b],
-                    stood_for, behind, size, rows, columns,
-                )  # fmt: skip
-                looks[b, i] = runs_out_of(robots[b, i], laid[b, i]) or _is_barred(
-                    passing, b, i, robots[b, i], routes[b, i], look_ahead, size, rows, columns
-                )
-                found += looks[b, i]
-    return found
+    for b, i in np.ndindex(looks.shape):
+        if looks[b, i]:
+            keep_all_up(passing, b, steps[b], fleet, site)
+            r = fleet.robots[b, i]
+            barred = _is_barred(passing, b, i, r, fleet.routes[b, i], site, look_ahead)
+            looks[b, i] = barred or runs_out_of(r, laid[b, i])
 
 
 def live_planner(config: EnvConfig) -> Any:
-    """Return the planner of live routes: that of the spec, else the config's own if it makes any, else astar_turns.
-
-    ConfigError where the spec names one that makes none.
-    """
+    """Return the planner of live routes: the config's own if it makes any, else astar_turns."""
     from warehouse_env.planning import make_planner
 
-    named = config.reroute_spec.planner
-    planner = make_planner(named if named is not None else config.planner)
-    if planner.name in FINDERS:
-        return planner
-    if named is not None:
-        raise ConfigError(f"planner {planner.name} plans no live routes; choose {' or '.join(FINDERS)}")
-    return make_planner("astar_turns")
+    planner = make_planner(config.planner)
+    return planner if planner.name in FINDERS else make_planner("astar_turns")
+
+
+class Finder(Portable):
+    """Finds ways for robots by one of FINDERS."""
+
+    bound = ("_room",)
+
+    def __init__(self, name: str, shape: tuple[int, int]) -> None:
+        self.name, self._shape = name, shape
+        self._bind()
+
+    def _bind(self) -> None:
+        self._room = FINDERS[self.name][1](*self._shape)
+
+    def find(self, look: Look, cells: NDArray[np.int32], saving: int, runs_out: bool, seed: int) -> NDArray[np.int32]:
+        """Return the cells int32[L, 2] of a way, none if there is none that saves enough; see `ways.find_way`."""
+        count = FINDERS[self.name][0](look, cells, saving, runs_out, seed, self._room)
+        way: NDArray[np.int32] = self._room.path[:count].astype(np.int32)
+        return way
 
 
 class LiveRoutes(Portable):
@@ -154,43 +152,33 @@ class LiveRoutes(Portable):
     bound = ("_fields", "_asked")
 
     def __init__(self, config: EnvConfig, book: RouteBook, persons: NDArray[Any]) -> None:
-        """Take the configuration's `reroute_spec`; persons: PERSON[B, M]; ConfigError as `live_planner`."""
-        self._persons, worlds = persons, len(persons)
-        self._person_on = np.full(persons.shape, NOTHING, np.int32)  # see keep_all_up
-        spec, grid = config.reroute_spec, book.grid
+        """Make the live routes of a configuration; persons: PERSON[B, M]."""
+        self._persons, self._person_on = persons, np.full(persons.shape, NOTHING, np.int32)  # see Fleet
+        grid = book.grid
         planner = live_planner(config)
-        self.finder: Finder = FINDERS[planner.name](grid.shape)
+        self.finder = Finder(planner.name, grid.shape)
         self.plans_first = planner.name == config.planner.partition(":")[0]  # not only on the way
         self._gentleness = planner.gentleness
         self._book = book
         seconds = config.action_repeat * config.time_step
-        self._every, self._only_barred, self._look_ahead = (
-            max(1, round(spec.every / seconds)),
-            spec.only_barred,
-            spec.look_ahead,
-        )
+        self._every, self._only_barred = max(1, round(EVERY / seconds)), config.traffic_spec.routes == "barred"
         behind = np.array([robot.rear_reach - 0.5 * robot.length for robot in config.robots], np.float32)
-        self._floor = spec.stood_for, behind, np.float32(grid.cell_size)
+        self._site = Site(np.float32(grid.cell_size), *grid.shape, STOOD_FOR, behind)
         robot, size = config.widest_body, config.widest_body.longer / grid.cell_size  # of bodies, in cells
         spread = int(0.5 * (robot.length + robot.width) / grid.cell_size)
         self._prices = prices_for(size, spread)
-        self._costs, self._saving = (
-            (round(UNIT * (getattr(planner, "hairpin", 0.0) or HAIRPIN * size)), UNIT * HORIZON),
-            round(UNIT * spec.saving),
-        )
-        self._passing = make_passing(worlds, config.num_agents, grid.occupied.size, SLOTS, spread)
-        self._laid = np.full((worlds, config.num_agents), np.inf, np.float32)  # [m] of routes that are drivable
+        self._hairpin = round(UNIT * (getattr(planner, "hairpin", 0.0) or HAIRPIN * size))
+        self._saving = round(UNIT * SAVING)
+        self._passing = make_passing(len(persons), config.num_agents, grid.occupied.size, SLOTS, spread)
+        self._laid = np.full((len(persons), config.num_agents), np.inf, np.float32)  # [m] of routes that are drivable
         fastest = max(max(kind.max_speed, -kind.min_speed) for kind in config.kinds)
-        self._reach = LAID if spec.every * fastest < _NEAR / 2 else np.inf
+        self._reach = LAID if EVERY * fastest < _NEAR / 2 else np.inf
         self._cells: dict[tuple[int, int], NDArray[np.int32]] = {}  # [L, 2], those that a robot's route was made of
-        self._boxes: dict[tuple[int, int], tuple[Cell, Box]] = {}  # of the field that each robot goes by, and its goal
         self._bind()
 
     def _bind(self) -> None:
-        self._fields, self._asked = (
-            CostToGo(self._book.grid, self._gentleness),
-            make_asked(self._book.grid.occupied.size),
-        )
+        grid = self._book.grid
+        self._fields, self._asked = CostToGo(grid, self._gentleness), make_asked(grid.occupied.size)
 
     def begin(self, world: int) -> None:
         """Forget all that is known of a world: its robots begin anew."""
@@ -200,7 +188,6 @@ class LiveRoutes(Portable):
         passing.low[world] = passing.high[world] = passing.standing[world] = 0
         passing.waited[world] = passing.waited_in[world] = passing.period[world] = 0
         self._laid[world] = np.inf
-        self.finder.begin(world)
         for robot in range(passing.low.shape[1]):
             self._cells[world, robot] = _NO_CELLS
 
@@ -218,24 +205,17 @@ class LiveRoutes(Portable):
         """
         self._cells[world, robot] = cells
         self._laid[world, robot] = laid
-        stood_for, behind, size = self._floor
-        keep_up(
-            self._passing, world, robot, robots[world, robot], routes[world, robot], stood_for, behind[robot], size,
-            *self._book.grid.shape,
-        )  # fmt: skip
+        keep_up(self._passing, world, robot, robots[world, robot], routes[world, robot], self._site)
 
     def watch(self, robots: NDArray[Any], routes: NDArray[np.float32], steps: NDArray[np.int64]) -> list[list[int]]:
         """Return [world, robot] of those who look for a better route after this step. robots: ROBOT[B, N]."""
         looks = np.empty(robots.shape, np.bool_)
         if not find_due(robots, steps, self._every, looks):
             return []
-        stood_for, behind, size = self._floor
-        note_waiting(self._passing, robots, looks, steps, self._every, behind, size, *self._book.grid.shape)
-        floor = (stood_for, self._look_ahead, behind, size, *self._book.grid.shape)
-        if self._only_barred and not keep_barred(
-            self._passing, robots, self._persons, self._person_on, routes, self._laid, steps, *floor, looks
-        ):
-            return []
+        note_waiting(self._passing, robots, looks, steps, self._every, self._site)
+        if self._only_barred:
+            fleet = Fleet(robots, routes, self._persons, self._person_on)
+            keep_barred(self._passing, fleet, self._site, LOOK_AHEAD, self._laid, steps, looks)
         found: list[list[int]] = np.argwhere(looks).tolist()
         return found
 
@@ -243,33 +223,35 @@ class LiveRoutes(Portable):
         self, robots: NDArray[Any], routes: NDArray[np.float32], world: int, me: int, step: int, goal: Cell,
         on_its_way: bool = False, ends: tuple[Pose, ...] = (),
     ) -> Route | None:  # fmt: skip
-        """Return a route from where robot `me` of ROBOT[N] is to a goal, or one of `ends` there, around all others.
+        """Return a route from where a robot is to a goal, or one of `ends` there, around all others.
 
         None where there is no way, or the robot is in the goal's cell already: its route leads to its end. Also for
-        one `on_its_way` there, if a new route would save too little. step: the world's env step.
+        one `on_its_way` there, if a new route would save too little. robots: ROBOT[B, N]; routes: float32[B, N, R, 2]
+        [m]; step: the world's env step.
         """
-        r = robots[me]
+        r = robots[world, me]
         pose = np.array([r["x"], r["y"]])
         row, column = self._book.grid.standing(pose).tolist()
         if (row, column) == goal:
             return None
-        stood_for, behind, size = self._floor
         if self._passing.known_at[world] != step:
-            floor = stood_for, behind, size, *self._book.grid.shape
-            keep_all_up(self._passing, world, step, robots, self._persons[world], self._person_on, routes, *floor)
-        field, box = self._field(world, me, (row, column), goal)
+            fleet = Fleet(robots, routes, self._persons, self._person_on)
+            keep_all_up(self._passing, world, step, fleet, self._site)
+        field, box = self._fields.around((row, column), goal)
         look = Look(
-            self._passing, self._asked, robots, self._fields.steps, self._prices, size, world, me, row, column,
-            field, box.top, box.left, *self._costs,
+            self._passing, self._asked, robots[world], self._fields.steps, self._prices, self._site.size, world, me,
+            row, column, field, box.top, box.left, self._hairpin, UNIT * HORIZON,
         )  # fmt: skip
         saving = self._saving if on_its_way else -1
         runs_out = on_its_way and bool(runs_out_of(r, self._laid[world, me]))
-        cells = self.finder.find(look, self._cells[world, me], saving, runs_out, goal, step)
+        drawn_from = f"{step} {me} {row} {column} {goal}".encode()
+        seed = 1 + int.from_bytes(hashlib.blake2b(drawn_from, digest_size=7).digest(), "little")
+        cells = self.finder.find(look, self._cells[world, me], saving, runs_out, seed)
         return self._book.along(cells, pose, self._reach, ends) if len(cells) else None
 
-    def towards(self, world: int, robot: int, cell: Cell, goal: Cell) -> NDArray[np.float32] | None:
+    def towards(self, cell: Cell, goal: Cell) -> NDArray[np.float32] | None:
         """Return the direction (x, y) of a cheapest way from a cell to a goal; None where there is none."""
-        field, box = self._field(world, robot, cell, goal)
+        field, box = self._fields.around(cell, goal)
         row, column = cell
         for move in np.flatnonzero(self._fields.steps[row, column]).tolist():
             d_row, d_column = MOVES[move].tolist()
@@ -277,22 +259,3 @@ class LiveRoutes(Portable):
             if there + int(self._fields.steps[row, column, move]) == to_go(field, box.top, box.left, row, column):
                 return np.array([d_column, -d_row], np.float32)
         return None
-
-    def _field(self, world: int, me: int, cell: Cell, goal: Cell) -> tuple[NDArray[np.int32], Box]:
-        """Return the cost-to-go of a robot's goal around it, and where that is."""
-        known, box = self._boxes.get((world, me), (None, None))
-        if box is None or known != goal or self._is_at_edge(cell, box):
-            box = self._fields.box(cell, goal)
-            field = self._fields.field(goal, box)
-            if field[cell[0] - box.top, cell[1] - box.left] == UNREACHABLE:
-                box = self._fields.whole()
-            self._boxes[world, me] = goal, box
-        return self._fields.field(goal, box), box
-
-    def _is_at_edge(self, cell: Cell, box: Box) -> bool:
-        """Whether a cell is so near the edge of a box, and that not the floor's, that ways may lead out of it."""
-        (row, column), (rows, columns) = cell, self._book.grid.shape
-        return (
-            (box.top > 0 and row - box.top < _EDGE) or (box.bottom < rows and box.bottom - row <= _EDGE)
-            or (box.left > 0 and column - box.left < _EDGE) or (box.right < columns and box.right - column <= _EDGE)
-        )  # fmt: skip

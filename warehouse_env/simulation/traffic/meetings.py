@@ -5,9 +5,12 @@ All poses stand in lists, one for each square of the floor, so that a pose is he
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from warehouse_env.kernel import inline, kernel, part, whole
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.kernel import inline, part, whole
 from warehouse_env.simulation.physics.geometry import body_at, grown, rectangles_touch, squared_distance
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.traffic.path_ahead import CENTRE_X, CENTRE_Y, COS, POSES, SIN
@@ -23,9 +26,8 @@ TOUCH_WIDE, TOUCH_TIGHT, CROSS = range(3)  # of masks uint32[3, N, POSES]
 COUNT, WHO, NUMBER, GRANT, MUST, ASKED = range(6)  # rows of numbers int32[6, N + 1]
 
 
-@kernel
-def scratch(paths):
-    """Return the arrays of a world's decision, which the other functions call `ways`.
+def scratch(count: int) -> tuple[NDArray[Any], ...]:
+    """Return the arrays of a decision on `count` robots, which after the world's paths make what is called `ways`.
 
     paths float32[N + 1, POSES, COLUMNS]: the bodies ahead, the last row on trial; first int32[SQUARES, SQUARES]: a pose
     in each square, and following int32[N * POSES]: of each pose the next one, -1: none; masks uint32[3, N, POSES]: of
@@ -33,11 +35,10 @@ def scratch(paths):
     with WIDE room, with TIGHT room, and across; numbers int32[6, N + 1]: poses of a path, the n-th robot met, as which
     number a robot was met, poses granted, poses in which a robot can stop, and whether it has been asked.
     """
-    count = paths.shape[0] - 1
-    first, following = np.empty((SQUARES, SQUARES), np.int32), np.empty(count * POSES, np.int32)
-    masks = np.empty((3, count, POSES), np.uint32)
-    numbers = np.zeros((6, count + 1), np.int32)
-    return paths, first, following, masks, numbers
+    return (
+        np.empty((SQUARES, SQUARES), np.int32), np.empty(count * POSES, np.int32),
+        np.empty((3, count, POSES), np.uint32), np.zeros((6, count + 1), np.int32),
+    )  # fmt: skip
 
 
 @inline

@@ -11,7 +11,7 @@ must not depend on any: prices.py adds whole numbers.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,25 @@ class Passing(NamedTuple):
     spread: int = 0  # cells either way that a standing body is on, of cells smaller than bodies; beside: one more
 
 
+class Site(NamedTuple):
+    """What the table is told of the floor and of the robots."""
+
+    size: np.float32  # [m] of a cell
+    rows: int
+    columns: int
+    stood_for: float  # [s] from when on a robot counts as standing
+    behind: NDArray[np.float32]  # [N] [m], how far each body's centre is behind its front axle
+
+
+class Fleet(NamedTuple):
+    """Who is about in B worlds."""
+
+    robots: NDArray[Any]  # ROBOT[B, N]
+    routes: NDArray[np.float32]  # [B, N, R, 2] [m]
+    persons: NDArray[Any]  # PERSON[B, M]
+    person_on: NDArray[np.int32]  # [B, M], the cell on which a person is counted as standing, or NOTHING
+
+
 def make_passing(worlds: int, robots: int, cells: int, slots: int, spread: int = 0) -> Passing:
     """Return an empty table; spread: see Passing."""
 
@@ -68,16 +87,16 @@ def make_passing(worlds: int, robots: int, cells: int, slots: int, spread: int =
 
 
 @inline
-def cell_of(x, y, cell, rows, columns):
-    """Return (row, column) of the cell that holds a point [m], on the floor."""
-    row = rows - 1 - int(math.floor(y / cell))
-    return min(max(row, 0), rows - 1), min(max(int(math.floor(x / cell)), 0), columns - 1)
+def cell_of(x, y, site):
+    """Return the cell (flat index) that holds a point [m], or is nearest to it on the floor."""
+    row = min(max(site.rows - 1 - int(math.floor(y / site.size)), 0), site.rows - 1)
+    return row * site.columns + min(max(int(math.floor(x / site.size)), 0), site.columns - 1)
 
 
 @inline
-def body_cell(r, behind, cell, rows, columns):
-    """Return (row, column) of the cell that holds the centre of a body, `behind` [m] the front axle."""
-    return cell_of(r["x"] - behind * r["cos"], r["y"] - behind * r["sin"], cell, rows, columns)
+def _body_cell(r, behind, site):
+    """Return the cell that holds the centre of a body, `behind` [m] the front axle."""
+    return cell_of(r["x"] - behind * r["cos"], r["y"] - behind * r["sin"], site)
 
 
 @inline
@@ -93,18 +112,17 @@ def eighth(d_row, d_column):
 
 
 @kernel
-def _list_point(passing, b, i, k, route, size, rows, columns):
+def _list_point(passing, b, i, k, route, site):
     """List way-point k of robot i, if the route enters a cell there."""
     slots = passing.cell.shape[1] // passing.low.shape[1]
-    slot = i * slots + k % slots
-    row, column = cell_of(route[k, 0], route[k, 1], size, rows, columns)
-    from_row, from_column = cell_of(route[k - 1, 0], route[k - 1, 1], size, rows, columns)
-    if row == from_row and column == from_column:
+    slot, columns = i * slots + k % slots, site.columns
+    cell, before = cell_of(route[k, 0], route[k, 1], site), cell_of(route[k - 1, 0], route[k - 1, 1], site)
+    if cell == before:
         passing.cell[b, slot] = NOTHING
         return
-    cell = row * columns + column
     head = passing.first[b, cell]
-    passing.cell[b, slot], passing.back[b, slot] = cell, eighth(from_row - row, from_column - column)
+    passing.cell[b, slot] = cell
+    passing.back[b, slot] = eighth(before // columns - cell // columns, before % columns - cell % columns)
     passing.after[b, slot], passing.before[b, slot] = head, NOTHING
     if head != NOTHING:
         passing.before[b, head] = slot
@@ -130,29 +148,29 @@ def _unlist_point(passing, b, i, k):
 
 
 @kernel
-def _count_standing(passing, b, cell, change, rows, columns):
+def _count_standing(passing, b, cell, change, site):
     """Add `change` to those who stand on a cell, and to those who stand beside its neighbours."""
-    row, column, spread = cell // columns, cell % columns, passing.spread
-    for i in range(max(row - 1 - spread, 0), min(row + 2 + spread, rows)):
-        for j in range(max(column - 1 - spread, 0), min(column + 2 + spread, columns)):
+    row, column, spread = cell // site.columns, cell % site.columns, passing.spread
+    for i in range(max(row - 1 - spread, 0), min(row + 2 + spread, site.rows)):
+        for j in range(max(column - 1 - spread, 0), min(column + 2 + spread, site.columns)):
             on = abs(i - row) <= spread and abs(j - column) <= spread
-            passing.standing[b, i * columns + j, 0 if on else 1] += change
+            passing.standing[b, i * site.columns + j, 0 if on else 1] += change
 
 
 @inline
-def _stands_now(passing, b, on, k, cell, rows, columns):
+def _stands_now(passing, b, on, k, cell, site):
     """Count robot or person k, of those in `on` int32[B, K], as standing on a cell, or nowhere."""
     if cell != on[b, k]:
         if on[b, k] != NOTHING:
-            _count_standing(passing, b, whole(on[b, k]), whole(-1), rows, columns)
+            _count_standing(passing, b, whole(on[b, k]), whole(-1), site)
         if cell != NOTHING:
-            _count_standing(passing, b, cell, whole(1), rows, columns)
+            _count_standing(passing, b, cell, whole(1), site)
         on[b, k] = cell
 
 
 @kernel
-def keep_up(passing, b, i, r, route, stood_for, behind, size, rows, columns):
-    """Bring what the table of world b says of robot i up to where it is now; see `keep_all_up`."""
+def keep_up(passing, b, i, r, route, site):
+    """Bring what the table of world b says of robot i up to where it is now. r: ROBOT; route: float32[R, 2] [m]."""
     slots = passing.cell.shape[1] // passing.low.shape[1]
     low, high = whole(passing.low[b, i]), whole(passing.high[b, i])
     first = last = 0
@@ -169,37 +187,26 @@ def keep_up(passing, b, i, r, route, stood_for, behind, size, rows, columns):
         low = high = first
     while low > first:
         low -= 1
-        _list_point(passing, b, i, low, route, size, rows, columns)
+        _list_point(passing, b, i, low, route, site)
     while high < last:
-        _list_point(passing, b, i, high, route, size, rows, columns)
+        _list_point(passing, b, i, high, route, site)
         high += 1
     passing.low[b, i], passing.high[b, i], passing.spacing[b, i] = low, high, r["spacing"]
-    stands = NOTHING
-    if bars_routes(r, stood_for):
-        row, column = body_cell(r, behind, size, rows, columns)
-        stands = row * columns + column
-    _stands_now(passing, b, passing.stands_on, i, stands, rows, columns)
+    stands = _body_cell(r, site.behind[i], site) if bars_routes(r, site.stood_for) else NOTHING
+    _stands_now(passing, b, passing.stands_on, i, stands, site)
 
 
 @kernel
-def keep_all_up(passing, b, step, robots, persons, person_on, routes, stood_for, behind, size, rows, columns):
-    """Bring the table of world b up to env step `step`, unless it is already.
-
-    robots: ROBOT[N]; persons: PERSON[M]; person_on: int32[B, M], the cell on which a person is counted as standing, or
-    NOTHING; routes: float32[N, R, 2] [m]; stood_for [s]: from when on a robot counts as standing; behind
-    float32[N] [m]: how far each body's centre is behind its front axle; size [m]: of a cell of the floor with so many
-    rows and columns.
-    """
+def keep_all_up(passing, b, step, fleet, site):
+    """Bring the table of world b up to env step `step`, unless it is already."""
     if passing.known_at[b] == step:
         return
-    for i in range(robots.shape[0]):
-        keep_up(passing, b, i, robots[i], routes[i], stood_for, behind[i], size, rows, columns)
-    for m in range(persons.shape[0]):
-        stands = NOTHING
-        if bars_ways(persons[m]):
-            row, column = cell_of(persons[m]["x"], persons[m]["y"], size, rows, columns)
-            stands = row * columns + column
-        _stands_now(passing, b, person_on, m, stands, rows, columns)
+    for i in range(fleet.robots.shape[1]):
+        keep_up(passing, b, i, fleet.robots[b, i], fleet.routes[b, i], site)
+    for m in range(fleet.persons.shape[1]):
+        person = fleet.persons[b, m]
+        stands = cell_of(person["x"], person["y"], site) if bars_ways(person) else NOTHING
+        _stands_now(passing, b, fleet.person_on, m, stands, site)
     passing.known_at[b] = step
 
 
@@ -210,18 +217,16 @@ def waited_at(passing, b, cell):
 
 
 @kernel
-def note_waiting(passing, robots, looks, steps, every, behind, size, rows, columns):
+def note_waiting(passing, robots, looks, steps, every, site):
     """Note where those who look now wait, whom each look counts once, so that it is known where robots lose time.
 
-    robots: ROBOT[B, N]; looks: bool[B, N]; steps: int64[B]; every: steps between two looks of a robot; all else:
-    keep_all_up.
+    robots: ROBOT[B, N]; looks: bool[B, N]; steps: int64[B]; every: steps between two looks of a robot.
     """
     for b in range(robots.shape[0]):
         passing.period[b] = steps[b] // (PERIOD * every)
         for i in range(robots.shape[1]):
             if looks[b, i] and gets_nowhere(robots[b, i]):
-                row, column = body_cell(robots[b, i], behind[i], size, rows, columns)
-                cell = row * columns + column
+                cell = _body_cell(robots[b, i], site.behind[i], site)
                 passing.waited[b, cell] = waited_at(passing, b, cell) + ONCE
                 passing.waited_in[b, cell] = passing.period[b]
 

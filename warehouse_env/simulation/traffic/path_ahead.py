@@ -82,8 +82,12 @@ def _joins(r, route, x, y):
 
 
 @inline
-def _steer(route, points, spacing, along, end, side, look, x, y, c, s, p, floor):
-    """Return the steering [rad] of the follower at `along` [m] of its route, with an offset `side` [m]."""
+def _steer(line, along, side, look, pose, p, floor):
+    """Return the steering [rad] of the follower at `along` [m] of its route, with an offset `side` [m].
+
+    line: (route, points, spacing, length [m]); pose: (x, y, cos, sin).
+    """
+    (route, points, spacing, end), (x, y, c, s) = line, pose
     tx, ty, ux, uy = point_at(route, points, spacing, min(along + look, end + p["beyond"]), p["beyond"])
     if side != ZERO:
         side = room_beside(tx, ty, ux, uy, side, end - along, floor, p)
@@ -162,7 +166,7 @@ def write_path(r, route, arcs, side, many, p, floor, path):
                 k += 1
             return k, True
         s, c = sin_cos(heading)
-        wanted = _steer(route, points, spacing, along, end, side, look, x, y, c, s, p, floor)
+        wanted = _steer((route, points, spacing, end), along, side, look, (x, y, c, s), p, floor)
         stride = min(_STRIDE, to_next)
         most = _STEERED * stride / _STRIDE
         steer = min(max(wanted, steer - most), steer + most)

@@ -1,8 +1,9 @@
 """What the other robots of a world cost one that looks for a way: prices of moves, made for cells that are asked for.
 
-What is priced, and why: live.py. Prices are whole thousandths of a cell, so that their sums do not depend on the order
-in which the table (passing.py) lists who passes a cell; they are said in float64 where a kernel would widen a float32
-by itself, for plain Python would not.
+live.py says what is priced and why. Each price is one function here, one call of it and its fields of `Prices`, so that
+any of them can be removed alone. Prices are whole thousandths of a cell: their sums do not depend on the order in which
+the table (passing.py) lists who passes a cell. They are computed in float64 where a kernel would widen a float32 by
+itself, since plain Python would not.
 """
 
 from __future__ import annotations
@@ -116,7 +117,7 @@ def _thousandths(cells):
 
 @part
 def _charge_standing(look, cell):
-    """Return the price of entering a cell on or beside which others stand, the dearer the longer one stands oneself."""
+    """Add the price of entering a cell on or beside which others stand. It grows with the robot's own standing time."""
     at, beside = look.passing.standing[look.world, cell, 0], look.passing.standing[look.world, cell, 1]
     own = look.passing.stands_on[look.world, look.me]
     columns, spread = look.steps.shape[1], look.passing.spread
@@ -126,21 +127,40 @@ def _charge_standing(look, cell):
             at -= 1
         elif off == spread + 1:
             beside -= 1
-    if at == 0 and beside == 0:
-        return 0
-    dearer = 1.0 + np.float64(look.robots[look.me]["standing_time"]) / DEARER
-    return min(_thousandths(dearer * (at * look.prices.standing + beside * look.prices.beside)), DEAREST)
+    if at > 0 or beside > 0:
+        dearer = 1.0 + np.float64(look.robots[look.me]["standing_time"]) / DEARER
+        price = _thousandths(dearer * (at * look.prices.standing + beside * look.prices.beside))
+        look.asked.enter[cell] += min(price, DEAREST)
 
 
 @inline
 def _charge_waiting(look, cell):
-    """Return the price of entering a cell where others have waited of late, for one may have to wait there too."""
-    return waited_at(look.passing, look.world, cell) * _thousandths(look.prices.waited) // ONCE
+    """Add the price of entering a cell where others have waited of late: the robot may have to wait there too."""
+    look.asked.enter[cell] += waited_at(look.passing, look.world, cell) * _thousandths(look.prices.waited) // ONCE
+
+
+@inline
+def _charge_against(look, cell, slot):
+    """Add the prices of moves against the way-point of another's route that is listed in a slot."""
+    back = whole(look.passing.back[look.world, slot])
+    boxed = _is_boxed(look.steps, cell // look.steps.shape[1], cell % look.steps.shape[1], back)
+    dear = _thousandths(look.prices.boxed_against if boxed else look.prices.against)
+    look.asked.leave[cell, back] += dear
+    look.asked.leave[cell, (back + 1) % 8] += dear // 2
+    look.asked.leave[cell, (back + 7) % 8] += dear // 2
+
+
+@inline
+def _charge_crowd(look, cell, mine, theirs):
+    """Add the price of entering a cell to which one has `mine` [m] to go, and another `theirs` along its route."""
+    apart = abs(mine - theirs)
+    if apart < look.prices.crowd_within:
+        look.asked.enter[cell] += _thousandths(look.prices.crowd * (1.0 - apart / look.prices.crowd_within))
 
 
 @part
 def _charge_passing(look, cell):
-    """Add the prices of a cell that others will pass: of moves against theirs, and of coming there when they do."""
+    """Add the prices of a cell that others will pass."""
     row, column = cell // look.steps.shape[1], cell % look.steps.shape[1]
     slots = look.passing.cell.shape[1] // look.passing.low.shape[1]
     mine = octile(row - look.row, column - look.column) / UNIT * np.float64(look.size)
@@ -148,16 +168,9 @@ def _charge_passing(look, cell):
     while slot != NOTHING:
         other = slot // slots
         if other != look.me:
-            back = whole(look.passing.back[look.world, slot])
-            boxed = _is_boxed(look.steps, row, column, back)
-            dear = _thousandths(look.prices.boxed_against if boxed else look.prices.against)
-            look.asked.leave[cell, back] += dear
-            look.asked.leave[cell, (back + 1) % 8] += dear // 2
-            look.asked.leave[cell, (back + 7) % 8] += dear // 2
             ahead = (slot - other * slots - look.passing.low[look.world, other]) % slots + 1
-            apart = abs(mine - ahead * np.float64(look.passing.spacing[look.world, other]))
-            if apart < look.prices.crowd_within:
-                look.asked.enter[cell] += _thousandths(look.prices.crowd * (1.0 - apart / look.prices.crowd_within))
+            _charge_against(look, cell, slot)
+            _charge_crowd(look, cell, mine, ahead * np.float64(look.passing.spacing[look.world, other]))
         slot = look.passing.after[look.world, slot]
 
 
@@ -180,9 +193,11 @@ def ask(look, cell):
     if look.asked.at[cell] == look.asked.looks[0]:
         return
     look.asked.at[cell] = look.asked.looks[0]
-    look.asked.enter[cell] = _charge_standing(look, cell) + _charge_waiting(look, cell)
+    look.asked.enter[cell] = 0
     for move in range(8):
         look.asked.leave[cell, move] = 0
+    _charge_standing(look, cell)
+    _charge_waiting(look, cell)
     _charge_passing(look, cell)
     if cell == look.row * look.steps.shape[1] + look.column:
         _charge_turns(look, cell)

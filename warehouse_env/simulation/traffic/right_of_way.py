@@ -22,6 +22,8 @@ granted, no robot moves where it could not stop clear of all others.
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from warehouse_env.kernel import inline, part, whole
@@ -65,6 +67,18 @@ BACK = 4  # poses more that must be free to go back to the commanded offset
 TRIED = 5  # decisions after which a robot tries other offsets again while the same one bars its way
 NOWHERE = -1  # no pose
 _ROUNDING = np.float32(1e-3)  # [m] of an odometer
+
+
+class Claims(NamedTuple):
+    """A world whose robots ask for stretches of their paths."""
+
+    robots: Any  # ROBOT[N]
+    persons: Any  # PERSON[M]
+    routes: Any  # float32[N, R, 2] [m]
+    arcs: Any  # float32[N, ARCS, 2], manoeuvres
+    commands: Any  # float32[N, 2]: speed [m/s], which becomes the one liked with the offset taken, and offset [m]
+    choices: Any  # float32[N, K, 3], see preferences.py
+    ways: Any  # see meetings.scratch
 
 
 @inline
@@ -146,20 +160,21 @@ def _comes_against(row, granted, end, count, barrier, ways):
 
 
 @inline
-def _write(i, r, route, arcs, ways, p, floor):
+def _write(i, world, p, floor):
     """Write a robot's path anew."""
-    paths, _, _, _, numbers = ways
-    poses, at_end = write_path(r, route, arcs, r["side"], whole(POSES), p, floor, paths[i])
+    r, (paths, _, _, _, numbers) = world.robots[i], world.ways
+    poses, at_end = write_path(r, world.routes[i], world.arcs[i], r["side"], whole(POSES), p, floor, paths[i])
     begin_path(r, poses, at_end)
     numbers[COUNT, i] = poses
 
 
 @part
-def _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, kinds, floor):
+def _try_sides(i, world, granted, barrier, p, kinds, floor):
     """Try the robot's other offsets, the best-liked one first, for one whose path is free as far as it asks.
 
     Takes the first that is, and returns the new (poses granted, who bars the way).
     """
+    r, ways, choices = world.robots[i], world.ways, world.choices[i]
     paths, _, _, _, numbers = ways
     trial, wanted = paths.shape[0] - 1, choices[0, SIDE]
     for n in range(choices.shape[0]):
@@ -171,7 +186,7 @@ def _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, kinds, flo
         if n > 0 and side == wanted:
             continue
         want = numbers[MUST, i] + BESIDE + (BACK if side == wanted else 0)
-        many, at_end = write_path(r, route, arcs, side, min(want + 1, POSES), p, floor, paths[trial])
+        many, at_end = write_path(r, world.routes[i], world.arcs[i], side, min(want + 1, POSES), p, floor, paths[trial])
         numbers[COUNT, trial], want = many, min(want, many - 1)
         if want < 2:
             continue
@@ -181,7 +196,7 @@ def _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, kinds, flo
         free, _ = _grant(count, whole(0), numbers[MUST, i], want, want, goal, want < 0, ways)
         if free >= want:
             r["side"] = side
-            _write(i, r, route, arcs, ways, p, floor)
+            _write(i, world, p, floor)
             enlist(ways, p)
             return free, NOBODY
     return granted, barrier
@@ -197,16 +212,16 @@ def _within(path, count, way):
 
 
 @inline
-def _begin(i, r, route, arcs, ways, p, floor):
+def _begin(i, world, p, floor):
     """Bring the robot's path up to date, and what it has been granted of it before."""
-    paths, _, _, _, numbers = ways
+    r, (paths, _, _, _, numbers) = world.robots[i], world.ways
     if r["arcs"] == 0 and r["aside"] != 0:
         r["aside"] = 0
         forget_path(r)
     if keep_path(r, paths[i], p):
         numbers[COUNT, i] = r["poses"]
     else:
-        _write(i, r, route, arcs, ways, p, floor)
+        _write(i, world, p, floor)
     speed, last = abs(r["speed"]), numbers[COUNT, i] - 1
     have = _within(paths[i], last + 1, np.float32(r["claim"] - r["distance"]) + _ROUNDING)
     stop = speed * speed * HALF / p["max_acceleration"] + speed * p["time_step"] * np.float32(p["repeat"])
@@ -216,8 +231,9 @@ def _begin(i, r, route, arcs, ways, p, floor):
 
 
 @inline
-def _ask(i, robots, persons, route, arcs, choices, ways, p, kinds, floor):
+def _ask(i, world, p, kinds, floor):
     """Grant robot i what it may have of its path; p: its own."""
+    robots, persons, ways = world.robots, world.persons, world.ways
     paths, _, _, _, numbers = ways
     r = robots[i]
     numbers[ASKED, i] = 1 - r["silent"]
@@ -235,8 +251,8 @@ def _ask(i, robots, persons, route, arcs, choices, ways, p, kinds, floor):
             abs(robots[barrier]["speed"]) < SLOW or _comes_against(i, granted, end, count, barrier, ways)
         )
         again = barrier != before or (r["age"] // p["repeat"] + i) % TRIED == 0
-        if (stuck and again) or (barrier == NOBODY and r["side"] != choices[0, SIDE]):
-            granted, barrier = _try_sides(i, r, route, arcs, choices, granted, barrier, ways, p, kinds, floor)
+        if (stuck and again) or (barrier == NOBODY and r["side"] != world.choices[i, 0, SIDE]):
+            granted, barrier = _try_sides(i, world, granted, barrier, p, kinds, floor)
     granted, person = before_people(paths[i], must, granted, persons, p)
     if person != NOBODY and is_kept(persons[person]):
         barrier = who_frees(i, persons[person], robots, p, kinds)
@@ -292,22 +308,19 @@ def rank(robots, order):
 
 
 @part
-def decide(robots, persons, routes, arcs, commands, choices, order, ways, p, kinds, floor):
-    """Grant all robots of a world a stretch of their paths: `authority` [m], `side` [m] and `yields_to` of the records.
-
-    persons PERSON[M]; commands float32[N, 2]: speed [m/s] and lateral offset [m] of each, of which the speed becomes
-    the one liked with the offset taken; choices float32[N, K, 3]: see preferences.py; order int[N]: robots as `rank`
-    has sorted them; ways: see meetings.scratch; kinds: see kinds.py.
+def decide(world, order, p, kinds, floor):
+    """Grant all robots of a world, Claims, a stretch of their paths: `authority` [m], `side` [m] and `yields_to` of the
+    records. order int[N]: robots as `rank` has sorted them; kinds: see kinds.py.
     """
-    count = robots.shape[0]
-    for i in range(count):
-        _begin(i, robots[i], routes[i], arcs[i], ways, kind_of(i, p, kinds), floor)
-    enlist(ways, p)
-    for n in range(count):
+    robots, commands = world.robots, world.commands
+    for i in range(robots.shape[0]):
+        _begin(i, world, kind_of(i, p, kinds), floor)
+    enlist(world.ways, p)
+    for n in range(robots.shape[0]):
         i = whole(order[n])
-        _ask(i, robots, persons, routes[i], arcs[i], choices[i], ways, kind_of(i, p, kinds), kinds, floor)
+        _ask(i, world, kind_of(i, p, kinds), kinds, floor)
         if robots[i]["settled"] > ZERO:
-            commands[i, 0] = speed_of(robots[i], choices[i], commands[i, 0], is_urged(robots[i]))
+            commands[i, 0] = speed_of(robots[i], world.choices[i], commands[i, 0], is_urged(robots[i]))
 
 
 @inline

@@ -7,9 +7,12 @@ which comes round the shelves in time. Both are looked for on a lattice, as near
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any, NamedTuple
 
-from warehouse_env.kernel import inline, kernel, part
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.physics.contact import COS, SIN
 from warehouse_env.simulation.physics.discs import is_taken
 from warehouse_env.simulation.physics.floor import FINE, UNIT
@@ -29,8 +32,35 @@ _ROOT_2, _ROOT_HALF = np.float32(1.4142137), np.float32(0.70710678)
 _STRAIGHT = np.float32(0.9238)  # of a way from place to place to the way as the crow flies, at the least
 
 
-@kernel
-def scratch(count, rays):
+class Looker(NamedTuple):
+    """The robot that may drive a motion only if nobody hidden could come into its way."""
+
+    i: Any  # its number
+    motion: Any  # float32[MOTION, N], where all robots are (contact.py)
+    seen: Any  # see scratch; kinds are filled in as they are asked for
+    p: Any  # PARAMETERS
+    floor: Any
+
+
+class Passage(NamedTuple):
+    """A motion of its body, and how fast who is hidden could come."""
+
+    path: Any  # float32[T + 1, PLACE]
+    samples: Any
+    pace: Any  # [m], the most that any point of the body moves in a substep
+    speed: Any  # [m/s], the most that any point of who is hidden does
+
+
+class Window(NamedTuple):
+    """The part of the lattice that is looked at."""
+
+    step: Any  # [m] from place to place
+    top: Any  # its first row
+    left: Any  # and column
+    fit: Any  # [m], radius of a disc that is in any body
+
+
+def scratch(count: int, rays: int) -> tuple[NDArray[Any], ...]:
     """Return what one robot sees: ranges float32[SCANNERS, R] [m], who it knows int32[N + 1] (the last: how many); of a
     window of the lattice kinds uint8, ways left over float32 [m] and a queue int32; and points float32[2, _POINTS] [m].
     """
@@ -58,8 +88,9 @@ def _is_known(x, y, within, motion, view, p):
 
 
 @inline
-def _kind(row, column, step, top, left, i, motion, view, fit, p, floor):
-    """Return the kind of a place of the lattice, looked at once; fit [m]: radius of a disc that is in any body."""
+def _kind(row, column, window, looker):
+    """Return the kind of a place of the lattice, looked at once."""
+    (step, top, left, fit), (i, motion, view, p, floor) = window, looker
     ranges, kinds = view[0], view[2]
     at = (row - top) * SIDE + column - left
     kind = kinds[at]
@@ -79,11 +110,12 @@ def _kind(row, column, step, top, left, i, motion, view, fit, p, floor):
 
 
 @inline
-def _meets(x, y, path, samples, pace, speed, contact, p):
+def _meets(x, y, passage, speed, contact, p):
     """Return the last sample of a motion at which the body is within `contact` [m] of who comes from a point at a speed
     [m/s], on the straight way, 0 if at none.
     """
-    n = samples - 1
+    path, pace = passage.path, passage.pace
+    n = passage.samples - 1
     while n > 0:
         gap = distance_to_body(
             x, y, path[n, CENTRE_X], path[n, CENTRE_Y], path[n, BODY_COS], path[n, BODY_SIN], p
@@ -95,14 +127,15 @@ def _meets(x, y, path, samples, pace, speed, contact, p):
 
 
 @part
-def _list_points(box, step, i, path, samples, pace, speed, motion, view, p, floor):
+def _list_points(box, step, passage, looker):
     """Write the points that may be unseen and could come to the body in time; return how many, _POINTS if too many."""
+    i, motion, view, p, floor = looker
     ranges, points, count, slack = view[0], view[5], 0, _ROOT_HALF * step
-    contact = slack + pace + p["max_acceleration"] * p["time_step"] * p["time_step"]
+    contact = slack + passage.pace + p["max_acceleration"] * p["time_step"] * p["time_step"]
     for row in range(box[0], box[1] + 1):
         for column in range(box[2], box[3] + 1):
             x, y = (np.float32(column) + HALF) * step, (np.float32(row) + HALF) * step
-            if x < ZERO or y < ZERO or _meets(x, y, path, samples, pace, speed, contact, p) == 0:
+            if x < ZERO or y < ZERO or _meets(x, y, passage, passage.speed, contact, p) == 0:
                 continue
             if is_taken(x, y, floor):
                 continue
@@ -115,9 +148,10 @@ def _list_points(box, step, i, path, samples, pace, speed, motion, view, p, floo
 
 
 @inline
-def _box(reach, step, top, left, i, path, samples, motion, p):
+def _box(reach, window, passage, looker):
     """Return the first and last row and column within reach [m] of a motion's bodies, in the window."""
-    cx, cy = centre_of(i, motion, p)
+    (step, top, left, _), path, samples, p = window, passage.path, passage.samples, looker.p
+    cx, cy = centre_of(looker.i, looker.motion, p)
     low_x, high_x, low_y, high_y = cx, cx, cy, cy
     for n in range(samples):
         low_x, high_x = min(low_x, path[n, CENTRE_X]), max(high_x, path[n, CENTRE_X])
@@ -144,34 +178,34 @@ def _is_near(x, y, within, points, count):
 
 
 @part
-def could_come(i, path, samples, pace, speed, fit, grain, motion, view, p, floor):
-    """Whether somebody hidden could be where robot i's body will be, at any time of a motion float32[T + 1, PLACE].
-
-    pace [m]: the most that any point of the body moves in a substep; speed [m/s]: the same of whoever is hidden; fit:
-    see _kind; grain: of GRAINS; view: see scratch, the kinds filled in as they are asked for.
+def could_come(passage, fit, grain, looker):
+    """Whether somebody hidden could be where a robot's body will be, at any time of a motion; fit: see Window; grain:
+    of GRAINS.
     """
+    (i, motion, view, p, _), (_, samples, pace, speed) = looker, passage
     left_over, queue, points = view[3], view[4], view[5]
     step = p["cell"] / np.float32(grain)
     slack, gain = _ROOT_HALF * step, p["max_acceleration"] * p["time_step"] * p["time_step"]
     far = min(p["half_length"], p["half_width"]) * _ROOT_2
     cx, cy = centre_of(i, motion, p)
     top, left = int(cy / step) - SIDE // 2, int(cx / step) - SIDE // 2
+    window = Window(step, top, left, fit)
     comes = speed * np.float32(samples) * p["dt"] + gain
-    box = _box(comes + slack + pace, step, top, left, i, path, samples, motion, p)
-    count = _list_points(box, step, i, path, samples, pace, speed, motion, view, p, floor)
+    box = _box(comes + slack + pace, window, passage, looker)
+    count = _list_points(box, step, passage, looker)
     if count == 0:
         return False
     contact = far + slack + pace  # of the disc's centre, on all the way from the sample before
-    box = _box(contact, step, top, left, i, path, samples, motion, p)
+    box = _box(contact, window, passage, looker)
     tail = 0
     left_over[:] = -ONE
     for row in range(box[0], box[1] + 1):
         for column in range(box[2], box[3] + 1):
             x, y = (np.float32(column) + HALF) * step, (np.float32(row) + HALF) * step
-            n = _meets(x, y, path, samples, pace, ZERO, contact, p)
+            n = _meets(x, y, passage, ZERO, contact, p)
             if n == 0:
                 continue
-            kind = _kind(row, column, step, top, left, i, motion, view, fit, p, floor)
+            kind = _kind(row, column, window, looker)
             if kind == HIDDEN and _is_near(x, y, far + slack + slack, points, count):
                 return True
             if kind != SHELF:
@@ -179,18 +213,15 @@ def could_come(i, path, samples, pace, speed, fit, grain, motion, view, p, floor
                 left_over[at] = speed * np.float32(n) * p["dt"] + gain + slack + slack
                 queue[tail] = at
                 tail += 1
-    return _comes_out(
-        i, tail, step, top, left, contact + gain, path, samples, pace, speed, count, motion, view, fit, p, floor
-    )
+    return _comes_out(tail, count, contact + gain, window, passage, looker)
 
 
 @part
-def _comes_out(
-    i, tail, step, top, left, contact, path, samples, pace, speed, count, motion, view, fit, p, floor
-):  # fmt: skip
-    """Whether a hidden place near one of `count` points is no farther from a place in the queue than what is left over
-    there [m]; a place is looked at again where more is left over than before.
+def _comes_out(tail, count, contact, window, passage, looker):
+    """Whether a hidden place near one of `count` points is no farther from a place in the queue, up to `tail`, than
+    what is left over there [m]; a place is looked at again where more is left over than before.
     """
+    (step, top, left, _), view, p = window, looker.seen, looker.p
     left_over, queue, points = view[3], view[4], view[5]
     straight, head, size = step * _STRAIGHT, 0, queue.shape[0]
     across = straight * _ROOT_2
@@ -208,12 +239,12 @@ def _comes_out(
                 to, rest = (r - top) * SIDE + c - left, here - (across if r != row and c != column else straight)
                 if rest < ZERO or rest <= left_over[to]:
                     continue
-                kind = _kind(r, c, step, top, left, i, motion, view, fit, p, floor)
+                kind = _kind(r, c, window, looker)
                 if kind == SHELF:
                     continue
                 if kind == HIDDEN:
                     x, y = (np.float32(c) + HALF) * step, (np.float32(r) + HALF) * step
-                    if _meets(x, y, path, samples, pace, speed, contact, p) == 0:
+                    if _meets(x, y, passage, passage.speed, contact, p) == 0:
                         continue
                     if _is_near(x, y, near, points, count):
                         return True

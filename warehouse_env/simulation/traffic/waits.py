@@ -17,8 +17,9 @@ touch; the field counts a fifth, `held_time`, for which it has refused a robot w
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.kernel import inline, part
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO
 from warehouse_env.simulation.state import NOBODY
@@ -48,8 +49,7 @@ WHO, RING, STAGE, SPARE = range(4)  # rows of what is found, int64[4, N]: for wh
 _UNASKED = -2
 
 
-@kernel
-def scratch(count):
+def scratch(count: int) -> NDArray[np.int64]:
     """Return room for what is found of a world, which the other functions call `found`."""
     return np.empty((4, count), np.int64)
 

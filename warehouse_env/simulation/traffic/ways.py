@@ -11,20 +11,21 @@ bound is the same for all of them: by a move that one has made without turning s
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warehouse_env.kernel import inline, kernel, part, whole
-from warehouse_env.maps.grid_map import MOVES, Cell
+from warehouse_env.heap import pop, push
+from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.maps.grid_map import MOVES
 from warehouse_env.planning.cost_to_go import UNREACHABLE
-from warehouse_env.portable import Portable
-from warehouse_env.simulation.traffic.prices import Look, is_beyond, most_for, next_cell, price_of, rest_from
+from warehouse_env.planning.graph_search import START, is_hairpin
+from warehouse_env.simulation.traffic.prices import is_beyond, most_for, next_cell, price_of, rest_from
 
 TURNS = 1 << 20  # turns that a way has less than
 _TWICE = 1024  # cells that a way may lead through again, as a long way round instead of a hairpin; ants walk fewer
-START = whole(8)  # in place of a move: of the start
+_QUEUED = 1 << 16  # states that the heap has room for
 _ALL = np.uint8(255)
 # [9], as bits: the moves that are no hairpin after each, and after none
 _ONWARD = np.array([*(sum(1 << (move + turn) % 8 for turn in (-2, -1, 0, 1, 2)) for move in range(8)), 255], np.uint8)
@@ -40,7 +41,8 @@ class Labels(NamedTuple):
     left_at: NDArray[np.int64]  # [C], the search that closed a state of a cell
     left: NDArray[np.uint8]  # [C], as bits: the moves from there that none of its closed states makes without a hairpin
     last: NDArray[np.int64]  # [C], the key of the one of them that was closed last
-    heap: NDArray[np.int64]  # [Q, 2], bound and state
+    keys: NDArray[np.int64]  # [Q] of a heap: bounds ...
+    states: NDArray[np.int64]  # [Q] ... and states
     path: NDArray[np.int64]  # see make_path
 
 
@@ -55,46 +57,8 @@ def make_labels(rows: int, columns: int) -> Labels:
     return Labels(
         np.zeros(1, np.int64), np.zeros(9 * cells, np.int64), np.zeros(9 * cells, np.int64),
         np.zeros(9 * cells, np.int32), np.zeros(cells, np.int64), np.zeros(cells, np.uint8), np.zeros(cells, np.int64),
-        np.zeros((1 << 16, 2), np.int64), make_path(cells),
+        np.zeros(_QUEUED, np.int64), np.zeros(_QUEUED, np.int64), make_path(cells),
     )  # fmt: skip
-
-
-@part
-def _push(heap, size, bound, state):
-    """Put a state on the heap of so many entries."""
-    i = size
-    while i > 0:
-        parent = (i - 1) >> 1
-        if heap[parent, 0] <= bound:
-            break
-        heap[i, 0], heap[i, 1] = heap[parent, 0], heap[parent, 1]
-        i = parent
-    heap[i, 0], heap[i, 1] = bound, state
-
-
-@part
-def _pop(heap, size):
-    """Return the first state of a heap, which then has an entry less."""
-    first = heap[0, 1]
-    last = size - 1
-    bound, state = heap[last, 0], heap[last, 1]
-    i = 0
-    while 2 * i + 1 < last:
-        child = 2 * i + 1
-        if child + 1 < last and heap[child + 1, 0] < heap[child, 0]:
-            child += 1
-        if bound <= heap[child, 0]:
-            break
-        heap[i, 0], heap[i, 1] = heap[child, 0], heap[child, 1]
-        i = child
-    heap[i, 0], heap[i, 1] = bound, state
-    return first
-
-
-@inline
-def is_hairpin(arrived, move):
-    """Whether a move after another is a turn of more than 90 degrees."""
-    return arrived != START and 3 <= (move - arrived) % 8 <= 5
 
 
 @inline
@@ -121,15 +85,13 @@ def _close(labels, run, cell, arrived, key):
 @part
 def search(look, most, labels):
     """Return (state, its cost) where the cheapest way leaves what is looked at, (-1, 0) if that is above `most`."""
-    columns, heap = look.steps.shape[1], labels.heap
+    columns, keys, states = look.steps.shape[1], labels.keys, labels.states
     labels.run[0] += 1
     run, start = labels.run[0], 9 * (look.row * columns + look.column) + START
     labels.at[start], labels.key[start], labels.before[start] = run, 0, -1
-    _push(heap, 0, 0, start)
-    size = 1
+    size = push(keys, states, 0, 0, start)
     while size > 0:
-        state = int(_pop(heap, size))
-        size -= 1
+        _, state, size = pop(keys, states, size)
         if labels.at[state] == -run:
             continue
         cell, arrived = state // 9, state % 9
@@ -157,36 +119,33 @@ def search(look, most, labels):
                 continue
             reached = 9 * to + move
             new = abs(labels.at[reached]) != run
-            if key // TURNS + rest > most or size == len(heap) or not (new or key < labels.key[reached]):
+            if key // TURNS + rest > most or size == len(keys) or not (new or key < labels.key[reached]):
                 continue
             labels.at[reached], labels.key[reached], labels.before[reached] = run, key, state
-            _push(heap, size, key + TURNS * rest, reached)
-            size += 1
+            size = push(keys, states, size, key + TURNS * rest, reached)
     return -1, 0
 
 
-@part
-def _write_way(look, state, labels):
-    """Write the cells of a way that leaves what is looked at in `state` to labels.path; return how many.
-
-    From there it is a cheapest way to the goal, which turns where it must, and then as little as it can.
-    """
+@inline
+def _lead(look, most, seed, labels):
+    """Write the cells of a cheapest way to where it leaves what is looked at to labels.path; see `finish`."""
+    state, _ = search(look, most, labels)
     columns, path = look.steps.shape[1], labels.path
     count, back = 0, state
     while back >= 0:
         count += 1
         back = labels.before[back]
     if count > len(path):
-        return 0
+        return 0, START
     back = state
     for k in range(count - 1, -1, -1):
         path[k, 0], path[k, 1] = back // 9 // columns, back // 9 % columns
         back = labels.before[back]
-    return write_tail(look, count, state % 9, path)
+    return count, state % 9
 
 
 @part
-def write_tail(look, count, arrived, path):
+def _write_tail(look, count, arrived, path):
     """Write a cheapest way on to the goal from the last of `count` cells, come to by a move; return how many then."""
     row, column = path[count - 1, 0], path[count - 1, 1]
     rest = rest_from(look, row, column)
@@ -200,7 +159,7 @@ def write_tail(look, count, arrived, path):
 
 
 @part
-def write_rest(look, cells, path):
+def _write_rest(look, cells, path):
     """Write where a robot is and the cells that its route still leads through to `path`; return how many.
 
     cells: int32[L, 2], those that its route was made of.
@@ -228,56 +187,35 @@ def _downhill(look, row, column, rest, arrived):
     return arrived
 
 
+def finish(lead: Any) -> Any:
+    """Return the compiled function that finds a whole way, for one that leads to where a robot looks no farther.
+
+    lead: inlined function (look, most, seed, room) -> (cells that it wrote to room.path, the move that came to the last
+    one, or START), 0 cells: no way costs at most `most`. From there the way is a cheapest one to the goal, which turns
+    where it must, and then as little as it can.
+    """
+
+    @part
+    def way(look, cells, saving, runs_out, seed, room):
+        count, arrived, most = 0, START, most_for(look, cells, saving)
+        if rest_from(look, look.row, look.column) <= most:
+            count, arrived = lead(look, most, seed, room)
+        if count > 0:
+            return _write_tail(look, count, arrived, room.path)
+        return _write_rest(look, cells, room.path) if runs_out else 0
+
+    return way
+
+
+_finish = finish(_lead)
+
+
 @kernel
-def find_way(look, cells, saving, runs_out, labels):
+def find_way(look, cells, saving, runs_out, seed, labels):
     """Write a cheapest way to labels.path, and return of how many cells; 0: there is none.
 
     cells: int32[L, 2], those that the robot's present route was made of. A new one must save `saving` [thousandths of
     a cell] beside it, unless that is negative, or the robot goes on along its cells if what is laid of its route runs
-    out, or else gets none.
+    out, or else gets none. seed: of chance, which a search does not need.
     """
-    state, most = -1, most_for(look, cells, saving)
-    if rest_from(look, look.row, look.column) <= most:
-        state, _ = search(look, most, labels)
-    if state >= 0:
-        return _write_way(look, state, labels)
-    return write_rest(look, cells, labels.path) if runs_out else 0
-
-
-class Finder(Protocol):
-    """Finds ways for robots."""
-
-    def begin(self, world: int) -> None:
-        """Forget what is remembered of a world: its robots begin anew."""
-
-    def find(
-        self, look: Look, cells: NDArray[np.int32], saving: int, runs_out: bool, goal: Cell, step: int
-    ) -> NDArray[np.int32]:
-        """Return the cells int32[L, 2] of a way, none if there is none that saves enough; see `find_way`.
-
-        goal, step: of the robot and its world's clock, from which alone chance may be drawn.
-        """
-        ...
-
-
-class Search(Portable):
-    """Finds cheapest ways."""
-
-    bound = ("_labels",)
-
-    def __init__(self, shape: tuple[int, int]) -> None:
-        self._shape = shape
-        self._bind()
-
-    def _bind(self) -> None:
-        self._labels = make_labels(*self._shape)
-
-    def begin(self, world: int) -> None:
-        """Forget a world: a search remembers nothing."""
-
-    def find(
-        self, look: Look, cells: NDArray[np.int32], saving: int, runs_out: bool, goal: Cell, step: int
-    ) -> NDArray[np.int32]:
-        """Return the cells int32[L, 2] of a way, none if there is none; see `find_way`. A search needs no `step`."""
-        count = find_way(look, cells, saving, runs_out, self._labels)
-        return self._labels.path[:count].astype(np.int32)
+    return _finish(look, cells, saving, runs_out, seed, labels)

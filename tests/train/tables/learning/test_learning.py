@@ -13,8 +13,10 @@ from train.cli import main
 from train.reporting.rows import Row, read_rows
 from train.tables.learning import command
 from train.tables.learning.command import configs, train_missing
-from train.tables.learning.figures import SETTINGS, START, learning_tables, samples, setting_of
+from train.tables.learning.figures import SETTINGS, START, Setting, learning_tables, samples, setting_of
+from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError
+from warehouse_env.traffic_spec import TrafficSpec, read_traffic
 
 SMALL: dict[str, Any] = {
     "layouts": ("open",), "robots": (2,), "rows": 4, "planner": "astar", "rollout": 4, "episode_seconds": 3.0,
@@ -22,9 +24,13 @@ SMALL: dict[str, Any] = {
 }  # fmt: skip
 
 
+def config_of(setting: Setting) -> dict[str, Any]:
+    return EnvConfig(traffic=read_traffic(setting.traffic, TrafficSpec())).to_dict()
+
+
 def row(policy: str, late: float, setting: int = 0, robots: int = 4, **more: Any) -> Row:
     return {
-        "policy": policy, "layout": "open", "robots": robots, "config": dict(SETTINGS[setting].options),
+        "policy": policy, "layout": "open", "robots": robots, "config": config_of(SETTINGS[setting]),
         "late_goals_per_robot_hour": late, "waiting_share": 0.1, "path_length_ratio": 1.05, "near_misses": 2.0,
         "robot_km": 4.0, "collisions_per_km": 0.5, **more,
     }  # fmt: skip
@@ -61,9 +67,11 @@ def test_the_table_by_hand() -> None:
 
 
 def test_every_setting_has_its_name_back() -> None:
-    assert [setting_of({"config": dict(setting.options)}) for setting in SETTINGS] == [one.name for one in SETTINGS]
+    assert [setting_of({"config": config_of(setting)}) for setting in SETTINGS] == [one.name for one in SETTINGS]
+    old = {"protective_field": True, "reroute": True, "right_of_way": True, "right_of_way_after": 12.0}
+    assert setting_of({"config": old}) == "all: right of way"
     with pytest.raises(KeyError):
-        setting_of({"config": {"protective_field": False, "reroute": False, "right_of_way": True}})
+        setting_of({"config": {"traffic": {"shield": "lidar"}}})
 
 
 def test_trainings_that_are_missing_are_made_and_others_stay(tmp_path: Path) -> None:

@@ -1,0 +1,198 @@
+"""Recovery: search a manoeuvre for a robot that cannot drive on. The table STAGES holds all goals and budgets.
+
+    found = recover(i, case, world, setup, avoid, scratch, stopping)
+
+runs the stages of a case in order and starts the first manoeuvre found. It returns the number of arcs: 0 if the robot
+is at its goal pose already, STAYS if it is already off the bodies `avoid`, NONE if no stage finds a manoeuvre.
+
+making_room.py calls it for robots that wait for each other. `seek` calls it for the path follower.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.simulation.driver import docking, rejoin
+from warehouse_env.simulation.driver.arrival import docks_from
+from warehouse_env.simulation.driver.bodies import Surroundings, write_body
+from warehouse_env.simulation.driver.driving import begin as begin_manoeuvre
+from warehouse_env.simulation.driver.manoeuvre import EXACTLY, FAR_OFF, NONE, OFF, ROUGHLY, TRIES, Query, search
+from warehouse_env.simulation.driver.scratch import MOST
+from warehouse_env.simulation.physics.geometry import pose_at
+from warehouse_env.simulation.physics.kinds import kind_of
+from warehouse_env.simulation.physics.people import RADIUS
+from warehouse_env.simulation.physics.trigonometry import ZERO
+from warehouse_env.simulation.state import AROUND_OTHERS
+from warehouse_env.simulation.traffic import waits
+from warehouse_env.simulation.traffic.path_ahead import ROOM_FOR_PEOPLE
+
+STAYS = -3
+
+# Cases: why a robot searches. LATE: after waits.SHUT_IN_AFTER of waiting. HELD: other robots are in the way.
+(
+    RING, RING_LATE,  # must leave a wait cycle
+    LETS_OUT, LETS_OUT_LATE,  # must let a person pass: it waits for itself
+    BEHIND, BEHIND_PARKED,  # waits for a robot that stands for good: one that may still go, or a parked one
+    ASKED, ASKED_LATE,  # waits behind a robot that found no way, and must clear its path
+    LINE, LINE_HELD,  # cannot follow its route
+    DOCKS, DOCKS_HELD,  # is near the goal at which it stops
+) = (1 << k for k in range(12))  # fmt: skip
+
+
+class Stage(NamedTuple):
+    """A row of the table: a search and its budget."""
+
+    cases: int  # that it is for, as bits
+    goals: int  # OFF or FAR_OFF the bodies `avoid`, ROUGHLY on the route, or EXACTLY at the goal (manoeuvre.py)
+    others: np.float32  # [m], range of robots that are obstacles, for the default body
+    people: np.float32  # [m], range of people that are obstacles
+    tries: int
+    nodes: int  # of each try; below MOST, a try that is cut off ends the search
+
+
+NEAR, CLOSE, NOBODY_NEAR = np.float32(6.0), np.float32(3.0), ZERO
+WALKING = np.float32(2.0)
+FEW = 2  # tries among robots that may still drive on
+ASIDE = 700  # nodes that reach a metre or two
+AMONG_OTHERS = 300  # nodes among robots that may still drive on
+
+# To drop a remedy, delete its line.
+STAGES = (
+    Stage(RING | LETS_OUT, OFF, NEAR, WALKING, TRIES, ASIDE),
+    Stage(RING_LATE | LETS_OUT_LATE, FAR_OFF, NEAR, WALKING, TRIES, MOST),
+    Stage(BEHIND, ROUGHLY, NEAR, WALKING, TRIES, AMONG_OTHERS),
+    Stage(BEHIND_PARKED, ROUGHLY, NEAR, WALKING, TRIES, MOST),
+    Stage(ASKED, OFF, NEAR, WALKING, TRIES, ASIDE),
+    Stage(ASKED_LATE, FAR_OFF, NEAR, WALKING, TRIES, MOST),
+    Stage(DOCKS, EXACTLY, NOBODY_NEAR, ZERO, TRIES, MOST),
+    Stage(DOCKS_HELD, EXACTLY, CLOSE, ZERO, FEW, AMONG_OTHERS),
+    Stage(LINE | DOCKS, ROUGHLY, NOBODY_NEAR, ZERO, TRIES, MOST),
+    Stage(LINE_HELD | DOCKS_HELD, ROUGHLY, CLOSE, ZERO, FEW, AMONG_OTHERS),
+)
+
+
+class SearchWorlds(NamedTuple):
+    """State that searches read and write: of all worlds, or without the first axis of one world."""
+
+    robots: Any  # ROBOT[B, N]
+    routes: Any  # float32[B, N, R, 2]
+    persons: Any  # PERSON[B, M]
+    arcs: Any  # float32[B, N, ARCS, 2], manoeuvres
+
+
+class SearchSetup(NamedTuple):
+    """Constants of the searches."""
+
+    params: Any  # PARAMETERS[1]
+    kinds: Any  # PARAMETERS[N], None if all robots are alike (kinds.py)
+    metrics: Any  # float32[K, HEADINGS, SIDE, SIDE] [s], the turning metric of each kind (turning.py)
+    floor: Any
+
+
+@inline
+def own_of(i, setup):
+    """Return the parameters of robot i."""
+    return kind_of(i, setup.params[0], setup.kinds)
+
+
+@part
+def write_near(i, world, others, people, setup, bodies):
+    """Write robots within `others` [m] of robot i and people within `people` [m] into bodies float32[N + M, BODY].
+
+    Returns how many. A person becomes a body between itself and the robot, broadside on, as far out as grants end.
+    """
+    r, p, count = world.robots[i], own_of(i, setup), 0
+    cx, cy, within = r["x"] - p["offset"] * r["cos"], r["y"] - p["offset"] * r["sin"], others * p["long"]
+    for j in range(world.robots.shape[0]):
+        o, other = world.robots[j], own_of(j, setup)
+        x, y = o["x"] - other["offset"] * o["cos"], o["y"] - other["offset"] * o["sin"]
+        square = (x - cx) * (x - cx) + (y - cy) * (y - cy)
+        if ZERO < square < within * within:  # not the robot itself
+            write_body(x, y, o["cos"], o["sin"], other, bodies[count])
+            count += 1
+    before = RADIUS + ROOM_FOR_PEOPLE - p["half_width"]
+    for o in world.persons:
+        dx, dy = o["x"] - cx, o["y"] - cy
+        apart = np.sqrt(dx * dx + dy * dy)
+        if ZERO < apart < people:
+            c, s = dx / apart, dy / apart
+            write_body(o["x"] - before * c, o["y"] - before * s, -s, c, p, bodies[count])
+            count += 1
+    return count
+
+
+@inline
+def _write_goals(r, stage, route, scratch, p):
+    """Write the goal poses of a stage into scratch.near and scratch.far; return how many of each."""
+    if stage.goals == ROUGHLY and r["points"] >= 2:
+        return rejoin.write_goals(r, route, scratch, p)
+    return docking.write_goals(r, scratch.near, p) if stage.goals == EXACTLY else 0, 0
+
+
+@inline
+def _begin(r, stage, found, arcs, margin, p):
+    """Start the manoeuvre that a stage found; return what `recover` returns."""
+    if stage.goals == EXACTLY and found >= 0:
+        docking.begin_docking(r, found, arcs, margin, p)
+    elif found > 0:
+        begin_manoeuvre(r, found, arcs, margin)
+    if stage.goals > FAR_OFF:
+        return found
+    if found > 0:
+        r["aside"], r["pause"] = 1, waits.LEAVES
+    return STAYS if found == 0 else found
+
+
+@part
+def recover(i, case, world, setup, avoid, scratch, stopping):
+    """Run the stages of a case for robot i, and start the first manoeuvre found (see above).
+
+    avoid float32[K, BODY]: bodies that the end pose must be off; stopping: see step.Features.
+    """
+    r, arcs, own, result = world.robots[i], world.arcs[i], own_of(i, setup), NONE
+    for stage in STAGES:
+        if stage.cases & case == 0:
+            continue
+        others = write_near(i, world, stage.others, stage.people, setup, scratch.bodies)
+        near, far = _write_goals(r, stage, world.routes[i], scratch, own)
+        if near == 0 and stage.goals > FAR_OFF:
+            continue
+        around = Surroundings(
+            scratch.bodies[:others], scratch.rooms[:others], avoid, setup.floor, setup.metrics[own["kind"]], own
+        )
+        query = Query(
+            pose_at(r["x"], r["y"], r["heading"]), r["steer"], stage.goals, scratch.near[:near], scratch.far[:far],
+            around, stage.tries, stage.nodes, scratch,
+        )  # fmt: skip
+        found, margin, searches = NONE, ZERO, True
+        if stopping is not None and stage.goals == EXACTLY:
+            found, margin = docking.shoot_ahead(r, query, arcs)
+            searches = found < 0 and abs(r["speed"]) <= docking.TURNING  # a search begins where the robot stands
+        if searches:
+            found, margin = search(query, arcs, stopping)
+        result = _begin(r, stage, found, arcs, margin, own)
+        if result >= 0:
+            break
+    return result
+
+
+@kernel
+def seek(begin, end, worlds, setup, scratch, stopping):
+    """Search for all robots whose follower seeks a manoeuvre, in the worlds from `begin` to before `end`."""
+    for b in range(begin, end):
+        world = SearchWorlds(worlds.robots[b], worlds.routes[b], worlds.persons[b], worlds.arcs[b])
+        for i in range(world.robots.shape[0]):
+            r, case = world.robots[i], LINE
+            seeks, r["seeks"] = r["seeks"], 0
+            if seeks == 0 or r["alive"] == 0 or r["arrived"] != 0:  # an arrived robot gets another route
+                continue
+            if stopping is not None and docks_from(r):
+                r["docks"], case = 0, DOCKS
+            if seeks == AROUND_OTHERS and write_near(i, world, CLOSE, ZERO, setup, scratch.bodies) > 0:
+                case <<= 1
+            found = recover(i, case, world, setup, scratch.avoid[:0], scratch, stopping)
+            if stopping is not None and found == 0 and r["docks"] == 0 and r["speed"] == ZERO:
+                r["docks"], r["search_wait"] = 1, ZERO  # a search gets it no nearer to the end of its route

@@ -1,0 +1,150 @@
+"""What the kernels of a batch of worlds are given: tuples of arrays by what they are for, so that none are mixed up.
+
+What a config has not is None, and not compiled: Numba leaves out a branch on an argument that is None. A field that may
+be None is therefore handed to a small function, which asks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Generic, Literal, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warehouse_env.config import EnvConfig
+from warehouse_env.observation import Starts
+from warehouse_env.simulation.physics import buckets, contact, deviation
+from warehouse_env.simulation.physics.floor import Floor
+from warehouse_env.simulation.physics.zones import Zones
+from warehouse_env.simulation.senses import prediction, sensing
+from warehouse_env.simulation.senses.scanners import Scanners
+from warehouse_env.simulation.traffic import audit, by_sight, field, meetings, waits
+
+Floats = NDArray[np.float32]
+
+
+class Features(NamedTuple):
+    """What a config has: True, or None where it has not."""
+
+    followed: Literal[True] | None  # actions are commands to the path follower, not raw
+    stopping: Literal[True] | None  # robots arrive at their goals when they stand there (driver/arrival.py)
+    walking: Literal[True] | None  # people
+    guarded: Literal[True] | None  # the protective field
+    checked: Literal[True] | None  # and looked for faults (audit.py)
+    erring: Literal[True] | None  # bodies that are not quite where their robots have planned to be (deviation.py)
+
+    @classmethod
+    def of(cls, config: EnvConfig) -> Features:
+        """Return the features of a config."""
+        field = config.traffic_spec.shield
+        checked = field and audit.is_wanted()
+        stopping = config.arrival != "pass"
+        has = (config.action_type != "raw", stopping, config.people > 0, field, checked, deviation.errs(config))
+        return cls(*(True if one else None for one in has))
+
+
+class Worlds(NamedTuple):
+    """The arrays of B worlds of N robots and M people."""
+
+    robots: NDArray[np.void]  # ROBOT[B, N], as they have planned to be
+    routes: Floats  # [B, N, R, 2] [m]
+    arcs: Floats  # [B, N, ARCS, 2], their manoeuvres (manoeuvre.py)
+    commands: Floats  # [S, B, N, 2], the latest first: speed [m/s] and offset [m], or raw acceleration, steering rate
+    persons: NDArray[np.void]  # PERSON[B, M]
+    ways: Floats  # [B, M, H, W], see people.People
+    limits: NDArray[np.void] | None  # PARAMETERS[B, N], of robots under loads (loads.py)
+    sights: Floats | None  # [B, N, N], see by_sight.py
+    actual: NDArray[np.void]  # BODY[B, N], where erring bodies are, and
+    errors: NDArray[Any]  # what they err by (deviation.py)
+    stamps: NDArray[np.int32]  # [B, N, K, 2], see contact_episodes.judge_pairs
+    steps: NDArray[np.int64]  # [B], since the reset
+    truncated: NDArray[np.bool_]  # [B]
+    terminated: NDArray[np.bool_]  # [B, N]
+    waiting: NDArray[np.int32]  # [B], arrivals, whose worlds are observed once the Simulator has given out new tasks
+    faults: NDArray[np.int32]  # [B, 3], see audit.find_fault
+    paths: Floats  # [B, N + 1, POSES, COLUMNS], kept from one decision to the next (traffic/path_ahead.py)
+    choices: Floats  # [B, N, K, 3], see senses/preferences.py
+    observation: Floats  # [B, N, D]
+    terms: Floats  # [B, N, T], of the reward
+    reward: Floats  # [B, N]
+
+
+class Vehicles(NamedTuple):
+    """The parameters of the robots."""
+
+    shared: NDArray[np.void]  # PARAMETERS[1]
+    kinds: NDArray[np.void] | None  # PARAMETERS[N], where there are several kinds (kinds.py)
+
+
+class Equipment(NamedTuple):
+    """How robots sense, and what their floor demands of them."""
+
+    starts: Starts  # of the slices of an observation
+    rays: Floats  # [2, R], unit vectors in the robot's frame
+    table: Floats | None  # [K, A, 2], the commands of each kind of robots, for predictions
+    weights: Floats  # [T], of the reward's terms
+    scanners: Scanners | None
+    zones: Zones | None
+
+
+class Setup(NamedTuple):
+    """What stays the same from step to step."""
+
+    features: Features
+    equipment: Equipment
+    planned: Vehicles  # as robots plan with
+    bodies: Vehicles  # as they are (deviation.py)
+    floor: Floor
+
+
+class Scratch(NamedTuple):
+    """Arrays that a world's step writes before it reads them."""
+
+    places: Any  # buckets.scratch
+    motions: Any  # contact.scratch
+    near: NDArray[np.int64]  # [1], how many pairs of robots may meet
+    guards: Any  # field.scratch
+    looks: Any  # by_sight.scratch, or None
+    own: Floats  # the motions of the bodies, where these err (deviation.py); else those of `motions`
+    sights: tuple[Floats, Floats, Floats]  # sensing.scan_shelves' and prediction.write_predictions': turned, legs, path
+    order: NDArray[np.int32]  # [N], robots by their right
+    found: NDArray[np.int64]  # waits.scratch
+    meetings: Any  # meetings.scratch
+
+
+def make_scratch(setup: Setup, count: int, decides: bool) -> Scratch:
+    """Return scratch for worlds of `count` robots; decides: whether there is right of way."""
+    p, motions = setup.bodies.shared[0], contact.scratch(count, setup.planned.shared[0])
+    sights = (
+        np.empty((sensing.TURNED, p["rays"]), np.float32),
+        np.empty((prediction.LEGS, p["route_points"]), np.float32),
+        np.empty(prediction.PATH, np.float32),
+    )
+    return Scratch(
+        buckets.scratch(count, p), motions, np.empty(1, np.int64), field.scratch(count, setup.planned.shared[0]),
+        by_sight.scratch(count, setup.equipment.scanners),
+        np.empty_like(motions[1]) if setup.features.erring else motions[1], sights, np.empty(count, np.int32),
+        waits.scratch(count), meetings.scratch(count if decides else 0),
+    )  # fmt: skip
+
+
+Made = TypeVar("Made")
+
+
+class Pool(Generic[Made]):
+    """Sets of scratch: one is made only where all others are in use. For several threads."""
+
+    def __init__(self, make: Callable[[], Made]) -> None:
+        self._make, self._free = make, list[Made]()
+
+    def take(self) -> Made:
+        """Return a set that nobody else has until it is given back."""
+        try:
+            return self._free.pop()
+        except IndexError:
+            return self._make()
+
+    def give_back(self, made: Made) -> None:
+        """Let others have a set."""
+        self._free.append(made)

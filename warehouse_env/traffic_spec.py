@@ -1,0 +1,126 @@
+"""How robots meet, as a part of EnvConfig: named presets, the single switches behind them, and what is uncertain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Literal
+
+from warehouse_env.checked import CheckedPart, from_plain, parse_named
+from warehouse_env.errors import unknown_name
+from warehouse_env.field_notes import documented
+
+OWN = "own"  # in a text: the traffic that a policy needs
+
+
+@documented
+@dataclass(frozen=True)
+class TrafficSpec(CheckedPart):
+    """The single switches behind `EnvConfig.traffic` (docs/traffic.md)."""
+
+    # Names that stored configurations may still hold, with the only values that they may have (checked.from_plain).
+    retired: ClassVar[dict[str, Any]] = {
+        "planner": None, "every": 4.0, "look_ahead": 10.0, "stood_for": 6.0, "saving": 0.5, "scanner_rays": 360,
+        "unseen_speed": 0.0, "standing": 10.0, "beside": 3.0, "against": 1.0, "boxed_against": 8.0, "crowd": 0.6,
+        "crowd_within": 10.0, "turn": 1.0, "boxed_turn": 30.0,
+    }  # fmt: skip
+
+    # robots brake where they could not stop clear of others, whom they know by messages, or by lidar alone ("lidar")
+    shield: bool | Literal["lidar"] = False
+    margin: float = 0.02  # [m] that the shield keeps between robots
+    right_of_way: bool = False  # rules decide early who goes first, and move robots out of the way; needs the shield
+    right_of_way_after: float = 0.0  # [s] of standing in a wait cycle after which the rules act near it; 0: always
+    # replan while driving, around standing robots and against the flow of the others; "barred": only robots whose
+    # route is barred, which takes half the time (trainings)
+    routes: bool | Literal["barred"] = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(0.0, 10.0, "margin")
+        self._between(0.0, 1e4, "right_of_way_after")
+        self._require(bool(self.shield) or not self.right_of_way, "right_of_way", "False without a shield")
+
+
+TRAFFIC: dict[str, TrafficSpec] = {
+    "none": TrafficSpec(),
+    "routes": TrafficSpec(routes=True),
+    "shield": TrafficSpec(shield=True, routes=True),
+    "rules": TrafficSpec(shield=True, routes=True, right_of_way=True),
+    "assist": TrafficSpec(shield=True, routes=True, right_of_way=True, right_of_way_after=12.0),
+}
+
+
+def preset_or_spec(spec: TrafficSpec) -> Any:
+    """Return the name of the preset that a spec equals, or the spec."""
+    return next((name for name, preset in TRAFFIC.items() if preset == spec), spec)
+
+
+def read_traffic(text: str, own: TrafficSpec | None = None) -> TrafficSpec:
+    """Return the traffic of a text: a preset, with switches of TrafficSpec behind it, as in "rules:routes=false".
+
+    own: what "own" stands for, the traffic that a policy needs; None: no preset. Raises ConfigError.
+    """
+    name, switches = parse_named(text, "traffic", "rules:routes=false")
+    known = TRAFFIC if own is None else {OWN: own, **TRAFFIC}
+    if name not in known:
+        raise unknown_name("traffic", name, known)
+    return from_plain(TrafficSpec, {**vars(known[name]), **switches})
+
+
+def written_traffic(spec: TrafficSpec) -> str:
+    """Return the text from which `read_traffic` makes a spec."""
+    named = preset_or_spec(spec)
+    if isinstance(named, str):
+        return named
+    switches = (f"{name}={value}" for name, value in vars(spec).items() if value != getattr(TRAFFIC["none"], name))
+    return f"none:{','.join(switches)}".replace("=True", "=true").replace("=False", "=false")
+
+
+def driven_with(base: TrafficSpec, needed: TrafficSpec) -> TrafficSpec:
+    """Return a base's traffic with what a policy needs switched on as well."""
+    after = needed.right_of_way_after or base.right_of_way_after
+    return replace(
+        base, shield=needed.shield or base.shield, right_of_way=needed.right_of_way or base.right_of_way,
+        right_of_way_after=after, routes=bool(needed.routes) or base.routes,
+    )  # fmt: skip
+
+
+@documented
+@dataclass(frozen=True)
+class ErrorBounds(CheckedPart):
+    """Bounds of how late messages are heard, and of how far robots are off their plans."""
+
+    latency: float = 0.0  # [s] after which a message is heard at the latest, evenly drawn from 0 on
+    pose_error: float = 0.0  # [m] from where a robot believes to be to where it is, at most
+    heading_error: float = 0.0  # [rad], the same of its heading
+    actuation_error: float = 0.0  # share by which a robot accelerates and steers more or less than commanded, at most
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(0.0, 60.0, "latency")
+        self._between(0.0, 1.0, "pose_error")
+        self._between(0.0, 0.5, "heading_error", "actuation_error")
+
+    @property
+    def errs(self) -> bool:
+        """Whether poses, headings or actuators may be off."""
+        return any((self.pose_error, self.heading_error, self.actuation_error))
+
+
+@documented
+@dataclass(frozen=True)
+class UncertaintySpec(ErrorBounds):
+    """What is lost, late or off; the shield keeps its promise within the declared bounds (docs/traffic.md)."""
+
+    loss: float = 0.0  # share of env steps in which nobody hears a robot (simulation/senses/messages.py)
+    burst: float = 0.0  # [s] for which nobody hears it each time; one env step at least
+    declared: ErrorBounds | None = None  # bounds that the shield counts on; None: the real ones
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._between(0.0, 1.0, "loss")
+        self._between(0.0, 3600.0, "burst")
+
+    @property
+    def bounds(self) -> ErrorBounds:
+        """The bounds that the shield counts on."""
+        return self if self.declared is None else self.declared
