@@ -41,12 +41,12 @@ def kernels_folder() -> Path:
 class KernelCache(NullCache):
     """Numba's cache of one kernel, found when the kernel is first called: what it calls may be defined after it."""
 
-    def __init__(self, dispatcher: Any) -> None:
-        self._dispatcher = dispatcher
+    def __init__(self, dispatcher: Any, reading: type[CompileResultCacheImpl] = CompileResultCacheImpl) -> None:
+        self._dispatcher, self._reading = dispatcher, reading
 
     @functools.cached_property
     def _kept(self) -> Any:
-        return _KeptKernel(self._dispatcher)
+        return _KeptKernel(self._dispatcher, self._reading)
 
     @property
     def cache_path(self) -> str:
@@ -74,9 +74,9 @@ class KernelCache(NullCache):
 class _KeptKernel(FunctionCache):
     """Numba's own reading and writing of compiled code, in our folder and under our names."""
 
-    def __init__(self, dispatcher: Any) -> None:
+    def __init__(self, dispatcher: Any, reading: type[CompileResultCacheImpl]) -> None:
         ours = {"_locator_classes": [_Locator(dispatcher)]}
-        self._impl_class = type("Named", (CompileResultCacheImpl,), ours)  # type: ignore[assignment]
+        self._impl_class = type("Named", (reading,), ours)  # type: ignore[assignment]
         super().__init__(dispatcher.py_func)  # type: ignore[no-untyped-call]
 
 

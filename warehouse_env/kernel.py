@@ -19,7 +19,7 @@ import numpy as np
 
 from warehouse_env.compiled import KernelCache
 from warehouse_env.linked import OPTIONS as LINKED
-from warehouse_env.linked import LinkedCompiler
+from warehouse_env.linked import LinkedCacheImpl, LinkedCompiler
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -50,6 +50,7 @@ def _linked(**options: bool) -> _Decorator:
         made = _njit(**_OPTIONS, **options, _nrt=False, pipeline_class=LinkedCompiler, **LINKED)(function)
         if not hasattr(made, "py_func"):
             return made  # type: ignore[no-any-return]
+        made._cache = KernelCache(made, LinkedCacheImpl)
         alone: Any = kernel(function)
         made._insert = lambda *_: None  # so every call from Python comes to the next line
         made._compile_for_args = lambda *arguments: compiled_for(alone, *arguments)

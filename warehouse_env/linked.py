@@ -2,14 +2,16 @@
 
 Numba makes machine code of every function that it compiles, with two wrappers for calls from outside, and again of all
 that the function calls. A function five calls deep is so optimised fifteen times, though in the end only the code in
-the kernel runs. Here a function is handed on as it is, and what calls it from Python, if anything does, gets a kernel
-of its own. That halves the time of compiling.
+the kernel runs. Here a function is handed on as bitcode, half optimised, and what calls it from Python, if anything
+does, gets a kernel of its own. That halves the time of compiling. Bitcode is kept on disk as kernels are.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from llvmlite import binding
+from numba.core.caching import CompileResultCacheImpl
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
@@ -56,6 +58,39 @@ class _Linked(JITCodeLibrary):
     def get_pointer_to_function(self, name: str) -> int:
         """Return 0: there is no machine code."""
         return 0
+
+    def serialize_using_object_code(self) -> tuple[str, bytes]:
+        """Return what is kept of it: its name and its bitcode."""
+        return self.name, self._final_module.as_bitcode()
+
+
+class _FromBitcode:
+    """Numba's context of compiling, but that it reads what `_Linked` has kept."""
+
+    def __init__(self, context: Any) -> None:
+        self._context = context
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._context, name)
+
+    def codegen(self) -> _FromBitcode:
+        """Return what reads it."""
+        return self
+
+    def unserialize_library(self, kept: tuple[str, bytes]) -> _Linked:
+        """Return a function's code."""
+        library = _Linked(self._context.codegen(), kept[0])
+        library._final_module, library._finalized = binding.parse_bitcode(kept[1]), True
+        return library
+
+
+class LinkedCacheImpl(CompileResultCacheImpl):
+    """Numba's reading of what is kept of a function, without making machine code of it."""
+
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        """Return the compiled function."""
+        made = super().rebuild(_FromBitcode(target_context), payload)  # type: ignore[no-untyped-call]
+        return made._replace(target_context=target_context)
 
 
 @register_pass(mutates_CFG=False, analysis_only=True)  # type: ignore[no-untyped-call]

@@ -252,7 +252,6 @@ def start(budget: Budget) -> Iterator[Row]:
 
 PARTS: dict[str, Callable[[Budget], Iterator[Row]]] = {
     **{part.__name__: part for part in (simulator, reference, pettingzoo, vec_env, policy, training, plan)},
-    "traffic": _elsewhere("traffic"),
     "looks": _elsewhere("looks"),
     "field": _elsewhere("field", _SIMULATED),
     "alone": alone,

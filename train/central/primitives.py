@@ -17,7 +17,7 @@ from warehouse_env.simulation.physics import kinematics
 from warehouse_env.simulation.physics.floor import Floor
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
 from warehouse_env.simulation.physics.geometry import Rectangle, rectangles_touch, squared_distance
-from warehouse_env.simulation.physics.kinematics import approach
+from warehouse_env.simulation.physics.kinematics import Chassis, approach
 from warehouse_env.simulation.physics.trigonometry import sin_cos
 
 X, Y, COS, SIN = 0, 1, 2, 3  # of the body's centre
@@ -64,13 +64,14 @@ def drive(pose, speed, steer, goal_speed, goal_steer, decision, limits, motion):
     pose: x, y, heading of the front axle; limits: acceleration, steering rate, wheelbase, axle to centre.
     """
     x, y, heading = pose[0], pose[1], pose[2]
+    chassis = Chassis(limits[2], 0.0, 0.0, 0.0)  # of which rolling asks for no limits
     steps = max(decision, 1)
     change = approach(0.0, goal_speed - speed, limits[0] * DT * decision) / steps
     turn = approach(0.0, goal_steer - steer, limits[1] * DT * decision) / steps
     for k in range(POSES):
         if k >= decision and (k - decision) % HOLD == 0:
             change, turn = approach(0.0, -speed / HOLD, limits[0] * DT), 0.0
-        x, y, heading = _roll_on((x, y, heading), speed, speed + change, steer, steer + turn, limits[2], DT)
+        x, y, heading = _roll_on((x, y, heading), speed, speed + change, steer, steer + turn, chassis, DT)
         speed += change
         steer += turn
         s, c = sin_cos(heading)

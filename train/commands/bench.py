@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from train.benchmarks.parts import Budget
 
 What = Literal[
-    "simulator", "reference", "pettingzoo", "vec_env", "policy", "training", "plan", "traffic",
+    "simulator", "reference", "pettingzoo", "vec_env", "policy", "training", "plan",
     "looks", "field", "alone", "poses", "jobs", "start",
 ]  # fmt: skip
 
@@ -30,7 +30,7 @@ _SMALL = 32  # robots of the single world that larger ones are held against
 @dataclass(frozen=True)
 class Bench(Checked):
     """Measure agent-steps/s of the simulator, the environments, a policy's drive and the trainers, the step beside
-    fixed work, plans/s, what right of way costs, contacts under the protective field, whether a robot alone always
+    fixed work, plans/s, contacts under the protective field, whether a robot alone always
     arrives, and at any pose, episodes by who drives them, and the time to start."""
 
     only: tuple[What, ...] = ()
@@ -153,7 +153,6 @@ def _starts(rows: Sequence[Row]) -> list[Table]:
 TABLES: dict[str, Callable[[list[Row]], list[Table]]] = {
     "reference": _elsewhere("reference", "reference_table"),
     "plan": _plans,
-    "traffic": _elsewhere("traffic", "traffic_table"),
     "looks": _elsewhere("looks", "looks_table"),
     "field": _elsewhere("field", "field_tables"),
     "alone": _elsewhere("alone", "alone_table"),

@@ -86,6 +86,10 @@ def _traffic(seed: int) -> None:
         run(make_experiment("threaded_ppo", _CROWD.replace(planner=planner), 1, _SECONDS, seed))
 
 
+def _rules(seed: int) -> None:
+    run(make_experiment("greedy", _BARE, 1, _SECONDS, seed))
+
+
 def _bare(seed: int) -> None:
     run(make_experiment("follow", _CROWD, 1, _SECONDS, seed))
     for action_type in ("continuous", "raw"):
@@ -105,6 +109,7 @@ PARTS: dict[str, Callable[[int], None]] = {
     "one robot's motion": _motion,
     "routes of ants and searches": _plans,
     "right of way, live routes, predictions": _traffic,
+    "right of way without predictions": _rules,
     "all options off": _bare,
     "the environment": _environment,
     "the audit": _audit,

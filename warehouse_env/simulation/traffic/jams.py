@@ -47,11 +47,3 @@ def jams_of(
     jams = Jams(*(np.empty(robots.shape, dtype=np.int32) for _ in range(3)))
     _look(robots, routes, params, kinds, jams, waits.scratch(robots.shape[1]))
     return jams
-
-
-def cycles(waits_for: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return int32[B, N]: the lowest robot of the cycle that a robot of waits_for int32[B, N] is on, NOBODY off all."""
-    out, walk = np.empty_like(waits_for), np.empty(waits_for.shape[1], np.int64)
-    for world, who in enumerate(waits_for):
-        waits.find_rings(who, out[world], walk)
-    return out
