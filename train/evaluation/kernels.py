@@ -86,8 +86,10 @@ def _traffic(seed: int) -> None:
         run(make_experiment("threaded_ppo", _CROWD.replace(planner=planner), 1, _SECONDS, seed))
 
 
-def _rules(seed: int) -> None:
-    run(make_experiment("greedy", _BARE, 1, _SECONDS, seed))
+def _each(seed: int) -> None:
+    """The step is compiled for each set of what it does and what is observed."""
+    for policy in ("greedy", "ppo"):
+        run(make_experiment(policy, _BARE, 1, _SECONDS, seed))
 
 
 def _bare(seed: int) -> None:
@@ -109,7 +111,7 @@ PARTS: dict[str, Callable[[int], None]] = {
     "one robot's motion": _motion,
     "routes of ants and searches": _plans,
     "right of way, live routes, predictions": _traffic,
-    "right of way without predictions": _rules,
+    "right of way without predictions, and these alone": _each,
     "all options off": _bare,
     "the environment": _environment,
     "the audit": _audit,
