@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warehouse_env.config import EnvConfig
-from warehouse_env.kernel import inline, kernel, part
+from warehouse_env.kernel import inline, kernel
 from warehouse_env.maps.grid_map import MOVES, Cell
 from warehouse_env.planning.cost_to_go import UNIT, CostToGo, to_go
 from warehouse_env.portable import Portable
@@ -80,7 +80,7 @@ def find_due(robots, steps, every, looks):
     return found
 
 
-@part
+@kernel
 def runs_out_of(r, laid):
     """Whether a robot comes near the end of what is laid of its route, which is `laid` [m] long."""
     return r["position"] + np.float32(_NEAR) > laid and laid < (r["points"] - 1) * r["spacing"]
