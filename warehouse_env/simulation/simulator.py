@@ -22,7 +22,7 @@ from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation import given, state, step
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.driver.manoeuvre import ARCS
-from warehouse_env.simulation.driver.scratch import make_scratch as search_scratch
+from warehouse_env.simulation.driver.scratch import make_search_scratch
 from warehouse_env.simulation.driver.turning import turning_metrics
 from warehouse_env.simulation.physics.buckets import bucket_grid
 from warehouse_env.simulation.physics.deviation import Deviation, errs, planned_config
@@ -180,7 +180,7 @@ class Simulator(Portable):
             self._scanners = scanners_of(RAYS, self._floor.edges)
         self._compiled: Callable[..., tuple[int, int]] | None = None  # once the first step asks for it
         self._scratches = Pool(self._make_scratch)
-        self._searches = Pool(lambda: search_scratch(self.num_agents, self.config.people, POSES))
+        self._searches = Pool(lambda: make_search_scratch(self.num_agents, self.config.people, POSES))
         self._collect()
 
     def _collect(self) -> None:
@@ -383,22 +383,18 @@ class Simulator(Portable):
         worlds, setup, scratch = self._at_hand(), self._setup, self._scratches.take()
         if self._decides and agreement.agree(begin, end, worlds, setup, scratch):
             search = self._searches.take()
-            making_room.make_room(begin, end, self._search_worlds, self._paths, self._search_setup, search)
+            making_room.make_room(begin, end, worlds, self._search_setup, search)
             self._searches.give_back(search)
         observe = 0 if self.dispatcher.all_look else step.OBSERVE
         arrivals, seeking = self._run(begin, end, step.ADVANCE | observe, scratch)
         if seeking:
             search = self._searches.take()
-            recovery.seek(begin, end, self._search_worlds, self._search_setup, search, self._features.stopping)
+            recovery.seek(begin, end, worlds, self._search_setup, search, self._features.stopping)
             self._searches.give_back(search)
             if observe:
                 self._run(begin, end, observe, scratch)
         self._scratches.give_back(scratch)
         return arrivals
-
-    @property
-    def _search_worlds(self) -> recovery.SearchWorlds:
-        return recovery.SearchWorlds(self._planned, self.dispatcher.routes, self.people.persons, self.arcs)
 
     @property
     def _search_setup(self) -> recovery.SearchSetup:
