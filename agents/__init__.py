@@ -23,6 +23,7 @@ from warehouse_env.config import EnvConfig
 from warehouse_env.errors import ConfigError, WeightsError, shown
 from warehouse_env.files import whereabouts
 from warehouse_env.observation import observation_layout
+from warehouse_env.traffic_spec import driven_with
 
 __all__ = [
     "POLICIES", "WEIGHTS_FOLDER", "LearnedPolicy", "Network", "Policy", "PolicyEntry", "PolicyRecord", "add_policy",
@@ -140,7 +141,10 @@ def policy_config(name_or_dir: str | Path, base: EnvConfig) -> EnvConfig:
     Raises ConfigError for an unknown name and WeightsError for a folder that is none.
     """
     entry = _entry(name_or_dir)
-    return base.replace(**entry.needs) if entry.weights is None else config_for(entry.weights, base)
+    if entry.weights is not None:
+        return config_for(entry.weights, base)
+    config = base.replace(**entry.needs)
+    return config.replace(traffic=driven_with(base.traffic_spec, config.traffic_spec))
 
 
 def make_policy(name_or_dir: str | Path, config: EnvConfig) -> Policy:

@@ -83,6 +83,52 @@ def test_a_changed_callee_is_compiled_again_and_an_old_version_is_still_kept(tmp
     assert run(tmp_path, body) == "5.0 1\n"
 
 
+def test_what_is_linked_into_a_kernel_is_kept_for_the_next_kernel(tmp_path: Path) -> None:
+    body = "import mine; print(mine.outer(1.0), sum(mine.inner.stats.cache_hits.values()))"
+    (tmp_path / "mine.py").write_text(SOURCE, encoding="utf-8")
+    assert run(tmp_path, body) == "5.0 0\n"
+    (tmp_path / "mine.py").write_text(SOURCE.replace("* LIMIT", "- LIMIT"), encoding="utf-8")
+    assert run(tmp_path, body) == "1.0 1\n"
+
+
+FROM_PYTHON = """
+import mine
+from numba.core.dispatcher import Dispatcher
+print(mine.inner(1.0))
+Dispatcher.typeof_pyval = None  # which finds out a type slowly, where Numba knows no fast way
+print(mine.inner(2.0), mine.inner(3.0))
+"""
+
+
+def test_what_only_kernels_call_may_be_called_from_python(tmp_path: Path) -> None:
+    """Every call is that of a kernel of its own, compiled once."""
+    (tmp_path / "mine.py").write_text(SOURCE, encoding="utf-8")
+    assert run(tmp_path, FROM_PYTHON) == "2.0\n3.0 4.0\n"
+
+
+TUPLES = """
+from typing import NamedTuple
+from warehouse_env.kernel import kernel
+
+class Pair(NamedTuple):
+    one: float
+    two: float
+
+@kernel
+def total(pair):
+    return pair.one + pair.two
+"""
+
+
+def test_code_kept_for_a_tuple_that_is_gone_is_compiled_again(tmp_path: Path) -> None:
+    body = "import mine; print(mine.total(mine.{}(1.0, 2.0)), sum(mine.total.stats.cache_hits.values()))"
+    (tmp_path / "mine.py").write_text(TUPLES, encoding="utf-8")
+    assert run(tmp_path, body.format("Pair")) == "3.0 0\n"
+    (tmp_path / "mine.py").write_text(TUPLES.replace("Pair", "Couple"), encoding="utf-8")
+    assert run(tmp_path, body.format("Couple")) == "3.0 0\n"
+    assert run(tmp_path, body.format("Couple")) == "3.0 1\n"
+
+
 READ_ONLY = """
 from numba.core import caching
 

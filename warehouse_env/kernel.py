@@ -52,8 +52,8 @@ def _linked(**options: bool) -> _Decorator:
             return made  # type: ignore[no-any-return]
         made._cache = KernelCache(made, LinkedCacheImpl)
         alone: Any = kernel(function)
-        made._insert = lambda *_: None  # so every call from Python comes to the next line
-        made._compile_for_args = lambda *arguments: compiled_for(alone, *arguments)
+        made._insert = lambda *_: None  # so Numba asks the next line what to call, at every call from Python
+        made._compile_for_args = lambda *_: alone
         return made  # type: ignore[no-any-return]
 
     return decorate

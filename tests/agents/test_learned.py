@@ -97,6 +97,18 @@ def test_policy_config_puts_in_what_the_policy_needs(folder: Path) -> None:
     assert make_policy(str(folder), config).act(observations(), np.random.default_rng(0)).shape == (2, 5)
 
 
+@pytest.mark.parametrize(
+    ("base", "driven"),
+    [
+        ("none", "rules"),
+        (TrafficSpec(margin=0.1), TrafficSpec(shield=True, margin=0.1, right_of_way=True, routes=True)),
+        (TrafficSpec(shield="lidar"), TrafficSpec(shield="lidar", right_of_way=True, routes=True)),
+    ],
+)
+def test_what_a_rule_needs_is_added_to_the_traffic_that_is_asked_for(base: Any, driven: Any) -> None:
+    assert policy_config("greedy", EnvConfig(traffic=base)) == EnvConfig(traffic=driven)
+
+
 def test_a_policy_gets_the_options_that_it_was_trained_under(tmp_path: Path) -> None:
     under = EnvConfig(traffic="shield")
     network = Network(observation_layout(under).size, 20, True, (8,))

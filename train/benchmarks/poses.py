@@ -22,9 +22,9 @@ from warehouse_env.maps.endpoints import largest_region
 from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.routes.reeds_shepp import TURNS, WORDS, seen_from, word
-from warehouse_env.simulation.driver.bodies import Surroundings
+from warehouse_env.simulation.driver.bodies import SearchArea
 from warehouse_env.simulation.driver.manoeuvre import ARCS, FAR_OFF, TRIES, Query, search
-from warehouse_env.simulation.driver.scratch import MOST, make_scratch
+from warehouse_env.simulation.driver.scratch import MOST, make_search_scratch
 from warehouse_env.simulation.driver.turning import turning_metric
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
@@ -88,7 +88,7 @@ class _Sampler:
         self._params = parameters_of(config, grid.cell_size)
         self._floor = floor_of(grid, config.sensor.lidar_range)
         self._metric = turning_metric(self._params)
-        self._scratch = make_scratch(1)
+        self._scratch = make_search_scratch(1)
         self._cells = np.argwhere(largest_region(~grid.occupied))
 
     def pair(self, farthest: float) -> tuple[Pose, Pose]:
@@ -117,7 +117,7 @@ class _Sampler:
         if body_touches_shelf(grown(body, np.float32(MARGIN)), floor):
             return False
         scratch.avoid[0] = (*body, p["radius"])
-        around = Surroundings(scratch.bodies[:0], scratch.rooms[:0], scratch.avoid, floor, self._metric, p)
+        around = SearchArea(scratch.bodies[:0], scratch.rooms[:0], scratch.avoid, floor, self._metric, p)
         none, start = scratch.near[:0], pose_at(x, y, heading)
         query = Query(start, np.float32(0.0), FAR_OFF, none, none, around, TRIES, MOST, scratch)
         count, _ = search(query, np.empty((ARCS, 2), np.float32), None)

@@ -22,8 +22,8 @@ from train.advice.room import for_kinds, most_with_a_start
 from train.advice.take_away import FOLDER, write_floor
 from train.advice.trials import Clock, Plan
 from train.commands.evaluate import GOES_ON
-from train.commands.kinds import BY_MAP, Fleet
-from train.commands.layouts import check_connected
+from train.commands.kinds import Fleet
+from train.commands.layouts import BY_MAP, check_connected
 from train.commands.orders import Work
 from train.evaluation.jobs import Progress, Runner
 from train.evaluation.workers import WorkerOptions

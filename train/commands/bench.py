@@ -30,8 +30,8 @@ _SMALL = 32  # robots of the single world that larger ones are held against
 @dataclass(frozen=True)
 class Bench(Checked):
     """Measure agent-steps/s of the simulator, the environments, a policy's drive and the trainers, the step beside
-    fixed work, plans/s, contacts under the protective field, whether a robot alone always
-    arrives, and at any pose, episodes by who drives them, and the time to start."""
+    fixed work, plans/s, contacts under the protective field, whether a robot alone always arrives, and at any pose,
+    episodes by who drives them, and the time to start."""
 
     only: tuple[What, ...] = ()
     """What to measure (everything if left out)."""

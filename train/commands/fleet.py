@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import tyro
 from rich.progress import Progress
 
-from train.commands.kinds import BY_MAP
+from train.commands.layouts import BY_MAP
 from train.fleet.broker import Broker, broker_of, package
 from train.fleet.build import episode_of
 from train.fleet.check import check_log

@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import tyro
-
 from train.kinds import Kinds, Part
 from warehouse_env.checked import Checked, from_plain
 from warehouse_env.errors import ConfigError
 from warehouse_env.files import read_json
 
-BY_MAP = tyro.conf.arg(aliases=("--map",))  # another name of --layout, which takes files
 _EXAMPLE = '[{"share": 0.25, "robot": {"length": 1.4}}]'
 _MOST = 1_000_000  # bytes of a file
 

@@ -26,6 +26,8 @@ from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.maps.movingai import read_map, write_map
 from warehouse_env.maps.one_way import ARROWS
 
+BY_MAP = tyro.conf.arg(aliases=("--map",))  # another name of --layout, which takes files
+
 
 @dataclass(frozen=True)
 class Layouts(Checked):

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Annotated
 
 from train.commands.evaluate import Drive
-from train.commands.kinds import BY_MAP, Fleet
+from train.commands.kinds import Fleet
+from train.commands.layouts import BY_MAP
 from train.evaluation.rollout import config_of
 from train.live.commands import MOST_ROBOTS
 from train.live.floors import Floors

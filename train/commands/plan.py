@@ -12,7 +12,7 @@ from typing import Annotated
 
 import numpy as np
 
-from train.commands.kinds import BY_MAP
+from train.commands.layouts import BY_MAP
 from train.evaluation.jobs import Job, Result, Runner, Tick
 from train.evaluation.pictures import plan_pictures
 from train.evaluation.planning_runs import OPTIMAL, Run, Task, is_optimal, make_task, plan_once

@@ -14,7 +14,7 @@ import tyro
 from numpy.typing import NDArray
 
 from train.commands.evaluate import Working
-from train.commands.kinds import BY_MAP
+from train.commands.layouts import BY_MAP
 from train.evaluation.recorded import record, shares_of
 from train.evaluation.rollout import Experiment, identity, make_experiment
 from train.fleet.driven import load_episode

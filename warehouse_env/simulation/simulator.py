@@ -22,7 +22,7 @@ from warehouse_env.routes.book import RouteBook
 from warehouse_env.simulation import given, state, step
 from warehouse_env.simulation.actions import ActionDecoder
 from warehouse_env.simulation.driver.manoeuvre import ARCS
-from warehouse_env.simulation.driver.scratch import make_scratch as search_scratch
+from warehouse_env.simulation.driver.scratch import make_search_scratch
 from warehouse_env.simulation.driver.turning import turning_metrics
 from warehouse_env.simulation.physics.buckets import bucket_grid
 from warehouse_env.simulation.physics.deviation import Deviation, errs, planned_config
@@ -178,9 +178,9 @@ class Simulator(Portable):
         self._scanners = None
         if self._sights is not None:
             self._scanners = scanners_of(RAYS, self._floor.edges)
-        self._compiled: Callable[..., tuple[int, int]] | None = None  # once the first step asks for it
+        self._compiled: dict[Callable[..., Any], Callable[..., Any]] = {}  # kernels, once a step asks for them
         self._scratches = Pool(self._make_scratch)
-        self._searches = Pool(lambda: search_scratch(self.num_agents, self.config.people, POSES))
+        self._searches = Pool(lambda: make_search_scratch(self.num_agents, self.config.people, POSES))
         self._collect()
 
     def _collect(self) -> None:
@@ -369,36 +369,34 @@ class Simulator(Portable):
         if self.dispatcher.shifts is not None:
             self.dispatcher.shifts.write_needs(self.observation, self.layout.slices["needs"])
 
-    def _run(self, begin: int, end: int, what: int, scratch: Scratch) -> tuple[int, int]:
-        """Call the kernel of the step, whose arguments never change their types."""
-        if self._compiled is None:
-            self._compiled = compiled_for(step.run, 0, 0, 0, self._worlds, self._setup, scratch)
-        return self._compiled(begin, end, what, self._at_hand(), self._setup, scratch)
+    def _call(self, kernel: Callable[..., Any], *numbers: int, scratch: Scratch) -> Any:
+        """Call a kernel of the step with numbers, and arguments that never change their types."""
+        arguments = *numbers, self._at_hand(), self._setup, scratch
+        if kernel not in self._compiled:
+            self._compiled[kernel] = compiled_for(kernel, *arguments)
+        return self._compiled[kernel](*arguments)
 
     def _advance(self, begin: int, end: int) -> int:
         """Advance the worlds from `begin` to before `end`, and observe those without arrivals; return how many.
 
         Where all robots look for better routes, a world waits with its observation until they have done so.
         """
-        worlds, setup, scratch = self._at_hand(), self._setup, self._scratches.take()
-        if self._decides and agreement.agree(begin, end, worlds, setup, scratch):
+        worlds, scratch = self._at_hand(), self._scratches.take()
+        if self._decides and self._call(agreement.agree, begin, end, scratch=scratch):
             search = self._searches.take()
-            making_room.make_room(begin, end, self._search_worlds, self._paths, self._search_setup, search)
+            making_room.make_room(begin, end, worlds, self._search_setup, search)
             self._searches.give_back(search)
         observe = 0 if self.dispatcher.all_look else step.OBSERVE
-        arrivals, seeking = self._run(begin, end, step.ADVANCE | observe, scratch)
+        did: tuple[int, int] = self._call(step.run, begin, end, step.ADVANCE | observe, scratch=scratch)
+        arrivals, seeking = did
         if seeking:
             search = self._searches.take()
-            recovery.seek(begin, end, self._search_worlds, self._search_setup, search, self._features.stopping)
+            recovery.seek(begin, end, worlds, self._search_setup, search, self._features.stopping)
             self._searches.give_back(search)
             if observe:
-                self._run(begin, end, observe, scratch)
+                self._call(step.run, begin, end, observe, scratch=scratch)
         self._scratches.give_back(scratch)
         return arrivals
-
-    @property
-    def _search_worlds(self) -> recovery.SearchWorlds:
-        return recovery.SearchWorlds(self._planned, self.dispatcher.routes, self.people.persons, self.arcs)
 
     @property
     def _search_setup(self) -> recovery.SearchSetup:
@@ -419,7 +417,7 @@ class Simulator(Portable):
 
     def _observe_waiting(self, begin: int, end: int) -> int:
         scratch = self._scratches.take()
-        self._run(begin, end, step.OBSERVE_WAITING, scratch)
+        self._call(step.run, begin, end, step.OBSERVE_WAITING, scratch=scratch)
         self._scratches.give_back(scratch)
         return 0
 

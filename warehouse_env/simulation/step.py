@@ -138,32 +138,20 @@ def _move(robots, persons, near, motions, walking, guarded, vehicles, floor):
 
 
 @inline
-def _most_speed(r, masks, p):
-    """Return the speed [m/s] that the zones of the floor let a robot drive."""
-    return np.float32(np.inf) if masks is None else zones.most_speed(r, masks, p)
-
-
-@inline
-def _command(at, worlds, command, most, limits, followed, stopping, p_and_floor):
+def _command(at, worlds, command, limits, followed, stopping, p, floor):
     """Return (acceleration [m/s^2], steering rate [rad/s]) of robot i of world b, at = (b, i), for a physics step.
 
-    limits PARAMETERS[B, N]: of robots under loads, None where nobody carries any.
+    command: (speed [m/s], the most that zones allow, offset [m]), or what is raw in their places; limits PARAMETERS[B,
+    N]: of robots under loads, None where nobody carries any.
     """
-    (b, i), (first, second), (p, floor) = at, command, p_and_floor
-    r = worlds.robots[b, i]
+    r, (first, most, second) = worlds.robots[at], command
     if followed is None:
         return _take_raw(at, r, first, second, limits, p)
     own = p
     if limits is not None:
-        own = limits[b, i]
+        own = limits[at]
     first = min(max(first, -most), most)
-    return _follow(r, worlds.routes[b, i], worlds.arcs[b, i], first, second, stopping, own, floor)
-
-
-@inline
-def _keep_under(r, acceleration, most, masks, p):
-    """Return an acceleration [m/s^2] with which a robot keeps under the speed that zones allow."""
-    return acceleration if masks is None else zones.keep_under(r, acceleration, most, p)
+    return _follow(r, worlds.routes[at], worlds.arcs[at], first, second, stopping, own, floor)
 
 
 @inline
@@ -185,12 +173,13 @@ def _choose(worlds, b, commands, setup, scratch):
     features, (params, kinds), masks, floor = setup.features, setup.planned, setup.equipment.zones, setup.floor
     p, robots, motion = params[0], worlds.robots[b], scratch.motions[1]
     for i in range(robots.shape[0]):
-        r, own, command = robots[i], kind_of(i, p, kinds), (commands[i, 0], commands[i, 1])
-        most = _most_speed(r, masks, own)
+        r, own = robots[i], kind_of(i, p, kinds)
+        most = zones.most_speed(r, masks, own)
+        command = commands[i, 0], most, commands[i, 1]
         first, second = _command(
-            (b, i), worlds, command, most, worlds.limits, features.followed, features.stopping, (own, floor)
+            (b, i), worlds, command, worlds.limits, features.followed, features.stopping, own, floor
         )
-        first = _keep_under(r, first, most, masks, own)
+        first = zones.keep_under(r, first, most, masks, own)
         contact.load(robots, i, first, second, own, floor, motion)
     scanners = setup.equipment.scanners
     _guard(worlds, b, scratch, features.guarded, features.walking, scanners, (p, kinds), floor)
@@ -223,34 +212,11 @@ def _move_as_can(worlds, at, scratch, guarded, walking, erring, vehicles, floor)
 
 
 @inline
-def _walk(persons, ways, robots, walking, vehicles, floor):
-    """Let the people of a world walk for a physics step."""
-    if walking is not None:
-        p, kinds = vehicles
-        people.walk(persons, ways, robots, p, kinds, floor)
-
-
-@inline
-def _end_person_contacts(robots, persons, walking, vehicles):
-    """End the contacts of robots with people who are clear again."""
-    if walking is not None:
-        p, kinds = vehicles
-        people.end_contacts(robots, persons, p, kinds)
-
-
-@inline
 def _check(worlds, b, clock, checked, vehicles, floor):
     """Look for robots of world b that cannot stop clear any more (audit.py)."""
     if checked is not None:
         p, kinds = vehicles
         audit.find_fault(worlds.robots[b], worlds.persons[b], clock, p, kinds, floor, worlds.faults[b])
-
-
-@inline
-def _settle(robots, guarded):
-    """Note how each robot stands with the protective field after its motion."""
-    if guarded is not None:
-        field.settle(robots)
 
 
 @inline
@@ -276,12 +242,12 @@ def _step(worlds, at, setup, scratch):
     _choose(worlds, b, worlds.commands[said, b], setup, scratch)
     _move_as_planned(worlds, b, scratch, guarded, walking, features.erring, planned, floor)
     _move_as_can(worlds, at, scratch, guarded, walking, features.erring, (planned, true), floor)
-    _settle(robots, guarded)
-    _walk(persons, worlds.ways[b], robots, walking, planned, floor)
+    field.settle(robots, guarded)
+    people.walk(persons, worlds.ways[b], robots, walking, p, kinds, floor)
     _check(worlds, b, clock, features.checked, planned, floor)
     contact_episodes.judge_pairs(robots, scratch.own, pairs, scratch.near[0], worlds.stamps[b], clock, *true)
     contact_episodes.end_shelf_contacts(robots, *true, floor)
-    _end_person_contacts(robots, persons, walking, planned)
+    people.end_contacts(robots, persons, walking, p, kinds)
     for i in range(robots.shape[0]):
         worlds.waiting[b] += _end(robots[i], worlds.routes[b, i], features.stopping, p)
 
@@ -314,33 +280,11 @@ def _advance(begin, end, worlds, setup, scratch):
 
 
 @inline
-def _see_people(r, centre, persons, walking, rays, row):
-    """Shorten rays that end at people."""
-    if walking is not None:
-        x, y = centre
-        people.scan_people(persons, x, y, r["cos"], r["sin"], rays, row)
-
-
-@inline
 def _predict(row, starts, table, sights, p):
     """Write the predictions, where a config has them."""
     if table is not None:
         _, legs, path = sights
         prediction.write_predictions(row, starts, table[p["kind"]], legs, path, p)
-
-
-@inline
-def _observe_field(r, p, row, start):
-    """Write how the protective field has held a robot, where there is one."""
-    if start is not None:
-        field.observe(r, p, row, start)
-
-
-@inline
-def _observe_goal(r, p, row, start):
-    """Write what is left to the goal's pose, where robots stop at goals."""
-    if start is not None:
-        arrival.observe(r, p, row, start)
 
 
 @inline
@@ -353,17 +297,17 @@ def _observe_world(worlds, b, setup, scratch):
     for n in range(robots.shape[0]):
         i = order[n]
         r, own, row = robots[i], kind_of(i, p, kinds), worlds.observation[b, i]
-        cx, cy = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n]
-        sensing.scan_shelves((cx, cy, r["cos"], r["sin"]), own, setup.floor.edges, rays, scratch.sights[0], row)
+        pose = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n], r["cos"], r["sin"]
+        sensing.scan_shelves(pose, own, setup.floor.edges, rays, scratch.sights[0], row)
         sensing.look_around(n, scratch.places, own, kinds, rays, row, near)
-        _see_people(r, (cx, cy), worlds.persons[b], setup.features.walking, rays, row)
+        people.scan_people(worlds.persons[b], pose, setup.features.walking, rays, row)
         sensing.write_neighbours(n, bodies, own, row, near)
         for k in range(p["rays"]):
             row[k] = ONE / (ONE + row[k])
         sensing.write_ego_and_route(r, worlds.routes[b, i], own, row, starts.ego, starts.route)
         _predict(row, starts, equipment.table, scratch.sights, own)
-        _observe_field(r, own, row, starts.field)
-        _observe_goal(r, own, row, starts.goal)
+        field.observe(r, own, row, starts.field)
+        arrival.observe(r, own, row, starts.goal)
         worlds.reward[b, i] = write_terms(r, own, equipment.weights, worlds.terms[b, i])
 
 

@@ -1,7 +1,7 @@
 """What the kernels of a batch of worlds are given: tuples of arrays by what they are for, so that none are mixed up.
 
 What a config has not is None, and not compiled: Numba leaves out a branch on an argument that is None. A field that may
-be None is therefore handed to a small function, which asks.
+be None is therefore handed on as an argument to the function that asks.
 """
 
 from __future__ import annotations

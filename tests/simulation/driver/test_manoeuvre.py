@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tests.simulation.worlds import drawn, room
 from warehouse_env.config import EnvConfig
 from warehouse_env.maps.grid_map import GridMap
-from warehouse_env.simulation.driver.bodies import Surroundings
+from warehouse_env.simulation.driver.bodies import SearchArea
 from warehouse_env.simulation.driver.manoeuvre import (
     ARCS,
     CUT_OFF,
@@ -28,7 +28,7 @@ from warehouse_env.simulation.driver.manoeuvre import (
     search,
     search_once,
 )
-from warehouse_env.simulation.driver.scratch import BODY, GOAL, MOST, Scratch, make_scratch
+from warehouse_env.simulation.driver.scratch import BODY, GOAL, MOST, SearchScratch, make_search_scratch
 from warehouse_env.simulation.driver.turning import turning_metric
 from warehouse_env.simulation.physics.floor import floor_of
 from warehouse_env.simulation.physics.footprint import body_touches_shelf
@@ -40,7 +40,7 @@ ROBOT = EnvConfig().robot
 PARAMETERS = parameters_of(EnvConfig(), 1.0)
 NOBODY = np.zeros((0, BODY), dtype=np.float32)
 NOWHERE = np.zeros((0, 4), dtype=np.float32)
-SCRATCH = make_scratch(1)
+SCRATCH = make_search_scratch(1)
 NEAR = 0.005  # [m]
 AISLE = drawn(["#" * 12, "." * 12, "." * 12, "#" * 12])  # two cells wide, from y = 1 to y = 3
 
@@ -50,18 +50,18 @@ def around(
     avoid: NDArray[np.float32] = NOBODY,
     bodies: NDArray[np.float32] = NOBODY,
     parameters: NDArray[np.void] = PARAMETERS,
-) -> Surroundings:
+) -> SearchArea:
     rooms = np.empty(len(bodies), np.float32)
-    return Surroundings(bodies, rooms, avoid, floor_of(grid), turning_metric(parameters), parameters[0])
+    return SearchArea(bodies, rooms, avoid, floor_of(grid), turning_metric(parameters), parameters[0])
 
 
 def query(
     pose: tuple[float, float, float],
     goals: NDArray[np.float32],
-    surroundings: Surroundings,
+    surroundings: SearchArea,
     most: int = MOST,
     exact: bool = False,
-    scratch: Scratch = SCRATCH,
+    scratch: SearchScratch = SCRATCH,
 ) -> Query:
     """What is searched from a pose; goals float32[K, 4]: poses, and the seconds from there on; none: to make room."""
     near = np.empty((len(goals), GOAL), np.float32)
@@ -305,13 +305,13 @@ def test_the_turning_metric_by_hand() -> None:
 def test_a_search_reads_nothing_that_another_one_left_behind() -> None:
     """Poses of both kinds: found within few nodes, and cut off there."""
     grid, rng = drawn([*["." * 12] * 3, "..####..##..", *["." * 12] * 3]), np.random.default_rng(3)
-    used, counts = make_scratch(1), []
+    used, counts = make_search_scratch(1), []
     for _ in range(40):
         pose = tuple(rng.uniform((1.2, 1.2, -math.pi), (10.8, 5.8, math.pi)))
         goal = goals_at(tuple(rng.uniform((1.2, 1.2, -math.pi), (10.8, 5.8, math.pi))))
         for most in (300, MOST):
             found = []
-            for scratch in (used, make_scratch(1)):
+            for scratch in (used, make_search_scratch(1)):
                 arcs, asked = np.zeros((ARCS, 2), dtype=np.float32), query(pose, goal, around(grid), most)
                 count = search_once(asked._replace(scratch=scratch), asked.near, 1, arcs, None)
                 found.append((count, arcs.tolist()))

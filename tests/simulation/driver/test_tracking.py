@@ -341,6 +341,6 @@ def test_nobody_searches_for_who_is_parked_or_gets_another_route(field: str) -> 
         simulator.robots["seeks"] = ALONE
         simulator.robots[field] = asks if field == "alive" else not asks
         scratch = simulator._searches.take()
-        recovery.seek(0, 1, simulator._search_worlds, simulator._search_setup, scratch, None)
+        recovery.seek(0, 1, simulator._at_hand(), simulator._search_setup, scratch, None)
         assert bool(simulator.robots["arcs"][0, 0] > 0) == found
         assert simulator.robots["seeks"][0, 0] == 0

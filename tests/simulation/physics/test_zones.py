@@ -41,7 +41,7 @@ def _drive(r, zones, p, commands):
     """Drive a robot by commands (m/s^2, rad) for physics steps; return float32[T, 3]: where it ends, how fast."""
     out, dt = np.empty((len(commands), 3), np.float32), p[0]["time_step"]
     for k in range(len(commands)):
-        acceleration = keep_under(r[0], commands[k, 0], most_speed(r[0], zones, p[0]), p[0])
+        acceleration = keep_under(r[0], commands[k, 0], most_speed(r[0], zones, p[0]), zones, p[0])
         speed = min(max(r[0]["speed"] + acceleration * dt, p[0]["min_speed"]), p[0]["max_speed"])
         bend = curvature(commands[k, 1], p[0]["wheelbase"])
         way = np.float32(0.5) * (r[0]["speed"] + speed) * dt

@@ -18,7 +18,7 @@ from warehouse_env.simulation.state import PERSON, ROBOT
 from warehouse_env.simulation.traffic import live
 from warehouse_env.simulation.traffic.ants import colonise, make_trails
 from warehouse_env.simulation.traffic.live import SLOTS, LiveRoutes, find_due, keep_barred
-from warehouse_env.simulation.traffic.passing import Fleet, Passing, Site, keep_all_up, make_passing, note_waiting
+from warehouse_env.simulation.traffic.passing import Passing, RoadUsers, Site, keep_all_up, make_passing, note_waiting
 from warehouse_env.simulation.traffic.prices import ANY, PRICES, Look, Prices, cost_ahead, make_asked, price_of
 from warehouse_env.simulation.traffic.ways import make_labels, search
 from warehouse_env.traffic_spec import TrafficSpec
@@ -69,15 +69,15 @@ SITE = Site(ONE, ROWS, COLUMNS, 6.0, np.zeros(64, np.float32))  # a robot stands
 
 def table_of(robots: Any, routes: Any) -> Passing:
     table = make_passing(1, robots.shape[1], ROWS * COLUMNS, SLOTS)
-    keep_all_up(table, 0, 0, Fleet(robots, routes, *NOBODY_WALKS), SITE)
+    keep_all_up(table, 0, 0, RoadUsers(robots, routes, *NOBODY_WALKS), SITE)
     return table
 
 
 def barred(robots: Any, routes: Any, look_ahead: float = 25.0, **when: int) -> list[bool]:
     out = looks(robots, **when)
     table, laid = make_passing(1, robots.shape[1], ROWS * COLUMNS, SLOTS), np.full(robots.shape, np.inf, np.float32)
-    fleet = Fleet(robots, routes, *NOBODY_WALKS)
-    keep_barred(table, fleet, SITE, look_ahead, laid, np.array([0]), out)
+    users = RoadUsers(robots, routes, *NOBODY_WALKS)
+    keep_barred(table, users, SITE, look_ahead, laid, np.array([0]), out)
     return [bool(found) for found in out[0]]
 
 
@@ -403,7 +403,7 @@ def crowd(layout: str, robots: int, steps: int = 0, seed: int = 3) -> tuple[Simu
     size, floor, looks = np.float32(grid.cell_size), CostToGo(grid), []
     site = Site(size, *grid.shape, 6.0, np.full(robots, 0.3, np.float32))
     table, asked = make_passing(1, robots, grid.occupied.size, SLOTS), make_asked(grid.occupied.size)
-    keep_all_up(table, 0, 0, Fleet(simulator.robots, simulator.routes, *NOBODY_WALKS), site)
+    keep_all_up(table, 0, 0, RoadUsers(simulator.robots, simulator.routes, *NOBODY_WALKS), site)
     for me, r in enumerate(records):
         field, cell = floor.field((int(r["goal_row"]), int(r["goal_col"])), floor.whole()), grid.cell([r["x"], r["y"]])
         where = (me, *cell.tolist(), field, 0, 0, 10 * UNIT, 40 * UNIT)

@@ -32,7 +32,7 @@ def resolve(world: World) -> list[int]:
     """Let them make room; return who has a manoeuvre."""
     sim = world.simulator
     if waits.look(world.robots, waits.scratch(len(world.robots))):
-        making_room.make_room(0, 1, sim._search_worlds, sim._paths, sim._search_setup, sim._searches.take())
+        making_room.make_room(0, 1, sim._at_hand(), sim._search_setup, sim._searches.take())
     return [int(k) for k in np.flatnonzero(world.robots["arcs"])]
 
 

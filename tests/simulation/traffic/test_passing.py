@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from warehouse_env.simulation.state import PERSON, ROBOT
 from warehouse_env.simulation.traffic.passing import (
     NOTHING,
-    Fleet,
     Passing,
+    RoadUsers,
     Site,
     forget_route,
     keep_all_up,
@@ -51,8 +51,8 @@ def new_route(rng: np.random.Generator, robots: Any, routes: Any, i: int) -> Non
 @given(st.integers(0, 10**6))
 def test_a_table_that_is_kept_up_says_what_a_new_one_says(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    fleet = Fleet(np.zeros((2, ROBOTS), ROBOT), np.zeros((2, ROBOTS, 40, 2), np.float32), NOBODY_WALKS, ON_NOTHING)
-    robots, routes = fleet.robots[1], fleet.routes[1]
+    users = RoadUsers(np.zeros((2, ROBOTS), ROBOT), np.zeros((2, ROBOTS, 40, 2), np.float32), NOBODY_WALKS, ON_NOTHING)
+    robots, routes = users.robots[1], users.routes[1]
     robots["alive"] = 1
     kept = make_passing(2, ROBOTS, ROWS * COLUMNS, SLOTS)
     for i in range(ROBOTS):
@@ -66,9 +66,9 @@ def test_a_table_that_is_kept_up_says_what_a_new_one_says(seed: int) -> None:
             r["position"] = np.clip(r["position"] + rng.normal(0.4, 0.8), 0.0, max(r["points"] - 1, 0) * 0.5)
             r["x"], r["y"] = rng.uniform(0, COLUMNS), rng.uniform(0, ROWS)
             r["cos"], r["standing_time"], r["alive"] = 1.0, rng.uniform(0.0, 12.0), rng.random() < 0.9
-        keep_all_up(kept, 1, step, fleet, SITE)
+        keep_all_up(kept, 1, step, users, SITE)
         new = make_passing(2, ROBOTS, ROWS * COLUMNS, SLOTS)
-        keep_all_up(new, 1, step, fleet, SITE)
+        keep_all_up(new, 1, step, users, SITE)
         assert listed(kept, 1) == listed(new, 1)
         np.testing.assert_array_equal(kept.standing, new.standing)
         np.testing.assert_array_equal(kept.stands_on, new.stands_on)
@@ -80,6 +80,6 @@ def test_what_is_listed_by_hand() -> None:
     robots["alive"], robots["points"], robots["spacing"], robots["position"] = 1, 7, 0.5, 0.6
     routes[0, 0, :7, 0], routes[0, 0, :7, 1] = 0.25 + 0.5 * np.arange(7), 8.5  # along the first row, two points a cell
     table = make_passing(1, 1, ROWS * COLUMNS, SLOTS)
-    keep_all_up(table, 0, 0, Fleet(robots, routes, NOBODY_WALKS, ON_NOTHING), SITE)
+    keep_all_up(table, 0, 0, RoadUsers(robots, routes, NOBODY_WALKS, ON_NOTHING), SITE)
     west = 4
     assert listed(table, 0) == {(1, 0, 0, west): 1, (2, 0, 2, west): 1, (3, 0, 4, west): 1}

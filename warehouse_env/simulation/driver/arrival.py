@@ -65,7 +65,9 @@ def is_there(r, p):
 
 @inline
 def observe(r, p, row, at):
-    """Write the slice `goal` (see observation_layout) from row[at] on."""
+    """Write the slice `goal` (see observation_layout), if there is one, from row[at] on."""
+    if at is None:
+        return
     dx, dy = r["goal_x"] - r["x"], r["goal_y"] - r["y"]
     row[at] = min(max((dx * r["cos"] + dy * r["sin"]) / _FIVE, -_FARTHEST), _FARTHEST)
     row[at + 1] = min(max((dy * r["cos"] - dx * r["sin"]) / _FIVE, -_FARTHEST), _FARTHEST)

@@ -31,7 +31,7 @@ _STEP, _STEP_NEAR = np.float32(0.12), np.float32(0.003)  # [m] off a body from w
 # poses near it: the gap that the widest axis shows can shrink and grow again within centimetres
 
 
-class Surroundings(NamedTuple):
+class SearchArea(NamedTuple):
     """Obstacles of a search, and the searching robot's own body."""
 
     bodies: Any  # float32[K, BODY], standing obstacles

@@ -62,7 +62,7 @@ class Query(NamedTuple):
     kind: Any  # of goals: OFF, FAR_OFF, ROUGHLY or EXACTLY
     near: Any  # float32[G, GOAL]: poses, and the seconds from there on (put_goal); the least total time wins
     far: Any  # float32[H, GOAL]: other goals, if any; each try searches for them after `near`
-    around: Any  # Surroundings
+    around: Any  # SearchArea
     tries: Any  # TRIES at most
     most: Any  # nodes of each try, MOST at most
     scratch: Any

@@ -51,7 +51,7 @@ class Queue(NamedTuple):
     ends: NDArray[np.bool_]  # [WAITING * MOST], whether it ends the search
 
 
-class Scratch(NamedTuple):
+class SearchScratch(NamedTuple):
     """All arrays of the searches of one kernel call."""
 
     nodes: Nodes
@@ -69,10 +69,10 @@ class Scratch(NamedTuple):
     poses: NDArray[np.int32]  # [robots], poses of each path (traffic/making_room.py)
 
 
-def make_scratch(robots: int, people: int = 0, poses: int = 1) -> Scratch:
+def make_search_scratch(robots: int, people: int = 0, poses: int = 1) -> SearchScratch:
     """Return scratch for worlds of so many robots and people; poses: the most that a path has."""
     many, bodies, floats, ints, bytes_ = WAITING * MOST, robots + people, np.float32, np.int32, np.int8
-    return Scratch(
+    return SearchScratch(
         Nodes(np.empty((MOST, NODE), floats), np.empty(MOST, ints), np.empty(MOST, bytes_)),
         Cells(np.empty(SLOTS, ints), np.empty(SLOTS, floats)),
         Queue(

@@ -63,7 +63,7 @@ def _is_free(n, lengths, radius, pose, margin, around):
 def shoot(pose, steer, goals, margin, most, around, arcs):
     """Write the soonest free curve from a Pose to one of goals float32[G, GOAL] into arcs float32[SHOT, 2].
 
-    steer [rad]: steering angle at the start; margin [m]: kept from shelves; around: Surroundings; most [s]: only faster
+    steer [rad]: steering angle at the start; margin [m]: kept from shelves; around: SearchArea; most [s]: only faster
     curves are considered. Returns (number of arcs, seconds), -1 arcs if no curve is free.
     """
     count, least, p = -1, most, around.p

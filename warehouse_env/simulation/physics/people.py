@@ -263,8 +263,12 @@ def _count_kept(o, robots, p, kinds):
 
 
 @part
-def walk(persons, ways, robots, p, kinds, floor):
-    """Move the people PERSON[M] of a world on by a physics step; ways float32[M, H, W]: see People; kinds: kinds.py."""
+def walk(persons, ways, robots, walking, p, kinds, floor):
+    """Move the people PERSON[M] of a world on by a physics step, if there are any (worlds.Features); ways float32[M, H,
+    W]: see People; kinds: kinds.py.
+    """
+    if walking is None:
+        return
     for m in range(persons.shape[0]):
         o = persons[m]
         _count_kept(o, robots, p, kinds)
@@ -303,8 +307,10 @@ def keep_off_people(robots, persons, motion, flags, p, kinds):
 
 
 @inline
-def end_contacts(robots, persons, p, kinds):
-    """An episode of contact with people ends when all are farther than near_miss_gap again."""
+def end_contacts(robots, persons, walking, p, kinds):
+    """An episode of contact with people, if there are any, ends when all are farther than near_miss_gap again."""
+    if walking is None:
+        return
     for i in range(robots.shape[0]):
         r = robots[i]
         if r["person_contact"] != 0:
@@ -350,8 +356,11 @@ def could_meet(persons, path, samples, pace, p):
 
 
 @inline
-def scan_people(persons, cx, cy, c, s, rays, out):
-    """Shorten the rays float32[2, R] from (cx, cy) [m], heading (c, s), that meet a person."""
+def scan_people(persons, pose, walking, rays, out):
+    """Shorten the rays float32[2, R] from a pose (x, y [m], cosine, sine) that meet a person, if there are any."""
+    if walking is None:
+        return
+    cx, cy, c, s = pose
     for o in persons:
         dx, dy = o["x"] - cx, o["y"] - cy
         x, y = dx * c + dy * s, dy * c - dx * s

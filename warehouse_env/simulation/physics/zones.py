@@ -84,15 +84,22 @@ def _square_at(x, y, zones):
 
 @inline
 def most_speed(r, zones, p):
-    """Return the most speed [m/s] that a robot may have at the end of a physics step, either way."""
+    """Return the most speed [m/s] that a robot may have at the end of a physics step, either way.
+
+    zones: None where the floor has none.
+    """
+    if zones is None:
+        return np.float32(np.inf)
     way, bend = r["speed"] * p["time_step"], curvature(r["steer"], p["wheelbase"])
     x, y, _ = roll(r["x"], r["y"], r["heading"], way, bend)
     return np.sqrt(min(_square_at(r["x"], r["y"], zones), _square_at(x, y, zones)))
 
 
 @inline
-def keep_under(r, acceleration, most, p):
+def keep_under(r, acceleration, most, zones, p):
     """Return an acceleration [m/s^2] that leads to no more speed than `most` [m/s], as hard as brakes have to."""
+    if zones is None:
+        return acceleration
     dt = p["time_step"]
     speed = r["speed"] + acceleration * dt
     if abs(speed) <= most:

@@ -87,7 +87,7 @@ def scan(i, persons, motion, places, walking, p, scanners, scratch):
                     oc, os = motion[COS, j], motion[SIN, j]
                     scan_robot(dx * c + dy * s, dy * c - dx * s, oc * c + os * s, os * c - oc * s, p, rays, out)
         if walking is not None:
-            scan_people(persons, ox, oy, c, s, rays, out)
+            scan_people(persons, (ox, oy, c, s), walking, rays, out)
         for n in range(rays.shape[1]):
             out[n] = ZERO if AHEAD[k] * rays[0, n] < ZERO and LEFT[k] * rays[1, n] < ZERO else out[n]
 

@@ -202,8 +202,10 @@ def guard(robots, persons, scratch, walking, p, kinds, floor):
 
 
 @inline
-def settle(robots):
-    """End the stops: no speed that is nothing but rounding is left after a physics step."""
+def settle(robots, guarded):
+    """End the stops, under the field: no speed that is nothing but rounding is left after a physics step."""
+    if guarded is None:
+        return
     for i in range(robots.shape[0]):
         if abs(robots[i]["speed"]) < REST:
             robots[i]["speed"] = ZERO
@@ -211,6 +213,8 @@ def settle(robots):
 
 @inline
 def observe(r, p, row, at):
-    """Write the slice `field` from row[at] on: how often and for how long the field has held the robot."""
+    """Write the slice `field` from row[at] on, if there is one: how often and how long the field has held it."""
+    if at is None:
+        return
     row[at] = np.float32(r["held"]) / np.float32(p["repeat"])
     row[at + 1] = min(r["held_time"], LONG_HELD) / LONG_HELD

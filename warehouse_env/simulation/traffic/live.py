@@ -37,7 +37,7 @@ from warehouse_env.routes.goals import Pose
 from warehouse_env.simulation.traffic.ants import make_trails, send_ants
 from warehouse_env.simulation.traffic.passing import (
     NOTHING,
-    Fleet,
+    RoadUsers,
     Site,
     ahead_of,
     cell_of,
@@ -106,16 +106,16 @@ def _is_barred(passing, b, me, r, route, site, look_ahead):
 
 
 @kernel
-def keep_barred(passing, fleet, site, look_ahead, laid, steps, looks):
+def keep_barred(passing, users, site, look_ahead, laid, steps, looks):
     """Let only those robots look whose way is barred, or runs out.
 
     laid: float32[B, N] [m]; steps: int64[B]; looks: bool[B, N].
     """
     for b, i in np.ndindex(looks.shape):
         if looks[b, i]:
-            keep_all_up(passing, b, steps[b], fleet, site)
-            r = fleet.robots[b, i]
-            barred = _is_barred(passing, b, i, r, fleet.routes[b, i], site, look_ahead)
+            keep_all_up(passing, b, steps[b], users, site)
+            r = users.robots[b, i]
+            barred = _is_barred(passing, b, i, r, users.routes[b, i], site, look_ahead)
             looks[b, i] = barred or runs_out_of(r, laid[b, i])
 
 
@@ -153,7 +153,7 @@ class LiveRoutes(Portable):
 
     def __init__(self, config: EnvConfig, book: RouteBook, persons: NDArray[Any]) -> None:
         """Make the live routes of a configuration; persons: PERSON[B, M]."""
-        self._persons, self._person_on = persons, np.full(persons.shape, NOTHING, np.int32)  # see Fleet
+        self._persons, self._person_on = persons, np.full(persons.shape, NOTHING, np.int32)  # see RoadUsers
         grid = book.grid
         planner = live_planner(config)
         self.finder = Finder(planner.name, grid.shape)
@@ -214,8 +214,8 @@ class LiveRoutes(Portable):
             return []
         note_waiting(self._passing, robots, looks, steps, self._every, self._site)
         if self._only_barred:
-            fleet = Fleet(robots, routes, self._persons, self._person_on)
-            keep_barred(self._passing, fleet, self._site, LOOK_AHEAD, self._laid, steps, looks)
+            users = RoadUsers(robots, routes, self._persons, self._person_on)
+            keep_barred(self._passing, users, self._site, LOOK_AHEAD, self._laid, steps, looks)
         found: list[list[int]] = np.argwhere(looks).tolist()
         return found
 
@@ -235,8 +235,8 @@ class LiveRoutes(Portable):
         if (row, column) == goal:
             return None
         if self._passing.known_at[world] != step:
-            fleet = Fleet(robots, routes, self._persons, self._person_on)
-            keep_all_up(self._passing, world, step, fleet, self._site)
+            users = RoadUsers(robots, routes, self._persons, self._person_on)
+            keep_all_up(self._passing, world, step, users, self._site)
         field, box = self._fields.around((row, column), goal)
         look = Look(
             self._passing, self._asked, robots[world], self._fields.steps, self._prices, self._site.size, world, me,

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from warehouse_env.kernel import inline, kernel, part, whole
-from warehouse_env.simulation.driver.bodies import Surroundings, write_body
+from warehouse_env.simulation.driver.bodies import SearchArea, write_body
 from warehouse_env.simulation.driver.manoeuvre import NONE
 from warehouse_env.simulation.driver.room_field import write_room, write_way
 from warehouse_env.simulation.physics.geometry import pose_at
@@ -27,7 +27,7 @@ from warehouse_env.simulation.traffic.recovery import (
     BEHIND_PARKED,
     LETS_OUT,
     RING,
-    SearchWorlds,
+    SearchWorld,
     own_of,
     recover,
 )  # fmt: skip
@@ -92,7 +92,7 @@ def _write_way_out(i, count, robots, setup, scratch):
         x, y = o["x"] - other["offset"] * o["cos"], o["y"] - other["offset"] * o["sin"]
         write_body(x, y, o["cos"], o["sin"], other, scratch.bodies[0])
         others = 1 if j != i else 0  # none if it waits for itself
-        around = Surroundings(
+        around = SearchArea(
             scratch.bodies[:others], scratch.rooms[:others], scratch.avoid[:count], setup.floor,
             setup.metrics[own["kind"]], own,
         )  # fmt: skip
@@ -129,15 +129,15 @@ def _clear_way(i, count, world, setup, scratch):
 
 
 @kernel
-def make_room(begin, end, worlds, paths, setup, scratch):
-    """Search for the robots that seek or are stuck in the worlds from `begin` to before `end`.
+def make_room(begin, end, worlds, setup, scratch):
+    """Search for the robots that seek or are stuck in the Worlds from `begin` to before `end`.
 
-    Call it right after agreement.agree has returned that there are some; paths: see there. Robots search in turn, since
-    each manoeuvre can resolve the wait of others.
+    Call it right after agreement.agree has returned that there are some. Robots search in turn, since each manoeuvre
+    can resolve the wait of others.
     """
     found = scratch.found
     for b in range(begin, end):
-        world = SearchWorlds(worlds.robots[b], worlds.routes[b], worlds.persons[b], worlds.arcs[b])
+        world = SearchWorld(worlds.robots[b], worlds.routes[b], worlds.persons[b], worlds.arcs[b])
         robots = world.robots
         for i in range(robots.shape[0]):  # kept, since a new manoeuvre voids its robot's path
             scratch.poses[i] = robots[i]["poses"]
@@ -146,7 +146,7 @@ def make_room(begin, end, worlds, paths, setup, scratch):
             low, count = i, 0
             if found[STAGE, i] == SEEKS:
                 low = _least(i, robots)
-                count = _write_ring(low, robots, paths[b], setup, scratch)
+                count = _write_ring(low, robots, worlds.paths[b], setup, scratch)
                 case = LETS_OUT if robots[low]["yields_to"] == low else RING
                 case <<= whole(waits.is_shut_in(robots[low]))
                 robots[low]["aside"] = 0

@@ -2,7 +2,7 @@
 
 Of each robot's route only the next `HORIZON` metres are listed, for nobody knows who is where in a minute. A robot
 that drives on takes a few entries off one end and puts as many on at the other, so that keeping the table costs the
-same for a robot on any floor and in any fleet, and so does asking who passes a cell.
+same for a robot on any floor and in any users, and so does asking who passes a cell.
 
 What is listed depends on robots and routes alone. Each cell's list is in no particular order, so what is made of it
 must not depend on any: prices.py adds whole numbers.
@@ -61,7 +61,7 @@ class Site(NamedTuple):
     behind: NDArray[np.float32]  # [N] [m], how far each body's centre is behind its front axle
 
 
-class Fleet(NamedTuple):
+class RoadUsers(NamedTuple):
     """Who is about in B worlds."""
 
     robots: NDArray[Any]  # ROBOT[B, N]
@@ -197,16 +197,16 @@ def keep_up(passing, b, i, r, route, site):
 
 
 @kernel
-def keep_all_up(passing, b, step, fleet, site):
+def keep_all_up(passing, b, step, users, site):
     """Bring the table of world b up to env step `step`, unless it is already."""
     if passing.known_at[b] == step:
         return
-    for i in range(fleet.robots.shape[1]):
-        keep_up(passing, b, i, fleet.robots[b, i], fleet.routes[b, i], site)
-    for m in range(fleet.persons.shape[1]):
-        person = fleet.persons[b, m]
+    for i in range(users.robots.shape[1]):
+        keep_up(passing, b, i, users.robots[b, i], users.routes[b, i], site)
+    for m in range(users.persons.shape[1]):
+        person = users.persons[b, m]
         stands = cell_of(person["x"], person["y"], site) if bars_ways(person) else NOTHING
-        _stands_now(passing, b, fleet.person_on, m, stands, site)
+        _stands_now(passing, b, users.person_on, m, stands, site)
     passing.known_at[b] = step
 
 

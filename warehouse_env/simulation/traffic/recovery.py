@@ -17,7 +17,7 @@ import numpy as np
 from warehouse_env.kernel import inline, kernel, part
 from warehouse_env.simulation.driver import docking, rejoin
 from warehouse_env.simulation.driver.arrival import docks_from
-from warehouse_env.simulation.driver.bodies import Surroundings, write_body
+from warehouse_env.simulation.driver.bodies import SearchArea, write_body
 from warehouse_env.simulation.driver.driving import begin as begin_manoeuvre
 from warehouse_env.simulation.driver.manoeuvre import EXACTLY, FAR_OFF, NONE, OFF, ROUGHLY, TRIES, Query, search
 from warehouse_env.simulation.driver.scratch import MOST
@@ -74,13 +74,13 @@ STAGES = (
 )
 
 
-class SearchWorlds(NamedTuple):
-    """State that searches read and write: of all worlds, or without the first axis of one world."""
+class SearchWorld(NamedTuple):
+    """What searches read and write of one world."""
 
-    robots: Any  # ROBOT[B, N]
-    routes: Any  # float32[B, N, R, 2]
-    persons: Any  # PERSON[B, M]
-    arcs: Any  # float32[B, N, ARCS, 2], manoeuvres
+    robots: Any  # ROBOT[N]
+    routes: Any  # float32[N, R, 2] [m]
+    persons: Any  # PERSON[M]
+    arcs: Any  # float32[N, ARCS, 2], manoeuvres
 
 
 class SearchSetup(NamedTuple):
@@ -160,7 +160,7 @@ def recover(i, case, world, setup, avoid, scratch, stopping):
         near, far = _write_goals(r, stage, world.routes[i], scratch, own)
         if near == 0 and stage.goals > FAR_OFF:
             continue
-        around = Surroundings(
+        around = SearchArea(
             scratch.bodies[:others], scratch.rooms[:others], avoid, setup.floor, setup.metrics[own["kind"]], own
         )
         query = Query(
@@ -181,9 +181,9 @@ def recover(i, case, world, setup, avoid, scratch, stopping):
 
 @kernel
 def seek(begin, end, worlds, setup, scratch, stopping):
-    """Search for all robots whose follower seeks a manoeuvre, in the worlds from `begin` to before `end`."""
+    """Search for all robots whose follower seeks a manoeuvre, in the Worlds from `begin` to before `end`."""
     for b in range(begin, end):
-        world = SearchWorlds(worlds.robots[b], worlds.routes[b], worlds.persons[b], worlds.arcs[b])
+        world = SearchWorld(worlds.robots[b], worlds.routes[b], worlds.persons[b], worlds.arcs[b])
         for i in range(world.robots.shape[0]):
             r, case = world.robots[i], LINE
             seeks, r["seeks"] = r["seeks"], 0

@@ -51,7 +51,7 @@ class Passage(NamedTuple):
     speed: Any  # [m/s], the most that any point of who is hidden does
 
 
-class Window(NamedTuple):
+class LatticeWindow(NamedTuple):
     """The part of the lattice that is looked at."""
 
     step: Any  # [m] from place to place
@@ -179,8 +179,9 @@ def _is_near(x, y, within, points, count):
 
 @part
 def could_come(passage, fit, grain, looker):
-    """Whether somebody hidden could be where a robot's body will be, at any time of a motion; fit: see Window; grain:
-    of GRAINS.
+    """Whether somebody hidden could be where a robot's body will be, at any time of a motion.
+
+    fit: see LatticeWindow; grain: one of GRAINS.
     """
     (i, motion, view, p, _), (_, samples, pace, speed) = looker, passage
     left_over, queue, points = view[3], view[4], view[5]
@@ -189,7 +190,7 @@ def could_come(passage, fit, grain, looker):
     far = min(p["half_length"], p["half_width"]) * _ROOT_2
     cx, cy = centre_of(i, motion, p)
     top, left = int(cy / step) - SIDE // 2, int(cx / step) - SIDE // 2
-    window = Window(step, top, left, fit)
+    window = LatticeWindow(step, top, left, fit)
     comes = speed * np.float32(samples) * p["dt"] + gain
     box = _box(comes + slack + pace, window, passage, looker)
     count = _list_points(box, step, passage, looker)
