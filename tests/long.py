@@ -91,7 +91,9 @@ class Drive:
         state = (self.digest, simulator.robots, simulator.people.persons, simulator.reward)
         self.digest = hashlib.blake2b(b"".join(bytes(part) for part in state)).digest()
         robots = simulator.robots[0]
-        late = (robots["standing_time"] > self._patience) | (robots["age"] > ENDLESS / simulator.config.time_step)
+        late = (robots["clocks"]["standing_time"] > self._patience) | (
+            robots["task"]["age"] > ENDLESS / simulator.config.time_step
+        )
         new: list[int] = np.flatnonzero(late & ~self._late).tolist() if late.any() else []
         self._late = late
         return new

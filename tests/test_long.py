@@ -27,4 +27,4 @@ def test_who_stands_is_recorded(tmp_path: Path) -> None:
     long.drive(long.config(8, 2, 40), 1, tmp_path / "run", "short", patience=1.0)
     page = next(tmp_path.glob("run-*.html"))
     *_, last = long.driven_on(page.with_suffix(".pickle").read_bytes(), int(page.stem.split("-")[-1]))
-    assert last.simulator.robots["standing_time"].max() > 1.0
+    assert last.simulator.robots["clocks"]["standing_time"].max() > 1.0

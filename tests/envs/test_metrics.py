@@ -126,11 +126,13 @@ def test_arrivals_stand_in_the_rows_of_their_robots(tiny: EnvConfig) -> None:
         infos = env.step(cruise)[3]
         robots = np.concatenate([block.simulator.robots.ravel() for block in env.blocks])
         for info, was, robot in zip(infos, before, robots, strict=True):
-            assert bool(info) == bool(robot["arrived"])
+            assert bool(info) == bool(robot["events"]["arrived"])
             if info:
-                assert info["path_length_m"] == pytest.approx(robot["driven_to_goals"] - was["driven_to_goals"])
-                assert info["planned_length_m"] == pytest.approx(robot["planned"] - was["planned"])
-        total += int(robots["arrived"].sum())
+                assert info["path_length_m"] == pytest.approx(
+                    robot["totals"]["driven_to_goals"] - was["totals"]["driven_to_goals"]
+                )
+                assert info["planned_length_m"] == pytest.approx(robot["totals"]["planned"] - was["totals"]["planned"])
+        total += int(robots["events"]["arrived"].sum())
     assert total > 3
 
 

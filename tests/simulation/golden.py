@@ -20,6 +20,7 @@ from warehouse_env.config import EnvConfig, SensorSpec
 from warehouse_env.maps.layouts import LAYOUTS
 from warehouse_env.simulation.record.recording import Recorder
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import field_of
 from warehouse_env.traffic_spec import UncertaintySpec
 
 DATA = Path(__file__).parent / "data"
@@ -89,7 +90,7 @@ def digest(case: dict[str, Any]) -> str:
         for values in (simulator.state.pose, simulator.state.speed, simulator.state.steer):
             content.update(values.astype("<f4").tobytes())
         for name in COUNTERS:
-            content.update(simulator.robots[name].astype("<i4").tobytes())
+            content.update(field_of(simulator.robots, name).astype("<i4").tobytes())
     return content.hexdigest()
 
 
@@ -100,7 +101,7 @@ def drive_stack(name: str) -> tuple[str, Simulator, dict[str, int]]:
     policy, rng = make_policy(policy_name, config), np.random.default_rng(8)
     simulator = Simulator(config)
     simulator.reset(seed=5)
-    content, seen = hashlib.blake2b(digest_size=16), {"aside": 0, "arcs": 0, "yields_to": 0}
+    content, seen = hashlib.blake2b(digest_size=16), {"retreating": 0, "arcs": 0, "yields_to": 0}
     for _ in range(steps):
         preferring = config.traffic_spec.right_of_way and isinstance(policy, Preferring)
         look = simulator.observation
@@ -110,9 +111,10 @@ def drive_stack(name: str) -> tuple[str, Simulator, dict[str, int]]:
             content.update(values.astype("<f4").tobytes())
         content.update(simulator.reward.astype("<f4").tobytes())
         for counter in (*COUNTERS, *EVENTS):
-            content.update(robots[counter].astype("<i4").tobytes())
-        seen = {field: seen[field] + int((robots[field] > 0).sum()) for field in seen}
-    return content.hexdigest(), simulator, seen | {event: int(simulator.robots[event].sum()) for event in EVENTS}
+            content.update(field_of(robots, counter).astype("<i4").tobytes())
+        seen = {name: count + int((field_of(robots, name) > 0).sum()) for name, count in seen.items()}
+    seen |= {event: int(field_of(simulator.robots, event).sum()) for event in EVENTS}
+    return content.hexdigest(), simulator, seen
 
 
 def record() -> None:
@@ -123,7 +125,7 @@ def record() -> None:
         for actions in actions_for(config.action_type, 1, config.num_agents):
             recorder.step(actions)
         robots = recorder.simulator.robots
-        print(name, {counter: int(robots[counter].sum()) for counter in COUNTERS[:4]})
+        print(name, {counter: int(field_of(robots, counter).sum()) for counter in COUNTERS[:4]})
         recorder.episode.save(DATA / f"{name}.npz")
     found = {name: digest(case) for name, case in CASES.items()}
     for name in STACKS:

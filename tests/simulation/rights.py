@@ -39,8 +39,8 @@ class World:
             people=people,
         )
         self.robots = self.simulator.robots[0]
-        self.robots["yields_to"] = self.robots["held_by"] = NOBODY
-        self.robots["age"] = ages if ages is not None else 0
+        self.robots["traffic"]["yields_to"] = self.robots["shield"]["vetoed_by"] = NOBODY
+        self.robots["task"]["age"] = ages if ages is not None else 0
         for robot, (x, y, heading, *_) in enumerate(poses):
             along = np.arange(0.0, length + SPACING, SPACING)[:, None]
             points = np.array([x, y]) + along * [math.cos(heading), math.sin(heading)]
@@ -81,12 +81,12 @@ class World:
         """Put a robot on a pose of its path."""
         path, r = self.path(robot), self.robots[robot]
         x, _, c, s, driven = path[pose]
-        r["x"], r["y"] = x + OFFSET * c, path[pose, 1] + OFFSET * s
-        r["cos"], r["sin"], r["heading"] = c, s, math.atan2(s, c)
-        r["distance"] += float(driven)
+        r["motion"]["x"], r["motion"]["y"] = x + OFFSET * c, path[pose, 1] + OFFSET * s
+        r["motion"]["cos"], r["motion"]["sin"], r["motion"]["heading"] = c, s, math.atan2(s, c)
+        r["totals"]["distance"] += float(driven)
         start = self.simulator.routes[0, robot, :2].astype(float)
         ahead = (start[1] - start[0]) / SPACING
-        r["position"] = max(float((np.array([r["x"], r["y"]]) - start[0]) @ ahead), 0.0)
+        r["on_route"]["position"] = max(float((np.array([r["motion"]["x"], r["motion"]["y"]]) - start[0]) @ ahead), 0.0)
 
 
 def rectangles(path: NDArray[np.float32], room: float = 0.0) -> Points:

@@ -72,7 +72,7 @@ def drive(simulator: Simulator, first: int, steps: int) -> list[str]:
         if simulator.config.action_type != "discrete":
             given = np.clip(given[..., 14:16], -0.5, 1.0)
         if simulator.config.traffic_spec.right_of_way_after:
-            simulator.robots["standing_time"] = simulator.robots["waiting_time"] = 3.0
+            simulator.robots["clocks"]["standing_time"] = simulator.robots["clocks"]["waiting_time"] = 3.0
         simulator.step(given[first : first + worlds])
         for world, (digest, now) in enumerate(zip(digests, bits(simulator), strict=True)):
             digest.update(now + simulator.people.persons[world].tobytes())
@@ -87,7 +87,7 @@ def test_a_world_is_the_same_alone_and_a_copy_goes_on_alike(name: str) -> None:
     together = drive(three, 0, 100)
     assert drive(alone, 1, 100) == together[1:2]
     assert len(set(together)) == 3
-    assert three.robots["distance"].any(axis=1).all()
+    assert three.robots["totals"]["distance"].any(axis=1).all()
     copy = pickle.loads(pickle.dumps(alone))
     assert drive(copy, 0, 30) == drive(alone, 0, 30)
     assert not np.shares_memory(copy.people.persons, alone.people.persons)

@@ -42,6 +42,6 @@ def test_bodies_drive_and_arrive(name: str, arrival: ArrivalMode) -> None:
     for _ in range(1000):
         simulator.step(cruise)
     robots = simulator.robots
-    assert robots["hits_shelf"].sum() == 0
-    assert robots["goals"].min() >= 1
-    assert robots["goals"].mean() >= 2
+    assert robots["totals"]["hits_shelf"].sum() == 0
+    assert robots["totals"]["goals"].min() >= 1
+    assert robots["totals"]["goals"].mean() >= 2

@@ -11,6 +11,7 @@ from agents import policy_config
 from tests.simulation.worlds import raw, room, stage
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import field_of
 from warehouse_env.simulation.traffic.audit import SWITCH
 
 
@@ -40,16 +41,16 @@ def test_the_others_go_on_around_it(rights: bool, monkeypatch: pytest.MonkeyPatc
     simulator.break_down(0, 3)
     for _ in range(10):
         simulator.step(cruise)
-    before, goals = simulator.robots.copy(), simulator.robots["goals"].sum(axis=1)
+    before, goals = simulator.robots.copy(), simulator.robots["totals"]["goals"].sum(axis=1)
     for _ in range(500):
         simulator.step(cruise)
         for name in ("x", "y", "heading", "speed", "steer", "distance", "goals"):
-            assert simulator.robots[name][0, 3] == before[name][0, 3]
-    assert (simulator.robots["distance"] > before["distance"]).sum() > 16  # of both worlds
-    assert (simulator.robots["goals"].sum(axis=1) >= goals + 5).all()
+            assert field_of(simulator.robots, name)[0, 3] == field_of(before, name)[0, 3]
+    assert (simulator.robots["totals"]["distance"] > before["totals"]["distance"]).sum() > 16  # of both worlds
+    assert (simulator.robots["totals"]["goals"].sum(axis=1) >= goals + 5).all()
     assert simulator.terminated.tolist() == [[i == 3 for i in range(16)], [False] * 16]
     if rights:
-        assert not simulator.robots["hits_robot"].any()
+        assert not simulator.robots["totals"]["hits_robot"].any()
 
 
 def test_the_next_episode_has_it_whole_again() -> None:

@@ -19,6 +19,7 @@ from warehouse_env.maps.grid_map import GridMap
 from warehouse_env.simulation import simulator
 from warehouse_env.simulation.physics import buckets
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import OWNER, field_of
 from warehouse_env.threads import MOST_THREADS, get_num_threads, set_num_threads
 
 ROOT = Path(__file__).parents[2]
@@ -40,7 +41,7 @@ def bits(simulator: Simulator) -> list[bytes]:
         simulator.observation[b].tobytes()
         + simulator.reward[b].tobytes()
         + simulator.reward_terms[b].tobytes()
-        + b"".join(np.ascontiguousarray(simulator.robots[b][name]).tobytes() for name in simulator.robots.dtype.names)
+        + b"".join(np.ascontiguousarray(field_of(simulator.robots[b], name)).tobytes() for name in OWNER)
         for b in range(simulator.num_worlds)
     ]
 
@@ -58,7 +59,7 @@ def run(worlds: int, steps: int, robots: int, action_type: Any, grid: GridMap, *
             digest.update(now)
     assert simulator.state.distance.min() > 0
     if robots > 4:  # or comparing them would say little about contacts
-        assert simulator.robots["hits_robot"].sum() > 0
+        assert simulator.robots["totals"]["hits_robot"].sum() > 0
     return [digest.hexdigest() for digest in digests]
 
 
@@ -226,8 +227,9 @@ def test_permuted_robots_give_permuted_results(action_type: Any, robots: int) ->
     shuffled = permuted(original, order)
     total = 0
     for actions in actions_for(action_type, 120, 1, robots):
-        for name in original.robots.dtype.names:
-            np.testing.assert_array_equal(shuffled.robots[0][name], original.robots[0][name][order], err_msg=name)
+        for name in OWNER:
+            ours, theirs = field_of(shuffled.robots[0], name), field_of(original.robots[0], name)[order]
+            np.testing.assert_array_equal(ours, theirs, err_msg=name)
         np.testing.assert_array_equal(shuffled.observation[0], original.observation[0][order])
         np.testing.assert_array_equal(shuffled.reward[0], original.reward[0][order])
         np.testing.assert_array_equal(shuffled.terminated[0], original.terminated[0][order])
@@ -247,7 +249,7 @@ def test_buckets_change_nothing(action_type: Any, robots: int, monkeypatch: pyte
         pair.append(Simulator(config, 2, grid=room(16, 24)))
         pair[-1].reset(seed=8)
         # off the cells' centres, where equally near neighbours are common and may come in either order
-        pair[-1].robots["x"] += np.random.default_rng(0).uniform(0, 0.02, (2, robots))
+        pair[-1].robots["motion"]["x"] += np.random.default_rng(0).uniform(0, 0.02, (2, robots))
         pair[-1]._observe()
     assert pair[0]._params["bucket_rows"][0] > 3
     assert pair[1]._params["bucket_rows"][0] == 1
@@ -255,4 +257,4 @@ def test_buckets_change_nothing(action_type: Any, robots: int, monkeypatch: pyte
         assert bits(pair[0]) == bits(pair[1])
         for one in pair:
             one.step(actions)
-    assert pair[0].robots["hits_robot"].sum() > 0
+    assert pair[0].robots["totals"]["hits_robot"].sum() > 0

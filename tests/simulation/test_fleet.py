@@ -19,6 +19,7 @@ from warehouse_env.errors import ConfigError
 from warehouse_env.render.frame import draw, scene_of
 from warehouse_env.simulation.record.recording import Episode, Recorder
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import OWNER, field_of
 from warehouse_env.traffic_spec import TrafficSpec, UncertaintySpec
 
 LONG = RobotSpec(
@@ -57,7 +58,7 @@ def outcome(simulator: Simulator, steps: int = 16) -> list[bytes]:
         else:
             simulator.step(np.full(shape, 3) if k % 4 else rng.integers(0, 4, shape))
     robots, jams = simulator.robots, simulator.jams()
-    fields = [robots[name].tobytes() for name in robots.dtype.names or ()]
+    fields = [field_of(robots, name).tobytes() for name in OWNER]
     return [*fields, *(one.tobytes() for one in (simulator.observation, simulator.reward, *jams))]
 
 
@@ -110,8 +111,8 @@ def test_bodies_of_several_sizes_never_overlap(guarded: bool) -> None:
             polygons = corners(simulator)
             assert separation(polygons[first], polygons[second]).min() > (0.0 if guarded else -DEEP)
             assert separation(polygons[:, None], walls[None]).min() > -DEEP
-        hits += int(simulator.robots["hits_robot"].sum())
-        assert simulator.robots["distance"].min() > 0.1
+        hits += int(simulator.robots["totals"]["hits_robot"].sum())
+        assert simulator.robots["totals"]["distance"].min() > 0.1
     assert (hits == 0) == guarded
 
 
@@ -129,7 +130,7 @@ def test_each_stops_before_another_by_its_own_brakes_and_sizes() -> None:
     front, tail = corners(simulator)[[0, 1], :, 0].max(axis=1), corners(simulator)[[2, 3], :, 0].min(axis=1)
     np.testing.assert_allclose(tail, [9.0 - 0.1, 9.0 - 1.15])  # small: .4 ahead of the axle and .1 behind
     assert ((tail - front > 0.02) & (tail - front < 0.25)).all()
-    assert simulator.robots["hits_robot"].sum() == 0
+    assert simulator.robots["totals"]["hits_robot"].sum() == 0
 
 
 def test_lidar_and_ego_by_hand() -> None:

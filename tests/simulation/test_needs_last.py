@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from warehouse_env import BatterySpec, EnvConfig, ServiceSpec, Simulator, TrafficSpec
+from warehouse_env.simulation.state import OWNER, field_of
 
 WITH = {"layout": "open", "num_agents": 3, "planner": "astar", "arrival": "stop", "action_repeat": 2}
 
@@ -18,8 +19,8 @@ def test_goals_and_fields_are_seen_alike_with_and_without_needs(shield: bool) ->
     without.reset(3)
     served.reset(3)
     served.routes[...] = without.routes
-    for name in without.robots.dtype.names:
-        served.robots[name] = without.robots[name]
+    for name in OWNER:
+        field_of(served.robots, name)[...] = field_of(without.robots, name)
     served._observe()
     without._observe()
     assert np.isfinite(served.observation).all()

@@ -34,7 +34,7 @@ def test_who_is_put_somewhere_sees_what_one_that_drove_there_sees() -> None:
     straight = np.abs(driven.state.steer[0]) < 2e-3
     assert straight.sum() >= 5
     np.testing.assert_allclose(standing.observation[0, straight], driven.observation[0, straight], atol=2e-3)
-    assert np.abs(driven.robots["lateral"]).min() > 1e-3
+    assert np.abs(driven.robots["on_route"]["lateral"]).min() > 1e-3
 
 
 def test_where_a_robot_is_on_its_route() -> None:
@@ -43,10 +43,12 @@ def test_where_a_robot_is_on_its_route() -> None:
     pose = np.array([[(10.5, 3.1, 0.1)], [(7.25, 1.5, -0.2)]])
     assert simulator.put(pose, 1.5).tolist() == [True, True]
     r = simulator.robots[:, 0]
-    assert r["position"] == pytest.approx([10.0, 6.75], abs=1e-4)
-    assert r["lateral"] == pytest.approx([0.6, -1.0], abs=1e-4)
-    assert r["bearing"] == pytest.approx([-0.1, 0.2], abs=1e-4)
-    assert r["follow_steer"][0] > 0 > r["follow_steer"][1]  # rear wheels: to the right, then to the left
+    assert r["on_route"]["position"] == pytest.approx([10.0, 6.75], abs=1e-4)
+    assert r["on_route"]["lateral"] == pytest.approx([0.6, -1.0], abs=1e-4)
+    assert r["on_route"]["bearing"] == pytest.approx([-0.1, 0.2], abs=1e-4)
+    assert (
+        r["commanded"]["follow_steer"][0] > 0 > r["commanded"]["follow_steer"][1]
+    )  # rear wheels: to the right, then to the left
     ego = simulator.layout.slices["ego"].start
     assert simulator.observation[:, 0, ego] == pytest.approx([1.0, 1.0])
     assert simulator.observation[:, 0, ego + 4] == pytest.approx([0.6, -1.0], abs=1e-4)
@@ -122,7 +124,7 @@ def test_no_heading_is_too_large_to_have_a_remainder() -> None:
     simulator = Simulator(CONFIG.replace(num_agents=1, arrival="pose"), grid=make_layout("open"))
     simulator.reset_to([Assignment([(20.5, 20.5, -1e20)], [(30.5, 20.5, 1e300)])], 0)
     assert simulator.state.pose[0, 0, 2] == pytest.approx(math.remainder(-1e20, math.tau), abs=1e-6)
-    assert simulator.robots["goal_heading"][0, 0] == pytest.approx(math.remainder(1e300, math.tau), abs=1e-6)
+    assert simulator.robots["task"]["goal_heading"][0, 0] == pytest.approx(math.remainder(1e300, math.tau), abs=1e-6)
     assert np.isfinite(simulator.observation).all()
 
 

@@ -38,9 +38,9 @@ def put(simulator: Simulator, robot: int, pose: Pose, world: int = 0) -> None:
     """Stand a robot at a pose, in float32 as the simulator would."""
     r = simulator.robots[world, robot]
     x, y, heading, *motion = (float(np.float32(value)) for value in pose)
-    r["x"], r["y"], r["heading"] = x, y, heading
-    r["cos"], r["sin"] = math.cos(heading), math.sin(heading)
-    r["speed"], r["steer"] = (*motion, 0.0, 0.0)[:2]
+    r["motion"]["x"], r["motion"]["y"], r["motion"]["heading"] = x, y, heading
+    r["motion"]["cos"], r["motion"]["sin"] = math.cos(heading), math.sin(heading)
+    r["motion"]["speed"], r["motion"]["steer"] = (*motion, 0.0, 0.0)[:2]
 
 
 def stage(grid: GridMap, *poses: Pose, **changes: Any) -> Simulator:
@@ -48,12 +48,14 @@ def stage(grid: GridMap, *poses: Pose, **changes: Any) -> Simulator:
     settings = {"action_type": "raw", "action_repeat": 1, "planner": "astar", "max_steps": 10**6} | changes
     config = EnvConfig(num_agents=len(poses), **settings)
     simulator = Simulator(config, grid=grid)
-    simulator.robots["alive"] = 1
-    simulator.robots["gap"] = simulator.robots["min_gap"] = 0.5
-    simulator.robots["held_by"] = simulator.robots["yields_to"] = NOBODY
+    simulator.robots["task"]["alive"] = 1
+    simulator.robots["events"]["gap"] = simulator.robots["totals"]["min_gap"] = 0.5
+    simulator.robots["shield"]["vetoed_by"] = simulator.robots["traffic"]["yields_to"] = NOBODY
     for robot, pose in enumerate(poses):
         put(simulator, robot, pose)
-        simulator.robots[0, robot]["goal_x"] = simulator.robots[0, robot]["goal_y"] = -1e3  # nobody arrives
+        simulator.robots[0, robot]["task"]["goal_x"] = simulator.robots[0, robot]["task"][
+            "goal_y"
+        ] = -1e3  # nobody arrives
     return simulator
 
 

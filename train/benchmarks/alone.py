@@ -46,12 +46,12 @@ def drive(grid: GridMap, seconds: float, seed: int, worlds: int = WORLDS) -> Row
         moved = np.hypot(*(simulator.state.pose[:, 0, :2] - left).T) > 0.5 * grid.cell_size
         left[moved], since[moved] = simulator.state.pose[moved, 0, :2], now
         longest = max(longest, float((now - since).max()))
-    ratio = robots["driven_to_goals"] / np.maximum(robots["planned"], grid.cell_size)
-    goals = mean_interval(3600.0 * count / seconds for count in robots["goals"].tolist())
+    ratio = robots["totals"]["driven_to_goals"] / np.maximum(robots["totals"]["planned"], grid.cell_size)
+    goals = mean_interval(3600.0 * count / seconds for count in robots["totals"]["goals"].tolist())
     return {
         "robot_hours": worlds * seconds / 3600, "longest_standing_s": longest,
-        "shelf_contacts": int(robots["hits_shelf"].sum()), "worlds": worlds,
-        "fewest_goals": int(robots["goals"].min()), "driven_over_planned": float(ratio.max()),
+        "shelf_contacts": int(robots["totals"]["hits_shelf"].sum()), "worlds": worlds,
+        "fewest_goals": int(robots["totals"]["goals"].min()), "driven_over_planned": float(ratio.max()),
         "goals_per_robot_hour": goals.mean, "goals_low": goals.low, "goals_high": goals.high,
     }  # fmt: skip
 

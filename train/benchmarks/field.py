@@ -62,11 +62,13 @@ def _hunt(config: EnvConfig, rng: np.random.Generator) -> Driver:
     def act(simulator: Simulator) -> NDArray[Any]:
         nonlocal backing
         robots = simulator.robots
-        bored = robots["held_time"] > BORED
+        bored = robots["shield"]["vetoed_time"] > BORED
         backing = np.where(bored, rng.uniform(-40, 40, robots.shape), backing - np.sign(backing))
         backing[np.abs(backing) < 1] = 0.0
         wanted = np.where(backing == 0.0, _towards_nearest(robots), np.sign(backing) * config.robot.max_steering)
-        rate = np.clip((wanted - robots["steer"]) / (config.time_step * config.robot.max_steering_rate), -1, 1)
+        rate = np.clip(
+            (wanted - robots["motion"]["steer"]) / (config.time_step * config.robot.max_steering_rate), -1, 1
+        )
         return np.stack([np.where(backing == 0.0, 1.0, -1.0), rate], axis=-1)
 
     return act
@@ -74,11 +76,11 @@ def _hunt(config: EnvConfig, rng: np.random.Generator) -> Driver:
 
 def _towards_nearest(robots: NDArray[Any]) -> NDArray[np.float64]:
     """Return the steering angles [B, N] [rad], not yet limited, that turn each robot's nose to its nearest robot."""
-    place = robots["x"] + 1j * robots["y"]
+    place = robots["motion"]["x"] + 1j * robots["motion"]["y"]
     away = place[:, None, :] - place[:, :, None]
     away[:, np.arange(away.shape[1]), np.arange(away.shape[1])] = np.inf
     nearest = np.take_along_axis(away, np.abs(away).argmin(-1)[..., None], -1)[..., 0]
-    return np.asarray(-2.0 * np.angle(nearest * np.exp(-1j * robots["heading"].astype(np.float64))))
+    return np.asarray(-2.0 * np.angle(nearest * np.exp(-1j * robots["motion"]["heading"].astype(np.float64))))
 
 
 # name -> action type, maker

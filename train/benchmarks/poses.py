@@ -67,8 +67,8 @@ def drive(grid: GridMap, pairs: int, seed: int, farthest: float = math.inf) -> R
             seconds[arrival.world] = simulator.seconds(arrival.world)
     there = ~np.isnan(seconds)
     goals, robots = np.array([goal for _, goal in ends]), simulator.robots[:, 0]
-    off = np.hypot(robots["x"] - goals[:, 0], robots["y"] - goals[:, 1])[there]
-    turned = np.abs(np.remainder(robots["heading"] - goals[:, 2] + math.pi, 2 * math.pi) - math.pi)[there]
+    off = np.hypot(robots["motion"]["x"] - goals[:, 0], robots["motion"]["y"] - goals[:, 1])[there]
+    turned = np.abs(np.remainder(robots["motion"]["heading"] - goals[:, 2] + math.pi, 2 * math.pi) - math.pi)[there]
     curves = [curve_seconds(start, goal, config.robot) for start, goal in ends]
     exact, free = (np.median((seconds / np.array(kind))[there]) for kind in zip(*curves, strict=True))
     return {
@@ -76,7 +76,7 @@ def drive(grid: GridMap, pairs: int, seed: int, farthest: float = math.inf) -> R
         "longest_s": float(np.nanmax(seconds)), "median_off_m": float(np.median(off)), "most_off_m": float(off.max()),
         "median_turned_deg": math.degrees(np.median(turned)), "most_turned_deg": math.degrees(turned.max()),
         "over_curve": float(exact), "over_free_steering": float(free),
-        "shelf_contacts": int(robots["hits_shelf"].sum()),
+        "shelf_contacts": int(robots["totals"]["hits_shelf"].sum()),
     }  # fmt: skip
 
 

@@ -31,7 +31,9 @@ def _touches(robots, i, x, y, heading, p, floor):
         return True
     for j in range(robots.shape[0]):
         o = robots[j]
-        if j != i and rectangles_touch(body, body_of(o["x"], o["y"], o["cos"], o["sin"], p)):
+        if j != i and rectangles_touch(
+            body, body_of(o["motion"]["x"], o["motion"]["y"], o["motion"]["cos"], o["motion"]["sin"], p)
+        ):
             return True
     return False
 
@@ -42,12 +44,13 @@ def _move(robots, moves, p, floor):
     touches = 0
     for i in range(robots.shape[0]):
         r = robots[i]
-        x, y, heading = r["x"] + moves[i, 0], r["y"] + moves[i, 1], wrap(r["heading"] + moves[i, 2])
+        motion = r["motion"]
+        x, y, heading = motion["x"] + moves[i, 0], motion["y"] + moves[i, 1], wrap(motion["heading"] + moves[i, 2])
         if _touches(robots, i, x, y, heading, p, floor):
             touches += 1
             continue
-        r["x"], r["y"], r["heading"] = x, y, heading
-        r["sin"], r["cos"] = sin_cos(heading)
+        motion["x"], motion["y"], motion["heading"] = x, y, heading
+        motion["sin"], motion["cos"] = sin_cos(heading)
     return touches
 
 
@@ -59,12 +62,13 @@ def slip(simulator: Simulator, before: NDArray[Any], noise: Noise, rng: np.rando
     if not any(noise):
         return 0
     robots, limits = simulator.robots[0], simulator.config.robot
+    motion = robots["motion"]
     for name, low, high in (
         ("speed", limits.min_speed, limits.max_speed),
         ("steer", -limits.max_steering, limits.max_steering),
     ):
-        off = noise.command * rng.standard_normal(len(robots)) * (robots[name] - before[0][name])
-        robots[name] = np.where(robots["speed"] != 0, np.clip(robots[name] + off, low, high), robots[name])
+        off = noise.command * rng.standard_normal(len(robots)) * (motion[name] - before[0]["motion"][name])
+        motion[name] = np.where(motion["speed"] != 0, np.clip(motion[name] + off, low, high), motion[name])
     sizes = np.array([noise.slip, noise.slip, noise.turn])
     moves = (rng.standard_normal((len(robots), 3)) * sizes * simulator.events.driven[0][:, None]).astype(np.float32)
     floor = simulator._floor

@@ -84,12 +84,13 @@ def rounded(points: Floats) -> Floats:
 def give_line(simulator: Simulator, world: int, robot: int, line: NDArray[np.float32]) -> None:
     """Let a robot drive along a line float32[R, 2] [m] from now on, from the point nearest to its axle."""
     r = simulator.robots[world, robot]
-    nearest = int(np.argmin(np.hypot(line[:, 0] - r["x"], line[:, 1] - r["y"])))
-    since_milestone, bearing = r["position"] - r["milestone"], r["bearing"]
+    on_route = r["on_route"]
+    nearest = int(np.argmin(np.hypot(line[:, 0] - r["motion"]["x"], line[:, 1] - r["motion"]["y"])))
+    since_milestone, bearing = on_route["position"] - r["clocks"]["milestone"], on_route["bearing"]
     simulator.dispatcher.give_line(world, robot, line)
-    r["position"] = nearest * r["spacing"]
-    r["milestone"] = r["position"] - since_milestone
-    r["bearing"] = bearing  # by which it steers backwards until it has found its place on the line
+    on_route["position"] = nearest * on_route["spacing"]
+    r["clocks"]["milestone"] = on_route["position"] - since_milestone
+    on_route["bearing"] = bearing  # by which it steers backwards until it has found its place on the line
 
 
 def speed_for(way: float, period: float, acceleration: float) -> float:
@@ -210,8 +211,8 @@ class _World:
             self.seen[i] = now
         acceleration = simulator.config.robot.max_acceleration
         if orders.move[i, now[0] % LENGTH] >= BACKWARDS:
-            return -min(speed_for(float(r["position"]) - self.stop[i], period, acceleration), BACK_SPEED)
-        return speed_for(self.stop[i] - float(r["position"]), period, acceleration)
+            return -min(speed_for(float(r["on_route"]["position"]) - self.stop[i], period, acceleration), BACK_SPEED)
+        return speed_for(self.stop[i] - float(r["on_route"]["position"]), period, acceleration)
 
 
 def _flat(cells: Ints, grid: GridMap) -> Ints:

@@ -129,6 +129,6 @@ class Reel:
             return
         metrics = simulator.episode_metrics(0)
         contacts = round(metrics["collisions_robot"] + metrics["collisions_shelf"])
-        standing = int((simulator.robots[0]["standing_time"] > _STANDING).sum())
+        standing = int((simulator.robots[0]["clocks"]["standing_time"] > _STANDING).sum())
         text = f"{self._name}   {round(metrics['goals'])} goals   {standing} standing   {contacts} collisions"
         self.scenes.append(scene_of(simulator)._replace(text=text))

@@ -39,12 +39,12 @@ class Places:
             for arrival in simulator.arrivals:
                 if arrival.planned > 0:
                     self._ratios[arrival.world].append(arrival.driven / arrival.planned)
-            for world in np.flatnonzero((simulator.robots["acting"] > 0).any(axis=1)).tolist():
+            for world in np.flatnonzero((simulator.robots["task"]["acting"] > 0).any(axis=1)).tolist():
                 self._seconds[world] = simulator.seconds(world)
 
     def _note_waiting(self, simulator: Simulator) -> None:
         """Add the time that each robot stood in the last step to the cell that its body's centre is on."""
-        stood = simulator.robots["waited"].astype(np.int64)
+        stood = simulator.robots["totals"]["waited"].astype(np.int64)
         world, robot = np.nonzero(stood > self._stood)
         spent = (stood - self._stood)[world, robot] * simulator.config.time_step
         self._stood = stood

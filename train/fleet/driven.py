@@ -94,13 +94,13 @@ class Shown:
         self._figures.take(pose, moment)
         robots = self.robots[0]
         self.state.pose[0] = pose
-        robots["goal_row"], robots["goal_col"] = np.divmod(moment["goal"], self.grid.shape[1])
+        robots["task"]["goal_row"], robots["task"]["goal_col"] = np.divmod(moment["goal"], self.grid.shape[1])
         self.carries = (moment["bits"] & LOADED) != 0
         self._present = (moment["bits"] & PRESENT) != 0
         for i in np.flatnonzero(moment["line"] != self._line).tolist():
             line = self._lines[moment["line"][i]]
             self.routes[0, i, : len(line)] = line
-            robots["points"][i] = len(line)
+            robots["on_route"]["points"][i] = len(line)
         self._line = moment["line"].copy()
 
     def at_work(self) -> NDArray[np.bool_]:

@@ -34,49 +34,50 @@ def _step_robots(robots, poses, before, moments, was, seconds, dt, late):
     """Let each robot's own clocks and totals go on by a moment; was: moments and `before`: poses a moment ago."""
     for i in range(robots.shape[0]):
         r = robots[i]
+        motion, task, events, totals, clocks = r["motion"], r["task"], r["events"], r["totals"], r["clocks"]
         x, y, heading = poses[i, 0], poses[i, 1], poses[i, 2]
         dx, dy = x - before[i, 0], y - before[i, 1]
         seen = (moments[i]["bits"] & was[i]["bits"] & PRESENT) != 0
         way = math.sqrt(dx * dx + dy * dy) if seen else 0.0
         ahead = dx * (math.cos(heading) + math.cos(before[i, 2])) + dy * (math.sin(heading) + math.sin(before[i, 2]))
-        r["x"], r["y"], r["heading"] = x, y, heading
-        r["cos"], r["sin"] = math.cos(heading), math.sin(heading)
-        r["speed"] = (way if ahead >= 0.0 else -way) / dt if dt > 0.0 else 0.0
-        r["arrived"] = r["hit_robot"] = r["hit_shelf"] = r["hit_person"] = r["near_miss"] = 0
-        r["touching"] = (moments[i]["bits"] & (AT_ROBOT | AT_SHELF | AT_PERSON)) != 0
-        stood, r["acting"] = r["alive"] == 0, r["alive"]
-        r["alive"] = (moments[i]["bits"] & PRESENT) != 0 and (moments[i]["bits"] & UNDER_WAY) != 0
-        r["gap"] = GAP_HORIZON
+        motion["x"], motion["y"], motion["heading"] = x, y, heading
+        motion["cos"], motion["sin"] = math.cos(heading), math.sin(heading)
+        motion["speed"] = (way if ahead >= 0.0 else -way) / dt if dt > 0.0 else 0.0
+        events["arrived"] = events["hit_robot"] = events["hit_shelf"] = events["hit_person"] = events["near_miss"] = 0
+        events["touching"] = (moments[i]["bits"] & (AT_ROBOT | AT_SHELF | AT_PERSON)) != 0
+        stood, task["acting"] = task["alive"] == 0, task["alive"]
+        task["alive"] = (moments[i]["bits"] & PRESENT) != 0 and (moments[i]["bits"] & UNDER_WAY) != 0
+        events["gap"] = GAP_HORIZON
         began = moments[i]["bits"] & ~was[i]["bits"]
-        r["hit_shelf"], r["hit_person"] = (began & AT_SHELF) != 0, (began & AT_PERSON) != 0
-        r["hits_shelf"] += r["hit_shelf"]
-        r["hits_person"] += r["hit_person"]
-        r["distance"] += way
-        r["position"] = 0.0 if moments[i]["line"] != was[i]["line"] else r["position"] + way
+        events["hit_shelf"], events["hit_person"] = (began & AT_SHELF) != 0, (began & AT_PERSON) != 0
+        totals["hits_shelf"] += events["hit_shelf"]
+        totals["hits_person"] += events["hit_person"]
+        totals["distance"] += way
+        r["on_route"]["position"] = 0.0 if moments[i]["line"] != was[i]["line"] else r["on_route"]["position"] + way
         if (
             dt == 0.0
-            or (stood and r["alive"] != 0)
-            or (x - r["anchor_x"]) ** 2 + (y - r["anchor_y"]) ** 2 > _STANDS_WITHIN**2
+            or (stood and task["alive"] != 0)
+            or (x - clocks["anchor_x"]) ** 2 + (y - clocks["anchor_y"]) ** 2 > _STANDS_WITHIN**2
         ):
-            r["anchor_x"], r["anchor_y"], r["standing_time"] = x, y, 0.0
-        elif r["alive"] != 0:
-            r["standing_time"] += dt
-            r["longest_standing"] = max(r["longest_standing"], r["standing_time"])
-        r["stalled_time"] = r["standing_time"]
-        if dt > 0.0 and r["alive"] != 0:
-            r["lived"] += 1
-            r["waited"] += abs(r["speed"]) < SLOW
-            r["age"] += 1
+            clocks["anchor_x"], clocks["anchor_y"], clocks["standing_time"] = x, y, 0.0
+        elif task["alive"] != 0:
+            clocks["standing_time"] += dt
+            totals["longest_standing"] = max(totals["longest_standing"], clocks["standing_time"])
+        clocks["stalled_time"] = clocks["standing_time"]
+        if dt > 0.0 and task["alive"] != 0:
+            totals["lived"] += 1
+            totals["waited"] += abs(motion["speed"]) < SLOW
+            task["age"] += 1
         reached = moments[i]["goals"] - was[i]["goals"]
         if reached > 0:
-            r["arrived"] = 1
-            r["goals"] += reached
-            r["late_goals"] += reached if late else 0
-            r["longest_age"], r["age"] = max(r["longest_age"], r["age"]), 0
-            r["planned"] = moments[i]["planned"]
-            r["driven_to_goals"] += r["distance"] - r["distance_at_goal"]
-            r["distance_at_goal"] = r["distance"]
-            r["finish_time"] = seconds
+            events["arrived"] = 1
+            totals["goals"] += reached
+            totals["late_goals"] += reached if late else 0
+            totals["longest_age"], task["age"] = max(totals["longest_age"], task["age"]), 0
+            totals["planned"] = moments[i]["planned"]
+            totals["driven_to_goals"] += totals["distance"] - totals["distance_at_goal"]
+            totals["distance_at_goal"] = totals["distance"]
+            totals["finish_time"] = seconds
 
 
 @kernel
@@ -88,26 +89,32 @@ def _look_at_pairs(robots, active, count, bits, near, fleet):
     apart, back = 2.0 * fleet.radius + GAP_HORIZON, 0.0
     for body in fleet.bodies:
         back = max(back, abs(body.back))
-    order = np.argsort(robots["x"])
+    order = np.argsort(robots["motion"]["x"])
     for n in range(order.size):
         i = order[n]
         for m in range(n + 1, order.size):
             j = order[m]
             a, b = robots[min(i, j)], robots[max(i, j)]
-            if robots[j]["x"] - robots[i]["x"] > apart + 2.0 * back:
+            if robots[j]["motion"]["x"] - robots[i]["motion"]["x"] > apart + 2.0 * back:
                 break
             one, other = body_of(min(i, j), fleet), body_of(max(i, j), fleet)
-            x, y = a["x"] - one.back * a["cos"], a["y"] - one.back * a["sin"]
-            to_x, to_y = b["x"] - other.back * b["cos"], b["y"] - other.back * b["sin"]
+            x, y = a["motion"]["x"] - one.back * a["motion"]["cos"], a["motion"]["y"] - one.back * a["motion"]["sin"]
+            to_x, to_y = (
+                b["motion"]["x"] - other.back * b["motion"]["cos"],
+                b["motion"]["y"] - other.back * b["motion"]["sin"],
+            )
             dx, dy = to_x - x, to_y - y
             if (bits[i] & bits[j] & PRESENT) == 0 or dx * dx + dy * dy > apart * apart:
                 continue
-            own = outline_of((x, y, a["cos"], a["sin"]), one)
-            found = gap(own, outline_of((to_x, to_y, b["cos"], b["sin"]), other))
+            own = outline_of((x, y, a["motion"]["cos"], a["motion"]["sin"]), one)
+            found = gap(own, outline_of((to_x, to_y, b["motion"]["cos"], b["motion"]["sin"]), other))
             touch = found < 0.0 or (found < near and (bits[i] & bits[j] & AT_ROBOT) != 0)
             found = 0.0 if touch else found
-            a["gap"], b["gap"] = min(a["gap"], found), min(b["gap"], found)
-            a["min_gap"], b["min_gap"] = min(a["min_gap"], found), min(b["min_gap"], found)
+            a["events"]["gap"], b["events"]["gap"] = min(a["events"]["gap"], found), min(b["events"]["gap"], found)
+            a["totals"]["min_gap"], b["totals"]["min_gap"] = (
+                min(a["totals"]["min_gap"], found),
+                min(b["totals"]["min_gap"], found),
+            )
             if found >= near:
                 continue
             k = 0
@@ -120,11 +127,17 @@ def _look_at_pairs(robots, active, count, bits, near, fleet):
                 count += 1
             active[k, 3] = 1
             if touch:
-                a["touching"] = b["touching"] = 1
+                a["events"]["touching"] = b["events"]["touching"] = 1
                 if active[k, 2] != _CONTACT:
                     active[k, 2] = _CONTACT
-                    a["hit_robot"], b["hit_robot"] = a["hit_robot"] + 1, b["hit_robot"] + 1
-                    a["hits_robot"], b["hits_robot"] = a["hits_robot"] + 1, b["hits_robot"] + 1
+                    a["events"]["hit_robot"], b["events"]["hit_robot"] = (
+                        a["events"]["hit_robot"] + 1,
+                        b["events"]["hit_robot"] + 1,
+                    )
+                    a["totals"]["hits_robot"], b["totals"]["hits_robot"] = (
+                        a["totals"]["hits_robot"] + 1,
+                        b["totals"]["hits_robot"] + 1,
+                    )
     kept = 0
     for k in range(count):
         a, b = robots[active[k, 0]], robots[active[k, 1]]
@@ -133,8 +146,14 @@ def _look_at_pairs(robots, active, count, bits, near, fleet):
             active[kept, 3] = 0
             kept += 1
         elif active[k, 2] == _NEAR:
-            a["near_miss"], b["near_miss"] = a["near_miss"] + 1, b["near_miss"] + 1
-            a["near_misses"], b["near_misses"] = a["near_misses"] + 1, b["near_misses"] + 1
+            a["events"]["near_miss"], b["events"]["near_miss"] = (
+                a["events"]["near_miss"] + 1,
+                b["events"]["near_miss"] + 1,
+            )
+            a["totals"]["near_misses"], b["totals"]["near_misses"] = (
+                a["totals"]["near_misses"] + 1,
+                b["totals"]["near_misses"] + 1,
+            )
     return kept
 
 
@@ -144,8 +163,8 @@ class Figures:
     def __init__(self, config: EnvConfig) -> None:
         count = config.num_agents
         self.robots: NDArray[Any] = np.zeros((1, count), dtype=ROBOT)
-        self.robots["min_gap"] = GAP_HORIZON
-        self.robots["held_by"] = self.robots["yields_to"] = -1
+        self.robots["totals"]["min_gap"] = GAP_HORIZON
+        self.robots["shield"]["vetoed_by"] = self.robots["traffic"]["yields_to"] = -1
         self.moments = -1
         self._config, self._fleet = config, Fleet.of(config)
         self._active = np.zeros((8 * count, 4), dtype=np.int64)

@@ -64,13 +64,13 @@ class TrainingSimulator(Simulator):
         """
         stood = self.state.speed == 0
         observation = super().step(actions)
-        told = (self.events.touching != 0) & (self.robots["target_speed"] == 0)
+        told = (self.events.touching != 0) & (self.robots["commanded"]["target_speed"] == 0)
         self.reward[told] -= self.reward_terms[told, _CONTACT]
         hit = told & stood
         self.reward[hit] -= self.reward_terms[hit, _COLLISION]
         if self._shared > 0.0:
             self.reward += self._shared * (self._mean_near() - self.reward)
-        stalled = self.robots["stalled_time"]
+        stalled = self.robots["clocks"]["stalled_time"]
         jammed = (stalled > self._jam_seconds).mean(axis=1) > _JAM_SHARE
         self.truncated |= jammed
         self.stuck, self.ends = int((stalled > self.config.stuck_after).sum()), jammed[self.truncated].tolist()
@@ -78,7 +78,7 @@ class TrainingSimulator(Simulator):
 
     def _mean_near(self) -> NDArray[np.float32]:
         """Return each robot's mean reward over those within NEAR of it, float32[B, N]."""
-        x, y = self.robots["x"], self.robots["y"]
+        x, y = self.robots["motion"]["x"], self.robots["motion"]["y"]
         dx, dy = x[:, :, None] - x[:, None, :], y[:, :, None] - y[:, None, :]
         near = dx * dx + dy * dy < NEAR * NEAR
         mean: NDArray[np.float32] = (near * self.reward[:, None, :]).sum(axis=2) / near.sum(axis=2, dtype=np.float32)

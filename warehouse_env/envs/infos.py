@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warehouse_env.simulation.record.metrics import people_row, robot_rows
+from warehouse_env.simulation.state import OWNER
 
 if TYPE_CHECKING:
     from warehouse_env.simulation.simulator import Simulator
@@ -163,9 +164,10 @@ def known(row: dict[str, float]) -> dict[str, float]:
 
 def _struct_of(record: np.dtype[Any], fields: tuple[str, ...]) -> Struct:
     """Return what unpacks some fields of a record, in the record's order, and passes over the others."""
-    form, end = "", 0
+    form, end, records = "", 0, dict(record.fields or {})
     for name in fields:
-        kind, start = record.fields[name][:2]  # type: ignore[index]
+        owner, before = records[OWNER[name]][:2]
+        kind, start = owner.fields[name][0], before + owner.fields[name][1]  # type: ignore[index]
         form += f"{start - end}x{kind.char}"
         end = start + kind.itemsize
     return Struct(f"{form}{record.itemsize - end}x")

@@ -159,8 +159,8 @@ def moment_of(simulator: Any, world: int, stations: NDArray[np.bool_]) -> dict[s
     return ({} if ends is None else {"ends": ends}) | {
         "pose": state.pose[world].copy(), "speed": state.speed[world].copy(), "steer": state.steer[world].copy(),
         "goal": goal.astype(np.int32), "flags": np.asarray(flags, dtype=np.uint16),
-        "waits_for": jams.waits_for[world], "yields_to": robots["yields_to"].copy(),
-        "held_by": robots["held_by"].copy(), "rewards": simulator.reward_terms[world].copy(),
+        "waits_for": jams.waits_for[world], "yields_to": robots["traffic"]["yields_to"].copy(),
+        "held_by": robots["shield"]["vetoed_by"].copy(), "rewards": simulator.reward_terms[world].copy(),
         "along": state.route_position[world].copy(), "people": places(simulator.people.persons[world]),
         "totals": _totals(robots),
     }  # fmt: skip
@@ -171,7 +171,7 @@ def goal_poses(simulator: Any, world: int) -> NDArray[np.float32] | None:
     robots = simulator.robots[world]
     if simulator.config.arrival == "pass":
         return None
-    return np.stack([robots[name] for name in ("goal_x", "goal_y", "goal_heading")], axis=-1)
+    return np.stack([robots["task"][name] for name in ("goal_x", "goal_y", "goal_heading")], axis=-1)
 
 
 def places(persons: NDArray[np.void]) -> NDArray[np.float32]:
@@ -181,8 +181,14 @@ def places(persons: NDArray[np.void]) -> NDArray[np.float32]:
 
 def _totals(robots: NDArray[Any]) -> NDArray[np.int32]:
     """Return int32[3], the goals, collisions and near misses of an episode so far, as its metrics count them."""
-    hits = int(robots["hits_robot"].sum()) // 2 + int(robots["hits_shelf"].sum()) + int(robots["hits_person"].sum())
-    return np.array([robots["goals"].sum(), hits, int(robots["near_misses"].sum()) // 2], dtype=np.int32)
+    hits = (
+        int(robots["totals"]["hits_robot"].sum()) // 2
+        + int(robots["totals"]["hits_shelf"].sum())
+        + int(robots["totals"]["hits_person"].sum())
+    )
+    return np.array(
+        [robots["totals"]["goals"].sum(), hits, int(robots["totals"]["near_misses"].sum()) // 2], dtype=np.int32
+    )
 
 
 class Lines:

@@ -297,14 +297,14 @@ class Simulator(Portable):
         self.truncated[world] = self.terminated[world] = False
         if self._sights is not None:
             self._sights[world] = NOT_SEEN
-        robots["alive"] = 1
-        robots["gap"] = robots["min_gap"] = state.GAP_HORIZON
-        robots["held_by"] = robots["yields_to"] = state.NOBODY
+        robots["task"]["alive"] = 1
+        robots["events"]["gap"] = robots["totals"]["min_gap"] = state.GAP_HORIZON
+        robots["shield"]["vetoed_by"] = robots["traffic"]["yields_to"] = state.NOBODY
         self.people.leave(world)
         self.dispatcher.begin(world, entropy, assignment, self._floor)
         self._messages.begin(world, entropy)
         self.people.begin(world, entropy, robots)
-        robots["anchor_x"], robots["anchor_y"] = robots["x"], robots["y"]
+        robots["clocks"]["anchor_x"], robots["clocks"]["anchor_y"] = robots["motion"]["x"], robots["motion"]["y"]
         if self.robots is not self._planned:
             self._deviation.begin(world, entropy, robots)
 
@@ -332,7 +332,7 @@ class Simulator(Portable):
 
     def break_down(self, world: int, robot: int) -> None:
         """Take a robot out of service until its world's reset: it brakes, and stands in the others' way for good."""
-        self.robots["alive"][world, robot] = self._planned["alive"][world, robot] = 0
+        self.robots["task"]["alive"][world, robot] = self._planned["task"]["alive"][world, robot] = 0
         self.terminated[world, robot] = True
         if self.dispatcher.shifts is not None:
             self.dispatcher.shifts[world].break_down(robot)

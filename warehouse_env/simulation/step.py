@@ -30,20 +30,21 @@ _HORIZON = np.float32(GAP_HORIZON)
 @inline
 def _begin(r):
     """Clear the events of the last env step."""
-    r["acting"] = r["alive"]
-    r["progress"] = ZERO
-    r["driven"] = ZERO
-    r["gap"] = _HORIZON
-    r["arrived"] = 0
-    r["touching"] = 0
-    r["held"] = 0
-    r["held_by"] = NOBODY
-    r["hit_robot"] = 0
-    r["hit_shelf"] = 0
-    r["hit_person"] = 0
-    r["near_miss"] = 0
-    r["previous_speed"] = r["target_speed"]
-    r["previous_steer"] = r["target_steer"]
+    commanded, events = r["commanded"], r["events"]
+    r["task"]["acting"] = r["task"]["alive"]
+    events["progress"] = ZERO
+    events["driven"] = ZERO
+    events["gap"] = _HORIZON
+    events["arrived"] = 0
+    events["touching"] = 0
+    r["shield"]["vetoed"] = 0
+    r["shield"]["vetoed_by"] = NOBODY
+    events["hit_robot"] = 0
+    events["hit_shelf"] = 0
+    events["hit_person"] = 0
+    events["near_miss"] = 0
+    commanded["previous_speed"] = commanded["target_speed"]
+    commanded["previous_steer"] = commanded["target_steer"]
 
 
 @inline
@@ -52,13 +53,14 @@ def _take_raw(at, r, acceleration, steer_rate, limits, p):
 
     at: (world, robot); limits: see _command.
     """
-    if r["alive"] == 0:
-        acceleration, steer_rate = braking(r["speed"], p), ZERO
+    motion = r["motion"]
+    if r["task"]["alive"] == 0:
+        acceleration, steer_rate = braking(motion["speed"], p), ZERO
     else:
-        r["target_speed"] = r["speed"] + acceleration * p["time_step"]
-        r["target_steer"] = r["steer"] + steer_rate * p["time_step"]
+        r["commanded"]["target_speed"] = motion["speed"] + acceleration * p["time_step"]
+        r["commanded"]["target_steer"] = motion["steer"] + steer_rate * p["time_step"]
     if limits is not None:
-        own, speed = limits[at], r["speed"]
+        own, speed = limits[at], motion["speed"]
         most = own["max_acceleration"]
         if speed * acceleration >= ZERO:
             fastest = max((own["max_speed"] - speed) / own["time_step"], ZERO)
@@ -69,44 +71,46 @@ def _take_raw(at, r, acceleration, steer_rate, limits, p):
 @inline
 def _follow(r, route, arcs, first, second, stopping, p, floor):
     """Turn a speed [m/s] and an offset [m] into (acceleration [m/s^2], steering rate [rad/s]) for a physics step."""
-    if r["alive"] == 0:
-        return braking(r["speed"], p), ZERO
+    motion = r["motion"]
+    if r["task"]["alive"] == 0:
+        return braking(motion["speed"], p), ZERO
     dt = p["time_step"]
-    if p["right_of_way"] != 0 and r["settled"] > ZERO:
-        first, second = right_of_way.limit(r, first, p), r["side"]
+    if p["right_of_way"] != 0 and r["traffic"]["rules_active"] > ZERO:
+        first, second = right_of_way.limit(r, first, p), r["traffic"]["side"]
     tracking.follow(r, route, arcs, first, second, stopping, p, floor)
-    next_speed = approach(r["speed"], r["target_speed"], p["max_acceleration"] * dt)
-    next_steer = approach(r["steer"], r["target_steer"], p["max_steer_rate"] * dt)
-    return (next_speed - r["speed"]) / dt, (next_steer - r["steer"]) / dt
+    next_speed = approach(motion["speed"], r["commanded"]["target_speed"], p["max_acceleration"] * dt)
+    next_steer = approach(motion["steer"], r["commanded"]["target_steer"], p["max_steer_rate"] * dt)
+    return (next_speed - motion["speed"]) / dt, (next_steer - motion["steer"]) / dt
 
 
 @inline
 def _park(r, p):
     """Take a robot out of service: at once, but under the field it brakes first, as the others count on."""
-    r["alive"] = 0
+    r["task"]["alive"] = 0
     if p["field"] == 0:
-        r["speed"] = ZERO
+        r["motion"]["speed"] = ZERO
 
 
 @inline
 def _end(r, route, stopping, p):
     """Advance along the route after a physics step; return 1 on arrival."""
-    if r["alive"] == 0:
+    task, events = r["task"], r["events"]
+    if task["alive"] == 0:
         return 0
-    r["progress"] += line.locate(r, route)
+    events["progress"] += line.locate(r, route)
     waits.count_time(r, p["time_step"])
-    r["lived"] += 1
-    r["age"] += 1
-    if r["arrived"] != 0:
+    r["totals"]["lived"] += 1
+    task["age"] += 1
+    if events["arrived"] != 0:
         return 0
     if stopping is not None:
         if not arrival.is_there(r, p):
             return 0
     else:
-        dx, dy = r["goal_x"] - r["x"], r["goal_y"] - r["y"]
+        dx, dy = task["goal_x"] - r["motion"]["x"], task["goal_y"] - r["motion"]["y"]
         if dx * dx + dy * dy > p["arrival_radius"] * p["arrival_radius"]:
             return 0
-    r["arrived"] = 1
+    events["arrived"] = 1
     if p["one_shot"] != 0:
         _park(r, p)
     return 1
@@ -115,12 +119,13 @@ def _end(r, route, stopping, p):
 @inline
 def _total(r, p):
     """Add the env step's events to the episode's totals; park a robot that a collision ends."""
-    r["hits_robot"] += r["hit_robot"]
-    r["hits_shelf"] += r["hit_shelf"]
-    r["hits_person"] += r["hit_person"]
-    r["near_misses"] += r["near_miss"]
-    r["min_gap"] = min(r["min_gap"], r["gap"])
-    if p["collision_ends"] != 0 and r["hit_robot"] + r["hit_shelf"] + r["hit_person"] > 0:
+    events, totals = r["events"], r["totals"]
+    totals["hits_robot"] += events["hit_robot"]
+    totals["hits_shelf"] += events["hit_shelf"]
+    totals["hits_person"] += events["hit_person"]
+    totals["near_misses"] += events["near_miss"]
+    totals["min_gap"] = min(totals["min_gap"], events["gap"])
+    if p["collision_ends"] != 0 and events["hit_robot"] + events["hit_shelf"] + events["hit_person"] > 0:
         _park(r, p)
 
 
@@ -226,7 +231,7 @@ def _count_step(worlds, b, p):
     worlds.truncated[b] = worlds.steps[b] >= p["max_steps"]
     if p["one_shot"] != 0 or p["collision_ends"] != 0:
         for i in range(worlds.robots.shape[1]):
-            worlds.terminated[b, i] = worlds.robots[b, i]["alive"] == 0
+            worlds.terminated[b, i] = worlds.robots[b, i]["task"]["alive"] == 0
 
 
 @inline
@@ -273,7 +278,7 @@ def _advance(begin, end, worlds, setup, scratch):
             _step(worlds, (b, repeat), setup, scratch)
         for i in range(count):
             _total(worlds.robots[b, i], p)
-            seeking += worlds.robots[b, i]["seeks"] != 0
+            seeking += worlds.robots[b, i]["manoeuvre"]["seeks"] != 0
         _count_step(worlds, b, p)
         arrivals += worlds.waiting[b]
     return arrivals, seeking
@@ -297,7 +302,7 @@ def _observe_world(worlds, b, setup, scratch):
     for n in range(robots.shape[0]):
         i = order[n]
         r, own, row = robots[i], kind_of(i, p, kinds), worlds.observation[b, i]
-        pose = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n], r["cos"], r["sin"]
+        pose = bodies[buckets.CENTRE_X, n], bodies[buckets.CENTRE_Y, n], r["motion"]["cos"], r["motion"]["sin"]
         sensing.scan_shelves(pose, own, setup.floor.edges, rays, scratch.sights[0], row)
         sensing.look_around(n, scratch.places, own, kinds, rays, row, near)
         people.scan_people(worlds.persons[b], pose, setup.features.walking, rays, row)

@@ -44,12 +44,14 @@ def test_goals_may_be_points_and_poses_whenever_a_robot_has_arrived(arrival: str
 
 def drive(sim: Simulator, steps: int = 300) -> tuple[float, float]:
     """Cruise up to the first arrival; return the metres off the goal and the speed [m/s] at which it came."""
-    goal = sim.robots[0, 0][["goal_x", "goal_y"]].copy()
+    goal = sim.robots[0, 0]["task"][["goal_x", "goal_y"]].copy()
     for _ in range(steps):
         sim.step(np.full((1, 1), sim.cruise_action))
         if sim.arrivals:
             r = sim.robots[0, 0]
-            return float(np.hypot(r["x"] - goal["goal_x"], r["y"] - goal["goal_y"])), abs(float(r["speed"]))
+            return float(np.hypot(r["motion"]["x"] - goal["goal_x"], r["motion"]["y"] - goal["goal_y"])), abs(
+                float(r["motion"]["speed"])
+            )
     raise AssertionError("nobody arrives")
 
 
@@ -93,4 +95,6 @@ def test_the_observation_tells_the_goal_where_robots_stop_and_is_the_same_before
         sim.step(np.full((1, 1), sim.cruise_action))
         braked = bool(sim.observation[0, 0, -1])
     r = sim.robots[0, 0]
-    assert float(r["goal_x"] - r["x"]) == pytest.approx(float(r["speed"]) ** 2 / 1.8, abs=0.25)
+    assert float(r["task"]["goal_x"] - r["motion"]["x"]) == pytest.approx(
+        float(r["motion"]["speed"]) ** 2 / 1.8, abs=0.25
+    )

@@ -126,7 +126,7 @@ def test_a_robot_stands_at_the_pose_when_it_has_arrived(case: str) -> None:
     assert abs(math.remainder(heading - goal[2], 2 * math.pi)) <= math.radians(5.0)
     assert abs(float(sim.state.speed[0, 0])) <= 0.01
     assert seconds < 40.0
-    assert sim.robots["hits_shelf"].sum() == 0
+    assert sim.robots["totals"]["hits_shelf"].sum() == 0
 
 
 def test_a_tighter_goal_is_reached_as_well() -> None:
@@ -167,7 +167,7 @@ def test_where_a_robot_cannot_turn_round_it_stands_at_a_face_the_way_it_faces(to
         pytest.approx(0.5, abs=0.05),
         pytest.approx(0.0, abs=0.01),
     )
-    assert sim.robots["goal_heading"][0, 0] == pytest.approx(0.0, abs=1e-6)
+    assert sim.robots["task"]["goal_heading"][0, 0] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_lifelong_robots_stand_beside_the_shelves_that_they_are_sent_to() -> None:
@@ -176,7 +176,7 @@ def test_lifelong_robots_stand_beside_the_shelves_that_they_are_sent_to() -> Non
     sim.reset(seed=31_000_000)
     goals = 0
     for _ in range(1200):
-        before = sim.robots[0][["goal_x", "goal_y", "goal_heading"]].copy()
+        before = sim.robots[0]["task"][["goal_x", "goal_y", "goal_heading"]].copy()
         sim.step(np.full((1, 4), sim.cruise_action))
         for _, robot, *_ in sim.arrivals:
             goals += 1
@@ -205,7 +205,7 @@ def bits_of_docking() -> str:
     for _ in range(30):
         sim.step(np.full((1, 1), sim.cruise_action))
         digest.update(sim.robots.tobytes() + sim.observation.tobytes())
-    assert sim.robots["docks"].all()
+    assert sim.robots["manoeuvre"]["docks"].all()
     return digest.hexdigest()
 
 

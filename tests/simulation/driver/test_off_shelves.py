@@ -22,12 +22,14 @@ def drive_and_stop(simulator: Simulator, speed: float, steer: float) -> int:
     """Take a physics step towards a command, then brake fully; return how often a shelf was hit."""
     r, p = simulator.robots[0, 0], simulator._params[0]
     dt = p["time_step"]
-    to_speed = approach(r["speed"], np.float32(speed), p["max_acceleration"] * dt)
-    to_steer = approach(r["steer"], np.float32(steer), p["max_steer_rate"] * dt)
-    simulator.step(raw(simulator, (float(to_speed - r["speed"]) / dt, float(to_steer - r["steer"]) / dt)))
-    while abs(r["speed"]) > 1e-6:
-        simulator.step(raw(simulator, (float(braking(r["speed"], p)), 0.0)))
-    return int(r["hits_shelf"])
+    to_speed = approach(r["motion"]["speed"], np.float32(speed), p["max_acceleration"] * dt)
+    to_steer = approach(r["motion"]["steer"], np.float32(steer), p["max_steer_rate"] * dt)
+    simulator.step(
+        raw(simulator, (float(to_speed - r["motion"]["speed"]) / dt, float(to_steer - r["motion"]["steer"]) / dt))
+    )
+    while abs(r["motion"]["speed"]) > 1e-6:
+        simulator.step(raw(simulator, (float(braking(r["motion"]["speed"], p)), 0.0)))
+    return int(r["totals"]["hits_shelf"])
 
 
 def test_what_may_be_driven_touches_no_shelf_and_little_else_is_refused() -> None:
@@ -40,7 +42,9 @@ def test_what_may_be_driven_touches_no_shelf_and_little_else_is_refused() -> Non
         robot = simulator.config.robot
         half = robot.length / 2 * abs(math.sin(heading)) + robot.width / 2 * math.cos(heading)
         back = robot.rear_reach - robot.length / 2
-        simulator.robots["y"] = 2.0 - half + back * math.sin(heading) - rng.uniform(1e-5, 1e-3)  # a corner at the shelf
+        simulator.robots["motion"]["y"] = (
+            2.0 - half + back * math.sin(heading) - rng.uniform(1e-5, 1e-3)
+        )  # a corner at the shelf
         speed, steer = rng.uniform(-0.5, 0.5), rng.uniform(-1.0, 1.0)
         around = simulator._floor
         r, p = simulator.robots[0, 0], simulator._params[0]
@@ -77,5 +81,5 @@ def test_who_stands_wedged_a_tenth_of_a_millimetre_off_a_shelf_gets_out(
     for _ in range(100):  # 20 s
         simulator.step(cruise)
     r = simulator.robots[0, 0]
-    assert r["hits_shelf"] == 0
-    assert math.hypot(r["x"] - pose[0], r["y"] - pose[1]) > 2.0
+    assert r["totals"]["hits_shelf"] == 0
+    assert math.hypot(r["motion"]["x"] - pose[0], r["motion"]["y"] - pose[1]) > 2.0

@@ -19,7 +19,7 @@ from warehouse_env.maps.layouts import LAYOUTS, make_layout
 from warehouse_env.maps.movingai import EXAMPLE_MAP, read_map
 from warehouse_env.simulation.driver import tracking
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.state import ALONE, AROUND_OTHERS
+from warehouse_env.simulation.state import ALONE, AROUND_OTHERS, field_of
 from warehouse_env.simulation.traffic import recovery
 
 LEVELS, OFFSETS = 4, 5  # of the default discrete actions
@@ -35,9 +35,9 @@ def on_route(grid: GridMap, pose: tuple[float, ...], *corners: tuple[float, floa
         points += [(ax + (bx - ax) * k / count, ay + (by - ay) * k / count) for k in range(1, count + 1)]
     simulator.routes[0, 0, : len(points)] = points
     r = simulator.robots[0, 0]
-    r["points"], r["spacing"] = len(points), 0.5
-    r["goal_x"], r["goal_y"] = points[-1]
-    r["goal_row"], r["goal_col"] = grid.cell(points[-1])
+    r["on_route"]["points"], r["on_route"]["spacing"] = len(points), 0.5
+    r["task"]["goal_x"], r["task"]["goal_y"] = points[-1]
+    r["task"]["goal_row"], r["task"]["goal_col"] = grid.cell(points[-1])
     return simulator
 
 
@@ -50,29 +50,29 @@ def drive(simulator: Simulator, action: int, steps: int) -> Any:
 def test_position_lateral_and_bearing_by_hand() -> None:
     # East along y = 2 to x = 8, then north.
     simulator = on_route(room(12, 12), (4.3, 2.25, 0.1), (2.0, 2.0), (8.0, 2.0), (8.0, 9.0))
-    simulator.robots["position"] = 2.0
+    simulator.robots["on_route"]["position"] = 2.0
     r = drive(simulator, STOP, 1)
-    assert r["position"] == pytest.approx(2.3, abs=1e-5)
-    assert r["lateral"] == pytest.approx(0.25, abs=1e-5)
-    assert r["bearing"] == pytest.approx(-0.1, abs=1e-5)
+    assert r["on_route"]["position"] == pytest.approx(2.3, abs=1e-5)
+    assert r["on_route"]["lateral"] == pytest.approx(0.25, abs=1e-5)
+    assert r["on_route"]["bearing"] == pytest.approx(-0.1, abs=1e-5)
     assert simulator.events.progress[0, 0] == pytest.approx(0.3, abs=1e-5)
     # on the second leg: 6 m and 3 m; right of it is negative
-    r["x"], r["y"], r["position"] = 8.4, 5.0, 8.5
+    r["motion"]["x"], r["motion"]["y"], r["on_route"]["position"] = 8.4, 5.0, 8.5
     drive(simulator, STOP, 1)
-    assert r["position"] == pytest.approx(9.0, abs=1e-5)
-    assert r["lateral"] == pytest.approx(-0.4, abs=1e-5)
-    assert r["bearing"] == pytest.approx(math.pi / 2 - 0.1, abs=1e-5)
+    assert r["on_route"]["position"] == pytest.approx(9.0, abs=1e-5)
+    assert r["on_route"]["lateral"] == pytest.approx(-0.4, abs=1e-5)
+    assert r["on_route"]["bearing"] == pytest.approx(math.pi / 2 - 0.1, abs=1e-5)
 
 
 def test_a_route_that_comes_back_beside_itself_is_not_skipped() -> None:
     # There along y = 3, back along y = 4: half a metre off the way out, the way back must not be taken for it.
     simulator = on_route(room(10, 16), (6.0, 3.45, 0.0), (2.0, 3.0), (12.0, 3.0), (12.0, 4.0), (2.0, 4.0))
-    simulator.robots["position"] = 4.0
+    simulator.robots["on_route"]["position"] = 4.0
     r = drive(simulator, STOP, 1)
-    assert r["position"] == pytest.approx(4.0, abs=1e-5)
-    r["y"] = 3.55  # even nearer to the way back
+    assert r["on_route"]["position"] == pytest.approx(4.0, abs=1e-5)
+    r["motion"]["y"] = 3.55  # even nearer to the way back
     drive(simulator, STOP, 1)
-    assert r["position"] == pytest.approx(4.0, abs=1e-5)
+    assert r["on_route"]["position"] == pytest.approx(4.0, abs=1e-5)
 
 
 @pytest.mark.parametrize("start", [(2.0, 4.0, 0.0), (2.0, 4.5, -0.6), (2.0, 3.6, 0.9)])
@@ -81,34 +81,36 @@ def test_it_comes_to_the_route_and_stays_on_it(start: tuple[float, ...]) -> None
     r = drive(simulator, int(simulator.cruise_action), 100)
     for _ in range(60):
         drive(simulator, int(simulator.cruise_action), 1)
-        assert abs(r["lateral"]) < 0.03
-        assert abs(r["bearing"]) < 0.05
-        assert r["speed"] == pytest.approx(1.5, abs=0.05)
-    assert simulator.robots["hits_shelf"].sum() == 0
+        assert abs(r["on_route"]["lateral"]) < 0.03
+        assert abs(r["on_route"]["bearing"]) < 0.05
+        assert r["motion"]["speed"] == pytest.approx(1.5, abs=0.05)
+    assert simulator.robots["totals"]["hits_shelf"].sum() == 0
 
 
 def test_a_line_that_folds_at_its_start_is_driven_like_any_other() -> None:
     simulator = on_route(room(9, 20), (3.0, 4.5, 0.0), (3.0, 4.5), (18.0, 4.5))
     line = np.array([[3.0, 4.5], [3.005, 4.5], *([x, 4.5] for x in np.arange(3.5, 18.1, 0.5))], np.float32)
     simulator.dispatcher.give_line(0, 0, line)
-    assert simulator.robots["spacing"] == pytest.approx(0.5)
+    assert simulator.robots["on_route"]["spacing"] == pytest.approx(0.5)
     r = drive(simulator, int(simulator.cruise_action), 80)
-    assert r["x"] > 12.0
-    assert r["position"] == pytest.approx(r["x"] - 2.5, abs=0.1)  # half a metre of which is the fold
+    assert r["motion"]["x"] > 12.0
+    assert r["on_route"]["position"] == pytest.approx(
+        r["motion"]["x"] - 2.5, abs=0.1
+    )  # half a metre of which is the fold
 
 
 @pytest.mark.parametrize(("index", "offset"), list(enumerate((0.0, 0.6, -0.6, 1.2, -1.2))))
 def test_offsets_are_kept_left_of_the_route(index: int, offset: float) -> None:
     simulator = on_route(room(9, 30), (2.0, 4.0, 0.0), (2.0, 4.0), (28.0, 4.0))
     r = drive(simulator, 3 * OFFSETS + index, 120)
-    assert r["y"] - 4.0 == pytest.approx(offset, abs=0.04)
-    assert r["lateral"] == pytest.approx(offset, abs=0.04)
-    assert abs(r["heading"]) < 0.04
+    assert r["motion"]["y"] - 4.0 == pytest.approx(offset, abs=0.04)
+    assert r["on_route"]["lateral"] == pytest.approx(offset, abs=0.04)
+    assert abs(r["motion"]["heading"]) < 0.04
     # and fade out towards the goal
-    while r["goals"] == 0 and r["stalled_time"] < 5.0:
-        before = abs(float(r["lateral"]))
+    while r["totals"]["goals"] == 0 and r["clocks"]["stalled_time"] < 5.0:
+        before = abs(float(r["on_route"]["lateral"]))
         drive(simulator, 3 * OFFSETS + index, 1)
-    assert r["goals"] == 1
+    assert r["totals"]["goals"] == 1
     assert before < 0.55
 
 
@@ -117,44 +119,44 @@ def test_offsets_that_lead_to_a_shelf_are_cut_short(index: int) -> None:
     grid = drawn(["#" * 30, "." * 30, "." * 30, "#" * 30])
     simulator = on_route(grid, (2.0, 2.0, 0.0), (2.0, 2.0), (27.0, 2.0))
     r = drive(simulator, 3 * OFFSETS + index, 120)
-    assert simulator.robots["hits_shelf"].sum() == 0
-    assert 1.45 - 0.03 <= r["y"] <= 2.55 + 0.03  # a way-point keeps 0.45 m from the shelves
-    assert r["stalled_time"] < 2.0
+    assert simulator.robots["totals"]["hits_shelf"].sum() == 0
+    assert 1.45 - 0.03 <= r["motion"]["y"] <= 2.55 + 0.03  # a way-point keeps 0.45 m from the shelves
+    assert r["clocks"]["stalled_time"] < 2.0
 
 
 @pytest.mark.parametrize("level", [0.5, 1.5])
 def test_speed_levels_are_kept_on_the_straight(level: float) -> None:
     simulator = on_route(room(9, 30), (2.0, 4.0, 0.0), (2.0, 4.0), (28.0, 4.0))
     index = (-0.4, 0.0, 0.5, 1.5).index(level)
-    assert drive(simulator, index * OFFSETS, 40)["speed"] == pytest.approx(level, abs=1e-6)
+    assert drive(simulator, index * OFFSETS, 40)["motion"]["speed"] == pytest.approx(level, abs=1e-6)
 
 
 def test_stop_stops_in_half_v_squared_over_a() -> None:
     simulator = on_route(room(9, 30), (2.0, 4.0, 0.0, 1.3), (2.0, 4.0), (28.0, 4.0))
     r = drive(simulator, STOP, 14)
-    assert r["speed"] == pytest.approx(0.0, abs=1e-6)
-    assert r["x"] - 2.0 == pytest.approx(1.3**2 / 2, abs=1e-4)
-    assert r["y"] == 4.0
+    assert r["motion"]["speed"] == pytest.approx(0.0, abs=1e-6)
+    assert r["motion"]["x"] - 2.0 == pytest.approx(1.3**2 / 2, abs=1e-4)
+    assert r["motion"]["y"] == 4.0
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.3, -0.4])
 def test_backing_brings_the_nose_along_the_route(heading: float) -> None:
     simulator = on_route(room(9, 20), (15.0, 4.5, heading), (4.0, 4.5), (18.0, 4.5))
-    simulator.robots["position"] = 11.0
+    simulator.robots["on_route"]["position"] = 11.0
     r = drive(simulator, BACK, 80)
-    assert r["speed"] == pytest.approx(-0.4, abs=1e-5)
-    assert abs(r["heading"]) < 0.05
+    assert r["motion"]["speed"] == pytest.approx(-0.4, abs=1e-5)
+    assert abs(r["motion"]["heading"]) < 0.05
     # 0.4 s to get up to speed, over 0.08 m
-    assert math.hypot(r["x"] - 15.0, r["y"] - 4.5) == pytest.approx(7.6 * 0.4 + 0.08, abs=0.06)
-    assert simulator.robots["hits_shelf"].sum() == 0
+    assert math.hypot(r["motion"]["x"] - 15.0, r["motion"]["y"] - 4.5) == pytest.approx(7.6 * 0.4 + 0.08, abs=0.06)
+    assert simulator.robots["totals"]["hits_shelf"].sum() == 0
 
 
 def test_backing_stops_before_a_wall() -> None:
     simulator = on_route(room(9, 20), (3.0, 4.5, 0.0), (1.5, 4.5), (18.0, 4.5))
-    simulator.robots["position"] = 1.5
+    simulator.robots["on_route"]["position"] = 1.5
     r = drive(simulator, BACK, 120)
-    assert simulator.robots["hits_shelf"].sum() == 0
-    assert 0.0 <= r["x"] - 0.75 < 0.2
+    assert simulator.robots["totals"]["hits_shelf"].sum() == 0
+    assert 0.0 <= r["motion"]["x"] - 0.75 < 0.2
 
 
 def test_it_slows_down_in_a_sharp_turn() -> None:
@@ -162,12 +164,12 @@ def test_it_slows_down_in_a_sharp_turn() -> None:
     slowest, outside = 9.0, 0.0
     for _ in range(250):
         r = drive(simulator, int(simulator.cruise_action), 1)
-        if 8.0 < r["position"] < 13.0:
-            slowest = min(slowest, float(r["speed"]))
-            outside = max(outside, abs(float(r["lateral"])))
-        if r["position"] > 16.0:
+        if 8.0 < r["on_route"]["position"] < 13.0:
+            slowest = min(slowest, float(r["motion"]["speed"]))
+            outside = max(outside, abs(float(r["on_route"]["lateral"])))
+        if r["on_route"]["position"] > 16.0:
             break
-    assert r["position"] > 16.0
+    assert r["on_route"]["position"] > 16.0
     assert slowest < 1.2  # of 1.5
     assert outside < 0.5  # cuts the corner, but stays near
 
@@ -177,8 +179,8 @@ def test_it_turns_round_in_an_aisle_of_two_cells(heading: float) -> None:
     grid = drawn(["#" * 24, "." * 24, "." * 24, "#" * 24])
     simulator = on_route(grid, (12.0, 2.0, heading), (12.0, 2.0), (22.0, 2.0))
     r = drive(simulator, int(simulator.cruise_action), 200)
-    assert r["goals"] >= 1
-    assert simulator.robots["hits_shelf"].sum() == 0
+    assert r["totals"]["goals"] >= 1
+    assert simulator.robots["totals"]["hits_shelf"].sum() == 0
 
 
 def test_in_a_manoeuvre_it_stops_and_backs_when_told_and_goes_on() -> None:
@@ -186,68 +188,68 @@ def test_in_a_manoeuvre_it_stops_and_backs_when_told_and_goes_on() -> None:
     simulator = on_route(grid, (12.0, 2.0, math.pi), (12.0, 2.0), (22.0, 2.0))
     cruise = int(simulator.cruise_action)
     r = drive(simulator, cruise, 8)
-    assert r["arcs"] > 0
-    assert r["speed"] != 0.0
+    assert r["manoeuvre"]["arcs"] > 0
+    assert r["motion"]["speed"] != 0.0
     drive(simulator, STOP, 12)
     pose = simulator.state.pose[0, 0].copy()
     drive(simulator, STOP, 20)
     assert (simulator.state.pose[0, 0] == pose).all()
-    assert r["arcs"] > 0
+    assert r["manoeuvre"]["arcs"] > 0
     for _ in range(120):
         drive(simulator, cruise, 1)
-        if r["arcs"] == 0 and abs(r["bearing"]) < 0.3:
+        if r["manoeuvre"]["arcs"] == 0 and abs(r["on_route"]["bearing"]) < 0.3:
             break
-    assert r["arcs"] == 0
-    assert abs(r["bearing"]) < 0.3
-    assert r["position"] > 0.5
+    assert r["manoeuvre"]["arcs"] == 0
+    assert abs(r["on_route"]["bearing"]) < 0.3
+    assert r["on_route"]["position"] > 0.5
     simulator = on_route(grid, (12.0, 2.0, math.pi), (12.0, 2.0), (22.0, 2.0))
     r = drive(simulator, cruise, 8)
-    manoeuvre, left = simulator.arcs[0, 0].copy(), int(r["arcs"])
+    manoeuvre, left = simulator.arcs[0, 0].copy(), int(r["manoeuvre"]["arcs"])
     drive(simulator, BACK, 10)
-    assert r["speed"] <= 0.0
-    assert r["arcs"] == left > 0
+    assert r["motion"]["speed"] <= 0.0
+    assert r["manoeuvre"]["arcs"] == left > 0
     assert (simulator.arcs[0, 0] == manoeuvre).all()
     for _ in range(150):  # with what is left of its manoeuvre, or with a new one where it has backed too far off
         drive(simulator, cruise, 1)
-        if r["arcs"] == 0 and abs(r["bearing"]) < 0.3 and r["position"] > 0.5:
+        if r["manoeuvre"]["arcs"] == 0 and abs(r["on_route"]["bearing"]) < 0.3 and r["on_route"]["position"] > 0.5:
             break
-    assert r["arcs"] == 0
-    assert abs(r["bearing"]) < 0.3
-    assert r["position"] > 0.5
-    assert simulator.robots["hits_shelf"].sum() == 0
+    assert r["manoeuvre"]["arcs"] == 0
+    assert abs(r["on_route"]["bearing"]) < 0.3
+    assert r["on_route"]["position"] > 0.5
+    assert simulator.robots["totals"]["hits_shelf"].sum() == 0
 
 
 def test_it_comes_back_to_its_arcs_from_where_it_was_pushed() -> None:
     grid = room(12, 24)
     simulator = on_route(grid, (12.0, 6.0, math.pi), (12.0, 6.0), (22.0, 6.0))
     r = drive(simulator, int(simulator.cruise_action), 8)
-    arcs = int(r["arcs"])
+    arcs = int(r["manoeuvre"]["arcs"])
     assert arcs > 0
-    r["x"] += 0.05
-    r["heading"] += 0.1
-    r["cos"], r["sin"] = math.cos(r["heading"]), math.sin(r["heading"])
+    r["motion"]["x"] += 0.05
+    r["motion"]["heading"] += 0.1
+    r["motion"]["cos"], r["motion"]["sin"] = math.cos(r["motion"]["heading"]), math.sin(r["motion"]["heading"])
     for _ in range(60):
         drive(simulator, int(simulator.cruise_action), 1)
-        if r["arcs"] == 0:
+        if r["manoeuvre"]["arcs"] == 0:
             break
-        assert r["arcs"] == arcs  # the same manoeuvre, not a new one
-        assert math.hypot(r["x"] - r["arc_x"], r["y"] - r["arc_y"]) < 0.15
-    assert r["arcs"] == 0
-    r["x"] += 0.5  # further off than feedback should mend: the next search begins there
+        assert r["manoeuvre"]["arcs"] == arcs  # the same manoeuvre, not a new one
+        assert math.hypot(r["motion"]["x"] - r["manoeuvre"]["arc_x"], r["motion"]["y"] - r["manoeuvre"]["arc_y"]) < 0.15
+    assert r["manoeuvre"]["arcs"] == 0
+    r["motion"]["x"] += 0.5  # further off than feedback should mend: the next search begins there
     drive(simulator, int(simulator.cruise_action), 100)
-    assert r["goals"] >= 1  # the next one is drawn by chance, and may be near
+    assert r["totals"]["goals"] >= 1  # the next one is drawn by chance, and may be near
 
 
 @pytest.mark.parametrize("heading", [0.0, math.pi / 2, math.pi, -math.pi / 2])
 def test_it_leaves_a_blind_aisle_of_one_cell(heading: float) -> None:
     lines = ["#" * 16, "#......#########", "######..........", "######..........", "#" * 16]
     simulator = on_route(drawn(lines), (6.5, 2.0, heading), (6.5, 2.0), (14.0, 2.0))
-    simulator.robots["x"], simulator.robots["y"] = 2.2, 3.5
+    simulator.robots["motion"]["x"], simulator.robots["motion"]["y"] = 2.2, 3.5
     if heading in (math.pi / 2, -math.pi / 2):  # crosswise the body fits at its mouth alone
-        simulator.robots["x"], simulator.robots["y"] = 6.5, 2.5
+        simulator.robots["motion"]["x"], simulator.robots["motion"]["y"] = 6.5, 2.5
     r = drive(simulator, int(simulator.cruise_action), 300)
-    assert r["goals"] >= 1
-    assert simulator.robots["hits_shelf"].sum() == 0
+    assert r["totals"]["goals"] >= 1
+    assert simulator.robots["totals"]["hits_shelf"].sum() == 0
 
 
 def test_in_a_gap_between_shelves_it_does_not_wedge_itself() -> None:
@@ -256,7 +258,7 @@ def test_in_a_gap_between_shelves_it_does_not_wedge_itself() -> None:
     pose = (7.41993, 1.95737, -1.87666, 0.54109, -0.87258)
     simulator = on_route(drawn(lines), pose, (7.42, 1.96), (7.28, 2.41), (6.8, 2.51), (1.5, 2.5))
     r = drive(simulator, int(simulator.cruise_action), 600)
-    assert r["goals"] >= 1
+    assert r["totals"]["goals"] >= 1
 
 
 @cache
@@ -294,7 +296,7 @@ def test_no_decision_of_a_policy_drives_it_into_a_shelf(name: str) -> None:
         fresh = rng.choice(20, (24, 1), p=odds)
         actions = np.where(rng.random((24, 1)) < 1 / 8, fresh, actions)
         simulator.step(actions)
-    assert simulator.robots["hits_shelf"].sum() == 0
+    assert simulator.robots["totals"]["hits_shelf"].sum() == 0
 
 
 def test_it_searches_once_in_a_while_whatever_came_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -305,7 +307,7 @@ def test_it_searches_once_in_a_while_whatever_came_of_it(monkeypatch: pytest.Mon
 
     def seek(*_: object) -> None:
         steps.append(int(simulator.steps[0]))
-        simulator.robots["seeks"] = 0
+        simulator.robots["manoeuvre"]["seeks"] = 0
 
     monkeypatch.setattr(recovery, "seek", seek)
     drive(simulator, int(simulator.cruise_action), 100)
@@ -318,15 +320,15 @@ def test_round_others_it_searches_the_more_rarely_the_longer_it_gets_nowhere(mon
     seconds: list[float] = []
 
     def seek(*_: object) -> None:
-        assert simulator.robots["seeks"][0, 0] == AROUND_OTHERS
+        assert simulator.robots["manoeuvre"]["seeks"][0, 0] == AROUND_OTHERS
         seconds.append(simulator.seconds(0))
-        simulator.robots["seeks"] = 0
+        simulator.robots["manoeuvre"]["seeks"] = 0
 
     monkeypatch.setattr(recovery, "seek", seek)
     for _ in range(1000):  # another holds it where it is
-        simulator.robots["contact_time"] = tracking.HELD + 1
-        simulator.robots["speed"] = 0.0
-        simulator.robots["x"] = 2.0
+        simulator.robots["clocks"]["contact_time"] = tracking.HELD + 1
+        simulator.robots["motion"]["speed"] = 0.0
+        simulator.robots["motion"]["x"] = 2.0
         drive(simulator, int(simulator.cruise_action), 1)
     gaps = np.diff(seconds)
     assert len(gaps) >= 2
@@ -338,9 +340,9 @@ def test_nobody_searches_for_who_is_parked_or_gets_another_route(field: str) -> 
     grid = drawn(["#" * 24, "." * 24, "." * 24, "#" * 24])
     simulator = on_route(grid, (12.0, 2.0, math.pi), (12.0, 2.0), (22.0, 2.0))
     for asks, found in ((False, False), (True, True)):
-        simulator.robots["seeks"] = ALONE
-        simulator.robots[field] = asks if field == "alive" else not asks
+        simulator.robots["manoeuvre"]["seeks"] = ALONE
+        field_of(simulator.robots, field)[...] = asks if field == "alive" else not asks
         scratch = simulator._searches.take()
         recovery.seek(0, 1, simulator._at_hand(), simulator._search_setup, scratch, None)
-        assert bool(simulator.robots["arcs"][0, 0] > 0) == found
-        assert simulator.robots["seeks"][0, 0] == 0
+        assert bool(simulator.robots["manoeuvre"]["arcs"][0, 0] > 0) == found
+        assert simulator.robots["manoeuvre"]["seeks"][0, 0] == 0

@@ -10,17 +10,18 @@ import pytest
 from tests.simulation.reference import FRONT, REAR, bodies, polygon_distance
 from tests.simulation.worlds import coast, drawn, put, raw, room, stage
 from warehouse_env.simulation.simulator import Simulator
+from warehouse_env.simulation.state import field_of
 
 EAST, NORTH, WEST = 0.0, math.pi / 2, math.pi
 STILL = (0.0, 0.0)
 
 
 def totals(simulator: Simulator, name: str) -> list[int]:
-    return simulator.robots[0][name].tolist()
+    return field_of(simulator.robots[0], name).tolist()
 
 
 def x_of(simulator: Simulator, robot: int = 0) -> float:
-    return float(simulator.robots[0, robot]["x"])
+    return float(simulator.robots[0, robot]["motion"]["x"])
 
 
 def test_a_wall_stops_a_robot_at_the_substep_before_it() -> None:
@@ -46,7 +47,7 @@ def test_a_shelf_stops_a_turning_tail() -> None:
     simulator = stage(grid, (3.0, 3.0 - 0.35, EAST, 0.4, math.radians(45)))
     coast(simulator, 25)
     assert totals(simulator, "hits_shelf") == [1]
-    assert bodies(*simulator.robots[0][["x", "y", "heading"]].tolist()[0])[:, 1].max() < 3.0
+    assert bodies(*simulator.robots[0]["motion"][["x", "y", "heading"]].tolist()[0])[:, 1].max() < 3.0
 
 
 def test_put_back_then_drives_on() -> None:
@@ -154,7 +155,7 @@ def test_a_near_miss_is_a_close_pass_without_a_touch(aside: float, near: int, re
     for _ in range(44 // repeat):
         coast(simulator, 1)
         gap.append(float(simulator.events.gap[0, 0]))
-        one, two = (bodies(*r[["x", "y", "heading"]].tolist()) for r in simulator.robots[0])
+        one, two = (bodies(*r["motion"][["x", "y", "heading"]].tolist()) for r in simulator.robots[0])
         now = min(polygon_distance(one, two), 0.5)
         assert gap[-1] == pytest.approx(now, abs=1e-5) or (repeat == 2 and gap[-1] < now)
     assert totals(simulator, "near_misses") == [near, near]
@@ -239,7 +240,7 @@ def test_a_touch_in_the_first_of_two_physics_steps_is_kept() -> None:
     coast(simulator, 1)
     assert simulator.events.hit_robot[0].tolist() == [1, 1]
     assert simulator.events.touching[0].tolist() == [1, 1]
-    assert simulator.robots["contact_time"][0].tolist() == [pytest.approx(0.2)] * 2
+    assert simulator.robots["clocks"]["contact_time"][0].tolist() == [pytest.approx(0.2)] * 2
     coast(simulator, 1)
     assert totals(simulator, "hits_robot") == [1, 1]
-    assert simulator.robots["contact_time"][0].tolist() == [0.0, 0.0]
+    assert simulator.robots["clocks"]["contact_time"][0].tolist() == [0.0, 0.0]

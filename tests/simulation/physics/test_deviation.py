@@ -31,8 +31,8 @@ def off_plan(simulator: Simulator) -> NDArray[np.float64]:
         for left in (-robot.width / 2, robot.width / 2):
             points = []
             for r in (simulator.robots, simulator._planned):
-                c, s = np.cos(r["heading"].astype(float)), np.sin(r["heading"].astype(float))
-                points.append((r["x"] + ahead * c - left * s, r["y"] + ahead * s + left * c))
+                c, s = np.cos(r["motion"]["heading"].astype(float)), np.sin(r["motion"]["heading"].astype(float))
+                points.append((r["motion"]["x"] + ahead * c - left * s, r["motion"]["y"] + ahead * s + left * c))
             found.append(np.hypot(points[0][0] - points[1][0], points[0][1] - points[1][1]))
     return np.max(found, axis=0)
 
@@ -52,9 +52,9 @@ def test_within_the_bounds_bodies_stay_in_their_tubes_and_touch_nothing(seed: in
         commands = np.where(rng.random((*commands.shape[:2], 1)) < 0.3, fresh, commands)
         simulator.step(commands)
         assert (off_plan(simulator) < most).all()
-    assert not simulator.robots["hits_robot"].any()
-    assert not simulator.robots["hits_shelf"].any()
-    assert simulator.robots["distance"].sum() > 0.1
+    assert not simulator.robots["totals"]["hits_robot"].any()
+    assert not simulator.robots["totals"]["hits_shelf"].any()
+    assert simulator.robots["totals"]["distance"].sum() > 0.1
 
 
 def test_the_tube_by_hand() -> None:
@@ -105,5 +105,5 @@ def test_messages_later_than_declared_are_lost(declared: float, drives: bool) ->
     simulator._messages.begin(0, [1])
     for _ in range(10):
         simulator.step(raw(simulator, (1.0, 0.0)))
-    assert (simulator.robots["silent"][0, 0] == 0) == drives
+    assert (simulator.robots["shield"]["silent"][0, 0] == 0) == drives
     assert (simulator.state.speed[0, 0] > 0.5) == drives

@@ -133,7 +133,7 @@ def test_who_rushes_past_a_small_disc_touches_it_though_no_sample_says_so() -> N
         GridMap(np.zeros((8, 8), dtype=bool), discs=pole), (4.0, 4.0, 0.0, 1.5, 1.0), substeps=1, time_step=0.2
     )
     simulator.step(raw(simulator, (0.0, 0.0)))
-    assert simulator.robots["hit_shelf"][0].tolist() == [1]
+    assert simulator.robots["events"]["hit_shelf"][0].tolist() == [1]
     assert simulator.state.speed[0, 0] == 0.0
 
 

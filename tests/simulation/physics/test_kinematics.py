@@ -106,7 +106,7 @@ def test_speed_keeps_its_limits_and_grows_at_the_limit_of_acceleration() -> None
     for _ in range(40):
         simulator.step(raw(simulator, (-1.0, 0.0)))
     assert simulator.state.speed[0, 0] == -0.5
-    assert simulator.robots["hits_shelf"].sum() == 0
+    assert simulator.robots["totals"]["hits_shelf"].sum() == 0
 
 
 def test_commands_beyond_the_limits_are_clipped() -> None:

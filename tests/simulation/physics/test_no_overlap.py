@@ -74,9 +74,9 @@ def test_the_crowds_do_collide_in_chains() -> None:
     contacts, chains = shake(simulator, rng, 150, 6)
     assert contacts > 100
     assert chains > 20
-    assert (simulator.robots["distance"] > 0.2).mean() > 0.5  # and most of them get about
-    assert simulator.robots["hits_shelf"].sum() > 3
-    assert simulator.robots["hits_robot"].sum() > 10
+    assert (simulator.robots["totals"]["distance"] > 0.2).mean() > 0.5  # and most of them get about
+    assert simulator.robots["totals"]["hits_shelf"].sum() > 3
+    assert simulator.robots["totals"]["hits_robot"].sum() > 10
 
 
 @settings(max_examples=4)

@@ -63,8 +63,8 @@ def still(simulator: Simulator, x: float, y: float, person: int = 0) -> Any:
 def gap_to(simulator: Simulator, person: int = 0, robot: int = 0) -> float:
     """The gap [m] between a person and a robot, worked out in double precision."""
     o, r, body = simulator.people.persons[0, person], simulator.robots[0, robot], RobotSpec()
-    dx, dy = float(o["x"]) - float(r["x"]), float(o["y"]) - float(r["y"])
-    c, s = math.cos(float(r["heading"])), math.sin(float(r["heading"]))
+    dx, dy = float(o["x"]) - float(r["motion"]["x"]), float(o["y"]) - float(r["motion"]["y"])
+    c, s = math.cos(float(r["motion"]["heading"])), math.sin(float(r["motion"]["heading"]))
     ahead, left = dx * c + dy * s + body.rear_reach - body.length / 2, dy * c - dx * s
     outside = max(abs(ahead) - body.length / 2, 0.0), max(abs(left) - body.width / 2, 0.0)
     return math.hypot(*outside) - float(RADIUS)
@@ -101,7 +101,7 @@ def test_nobody_walks_through_shelves() -> None:
 
 def test_a_person_passes_a_robot_at_a_distance() -> None:
     simulator = with_people(room(10, 20), (6.8, 5.5, 0.0))
-    simulator.robots["speed"] = 0.0
+    simulator.robots["motion"]["speed"] = 0.0
     o = send(simulator, 2.5, 5.5, (4, 12))
     least = math.inf
     for _ in range(120):
@@ -135,10 +135,10 @@ def test_nobody_comes_so_near_to_a_robot_that_it_may_not_drive_on(lane: list[str
         coast(simulator, 1)
         least = min(least, gap_to(simulator))
     assert KEEP <= least + 1e-4 < KEEP + STEP
-    x = float(simulator.robots["x"][0, 0])
+    x = float(simulator.robots["motion"]["x"][0, 0])
     for _ in range(5):
         simulator.step(raw(simulator, (1.0, 0.0)))
-    assert simulator.robots["x"][0, 0] > x + 0.05
+    assert simulator.robots["motion"]["x"][0, 0] > x + 0.05
 
 
 def test_how_long_a_person_is_kept_from_walking_is_counted() -> None:
@@ -150,7 +150,7 @@ def test_how_long_a_person_is_kept_from_walking_is_counted() -> None:
         coast(simulator, 1)
         assert o["kept"] == pytest.approx(0.1 * (steps - 1), abs=0.01)  # the first step is where it begins
     assert simulator.episode_metrics()["longest_person_kept_s"] == pytest.approx(7.8, abs=0.01)
-    simulator.robots["x"][0] = 0.8, 11.8
+    simulator.robots["motion"]["x"][0] = 0.8, 11.8
     coast(simulator, 20)
     assert o["kept"] == 0
     assert simulator.episode_metrics()["longest_person_kept_s"] == pytest.approx(7.8, abs=0.01)
@@ -182,17 +182,19 @@ def test_a_robot_that_runs_into_a_person_is_put_back_and_counted_once() -> None:
         simulator.step(raw(simulator, (1.0, 0.0)))
     r = simulator.robots[0, 0]
     assert 0 < gap_to(simulator) < 0.08
-    assert r["hits_person"] == 1
-    assert r["touching"] == 1
+    assert r["totals"]["hits_person"] == 1
+    assert r["events"]["touching"] == 1
     assert simulator.episode_metrics()["collisions_person"] == 1
-    assert simulator.episode_metrics()["collisions_per_km"] == pytest.approx(1000 / float(r["distance"]), rel=1e-6)
+    assert simulator.episode_metrics()["collisions_per_km"] == pytest.approx(
+        1000 / float(r["totals"]["distance"]), rel=1e-6
+    )
     for _ in range(10):  # back off by more than near_miss_gap, and run into it again
         simulator.step(raw(simulator, (-0.5, 0.0)))
     assert gap_to(simulator) > 0.1
-    assert r["hits_person"] == 1
+    assert r["totals"]["hits_person"] == 1
     for _ in range(25):
         simulator.step(raw(simulator, (1.0, 0.0)))
-    assert r["hits_person"] == 2
+    assert r["totals"]["hits_person"] == 2
 
 
 def test_a_contact_with_a_person_costs_what_a_collision_costs_and_may_end_the_episode() -> None:
@@ -210,7 +212,7 @@ def test_infos_say_so() -> None:
     o = env.simulator.people.persons[0, 0]
     o["rest"] = 1e6
     reach = 0.15 + float(RADIUS) + 0.01
-    o["x"], o["y"] = r["x"] + reach * r["cos"], r["y"] + reach * r["sin"]
+    o["x"], o["y"] = r["motion"]["x"] + reach * r["motion"]["cos"], r["motion"]["y"] + reach * r["motion"]["sin"]
     hits = 0
     for _ in range(4):
         *_, infos = env.step(dict.fromkeys(env.agents, env.simulator.cruise_action))
@@ -253,7 +255,7 @@ def test_under_the_field_a_robot_stops_before_a_person(away: float) -> None:
     for _ in range(60):
         simulator.step(raw(simulator, (1.0, 0.0)))
         assert gap_to(simulator) > 0.02
-    assert simulator.robots["speed"][0, 0] == 0
+    assert simulator.robots["motion"]["speed"][0, 0] == 0
     # one step of .1 m/s and a stop take .2 s and .01 m: nearer than that nobody may be
     assert 0.2 * PACE < gap_to(simulator) < 0.2 * PACE + 0.1 + 0.05
 
@@ -319,8 +321,8 @@ def test_whatever_people_and_robots_do_the_field_lets_nobody_be_hit(seed: int) -
         persons["y"] += way[:, 1]
         if rng.random() < 0.03:
             toward = rng.integers(0, 4, 3)
-    assert simulator.robots["hits_person"].sum() == 0
-    assert simulator.robots["distance"].sum() > 1.0
+    assert simulator.robots["totals"]["hits_person"].sum() == 0
+    assert simulator.robots["totals"]["distance"].sum() > 1.0
 
 
 def test_the_checked_mode_finds_a_robot_that_cannot_stop(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -344,7 +346,10 @@ def test_people_begin_away_from_robots_and_where_they_can_walk() -> None:
     simulator = Simulator(EnvConfig(layout="narrow", num_agents=16, people=20, planner="astar"), 2)
     simulator.reset(5)
     persons, robots = simulator.people.persons, simulator.robots
-    apart = np.hypot(persons["x"][:, :, None] - robots["x"][:, None], persons["y"][:, :, None] - robots["y"][:, None])
+    apart = np.hypot(
+        persons["x"][:, :, None] - robots["motion"]["x"][:, None],
+        persons["y"][:, :, None] - robots["motion"]["y"][:, None],
+    )
     assert apart.min() >= START
     cells = simulator.grid.cell(np.stack([persons["x"], persons["y"]], axis=-1))
     assert not simulator.grid.occupied[cells[..., 0], cells[..., 1]].any()
@@ -360,8 +365,9 @@ def test_a_person_who_gives_up_keeps_off_each_robots_own_cells(toward: int, long
     people, robots = People(config, grid, 1), np.zeros((1, 2), ROBOT)
     c, s = ((1, 0), (0, 1), (-1, 0), (0, -1))[toward]
     short = robots[0, bodies.index(RobotSpec())]
-    robots["x"], robots["y"], robots["cos"] = 6.5, 6.5, 1.0
-    short["x"], short["y"], short["cos"], short["sin"] = 4.5 - 3.72 * c, 4.5 - 3.72 * s, c, s
+    robots["motion"]["x"], robots["motion"]["y"], robots["motion"]["cos"] = 6.5, 6.5, 1.0
+    motion = short["motion"]
+    motion["x"], motion["y"], motion["cos"], motion["sin"] = 4.5 - 3.72 * c, 4.5 - 3.72 * s, c, s
     people.stand(0, [[4.5, 4.5]])
     people.persons["wants"] = GIVEN_UP
     people.send_on(robots)

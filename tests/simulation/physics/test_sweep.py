@@ -103,7 +103,7 @@ def test_two_that_rush_past_a_corner_touch_without_the_field_though_no_sample_sa
     apart = separation(robots[:, 0], robots[:, 1])
     assert min(apart[0], apart[-1]) > 0 > apart.min()
     simulator.step(raw(simulator, (0.0, 0.0), (0.0, 0.0)))
-    assert simulator.robots["hit_robot"][0].tolist() == [1, 1]
+    assert simulator.robots["events"]["hit_robot"][0].tolist() == [1, 1]
     assert simulator.state.speed[0].min() == 0.0  # who ran into the other is put back
 
 
@@ -113,7 +113,7 @@ def test_who_turns_back_within_a_substep_touches_what_its_tail_swings_into() -> 
     turns = (5.0, 5.0, 0.0, 0.2, brisk.max_steering)  # the nose to the right, the tail to the left
     simulator = stage(room(12, 12), turns, (4.6, 5.615, 0.0), robot=brisk, substeps=1, time_step=0.2)
     poses = in_between(simulator, raw(simulator, (-2.0, 0.0), (0.0, 0.0)))
-    assert simulator.robots["hit_robot"][0].tolist() == [1, 1]
+    assert simulator.robots["events"]["hit_robot"][0].tolist() == [1, 1]
     assert (poses[-1] == poses[0]).all()
 
 
@@ -130,7 +130,7 @@ def test_bodies_that_turn_beside_a_corner_touch_it_where_dense_sampling_says_so(
             continue
         simulator = stage(grid, (*pose, speed, steer), substeps=1, time_step=0.2)
         simulator.step(raw(simulator, (0.0, 0.0)))
-        hit = bool(simulator.robots["hit_shelf"][0, 0])
+        hit = bool(simulator.robots["events"]["hit_shelf"][0, 0])
         if abs(apart.min()) > DEEP:
             assert hit == (apart.min() < 0)
         hits += hit
@@ -154,5 +154,5 @@ def test_fast_crossings(guarded: bool, seed: int, pace: tuple[float, float]) -> 
         for pose in in_between(simulator, commands)[:: BETWEEN // 10]:
             assert deepest_overlap(*pose.T, walls) < DEEP
     if guarded:
-        assert not simulator.robots["hits_robot"].any()
-        assert not simulator.robots["hits_shelf"].any()
+        assert not simulator.robots["totals"]["hits_robot"].any()
+        assert not simulator.robots["totals"]["hits_shelf"].any()

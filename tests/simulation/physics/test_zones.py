@@ -42,18 +42,20 @@ def _drive(r, zones, p, commands):
     out, dt = np.empty((len(commands), 3), np.float32), p[0]["time_step"]
     for k in range(len(commands)):
         acceleration = keep_under(r[0], commands[k, 0], most_speed(r[0], zones, p[0]), zones, p[0])
-        speed = min(max(r[0]["speed"] + acceleration * dt, p[0]["min_speed"]), p[0]["max_speed"])
+        speed = min(max(r[0]["motion"]["speed"] + acceleration * dt, p[0]["min_speed"]), p[0]["max_speed"])
         bend = curvature(commands[k, 1], p[0]["wheelbase"])
-        way = np.float32(0.5) * (r[0]["speed"] + speed) * dt
-        r[0]["x"], r[0]["y"], r[0]["heading"] = roll(r[0]["x"], r[0]["y"], r[0]["heading"], way, bend)
-        r[0]["speed"], r[0]["steer"] = speed, commands[k, 1]
-        out[k, 0], out[k, 1], out[k, 2] = r[0]["x"], r[0]["y"], speed
+        way = np.float32(0.5) * (r[0]["motion"]["speed"] + speed) * dt
+        r[0]["motion"]["x"], r[0]["motion"]["y"], r[0]["motion"]["heading"] = roll(
+            r[0]["motion"]["x"], r[0]["motion"]["y"], r[0]["motion"]["heading"], way, bend
+        )
+        r[0]["motion"]["speed"], r[0]["motion"]["steer"] = speed, commands[k, 1]
+        out[k, 0], out[k, 1], out[k, 2] = r[0]["motion"]["x"], r[0]["motion"]["y"], speed
     return out
 
 
 def robot_at(x: float, y: float, heading: float = 0.0, speed: float = 0.0) -> Any:
     r = np.zeros(1, ROBOT)
-    r["x"], r["y"], r["heading"], r["speed"] = x, y, heading, speed
+    r["motion"]["x"], r["motion"]["y"], r["motion"]["heading"], r["motion"]["speed"] = x, y, heading, speed
     return r
 
 
@@ -137,10 +139,10 @@ for kind, more in (("raw", {}), ("continuous", {}), ("discrete", {"traffic": GUA
                    "discrete": lambda: rng.choice([10, 15, 15, 15], (1, 2))}[kind]()
         simulator.step(actions)
         r = simulator.robots[0]
-        row, column = grid.cell(np.stack([r["x"], r["y"]], -1).clip(0.01, [11.99, 4.99])).T
-        over = max(over, float((np.abs(r["speed"]) - speed[row, column]).max()))
-        most = max(most, float(r["speed"].max()))
-    worst.append(over), fastest.append(most), goals.append(int(r["goals"].sum()))
+        row, column = grid.cell(np.stack([r["motion"]["x"], r["motion"]["y"]], -1).clip(0.01, [11.99, 4.99])).T
+        over = max(over, float((np.abs(r["motion"]["speed"]) - speed[row, column]).max()))
+        most = max(most, float(r["motion"]["speed"].max()))
+    worst.append(over), fastest.append(most), goals.append(int(r["totals"]["goals"].sum()))
 print(json.dumps([worst, fastest, goals]).replace(" ", ""))
 """
 

@@ -16,7 +16,7 @@ from warehouse_env.config import EnvConfig, RewardWeights
 from warehouse_env.simulation.record.metrics import episode_row, robot_rows
 from warehouse_env.simulation.senses.rewards import REWARD_TERMS
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.state import ROBOT
+from warehouse_env.simulation.state import ROBOT, field_of
 
 TERMS = ("progress", "arrival", "collision", "contact", "proximity", "time", "smoothness", "path_length")
 HARD = RewardWeights(
@@ -28,9 +28,9 @@ HARD = RewardWeights(
 def record(**totals: list[Any]) -> NDArray[Any]:
     count = len(next(iter(totals.values())))
     robots = np.zeros(count, dtype=ROBOT)
-    robots["alive"], robots["min_gap"] = 1, 0.5
+    robots["task"]["alive"], robots["totals"]["min_gap"] = 1, 0.5
     for name, values in totals.items():
-        robots[name] = values
+        field_of(robots, name)[...] = values
     return robots
 
 
@@ -139,7 +139,7 @@ def test_one_shot_times() -> None:
     row = episode_row(robots, 60.0, config)
     assert (row["makespan_s"], row["sum_of_costs_s"], row["success_rate"]) == (40.0, 77.0, 1.0)
     assert row["stuck"] == 0.0  # parked, not stuck
-    robots["goals"][1], robots["finish_time"][1], robots["alive"][1] = 0, 0.0, 1
+    robots["totals"]["goals"][1], robots["totals"]["finish_time"][1], robots["task"]["alive"][1] = 0, 0.0, 1
     row = episode_row(robots, 60.0, config)
     assert math.isnan(row["makespan_s"])
     assert row["sum_of_costs_s"] == 12 + 60 + 25
@@ -167,8 +167,15 @@ def straight(**changes: Any) -> Simulator:
     simulator = stage(grid, (1.5, 1.5, 0.0), action_type="discrete", action_repeat=2, speed_levels=levels, **changes)
     simulator.routes[0, 0, :25] = np.column_stack([np.linspace(1.5, 13.5, 25), np.full(25, 1.5)])
     r = simulator.robots[0, 0]
-    r["points"], r["spacing"], r["goal_x"], r["goal_y"], r["goal_row"], r["goal_col"] = 25, 0.5, 13.5, 1.5, 1, 13
-    r["task_length"] = 12.0
+    (
+        r["on_route"]["points"],
+        r["on_route"]["spacing"],
+        r["task"]["goal_x"],
+        r["task"]["goal_y"],
+        r["task"]["goal_row"],
+        r["task"]["goal_col"],
+    ) = 25, 0.5, 13.5, 1.5, 1, 13
+    r["totals"]["task_length"] = 12.0
     return simulator
 
 
@@ -198,16 +205,16 @@ def test_standing_is_counted_until_the_robot_is_parked() -> None:
     stop, cruise = np.full((1, 1), 5), np.full((1, 1), simulator.cruise_action)
     for action in (stop, stop, stop, cruise, cruise, cruise, cruise, cruise, cruise, cruise):
         simulator.step(action)
-    still = int(simulator.robots["waited"][0, 0])
+    still = int(simulator.robots["totals"]["waited"][0, 0])
     assert still in (6, 7)  # 0.1 m/s in float32 may fall on either side
-    assert simulator.robots["lived"][0, 0] == 20
+    assert simulator.robots["totals"]["lived"][0, 0] == 20
     assert simulator.episode_metrics()["waiting_share"] == still / 20
     while not simulator.terminated[0, 0]:
         simulator.step(cruise)
-    lived = int(simulator.robots["lived"][0, 0])
+    lived = int(simulator.robots["totals"]["lived"][0, 0])
     for _ in range(5):
         simulator.step(stop)
-    assert (simulator.robots["lived"][0, 0], simulator.robots["waited"][0, 0]) == (lived, still)
+    assert (simulator.robots["totals"]["lived"][0, 0], simulator.robots["totals"]["waited"][0, 0]) == (lived, still)
 
 
 def test_an_arrival_tells_the_finished_task() -> None:
@@ -230,7 +237,7 @@ def test_progress_adds_up_to_the_way() -> None:
     for _ in range(40):
         simulator.step(cruise)
         total += float(simulator.events.progress[0, 0])
-    assert total == pytest.approx(float(simulator.robots[0, 0]["x"]) - 1.5, abs=1e-4)
+    assert total == pytest.approx(float(simulator.robots[0, 0]["motion"]["x"]) - 1.5, abs=1e-4)
     assert total == pytest.approx(0.845 + 6.7 * 1.3, abs=1e-3)
 
 
@@ -246,7 +253,7 @@ def test_a_robot_without_a_metre_of_progress_is_stuck() -> None:
     for _ in range(9):  # 1.8 s: 0.845 + 0.65 m
         simulator.step(cruise)
     assert simulator.episode_metrics()["stuck"] == 0.0
-    assert simulator.robots["waiting_time"][0, 0] == 0.0
+    assert simulator.robots["clocks"]["waiting_time"][0, 0] == 0.0
 
 
 def test_the_order_of_the_terms() -> None:
@@ -311,7 +318,7 @@ def test_terms_by_an_independent_sum_over_a_busy_episode() -> None:
     seen = np.zeros(8, dtype=bool)
     for _ in range(150):
         r = simulator.robots
-        before = (r["target_speed"].copy(), r["target_steer"].copy())
+        before = (r["commanded"]["target_speed"].copy(), r["commanded"]["target_steer"].copy())
         distance = simulator.state.distance.copy()
         simulator.step(rng.choice([0, 5, 10, 15, 16, 17], (2, 8), p=[0.05, 0.1, 0.15, 0.5, 0.1, 0.1]))
         e = simulator.events
@@ -325,8 +332,8 @@ def test_terms_by_an_independent_sum_over_a_busy_episode() -> None:
                 np.full((2, 8), -0.125),
                 -4.0
                 * (
-                    np.abs(r["target_speed"] - before[0]) / 1.5
-                    + np.abs(r["target_steer"] - before[1]) / math.radians(60)
+                    np.abs(r["commanded"]["target_speed"] - before[0]) / 1.5
+                    + np.abs(r["commanded"]["target_steer"] - before[1]) / math.radians(60)
                 ),
                 -0.375 * (simulator.state.distance - distance),
             ],

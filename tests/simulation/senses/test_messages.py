@@ -54,10 +54,10 @@ def test_who_is_not_heard_keeps_its_stop_and_others_count_on_it(silent: tuple[in
     """Both stop within the same way, so who is 0.1 m ahead is in the way only if it stops now, as unheard it does."""
     poses = (2.0, 1.5, 0.0, 1.5), (3.0, 1.5, 0.0, 1.5)
     simulator = stage(room(3, 30), *poses, traffic=TrafficSpec(shield=True))
-    simulator.robots["age"][0, 1] = 1
-    simulator.robots["silent"][0] = silent
+    simulator.robots["task"]["age"][0, 1] = 1
+    simulator.robots["shield"]["silent"][0] = silent
     simulator.step(raw(simulator, (1.0, 0.0), (1.0, 0.0)))
-    assert simulator.robots["held"][0].tolist() == held
+    assert simulator.robots["shield"]["vetoed"][0].tolist() == held
     np.testing.assert_allclose(simulator.state.speed[0], np.where(held, 1.4, 1.5), atol=1e-6)
 
 
@@ -77,23 +77,23 @@ def test_whatever_is_lost_nobody_touches_anything(seed: int, loss: float, burst:
         fresh = rng.choice([-1.0, 0.0, 1.0], commands.shape, p=[0.2, 0.1, 0.7])
         commands = np.where(rng.random((*commands.shape[:2], 1)) < 0.3, fresh, commands)
         simulator.step(commands)
-    assert not simulator.robots["hits_robot"].any()
-    assert not simulator.robots["hits_shelf"].any()
-    assert simulator.robots["distance"].sum() > 0.1
+    assert not simulator.robots["totals"]["hits_robot"].any()
+    assert not simulator.robots["totals"]["hits_shelf"].any()
+    assert simulator.robots["totals"]["distance"].sum() > 0.1
 
 
 def test_what_a_silent_robot_is_granted_the_others_learn_a_decision_later() -> None:
     authority = {}
     for silent in (0, 1):
         world = World((8.0, 10.0, 0.0, 1.0), (10.0, 8.0, math.pi / 2, 1.0), ages=(100, 0))
-        world.robots["silent"][0] = silent
+        world.robots["shield"]["silent"][0] = silent
         world.decide()
-        authority[silent] = world.robots["authority"].tolist()
-        assert world.robots["authority"][0] > 2.0 + 0.3 + 0.75  # over the crossing
+        authority[silent] = world.robots["traffic"]["authority"].tolist()
+        assert world.robots["traffic"]["authority"][0] > 2.0 + 0.3 + 0.75  # over the crossing
     assert authority[0][1] < 2.0  # waits before it
     assert authority[1][1] > authority[0][1]
-    world.robots["silent"][0] = 0
-    assert world.decide().robots["yields_to"].tolist() == [-1, 0]
+    world.robots["shield"]["silent"][0] = 0
+    assert world.decide().robots["traffic"]["yields_to"].tolist() == [-1, 0]
 
 
 def driven(simulator: Simulator, steps: int = 80) -> list[bytes]:
@@ -114,7 +114,9 @@ def test_tasks_are_those_of_the_seed_whatever_is_lost() -> None:
         simulator = small(loss, 1)  # nothing that robots do here depends on what they see
         simulator.reset(3)
         driven(simulator, 300)
-        goals.append((simulator.robots["goals"].sum(), simulator.state.goal.tolist(), simulator.state.pose.tolist()))
+        goals.append(
+            (simulator.robots["totals"]["goals"].sum(), simulator.state.goal.tolist(), simulator.state.pose.tolist())
+        )
     assert goals[0] == goals[1]
     assert goals[0][0] > 0
 
@@ -125,7 +127,7 @@ def test_as_many_are_lost_as_asked_for() -> None:
     lost = []
     for actions in actions_for("discrete", 200, 4, 5):
         simulator.step(actions)
-        lost.append(simulator.robots["silent"].copy())
+        lost.append(simulator.robots["shield"]["silent"].copy())
     assert np.mean(lost) == pytest.approx(0.25, abs=4 * math.sqrt(0.25 * 0.75 / 4000))
 
 
@@ -135,7 +137,7 @@ def test_bursts_last_as_long_as_asked_for_and_lose_as_much() -> None:
     lost = []
     for actions in actions_for("discrete", 400, 8, 5):
         simulator.step(actions)
-        lost.append(simulator.robots["silent"].reshape(-1).copy())
+        lost.append(simulator.robots["shield"]["silent"].reshape(-1).copy())
     lasted = [len(run) for robot in np.array(lost).T for run in "".join(map(str, robot)).strip("1").split("0") if run]
     assert min(lasted) == 10
     assert all(run % 10 == 0 for run in lasted)  # one may begin when another ends

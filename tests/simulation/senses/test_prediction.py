@@ -47,8 +47,12 @@ def scene(
     simulator = stage(room(40, 40), own, *others, action_type="discrete", **settings)
     simulator.routes[0, 0, :40] = np.column_stack([np.linspace(10.0, 29.5, 40), np.full(40, 20.0)])
     r = simulator.robots[0, 0]
-    r["points"], r["spacing"], r["goal_x"], r["goal_y"] = 40, 0.5, 29.5, 20.0
-    r["position"], r["lateral"], r["bearing"] = own[0] - 10.0, own[1] - 20.0, -own[2]
+    r["on_route"]["points"], r["on_route"]["spacing"], r["task"]["goal_x"], r["task"]["goal_y"] = 40, 0.5, 29.5, 20.0
+    r["on_route"]["position"], r["on_route"]["lateral"], r["on_route"]["bearing"] = (
+        own[0] - 10.0,
+        own[1] - 20.0,
+        -own[2],
+    )
     simulator._observe()
     return simulator
 

@@ -204,8 +204,11 @@ def straight_route(simulator: Simulator, start: tuple[float, float], goal: tuple
     """Give robot 0 a straight route."""
     simulator.routes[0, 0, :points] = np.linspace(start, goal, points)
     r = simulator.robots[0, 0]
-    r["points"], r["spacing"] = points, math.hypot(goal[0] - start[0], goal[1] - start[1]) / (points - 1)
-    r["goal_x"], r["goal_y"] = goal
+    r["on_route"]["points"], r["on_route"]["spacing"] = (
+        points,
+        math.hypot(goal[0] - start[0], goal[1] - start[1]) / (points - 1),
+    )
+    r["task"]["goal_x"], r["task"]["goal_y"] = goal
 
 
 def test_ego_and_route_by_hand() -> None:
@@ -214,12 +217,12 @@ def test_ego_and_route_by_hand() -> None:
     simulator = stage(room(9, 11), (3.2, 4.25, math.pi / 6, 0.6, -0.3))
     straight_route(simulator, (2.0, 4.0), (8.0, 4.0), 13)
     r = simulator.robots[0, 0]
-    r["position"] = 1.0
-    r["contact_time"], r["waiting_time"], r["follow_steer"] = 2.5, 30.0, 0.2
+    r["on_route"]["position"] = 1.0
+    r["clocks"]["contact_time"], r["clocks"]["waiting_time"], r["commanded"]["follow_steer"] = 2.5, 30.0, 0.2
     # locate is part of a step: stand still for one, with the events above put back afterwards
-    r["speed"] = 0.0
+    r["motion"]["speed"] = 0.0
     simulator.step(np.zeros((1, 1, 2), dtype=np.float32))
-    r["speed"], r["contact_time"], r["waiting_time"] = 0.6, 2.5, 30.0
+    r["motion"]["speed"], r["clocks"]["contact_time"], r["clocks"]["waiting_time"] = 0.6, 2.5, 30.0
     most = math.radians(60)
     expected = [0.6 / 1.5, -0.3 / most, 0.2 / most, -1 / 6, 0.25, 4.8 / 20, 0.5, 1.0]
     assert look(simulator, "ego") == pytest.approx(expected, abs=1e-6)
@@ -233,7 +236,7 @@ def test_ego_and_route_by_hand() -> None:
 def test_far_goals_and_long_contacts_saturate() -> None:
     simulator = stage(room(5, 32), (2.0, 2.5, 0.0))
     straight_route(simulator, (2.0, 2.5), (30.0, 2.5), 57)
-    simulator.robots["contact_time"], simulator.robots["waiting_time"] = 99.0, 99.0
+    simulator.robots["clocks"]["contact_time"], simulator.robots["clocks"]["waiting_time"] = 99.0, 99.0
     assert look(simulator, "ego")[5:] == pytest.approx([1.0, 1.0, 1.0])
 
 

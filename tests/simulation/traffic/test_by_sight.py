@@ -39,7 +39,7 @@ def by_lidar(grid: Any, *poses: Any, **changes: Any) -> Simulator:
 
 
 def untouched(simulator: Simulator) -> bool:
-    return not (simulator.robots["hits_robot"].any() or simulator.robots["hits_shelf"].any())
+    return not (simulator.robots["totals"]["hits_robot"].any() or simulator.robots["totals"]["hits_shelf"].any())
 
 
 @settings(max_examples=8)
@@ -65,7 +65,7 @@ def test_the_crowds_do_drive() -> None:
     simulator = by_lidar(grid, *crowd(rng, grid, 9, 0.05))
     for _ in range(200):
         simulator.step(rng.choice([-1.0, 0.0, 1.0], (1, simulator.num_agents, 2), p=[0.25, 0.15, 0.6]))
-    assert (simulator.robots["distance"] > 0.2).mean() > 0.5
+    assert (simulator.robots["totals"]["distance"] > 0.2).mean() > 0.5
 
 
 def test_in_the_open_nothing_holds_a_robot() -> None:
@@ -73,7 +73,7 @@ def test_in_the_open_nothing_holds_a_robot() -> None:
     for _ in range(60):
         simulator.step(raw(simulator, FULL))
     assert simulator.state.speed[0, 0] == 1.5
-    assert simulator.robots["held_time"][0, 0] == 0.0
+    assert simulator.robots["shield"]["vetoed_time"][0, 0] == 0.0
 
 
 def test_two_head_on_stop_before_they_meet() -> None:
@@ -95,8 +95,8 @@ def test_a_blind_corner_is_passed_slowly_and_by_both() -> None:
         simulator.step(raw(simulator, FULL, FULL))
         speeds.append(simulator.state.speed[0].copy())
     assert untouched(simulator)
-    assert (simulator.robots["distance"][0] > 0.5).all()
-    assert simulator.robots["distance"][0].max() > 2.5
+    assert (simulator.robots["totals"]["distance"][0] > 0.5).all()
+    assert simulator.robots["totals"]["distance"][0].max() > 2.5
 
 
 def test_what_is_not_heard_does_not_matter() -> None:
@@ -120,7 +120,7 @@ def test_it_is_the_same_in_any_world(monkeypatch: pytest.MonkeyPatch) -> None:
     for _ in range(60):
         single, several = one.step(policy.act(single, rng)), three.step(policy.act(several, rng))
     np.testing.assert_array_equal(one.robots[0], three.robots[1])
-    assert one.robots["distance"].sum() > 1.0
+    assert one.robots["totals"]["distance"].sum() > 1.0
 
 
 def test_a_reset_forgets_who_was_seen() -> None:

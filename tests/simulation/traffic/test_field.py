@@ -45,7 +45,7 @@ def least_gap(simulator: Simulator) -> float:
 
 
 def untouched(simulator: Simulator) -> bool:
-    return not (simulator.robots["hits_robot"].any() or simulator.robots["hits_shelf"].any())
+    return not (simulator.robots["totals"]["hits_robot"].any() or simulator.robots["totals"]["hits_shelf"].any())
 
 
 def test_a_robot_stops_before_one_that_stands() -> None:
@@ -53,21 +53,21 @@ def test_a_robot_stops_before_one_that_stands() -> None:
     for _ in range(200):
         simulator.step(raw(simulator, FULL, (0.0, 0.0)))
     # The tail of the one that stands is 0.75 m behind its axle, the nose of the other 0.15 m ahead.
-    gap = 15.0 - 0.75 - 0.15 - float(simulator.robots["x"][0, 0])
+    gap = 15.0 - 0.75 - 0.15 - float(simulator.robots["motion"]["x"][0, 0])
     assert 0.05 <= gap + ROUNDING < 0.06
     assert untouched(simulator)
     robot = simulator.robots[0, 0]
-    assert (robot["held"], robot["held_by"], robot["speed"]) == (1, 1, 0.0)
-    assert robot["held_time"] > 1.0
+    assert (robot["shield"]["vetoed"], robot["shield"]["vetoed_by"], robot["motion"]["speed"]) == (1, 1, 0.0)
+    assert robot["shield"]["vetoed_time"] > 1.0
 
 
 def test_a_robot_stops_before_a_shelf() -> None:
     simulator = guarded(room(3, 10), (2.0, 1.5, 0.0))
     for _ in range(200):
         simulator.step(raw(simulator, FULL))
-    assert 0.0 < 10.0 - 0.15 - float(simulator.robots["x"][0, 0]) < 0.01
+    assert 0.0 < 10.0 - 0.15 - float(simulator.robots["motion"]["x"][0, 0]) < 0.01
     assert untouched(simulator)
-    assert (simulator.robots["held"][0, 0], simulator.robots["held_by"][0, 0]) == (1, -1)
+    assert (simulator.robots["shield"]["vetoed"][0, 0], simulator.robots["shield"]["vetoed_by"][0, 0]) == (1, -1)
 
 
 def test_two_head_on_stop_before_they_meet() -> None:
@@ -86,11 +86,11 @@ def test_two_head_on_stop_before_they_meet() -> None:
 def test_one_may_follow_close_behind_another_that_drives() -> None:
     # Both stop within the same way, so that the margin is all they need, once the one ahead has committed.
     simulator = guarded(room(3, 30), (2.0, 1.5, 0.0, 1.5), (3.0, 1.5, 0.0, 1.5))
-    simulator.robots["age"][0, 1] = 1
+    simulator.robots["task"]["age"][0, 1] = 1
     for _ in range(100):
         simulator.step(raw(simulator, FULL, FULL))
-        assert simulator.robots["held"][0, 0] == 0
-        if simulator.robots["x"][0, 1] > 25.0:
+        assert simulator.robots["shield"]["vetoed"][0, 0] == 0
+        if simulator.robots["motion"]["x"][0, 1] > 25.0:
             break
     assert simulator.state.speed.tolist() == [[1.5, 1.5]]
 
@@ -98,11 +98,11 @@ def test_one_may_follow_close_behind_another_that_drives() -> None:
 @pytest.mark.parametrize("first", [0, 1])
 def test_who_has_been_longest_on_its_way_goes_first(first: int) -> None:
     simulator = guarded(room(20, 20), (8.0, 10.0, 0.0), (10.0, 8.0, math.pi / 2))
-    simulator.robots["age"][0, first] = 100
+    simulator.robots["task"]["age"][0, first] = 100
     for _ in range(40):
         simulator.step(raw(simulator, FULL, FULL))
     other = 1 - first
-    assert simulator.robots["distance"][0, first] > simulator.robots["distance"][0, other] + 1.0
+    assert simulator.robots["totals"]["distance"][0, first] > simulator.robots["totals"]["distance"][0, other] + 1.0
     assert simulator.robots["x" if first == 0 else "y"][0, first] > 12.0
     assert untouched(simulator)
 
@@ -121,12 +121,12 @@ def test_standing_robots_may_steer() -> None:
     simulator = guarded(room(3, 10), (5.0, 1.5, 0.0), (5.95, 1.5, 0.0), traffic=TrafficSpec(shield=True, margin=0.2))
     simulator.step(raw(simulator, (0.0, 1.5), (0.0, -1.5)))
     np.testing.assert_allclose(simulator.state.steer[0], [0.15, -0.15], atol=1e-6)
-    assert not simulator.robots["held"].any()
+    assert not simulator.robots["shield"]["vetoed"].any()
 
 
 def test_robots_that_arrive_under_one_shot_tasks_brake_to_their_place() -> None:
     simulator = guarded(room(3, 20), (5.0, 1.5, 0.0, 1.5), (5.97, 1.5, 0.0, 1.5), tasks="one_shot")
-    simulator.robots[0, 1]["goal_x"], simulator.robots[0, 1]["goal_y"] = 8.0, 1.5
+    simulator.robots[0, 1]["task"]["goal_x"], simulator.robots[0, 1]["task"]["goal_y"] = 8.0, 1.5
     for _ in range(60):
         simulator.step(raw(simulator, FULL, FULL))
     assert simulator.terminated[0].tolist() == [False, True]
@@ -164,7 +164,7 @@ def test_random_commands_on_random_floors(seed: int, substeps: int, margin: floa
     poses = crowd(rng, grid, 12, 0.11)
     simulator = guarded(grid, *poses, substeps=substeps, traffic=TrafficSpec(shield=True, margin=margin))
     for k in range(len(poses)):
-        simulator.robots[0, k]["age"] = rng.integers(0, 3)
+        simulator.robots[0, k]["task"]["age"] = rng.integers(0, 3)
     shake(simulator, rng, 60)
     assert untouched(simulator)
     assert len(poses) < 2 or least_gap(simulator) > margin - ROUNDING
@@ -185,9 +185,14 @@ def test_the_field_samples_the_poses_that_bodies_take(seed: int, substeps: int, 
     rates = motion[contact.ACCELERATION, 0], motion[contact.STEER_RATE, 0]
     stops.sample(1, 0, (*rates, substeps), motion, paths, outlines, marks, p)
     for n in range(substeps, marks[stops.SAMPLES, 1], substeps):
-        simulator.step(raw(simulator, command if n == substeps else (float(braking(body["speed"][0], p)), 0.0)))
-        centre = [body["x"] - p["offset"] * body["cos"], body["y"] - p["offset"] * body["sin"]]
-        taken = np.concatenate([*centre, body["cos"], body["sin"]])
+        simulator.step(
+            raw(simulator, command if n == substeps else (float(braking(body["motion"]["speed"][0], p)), 0.0))
+        )
+        centre = [
+            body["motion"]["x"] - p["offset"] * body["motion"]["cos"],
+            body["motion"]["y"] - p["offset"] * body["motion"]["sin"],
+        ]
+        taken = np.concatenate([*centre, body["motion"]["cos"], body["motion"]["sin"]])
         assert paths[1, n, : stops.WAY] == pytest.approx(taken, abs=ROUNDING)
 
 
@@ -238,8 +243,8 @@ def test_robots_under_the_field_arrive() -> None:
     simulator.reset(seed=0)
     for _ in range(300):
         simulator.step(np.full((1, 4), simulator.cruise_action))
-    assert simulator.robots["goals"].sum() > 4
-    assert (simulator.robots["age"] < 300).any()
+    assert simulator.robots["totals"]["goals"].sum() > 4
+    assert (simulator.robots["task"]["age"] < 300).any()
     assert untouched(simulator)
 
 
@@ -261,7 +266,7 @@ def test_robots_of_other_shapes(robot: RobotSpec) -> None:
         simulator = guarded(room(15, 15), *poses, robot=robot)
         shake(simulator, rng, 80)
         assert untouched(simulator)
-        assert simulator.robots["distance"].sum() > 5.0
+        assert simulator.robots["totals"]["distance"].sum() > 5.0
 
 
 def drive_on(simulator: Simulator) -> None:
@@ -305,7 +310,7 @@ def test_what_a_policy_sees_of_the_field() -> None:
     simulator = guarded(room(3, 20), (2.0, 1.5, 0.0), (15.0, 1.5, 0.0), action_repeat=2)
     for _ in range(100):
         simulator.step(raw(simulator, FULL, (0.0, 0.0)))
-    seconds = float(simulator.robots["held_time"][0, 0])
+    seconds = float(simulator.robots["shield"]["vetoed_time"][0, 0])
     assert 1.0 < seconds < 20.0
     np.testing.assert_allclose(simulator.observation[0, :, -2:], [[1.0, min(seconds, 5.0) / 5.0], [0.0, 0.0]])
 
@@ -337,14 +342,14 @@ def test_a_robot_that_is_held_where_it_stands_may_steer() -> None:
     simulator = stage(
         room(12, 12), (5.0, 6.0, 0.0), (4.75, 5.379, 0.0), action_type="raw", traffic=TrafficSpec(shield=True)
     )
-    simulator.robots["steer"][0, 0] = -simulator.config.robot.max_steering
+    simulator.robots["motion"]["steer"][0, 0] = -simulator.config.robot.max_steering
     held = 0
     for _ in range(40):
         simulator.step(np.array([[[1.0, 1.0], [0.0, 0.0]]], np.float32))
-        held += int(simulator.robots["held"][0, 0])
+        held += int(simulator.robots["shield"]["vetoed"][0, 0])
     assert held > 0
-    assert simulator.robots["x"][0, 0] > 5.05
-    assert simulator.robots["hits_robot"].sum() == 0
+    assert simulator.robots["motion"]["x"][0, 0] > 5.05
+    assert simulator.robots["totals"]["hits_robot"].sum() == 0
 
 
 def test_without_the_field_nothing_is_audited() -> None:
@@ -352,4 +357,4 @@ def test_without_the_field_nothing_is_audited() -> None:
     simulator = stage(room(12, 12), (4.0, 6.0, 0.0, 1.5), (6.0, 6.0, math.pi, 1.5), action_type="raw")
     for _ in range(20):
         simulator.step(np.zeros((1, 2, 2), np.float32))
-    assert simulator.robots["hits_robot"].sum() > 0
+    assert simulator.robots["totals"]["hits_robot"].sum() > 0

@@ -26,7 +26,7 @@ def standing(*poses: Pose, goals: list[tuple[int, int]], seconds: float = 1.0) -
     for robot, (pose, goal) in enumerate(zip(poses, goals, strict=True)):
         start = tuple(simulator.grid.cell(np.array(pose[:2])).tolist())
         simulator.dispatcher.give_task(0, robot, goal, simulator.route_book.route(start, goal))
-    simulator.robots["waiting_time"] = seconds
+    simulator.robots["clocks"]["waiting_time"] = seconds
     return simulator
 
 
@@ -48,18 +48,21 @@ def test_a_queue_waits_for_the_one_ahead() -> None:
 def test_only_who_stands_waits() -> None:
     assert waits(standing(*QUEUE, goals=[(6, 10), (6, 11), (6, 9)], seconds=0.8)) == [NOBODY] * 3
     simulator = standing(*QUEUE, goals=[(6, 10), (6, 11), (6, 9)], seconds=0.0)
-    simulator.robots["standing_time"] = 5.0  # rocks where it is
+    simulator.robots["clocks"]["standing_time"] = 5.0  # rocks where it is
     assert waits(simulator)[0] == 1
-    simulator.robots[0, 0]["alive"] = 0
+    simulator.robots[0, 0]["task"]["alive"] = 0
     assert waits(simulator)[0] == NOBODY
 
 
 @pytest.mark.parametrize(("refused_by", "yields_to", "answer"), [(2, NOBODY, 2), (NOBODY, 2, 2), (2, 1, 2)])
 def test_who_has_refused_it_or_goes_first_is_waited_for(refused_by: int, yields_to: int, answer: int) -> None:
     simulator = standing(*QUEUE, goals=[(6, 10), (6, 11), (6, 9)])
-    simulator.robots["held_by"][0, 0], simulator.robots["yields_to"][0, 0] = refused_by, yields_to
+    simulator.robots["shield"]["vetoed_by"][0, 0], simulator.robots["traffic"]["yields_to"][0, 0] = (
+        refused_by,
+        yields_to,
+    )
     assert waits(simulator) == [answer, NOBODY, NOBODY]
-    simulator.robots["waiting_time"] = 0.0  # yet who drives waits for nobody
+    simulator.robots["clocks"]["waiting_time"] = 0.0  # yet who drives waits for nobody
     assert waits(simulator) == [NOBODY] * 3
 
 
@@ -67,7 +70,7 @@ def test_under_the_field_it_names_who_stands_in_the_way() -> None:
     simulator = stage(
         room(12, 12), (4.5, 5.5, EAST), (5.5, 5.5, NORTH), traffic=TrafficSpec(shield=True)
     )  # 0.1 m of gap
-    simulator.robots["points"] = 0  # no route to look along
+    simulator.robots["on_route"]["points"] = 0  # no route to look along
     for _ in range(30):
         simulator.step(raw(simulator, (1.0, 0.0), (0.0, 0.0)))
     assert waits(simulator) == [1, NOBODY]
@@ -128,7 +131,7 @@ def logged(end: Any) -> tuple[JamLog, Simulator]:
     log = JamLog(simulator)
     for step in range(1, 91):
         simulator.steps[0] = step
-        simulator.robots["waiting_time"] = 0.0 if step < 20 else 1.0
+        simulator.robots["clocks"]["waiting_time"] = 0.0 if step < 20 else 1.0
         if step == 60:
             end(simulator)
         log(simulator, step)
@@ -142,12 +145,12 @@ def away(simulator: Simulator) -> None:
 
 def on(simulator: Simulator) -> None:
     put(simulator, 1, (2.5, 5.5, WEST))
-    simulator.robots[0, 1]["position"] += 3.0
+    simulator.robots[0, 1]["on_route"]["position"] += 3.0
 
 
 def anew(simulator: Simulator) -> None:
     away(simulator)
-    simulator.robots[0, 1]["reroutes"] += 1
+    simulator.robots[0, 1]["totals"]["reroutes"] += 1
 
 
 @pytest.mark.parametrize(
@@ -170,7 +173,7 @@ def test_a_cycle_of_one_look_is_no_deadlock() -> None:
     log = JamLog(simulator)
     for step in range(1, 41):
         simulator.steps[0] = step
-        simulator.robots["waiting_time"] = 1.0 if step == 20 else 0.0
+        simulator.robots["clocks"]["waiting_time"] = 1.0 if step == 20 else 0.0
         log(simulator, step)
     log.close(simulator, 0)
     assert log.deadlocks(0) == []
@@ -179,11 +182,11 @@ def test_a_cycle_of_one_look_is_no_deadlock() -> None:
 def test_standing_counts_rocking_within_a_metre() -> None:
     simulator = stage(room(12, 12), (4.5, 5.5, EAST))
     r = simulator.robots[0, 0]
-    r["anchor_x"], r["anchor_y"] = 4.5, 5.5
+    r["clocks"]["anchor_x"], r["clocks"]["anchor_y"] = 4.5, 5.5
     for step in range(60):  # to and fro, 0.5 m/s at most
         simulator.step(np.array([[[1.0 if step // 10 % 4 in (0, 3) else -1.0, 0.0]]], dtype=np.float32) * 0.4)
-    assert r["longest_standing"] == pytest.approx(6.0, abs=0.01)
+    assert r["totals"]["longest_standing"] == pytest.approx(6.0, abs=0.01)
     for _ in range(40):
         simulator.step(np.array([[[1.0, 0.0]]], dtype=np.float32))
-    assert r["standing_time"] < 2.0
-    assert r["longest_standing"] < 8.5
+    assert r["clocks"]["standing_time"] < 2.0
+    assert r["totals"]["longest_standing"] < 8.5

@@ -14,7 +14,7 @@ from warehouse_env.kernel import kernel
 from warehouse_env.maps.grid_map import MOVES, GridMap
 from warehouse_env.planning.cost_to_go import DIAGONAL, UNIT, CostToGo
 from warehouse_env.simulation.simulator import Simulator
-from warehouse_env.simulation.state import PERSON, ROBOT
+from warehouse_env.simulation.state import PERSON, ROBOT, field_of
 from warehouse_env.simulation.traffic import live
 from warehouse_env.simulation.traffic.ants import colonise, make_trails
 from warehouse_env.simulation.traffic.live import SLOTS, LiveRoutes, find_due, keep_barred
@@ -41,12 +41,12 @@ def _often(monkeypatch: pytest.MonkeyPatch) -> None:
 def record(*robots: dict[str, Any]) -> Any:
     """ROBOT[1, N], alive and facing east but for what is given."""
     found = np.zeros((1, len(robots)), ROBOT)
-    found["alive"] = 1
-    found["cos"] = 1.0
-    found["spacing"] = 1.0
+    found["task"]["alive"] = 1
+    found["motion"]["cos"] = 1.0
+    found["on_route"]["spacing"] = 1.0
     for i, fields in enumerate(robots):
         for name, value in fields.items():
-            found[0, i][name] = value
+            field_of(found[0], name)[i] = value
     return found
 
 
@@ -98,7 +98,7 @@ NO_FIELD = np.empty((0, 0), np.int32)
 
 def look_of(robots: Any, routes: Any, me: int, legal: Any = None, **prices: float) -> Look:
     steps = steps_of(all_moves() if legal is None else legal)
-    row, column = ROWS - 1 - int(robots[0, me]["y"]), int(robots[0, me]["x"])
+    row, column = ROWS - 1 - int(robots[0, me]["motion"]["y"]), int(robots[0, me]["motion"]["x"])
     asked = make_asked(ROWS * COLUMNS)
     asked.looks[0] = 1
     table, priced = table_of(robots, routes), FREE._replace(**prices)
@@ -126,9 +126,9 @@ def test_a_robot_counts_as_standing_once_it_has_not_moved_a_metre_for_so_long_or
     robots = record({"x": 0.5, "y": 2.5, "points": 9}, {"x": 6.5, "y": 2.5, "standing_time": 5.9})
     routes = eastwards(2, 2, range(9))
     assert barred(robots, routes) == [False, False]
-    robots[0, 1]["standing_time"] = 6.0
+    robots[0, 1]["clocks"]["standing_time"] = 6.0
     assert barred(robots, routes) == [True, False]
-    robots[0, 1]["standing_time"], robots[0, 1]["alive"] = 0.0, 0
+    robots[0, 1]["clocks"]["standing_time"], robots[0, 1]["task"]["alive"] = 0.0, 0
     assert barred(robots, routes) == [True, False]
 
 
@@ -157,7 +157,7 @@ def test_nobody_bars_his_own_way_and_what_is_behind_bars_none() -> None:
 
 def test_all_robots_look_but_those_who_have_arrived_or_are_parked_and_one_after_another() -> None:
     robots = record(*({"x": 0.5, "y": 2.5, "points": 9} for _ in range(5)))  # nobody stands
-    robots["arrived"][0, 3], robots["alive"][0, 4] = 1, 0
+    robots["events"]["arrived"][0, 3], robots["task"]["alive"][0, 4] = 1, 0
     looked = [looks(robots, step, every=10)[0] for step in range(20)]
     assert np.sum(looked, axis=0).tolist() == [2, 2, 2, 0, 0]
     assert max(sum(row) for row in looked) == 1
@@ -173,7 +173,7 @@ def test_robots_find_better_routes_where_nobody_stands_unless_only_the_barred_lo
         simulator = Simulator(CONFIG.replace(traffic=TrafficSpec(routes="barred" if only_barred else True)))
         simulator.reset([5])
         drive(simulator, 50)
-        found[only_barred] = int(simulator.robots["reroutes"].sum())
+        found[only_barred] = int(simulator.robots["totals"]["reroutes"].sum())
     assert found[True] == 0 < found[False]
 
 
@@ -185,7 +185,7 @@ def test_a_robot_that_stands_makes_its_cell_dear_and_those_around_it() -> None:
     assert cost[2, 6, EAST] == 3.0  # leaving it for the cell beside
     assert cost[2, 3, EAST] == 0.0
     assert not costs(robots, eastwards(3, 2, range(9)), 1, standing=10.0, beside=3.0).any()  # nobody is in his own way
-    robots[0, 0]["standing_time"] = 40.0  # who has stood long himself goes a longer way round
+    robots[0, 0]["clocks"]["standing_time"] = 40.0  # who has stood long himself goes a longer way round
     assert costs(robots, eastwards(3, 2, range(9)), 0, standing=10.0, beside=3.0)[2, 5, EAST] == 30.0
 
 
@@ -217,7 +217,7 @@ def test_moves_against_what_is_left_of_a_route_cost() -> None:
     np.testing.assert_array_equal(cost[2, :, WEST - 1], 0.5 * west)
     np.testing.assert_array_equal(cost[2, :, WEST + 1], 0.5 * west)
     assert cost.sum() == 2 * west.sum()
-    robots[0, 0]["alive"] = 0
+    robots[0, 0]["task"]["alive"] = 0
     assert not costs(robots, eastwards(2, 2, range(9)), 1, against=2.0).any()
 
 
@@ -268,14 +268,14 @@ def live_of(simulator: Simulator) -> LiveRoutes:
 def look_for(live: LiveRoutes, simulator: Simulator, me: int = 0, step: int = 1, **how: bool) -> Any:
     """What robot `me` of the first world finds to its goal."""
     robots = simulator.robots[0]
-    goal = (int(robots[me]["goal_row"]), int(robots[me]["goal_col"]))
+    goal = (int(robots[me]["task"]["goal_row"]), int(robots[me]["task"]["goal_col"]))
     return live.route(simulator.robots, simulator.routes, 0, me, step, goal, **how)
 
 
 def test_prices_of_who_has_stood_for_ever_are_cut_off() -> None:
     simulator = Simulator(CONFIG)
     simulator.reset([1])
-    simulator.robots["standing_time"] = 1e9
+    simulator.robots["clocks"]["standing_time"] = 1e9
     assert look_for(live_of(simulator), simulator) is not None
 
 
@@ -285,8 +285,10 @@ def test_on_its_way_a_robot_keeps_its_route_unless_a_new_one_saves_enough() -> N
     robots, live = simulator.robots[0], live_of(simulator)
     assert look_for(live, simulator, on_its_way=True) is None
     assert look_for(live, simulator) is not None
-    robots[1]["x"], robots[1]["y"] = simulator.routes[0, 0, int(robots[0]["points"]) // 2]  # in its way, and stands
-    robots[1]["standing_time"] = 60.0
+    robots[1]["motion"]["x"], robots[1]["motion"]["y"] = simulator.routes[
+        0, 0, int(robots[0]["on_route"]["points"]) // 2
+    ]  # in its way, and stands
+    robots[1]["clocks"]["standing_time"] = 60.0
     assert look_for(live, simulator, step=2, on_its_way=True) is not None
 
 
@@ -335,16 +337,19 @@ def test_a_new_route_begins_at_the_robot_and_ends_at_the_same_goal_and_the_task_
         before = simulator.robots[0].copy()
         drive(simulator, 1)
         r = simulator.robots[0]
-        for i in np.flatnonzero(r["reroutes"] > before["reroutes"]):
+        for i in np.flatnonzero(r["totals"]["reroutes"] > before["totals"]["reroutes"]):
             seen += 1
-            route = simulator.routes[0, i, : r[i]["points"]]
-            np.testing.assert_allclose(route[0], [r[i]["x"], r[i]["y"]], atol=1e-5)
-            np.testing.assert_array_equal(route[-1], [r[i]["goal_x"], r[i]["goal_y"]])
-            assert r[i]["position"] == 0.0
-            if r[i]["goals"] == before[i]["goals"]:
-                assert r[i]["task_length"] == before[i]["task_length"]
+            route = simulator.routes[0, i, : r[i]["on_route"]["points"]]
+            np.testing.assert_allclose(route[0], [r[i]["motion"]["x"], r[i]["motion"]["y"]], atol=1e-5)
+            np.testing.assert_array_equal(route[-1], [r[i]["task"]["goal_x"], r[i]["task"]["goal_y"]])
+            assert r[i]["on_route"]["position"] == 0.0
+            if r[i]["totals"]["goals"] == before[i]["totals"]["goals"]:
+                assert r[i]["totals"]["task_length"] == before[i]["totals"]["task_length"]
                 # a new route is no progress; a metre driven in this very step is
-                assert r[i]["stalled_time"] >= before[i]["stalled_time"] or r[i]["stalled_time"] < 0.2
+                assert (
+                    r[i]["clocks"]["stalled_time"] >= before[i]["clocks"]["stalled_time"]
+                    or r[i]["clocks"]["stalled_time"] < 0.2
+                )
     assert seen > 0
 
 
@@ -369,7 +374,7 @@ def test_live_routes_keep_one_way_cells() -> None:
     simulator = Simulator(CONFIG.replace(num_agents=6), grid=grid)
     simulator.reset([1])
     drive(simulator)
-    assert simulator.robots["goals"].sum() > 0
+    assert simulator.robots["totals"]["goals"].sum() > 0
 
 
 def test_who_is_in_the_cell_of_its_goal_keeps_its_route_to_the_middle() -> None:
@@ -378,7 +383,10 @@ def test_who_is_in_the_cell_of_its_goal_keeps_its_route_to_the_middle() -> None:
     r = simulator.robots[0, 0]
     live = live_of(simulator)
     assert look_for(live, simulator) is not None
-    r["x"], r["y"] = r["goal_x"] - 0.4, r["goal_y"] - 0.4  # farther off than the radius in which it has arrived
+    r["motion"]["x"], r["motion"]["y"] = (
+        r["task"]["goal_x"] - 0.4,
+        r["task"]["goal_y"] - 0.4,
+    )  # farther off than the radius in which it has arrived
     assert look_for(live, simulator) is None
 
 
@@ -399,13 +407,16 @@ def crowd(layout: str, robots: int, steps: int = 0, seed: int = 3) -> tuple[Simu
     simulator.reset([seed])
     drive(simulator, steps)
     records, grid = simulator.robots[0], simulator.grid
-    records["standing_time"][:2] = 7.7
+    records["clocks"]["standing_time"][:2] = 7.7
     size, floor, looks = np.float32(grid.cell_size), CostToGo(grid), []
     site = Site(size, *grid.shape, 6.0, np.full(robots, 0.3, np.float32))
     table, asked = make_passing(1, robots, grid.occupied.size, SLOTS), make_asked(grid.occupied.size)
     keep_all_up(table, 0, 0, RoadUsers(simulator.robots, simulator.routes, *NOBODY_WALKS), site)
     for me, r in enumerate(records):
-        field, cell = floor.field((int(r["goal_row"]), int(r["goal_col"])), floor.whole()), grid.cell([r["x"], r["y"]])
+        field, cell = (
+            floor.field((int(r["task"]["goal_row"]), int(r["task"]["goal_col"])), floor.whole()),
+            grid.cell([r["motion"]["x"], r["motion"]["y"]]),
+        )
         where = (me, *cell.tolist(), field, 0, 0, 10 * UNIT, 40 * UNIT)
         looks.append(Look(table, asked, records, floor.steps, PRICES, size, 0, *where))
     return simulator, looks
@@ -488,11 +499,11 @@ def folded(planner: str) -> int:
     simulator, rng, count = Simulator(config), np.random.default_rng(0), 0
     simulator.reset([0])
     routes, robots = live_of(simulator), simulator.robots[0]
-    robots["standing_time"] = STOOD_FOR
+    robots["clocks"]["standing_time"] = STOOD_FOR
     cells = simulator.grid.free_cells
     for _ in range(1500):
         me, goal = rng.integers(64), tuple(cells[rng.integers(len(cells))].tolist())
-        robots[me]["heading"] = rng.uniform(-np.pi, np.pi)
+        robots[me]["motion"]["heading"] = rng.uniform(-np.pi, np.pi)
         route = routes.route(simulator.robots, simulator.routes, 0, me, 1, goal)
         count += route is not None and sharpest_turn(route.line[:15]) > 2.0
     return count

@@ -23,8 +23,8 @@ AISLE = drawn(["#" * 16, "." * 16, "#" * 16])
 def ring(waited: Sequence[float] = (3.0, 3.0, 3.0), ages: Sequence[int] = (5, 2, 9)) -> World:
     """Three robots, each of whose ways the next one bars."""
     world = World((10.0, 10.0, 0.0), (11.6, 10.2, math.pi / 2), (10.6, 11.6, -2.4), ages=ages).decide()
-    world.robots["yields_to"] = [1, 2, 0]
-    world.robots["waiting_time"] = waited
+    world.robots["traffic"]["yields_to"] = [1, 2, 0]
+    world.robots["clocks"]["waiting_time"] = waited
     return world
 
 
@@ -33,14 +33,14 @@ def resolve(world: World) -> list[int]:
     sim = world.simulator
     if waits.look(world.robots, waits.scratch(len(world.robots))):
         making_room.make_room(0, 1, sim._at_hand(), sim._search_setup, sim._searches.take())
-    return [int(k) for k in np.flatnonzero(world.robots["arcs"])]
+    return [int(k) for k in np.flatnonzero(world.robots["manoeuvre"]["arcs"])]
 
 
 def test_the_one_with_the_least_right_leaves_the_others_paths() -> None:
     world = ring()
     assert resolve(world) == [1]
-    assert world.robots["aside"].tolist() == [0, 1, 0]
-    assert world.robots["pause"][1] == waits.LEAVES
+    assert world.robots["traffic"]["retreating"].tolist() == [0, 1, 0]
+    assert world.robots["traffic"]["pause"][1] == waits.LEAVES
     world.decide()
     end = rectangles(world.path(1))[-1:]
     for other in (0, 2):
@@ -49,7 +49,7 @@ def test_the_one_with_the_least_right_leaves_the_others_paths() -> None:
 
 def test_who_found_no_way_pauses_and_another_makes_room() -> None:
     world = ring()
-    world.robots["pause"][1] = 2.0
+    world.robots["traffic"]["pause"][1] = 2.0
     found = resolve(world)
     assert len(found) == 1
     assert found != [1]
@@ -73,32 +73,32 @@ def test_nobody_makes_room_before_all_have_waited(waited: Sequence[float]) -> No
 
 def test_who_waits_for_nobody_makes_no_room() -> None:
     world = ring()
-    world.robots["yields_to"] = NOBODY
+    world.robots["traffic"]["yields_to"] = NOBODY
     assert resolve(world) == []
 
 
 def test_who_waits_for_one_that_stands_for_good_looks_for_a_way_round_it() -> None:
     world = World((10.0, 10.0, 0.0), (11.5, 10.0, 0.0), ages=[5, 0]).decide()
-    world.robots["yields_to"] = [1, NOBODY]
-    world.robots["waiting_time"] = 3.9
+    world.robots["traffic"]["yields_to"] = [1, NOBODY]
+    world.robots["clocks"]["waiting_time"] = 3.9
     resolve(world)
-    assert world.robots["pause"].tolist() == [0.0, 0.0]
-    world.robots["waiting_time"] = 4.1
+    assert world.robots["traffic"]["pause"].tolist() == [0.0, 0.0]
+    world.robots["clocks"]["waiting_time"] = 4.1
     resolve(world)  # it searches, and whether or not it finds a way, not again for a while
-    assert world.robots["pause"].tolist() == [waits.PAUSE, 0.0]
-    assert world.robots["aside"].tolist() == [0, 0]
+    assert world.robots["traffic"]["pause"].tolist() == [waits.PAUSE, 0.0]
+    assert world.robots["traffic"]["retreating"].tolist() == [0, 0]
 
 
 def test_a_parked_robot_stands_for_good() -> None:
     """It counts no time any more."""
     world = World((10.0, 10.0, 0.0), (11.5, 10.0, 0.0), ages=[5, 0]).decide()
-    world.robots["yields_to"] = [1, NOBODY]
-    world.robots["waiting_time"] = [4.1, 0.0]
+    world.robots["traffic"]["yields_to"] = [1, NOBODY]
+    world.robots["clocks"]["waiting_time"] = [4.1, 0.0]
     resolve(world)
-    assert world.robots["pause"][0] == 0.0  # it has only just come to a halt
-    world.robots["alive"][1] = 0
+    assert world.robots["traffic"]["pause"][0] == 0.0  # it has only just come to a halt
+    world.robots["task"]["alive"][1] = 0
     resolve(world)
-    assert world.robots["pause"][0] == waits.PAUSE
+    assert world.robots["traffic"]["pause"][0] == waits.PAUSE
 
 
 def test_who_waits_for_itself_leaves_its_place() -> None:
@@ -106,9 +106,9 @@ def test_who_waits_for_itself_leaves_its_place() -> None:
     world = World((6.0, 1.5, 0.0), grid=AISLE, people=1).decide()
     person = world.simulator.people.persons[0, 0]
     person["x"], person["y"] = 7.0, 1.5
-    world.robots["yields_to"], world.robots["waiting_time"] = 0, 3.0
+    world.robots["traffic"]["yields_to"], world.robots["clocks"]["waiting_time"] = 0, 3.0
     assert resolve(world) == [0]
-    assert world.robots["aside"].tolist() == [1]
+    assert world.robots["traffic"]["retreating"].tolist() == [1]
     world.decide()
     ways = rectangles(world.path(0))[..., 0]
     assert ways.max() < 6.15 + 1e-3
@@ -121,7 +121,7 @@ def test_who_makes_room_goes_round_people() -> None:
         world = World((10.15, 10.0, 0.0), people=1).decide()
         person = world.simulator.people.persons[0, 0]
         person["x"], person["y"] = 9.85 + 1.2 * beside, 10.0
-        world.robots["yields_to"], world.robots["waiting_time"] = 0, 3.0
+        world.robots["traffic"]["yields_to"], world.robots["clocks"]["waiting_time"] = 0, 3.0
         assert resolve(world) == [0]
         world.decide()
         gaps = np.abs(rectangles(world.path(0))[..., 0] - person["x"]).min()
@@ -132,16 +132,16 @@ def shut_in() -> World:
     """In an aisle of one cell one faces a parked robot, and two more wait right behind it, nose to tail."""
     poses = [(10.1, 1.5, math.pi), (9.6, 1.5, 0.0), (8.6, 1.5, 0.0), (7.6, 1.5, 0.0)]
     world = World(*poses, ages=[0, 9, 8, 7], grid=AISLE).decide()
-    world.robots["yields_to"] = [NOBODY, 0, 1, 2]
-    world.robots["waiting_time"] = 5.0
-    world.robots["alive"][0] = 0
+    world.robots["traffic"]["yields_to"] = [NOBODY, 0, 1, 2]
+    world.robots["clocks"]["waiting_time"] = 5.0
+    world.robots["task"]["alive"][0] = 0
     return world
 
 
 def test_behind_one_that_is_shut_in_the_last_backs_off_first() -> None:
     world = shut_in()
     assert resolve(world) == [3]
-    assert world.robots["aside"].tolist() == [0, 0, 0, 1]
+    assert world.robots["traffic"]["retreating"].tolist() == [0, 0, 0, 1]
     world.decide()
     assert rectangles(world.path(3))[-1, :, 0].max() < 7.6 - 1.0  # off the floor behind the one before it
     assert resolve(world) == [3]  # which now waits for that
@@ -188,7 +188,7 @@ def meet(meeting: str) -> Simulator:
 def test_who_meet_in_a_winding_passage_of_one_cell_get_on(meeting: str) -> None:
     """Room is several metres and bends away: no short search gets there, and who waits behind stands on the way."""
     robots = meet(meeting).robots
-    assert robots["longest_standing"].max() < 60.0
-    assert robots["goals"].sum() > 0
-    assert not robots["hits_robot"].any()
-    assert not robots["hits_shelf"].any()
+    assert robots["totals"]["longest_standing"].max() < 60.0
+    assert robots["totals"]["goals"].sum() > 0
+    assert not robots["totals"]["hits_robot"].any()
+    assert not robots["totals"]["hits_shelf"].any()

@@ -44,7 +44,11 @@ def new_route(rng: np.random.Generator, robots: Any, routes: Any, i: int) -> Non
     points = int(rng.integers(1, routes.shape[1] + 1))
     line = np.cumsum(rng.normal(0.0, 0.4, (points, 2)), axis=0) + rng.uniform(0, 9, 2)
     routes[i, :points] = np.clip(line, 0.1, (COLUMNS - 0.1, ROWS - 0.1))
-    robots[i]["points"], robots[i]["spacing"], robots[i]["position"] = points, 0.5, 0.0
+    robots[i]["on_route"]["points"], robots[i]["on_route"]["spacing"], robots[i]["on_route"]["position"] = (
+        points,
+        0.5,
+        0.0,
+    )
 
 
 @settings(max_examples=60, deadline=None)
@@ -53,7 +57,7 @@ def test_a_table_that_is_kept_up_says_what_a_new_one_says(seed: int) -> None:
     rng = np.random.default_rng(seed)
     users = RoadUsers(np.zeros((2, ROBOTS), ROBOT), np.zeros((2, ROBOTS, 40, 2), np.float32), NOBODY_WALKS, ON_NOTHING)
     robots, routes = users.robots[1], users.routes[1]
-    robots["alive"] = 1
+    robots["task"]["alive"] = 1
     kept = make_passing(2, ROBOTS, ROWS * COLUMNS, SLOTS)
     for i in range(ROBOTS):
         new_route(rng, robots, routes, i)
@@ -63,9 +67,15 @@ def test_a_table_that_is_kept_up_says_what_a_new_one_says(seed: int) -> None:
             if chance < 0.1:
                 forget_route(kept, 1, i)
                 new_route(rng, robots, routes, i)
-            r["position"] = np.clip(r["position"] + rng.normal(0.4, 0.8), 0.0, max(r["points"] - 1, 0) * 0.5)
-            r["x"], r["y"] = rng.uniform(0, COLUMNS), rng.uniform(0, ROWS)
-            r["cos"], r["standing_time"], r["alive"] = 1.0, rng.uniform(0.0, 12.0), rng.random() < 0.9
+            r["on_route"]["position"] = np.clip(
+                r["on_route"]["position"] + rng.normal(0.4, 0.8), 0.0, max(r["on_route"]["points"] - 1, 0) * 0.5
+            )
+            r["motion"]["x"], r["motion"]["y"] = rng.uniform(0, COLUMNS), rng.uniform(0, ROWS)
+            r["motion"]["cos"], r["clocks"]["standing_time"], r["task"]["alive"] = (
+                1.0,
+                rng.uniform(0.0, 12.0),
+                rng.random() < 0.9,
+            )
         keep_all_up(kept, 1, step, users, SITE)
         new = make_passing(2, ROBOTS, ROWS * COLUMNS, SLOTS)
         keep_all_up(new, 1, step, users, SITE)
@@ -77,7 +87,12 @@ def test_a_table_that_is_kept_up_says_what_a_new_one_says(seed: int) -> None:
 
 def test_what_is_listed_by_hand() -> None:
     robots, routes = np.zeros((1, 1), ROBOT), np.zeros((1, 1, 40, 2), np.float32)
-    robots["alive"], robots["points"], robots["spacing"], robots["position"] = 1, 7, 0.5, 0.6
+    (
+        robots["task"]["alive"],
+        robots["on_route"]["points"],
+        robots["on_route"]["spacing"],
+        robots["on_route"]["position"],
+    ) = 1, 7, 0.5, 0.6
     routes[0, 0, :7, 0], routes[0, 0, :7, 1] = 0.25 + 0.5 * np.arange(7), 8.5  # along the first row, two points a cell
     table = make_passing(1, 1, ROWS * COLUMNS, SLOTS)
     keep_all_up(table, 0, 0, RoadUsers(robots, routes, NOBODY_WALKS, ON_NOTHING), SITE)

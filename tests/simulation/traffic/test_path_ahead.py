@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tests.simulation.reference import OFFSET
 from tests.simulation.rights import World, empty_path
 from warehouse_env.simulation.driver.driving import begin
+from warehouse_env.simulation.state import field_of
 from warehouse_env.simulation.traffic.path_ahead import CENTRE_X, CENTRE_Y, COS, DRIVEN, POSES, SIN, write_path
 
 
@@ -35,7 +36,7 @@ def ahead(world: World, side: float = 0.0) -> tuple[NDArray[np.float32], bool]:
 @given(distance=st.floats(0.0, 50.0))
 def test_the_first_pose_is_the_next_half_metre_of_the_odometer(distance: float) -> None:
     world = World((2.0, 12.0, 0.0), length=20.0)
-    world.robots["distance"] = distance
+    world.robots["totals"]["distance"] = distance
     path, at_end = ahead(world)
     assert len(path) == POSES
     assert not at_end
@@ -48,11 +49,11 @@ def test_the_first_pose_is_the_next_half_metre_of_the_odometer(distance: float) 
 @pytest.mark.parametrize("driven", [0.03, 0.12, 0.2, 0.37, 0.49, 0.5, 0.9])
 def test_poses_do_not_move_while_the_robot_drives(driven: float) -> None:
     world = World((2.0, 12.0, 0.0), length=20.0)
-    world.robots["distance"] = 0.03
+    world.robots["totals"]["distance"] = 0.03
     before, _ = ahead(world)
-    world.robots["x"] += np.float32(driven)
-    world.robots["position"] = driven
-    world.robots["distance"] += driven
+    world.robots["motion"]["x"] += np.float32(driven)
+    world.robots["on_route"]["position"] = driven
+    world.robots["totals"]["distance"] += driven
     after, _ = ahead(world)
     passed = int((0.03 + driven) / 0.5)
     np.testing.assert_allclose(after[1 : POSES - passed, :4], before[1 + passed :, :4], atol=1e-4)
@@ -65,9 +66,9 @@ def decided(world: World) -> NDArray[np.float32]:
 
 def drive(world: World, metres: float) -> None:
     """Move the first robot along the x axis, which its route follows."""
-    world.robots["x"][0] += np.float32(metres)
-    world.robots["distance"][0] += metres
-    world.robots["position"][0] += np.float32(metres)
+    world.robots["motion"]["x"][0] += np.float32(metres)
+    world.robots["totals"]["distance"][0] += metres
+    world.robots["on_route"]["position"][0] += np.float32(metres)
 
 
 def test_a_path_is_kept_for_two_metres_and_then_written_anew() -> None:
@@ -88,9 +89,9 @@ def test_who_is_off_its_path_gets_another(field: str, value: float) -> None:
     world = World((2.0, 12.0, 0.0), length=20.0)
     decided(world)
     drive(world, 0.6)
-    world.robots[field][0] = value
-    heading = world.robots["heading"]
-    world.robots["cos"], world.robots["sin"] = np.cos(heading), np.sin(heading)
+    field_of(world.robots, field)[0] = value
+    heading = world.robots["motion"]["heading"]
+    world.robots["motion"]["cos"], world.robots["motion"]["sin"] = np.cos(heading), np.sin(heading)
     np.testing.assert_array_equal(decided(world), ahead(world)[0])
 
 
@@ -125,22 +126,22 @@ def test_the_end_of_each_arc_of_a_manoeuvre_is_a_pose_of_its_own() -> None:
     world = World((2.0, 12.0, 0.0), length=20.0)
     r = world.robots[0]
     world.simulator.arcs[0, 0, :2] = [(0.7, 0.0), (-0.45, 0.0)]
-    r["arcs"], r["aside"], r["distance"] = 2, 1, 0.125
-    r["arc_x"], r["arc_y"], r["arc_left"] = 2.0, 12.0, 0.7
+    r["manoeuvre"]["arcs"], r["traffic"]["retreating"], r["totals"]["distance"] = 2, 1, 0.125
+    r["manoeuvre"]["arc_x"], r["manoeuvre"]["arc_y"], r["manoeuvre"]["arc_left"] = 2.0, 12.0, 0.7
     path, at_end = ahead(world)
     assert not at_end
     # 0.5 and 1.0 on the odometer, the first end after 0.7 m, the second after 1.15 m
     np.testing.assert_allclose(path[:, DRIVEN], [0.0, 0.375, 0.7, 0.875, 1.15], atol=1e-5)
     np.testing.assert_allclose(path[:, CENTRE_X] + OFFSET, [2.0, 2.375, 2.7, 2.525, 2.25], atol=1e-5)
 
-    r["aside"] = 0  # back to the route: from there on half metres of the odometer again
+    r["traffic"]["retreating"] = 0  # back to the route: from there on half metres of the odometer again
     path, _ = ahead(world)
     np.testing.assert_allclose(path[:7, DRIVEN], [0.0, 0.375, 0.7, 0.875, 1.15, 1.375, 1.875], atol=1e-5)
 
 
 def test_a_parked_robot_and_one_without_a_route_stay() -> None:
     world = World((2.0, 12.0, 0.0))
-    world.robots["alive"] = 0
+    world.robots["task"]["alive"] = 0
     assert len(ahead(world)[0]) == 1
-    world.robots["alive"], world.robots["points"] = 1, 1
+    world.robots["task"]["alive"], world.robots["on_route"]["points"] = 1, 1
     assert len(ahead(world)[0]) == 1

@@ -41,26 +41,29 @@ def test_alone_a_robot_is_granted_what_it_asks_for() -> None:
     world = World((5.0, 10.0, 0.0)).decide()
     assert world.granted(0) == AHEAD
     r = world.robots[0]
-    assert (r["yields_to"], r["authority"], r["claim"]) == (NOBODY, 1.0, 1.0)
-    r["speed"], r["distance"] = 1.0, 0.1  # it stops in 0.5 m, after 0.2 s at 1 m/s: the second pose, at 0.9 m
+    assert (r["traffic"]["yields_to"], r["traffic"]["authority"], r["traffic"]["claim"]) == (NOBODY, 1.0, 1.0)
+    r["motion"]["speed"], r["totals"]["distance"] = (
+        1.0,
+        0.1,
+    )  # it stops in 0.5 m, after 0.2 s at 1 m/s: the second pose, at 0.9 m
     assert world.decide().granted(0) == 2 + AHEAD
-    assert r["authority"] == pytest.approx(1.9, abs=ROUNDING)
+    assert r["traffic"]["authority"] == pytest.approx(1.9, abs=ROUNDING)
 
 
 def test_near_its_goal_a_robot_need_not_stop() -> None:
     world = World((5.0, 10.0, 0.0), length=1.0).decide()
-    assert world.robots["at_end"][0] == 1
-    assert world.robots["authority"][0] == math.inf
+    assert world.robots["traffic"]["at_end"][0] == 1
+    assert world.robots["traffic"]["authority"][0] == math.inf
 
 
 @pytest.mark.parametrize("first", [0, 1])
 def test_of_two_that_cross_one_waits_off_the_others_path(first: int) -> None:
     world, other = crossing(first).decide(), 1 - first
     assert world.order.tolist() == [first, other]
-    assert world.robots["yields_to"].tolist() == [NOBODY if k == first else first for k in range(2)]
+    assert world.robots["traffic"]["yields_to"].tolist() == [NOBODY if k == first else first for k in range(2)]
     # 2 m to the crossing, and the body, half a width and its own rear beyond it
-    assert world.robots["authority"][first] > 2.0 + 0.3 + 0.75
-    assert 0.0 < world.robots["authority"][other] < 2.0
+    assert world.robots["traffic"]["authority"][first] > 2.0 + 0.3 + 0.75
+    assert 0.0 < world.robots["traffic"]["authority"][other] < 2.0
     assert gap(world, other, first, last=world.granted(other)) > 0.0  # off all of the other's path
 
 
@@ -75,37 +78,37 @@ def test_nobody_waits_on_a_crossing() -> None:
 
 def test_who_has_been_granted_a_crossing_keeps_it() -> None:
     world = crossing(1)
-    world.robots["alive"][0] = 0  # not there yet
-    world.robots["x"][0] = 1.0
+    world.robots["task"]["alive"][0] = 0  # not there yet
+    world.robots["motion"]["x"][0] = 1.0
     world.decide()
-    claim = float(world.robots["claim"][1])
-    world.robots["alive"][0], world.robots["x"][0] = 1, 8.0
-    world.robots["age"][0] = 1000  # it goes first, but what is granted stays
+    claim = float(world.robots["traffic"]["claim"][1])
+    world.robots["task"]["alive"][0], world.robots["motion"]["x"][0] = 1, 8.0
+    world.robots["task"]["age"][0] = 1000  # it goes first, but what is granted stays
     world.decide()
     assert world.order.tolist() == [0, 1]
-    assert world.robots["claim"][1] >= claim
-    assert world.robots["yields_to"].tolist() == [1, NOBODY]
+    assert world.robots["traffic"]["claim"][1] >= claim
+    assert world.robots["traffic"]["yields_to"].tolist() == [1, NOBODY]
 
 
 def test_what_is_granted_is_lost_to_one_that_cannot_stop() -> None:
     world = World((9.0, 10.0, 0.0), (10.0, 9.0, math.pi / 2), ages=[0, 100])
-    world.robots["alive"][0] = 0
-    world.robots["x"][0] = 1.0
+    world.robots["task"]["alive"][0] = 0
+    world.robots["motion"]["x"][0] = 1.0
     world.decide()
-    before = world.robots["authority"][1]
+    before = world.robots["traffic"]["authority"][1]
     assert before >= 1.0
-    world.robots["alive"][0], world.robots["x"][0], world.robots["speed"][0] = 1, 9.0, 1.5
-    world.robots["age"][0] = 1000
+    world.robots["task"]["alive"][0], world.robots["motion"]["x"][0], world.robots["motion"]["speed"][0] = 1, 9.0, 1.5
+    world.robots["task"]["age"][0] = 1000
     world.decide()
-    assert world.robots["authority"][0] >= 1.5**2 / 2 + 0.2 * 1.5
-    assert world.robots["authority"][1] < before
-    assert world.robots["yields_to"][1] == 0
+    assert world.robots["traffic"]["authority"][0] >= 1.5**2 / 2 + 0.2 * 1.5
+    assert world.robots["traffic"]["authority"][1] < before
+    assert world.robots["traffic"]["yields_to"][1] == 0
 
 
 def test_of_two_head_on_the_later_one_takes_another_side() -> None:
     world = World((5.0, 10.0, 0.0, 1.0), (11.6, 10.0, math.pi, 1.0), ages=[9, 0]).decide()
-    assert world.robots["side"].tolist() == [0.0, np.float32(-1.2)]  # 0.6 m are too few for two bodies
-    assert world.robots["yields_to"].tolist() == [NOBODY, NOBODY]
+    assert world.robots["traffic"]["side"].tolist() == [0.0, np.float32(-1.2)]  # 0.6 m are too few for two bodies
+    assert world.robots["traffic"]["yields_to"].tolist() == [NOBODY, NOBODY]
     assert gap(world, 1, 0, world.granted(1), world.granted(0)) > 2 * WIDE - ROUNDING
 
 
@@ -116,41 +119,41 @@ def test_sides_are_tried_in_the_order_of_preference(liked: float) -> None:
     preferences[0, :, np.flatnonzero((table == (1.5, 0.0)).all(axis=1))] = 3.0
     preferences[0, :, np.flatnonzero((table == np.array((0.5, liked), np.float32)).all(axis=1))] = 2.0
     world = World((5.0, 10.0, 0.0, 1.0), (11.6, 10.0, math.pi, 1.0), ages=[9, 0]).decide(preferences)
-    assert world.robots["side"][1] == np.float32(liked)
+    assert world.robots["traffic"]["side"][1] == np.float32(liked)
     assert world.simulator._commands[0, 0, :, 0].tolist() == [1.5, 0.5]  # the speed that it likes there
 
 
 def test_the_liked_side_is_taken_back_when_it_is_free() -> None:
     world = World((5.0, 10.0, 0.0, 1.0), (11.6, 10.0, math.pi, 1.0), ages=[9, 0]).decide()
-    world.robots["x"][0], world.robots["points"][0] = 20.0, 1
-    assert world.decide().robots["side"][1] == 0.0
+    world.robots["motion"]["x"][0], world.robots["on_route"]["points"][0] = 20.0, 1
+    assert world.decide().robots["traffic"]["side"][1] == 0.0
 
 
 def test_behind_one_that_drives_the_same_way_nobody_changes_sides() -> None:
     world = World((5.0, 10.0, 0.0, 1.0), (7.0, 10.0, 0.0, 1.0), ages=[0, 9]).decide()
-    assert world.robots["side"].tolist() == [0.0, 0.0]
+    assert world.robots["traffic"]["side"].tolist() == [0.0, 0.0]
     assert gap(world, 0, 1, world.granted(0), 0) > 0
 
 
 def test_who_bars_the_way_inherits_the_right() -> None:
     world = World(*((2.0 + 4 * k, 10.0, 0.0) for k in range(5)), ages=[9, 3, 1, 7, 5])
-    world.robots["yields_to"] = [1, 2, NOBODY, NOBODY, 3]
+    world.robots["traffic"]["yields_to"] = [1, 2, NOBODY, NOBODY, 3]
     rank(world.robots, world.order)
-    assert world.robots["right"].tolist() == [9, 9, 9, 7, 5]
+    assert world.robots["traffic"]["right"].tolist() == [9, 9, 9, 7, 5]
     assert world.order.tolist() == [0, 1, 2, 3, 4]
-    world.robots["yields_to"] = [1, 2, 0, NOBODY, NOBODY]  # a ring, and nobody turns in it for ever
+    world.robots["traffic"]["yields_to"] = [1, 2, 0, NOBODY, NOBODY]  # a ring, and nobody turns in it for ever
     rank(world.robots, world.order)
-    assert world.robots["right"].tolist() == [9, 9, 9, 7, 5]
+    assert world.robots["traffic"]["right"].tolist() == [9, 9, 9, 7, 5]
 
 
 def test_a_robot_that_the_field_holds_waits_for_who_holds_it() -> None:
     world = World((5.0, 10.0, 0.0), (5.0, 18.0, 0.0))
-    world.robots["held_by"][0], world.robots["held_time"][0] = 1, 1.0
-    assert world.decide().robots["yields_to"].tolist() == [1, NOBODY]
+    world.robots["shield"]["vetoed_by"][0], world.robots["shield"]["vetoed_time"][0] = 1, 1.0
+    assert world.decide().robots["traffic"]["yields_to"].tolist() == [1, NOBODY]
     # ... and the step asks before it forgets who held whom
     sim = world.simulator
     sim.step(np.zeros((1, 2, 20), np.float32))
-    assert sim.robots["yields_to"][0, 0] == 1
+    assert sim.robots["traffic"]["yields_to"][0, 0] == 1
 
 
 places = st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), min_size=2, max_size=8, unique=True)
@@ -181,7 +184,7 @@ def test_within_its_limit_a_robot_stops_before_its_authority_ends(speed: float, 
     r, p = world.robots[0], world.simulator._params[0]
     left = speed * speed / 2 + 0.2 * speed + more  # whatever it is granted, it could stop before that
     for _ in range(40):  # decisions of two physics steps, nothing more being granted
-        r["authority"] = left
+        r["traffic"]["authority"] = left
         for _ in range(2):
             target = float(limit(r, np.float32(wanted), p))
             speed = max(min(target, speed + 0.1), speed - 0.1)
@@ -193,13 +196,13 @@ def test_who_has_stood_for_long_is_urged_to_go() -> None:
     r = World((5.0, 10.0, 0.0)).robots[0]
     choices = np.array([(0.6, 0.0, 0.5), (0.0, -0.4, 1.5)], np.float32)
     assert [SIDE, SPEED, GOING] == [0, 1, 2]
-    r["side"], r["authority"] = 0.0, 1.0
+    r["traffic"]["side"], r["traffic"]["authority"] = 0.0, 1.0
     assert speed_of(r, choices, np.float32(0.0), is_urged(r)) == np.float32(-0.4)
-    r["standing_time"] = 2.0
+    r["clocks"]["standing_time"] = 2.0
     assert speed_of(r, choices, np.float32(0.0), is_urged(r)) == 1.5
-    r["authority"] = 0.0
+    r["traffic"]["authority"] = 0.0
     assert speed_of(r, choices, np.float32(0.0), is_urged(r)) == np.float32(-0.4)
-    r["side"] = -1.2  # from a decision before; not among what is offered now
+    r["traffic"]["side"] = -1.2  # from a decision before; not among what is offered now
     assert speed_of(r, choices, np.float32(0.7), is_urged(r)) == np.float32(0.7)
 
 
@@ -225,8 +228,11 @@ def test_right_of_way_needs_the_field_and_a_route_to_follow() -> None:
 def test_of_two_whose_paths_end_on_each_others_the_first_goes_to_its_goal() -> None:
     """Nobody need not wait at its goal: it goes on from there."""
     world = World((9.25, 10.0, 0.0), (10.0, 9.25, math.pi / 2), ages=[9, 0], length=1.0).decide()
-    assert world.robots["yields_to"].tolist() == [NOBODY, 0]
-    assert (world.robots["authority"][0], world.robots["side"][0]) == (math.inf, 0.0)  # straight there, not beside it
+    assert world.robots["traffic"]["yields_to"].tolist() == [NOBODY, 0]
+    assert (world.robots["traffic"]["authority"][0], world.robots["traffic"]["side"][0]) == (
+        math.inf,
+        0.0,
+    )  # straight there, not beside it
 
 
 @pytest.mark.parametrize(("x", "walks", "ends"), [(11.6, 0.0, 11.6), (20.0, 0.0, 20.0), (12.8, -1.0, 11.6)])
@@ -261,4 +267,4 @@ def test_who_keeps_a_person_waits_for_the_other_that_does_and_at_last_for_itself
     world = World((10.0, 1.5, 0.0), (other, 1.5, math.pi), grid=aisle, length=1.0, people=1)
     person = world.simulator.people.persons[0, 0]
     person["x"], person["y"], person["kept"], person["blocked"] = 11.0, 1.5, kept, 1.5
-    assert world.decide().robots["yields_to"].tolist() == waits_for
+    assert world.decide().robots["traffic"]["yields_to"].tolist() == waits_for

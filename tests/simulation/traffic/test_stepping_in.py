@@ -34,18 +34,18 @@ def test_who_has_stood_for_long_and_who_is_near_are_settled() -> None:
     for beside, after, near in ((4.9, 1.0, True), (5.1, 1.0, False), (7.9, 3.0, True), (8.1, 3.0, False)):
         assert min(LONGER * after, AROUND) in (5.0, 8.0)  # [m]: a metre a second, 8 m at most
         world = three(beside)
-        world.robots["standing_time"] = LONGER * after - 0.1
+        world.robots["clocks"]["standing_time"] = LONGER * after - 0.1
         assert not said(world, after)
-        world.robots["standing_time"][0] = LONGER * after
+        world.robots["clocks"]["standing_time"][0] = LONGER * after
         assert said(world, after)
-        assert (world.robots["settled"] > 0).tolist() == [True, near, False]
+        assert (world.robots["traffic"]["rules_active"] > 0).tolist() == [True, near, False]
 
 
 def held(holders: list[int]) -> World:
     """Five that have stood for 3 s, 5 m apart, each held by the robot named, NOBODY or one that moves among them."""
     world = World(*((4.0, 2.0 + 5.0 * k, 0.0) for k in range(5)), grid=room(8, 28))
-    world.robots["standing_time"] = world.robots["waiting_time"] = 3.0
-    world.robots["held_by"] = holders
+    world.robots["clocks"]["standing_time"] = world.robots["clocks"]["waiting_time"] = 3.0
+    world.robots["shield"]["vetoed_by"] = holders
     return world
 
 
@@ -59,38 +59,38 @@ def test_a_ring_is_settled_and_a_queue_is_not() -> None:
         world = held(holders)
         assert not said(world, 3.1)
         assert said(world, 3.0) == any(expected)
-        assert (world.robots["settled"] > 0).tolist() == expected, holders
+        assert (world.robots["traffic"]["rules_active"] > 0).tolist() == expected, holders
 
 
 def test_who_moves_breaks_the_ring() -> None:
     world = held([1, 2, 0, NOBODY, NOBODY])
-    world.robots["waiting_time"][1] = world.robots["standing_time"][1] = 0.0
+    world.robots["clocks"]["waiting_time"][1] = world.robots["clocks"]["standing_time"][1] = 0.0
     assert not said(world, 3.0)
 
 
 def test_two_nose_to_nose_are_a_ring_though_nobody_holds_them() -> None:
     world = World((8.0, 10.0, 0.0), (9.6, 10.0, math.pi), (20.0, 20.0, 0.0))
-    world.robots["standing_time"] = world.robots["waiting_time"] = 3.0
+    world.robots["clocks"]["standing_time"] = world.robots["clocks"]["waiting_time"] = 3.0
     assert said(world, 3.0)
-    assert (world.robots["settled"] > 0).tolist() == [True, True, False]
+    assert (world.robots["traffic"]["rules_active"] > 0).tolist() == [True, True, False]
 
 
 def test_all_are_settled_at_once_without_a_time_to_wait_for() -> None:
     world = three(2.0)
     assert said(world, 0.0)
-    assert (world.robots["settled"] > 0).all()
+    assert (world.robots["traffic"]["rules_active"] > 0).all()
 
 
 def test_it_lasts_until_it_has_been_calm_for_a_while() -> None:
     world = three(2.0)
-    world.robots["standing_time"][0] = LONGER * 3.0
+    world.robots["clocks"]["standing_time"][0] = LONGER * 3.0
     said(world, 3.0)
-    world.robots["standing_time"] = 0.0
+    world.robots["clocks"]["standing_time"] = 0.0
     decisions = 0
     while said(world, 3.0):
         decisions += 1
     assert decisions == pytest.approx(float(CALM) / DECISION, abs=1)
-    assert (world.robots["yields_to"] == NOBODY).all()
+    assert (world.robots["traffic"]["yields_to"] == NOBODY).all()
 
 
 def test_who_is_not_settled_keeps_its_command_and_its_offset() -> None:
@@ -100,7 +100,7 @@ def test_who_is_not_settled_keeps_its_command_and_its_offset() -> None:
     world.decide(aside)
     told = world.simulator._commands[0, 0].copy()
     assert told[0, 1] != 0.0
-    assert world.robots["side"].tolist() == told[:, 1].tolist()
+    assert world.robots["traffic"]["side"].tolist() == told[:, 1].tolist()
     assert np.array_equal(world.simulator._commands[0, 0], told)
 
 
@@ -111,15 +111,15 @@ def test_who_is_settled_carries_out_its_manoeuvre_whatever_the_policy_says(comma
     simulator.dispatcher.give_line(0, 0, np.array([[10.0 + k, 5.0] for k in range(6)], dtype=np.float32))
     r = simulator.robots[0, 0]
     simulator.arcs[0, 0, 0] = -1.5, 0.0
-    r["arcs"], r["arc_margin"], r["arc_left"] = 1, 0.01, -1.5
-    r["arc_x"], r["arc_y"], r["arc_heading"] = 10.0, 5.0, 0.0
-    r["settled"], r["aside"], r["pause"] = 10.0, 1, 5.0
+    r["manoeuvre"]["arcs"], r["manoeuvre"]["arc_margin"], r["manoeuvre"]["arc_left"] = 1, 0.01, -1.5
+    r["manoeuvre"]["arc_x"], r["manoeuvre"]["arc_y"], r["manoeuvre"]["arc_heading"] = 10.0, 5.0, 0.0
+    r["traffic"]["rules_active"], r["traffic"]["retreating"], r["traffic"]["pause"] = 10.0, 1, 5.0
     for _ in range(30):
-        r["settled"] = 10.0
+        r["traffic"]["rules_active"] = 10.0
         simulator.step(np.array([[command]]))
-        if r["arcs"] == 0:
+        if r["manoeuvre"]["arcs"] == 0:
             break
-    assert r["x"] == pytest.approx(8.5, abs=0.05)
+    assert r["motion"]["x"] == pytest.approx(8.5, abs=0.05)
 
 
 def driven(simulator: Simulator, steps: int, seed: int = 5) -> tuple[bytes, bytes]:
@@ -164,4 +164,4 @@ def test_rules_step_in_around_a_person_who_is_kept_from_walking(kept: float, set
     person = world.simulator.people.persons[0, 0]
     person["x"], person["y"], person["kept"] = 5.0, 4.5, kept
     assert said(world, 12.0) == any(settled)
-    assert (world.robots["settled"] > 0).tolist() == settled
+    assert (world.robots["traffic"]["rules_active"] > 0).tolist() == settled

@@ -10,7 +10,7 @@ from tests.pages import PAGES
 from tests.simulation.rights import World
 from warehouse_env.config import EnvConfig
 from warehouse_env.simulation.driver import tracking
-from warehouse_env.simulation.state import NOBODY
+from warehouse_env.simulation.state import NOBODY, field_of
 from warehouse_env.simulation.traffic import letting_out, live, waits
 from warehouse_env.simulation.traffic.waits import MOVES, SEEKS, STUCK, WAITS
 
@@ -18,8 +18,8 @@ from warehouse_env.simulation.traffic.waits import MOVES, SEEKS, STUCK, WAITS
 def standing(yields_to: list[int], waited: list[float]) -> World:
     """Robots in a row, far enough apart, which have agreed on who goes first and have stood for some time [s]."""
     world = World(*((2.0 + 3.0 * k, 10.0, 0.0) for k in range(len(waited))))
-    world.robots["settled"] = 1.0
-    world.robots["yields_to"], world.robots["waiting_time"] = yields_to, waited
+    world.robots["traffic"]["rules_active"] = 1.0
+    world.robots["traffic"]["yields_to"], world.robots["clocks"]["waiting_time"] = yields_to, waited
     return world
 
 
@@ -54,28 +54,28 @@ def test_who_queues_for_a_ring_or_for_one_that_moves_waits() -> None:
 )
 def test_who_waits_for_one_that_stands_for_good_is_stuck(waited: float, other: float, parked: bool, found: int) -> None:
     world = standing([1, NOBODY], [waited, other])
-    world.robots["alive"][1] = not parked
+    world.robots["task"]["alive"][1] = not parked
     assert stages(world)[0] == found
 
 
-@pytest.mark.parametrize(("field", "value"), [("settled", 0.0), ("pause", 1.0)])
+@pytest.mark.parametrize(("field", "value"), [("rules_active", 0.0), ("pause", 1.0)])
 def test_who_drives_as_commanded_or_has_just_searched_does_not_search(field: str, value: float) -> None:
     world = standing([1, 0], [9.0, 9.0])
-    world.robots[field][0] = value
+    field_of(world.robots, field)[0] = value
     assert stages(world) == [WAITS, SEEKS]
 
 
 def test_while_one_makes_room_nobody_else_of_its_ring_does() -> None:
     world = standing([1, 2, 0], [3.0, 3.0, 3.0])
-    world.robots["aside"][1], world.robots["pause"][1] = 1, 5.0
+    world.robots["traffic"]["retreating"][1], world.robots["traffic"]["pause"][1] = 1, 5.0
     assert stages(world) == [WAITS, MOVES, WAITS]
-    world.robots["pause"][1] = 0.0  # it has not got away
+    world.robots["traffic"]["pause"][1] = 0.0  # it has not got away
     assert stages(world) == [SEEKS, SEEKS, SEEKS]
 
 
 def test_only_whoever_could_be_in_a_ring_is_asked_for_whom_it_waits() -> None:
     world = standing([NOBODY] * 4, [9.0] * 4)
-    world.robots["held_by"], world.robots["standing_time"] = [1, 2, 1, 0], [0.0, 3.0, 0.0, 0.0]
+    world.robots["shield"]["vetoed_by"], world.robots["clocks"]["standing_time"] = [1, 2, 1, 0], [0.0, 3.0, 0.0, 0.0]
     found = waits.scratch(4)
     waits.find_rings_of(world.robots, world.simulator.routes[0], 3.0, 15.0, found, world.simulator._params[0], None)
     assert found[waits.WHO].tolist() == [NOBODY, 2, 1, NOBODY]

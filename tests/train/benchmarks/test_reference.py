@@ -56,10 +56,10 @@ def test_contact_puts_both_back(tmp_path: Path) -> None:
     work.commands[..., 0] = 1.0
     for k in range(10):
         work(k)
-    moved = work.robots["x"][0] - np.array([6.3, 6.9, 20.0])
+    moved = work.robots["motion"]["x"][0] - np.array([6.3, 6.9, 20.0])
     assert moved[:2] == pytest.approx([0, 0], abs=1e-6)
     assert moved[2] == pytest.approx(0.05**2 * 20 * 21 / 2 + 0, rel=0.05)  # 1 m/s^2 for 1 s
-    assert work.robots["speed"][0].tolist() == pytest.approx([0, 0, 1])
+    assert work.robots["motion"]["speed"][0].tolist() == pytest.approx([0, 0, 1])
 
 
 @pytest.mark.parametrize("kind", [pytest.param("C", marks=needs_compiler), "kernel"])

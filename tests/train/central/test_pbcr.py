@@ -127,4 +127,4 @@ def test_robots_of_a_full_floor_do_not_rock_in_their_places() -> None:
     simulator.reset(500)
     for _ in range(300):
         simulator.step(planner.act_on(simulator, [np.random.default_rng(0)]))
-    assert (simulator.robots["standing_time"] > 10.0).sum() <= 12  # within a metre of one place
+    assert (simulator.robots["clocks"]["standing_time"] > 10.0).sum() <= 12  # within a metre of one place

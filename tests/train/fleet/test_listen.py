@@ -363,11 +363,11 @@ def test_near_misses_and_contacts_are_counted_as_they_begin_and_end() -> None:
     for gap in (1.0, 0.05, 1.0, -0.1, 0.05, 1.0):
         figures.take(np.array([[1.0, 1.0, 0.0], [1.9 + gap, 1.0, 0.0]], np.float32), moment)
     robots = figures.robots[0]
-    assert robots["near_misses"].tolist() == [1, 1]
-    assert robots["hits_robot"].tolist() == [1, 1]
-    assert robots["distance"].tolist() == pytest.approx([0.0, 0.95 * 2 + 1.1 + 0.15 + 0.95], abs=1e-5)
-    assert robots["waited"].tolist() == [5, 0]
-    assert robots["longest_standing"][0] == 5.0
+    assert robots["totals"]["near_misses"].tolist() == [1, 1]
+    assert robots["totals"]["hits_robot"].tolist() == [1, 1]
+    assert robots["totals"]["distance"].tolist() == pytest.approx([0.0, 0.95 * 2 + 1.1 + 0.15 + 0.95], abs=1e-5)
+    assert robots["totals"]["waited"].tolist() == [5, 0]
+    assert robots["totals"]["longest_standing"][0] == 5.0
 
 
 def test_times_are_read_as_they_are_written() -> None:

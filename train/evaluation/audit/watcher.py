@@ -38,7 +38,7 @@ class _Looks(NamedTuple):
         for column, name in enumerate(("x", "y", "heading", "speed", "steer")):
             states[..., column] = robots[name]
         people = np.stack([persons["x"], persons["y"]], axis=-1).astype(np.float64)
-        return cls(states, robots["alive"] != 0, people)
+        return cls(states, robots["task"]["alive"] != 0, people)
 
 
 def solid_of(grid: GridMap) -> NDArray[np.bool_]:

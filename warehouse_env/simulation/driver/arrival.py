@@ -21,7 +21,8 @@ _FARTHEST = np.float32(4.0)  # times 5 m that a goal is seen away at most
 @inline
 def to_go(r):
     """Return the metres left of a robot's route."""
-    return np.float32(max(r["points"] - 1, 0)) * r["spacing"] - r["position"]
+    on_route = r["on_route"]
+    return np.float32(max(on_route["points"] - 1, 0)) * on_route["spacing"] - on_route["position"]
 
 
 @inline
@@ -36,44 +37,46 @@ def speed_before(way, at_end, speed, p):
 @inline
 def speed_on_line(r, p):
     """Return the most speed [m/s] along the route from which a robot rests at its end; who has docked stays there."""
-    if r["docks"] != 0 or to_go(r) <= RESTS:
+    if r["manoeuvre"]["docks"] != 0 or to_go(r) <= RESTS:
         return ZERO
-    return speed_before(to_go(r), ZERO, max(r["speed"], ZERO), p)
+    return speed_before(to_go(r), ZERO, max(r["motion"]["speed"], ZERO), p)
 
 
 @inline
 def docks_from(r):
     """Whether a robot's next manoeuvre leads to its goal: near it on its route, at its end, or docked beside it."""
-    return r["docks"] != 0 or to_go(r) <= max(r["join"], RESTS)
+    return r["manoeuvre"]["docks"] != 0 or to_go(r) <= max(r["manoeuvre"]["join"], RESTS)
 
 
 @inline
 def wants_to_dock(r):
     """Whether a robot that follows its route is to seek the manoeuvre to its goal: near it, or at rest beside it."""
-    rests = r["docks"] != 0 or to_go(r) <= RESTS
-    return r["speed"] == ZERO if rests else to_go(r) <= r["join"]
+    rests = r["manoeuvre"]["docks"] != 0 or to_go(r) <= RESTS
+    return r["motion"]["speed"] == ZERO if rests else to_go(r) <= r["manoeuvre"]["join"]
 
 
 @inline
 def is_there(r, p):
     """Whether a robot stands at its goal, as near and as well turned as it has to."""
-    dx, dy = r["goal_x"] - r["x"], r["goal_y"] - r["y"]
-    if dx * dx + dy * dy > p["arrival_radius"] * p["arrival_radius"] or abs(r["speed"]) > STILL:
+    motion, task = r["motion"], r["task"]
+    dx, dy = task["goal_x"] - motion["x"], task["goal_y"] - motion["y"]
+    if dx * dx + dy * dy > p["arrival_radius"] * p["arrival_radius"] or abs(motion["speed"]) > STILL:
         return False
-    return not abs(wrap(r["heading"] - r["goal_heading"])) > p["arrival_angle"]  # nan: any heading will do
+    return not abs(wrap(motion["heading"] - task["goal_heading"])) > p["arrival_angle"]  # nan: any heading will do
 
 
 @inline
 def observe(r, p, row, at):
     """Write the slice `goal` (see observation_layout), if there is one, from row[at] on."""
+    motion, task = r["motion"], r["task"]
     if at is None:
         return
-    dx, dy = r["goal_x"] - r["x"], r["goal_y"] - r["y"]
-    row[at] = min(max((dx * r["cos"] + dy * r["sin"]) / _FIVE, -_FARTHEST), _FARTHEST)
-    row[at + 1] = min(max((dy * r["cos"] - dx * r["sin"]) / _FIVE, -_FARTHEST), _FARTHEST)
-    turn = wrap(r["goal_heading"] - r["heading"])
+    dx, dy = task["goal_x"] - motion["x"], task["goal_y"] - motion["y"]
+    row[at] = min(max((dx * motion["cos"] + dy * motion["sin"]) / _FIVE, -_FARTHEST), _FARTHEST)
+    row[at + 1] = min(max((dy * motion["cos"] - dx * motion["sin"]) / _FIVE, -_FARTHEST), _FARTHEST)
+    turn = wrap(task["goal_heading"] - motion["heading"])
     row[at + 2] = row[at + 3] = ZERO
     if not np.isnan(turn):
         row[at + 3], row[at + 2] = sin_cos(turn)
-    stop = HALF * r["speed"] * abs(r["speed"]) / (BRAKING * p["max_acceleration"])
+    stop = HALF * motion["speed"] * abs(motion["speed"]) / (BRAKING * p["max_acceleration"])
     row[at + 4] = ONE if to_go(r) <= stop + RESTS else ZERO

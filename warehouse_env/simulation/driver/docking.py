@@ -26,11 +26,12 @@ TURNING = np.float32(0.2)  # [m/s] up to which a robot can take any turn
 @inline
 def write_goals(r, goals, p):
     """Write the robot's goal into goals float32[HEADINGS, GOAL], for each heading that is tried; return how many."""
-    free = np.isnan(r["goal_heading"])
+    task = r["task"]
+    free = np.isnan(task["goal_heading"])
     for k in range(HEADINGS):
-        heading = wrap(r["heading"] + np.float32(k) * HALF_PI) if free else r["goal_heading"]
-        put_goal(goals, k, r["goal_x"], r["goal_y"], heading, ZERO)
-    if r["either"] == 0:
+        heading = wrap(r["motion"]["heading"] + np.float32(k) * HALF_PI) if free else task["goal_heading"]
+        put_goal(goals, k, task["goal_x"], task["goal_y"], heading, ZERO)
+    if task["either"] == 0:
         return HEADINGS if free else 1
     x, y, heading = _other_way_round(r, p)
     put_goal(goals, 1, x, y, heading, ZERO)
@@ -40,31 +41,34 @@ def write_goals(r, goals, p):
 @inline
 def _other_way_round(r, p):
     """Return the pose (x, y, heading) at which a robot's body stands where it does at its goal, the other way round."""
-    s, c = sin_cos(r["goal_heading"])
+    task = r["task"]
+    s, c = sin_cos(task["goal_heading"])
     between = p["offset"] + p["offset"]
-    return r["goal_x"] - between * c, r["goal_y"] - between * s, wrap(r["goal_heading"] + PI)
+    return task["goal_x"] - between * c, task["goal_y"] - between * s, wrap(task["goal_heading"] + PI)
 
 
 @inline
 def begin_docking(r, count, arcs, margin, p):
     """Begin the manoeuvre of `count` arcs to the robot's goal: which way round it stands there is settled with it."""
+    task = r["task"]
     begin_manoeuvre(r, count, arcs, margin)
-    r["docks"] = 1
-    if r["either"] == 0:
+    r["manoeuvre"]["docks"] = 1
+    if task["either"] == 0:
         return
-    heading = r["heading"]
+    heading = r["motion"]["heading"]
     for k in range(count):
         heading = wrap(heading + wrap(arcs[k, 0] * curvature(arcs[k, 1], p["wheelbase"])))
-    if abs(wrap(heading - r["goal_heading"])) > HALF_PI:
-        r["goal_x"], r["goal_y"], r["goal_heading"] = _other_way_round(r, p)
+    if abs(wrap(heading - task["goal_heading"])) > HALF_PI:
+        task["goal_x"], task["goal_y"], task["goal_heading"] = _other_way_round(r, p)
 
 
 @inline
 def _slowed_down(r, p):
     """Return (pose x, y, heading, metres to it) at which a robot that brakes now has slowed down enough to turn."""
-    way = max(r["speed"] * r["speed"] - TURNING * TURNING, ZERO) * HALF / (BRAKING * p["max_acceleration"])
-    way = way if r["speed"] > ZERO else -way
-    x, y, heading = roll(r["x"], r["y"], r["heading"], way, curvature(r["steer"], p["wheelbase"]))
+    motion = r["motion"]
+    way = max(motion["speed"] * motion["speed"] - TURNING * TURNING, ZERO) * HALF / (BRAKING * p["max_acceleration"])
+    way = way if motion["speed"] > ZERO else -way
+    x, y, heading = roll(motion["x"], motion["y"], motion["heading"], way, curvature(motion["steer"], p["wheelbase"]))
     return x, y, heading, way
 
 

@@ -1,7 +1,7 @@
 """Driving the arcs of a manoeuvre: a reference pose slides along them, and the robot is steered back to it.
 
 API: `begin(r, count, arcs, margin)` starts the manoeuvre that stands in arcs float32[ARCS, 2] (see manoeuvre.py);
-`give_up(r)` ends it; r["arcs"] > 0 says that a robot is in one. `drive_arcs` returns the next step's (speed, steering)
+`give_up(r)` ends it; r["manoeuvre"]["arcs"] > 0 says that a robot is in one. `drive_arcs` returns the next step's (speed, steering)
 until it is done, or 0 arcs are left because the robot was pushed off it. One that `docks` ends exactly at its goal:
 where robots stop at goals (`stopping`, see step.Features), it stands at its end, and drives straight arcs as fast as
 may be.
@@ -39,75 +39,80 @@ _TWO = np.float32(2.0)
 @inline
 def give_up(r):
     """End the robot's manoeuvre where it is."""
-    r["arcs"] = 0
+    r["manoeuvre"]["arcs"] = 0
     forget_path(r)
 
 
 @inline
 def begin(r, count, arcs, margin):
     """Start a manoeuvre of `count` arcs, planned with `margin` [m], from where the robot stands."""
-    r["arc_margin"] = r["arc_planned"] = margin * KEPT
-    r["arcs"], r["arc"], r["docks"] = count, 0, 0
+    motion, manoeuvre = r["motion"], r["manoeuvre"]
+    manoeuvre["arc_margin"] = manoeuvre["arc_planned"] = margin * KEPT
+    manoeuvre["arcs"], manoeuvre["arc"], manoeuvre["docks"] = count, 0, 0
     forget_grants(r)
-    r["arc_x"], r["arc_y"], r["arc_heading"] = r["x"], r["y"], r["heading"]
-    r["arc_left"] = arcs[0, 0] if count > 0 else ZERO
+    manoeuvre["arc_x"], manoeuvre["arc_y"], manoeuvre["arc_heading"] = motion["x"], motion["y"], motion["heading"]
+    manoeuvre["arc_left"] = arcs[0, 0] if count > 0 else ZERO
 
 
 @inline
 def leads_ahead(r, arcs):
     """Whether the robot is in a manoeuvre all of whose arcs to come lead forwards."""
-    for k in range(r["arc"], r["arcs"]):
+    manoeuvre = r["manoeuvre"]
+    for k in range(manoeuvre["arc"], manoeuvre["arcs"]):
         if arcs[k, 0] < ZERO:
             return False
-    return r["arcs"] > 0
+    return manoeuvre["arcs"] > 0
 
 
 @inline
 def _slide(r, arcs, p):
     """Move the reference pose to where the robot is along its arc; return (metres left of it, radians left of it)."""
-    bend = curvature(arcs[r["arc"], 1], p["wheelbase"])
-    s, c = sin_cos(r["arc_heading"])
-    dx, dy = r["x"] - r["arc_x"], r["y"] - r["arc_y"]
+    motion, manoeuvre = r["motion"], r["manoeuvre"]
+    bend = curvature(arcs[manoeuvre["arc"], 1], p["wheelbase"])
+    s, c = sin_cos(manoeuvre["arc_heading"])
+    dx, dy = motion["x"] - manoeuvre["arc_x"], motion["y"] - manoeuvre["arc_y"]
     along = dx * c + dy * s
     if abs(bend) > _STRAIGHT:
         along = arc_tan2(bend * along, ONE - bend * (dy * c - dx * s)) / bend
-    left = r["arc_left"]
+    left = manoeuvre["arc_left"]
     along = min(max(along, ZERO), left) if left > ZERO else max(min(along, ZERO), left)
     half = HALF * along * bend
     chord = along if abs(bend) <= _STRAIGHT else _TWO * sin_cos(half)[0] / bend
-    s, c = sin_cos(r["arc_heading"] + half)
-    r["arc_x"] += chord * c
-    r["arc_y"] += chord * s
-    r["arc_heading"] = wrap(r["arc_heading"] + half + half)
-    r["arc_left"] = left - along
-    s, c = sin_cos(r["arc_heading"])
-    dx, dy = r["x"] - r["arc_x"], r["y"] - r["arc_y"]
-    return dy * c - dx * s, wrap(r["heading"] - r["arc_heading"])
+    s, c = sin_cos(manoeuvre["arc_heading"] + half)
+    manoeuvre["arc_x"] += chord * c
+    manoeuvre["arc_y"] += chord * s
+    manoeuvre["arc_heading"] = wrap(manoeuvre["arc_heading"] + half + half)
+    manoeuvre["arc_left"] = left - along
+    s, c = sin_cos(manoeuvre["arc_heading"])
+    dx, dy = motion["x"] - manoeuvre["arc_x"], motion["y"] - manoeuvre["arc_y"]
+    return dy * c - dx * s, wrap(motion["heading"] - manoeuvre["arc_heading"])
 
 
 @inline
 def _next_arc(r, arcs):
     """Go on to the next arc at the end of one; where it leads the other way, once the robot stands."""
-    ready = EXACT if r["arc_margin"] < NARROW else READY
-    while r["arcs"] > 0 and abs(r["arc_left"]) < ready:
-        following = r["arc"] + 1
-        if following == r["arcs"]:
-            r["arcs"] = 0
-        elif arcs[following, 0] * arcs[r["arc"], 0] < ZERO and abs(r["speed"]) > STANDS:
+    manoeuvre = r["manoeuvre"]
+    ready = EXACT if manoeuvre["arc_margin"] < NARROW else READY
+    while manoeuvre["arcs"] > 0 and abs(manoeuvre["arc_left"]) < ready:
+        following = manoeuvre["arc"] + 1
+        if following == manoeuvre["arcs"]:
+            manoeuvre["arcs"] = 0
+        elif arcs[following, 0] * arcs[manoeuvre["arc"], 0] < ZERO and abs(r["motion"]["speed"]) > STANDS:
             return
         else:
-            r["arc"] = following
-            r["arc_left"] = arcs[following, 0]
+            manoeuvre["arc"] = following
+            manoeuvre["arc_left"] = arcs[following, 0]
 
 
 @inline
 def _speed_limit(r, arcs, p):
     """Return the speed [m/s] from which the robot can still stop or steer where the arcs ahead ask for it."""
-    k, count = int(r["arc"]), int(r["arcs"])
+    manoeuvre = r["manoeuvre"]
+    k, count = int(manoeuvre["arc"]), int(manoeuvre["arcs"])
     forward = arcs[k, 0] > ZERO
     limit = FASTEST if forward else FASTEST_BACK
-    run, slowing = abs(r["arc_left"]), _TWO * BRAKING * p["max_acceleration"]
-    if r["arc_margin"] < NARROW:
+    run, slowing = abs(manoeuvre["arc_left"]), _TWO * BRAKING * p["max_acceleration"]
+    if manoeuvre["arc_margin"] < NARROW:
         return min(limit, np.sqrt(slowing * run), run / p["time_step"])
     while k + 1 < count:
         at_end = ZERO
@@ -124,17 +129,22 @@ def _speed_limit(r, arcs, p):
 @inline
 def _next_arc_exactly(r, arcs, p):
     """Go on as `_next_arc` does, in a manoeuvre that docks: the next arc begins at the very end of the last."""
-    while r["arcs"] > 0:
-        k, following = r["arc"], r["arc"] + 1
-        turns_back = following == r["arcs"] or arcs[following, 0] * arcs[k, 0] < ZERO
-        if abs(r["arc_left"]) >= (EXACT_END if turns_back else READY) or (turns_back and abs(r["speed"]) > STANDS):
+    manoeuvre = r["manoeuvre"]
+    while manoeuvre["arcs"] > 0:
+        k, following = manoeuvre["arc"], manoeuvre["arc"] + 1
+        turns_back = following == manoeuvre["arcs"] or arcs[following, 0] * arcs[k, 0] < ZERO
+        if abs(manoeuvre["arc_left"]) >= (EXACT_END if turns_back else READY) or (
+            turns_back and abs(r["motion"]["speed"]) > STANDS
+        ):
             return
-        if following == r["arcs"]:
-            r["arcs"] = 0
+        if following == manoeuvre["arcs"]:
+            manoeuvre["arcs"] = 0
             return
         bend = curvature(arcs[k, 1], p["wheelbase"])
-        r["arc_x"], r["arc_y"], r["arc_heading"] = roll(r["arc_x"], r["arc_y"], r["arc_heading"], r["arc_left"], bend)
-        r["arc"], r["arc_left"] = following, arcs[following, 0]
+        manoeuvre["arc_x"], manoeuvre["arc_y"], manoeuvre["arc_heading"] = roll(
+            manoeuvre["arc_x"], manoeuvre["arc_y"], manoeuvre["arc_heading"], manoeuvre["arc_left"], bend
+        )
+        manoeuvre["arc"], manoeuvre["arc_left"] = following, arcs[following, 0]
 
 
 @inline
@@ -143,21 +153,22 @@ def _docking_speed(r, arcs, off, p):
 
     It stands at its end and wherever it turns back, and the shorter an arc, the more of its steering is done before.
     """
-    k, count = int(r["arc"]), int(r["arcs"])
+    manoeuvre = r["manoeuvre"]
+    k, count = int(manoeuvre["arc"]), int(manoeuvre["arcs"])
     forward = arcs[k, 0] > ZERO
     limit = FASTEST if forward else FASTEST_BACK
     if arcs[k, 1] == ZERO:
         limit = p["max_speed"] if forward else -p["min_speed"]
-    if r["arc_margin"] < NARROW:
+    if manoeuvre["arc_margin"] < NARROW:
         limit = GRAZING
     limit = min(limit, _slack(arcs[k, 0]) / max(off, _LEAST_OFF))
-    run = abs(r["arc_left"])
+    run = abs(manoeuvre["arc_left"])
     while k + 1 < count and arcs[k, 0] * arcs[k + 1, 0] > ZERO:
         at_end = _slack(arcs[k + 1, 0]) / max(abs(arcs[k + 1, 1] - arcs[k, 1]), _LEAST_OFF)
-        limit = min(limit, speed_before(max(run - HALF * READY, ZERO), at_end, r["speed"], p))
+        limit = min(limit, speed_before(max(run - HALF * READY, ZERO), at_end, r["motion"]["speed"], p))
         k += 1
         run += abs(arcs[k, 0])
-    return min(limit, speed_before(run, ZERO, r["speed"], p), run / p["time_step"])
+    return min(limit, speed_before(run, ZERO, r["motion"]["speed"], p), run / p["time_step"])
 
 
 @inline
@@ -170,28 +181,29 @@ def _slack(length):
 def drive_arcs(r, arcs, wanted, stopping, p):
     """Return the (speed [m/s], steering [rad]) that follow the arcs at `wanted` [m/s] >= 0 at most.
 
-    r["arcs"] is 0 afterwards if the manoeuvre is over; what is returned then is not to be used.
+    r["manoeuvre"]["arcs"] is 0 afterwards if the manoeuvre is over; what is returned then is not to be used.
     """
+    manoeuvre = r["manoeuvre"]
     lateral, turned = _slide(r, arcs, p)
     if abs(lateral) > LOST or abs(turned) > LOST_TURN:
         give_up(r)
-    docks = stopping is not None and r["docks"] != 0
+    docks = stopping is not None and manoeuvre["docks"] != 0
     if docks:
         _next_arc_exactly(r, arcs, p)
     else:
         _next_arc(r, arcs)
-    if r["arcs"] == 0:
+    if manoeuvre["arcs"] == 0:
         return ZERO, ZERO
-    k = r["arc"]
+    k = manoeuvre["arc"]
     direction = ONE if arcs[k, 0] > ZERO else -ONE
     back, along = BACK_TO_ARC / (p["long"] * p["long"]), ALONG_ARC / p["long"]
     bend = curvature(arcs[k, 1], p["wheelbase"]) - back * lateral - direction * along * turned
     steer = to_steering(bend, p["wheelbase"], p["max_steer"])
-    off = abs(steer - r["steer"])
+    off = abs(steer - r["motion"]["steer"])
     if docks:
         speed = _docking_speed(r, arcs, off, p)
     else:
         speed = min(_speed_limit(r, arcs, p), STEER_SLACK / max(off, _LEAST_OFF))
-    if r["arc_margin"] < NARROW and off > EXACT_STEER and abs(r["speed"]) < STANDS:
+    if manoeuvre["arc_margin"] < NARROW and off > EXACT_STEER and abs(r["motion"]["speed"]) < STANDS:
         speed = ZERO
     return direction * min(speed, wanted), steer

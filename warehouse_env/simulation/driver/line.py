@@ -23,13 +23,14 @@ OFFSET_FADE = np.float32(2.0)  # [m] before the goal in which offsets fade out
 @inline
 def locate(r, route):
     """Project the robot onto its route near where it was; update position, lateral and bearing; return progress [m]."""
-    points = r["points"]
-    spacing = r["spacing"]
-    x, y = r["x"], r["y"]
-    before = r["position"]
+    motion, on_route = r["motion"], r["on_route"]
+    points = on_route["points"]
+    spacing = on_route["spacing"]
+    x, y = motion["x"], motion["y"]
+    before = on_route["position"]
     if points < 2:
-        r["lateral"] = ZERO
-        r["bearing"] = ZERO
+        on_route["lateral"] = ZERO
+        on_route["bearing"] = ZERO
         return ZERO
     first = max(int(before / spacing) - 1, 0)
     first = min(first, points - 2)
@@ -51,10 +52,10 @@ def locate(r, route):
             reached = along
     ax, ay = route[nearest, 0], route[nearest, 1]
     ux, uy = (route[nearest + 1, 0] - ax) * inverse, (route[nearest + 1, 1] - ay) * inverse
-    r["position"] = np.float32(nearest) * spacing + reached
-    r["lateral"] = ux * (y - ay) - uy * (x - ax)
-    r["bearing"] = wrap(arc_tan2(uy, ux) - r["heading"])
-    return r["position"] - before
+    on_route["position"] = np.float32(nearest) * spacing + reached
+    on_route["lateral"] = ux * (y - ay) - uy * (x - ax)
+    on_route["bearing"] = wrap(arc_tan2(uy, ux) - motion["heading"])
+    return on_route["position"] - before
 
 
 @inline
@@ -73,9 +74,10 @@ def point_at(route, points, spacing, along, beyond):
 @inline
 def way_point(r, route, ahead, beyond):
     """Return the route's point `ahead` [m] of the robot and its direction (x, y, ux, uy); `beyond` the goal at most."""
-    if r["points"] < 2:
-        return r["goal_x"], r["goal_y"], ONE, ZERO
-    return point_at(route, r["points"], r["spacing"], r["position"] + ahead, beyond)
+    on_route = r["on_route"]
+    if on_route["points"] < 2:
+        return r["task"]["goal_x"], r["task"]["goal_y"], ONE, ZERO
+    return point_at(route, on_route["points"], on_route["spacing"], on_route["position"] + ahead, beyond)
 
 
 @inline
@@ -119,25 +121,26 @@ def pursue(x, y, c, s, tx, ty, p):
 @inline
 def steer_for(r, tx, ty, p):
     """Return (steering [rad], angle to the target [rad]) of the robot's pure pursuit towards (tx, ty) [m]."""
-    steer, ahead, left = pursue(r["x"], r["y"], r["cos"], r["sin"], tx, ty, p)
+    motion = r["motion"]
+    steer, ahead, left = pursue(motion["x"], motion["y"], motion["cos"], motion["sin"], tx, ty, p)
     return steer, arc_tan2(left, ahead)
 
 
 @inline
 def aim(r, route, p):
     """Set follow_steer towards a point of the route ahead; return that, the direction there, and the angle to it."""
-    tx, ty, ux, uy = way_point(r, route, look_ahead(max(r["speed"], ZERO), p), p["beyond"])
-    r["follow_steer"], angle = steer_for(r, tx, ty, p)
+    tx, ty, ux, uy = way_point(r, route, look_ahead(max(r["motion"]["speed"], ZERO), p), p["beyond"])
+    r["commanded"]["follow_steer"], angle = steer_for(r, tx, ty, p)
     return tx, ty, ux, uy, angle
 
 
 @inline
 def forget_path(r):
     """Have right of way write the robot's path anew, since it leads elsewhere; what has been granted stays so."""
-    r["poses"] = 0
+    r["traffic"]["poses"] = 0
 
 
 @inline
 def forget_grants(r):
     """Have right of way write the robot's path anew and grant it from nothing: what was granted was of another."""
-    r["claim"], r["poses"] = 0.0, 0
+    r["traffic"]["claim"], r["traffic"]["poses"] = 0.0, 0

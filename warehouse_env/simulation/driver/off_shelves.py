@@ -30,10 +30,11 @@ def _keeps_margin(r, next_speed, next_steer, margin, p, floor):
 
     The step's arc is that of the mean steering (kinematics.drive), the braking path's that of the steering at its end.
     """
-    pose = Pose(r["x"], r["y"], r["heading"], r["cos"], r["sin"])
-    way = HALF * (r["speed"] + next_speed) * p["time_step"]
-    if next_steer != r["steer"]:
-        bend = curvature(HALF * (r["steer"] + next_steer), p["wheelbase"])
+    motion = r["motion"]
+    pose = Pose(motion["x"], motion["y"], motion["heading"], motion["cos"], motion["sin"])
+    way = HALF * (motion["speed"] + next_speed) * p["time_step"]
+    if next_steer != motion["steer"]:
+        bend = curvature(HALF * (motion["steer"] + next_steer), p["wheelbase"])
         if not sweep_is_free(pose, bend, way, margin, p, floor):
             return False
         pose, way = _driven(pose, way, bend), ZERO
@@ -47,8 +48,9 @@ def _stops_clear(r, next_speed, next_steer, p, floor):
 
     Substep by substep, by the arithmetic with which contact.py moves it: nothing is left to a prediction.
     """
+    motion = r["motion"]
     dt, chassis = p["dt"], chassis_of(p)
-    x, y, heading, speed, steer = r["x"], r["y"], r["heading"], r["speed"], r["steer"]
+    x, y, heading, speed, steer = motion["x"], motion["y"], motion["heading"], motion["speed"], motion["steer"]
     acceleration, rate = (next_speed - speed) / p["time_step"], (next_steer - steer) / p["time_step"]
     while True:
         for _ in range(p["substeps"]):
@@ -71,8 +73,8 @@ def may_drive(r, speed, steer, margin, p, floor):
     It must then be able to brake with the steering that it has at the end of the step, and all the way keep `margin`
     [m] from shelves; where that is NARROW, GRAZE, and exactly.
     """
-    next_speed = approach(r["speed"], speed, p["max_acceleration"] * p["time_step"])
-    next_steer = approach(r["steer"], steer, p["max_steer_rate"] * p["time_step"])
+    next_speed = approach(r["motion"]["speed"], speed, p["max_acceleration"] * p["time_step"])
+    next_steer = approach(r["motion"]["steer"], steer, p["max_steer_rate"] * p["time_step"])
     if margin < NARROW:
         return _stops_clear(r, next_speed, next_steer, p, floor)
     return _keeps_margin(r, next_speed, next_steer, margin, p, floor)

@@ -22,8 +22,9 @@ CRUISE = np.float32(1.3)  # [m/s] that the rest of the route is priced at
 @inline
 def _write_goals(r, route, apart, goals, p):
     """Write poses along the route, `apart` [m], into goals float32[K + TURNED, GOAL]; return how many."""
+    on_route = r["on_route"]
     many = goals.shape[0] - TURNED
-    to_go = np.float32(r["points"] - 1) * r["spacing"] - r["position"]
+    to_go = np.float32(on_route["points"] - 1) * on_route["spacing"] - on_route["position"]
     first, apart = FIRST * p["long"], apart * p["long"]
     last = min(first + apart * np.float32(many - 1), to_go)
     for k in range(many):

@@ -40,9 +40,9 @@ HELD = np.float32(2.5)  # [s] in touch with a robot, or held by the field, after
 @inline
 def _brake_steer(r, steer, margin, p, floor):
     """The steering angle to brake with: the wanted one if its sweep is free, else the present one, free before."""
-    if r["speed"] == ZERO or may_drive(r, ZERO, steer, margin, p, floor):
+    if r["motion"]["speed"] == ZERO or may_drive(r, ZERO, steer, margin, p, floor):
         return steer
-    return r["steer"]
+    return r["motion"]["steer"]
 
 
 @inline
@@ -52,31 +52,35 @@ def _manoeuvre(r, arcs, wanted, stopping, p, floor):
     Where the planned margin cannot be kept it is lowered, and raised again as soon as it can be: where it was not, a
     robot that began beside a shelf drove all its arcs as near to shelves, and in one of 170 episodes one wedged itself.
     """
+    motion, manoeuvre = r["motion"], r["manoeuvre"]
     speed, steer = drive_arcs(r, arcs, wanted, stopping, p)
-    if r["arcs"] == 0:
-        return ZERO, r["steer"]
-    margin = r["arc_margin"]
+    if manoeuvre["arcs"] == 0:
+        return ZERO, motion["steer"]
+    margin = manoeuvre["arc_margin"]
     if may_drive(r, speed, steer, margin, p, floor):
-        more = min(margin / KEPT, r["arc_planned"])  # further on there is more room, as planned
+        more = min(margin / KEPT, manoeuvre["arc_planned"])  # further on there is more room, as planned
         if more > margin and may_drive(r, speed, steer, more, p, floor):
-            r["arc_margin"] = more
+            manoeuvre["arc_margin"] = more
         return speed, steer
-    if abs(r["speed"]) < STANDS and wanted > ZERO and abs(steer - r["steer"]) < STEERED:  # else it steers first
-        r["arc_margin"] *= KEPT  # too near at the start
-        if r["arc_margin"] < LAST:
+    if (
+        abs(motion["speed"]) < STANDS and wanted > ZERO and abs(steer - motion["steer"]) < STEERED
+    ):  # else it steers first
+        manoeuvre["arc_margin"] *= KEPT  # too near at the start
+        if manoeuvre["arc_margin"] < LAST:
             give_up(r)
-    return ZERO, _brake_steer(r, steer, r["arc_margin"], p, floor)
+    return ZERO, _brake_steer(r, steer, manoeuvre["arc_margin"], p, floor)
 
 
 @inline
 def _forward(r, alone, speed, steer, angle, p, floor):
     """Return the wanted (speed, steering) if its sweep is free, else those of stopping; seek a manoeuvre if need be."""
-    slow = abs(r["speed"]) < SLOW
+    manoeuvre = r["manoeuvre"]
+    slow = abs(r["motion"]["speed"]) < SLOW
     may = not (slow and abs(angle) > ASIDE) and may_drive(r, speed, steer, MARGIN, p, floor)
-    if slow and not (may and alone) and r["search_wait"] <= ZERO:
-        r["seeks"] = ALONE if alone else AROUND_OTHERS
+    if slow and not (may and alone) and manoeuvre["search_wait"] <= ZERO:
+        manoeuvre["seeks"] = ALONE if alone else AROUND_OTHERS
         again_held = AGAIN_HELD_BACK if p["field"] else AGAIN_HELD
-        r["search_wait"] = AGAIN if alone else again_held + r["stalled_time"]
+        manoeuvre["search_wait"] = AGAIN if alone else again_held + r["clocks"]["stalled_time"]
     if may:
         return speed, steer
     return ZERO, _brake_steer(r, steer, MARGIN, p, floor)
@@ -85,7 +89,7 @@ def _forward(r, alone, speed, steer, angle, p, floor):
 @inline
 def _backwards(r, speed, p, floor):
     """Return (speed, steering) of backing with the nose along the route, or of stopping before a shelf."""
-    steer = min(max(r["bearing"], -p["max_steer"]), p["max_steer"])
+    steer = min(max(r["on_route"]["bearing"], -p["max_steer"]), p["max_steer"])
     if may_drive(r, speed, steer, MARGIN, p, floor):
         return speed, steer
     return ZERO, _brake_steer(r, steer, MARGIN, p, floor)
@@ -97,36 +101,37 @@ def follow(r, route, arcs, wanted_speed, offset, stopping, p, floor):
 
     stopping: see step.Features.
     """
+    commanded, on_route, manoeuvre = r["commanded"], r["on_route"], r["manoeuvre"]
     tx, ty, ux, uy, angle = aim(r, route, p)
-    r["search_wait"] = max(r["search_wait"] - p["time_step"], ZERO)
-    steer = r["follow_steer"]
+    manoeuvre["search_wait"] = max(manoeuvre["search_wait"] - p["time_step"], ZERO)
+    steer = commanded["follow_steer"]
     if offset != ZERO:
-        to_go = np.float32(r["points"] - 1) * r["spacing"] - r["position"]
+        to_go = np.float32(on_route["points"] - 1) * on_route["spacing"] - on_route["position"]
         offset = room_beside(tx, ty, ux, uy, offset, to_go, floor, p)
         steer, angle = steer_for(r, tx - offset * uy, ty + offset * ux, p)
     speed = on_line = wanted_speed
-    alone = max(r["contact_time"], r["held_time"]) <= HELD
+    alone = max(r["clocks"]["contact_time"], r["shield"]["vetoed_time"]) <= HELD
     if speed > ZERO:
-        if not alone and r["search_wait"] <= ZERO:
+        if not alone and manoeuvre["search_wait"] <= ZERO:
             give_up(r)
-        bend = max(abs(steer) / BEND_SCALE, abs(steer - r["steer"]) / STEER_SCALE)
+        bend = max(abs(steer) / BEND_SCALE, abs(steer - r["motion"]["steer"]) / STEER_SCALE)
         on_line = min(speed, CREEP + (p["max_speed"] - CREEP) * max(ZERO, ONE - bend))
         if stopping is not None:
             on_line = min(on_line, arrival.speed_on_line(r, p))
-            if r["arcs"] == 0 and r["search_wait"] <= ZERO and arrival.wants_to_dock(r):
-                r["seeks"], r["search_wait"] = ALONE if alone else AROUND_OTHERS, AGAIN
-        aligned = max(abs(angle), abs(r["bearing"])) < BACK_ON and r["stalled_time"] < PATIENCE
+            if manoeuvre["arcs"] == 0 and manoeuvre["search_wait"] <= ZERO and arrival.wants_to_dock(r):
+                manoeuvre["seeks"], manoeuvre["search_wait"] = ALONE if alone else AROUND_OTHERS, AGAIN
+        aligned = max(abs(angle), abs(on_route["bearing"])) < BACK_ON and r["clocks"]["stalled_time"] < PATIENCE
         if stopping is not None:
-            aligned = aligned and r["docks"] == 0
+            aligned = aligned and manoeuvre["docks"] == 0
         if aligned and leads_ahead(r, arcs) and may_drive(r, on_line, steer, MARGIN, p, floor):
             give_up(r)
-    if r["arcs"] > 0 and speed >= ZERO:  # one that backs has its manoeuvre left for when it drives on
+    if manoeuvre["arcs"] > 0 and speed >= ZERO:  # one that backs has its manoeuvre left for when it drives on
         speed, steer = _manoeuvre(r, arcs, speed, stopping, p, floor)
     elif speed > ZERO:
         speed, steer = _forward(r, alone, on_line, steer, angle, p, floor)
-    elif r["speed"] > ZERO or speed == ZERO:
+    elif r["motion"]["speed"] > ZERO or speed == ZERO:
         speed, steer = ZERO, _brake_steer(r, steer, MARGIN, p, floor)
     else:
         speed, steer = _backwards(r, speed, p, floor)
-    r["target_speed"] = speed
-    r["target_steer"] = steer
+    commanded["target_speed"] = speed
+    commanded["target_steer"] = steer

@@ -59,7 +59,9 @@ def sort(robots, p, kinds, starts, order, bodies):
         keys = np.empty(count, np.int32)
         for i in range(count):
             r, offset = robots[i], kind_of(i, p, kinds)["offset"]
-            row, column = bucket_at(r["x"] - offset * r["cos"], r["y"] - offset * r["sin"], p)
+            row, column = bucket_at(
+                r["motion"]["x"] - offset * r["motion"]["cos"], r["motion"]["y"] - offset * r["motion"]["sin"], p
+            )
             keys[i] = row * columns + column
             starts[keys[i] + 2] += 1
         for k in range(2, len(starts)):
@@ -69,10 +71,10 @@ def sort(robots, p, kinds, starts, order, bodies):
             starts[keys[i] + 1] += 1
     for n in range(count):
         r, offset = robots[order[n]], kind_of(order[n], p, kinds)["offset"]
-        c, s = r["cos"], r["sin"]
-        bodies[CENTRE_X, n] = r["x"] - offset * c
-        bodies[CENTRE_Y, n] = r["y"] - offset * s
+        c, s = r["motion"]["cos"], r["motion"]["sin"]
+        bodies[CENTRE_X, n] = r["motion"]["x"] - offset * c
+        bodies[CENTRE_Y, n] = r["motion"]["y"] - offset * s
         bodies[COS, n] = c
         bodies[SIN, n] = s
-        bodies[SPEED, n] = r["speed"]
-        bodies[SILENT, n] = r["silent"]
+        bodies[SPEED, n] = r["motion"]["speed"]
+        bodies[SILENT, n] = r["shield"]["silent"]

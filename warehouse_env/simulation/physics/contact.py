@@ -78,12 +78,12 @@ def list_pairs(bodies, order, starts, p, pairs):
 def load(robots, i, acceleration, steer_rate, p, floor, motion):
     """Take robot i's state at the start of a physics step, and its command [m/s^2], [rad/s], into `motion`."""
     r = robots[i]
-    c, s = r["cos"], r["sin"]
-    motion[X, i], motion[Y, i], motion[HEADING, i] = r["x"], r["y"], r["heading"]
+    c, s = r["motion"]["cos"], r["motion"]["sin"]
+    motion[X, i], motion[Y, i], motion[HEADING, i] = r["motion"]["x"], r["motion"]["y"], r["motion"]["heading"]
     motion[COS, i], motion[SIN, i] = c, s
-    motion[SPEED, i], motion[STEER, i] = r["speed"], r["steer"]
+    motion[SPEED, i], motion[STEER, i] = r["motion"]["speed"], r["motion"]["steer"]
     motion[ACCELERATION, i], motion[STEER_RATE, i] = acceleration, steer_rate
-    centre_x, centre_y = r["x"] - p["offset"] * c, r["y"] - p["offset"] * s
+    centre_x, centre_y = r["motion"]["x"] - p["offset"] * c, r["motion"]["y"] - p["offset"] * s
     motion[ROOM, i] = clearance_at(centre_x, centre_y, floor) - p["radius"]
 
 
@@ -92,9 +92,9 @@ def store(robots, motion):
     """Write the motion of a physics step back into the robots."""
     for i in range(robots.shape[0]):
         r = robots[i]
-        r["x"], r["y"], r["heading"] = motion[X, i], motion[Y, i], motion[HEADING, i]
-        r["cos"], r["sin"] = motion[COS, i], motion[SIN, i]
-        r["speed"], r["steer"] = motion[SPEED, i], motion[STEER, i]
+        r["motion"]["x"], r["motion"]["y"], r["motion"]["heading"] = motion[X, i], motion[Y, i], motion[HEADING, i]
+        r["motion"]["cos"], r["motion"]["sin"] = motion[COS, i], motion[SIN, i]
+        r["motion"]["speed"], r["motion"]["steer"] = motion[SPEED, i], motion[STEER, i]
 
 
 @inline
@@ -224,10 +224,11 @@ def keep_off_shelves(robots, motion, flags, guarded, p, kinds, floor):
         if _tries_a_shelf(motion, i, guarded, own, floor):
             put_back(motion, flags, i)
             r = robots[i]
-            r["touching"] = 1
-            if r["shelf_contact"] == 0:
-                r["hit_shelf"] += 1
-            r["shelf_contact"] = 1
+            events = r["events"]
+            events["touching"] = 1
+            if events["shelf_contact"] == 0:
+                events["hit_shelf"] += 1
+            events["shelf_contact"] = 1
 
 
 @part
@@ -301,7 +302,7 @@ def accept_motion(robots, motion):
         dx, dy = motion[TRY_X, i] - motion[X, i], motion[TRY_Y, i] - motion[Y, i]
         way = np.sqrt(dx * dx + dy * dy)
         r = robots[i]
-        r["driven"] += way
-        r["distance"] += np.float64(way)
+        r["events"]["driven"] += way
+        r["totals"]["distance"] += np.float64(way)
         for k in range(5):
             motion[X + k, i] = motion[TRY_X + k, i]

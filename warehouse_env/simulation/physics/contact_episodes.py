@@ -56,24 +56,25 @@ def judge_pairs(robots, motion, pairs, count, stamps, clock, p, kinds):
             continue
         gap = rectangle_gap(body, other_body)
         r, o = robots[i], robots[j]
+        events = r["events"]
         if pairs[k, 2] != 0:
             gap = ZERO
-        r["gap"] = min(r["gap"], gap)
-        o["gap"] = min(o["gap"], gap)
+        events["gap"] = min(events["gap"], gap)
+        o["events"]["gap"] = min(o["events"]["gap"], gap)
         slot, before = _known(stamps[i], j, clock)
         now = before
         if pairs[k, 2] != 0:
-            r["touching"] = 1
-            o["touching"] = 1
+            events["touching"] = 1
+            o["events"]["touching"] = 1
             now = CONTACT
             if before != CONTACT:
-                r["hit_robot"] += 1
-                o["hit_robot"] += 1
+                events["hit_robot"] += 1
+                o["events"]["hit_robot"] += 1
         elif gap >= p["near_miss_gap"]:
             now = 0
             if before == NEAR:
-                r["near_miss"] += 1
-                o["near_miss"] += 1
+                events["near_miss"] += 1
+                o["events"]["near_miss"] += 1
         elif before == 0:
             now = NEAR
         if now != 0:
@@ -86,7 +87,8 @@ def end_shelf_contacts(robots, p, kinds, floor):
     wide = p["near_miss_gap"]
     for i in range(robots.shape[0]):
         r = robots[i]
-        if r["shelf_contact"] != 0:
-            body = grown(body_of(r["x"], r["y"], r["cos"], r["sin"], kind_of(i, p, kinds)), wide)
+        motion = r["motion"]
+        if r["events"]["shelf_contact"] != 0:
+            body = grown(body_of(motion["x"], motion["y"], motion["cos"], motion["sin"], kind_of(i, p, kinds)), wide)
             if not body_touches_shelf(body, floor):
-                r["shelf_contact"] = 0
+                r["events"]["shelf_contact"] = 0

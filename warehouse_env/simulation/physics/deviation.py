@@ -29,11 +29,12 @@ from warehouse_env.simulation.physics.contact import HEADING, SPEED, STEER, X, Y
 from warehouse_env.simulation.physics.footprint import clearance_at
 from warehouse_env.simulation.physics.kinds import kind_of
 from warehouse_env.simulation.physics.trigonometry import ONE, ZERO, sin_cos, wrap
+from warehouse_env.simulation.state import MOTION
 
 F = np.float32
 BODY = np.dtype(
     [
-        ("x", F), ("y", F), ("heading", F), ("speed", F), ("steer", F), ("cos", F), ("sin", F),  # as in ROBOT
+        ("motion", MOTION),
         ("error_x", F), ("error_y", F), ("error_heading", F),  # of where it believes to be [m], [rad]
         ("off", F), ("strays", np.int32),  # [m] that any point of it seems to be off its plan; how often too far
     ],
@@ -139,25 +140,25 @@ class Deviation:
     def show(self, robots: NDArray[Any], planned: NDArray[Any]) -> None:
         """Make `robots` ROBOT[B, N] what is `planned`, but where their bodies are, and as fast as these."""
         robots[...] = planned
-        for name in ("x", "y", "heading", "speed", "steer", "cos", "sin"):
-            robots[name] = self.bodies[name]
+        robots["motion"] = self.bodies["motion"]
 
 
 @kernel
 def _place(bodies, robots):
     for i in range(bodies.shape[0]):
         r, body = robots[i], bodies[i]
-        body["x"], body["y"] = r["x"] - body["error_x"], r["y"] - body["error_y"]
-        body["heading"] = wrap(r["heading"] - body["error_heading"])
-        body["sin"], body["cos"] = sin_cos(body["heading"])
-        body["speed"], body["steer"], body["off"] = r["speed"], r["steer"], ZERO
+        motion = r["motion"]
+        body["motion"]["x"], body["motion"]["y"] = motion["x"] - body["error_x"], motion["y"] - body["error_y"]
+        body["motion"]["heading"] = wrap(motion["heading"] - body["error_heading"])
+        body["motion"]["sin"], body["motion"]["cos"] = sin_cos(body["motion"]["heading"])
+        body["motion"]["speed"], body["motion"]["steer"], body["off"] = motion["speed"], motion["steer"], ZERO
 
 
 @inline
 def _off(x, y, heading, c, s, body):
     """Return (metres ahead, metres to the left, angle [rad]) by which a body seems to be off a planned pose."""
-    dx, dy = body["x"] + body["error_x"] - x, body["y"] + body["error_y"] - y
-    return dx * c + dy * s, dy * c - dx * s, wrap(body["heading"] + body["error_heading"] - heading)
+    dx, dy = body["motion"]["x"] + body["error_x"] - x, body["motion"]["y"] + body["error_y"] - y
+    return dx * c + dy * s, dy * c - dx * s, wrap(body["motion"]["heading"] + body["error_heading"] - heading)
 
 
 @inline
@@ -166,9 +167,10 @@ def _back_to_plan(r, body, next_speed, next_steer, p):
 
     As one that is aside comes back to a line: critically damped over the way.
     """
+    motion = r["motion"]
     if next_speed == ZERO:
         return ZERO, next_steer
-    ahead, aside, turned = _off(r["x"], r["y"], r["heading"], r["cos"], r["sin"], body)
+    ahead, aside, turned = _off(motion["x"], motion["y"], motion["heading"], motion["cos"], motion["sin"], body)
     forward = ONE if next_speed > ZERO else -ONE
     bend = -_STIFF * (_STIFF * aside + forward * _TWO * turned)
     _, c = sin_cos(next_steer)
@@ -193,15 +195,17 @@ def load(robots, bodies, planned, errors, own, params, kinds, floor):
     for i in range(robots.shape[0]):
         body, p = bodies[i], kind_of(i, params, kinds)
         speed, steer = _back_to_plan(robots[i], body, planned[SPEED, i], planned[STEER, i], p)
-        stops = speed == ZERO and abs(body["speed"]) <= _HOLDS
+        stops = speed == ZERO and abs(body["motion"]["speed"]) <= _HOLDS
         error = ZERO if stops else errors[i, ACCELERATING]
-        own[contact.ACCELERATION, i] = _changed(body["speed"], speed, error, p["max_acceleration"], p)
-        own[contact.STEER_RATE, i] = _changed(body["steer"], steer, errors[i, STEERING], p["max_steer_rate"], p)
-        c, s = body["cos"], body["sin"]
-        own[X, i], own[Y, i], own[HEADING, i] = body["x"], body["y"], body["heading"]
+        own[contact.ACCELERATION, i] = _changed(body["motion"]["speed"], speed, error, p["max_acceleration"], p)
+        own[contact.STEER_RATE, i] = _changed(
+            body["motion"]["steer"], steer, errors[i, STEERING], p["max_steer_rate"], p
+        )
+        c, s = body["motion"]["cos"], body["motion"]["sin"]
+        own[X, i], own[Y, i], own[HEADING, i] = body["motion"]["x"], body["motion"]["y"], body["motion"]["heading"]
         own[contact.COS, i], own[contact.SIN, i] = c, s
-        own[SPEED, i], own[STEER, i] = body["speed"], body["steer"]
-        x, y = body["x"] - p["offset"] * c, body["y"] - p["offset"] * s
+        own[SPEED, i], own[STEER, i] = body["motion"]["speed"], body["motion"]["steer"]
+        x, y = body["motion"]["x"] - p["offset"] * c, body["motion"]["y"] - p["offset"] * s
         own[contact.ROOM, i] = clearance_at(x, y, floor) - p["radius"]
 
 
@@ -230,11 +234,12 @@ def _localise(body, dx, dy, errors):
 @inline
 def _say_place_anew(r, body):
     """Plan from where a body believes to be."""
-    r["x"], r["y"] = body["x"] + body["error_x"], body["y"] + body["error_y"]
-    r["heading"] = wrap(body["heading"] + body["error_heading"])
-    r["sin"], r["cos"] = sin_cos(r["heading"])
-    r["speed"], r["steer"] = body["speed"], body["steer"]
-    r["off_plan"] = 0
+    motion = r["motion"]
+    motion["x"], motion["y"] = body["motion"]["x"] + body["error_x"], body["motion"]["y"] + body["error_y"]
+    motion["heading"] = wrap(body["motion"]["heading"] + body["error_heading"])
+    motion["sin"], motion["cos"] = sin_cos(motion["heading"])
+    motion["speed"], motion["steer"] = body["motion"]["speed"], body["motion"]["steer"]
+    r["shield"]["off_plan"] = 0
 
 
 @inline
@@ -243,14 +248,17 @@ def store(robots, bodies, planned, errors, own, guarded, p, kinds):
     contact.store(robots, planned)
     for i in range(robots.shape[0]):
         r, body = robots[i], bodies[i]
-        _localise(body, own[X, i] - body["x"], own[Y, i] - body["y"], errors[i])
-        body["x"], body["y"], body["heading"] = own[X, i], own[Y, i], own[HEADING, i]
-        body["cos"], body["sin"] = own[contact.COS, i], own[contact.SIN, i]
-        body["speed"], body["steer"] = own[SPEED, i], own[STEER, i]
-        ahead, aside, turned = _off(r["x"], r["y"], r["heading"], r["cos"], r["sin"], body)
+        motion, shield = r["motion"], r["shield"]
+        _localise(body, own[X, i] - body["motion"]["x"], own[Y, i] - body["motion"]["y"], errors[i])
+        body["motion"]["x"], body["motion"]["y"], body["motion"]["heading"] = own[X, i], own[Y, i], own[HEADING, i]
+        body["motion"]["cos"], body["motion"]["sin"] = own[contact.COS, i], own[contact.SIN, i]
+        body["motion"]["speed"], body["motion"]["steer"] = own[SPEED, i], own[STEER, i]
+        ahead, aside, turned = _off(motion["x"], motion["y"], motion["heading"], motion["cos"], motion["sin"], body)
         body["off"] = np.sqrt(ahead * ahead + aside * aside) + kind_of(i, p, kinds)["far"] * abs(turned)
-        if body["off"] > OFF_PLAN and r["off_plan"] == 0:
+        if body["off"] > OFF_PLAN and shield["off_plan"] == 0:
             body["strays"] += 1
-            r["off_plan"] = 1
-        if r["off_plan"] != 0 and (guarded is None or (r["speed"] == ZERO and body["speed"] == ZERO)):
+            shield["off_plan"] = 1
+        if shield["off_plan"] != 0 and (
+            guarded is None or (motion["speed"] == ZERO and body["motion"]["speed"] == ZERO)
+        ):
             _say_place_anew(r, body)

@@ -76,7 +76,7 @@ class People:
             goal = self._send(world, person)
             cells = self._rngs[world].permutation(np.argwhere(np.isfinite(self._grid.distance_to(goal))))
             points = self._grid.centre(cells)
-            gaps = np.hypot(points[:, :1] - robots["x"], points[:, 1:] - robots["y"])
+            gaps = np.hypot(points[:, :1] - robots["motion"]["x"], points[:, 1:] - robots["motion"]["y"])
             free = np.flatnonzero((gaps >= START).all(axis=1))
             if not len(free):
                 many = self.persons.shape[1]
@@ -143,7 +143,13 @@ class People:
         ways = self._grid.centre(beside) - here
         for share in (0.0, 0.5, 1.0):
             back = share * self._reaches
-            points = np.stack([robots["x"] - back * robots["cos"], robots["y"] - back * robots["sin"]], axis=-1)
+            points = np.stack(
+                [
+                    robots["motion"]["x"] - back * robots["motion"]["cos"],
+                    robots["motion"]["y"] - back * robots["motion"]["sin"],
+                ],
+                axis=-1,
+            )
             occupied[tuple(self._grid.nearest_cell(points).T)] = True
             to = points[np.hypot(*(points - here).T) < (_TURNS_AWAY if away else 0.0)] - here
             along = (ways[:, None] * to).sum(axis=-1)
@@ -177,8 +183,9 @@ def distance_to_body(x, y, cx, cy, c, s, p):
 @inline
 def gap_to(x, y, r, p):
     """Return the gap [m] between a person at (x, y) and robot r; negative where they touch."""
-    cx, cy = r["x"] - p["offset"] * r["cos"], r["y"] - p["offset"] * r["sin"]
-    return distance_to_body(x, y, cx, cy, r["cos"], r["sin"], p) - RADIUS
+    motion = r["motion"]
+    cx, cy = motion["x"] - p["offset"] * motion["cos"], motion["y"] - p["offset"] * motion["sin"]
+    return distance_to_body(x, y, cx, cy, motion["cos"], motion["sin"], p) - RADIUS
 
 
 @inline
@@ -300,10 +307,11 @@ def keep_off_people(robots, persons, motion, flags, p, kinds):
             if flags[MOVING, i] != 0 and distance_to_body(o["x"], o["y"], cx, cy, c, s, own) <= RADIUS:
                 put_back(motion, flags, i)
                 r = robots[i]
-                r["touching"] = 1
-                if r["person_contact"] == 0:
-                    r["hit_person"] += 1
-                r["person_contact"] = 1
+                events = r["events"]
+                events["touching"] = 1
+                if events["person_contact"] == 0:
+                    events["hit_person"] += 1
+                events["person_contact"] = 1
 
 
 @inline
@@ -313,11 +321,12 @@ def end_contacts(robots, persons, walking, p, kinds):
         return
     for i in range(robots.shape[0]):
         r = robots[i]
-        if r["person_contact"] != 0:
-            r["person_contact"] = 0
+        events = r["events"]
+        if events["person_contact"] != 0:
+            events["person_contact"] = 0
             for o in persons:
                 if gap_to(o["x"], o["y"], r, kind_of(i, p, kinds)) <= p["near_miss_gap"]:
-                    r["person_contact"] = 1
+                    events["person_contact"] = 1
 
 
 @inline

@@ -88,21 +88,23 @@ def most_speed(r, zones, p):
 
     zones: None where the floor has none.
     """
+    motion = r["motion"]
     if zones is None:
         return np.float32(np.inf)
-    way, bend = r["speed"] * p["time_step"], curvature(r["steer"], p["wheelbase"])
-    x, y, _ = roll(r["x"], r["y"], r["heading"], way, bend)
-    return np.sqrt(min(_square_at(r["x"], r["y"], zones), _square_at(x, y, zones)))
+    way, bend = motion["speed"] * p["time_step"], curvature(motion["steer"], p["wheelbase"])
+    x, y, _ = roll(motion["x"], motion["y"], motion["heading"], way, bend)
+    return np.sqrt(min(_square_at(motion["x"], motion["y"], zones), _square_at(x, y, zones)))
 
 
 @inline
 def keep_under(r, acceleration, most, zones, p):
     """Return an acceleration [m/s^2] that leads to no more speed than `most` [m/s], as hard as brakes have to."""
+    motion = r["motion"]
     if zones is None:
         return acceleration
     dt = p["time_step"]
-    speed = r["speed"] + acceleration * dt
+    speed = motion["speed"] + acceleration * dt
     if abs(speed) <= most:
         return acceleration
-    kept = approach(r["speed"], most if speed > ZERO else -most, p["max_acceleration"] * dt)
-    return acceleration if abs(kept) >= abs(speed) else (kept - r["speed"]) / dt
+    kept = approach(motion["speed"], most if speed > ZERO else -most, p["max_acceleration"] * dt)
+    return acceleration if abs(kept) >= abs(speed) else (kept - motion["speed"]) / dt

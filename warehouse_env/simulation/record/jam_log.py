@@ -106,12 +106,12 @@ def _ending(jam: _Open, robots: NDArray[Any]) -> Ending | None:
     """Return what the first member that got away did; None while all stand about where they stood."""
     for member, then in zip(jam.members, jam.robots, strict=True):
         now = robots[member]
-        if now["goals"] != then["goals"]:
+        if now["totals"]["goals"] != then["totals"]["goals"]:
             return "moved on"
-        if math.hypot(now["x"] - then["x"], now["y"] - then["y"]) > AWAY:
-            if now["reroutes"] != then["reroutes"]:
+        if math.hypot(now["motion"]["x"] - then["motion"]["x"], now["motion"]["y"] - then["motion"]["y"]) > AWAY:
+            if now["totals"]["reroutes"] != then["totals"]["reroutes"]:
                 return "new route"
-            return "moved on" if now["position"] - then["position"] > AWAY / 2 else "manoeuvre"
+            return "moved on" if now["on_route"]["position"] - then["on_route"]["position"] > AWAY / 2 else "manoeuvre"
     return None
 
 

@@ -28,17 +28,17 @@ def episode_row(
     Without a reached goal, or with a robot that has not arrived, the figures that need it are nan.
     """
     count = len(robots)
-    kilometres = float(robots["distance"].sum()) / 1000.0
-    pairs = float(robots["hits_robot"].sum()) / 2.0
-    shelves, people = float(robots["hits_shelf"].sum()), float(robots["hits_person"].sum())
-    goals = float(robots["goals"].sum())
-    planned, driven = float(robots["planned"].sum()), float(robots["driven_to_goals"].sum())
-    stuck = (robots["stalled_time"] > config.stuck_after) & (robots["alive"] != 0)
+    kilometres = float(robots["totals"]["distance"].sum()) / 1000.0
+    pairs = float(robots["totals"]["hits_robot"].sum()) / 2.0
+    shelves, people = float(robots["totals"]["hits_shelf"].sum()), float(robots["totals"]["hits_person"].sum())
+    goals = float(robots["totals"]["goals"].sum())
+    planned, driven = float(robots["totals"]["planned"].sum()), float(robots["totals"]["driven_to_goals"].sum())
+    stuck = (robots["clocks"]["stalled_time"] > config.stuck_after) & (robots["task"]["alive"] != 0)
     one_shot = config.tasks == "one_shot"
-    arrived = robots["goals"] > 0
-    times = np.where(arrived, robots["finish_time"], seconds)
-    gap = float(robots["min_gap"].min())
-    lived = int(robots["lived"].sum())
+    arrived = robots["totals"]["goals"] > 0
+    times = np.where(arrived, robots["totals"]["finish_time"], seconds)
+    gap = float(robots["totals"]["min_gap"].min())
+    lived = int(robots["totals"]["lived"].sum())
     late = float(late_seconds(seconds, config))
     return {
         "seconds": seconds,
@@ -47,21 +47,23 @@ def episode_row(
         "collisions_shelf": shelves,
         "collisions_person": people,
         "collisions_per_km": (pairs + shelves + people) / kilometres if kilometres > 0 else math.nan,
-        "near_misses": float(robots["near_misses"].sum()) / 2.0,
+        "near_misses": float(robots["totals"]["near_misses"].sum()) / 2.0,
         "min_clearance_m": gap if gap < GAP_HORIZON else math.nan,
         "goals": goals,
         "goals_per_robot_hour": goals / count / seconds * 3600.0 if seconds > 0 else math.nan,
-        "late_goals_per_robot_hour": float(robots["late_goals"].sum()) / count / late * 3600.0 if late else math.nan,
+        "late_goals_per_robot_hour": float(robots["totals"]["late_goals"].sum()) / count / late * 3600.0
+        if late
+        else math.nan,
         "success_rate": float(arrived.mean()),
         "path_length_m": driven / goals if goals else math.nan,
         "path_length_ratio": driven / planned if planned else math.nan,
         "makespan_s": float(times.max()) if one_shot and arrived.all() else math.nan,
         "sum_of_costs_s": float(times.sum()) if one_shot else math.nan,
         "stuck": float(stuck.mean()),
-        "waiting_share": float(robots["waited"].sum()) / lived if lived else math.nan,
-        "longest_standing_s": float(robots["longest_standing"].max()),
+        "waiting_share": float(robots["totals"]["waited"].sum()) / lived if lived else math.nan,
+        "longest_standing_s": float(robots["totals"]["longest_standing"].max()),
         "longest_without_goal_s": float(_without_goal(robots, config).max()),
-        "reroutes": float(robots["reroutes"].sum()),
+        "reroutes": float(robots["totals"]["reroutes"].sum()),
     } | people_row(persons)
 
 
@@ -89,27 +91,29 @@ def robot_rows(robots: NDArray[Any], seconds: NDArray[np.float64], config: EnvCo
     robots: ROBOT[K]; seconds [K] since the resets of their worlds. Only the robot's own are counted: a contact or a
     near miss with another robot counts one for each of the two. `distance_m`: driven in all, to goals or not.
     """
-    goals = robots["goals"].astype(np.float64)
-    gap = robots["min_gap"].astype(np.float64)
+    goals = robots["totals"]["goals"].astype(np.float64)
+    gap = robots["totals"]["min_gap"].astype(np.float64)
     columns = {
         "seconds": seconds,
-        "distance_m": robots["distance"],
-        "collisions_robot": robots["hits_robot"].astype(np.float64),
-        "collisions_shelf": robots["hits_shelf"].astype(np.float64),
-        "collisions_person": robots["hits_person"].astype(np.float64),
-        "near_misses": robots["near_misses"].astype(np.float64),
+        "distance_m": robots["totals"]["distance"],
+        "collisions_robot": robots["totals"]["hits_robot"].astype(np.float64),
+        "collisions_shelf": robots["totals"]["hits_shelf"].astype(np.float64),
+        "collisions_person": robots["totals"]["hits_person"].astype(np.float64),
+        "near_misses": robots["totals"]["near_misses"].astype(np.float64),
         "min_clearance_m": np.where(gap < GAP_HORIZON, gap, math.nan),
         "goals": goals,
         "goals_per_robot_hour": _ratio(goals * 3600.0, seconds),
-        "late_goals_per_robot_hour": _ratio(robots["late_goals"] * 3600.0, late_seconds(seconds, config)),
+        "late_goals_per_robot_hour": _ratio(robots["totals"]["late_goals"] * 3600.0, late_seconds(seconds, config)),
         "success_rate": (goals > 0).astype(np.float64),
-        "path_length_m": _ratio(robots["driven_to_goals"], goals),
-        "path_length_ratio": _ratio(robots["driven_to_goals"], robots["planned"]),
-        "stuck": ((robots["stalled_time"] > config.stuck_after) & (robots["alive"] != 0)).astype(np.float64),
-        "waiting_share": _ratio(robots["waited"], robots["lived"]),
-        "longest_standing_s": robots["longest_standing"].astype(np.float64),
+        "path_length_m": _ratio(robots["totals"]["driven_to_goals"], goals),
+        "path_length_ratio": _ratio(robots["totals"]["driven_to_goals"], robots["totals"]["planned"]),
+        "stuck": ((robots["clocks"]["stalled_time"] > config.stuck_after) & (robots["task"]["alive"] != 0)).astype(
+            np.float64
+        ),
+        "waiting_share": _ratio(robots["totals"]["waited"], robots["totals"]["lived"]),
+        "longest_standing_s": robots["totals"]["longest_standing"].astype(np.float64),
         "longest_without_goal_s": _without_goal(robots, config),
-        "reroutes": robots["reroutes"].astype(np.float64),
+        "reroutes": robots["totals"]["reroutes"].astype(np.float64),
     }
     return [
         dict(zip(columns, row, strict=True))
@@ -119,7 +123,9 @@ def robot_rows(robots: NDArray[Any], seconds: NDArray[np.float64], config: EnvCo
 
 def _without_goal(robots: NDArray[Any], config: EnvConfig) -> NDArray[np.float64]:
     """Return the longest time [s] that each robot was on the way to one goal, reached or not."""
-    return np.asarray(np.maximum(robots["longest_age"], robots["age"]) * config.time_step, dtype=np.float64)
+    return np.asarray(
+        np.maximum(robots["totals"]["longest_age"], robots["task"]["age"]) * config.time_step, dtype=np.float64
+    )
 
 
 def _ratio(part: NDArray[Any], whole: NDArray[Any]) -> NDArray[np.float64]:

@@ -56,4 +56,4 @@ class Messages:
         for world in range(len(robots)):
             chances = self._rngs[world].random((2 if self._late else 1, robots.shape[1]))
             self._left[world, (chances[0] < self._begins) & (self._left[world] == 0)] = self._lasts
-            robots["silent"][world] = (self._left[world] > 0) | (chances[-1] < self._late)
+            robots["shield"]["silent"][world] = (self._left[world] > 0) | (chances[-1] < self._late)

@@ -88,7 +88,7 @@ def shorten(table, sides, preferences, kept):
 def speed_of(r, choices, speed, urged):
     """Return the speed [m/s] that a robot likes with the offset that it has, else `speed`; one above 0 if urged."""
     for n in range(choices.shape[0]):
-        if choices[n, SIDE] == r["side"]:
+        if choices[n, SIDE] == r["traffic"]["side"]:
             speed = choices[n, SPEED]
             if speed <= ZERO and urged:
                 speed = choices[n, GOING]

@@ -27,21 +27,22 @@ def write_terms(r, p, weights, terms):
     near_miss_gap x 3 on; time 1; smoothness: change of commanded speed / max_speed + of steering / max_steering;
     path_length [m] driven in any direction.
     """
-    if r["acting"] == 0:
+    commanded, events = r["commanded"], r["events"]
+    if r["task"]["acting"] == 0:
         terms[:] = ZERO
         return ZERO
     near = np.float32(3.0) * p["near_miss_gap"]
-    terms[0] = weights[0] * r["progress"]
-    terms[1] = weights[1] * np.float32(r["arrived"])
-    terms[2] = weights[2] * np.float32(r["hit_robot"] + r["hit_shelf"] + r["hit_person"])
-    terms[3] = weights[3] * np.float32(r["touching"])
-    terms[4] = weights[4] * max(ZERO, ONE - r["gap"] / near)
+    terms[0] = weights[0] * events["progress"]
+    terms[1] = weights[1] * np.float32(events["arrived"])
+    terms[2] = weights[2] * np.float32(events["hit_robot"] + events["hit_shelf"] + events["hit_person"])
+    terms[3] = weights[3] * np.float32(events["touching"])
+    terms[4] = weights[4] * max(ZERO, ONE - events["gap"] / near)
     terms[5] = weights[5]
     terms[6] = weights[6] * (
-        abs(r["target_speed"] - r["previous_speed"]) / p["max_speed"]
-        + abs(r["target_steer"] - r["previous_steer"]) / p["max_steer"]
+        abs(commanded["target_speed"] - commanded["previous_speed"]) / p["max_speed"]
+        + abs(commanded["target_steer"] - commanded["previous_steer"]) / p["max_steer"]
     )
-    terms[7] = weights[7] * r["driven"]
+    terms[7] = weights[7] * events["driven"]
     total = ZERO
     for k in range(terms.shape[0]):
         total += terms[k]

@@ -176,18 +176,19 @@ def write_neighbours(n, bodies, p, out, start):
 @inline
 def write_ego_and_route(r, route, p, out, start, at):
     """Write the slices `ego` and `route` (see observation_layout) from out[start] and from out[at] on."""
-    to_go = np.float32(r["points"] - 1) * r["spacing"] - r["position"]
-    out[start] = r["speed"] / p["max_speed"]
-    out[start + 1] = r["steer"] / p["max_steer"]
-    out[start + 2] = r["follow_steer"] / p["max_steer"]
-    out[start + 3] = r["bearing"] / PI
-    out[start + 4] = min(max(r["lateral"], -_FIVE), _FIVE)
+    motion, on_route = r["motion"], r["on_route"]
+    to_go = np.float32(on_route["points"] - 1) * on_route["spacing"] - on_route["position"]
+    out[start] = motion["speed"] / p["max_speed"]
+    out[start + 1] = motion["steer"] / p["max_steer"]
+    out[start + 2] = r["commanded"]["follow_steer"] / p["max_steer"]
+    out[start + 3] = on_route["bearing"] / PI
+    out[start + 4] = min(max(on_route["lateral"], -_FIVE), _FIVE)
     out[start + 5] = min(to_go, _TWENTY) / _TWENTY
-    out[start + 6] = min(r["contact_time"], _FIVE) / _FIVE
-    out[start + 7] = min(r["waiting_time"], _TWENTY) / _TWENTY
+    out[start + 6] = min(r["clocks"]["contact_time"], _FIVE) / _FIVE
+    out[start + 7] = min(r["clocks"]["waiting_time"], _TWENTY) / _TWENTY
     for k in range(p["route_points"]):
         x, y, _, _ = way_point(r, route, np.float32(k + 1) * p["route_spacing"], ZERO)
-        dx, dy = x - r["x"], y - r["y"]
-        out[at] = (dx * r["cos"] + dy * r["sin"]) / _FIVE
-        out[at + 1] = (dy * r["cos"] - dx * r["sin"]) / _FIVE
+        dx, dy = x - motion["x"], y - motion["y"]
+        out[at] = (dx * motion["cos"] + dy * motion["sin"]) / _FIVE
+        out[at + 1] = (dy * motion["cos"] - dx * motion["sin"]) / _FIVE
         at += 2

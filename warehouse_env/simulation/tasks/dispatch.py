@@ -47,12 +47,16 @@ def _take_route(robots, routes, world, robot, points, heading):
         if k > 0:
             spacing = max(spacing, np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1]))
     r = robots[world, robot]
-    r["points"], r["spacing"] = len(points) if spacing > 0.0 else 1, spacing  # it stands at the end already
-    r["position"] = r["lateral"] = r["bearing"] = np.float32(0.0)
-    r["arcs"] = r["seeks"] = r["docks"] = 0  # of a manoeuvre to the route before
-    r["search_wait"] = r["side"] = np.float32(0.0)
+    on_route, manoeuvre = r["on_route"], r["manoeuvre"]
+    on_route["points"], on_route["spacing"] = (
+        len(points) if spacing > 0.0 else 1,
+        spacing,
+    )  # it stands at the end already
+    on_route["position"] = on_route["lateral"] = on_route["bearing"] = np.float32(0.0)
+    manoeuvre["arcs"] = manoeuvre["seeks"] = manoeuvre["docks"] = 0  # of a manoeuvre to the route before
+    manoeuvre["search_wait"] = r["traffic"]["side"] = np.float32(0.0)
     forget_grants(r)
-    r["goal_heading"], r["either"], r["join"] = heading, False, np.float32(0.0)
+    r["task"]["goal_heading"], r["task"]["either"], manoeuvre["join"] = heading, False, np.float32(0.0)
 
 
 @kernel
@@ -62,19 +66,21 @@ def _take_end(robots, world, robot, x, y, heading, either, join):
     either: its body may as well stand there the other way round.
     """
     r = robots[world, robot]
-    r["goal_x"], r["goal_y"], r["goal_heading"], r["either"] = x, y, heading, either
-    r["join"] = np.float32(0.0) if np.isnan(heading) else join
+    task = r["task"]
+    task["goal_x"], task["goal_y"], task["goal_heading"], task["either"] = x, y, heading, either
+    r["manoeuvre"]["join"] = np.float32(0.0) if np.isnan(heading) else join
 
 
 @kernel
 def _take_goal(robots, routes, world, robot, row, column):
     """Begin the task to the goal's cell, where the robot's route ends."""
     r = robots[world, robot]
-    r["milestone"] = r["stalled_time"] = np.float32(0.0)
-    last = r["points"] - 1
-    r["task_length"] = np.float64(last) * np.float64(r["spacing"])
-    r["goal_x"], r["goal_y"] = routes[world, robot, last, 0], routes[world, robot, last, 1]
-    r["goal_row"], r["goal_col"] = row, column
+    task = r["task"]
+    r["clocks"]["milestone"] = r["clocks"]["stalled_time"] = np.float32(0.0)
+    last = r["on_route"]["points"] - 1
+    r["totals"]["task_length"] = np.float64(last) * np.float64(r["on_route"]["spacing"])
+    task["goal_x"], task["goal_y"] = routes[world, robot, last, 0], routes[world, robot, last, 1]
+    task["goal_row"], task["goal_col"] = row, column
 
 
 class Dispatcher(Portable):
@@ -257,17 +263,17 @@ class Dispatcher(Portable):
         Where robots work on a shift, an arrival at a place that is no stop of its work is none.
         """
         config, arrivals = self._config, []
-        for world, robot in np.argwhere(self.robots["arrived"] != 0).tolist():
+        for world, robot in np.argwhere(self.robots["events"]["arrived"] != 0).tolist():
             r, step = self.robots[world, robot], int(steps[world])
             seconds = step * config.action_repeat * config.time_step
             if self.shifts is not None:
-                r["alive"] = 0
+                r["task"]["alive"] = 0
                 if not self.shifts[world].arrive(robot):
                     pass_by(self.robots, world, robot)
                     continue
             lengths = book_arrival(self.robots, world, robot, seconds, 2 * step > config.max_steps)
             arrivals.append(Arrival(world, robot, *lengths))
-            if self.shifts is None and config.tasks == "lifelong" and r["alive"]:
+            if self.shifts is None and config.tasks == "lifelong" and r["task"]["alive"]:
                 self._told.pop((world, robot), None)
                 start = state.goal_of(r)
                 goal = self.tasks[world].next_goal(robot, start, self._rngs[world])
@@ -316,7 +322,7 @@ class Dispatcher(Portable):
     def _route_from_here(self, world: int, robot: int, step: int) -> Route:
         """Return a route to a robot's goal from the cell in which it is, around others if they count."""
         r = self.robots[world, robot]
-        goal, pose = state.goal_of(r), np.array([r["x"], r["y"]])
+        goal, pose = state.goal_of(r), np.array([r["motion"]["x"], r["motion"]["y"]])
         row, column = self.book.grid.standing(pose).tolist()
         if (row, column) == goal:
             cells, ends = np.array([goal], dtype=np.int32), self._ends(world, robot, goal)
@@ -329,15 +335,17 @@ class Dispatcher(Portable):
         """Give a robot another route on its way; the time without a metre of progress goes on."""
         self.give_route(world, robot, route)
         r = self.robots[world, robot]
-        r["milestone"] = 0.0
-        r["reroutes"] += 1
+        r["clocks"]["milestone"] = 0.0
+        r["totals"]["reroutes"] += 1
 
     def _route(self, world: int, robot: int, start: Cell, goal: Cell, step: int) -> Route:
         """Return a live route if there is one, else that from the cell in which a robot is."""
         live = self._live_route(world, robot, goal, step)
         if live is not None:
             return live
-        return self.book.route(start, goal, float(self.robots[world, robot]["heading"]), self._ends(world, robot, goal))
+        return self.book.route(
+            start, goal, float(self.robots[world, robot]["motion"]["heading"]), self._ends(world, robot, goal)
+        )
 
     def _live_route(self, world: int, robot: int, goal: Cell, step: int, on_its_way: bool = False) -> Route | None:
         """Return a route from where a robot is, around all others; None if live routes are off or find none."""

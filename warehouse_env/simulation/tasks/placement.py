@@ -35,7 +35,10 @@ def _fits(robots, index, pose, p, kinds, floor, gap):
         return False
     for j in range(index):
         o, kind = robots[j], kind_of(j, p, kinds)
-        other, reach = body_of(o["x"], o["y"], o["cos"], o["sin"], kind), own["radius"] + kind["radius"] + gap
+        other, reach = (
+            body_of(o["motion"]["x"], o["motion"]["y"], o["motion"]["cos"], o["motion"]["sin"], kind),
+            own["radius"] + kind["radius"] + gap,
+        )
         if squared_distance(body, other) < reach * reach and gap > rectangle_gap(body, other):
             return False
     return True
@@ -45,8 +48,9 @@ def _fits(robots, index, pose, p, kinds, floor, gap):
 def _put(robots, index, pose):
     """Put robot `index` at a pose."""
     r = robots[index]
-    r["x"], r["y"], r["heading"] = pose
-    r["sin"], r["cos"] = sin_cos(pose[2])
+    motion = r["motion"]
+    motion["x"], motion["y"], motion["heading"] = pose
+    motion["sin"], motion["cos"] = sin_cos(pose[2])
 
 
 @part
@@ -70,11 +74,17 @@ def _put_all(robots, routes, pose, speed, params, kinds, floor):
     for b in range(robots.shape[0]):
         for i in range(robots.shape[1]):
             r, x, y = robots[b, i], pose[b, i, 0], pose[b, i, 1]
+            on_route = r["on_route"]
             at = x, y, pose[b, i, 2]
             free[b] = free[b] and _fits(robots[b], i, at, p, kinds, floor, TOUCH)
             _put(robots[b], i, at)
-            r["anchor_x"], r["anchor_y"], r["speed"], r["steer"] = x, y, speed[b, i], ZERO
-            r["position"] = np.float32(_nearest(routes[b, i], r["points"], x, y)) * r["spacing"]
+            r["clocks"]["anchor_x"], r["clocks"]["anchor_y"], r["motion"]["speed"], r["motion"]["steer"] = (
+                x,
+                y,
+                speed[b, i],
+                ZERO,
+            )
+            on_route["position"] = np.float32(_nearest(routes[b, i], on_route["points"], x, y)) * on_route["spacing"]
             line.locate(r, routes[b, i])
             line.aim(r, routes[b, i], kind_of(i, p, kinds))
     return free

@@ -138,11 +138,11 @@ class Shift:
         assert batteries is not None
         self._looked = now
         charging = np.array([duty.doing == Doing.CHARGES for duty in self.duties])
-        batteries.use(now, robots["distance"], self.load, charging)
+        batteries.use(now, robots["totals"]["distance"], self.load, charging)
         share = batteries.share
         for robot in np.flatnonzero(charging & (share >= spec.full)).tolist():
             self._next(robot)
-        cells = self._grid.standing(np.stack([robots["x"], robots["y"]], axis=-1))
+        cells = self._grid.standing(np.stack([robots["motion"]["x"], robots["motion"]["y"]], axis=-1))
         critical = batteries.is_critical(cells, self.load)
         for robot in np.flatnonzero(critical | (share < spec.low)).tolist():
             duty = self.duties[robot]
@@ -151,7 +151,7 @@ class Shift:
             if not critical[robot]:
                 continue
             if share[robot] <= 0.0 and duty.doing != Doing.CHARGES:
-                robots[robot]["alive"] = 0
+                robots[robot]["task"]["alive"] = 0
                 self.break_down(robot)
             elif duty.doing == Doing.STOP or (duty.doing == Doing.WAITS and duty.wants not in self._chargers):
                 self._go_and_charge(robot)
@@ -161,7 +161,7 @@ class Shift:
         duty = self.duties[robot]
         self._until[robot] = math.inf
         cell = duty.stops.pop(0)
-        self._tally.drive(robot, float(robots["distance"][robot]), bool(self.carries[robot]))
+        self._tally.drive(robot, float(robots["totals"]["distance"][robot]), bool(self.carries[robot]))
         self._reload(robot, cell)
         if duty.order is not None and not duty.stops:
             assert self.ledger is not None
@@ -264,7 +264,9 @@ class Shift:
                 self._head_for(robot, order.picks[0], Doing.STOP)
 
     def _cell(self, robots: NDArray[Any], robot: int) -> Cell:
-        row, column = self._grid.standing(np.array([robots[robot]["x"], robots[robot]["y"]])).tolist()
+        row, column = self._grid.standing(
+            np.array([robots[robot]["motion"]["x"], robots[robot]["motion"]["y"]])
+        ).tolist()
         return row, column
 
     def at_work(self) -> NDArray[np.bool_]:
@@ -303,7 +305,7 @@ class Shift:
         to_come = [(max(float(self._until[robot]) - now, 0.0), at_station) for robot, at_station in served]
         waiting = sum(now - duty.since for duty in duties if duty.doing == Doing.WAITS)
         return {
-            **self._tally.row(now, robots["distance"], self.carries, to_come, waiting, len(self._stations)),
+            **self._tally.row(now, robots["totals"]["distance"], self.carries, to_come, waiting, len(self._stations)),
             **({} if self.ledger is None else self.ledger.row(now)),
             **({} if self.batteries is None else self.batteries.row(now)),
         }

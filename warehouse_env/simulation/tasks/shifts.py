@@ -119,8 +119,8 @@ class Shifts:
         """Let a world's robots ROBOT[N] be on the way to the goals that they have, or where that is theirs, at rest."""
         for robot, r in enumerate(robots):
             goal = goal_of(r)
-            if goal == tuple(self._grid.cell(np.array([r["x"], r["y"]])).tolist()):
-                r["alive"] = 0
+            if goal == tuple(self._grid.cell(np.array([r["motion"]["x"], r["motion"]["y"]])).tolist()):
+                r["task"]["alive"] = 0
                 self._each[world].stand(robot, goal)
             else:
                 self._each[world].assign(robot, goal)

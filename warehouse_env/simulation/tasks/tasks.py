@@ -31,15 +31,16 @@ def book_arrival(robots, world, robot, seconds, late):
     Returns the metres driven since its last goal or the reset, and the metres planned.
     """
     r = robots[world, robot]
-    driven, planned = r["distance"] - r["distance_at_goal"], r["task_length"]
-    r["goals"] += 1
-    r["late_goals"] += 1 if late else 0
-    r["longest_age"] = max(r["longest_age"], r["age"])
-    r["age"] = 0
-    r["planned"] += planned
-    r["driven_to_goals"] += driven
-    r["distance_at_goal"] = r["distance"]
-    r["finish_time"] = np.float32(seconds)
+    totals = r["totals"]
+    driven, planned = totals["distance"] - totals["distance_at_goal"], totals["task_length"]
+    totals["goals"] += 1
+    totals["late_goals"] += 1 if late else 0
+    totals["longest_age"] = max(totals["longest_age"], r["task"]["age"])
+    r["task"]["age"] = 0
+    totals["planned"] += planned
+    totals["driven_to_goals"] += driven
+    totals["distance_at_goal"] = totals["distance"]
+    totals["finish_time"] = np.float32(seconds)
     return driven, planned
 
 
@@ -47,21 +48,23 @@ def book_arrival(robots, world, robot, seconds, late):
 def pass_by(robots, world, robot):
     """End a robot's way to a place that is no goal of its work: it counts as none, nor do the metres driven there."""
     r = robots[world, robot]
-    r["arrived"] = 0
-    r["longest_age"] = max(r["longest_age"], r["age"])
-    r["age"] = 0
-    r["distance_at_goal"] = r["distance"]
+    totals = r["totals"]
+    r["events"]["arrived"] = 0
+    totals["longest_age"] = max(totals["longest_age"], r["task"]["age"])
+    r["task"]["age"] = 0
+    totals["distance_at_goal"] = totals["distance"]
 
 
 @kernel
 def set_out(robots, world, robot, row, column):
     """Let a robot that stood, or was on its way elsewhere, drive to the goal's cell: its clocks begin anew."""
     r = robots[world, robot]
-    if r["alive"] == 0:
-        r["waiting_time"] = r["standing_time"] = r["held_time"] = np.float32(0.0)
-        r["anchor_x"], r["anchor_y"] = r["x"], r["y"]
-    r["alive"] = 1
-    r["goal_row"], r["goal_col"] = row, column
+    task, clocks = r["task"], r["clocks"]
+    if task["alive"] == 0:
+        clocks["waiting_time"] = clocks["standing_time"] = r["shield"]["vetoed_time"] = np.float32(0.0)
+        clocks["anchor_x"], clocks["anchor_y"] = r["motion"]["x"], r["motion"]["y"]
+    task["alive"] = 1
+    task["goal_row"], task["goal_col"] = row, column
 
 
 class Tasks(Portable):

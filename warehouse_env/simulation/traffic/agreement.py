@@ -33,6 +33,6 @@ def agree(begin, end, worlds, setup, scratch):
         world = right_of_way.Claims(robots, persons, routes, worlds.arcs[b], commands[b], worlds.choices[b], ways)
         right_of_way.decide(world, order, p, kinds, setup.floor)
         for r in robots:
-            r["pause"] = max(r["pause"] - seconds, ZERO)
+            r["traffic"]["pause"] = max(r["traffic"]["pause"] - seconds, ZERO)
         searching += waits.look(robots, found)
     return searching

@@ -29,11 +29,12 @@ def find_astray(robots, routes, far, astray):
     for b in range(robots.shape[0]):
         for i in range(robots.shape[1]):
             r = robots[b, i]
+            on_route = r["on_route"]
             astray[b, i] = False
-            if not has_halted(r) or r["arcs"] != 0 or r["points"] < 2:
+            if not has_halted(r) or r["manoeuvre"]["arcs"] != 0 or on_route["points"] < 2:
                 continue
-            k = min(int(r["position"] / r["spacing"] + np.float32(0.5)), r["points"] - 1)
-            dx, dy = routes[b, i, k, 0] - r["x"], routes[b, i, k, 1] - r["y"]
+            k = min(int(on_route["position"] / on_route["spacing"] + np.float32(0.5)), on_route["points"] - 1)
+            dx, dy = routes[b, i, k, 0] - r["motion"]["x"], routes[b, i, k, 1] - r["motion"]["y"]
             if dx * dx + dy * dy > far * far:
                 astray[b, i] = True
                 found += 1

@@ -49,14 +49,17 @@ def raise_fault(faults: NDArray[Any]) -> None:
 @part
 def _stop(r, p, stop):
     """Write the body's centre x, y [m], cosine and sine at each substep of a full stop, float32[T, 4]."""
-    x, y, heading, speed = r["x"], r["y"], r["heading"], r["speed"]
-    c, s = r["cos"], r["sin"]
+    motion = r["motion"]
+    x, y, heading, speed = motion["x"], motion["y"], motion["heading"], motion["speed"]
+    c, s = motion["cos"], motion["sin"]
     for n in range(stop.shape[0]):
         if n % p["substeps"] == 0:
             rate = (approach(speed, ZERO, p["max_acceleration"] * p["time_step"]) - speed) / p["time_step"]
         slower = speed + rate * p["dt"]
         if speed != ZERO:
-            x, y, heading = drive((x, y, heading), speed, slower, r["steer"], r["steer"], chassis_of(p), p["dt"])
+            x, y, heading = drive(
+                (x, y, heading), speed, slower, motion["steer"], motion["steer"], chassis_of(p), p["dt"]
+            )
             s, c = sin_cos(heading)
         speed = slower
         stop[n, 0], stop[n, 1], stop[n, 2], stop[n, 3] = x - p["offset"] * c, y - p["offset"] * s, c, s
@@ -77,7 +80,7 @@ def find_fault(robots, persons, clock, p, kinds, floor, fault):
             if body_touches_shelf(body, floor):
                 other = SHELF
             for o in persons:
-                moves = robots[i]["speed"] != ZERO and (n == 0 or (stops[i, n] != stops[i, n - 1]).any())
+                moves = robots[i]["motion"]["speed"] != ZERO and (n == 0 or (stops[i, n] != stops[i, n - 1]).any())
                 comes = RADIUS + PACE * np.float32(n) * p["dt"]
                 if moves and distance_to_body(o["x"], o["y"], x, y, c, s, own) <= comes:
                     other = PERSON

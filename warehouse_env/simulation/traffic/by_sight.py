@@ -165,7 +165,7 @@ def _look(robots, persons, motion, places, sights, walking, p, floor):
     count, gain = motion.shape[1], p["max_acceleration"] * p["time_step"]
     fastest, reach = max(p["max_speed"], -p["min_speed"]), p["lidar_range"] + p["radius"] + p["radius"]
     for i in range(count):
-        robots[i]["wary"] = max(robots[i]["wary"] - gain, ZERO)
+        robots[i]["shield"]["occluded_speed_bound"] = max(robots[i]["shield"]["occluded_speed_bound"] - gain, ZERO)
     for i in range(count):
         x, y = centre_of(i, motion, p)
         for j in range(i + 1, count):
@@ -175,8 +175,12 @@ def _look(robots, persons, motion, places, sights, walking, p, floor):
                 sights[i, j] = min((abs(motion[SPEED, j]) + gain) * p["reel"], fastest)
                 sights[j, i] = min((abs(motion[SPEED, i]) + gain) * p["reel"], fastest)
             elif had:
-                robots[i]["wary"] = max(robots[i]["wary"], sights[i, j])
-                robots[j]["wary"] = max(robots[j]["wary"], sights[j, i])
+                robots[i]["shield"]["occluded_speed_bound"] = max(
+                    robots[i]["shield"]["occluded_speed_bound"], sights[i, j]
+                )
+                robots[j]["shield"]["occluded_speed_bound"] = max(
+                    robots[j]["shield"]["occluded_speed_bound"], sights[j, i]
+                )
                 sights[i, j] = sights[j, i] = NOT_SEEN
 
 
@@ -204,26 +208,31 @@ def guard(robots, persons, sights, scratch, walking, p, floor, scanners):
     _look(robots, persons, motion, places, sights, walking, p, floor)
     for i in range(robots.shape[0]):
         r = robots[i]
+        shield = r["shield"]
         acceleration, steer_rate = motion[ACCELERATION, i], motion[STEER_RATE, i]
         brake, refuser, share = braking(motion[SPEED, i], p), FREE, ONE
         if motion[SPEED, i] == ZERO and acceleration == ZERO:
-            r["held_time"] = ZERO
+            shield["vetoed_time"] = ZERO
             continue
         _open_eyes(i, persons, sights, scratch, walking, p, scanners)
         for _ in range(_TRIES):
             weaker = brake + share * (acceleration - brake)
-            refuser = commit(i, (weaker, steer_rate), persons, r["wary"], around, walking, p, floor)
+            refuser = commit(
+                i, (weaker, steer_rate), persons, shield["occluded_speed_bound"], around, walking, p, floor
+            )
             if refuser == FREE or acceleration == brake:
                 break
             share *= HALF
         if refuser == FREE:
             motion[ACCELERATION, i] = weaker
-            r["wary"] = max(r["wary"], (field[1][PACE, motion.shape[1]] - p["blur"]) / p["dt"])
-            r["held_time"] = ZERO
+            shield["occluded_speed_bound"] = max(
+                shield["occluded_speed_bound"], (field[1][PACE, motion.shape[1]] - p["blur"]) / p["dt"]
+            )
+            shield["vetoed_time"] = ZERO
             continue
         motion[ACCELERATION, i] = brake
         if motion[SPEED, i] != ZERO:
             motion[STEER_RATE, i] = ZERO
-        r["held"] += 1
-        r["held_time"] += p["time_step"]
-        r["held_by"] = max(refuser, NOBODY)
+        shield["vetoed"] += 1
+        shield["vetoed_time"] += p["time_step"]
+        shield["vetoed_by"] = max(refuser, NOBODY)

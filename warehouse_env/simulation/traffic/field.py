@@ -188,17 +188,18 @@ def guard(robots, persons, scratch, walking, p, kinds, floor):
     begin(motion, field, p, kinds)
     for i in field[3]:
         r, own = robots[i], kind_of(i, p, kinds)
+        shield = r["shield"]
         refuser = FREE
-        if r["silent"] == 0 and r["off_plan"] == 0:
+        if shield["silent"] == 0 and shield["off_plan"] == 0:
             command = motion[ACCELERATION, i], motion[STEER_RATE, i]
             refuser = commit(i, command, persons, around, walking, own, kinds, floor)
             if refuser == FREE:
-                r["held_time"] = ZERO
+                shield["vetoed_time"] = ZERO
                 continue
         hold(i, motion, field, own)
-        r["held"] += 1
-        r["held_time"] += p["time_step"]
-        r["held_by"] = max(refuser, NOBODY)
+        shield["vetoed"] += 1
+        shield["vetoed_time"] += p["time_step"]
+        shield["vetoed_by"] = max(refuser, NOBODY)
 
 
 @inline
@@ -207,8 +208,8 @@ def settle(robots, guarded):
     if guarded is None:
         return
     for i in range(robots.shape[0]):
-        if abs(robots[i]["speed"]) < REST:
-            robots[i]["speed"] = ZERO
+        if abs(robots[i]["motion"]["speed"]) < REST:
+            robots[i]["motion"]["speed"] = ZERO
 
 
 @inline
@@ -216,5 +217,5 @@ def observe(r, p, row, at):
     """Write the slice `field` from row[at] on, if there is one: how often and how long the field has held it."""
     if at is None:
         return
-    row[at] = np.float32(r["held"]) / np.float32(p["repeat"])
-    row[at + 1] = min(r["held_time"], LONG_HELD) / LONG_HELD
+    row[at] = np.float32(r["shield"]["vetoed"]) / np.float32(p["repeat"])
+    row[at + 1] = min(r["shield"]["vetoed_time"], LONG_HELD) / LONG_HELD

@@ -27,7 +27,10 @@ def _touched(body, near, robots, p, kinds):
     """Return the first of the robots `near` whose body the Rectangle `body` touches; p: of whose body that is."""
     for j in near:
         o, kind = robots[j], kind_of(j, p, kinds)
-        reach, other = p["radius"] + kind["radius"], body_of(o["x"], o["y"], o["cos"], o["sin"], kind)
+        reach, other = (
+            p["radius"] + kind["radius"],
+            body_of(o["motion"]["x"], o["motion"]["y"], o["motion"]["cos"], o["motion"]["sin"], kind),
+        )
         if squared_distance(body, other) < reach * reach and rectangles_touch(body, other):
             return j
     return NOBODY
@@ -36,10 +39,10 @@ def _touched(body, near, robots, p, kinds):
 @inline
 def _list_near(robots, i, p, kinds, near):
     """Write the robots whose body robot i's could meet within AHEAD into near int32[N]; return how many."""
-    x, y = robots[i]["x"], robots[i]["y"]
+    x, y = robots[i]["motion"]["x"], robots[i]["motion"]["y"]
     count = 0
     for j in range(robots.shape[0]):
-        dx, dy, other = robots[j]["x"] - x, robots[j]["y"] - y, kind_of(j, p, kinds)
+        dx, dy, other = robots[j]["motion"]["x"] - x, robots[j]["motion"]["y"] - y, kind_of(j, p, kinds)
         reach = AHEAD + _ONTO_LINE + p["radius"] + other["radius"] + abs(p["offset"]) + abs(other["offset"])
         if j != i and dx * dx + dy * dy < reach * reach:
             near[count] = j
@@ -51,20 +54,21 @@ def _list_near(robots, i, p, kinds, near):
 def first_in_the_way(robots, i, route, p, kinds, near):
     """Return the robot whose body robot i's would touch first along its route, or NOBODY; p: its own."""
     r = robots[i]
-    points, spacing = r["points"], r["spacing"]
+    motion, on_route = r["motion"], r["on_route"]
+    points, spacing = on_route["points"], on_route["spacing"]
     count = _list_near(robots, i, p, kinds, near)
     if count == 0 or points < 2:
         return NOBODY
-    x, y, ux, uy = point_at(route, points, spacing, r["position"], ZERO)
-    off_x, off_y = r["x"] - x, r["y"] - y
-    turned = wrap(r["heading"] - arc_tan2(uy, ux))
-    to_go = np.float32(points - 1) * spacing - r["position"]
+    x, y, ux, uy = point_at(route, points, spacing, on_route["position"], ZERO)
+    off_x, off_y = motion["x"] - x, motion["y"] - y
+    turned = wrap(motion["heading"] - arc_tan2(uy, ux))
+    to_go = np.float32(points - 1) * spacing - on_route["position"]
     for k in range(1, _STRIDES + 1):
         ahead = np.float32(k) * _STRIDE
         if ahead > to_go:
             return NOBODY
         left = max(ZERO, ONE - ahead / _ONTO_LINE)
-        x, y, ux, uy = point_at(route, points, spacing, r["position"] + ahead, ZERO)
+        x, y, ux, uy = point_at(route, points, spacing, on_route["position"] + ahead, ZERO)
         s, c = sin_cos(left * turned)
         c, s = ux * c - uy * s, uy * c + ux * s
         other = _touched(body_of(x + left * off_x, y + left * off_y, c, s, p), near[:count], robots, p, kinds)

@@ -74,7 +74,9 @@ def find_due(robots, steps, every, looks):
     for b in range(robots.shape[0]):
         for i in range(count):
             r = robots[b, i]
-            due = r["alive"] != 0 and r["arrived"] == 0 and (steps[b] + i * every // count) % every == 0
+            due = (
+                r["task"]["alive"] != 0 and r["events"]["arrived"] == 0 and (steps[b] + i * every // count) % every == 0
+            )
             looks[b, i] = due
             found += due
     return found
@@ -83,16 +85,18 @@ def find_due(robots, steps, every, looks):
 @kernel
 def runs_out_of(r, laid):
     """Whether a robot comes near the end of what is laid of its route, which is `laid` [m] long."""
-    return r["position"] + np.float32(_NEAR) > laid and laid < (r["points"] - 1) * r["spacing"]
+    on_route = r["on_route"]
+    return on_route["position"] + np.float32(_NEAR) > laid and laid < (on_route["points"] - 1) * on_route["spacing"]
 
 
 @inline
 def _is_barred(passing, b, me, r, route, site, look_ahead):
     """Whether a robot's route leads within look_ahead [m] through a cell in or beside which another stands."""
-    if r["points"] < 2:
+    on_route = r["on_route"]
+    if on_route["points"] < 2:
         return False
     first, columns = ahead_of(r), site.columns
-    last = min(r["points"] - 1, first + int(look_ahead / np.float64(r["spacing"])))
+    last = min(on_route["points"] - 1, first + int(look_ahead / np.float64(on_route["spacing"])))
     own = passing.stands_on[b, me]  # nobody bars his own way
     for k in range(first, last + 1):
         cell = cell_of(route[k, 0], route[k, 1], site)
@@ -230,7 +234,7 @@ class LiveRoutes(Portable):
         [m]; step: the world's env step.
         """
         r = robots[world, me]
-        pose = np.array([r["x"], r["y"]])
+        pose = np.array([r["motion"]["x"], r["motion"]["y"]])
         row, column = self._book.grid.standing(pose).tolist()
         if (row, column) == goal:
             return None

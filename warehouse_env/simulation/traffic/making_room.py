@@ -44,12 +44,14 @@ def _least(i, robots):
 
     The last of equals: two robots that took turns would undo each other's manoeuvre.
     """
-    low, j = i, robots[i]["yields_to"]
+    low, j = i, robots[i]["traffic"]["yields_to"]
     while j != i:
-        less = robots[j]["age"] < robots[low]["age"] or (robots[j]["age"] == robots[low]["age"] and j > low)
-        if robots[j]["pause"] <= 0 and less:
+        less = robots[j]["task"]["age"] < robots[low]["task"]["age"] or (
+            robots[j]["task"]["age"] == robots[low]["task"]["age"] and j > low
+        )
+        if robots[j]["traffic"]["pause"] <= 0 and less:
             low = j
-        j = robots[j]["yields_to"]
+        j = robots[j]["traffic"]["yields_to"]
     return low
 
 
@@ -59,13 +61,13 @@ def _write_ring(low, robots, paths, setup, scratch):
 
     Returns how many. A robot that is alone there is to leave its own body's place.
     """
-    count, j, whole_ring = 0, robots[low]["yields_to"], False
+    count, j, whole_ring = 0, robots[low]["traffic"]["yields_to"], False
     while not whole_ring:
         for k in range(scratch.poses[j] if j != low else 1):
             pose = paths[j, k]
             write_body(pose[CENTRE_X], pose[CENTRE_Y], pose[COS], pose[SIN], own_of(j, setup), scratch.avoid[count])
             count += 1
-        j = robots[j]["yields_to"]
+        j = robots[j]["traffic"]["yields_to"]
         whole_ring = j == low
     return count
 
@@ -73,9 +75,17 @@ def _write_ring(low, robots, paths, setup, scratch):
 @inline
 def _write_way_back(r, p, avoid):
     """Write the bodies of a robot that backs straight off into avoid[:BEHIND_IT]; return how many."""
+    motion = r["motion"]
     for k in range(BEHIND_IT):
         behind = p["offset"] + np.float32(k + 1) * BEHIND_STEP * p["long"]
-        write_body(r["x"] - behind * r["cos"], r["y"] - behind * r["sin"], r["cos"], r["sin"], p, avoid[k])
+        write_body(
+            motion["x"] - behind * motion["cos"],
+            motion["y"] - behind * motion["sin"],
+            motion["cos"],
+            motion["sin"],
+            p,
+            avoid[k],
+        )
     return BEHIND_IT
 
 
@@ -86,18 +96,22 @@ def _write_way_out(i, count, robots, setup, scratch):
     The only obstacle is the robot it waits for. Without a way, or with nothing to be off, it backs straight off.
     """
     r, own, many = robots[i], own_of(i, setup), 0
+    motion = r["motion"]
     if count > 0:
-        j = r["yields_to"]
+        j = r["traffic"]["yields_to"]
         o, other = robots[j], own_of(j, setup)
-        x, y = o["x"] - other["offset"] * o["cos"], o["y"] - other["offset"] * o["sin"]
-        write_body(x, y, o["cos"], o["sin"], other, scratch.bodies[0])
+        x, y = (
+            o["motion"]["x"] - other["offset"] * o["motion"]["cos"],
+            o["motion"]["y"] - other["offset"] * o["motion"]["sin"],
+        )
+        write_body(x, y, o["motion"]["cos"], o["motion"]["sin"], other, scratch.bodies[0])
         others = 1 if j != i else 0  # none if it waits for itself
         around = SearchArea(
             scratch.bodies[:others], scratch.rooms[:others], scratch.avoid[:count], setup.floor,
             setup.metrics[own["kind"]], own,
         )  # fmt: skip
-        write_room(pose_at(r["x"], r["y"], r["heading"]), around, scratch)
-        x, y = r["x"] - own["offset"] * r["cos"], r["y"] - own["offset"] * r["sin"]
+        write_room(pose_at(motion["x"], motion["y"], motion["heading"]), around, scratch)
+        x, y = motion["x"] - own["offset"] * motion["cos"], motion["y"] - own["offset"] * motion["sin"]
         many = write_way(x, y, scratch.room, own, scratch.avoid[:WAY])
     return many if many > 0 else _write_way_back(r, own, scratch.avoid)
 
@@ -115,14 +129,14 @@ def _clear_way(i, count, world, setup, scratch):
         blocked = NOBODY
         for j in range(robots.shape[0]):
             r = robots[j]
-            if j == asks or r["yields_to"] != asks or not waits.may_leave(r):
+            if j == asks or r["traffic"]["yields_to"] != asks or not waits.may_leave(r):
                 continue
             case = ASKED << whole(waits.is_shut_in(r))
             found = recover(j, case, world, setup, scratch.avoid[:count], scratch, None)
             if found > 0:
                 return
             if found == NONE:
-                r["pause"], blocked = waits.PAUSE, j
+                r["traffic"]["pause"], blocked = waits.PAUSE, j
         if blocked == NOBODY:
             return
         asks = blocked
@@ -140,21 +154,21 @@ def make_room(begin, end, worlds, setup, scratch):
         world = SearchWorld(worlds.robots[b], worlds.routes[b], worlds.persons[b], worlds.arcs[b])
         robots = world.robots
         for i in range(robots.shape[0]):  # kept, since a new manoeuvre voids its robot's path
-            scratch.poses[i] = robots[i]["poses"]
+            scratch.poses[i] = robots[i]["traffic"]["poses"]
         waits.look(robots, found)
         for i in range(robots.shape[0]):
             low, count = i, 0
             if found[STAGE, i] == SEEKS:
                 low = _least(i, robots)
                 count = _write_ring(low, robots, worlds.paths[b], setup, scratch)
-                case = LETS_OUT if robots[low]["yields_to"] == low else RING
+                case = LETS_OUT if robots[low]["traffic"]["yields_to"] == low else RING
                 case <<= whole(waits.is_shut_in(robots[low]))
-                robots[low]["aside"] = 0
+                robots[low]["traffic"]["retreating"] = 0
             elif found[STAGE, i] == STUCK:
-                case = BEHIND if robots[robots[i]["yields_to"]]["alive"] != 0 else BEHIND_PARKED
+                case = BEHIND if robots[robots[i]["traffic"]["yields_to"]]["task"]["alive"] != 0 else BEHIND_PARKED
             else:
                 continue
-            robots[low]["pause"] = waits.PAUSE
+            robots[low]["traffic"]["pause"] = waits.PAUSE
             if recover(low, case, world, setup, scratch.avoid[:count], scratch, None) < 0:
                 _clear_way(low, count, world, setup, scratch)
             waits.look(robots, found)

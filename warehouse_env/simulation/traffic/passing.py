@@ -96,13 +96,14 @@ def cell_of(x, y, site):
 @inline
 def _body_cell(r, behind, site):
     """Return the cell that holds the centre of a body, `behind` [m] the front axle."""
-    return cell_of(r["x"] - behind * r["cos"], r["y"] - behind * r["sin"], site)
+    motion = r["motion"]
+    return cell_of(motion["x"] - behind * motion["cos"], motion["y"] - behind * motion["sin"], site)
 
 
 @inline
 def ahead_of(r):
     """Return the number of the first point of a robot's route that is ahead of it."""
-    return int(r["position"] / max(r["spacing"], np.float32(1e-6))) + 1
+    return int(r["on_route"]["position"] / max(r["on_route"]["spacing"], np.float32(1e-6))) + 1
 
 
 @inline
@@ -171,12 +172,13 @@ def _stands_now(passing, b, on, k, cell, site):
 @kernel
 def keep_up(passing, b, i, r, route, site):
     """Bring what the table of world b says of robot i up to where it is now. r: ROBOT; route: float32[R, 2] [m]."""
+    on_route = r["on_route"]
     slots = passing.cell.shape[1] // passing.low.shape[1]
     low, high = whole(passing.low[b, i]), whole(passing.high[b, i])
     first = last = 0
-    if r["alive"] != 0 and r["points"] > 1:
-        first = min(ahead_of(r), r["points"])
-        last = min(first + min(slots, int(np.float32(HORIZON) / r["spacing"]) + 1), r["points"])
+    if r["task"]["alive"] != 0 and on_route["points"] > 1:
+        first = min(ahead_of(r), on_route["points"])
+        last = min(first + min(slots, int(np.float32(HORIZON) / on_route["spacing"]) + 1), on_route["points"])
     while high > low and high > last:
         high -= 1
         _unlist_point(passing, b, i, high)
@@ -191,7 +193,7 @@ def keep_up(passing, b, i, r, route, site):
     while high < last:
         _list_point(passing, b, i, high, route, site)
         high += 1
-    passing.low[b, i], passing.high[b, i], passing.spacing[b, i] = low, high, r["spacing"]
+    passing.low[b, i], passing.high[b, i], passing.spacing[b, i] = low, high, on_route["spacing"]
     stands = _body_cell(r, site.behind[i], site) if bars_routes(r, site.stood_for) else NOTHING
     _stands_now(passing, b, passing.stands_on, i, stands, site)
 

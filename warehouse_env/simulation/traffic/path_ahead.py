@@ -47,10 +47,11 @@ def _along_arcs(r, arcs, to_next, path, p):
 
     to_next [m]: to the next whole multiple of APART. The end of an arc is a pose of its own, whatever the odometer.
     """
-    x, y, heading, left = r["arc_x"], r["arc_y"], r["arc_heading"], r["arc_left"]
-    driven, k, steer = ZERO, 1, r["steer"]
-    for n in range(r["arc"], r["arcs"]):
-        left = left if n == r["arc"] else arcs[n, 0]
+    manoeuvre = r["manoeuvre"]
+    x, y, heading, left = manoeuvre["arc_x"], manoeuvre["arc_y"], manoeuvre["arc_heading"], manoeuvre["arc_left"]
+    driven, k, steer = ZERO, 1, r["motion"]["steer"]
+    for n in range(manoeuvre["arc"], manoeuvre["arcs"]):
+        left = left if n == manoeuvre["arc"] else arcs[n, 0]
         steer = arcs[n, 1]
         bend = curvature(steer, p["wheelbase"])
         while left != ZERO and k < POSES:
@@ -73,11 +74,12 @@ def _along_arcs(r, arcs, to_next, path, p):
 @inline
 def _joins(r, route, x, y):
     """Return where on its route [m] the robot will be that comes to a point at the end of its manoeuvre."""
-    best, at, first = np.float32(np.inf), r["position"], int(r["position"] / r["spacing"])
-    for k in range(max(first - 1, 0), min(first + _JOIN, r["points"])):
+    on_route = r["on_route"]
+    best, at, first = np.float32(np.inf), on_route["position"], int(on_route["position"] / on_route["spacing"])
+    for k in range(max(first - 1, 0), min(first + _JOIN, on_route["points"])):
         dx, dy = route[k, 0] - x, route[k, 1] - y
         if dx * dx + dy * dy < best:
-            best, at = dx * dx + dy * dy, np.float32(k) * r["spacing"]
+            best, at = dx * dx + dy * dy, np.float32(k) * on_route["spacing"]
     return at
 
 
@@ -97,7 +99,8 @@ def _steer(line, along, side, look, pose, p, floor):
 @inline
 def _has_left(r, path, passed, gone, p):
     """Whether the robot is off its path: beside the pose passed last (if passed > 0), or farther than it has driven."""
-    cx, cy = r["x"] - p["offset"] * r["cos"], r["y"] - p["offset"] * r["sin"]
+    motion = r["motion"]
+    cx, cy = motion["x"] - p["offset"] * motion["cos"], motion["y"] - p["offset"] * motion["sin"]
     dx, dy = cx - path[0, CENTRE_X], cy - path[0, CENTRE_Y]
     most = gone * p["swing"] + OFF
     if dx * dx + dy * dy > most * most:
@@ -106,16 +109,21 @@ def _has_left(r, path, passed, gone, p):
         return False
     c, s = path[passed, COS], path[passed, SIN]
     aside = (cy - path[passed, CENTRE_Y]) * c - (cx - path[passed, CENTRE_X]) * s
-    return abs(aside) > OFF or abs(r["sin"] * c - r["cos"] * s) > TURNED or r["cos"] * c + r["sin"] * s < ZERO
+    return (
+        abs(aside) > OFF
+        or abs(motion["sin"] * c - motion["cos"] * s) > TURNED
+        or motion["cos"] * c + motion["sin"] * s < ZERO
+    )
 
 
 @part
 def keep_path(r, path, p):
     """Drop the poses of a path that the robot has passed since the last decision; False if it must be written anew."""
-    if r["alive"] == 0 or r["poses"] == 0 or r["distance"] - r["path_from"] > RENEWED:
+    motion, totals, traffic = r["motion"], r["totals"], r["traffic"]
+    if r["task"]["alive"] == 0 or traffic["poses"] == 0 or totals["distance"] - traffic["path_from"] > RENEWED:
         return False
-    gone = np.float32(r["distance"] - r["path_at"])
-    poses, passed = r["poses"], 0
+    gone = np.float32(totals["distance"] - traffic["path_at"])
+    poses, passed = traffic["poses"], 0
     while passed + 1 < poses and path[passed + 1, DRIVEN] <= gone:
         passed += 1
     if poses - passed < 2 or _has_left(r, path, passed, gone, p):
@@ -124,16 +132,17 @@ def keep_path(r, path, p):
         for column in range(COLUMNS):
             path[k, column] = path[k + passed, column]
         path[k, DRIVEN] -= gone
-    _put(path, whole(0), r["x"], r["y"], r["heading"], ZERO, p)
-    r["poses"], r["path_at"] = poses - passed, r["distance"]
+    _put(path, whole(0), motion["x"], motion["y"], motion["heading"], ZERO, p)
+    traffic["poses"], traffic["path_at"] = poses - passed, totals["distance"]
     return True
 
 
 @inline
 def begin_path(r, poses, at_end):
     """Note that a robot's path has been written anew."""
-    r["poses"], r["at_end"] = poses, at_end
-    r["path_from"] = r["path_at"] = r["distance"]
+    traffic = r["traffic"]
+    traffic["poses"], traffic["at_end"] = poses, at_end
+    traffic["path_from"] = traffic["path_at"] = r["totals"]["distance"]
 
 
 @part
@@ -141,24 +150,25 @@ def write_path(r, route, arcs, side, many, p, floor, path):
     """Write the bodies at the robot's pose and ahead of it into a path; return (poses, at the end?).
 
     path float32[POSES, COLUMNS], of which at most `many` poses are written; side [m]: the lateral offset from the
-    route. A manoeuvre that makes room (`aside`) is the whole path.
+    route. A manoeuvre that makes room (`retreating`) is the whole path.
     """
-    _put(path, whole(0), r["x"], r["y"], r["heading"], ZERO, p)
-    if r["alive"] == 0 or r["points"] < 2:
+    motion, on_route = r["motion"], r["on_route"]
+    _put(path, whole(0), motion["x"], motion["y"], motion["heading"], ZERO, p)
+    if r["task"]["alive"] == 0 or on_route["points"] < 2:
         return 1, False
     apart = np.float64(APART)
-    to_next = np.float32((np.floor(r["distance"] / apart) + 1.0) * apart - r["distance"])
-    x, y, heading, steer, driven, k = r["x"], r["y"], r["heading"], r["steer"], ZERO, 1
-    points, spacing, along = r["points"], r["spacing"], r["position"]
-    if r["arcs"] > 0:
+    to_next = np.float32((np.floor(r["totals"]["distance"] / apart) + 1.0) * apart - r["totals"]["distance"])
+    x, y, heading, steer, driven, k = motion["x"], motion["y"], motion["heading"], motion["steer"], ZERO, 1
+    points, spacing, along = on_route["points"], on_route["spacing"], on_route["position"]
+    if r["manoeuvre"]["arcs"] > 0:
         k, to_next, driven, x, y, heading, steer = _along_arcs(r, arcs, to_next, path, p)
-        if r["aside"] != 0 or k >= many:
+        if r["traffic"]["retreating"] != 0 or k >= many:
             return k, False
         along = _joins(r, route, x, y)
     end = np.float32(points - 1) * spacing
     stops = p["beyond"] > ZERO
     over = end if stops else end - _THERE
-    look = look_ahead(min(max(r["speed"], _SLOWEST), _FASTEST), p)
+    look = look_ahead(min(max(motion["speed"], _SLOWEST), _FASTEST), p)
     while k < many and driven < _FARTHEST:
         if along >= over:
             if stops and to_next < APART:

@@ -128,7 +128,7 @@ def _charge_standing(look, cell):
         elif off == spread + 1:
             beside -= 1
     if at > 0 or beside > 0:
-        dearer = 1.0 + np.float64(look.robots[look.me]["standing_time"]) / DEARER
+        dearer = 1.0 + np.float64(look.robots[look.me]["clocks"]["standing_time"]) / DEARER
         price = _thousandths(dearer * (at * look.prices.standing + beside * look.prices.beside))
         look.asked.enter[cell] += min(price, DEAREST)
 
@@ -177,7 +177,7 @@ def _charge_passing(look, cell):
 @part
 def _charge_turns(look, cell):
     """Add the prices of turning away from a robot's heading to the moves that leave its cell."""
-    ahead = int(round(np.float64(look.robots[look.me]["heading"]) / (0.25 * math.pi))) % 8
+    ahead = int(round(np.float64(look.robots[look.me]["motion"]["heading"]) / (0.25 * math.pi))) % 8
     boxed = _is_boxed(look.steps, look.row, look.column, ahead)
     for move in range(8):
         off = (move - ahead) % 8
@@ -218,7 +218,10 @@ def next_cell(look, cells):
     A route keeps right of these cells and cuts their corners, so it is looked for around that as far along them.
     """
     r, last = look.robots[look.me], len(cells) - 1
-    about = int(r["position"] / (max(r["spacing"], np.float32(1e-6)) * max(r["points"] - 1, 1)) * last)
+    on_route = r["on_route"]
+    about = int(
+        on_route["position"] / (max(on_route["spacing"], np.float32(1e-6)) * max(on_route["points"] - 1, 1)) * last
+    )
     nearest, least = last, UNREACHABLE
     for k in range(max(about - _SLACK, 0), min(about + _SLACK, last) + 1):
         apart = octile(cells[k, 0] - look.row, cells[k, 1] - look.column)

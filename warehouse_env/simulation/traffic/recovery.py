@@ -105,13 +105,21 @@ def write_near(i, world, others, people, setup, bodies):
     Returns how many. A person becomes a body between itself and the robot, broadside on, as far out as grants end.
     """
     r, p, count = world.robots[i], own_of(i, setup), 0
-    cx, cy, within = r["x"] - p["offset"] * r["cos"], r["y"] - p["offset"] * r["sin"], others * p["long"]
+    motion = r["motion"]
+    cx, cy, within = (
+        motion["x"] - p["offset"] * motion["cos"],
+        motion["y"] - p["offset"] * motion["sin"],
+        others * p["long"],
+    )
     for j in range(world.robots.shape[0]):
         o, other = world.robots[j], own_of(j, setup)
-        x, y = o["x"] - other["offset"] * o["cos"], o["y"] - other["offset"] * o["sin"]
+        x, y = (
+            o["motion"]["x"] - other["offset"] * o["motion"]["cos"],
+            o["motion"]["y"] - other["offset"] * o["motion"]["sin"],
+        )
         square = (x - cx) * (x - cx) + (y - cy) * (y - cy)
         if ZERO < square < within * within:  # not the robot itself
-            write_body(x, y, o["cos"], o["sin"], other, bodies[count])
+            write_body(x, y, o["motion"]["cos"], o["motion"]["sin"], other, bodies[count])
             count += 1
     before = RADIUS + ROOM_FOR_PEOPLE - p["half_width"]
     for o in world.persons:
@@ -127,7 +135,7 @@ def write_near(i, world, others, people, setup, bodies):
 @inline
 def _write_goals(r, stage, route, scratch, p):
     """Write the goal poses of a stage into scratch.near and scratch.far; return how many of each."""
-    if stage.goals == ROUGHLY and r["points"] >= 2:
+    if stage.goals == ROUGHLY and r["on_route"]["points"] >= 2:
         return rejoin.write_goals(r, route, scratch, p)
     return docking.write_goals(r, scratch.near, p) if stage.goals == EXACTLY else 0, 0
 
@@ -142,7 +150,7 @@ def _begin(r, stage, found, arcs, margin, p):
     if stage.goals > FAR_OFF:
         return found
     if found > 0:
-        r["aside"], r["pause"] = 1, waits.LEAVES
+        r["traffic"]["retreating"], r["traffic"]["pause"] = 1, waits.LEAVES
     return STAYS if found == 0 else found
 
 
@@ -153,6 +161,7 @@ def recover(i, case, world, setup, avoid, scratch, stopping):
     avoid float32[K, BODY]: bodies that the end pose must be off; stopping: see step.Features.
     """
     r, arcs, own, result = world.robots[i], world.arcs[i], own_of(i, setup), NONE
+    motion = r["motion"]
     for stage in STAGES:
         if stage.cases & case == 0:
             continue
@@ -164,13 +173,13 @@ def recover(i, case, world, setup, avoid, scratch, stopping):
             scratch.bodies[:others], scratch.rooms[:others], avoid, setup.floor, setup.metrics[own["kind"]], own
         )
         query = Query(
-            pose_at(r["x"], r["y"], r["heading"]), r["steer"], stage.goals, scratch.near[:near], scratch.far[:far],
-            around, stage.tries, stage.nodes, scratch,
+            pose_at(motion["x"], motion["y"], motion["heading"]), motion["steer"],
+            stage.goals, scratch.near[:near], scratch.far[:far], around, stage.tries, stage.nodes, scratch,
         )  # fmt: skip
         found, margin, searches = NONE, ZERO, True
         if stopping is not None and stage.goals == EXACTLY:
             found, margin = docking.shoot_ahead(r, query, arcs)
-            searches = found < 0 and abs(r["speed"]) <= docking.TURNING  # a search begins where the robot stands
+            searches = found < 0 and abs(motion["speed"]) <= docking.TURNING  # a search begins where the robot stands
         if searches:
             found, margin = search(query, arcs, stopping)
         result = _begin(r, stage, found, arcs, margin, own)
@@ -186,13 +195,19 @@ def seek(begin, end, worlds, setup, scratch, stopping):
         world = SearchWorld(worlds.robots[b], worlds.routes[b], worlds.persons[b], worlds.arcs[b])
         for i in range(world.robots.shape[0]):
             r, case = world.robots[i], LINE
-            seeks, r["seeks"] = r["seeks"], 0
-            if seeks == 0 or r["alive"] == 0 or r["arrived"] != 0:  # an arrived robot gets another route
+            manoeuvre = r["manoeuvre"]
+            seeks, manoeuvre["seeks"] = manoeuvre["seeks"], 0
+            if (
+                seeks == 0 or r["task"]["alive"] == 0 or r["events"]["arrived"] != 0
+            ):  # an arrived robot gets another route
                 continue
             if stopping is not None and docks_from(r):
-                r["docks"], case = 0, DOCKS
+                manoeuvre["docks"], case = 0, DOCKS
             if seeks == AROUND_OTHERS and write_near(i, world, CLOSE, ZERO, setup, scratch.bodies) > 0:
                 case <<= 1
             found = recover(i, case, world, setup, scratch.avoid[:0], scratch, stopping)
-            if stopping is not None and found == 0 and r["docks"] == 0 and r["speed"] == ZERO:
-                r["docks"], r["search_wait"] = 1, ZERO  # a search gets it no nearer to the end of its route
+            if stopping is not None and found == 0 and manoeuvre["docks"] == 0 and r["motion"]["speed"] == ZERO:
+                manoeuvre["docks"], manoeuvre["search_wait"] = (
+                    1,
+                    ZERO,
+                )  # a search gets it no nearer to the end of its route

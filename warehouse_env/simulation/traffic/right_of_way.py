@@ -163,7 +163,9 @@ def _comes_against(row, granted, end, count, barrier, ways):
 def _write(i, world, p, floor):
     """Write a robot's path anew."""
     r, (paths, _, _, _, numbers) = world.robots[i], world.ways
-    poses, at_end = write_path(r, world.routes[i], world.arcs[i], r["side"], whole(POSES), p, floor, paths[i])
+    poses, at_end = write_path(
+        r, world.routes[i], world.arcs[i], r["traffic"]["side"], whole(POSES), p, floor, paths[i]
+    )
     begin_path(r, poses, at_end)
     numbers[COUNT, i] = poses
 
@@ -179,7 +181,7 @@ def _try_sides(i, world, granted, barrier, p, kinds, floor):
     trial, wanted = paths.shape[0] - 1, choices[0, SIDE]
     for n in range(choices.shape[0]):
         side = choices[n, SIDE]
-        if side == r["side"]:
+        if side == r["traffic"]["side"]:
             if barrier == NOBODY:
                 break  # the best that is free is the one it has
             continue
@@ -195,7 +197,7 @@ def _try_sides(i, world, granted, barrier, p, kinds, floor):
         # want < 0: False, but for Numba no constant (kernel.py)
         free, _ = _grant(count, whole(0), numbers[MUST, i], want, want, goal, want < 0, ways)
         if free >= want:
-            r["side"] = side
+            r["traffic"]["side"] = side
             _write(i, world, p, floor)
             enlist(ways, p)
             return free, NOBODY
@@ -215,18 +217,19 @@ def _within(path, count, way):
 def _begin(i, world, p, floor):
     """Bring the robot's path up to date, and what it has been granted of it before."""
     r, (paths, _, _, _, numbers) = world.robots[i], world.ways
-    if r["arcs"] == 0 and r["aside"] != 0:
-        r["aside"] = 0
+    traffic = r["traffic"]
+    if r["manoeuvre"]["arcs"] == 0 and traffic["retreating"] != 0:
+        traffic["retreating"] = 0
         forget_path(r)
     if keep_path(r, paths[i], p):
-        numbers[COUNT, i] = r["poses"]
+        numbers[COUNT, i] = traffic["poses"]
     else:
         _write(i, world, p, floor)
-    speed, last = abs(r["speed"]), numbers[COUNT, i] - 1
-    have = _within(paths[i], last + 1, np.float32(r["claim"] - r["distance"]) + _ROUNDING)
+    speed, last = abs(r["motion"]["speed"]), numbers[COUNT, i] - 1
+    have = _within(paths[i], last + 1, np.float32(traffic["claim"] - r["totals"]["distance"]) + _ROUNDING)
     stop = speed * speed * HALF / p["max_acceleration"] + speed * p["time_step"] * np.float32(p["repeat"])
     must = 0 if speed < SLOW else _within(paths[i], last + 1, stop - _ROUNDING) + 1
-    must = min(must, have) if r["claim"] > 0.0 else must
+    must = min(must, have) if traffic["claim"] > 0.0 else must
     numbers[MUST, i], numbers[GRANT, i], numbers[ASKED, i] = min(must, last), min(max(must, have), last), 0
 
 
@@ -236,39 +239,40 @@ def _ask(i, world, p, kinds, floor):
     robots, persons, ways = world.robots, world.persons, world.ways
     paths, _, _, _, numbers = ways
     r = robots[i]
-    numbers[ASKED, i] = 1 - r["silent"]
-    before, r["yields_to"] = r["yields_to"], NOBODY
-    if r["alive"] == 0:
+    traffic = r["traffic"]
+    numbers[ASKED, i] = 1 - r["shield"]["silent"]
+    before, traffic["yields_to"] = traffic["yields_to"], NOBODY
+    if r["task"]["alive"] == 0:
         return
     must = numbers[MUST, i]
     want = min(must + AHEAD, numbers[COUNT, i] - 1)
     end = min(want + MORE, numbers[COUNT, i] - 1)
     count = meet(i, i, end, ways, p, kinds)
-    goal = numbers[COUNT, i] - 1 if r["at_end"] != 0 else NOWHERE
-    granted, barrier = _grant(count, whole(numbers[GRANT, i]), must, want, end, goal, r["aside"] != 0, ways)
-    if r["arcs"] == 0 and r["settled"] > ZERO:
+    goal = numbers[COUNT, i] - 1 if traffic["at_end"] != 0 else NOWHERE
+    granted, barrier = _grant(count, whole(numbers[GRANT, i]), must, want, end, goal, traffic["retreating"] != 0, ways)
+    if r["manoeuvre"]["arcs"] == 0 and traffic["rules_active"] > ZERO:
         stuck = barrier != NOBODY and (
-            abs(robots[barrier]["speed"]) < SLOW or _comes_against(i, granted, end, count, barrier, ways)
+            abs(robots[barrier]["motion"]["speed"]) < SLOW or _comes_against(i, granted, end, count, barrier, ways)
         )
-        again = barrier != before or (r["age"] // p["repeat"] + i) % TRIED == 0
-        if (stuck and again) or (barrier == NOBODY and r["side"] != world.choices[i, 0, SIDE]):
+        again = barrier != before or (r["task"]["age"] // p["repeat"] + i) % TRIED == 0
+        if (stuck and again) or (barrier == NOBODY and traffic["side"] != world.choices[i, 0, SIDE]):
             granted, barrier = _try_sides(i, world, granted, barrier, p, kinds, floor)
     granted, person = before_people(paths[i], must, granted, persons, p)
     if person != NOBODY and is_kept(persons[person]):
         barrier = who_frees(i, persons[person], robots, p, kinds)
-    if r["silent"] == 0:
+    if r["shield"]["silent"] == 0:
         numbers[GRANT, i] = granted
-    r["authority"] = paths[i, granted, DRIVEN]
-    r["claim"] = r["distance"] + np.float64(r["authority"])
-    r["yields_to"] = refuser(r) if barrier == NOBODY else barrier
-    if r["at_end"] != 0 and granted == numbers[COUNT, i] - 1:
-        r["authority"] = np.float32(np.inf)  # the goal: it need not stop there
+    traffic["authority"] = paths[i, granted, DRIVEN]
+    traffic["claim"] = r["totals"]["distance"] + np.float64(traffic["authority"])
+    traffic["yields_to"] = refuser(r) if barrier == NOBODY else barrier
+    if traffic["at_end"] != 0 and granted == numbers[COUNT, i] - 1:
+        traffic["authority"] = np.float32(np.inf)  # the goal: it need not stop there
 
 
 @inline
 def _goes_first(robots, i, j):
     """Whether robot i has the right before robot j."""
-    one, other = robots[i]["right"], robots[j]["right"]
+    one, other = robots[i]["traffic"]["right"], robots[j]["traffic"]["right"]
     return one > other or (one == other and i < j)
 
 
@@ -296,12 +300,12 @@ def rank(robots, order):
     """
     count = robots.shape[0]
     for i in range(count):
-        robots[i]["right"] = robots[i]["age"]
+        robots[i]["traffic"]["right"] = robots[i]["task"]["age"]
     for i in range(count):
-        j, steps = robots[i]["yields_to"], 0
-        while j != NOBODY and steps < count and robots[j]["right"] < robots[i]["age"]:
-            robots[j]["right"] = robots[i]["age"]
-            j = robots[j]["yields_to"]
+        j, steps = robots[i]["traffic"]["yields_to"], 0
+        while j != NOBODY and steps < count and robots[j]["traffic"]["right"] < robots[i]["task"]["age"]:
+            robots[j]["traffic"]["right"] = robots[i]["task"]["age"]
+            j = robots[j]["traffic"]["yields_to"]
             steps += 1
         order[i] = i
     _sort(robots, order)
@@ -319,7 +323,7 @@ def decide(world, order, p, kinds, floor):
     for n in range(robots.shape[0]):
         i = whole(order[n])
         _ask(i, world, kind_of(i, p, kinds), kinds, floor)
-        if robots[i]["settled"] > ZERO:
+        if robots[i]["traffic"]["rules_active"] > ZERO:
             commands[i, 0] = speed_of(robots[i], world.choices[i], commands[i, 0], is_urged(robots[i]))
 
 
@@ -329,10 +333,10 @@ def limit(r, speed, p):
 
     A manoeuvre is driven whatever the command: a policy that stands or backs would undo the way out of a jam.
     """
-    if r["arcs"] > 0:
+    if r["manoeuvre"]["arcs"] > 0:
         speed = p["max_speed"]
-    if r["authority"] == np.float32(np.inf):
+    if r["traffic"]["authority"] == np.float32(np.inf):
         return speed
     brake = p["max_acceleration"]
     lag = brake * p["time_step"] * np.float32(p["repeat"])
-    return min(speed, max(np.sqrt(lag * lag + np.float32(2.0) * brake * r["authority"]) - lag, ZERO))
+    return min(speed, max(np.sqrt(lag * lag + np.float32(2.0) * brake * r["traffic"]["authority"]) - lag, ZERO))

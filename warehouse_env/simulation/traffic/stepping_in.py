@@ -29,11 +29,11 @@ AROUND = np.float32(8.0)  # [m] ... and this far at most
 @inline
 def _settle_around(i, robots):
     """Settle who is near robot i, which calls for the rules."""
-    around = min(SPREAD * robots[i]["standing_time"], AROUND)
+    around = min(SPREAD * robots[i]["clocks"]["standing_time"], AROUND)
     for r in robots:
-        dx, dy = r["x"] - robots[i]["x"], r["y"] - robots[i]["y"]
+        dx, dy = r["motion"]["x"] - robots[i]["motion"]["x"], r["motion"]["y"] - robots[i]["motion"]["y"]
         if dx * dx + dy * dy < around * around:
-            r["settled"] = CALM
+            r["traffic"]["rules_active"] = CALM
 
 
 @part
@@ -42,8 +42,8 @@ def _settle(robots, routes, found, p, kinds):
     after = p["right_of_way_after"]
     find_rings_of(robots, routes, after, LONGER * after, found, p, kinds)
     for i in range(robots.shape[0]):
-        stood = robots[i]["standing_time"]
-        if robots[i]["alive"] == 0 or stood < after:
+        stood = robots[i]["clocks"]["standing_time"]
+        if robots[i]["task"]["alive"] == 0 or stood < after:
             continue
         if stood >= LONGER * after or found[RING, i] != NOBODY:
             _settle_around(i, robots)
@@ -57,37 +57,38 @@ def _settle_around_people(robots, persons):
             continue
         around = min(SPREAD * o["kept"], AROUND)
         for r in robots:
-            dx, dy = r["x"] - o["x"], r["y"] - o["y"]
+            dx, dy = r["motion"]["x"] - o["x"], r["motion"]["y"] - o["y"]
             if dx * dx + dy * dy < around * around:
-                r["settled"] = CALM
+                r["traffic"]["rules_active"] = CALM
 
 
 @inline
 def _release(r, side):
     """Let a robot drive as commanded, with a lateral offset `side` [m]."""
-    r["yields_to"] = NOBODY
-    if r["arcs"] == 0:
-        r["aside"] = 0
-    if r["side"] != side:
-        r["side"] = side
+    traffic = r["traffic"]
+    traffic["yields_to"] = NOBODY
+    if r["manoeuvre"]["arcs"] == 0:
+        traffic["retreating"] = 0
+    if traffic["side"] != side:
+        traffic["side"] = side
         forget_path(r)
 
 
 @part
 def step_in(robots, persons, routes, commands, found, p, kinds):
-    """Say who is `settled`, that is keeps to what it is granted: all, or who is near one that calls for the rules.
+    """Set `rules_active` of the robots that keep to their grants: all, or those near one that calls for the rules.
 
     robots ROBOT[N] and persons PERSON[M] of a world; routes float32[N, R, 2] [m]; commands float32[N, 2]: speed [m/s]
     and lateral offset [m]; found: see waits.scratch; kinds: see kinds.py. Returns whether anybody is.
     """
     after, seconds, anybody = p["right_of_way_after"], p["time_step"] * np.float32(p["repeat"]), False
     for r in robots:
-        r["settled"] = ONE if after == ZERO else max(r["settled"] - seconds, ZERO)
+        r["traffic"]["rules_active"] = ONE if after == ZERO else max(r["traffic"]["rules_active"] - seconds, ZERO)
     if after > ZERO:
         _settle(robots, routes, found, p, kinds)
         _settle_around_people(robots, persons)
     for i in range(robots.shape[0]):
-        if robots[i]["settled"] > ZERO:
+        if robots[i]["traffic"]["rules_active"] > ZERO:
             anybody = True
         else:
             _release(robots[i], commands[i, 1])

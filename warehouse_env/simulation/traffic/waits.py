@@ -11,7 +11,7 @@ Why does a robot stand? `waits_for` names the one it waits for, `find_rings` say
 The table below holds all times from which on something is done; docs/traffic.md tells them in the order in which they
 come. Robots count four clocks, all in seconds of the world: `waiting_time` without driving, `standing_time` within a
 metre of one place (it may rock there), `stalled_time` without a metre of progress along its route, `contact_time` in
-touch; the field counts a fifth, `held_time`, for which it has refused a robot without a break.
+touch; the field counts a fifth, `vetoed_time`, for which it has refused a robot without a break.
 """
 
 from __future__ import annotations
@@ -57,78 +57,88 @@ def scratch(count: int) -> NDArray[np.int64]:
 @inline
 def count_time(r, dt):
     """Let the clocks of a robot go on by a physics step of `dt` [s]; all but the field's."""
-    if r["position"] > r["milestone"] + ONE:
-        r["milestone"] = r["position"]
-        r["stalled_time"] = ZERO
+    motion, totals, clocks = r["motion"], r["totals"], r["clocks"]
+    if r["on_route"]["position"] > clocks["milestone"] + ONE:
+        clocks["milestone"] = r["on_route"]["position"]
+        clocks["stalled_time"] = ZERO
     else:
-        r["stalled_time"] += dt
-    dx, dy = r["x"] - r["anchor_x"], r["y"] - r["anchor_y"]
+        clocks["stalled_time"] += dt
+    dx, dy = motion["x"] - clocks["anchor_x"], motion["y"] - clocks["anchor_y"]
     if dx * dx + dy * dy > ONE:
-        r["anchor_x"], r["anchor_y"] = r["x"], r["y"]
-        r["standing_time"] = ZERO
+        clocks["anchor_x"], clocks["anchor_y"] = motion["x"], motion["y"]
+        clocks["standing_time"] = ZERO
     else:
-        r["standing_time"] += dt
-        r["longest_standing"] = max(r["longest_standing"], r["standing_time"])
-    if abs(r["speed"]) < SLOW:
-        r["waited"] += 1
-        r["waiting_time"] += dt
+        clocks["standing_time"] += dt
+        totals["longest_standing"] = max(totals["longest_standing"], clocks["standing_time"])
+    if abs(motion["speed"]) < SLOW:
+        totals["waited"] += 1
+        clocks["waiting_time"] += dt
     else:
-        r["waiting_time"] = ZERO
-    r["contact_time"] = r["contact_time"] + dt if r["touching"] != 0 else ZERO
+        clocks["waiting_time"] = ZERO
+    clocks["contact_time"] = clocks["contact_time"] + dt if r["events"]["touching"] != 0 else ZERO
 
 
 @inline
 def gets_nowhere(r):
     """Whether a robot that is not parked stands, or rocks where it is."""
-    return r["alive"] != 0 and (r["waiting_time"] >= STANDS or r["standing_time"] >= ROCKS)
+    return r["task"]["alive"] != 0 and (r["clocks"]["waiting_time"] >= STANDS or r["clocks"]["standing_time"] >= ROCKS)
 
 
 @inline
 def has_halted(r):
     """Whether a robot that is not parked stands still, and has not come a metre for a while."""
-    return r["alive"] != 0 and r["speed"] == ZERO and r["standing_time"] >= STANDS
+    return r["task"]["alive"] != 0 and r["motion"]["speed"] == ZERO and r["clocks"]["standing_time"] >= STANDS
 
 
 @inline
 def stands_for_good(r):
     """Whether a robot stands for good, as far as can be told: for a while, or parked, which counts no time any more."""
-    return r["alive"] == 0 or r["waiting_time"] > FOR_GOOD
+    return r["task"]["alive"] == 0 or r["clocks"]["waiting_time"] > FOR_GOOD
 
 
 @inline
 def bars_routes(r, stood_for):
     """Whether routes lead round a robot: it has not come a metre for `stood_for` [s], or is parked."""
-    return r["alive"] == 0 or r["standing_time"] >= stood_for
+    return r["task"]["alive"] == 0 or r["clocks"]["standing_time"] >= stood_for
 
 
 @inline
 def is_urged(r):
     """Whether a robot goes that has right of way, whatever its policy says."""
-    return r["authority"] > ZERO and r["standing_time"] >= URGED
+    return r["traffic"]["authority"] > ZERO and r["clocks"]["standing_time"] >= URGED
 
 
 @inline
 def refuser(r):
     """Return who has held a robot that stands for so long that it yields to that one, or NOBODY."""
-    return r["held_by"] if r["held_time"] > REFUSED and abs(r["speed"]) < SLOW else NOBODY
+    return (
+        r["shield"]["vetoed_by"]
+        if r["shield"]["vetoed_time"] > REFUSED and abs(r["motion"]["speed"]) < SLOW
+        else NOBODY
+    )
 
 
 @inline
 def may_leave(r):
     """Whether a robot stands that could be asked to leave: it is not parked, and not making room already."""
-    return r["alive"] != 0 and r["waiting_time"] >= STANDS and (r["aside"] == 0 or r["pause"] <= ZERO)
+    return (
+        r["task"]["alive"] != 0
+        and r["clocks"]["waiting_time"] >= STANDS
+        and (r["traffic"]["retreating"] == 0 or r["traffic"]["pause"] <= ZERO)
+    )
 
 
 @inline
 def is_shut_in(r):
     """Whether a robot has waited so long that it goes for room however far that is."""
-    return r["waiting_time"] > SHUT_IN_AFTER
+    return r["clocks"]["waiting_time"] > SHUT_IN_AFTER
 
 
 @inline
 def _may_search(r):
     """Whether a robot may search a way: it keeps to what it is granted, yields, and has not just searched."""
-    return r["settled"] > ZERO and r["yields_to"] != NOBODY and r["pause"] <= ZERO
+    traffic = r["traffic"]
+    return traffic["rules_active"] > ZERO and traffic["yields_to"] != NOBODY and traffic["pause"] <= ZERO
 
 
 @part
@@ -139,12 +149,13 @@ def waits_for(robots, i, route, p, kinds, near):
     Who the field or the right of way says, else the first body in its way.
     """
     r = robots[i]
+    traffic = r["traffic"]
     if not gets_nowhere(r):
         return NOBODY
-    if r["held_by"] != NOBODY:
-        return r["held_by"]
-    if r["yields_to"] != NOBODY and r["yields_to"] != i:  # itself: it is to let a person out
-        return r["yields_to"]
+    if r["shield"]["vetoed_by"] != NOBODY:
+        return r["shield"]["vetoed_by"]
+    if traffic["yields_to"] != NOBODY and traffic["yields_to"] != i:  # itself: it is to let a person out
+        return traffic["yields_to"]
     return first_in_the_way(robots, i, route, kind_of(i, p, kinds), kinds, near)
 
 
@@ -184,7 +195,11 @@ def find_rings_of(robots, routes, least, most, found, p, kinds):
     who = found[WHO]
     who[:] = _UNASKED
     for i in range(robots.shape[0]):
-        if robots[i]["alive"] == 0 or robots[i]["standing_time"] < least or robots[i]["standing_time"] >= most:
+        if (
+            robots[i]["task"]["alive"] == 0
+            or robots[i]["clocks"]["standing_time"] < least
+            or robots[i]["clocks"]["standing_time"] >= most
+        ):
             continue
         j = i
         while j != NOBODY and who[j] == _UNASKED:
@@ -203,7 +218,7 @@ def look(robots, found):
     """
     who, ring, stage, broken, count = found[WHO], found[RING], found[STAGE], found[SPARE], 0
     for i in range(robots.shape[0]):
-        who[i] = robots[i]["yields_to"]
+        who[i] = robots[i]["traffic"]["yields_to"]
         stage[i] = WAITS if may_leave(robots[i]) else MOVES
     find_rings(who, ring, found[SPARE])
     broken[:] = 0
@@ -213,7 +228,7 @@ def look(robots, found):
     for i in range(robots.shape[0]):
         if stage[i] == MOVES or not _may_search(robots[i]):
             continue
-        waited = robots[i]["waiting_time"]
+        waited = robots[i]["clocks"]["waiting_time"]
         if ring[i] != NOBODY and broken[ring[i]] == 0 and waited >= SEEKS_AFTER:
             stage[i] = SEEKS
         elif waited > STUCK_AFTER and stands_for_good(robots[who[i]]):

@@ -41,7 +41,7 @@ def test_what_the_simulator_drives_is_clean(changes: dict[str, object]) -> None:
 
 def test_a_robot_that_is_moved_jumps() -> None:
     simulator, audit = looked_at()
-    simulator.robots["x"][0, 1] += 0.01
+    simulator.robots["motion"]["x"][0, 1] += 0.01
     audit(simulator, 1)
     (row,) = audit.rows()
     assert row["jumps"] == 1
@@ -55,10 +55,10 @@ def test_an_overlap_that_goes_on_is_one() -> None:
     simulator.reset(4)
     for name in ("x", "y", "heading", "cos", "sin"):
         simulator.robots[name][0, 2] = simulator.robots[name][0, 0]
-    simulator.robots["y"][0, 2] += 0.5
+    simulator.robots["motion"]["y"][0, 2] += 0.5
     for step in range(4):
         if step == 2:
-            simulator.robots["y"][0, 2] += 1.0  # a jump, and out of it
+            simulator.robots["motion"]["y"][0, 2] += 1.0  # a jump, and out of it
         audit(simulator, step)
     row = audit.rows()[0]
     assert (row["overlaps_robot"], row["jumps"]) == (1, 1)
